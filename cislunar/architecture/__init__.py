@@ -1,0 +1,1 @@
+"""Observer architectures: cost, optimisers, optimality certificate."""

@@ -1,0 +1,1 @@
+"""Attitude parameters and rigid-body rotation."""

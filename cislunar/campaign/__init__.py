@@ -1,0 +1,1 @@
+"""Configuration, data sets and provenance of a campaign."""

@@ -1,0 +1,37 @@
+"""Physical constants and the units of the Earth-Moon system: one definition, used everywhere.
+
+The circular restricted three-body problem (CR3BP) is written in nondimensional form: lengths in
+`LENGTH_UNIT_KM`, times in `TIME_UNIT_S`, so that the primaries are a unit apart and the frame
+turns by one radian per unit of time.
+"""
+
+from math import sqrt
+
+MU: float = 0.01215
+"""Mass ratio of the Moon to Earth plus Moon (Paul & Fan, section 2.1)."""
+
+LENGTH_UNIT_KM: float = 384_400.0
+"""Earth-Moon distance l*, km."""
+
+GM_EARTH_KM3_S2: float = 398_600.4418
+"""Gravitational parameter of the Earth, km^3/s^2."""
+
+GM_MOON_KM3_S2: float = 4_902.8001
+"""Gravitational parameter of the Moon, km^3/s^2."""
+
+TIME_UNIT_S: float = sqrt(LENGTH_UNIT_KM**3 / (GM_EARTH_KM3_S2 + GM_MOON_KM3_S2))
+"""Characteristic time t* = 1/n of the two-body problem with l* and both masses, s (375 190.3)."""
+
+EARTH_RADIUS_KM: float = 6_378.137
+"""Equatorial radius of the Earth (WGS 84), km."""
+
+MOON_RADIUS_KM: float = 1_737.4
+"""Mean radius of the Moon (IAU), km."""
+
+SUN_APPARENT_MAGNITUDE: float = -26.74
+"""Apparent magnitude of the Sun at 1 au in Johnson V (Paul & Fan, section 2.2)."""
+
+EPOCH_JD: float = 2_460_584.5
+"""Initial epoch, Julian date UTC: 2024-10-01 00:00:00 (Paul & Fan, table 1)."""
+
+SECONDS_PER_DAY: float = 86_400.0

@@ -1,0 +1,1 @@
+"""Orbit and attitude estimation."""

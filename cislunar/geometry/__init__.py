@@ -1,0 +1,1 @@
+"""Frames and angles between bodies."""

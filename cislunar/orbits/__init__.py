@@ -1,0 +1,1 @@
+"""Periodic orbits of the CR3BP: correction, continuation, families, stability."""

@@ -1,0 +1,1 @@
+"""Apparent magnitude of spheres and of faceted objects."""

@@ -1,0 +1,1 @@
+"""Static targets: missions, zero-velocity surfaces, clustering."""

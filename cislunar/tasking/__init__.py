@@ -1,0 +1,1 @@
+"""Which observer watches which target."""

@@ -1,0 +1,1 @@
+"""Which target is observable from which satellite, and when."""
