@@ -1,0 +1,161 @@
+"""Generalized Rodrigues parameters (GRP) of attitude errors (Paul & Fan, section 2.4).
+
+``p = f rho / (a + q4)`` with ``0 <= a <= 1``. With ``f = 2 (a + 1)`` a small p equals the rotation
+vector in radians. a = 0 and f = 1 are the Gibbs parameters, a = f = 1 the modified Rodrigues
+parameters; the paper takes a = 0.5, f = 3.
+
+`quaternion_from_grp` and `grp_from_quaternion` are compiled kernels for one attitude;
+`to_quaternion` and `from_quaternion` do the same over arrays.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.errors import ConfigurationError
+
+Array = NDArray[np.float64]
+
+GRP_A: float = 0.5
+"""Parameter a of the paper (table 3)."""
+
+GRP_F: float = 3.0
+"""Scale f = 2 (a + 1) of the paper."""
+
+
+@njit(cache=True, inline="always")
+def quaternion_from_grp_components(p1, p2, p3, a, f):
+    """Quaternion of a GRP vector, as four scalars (compiled); see `quaternion_from_grp`."""
+    norm2 = p1 * p1 + p2 * p2 + p3 * p3
+    scalar = (-a * norm2 + f * np.sqrt(f * f + (1.0 - a * a) * norm2)) / (f * f + norm2)
+    scale = (a + scalar) / f
+    return scale * p1, scale * p2, scale * p3, scalar
+
+
+@njit(cache=True, inline="always")
+def grp_from_quaternion_components(q1, q2, q3, q4, a, f):
+    """GRP vector of a quaternion, as three scalars (compiled); see `grp_from_quaternion`."""
+    # q and -q are one attitude; the one with q4 >= 0 is the short way round, off the singularity
+    scale = f / (a + q4) if q4 >= 0.0 else -f / (a - q4)
+    return scale * q1, scale * q2, scale * q3
+
+
+@njit(cache=True)
+def quaternion_from_grp(p, a, f):
+    """Unit quaternion of a GRP vector (compiled; Paul & Fan, section 2.4).
+
+    Parameters
+    ----------
+    p : ndarray, shape (3,)
+        GRP vector, f times dimensionless.
+    a, f : float
+        Parameters of the GRP.
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        Unit quaternion, scalar last.
+    """
+    q = np.empty(4)
+    q[0], q[1], q[2], q[3] = quaternion_from_grp_components(p[0], p[1], p[2], a, f)
+    return q
+
+
+@njit(cache=True, error_model="numpy")
+def grp_from_quaternion(q, a, f):
+    """GRP vector ``f rho / (a + q4)`` of a unit quaternion (compiled).
+
+    Parameters
+    ----------
+    q : ndarray, shape (4,)
+        Unit quaternion, scalar last; q and -q give the same vector.
+    a, f : float
+        Parameters of the GRP.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        GRP vector. Infinite for a turn by pi when a = 0.
+    """
+    p = np.empty(3)
+    p[0], p[1], p[2] = grp_from_quaternion_components(q[0], q[1], q[2], q[3], a, f)
+    return p
+
+
+def scale_for(a: float) -> float:
+    """Scale f = 2 (a + 1) that makes a small GRP vector the rotation vector in radians.
+
+    Parameters
+    ----------
+    a : float
+        Parameter a, in [0, 1].
+
+    Returns
+    -------
+    float
+        f.
+
+    Raises
+    ------
+    ConfigurationError
+        If `a` lies outside [0, 1].
+    """
+    if not 0.0 <= a <= 1.0:
+        raise ConfigurationError(f"GRP parameter a = {a} must lie in [0, 1] (the paper takes 0.5)")
+    return 2.0 * (a + 1.0)
+
+
+def to_quaternion(p: ArrayLike, a: float = GRP_A, f: float | None = None) -> Array:
+    """Unit quaternions of GRP vectors over arrays.
+
+    Parameters
+    ----------
+    p : array_like, shape (..., 3)
+        GRP vectors.
+    a : float
+        Parameter a, in [0, 1].
+    f : float, optional
+        Scale; 2 (a + 1) if omitted.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        Unit quaternions, scalar last.
+
+    Raises
+    ------
+    ConfigurationError
+        If `a` lies outside [0, 1].
+    """
+    scale = scale_for(a) if f is None else f
+    p = np.moveaxis(np.asarray(p, dtype=float), -1, 0)
+    return np.stack(quaternion_from_grp_components.py_func(*p, a, scale), axis=-1)
+
+
+def from_quaternion(q: ArrayLike, a: float = GRP_A, f: float | None = None) -> Array:
+    """GRP vectors of unit quaternions over arrays; q and -q give the same vector.
+
+    Parameters
+    ----------
+    q : array_like, shape (..., 4)
+        Unit quaternions, scalar last.
+    a : float
+        Parameter a, in [0, 1].
+    f : float, optional
+        Scale; 2 (a + 1) if omitted.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        GRP vectors. Infinite for a turn by pi when a = 0.
+
+    Raises
+    ------
+    ConfigurationError
+        If `a` lies outside [0, 1].
+    """
+    scale = scale_for(a) if f is None else f
+    q = np.asarray(q, dtype=float)
+    q = np.where(q[..., 3:] < 0.0, -q, q)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return scale * q[..., :3] / (a + q[..., 3:])

@@ -1,0 +1,301 @@
+"""Unit quaternions: products, rotation of vectors, rotation vectors.
+
+A quaternion is ``q = [rho; q4]`` with the scalar last; its attitude matrix ``A(q)`` takes the
+inertial components of a vector to body components. The product is ordered like the matrices,
+``A(p (x) q) = A(p) A(q)``, so that an error quaternion multiplies from the left,
+``q_true = dq (x) q_estimate`` (Paul & Fan, section 2.4).
+
+Every operation comes twice. Compiled kernels work on one quaternion inside other kernels:
+`multiply`, `conjugate`, `rotate_to_body` and `from_rotation_vector` on arrays, the
+``*_components`` functions on scalars, without allocating. The functions `compose`, `inverse`,
+`to_body`, `to_inertial`, `attitude_matrix` and `rotation_vector` broadcast over arrays.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+SMALL_ANGLE = 1e-4
+"""Rotation angle (rad) below which sin(angle/2)/angle is taken from its series (error 1e-19)."""
+
+
+@njit(cache=True, inline="always")
+def multiply_components(p1, p2, p3, p4, q1, q2, q3, q4):
+    """Product p (x) q as four scalars (compiled).
+
+    Parameters
+    ----------
+    p1, p2, p3, p4, q1, q2, q3, q4 : float
+        The two quaternions, scalar last.
+
+    Returns
+    -------
+    r1, r2, r3, r4 : float
+        ``[p4 rho_q + q4 rho_p - rho_p x rho_q ; p4 q4 - rho_p . rho_q]``.
+    """
+    r1 = p4 * q1 + q4 * p1 - (p2 * q3 - p3 * q2)
+    r2 = p4 * q2 + q4 * p2 - (p3 * q1 - p1 * q3)
+    r3 = p4 * q3 + q4 * p3 - (p1 * q2 - p2 * q1)
+    r4 = p4 * q4 - (p1 * q1 + p2 * q2 + p3 * q3)
+    return r1, r2, r3, r4
+
+
+@njit(cache=True, inline="always")
+def rotate_components(q1, q2, q3, q4, x, y, z):
+    """Body components A(q) v of an inertial vector, as three scalars (compiled).
+
+    Parameters
+    ----------
+    q1, q2, q3, q4 : float
+        Unit quaternion, inertial to body, scalar last.
+    x, y, z : float
+        Vector, inertial frame.
+
+    Returns
+    -------
+    float, float, float
+        The vector in the body frame: ``v + 2 rho x (rho x v) - 2 q4 rho x v``.
+    """
+    tx = 2.0 * (q2 * z - q3 * y)
+    ty = 2.0 * (q3 * x - q1 * z)
+    tz = 2.0 * (q1 * y - q2 * x)
+    bx = x - q4 * tx + (q2 * tz - q3 * ty)
+    by = y - q4 * ty + (q3 * tx - q1 * tz)
+    bz = z - q4 * tz + (q1 * ty - q2 * tx)
+    return bx, by, bz
+
+
+@njit(cache=True, inline="always")
+def rotation_vector_components(x, y, z):
+    """Quaternion of the rotation by a rotation vector, as four scalars (compiled).
+
+    Parameters
+    ----------
+    x, y, z : float
+        Rotation vector (axis times angle), rad.
+
+    Returns
+    -------
+    q1, q2, q3, q4 : float
+        ``[axis sin(angle/2) ; cos(angle/2)]``.
+    """
+    angle2 = x * x + y * y + z * z
+    if angle2 < SMALL_ANGLE * SMALL_ANGLE:
+        scale = 0.5 - angle2 / 48.0
+        scalar = 1.0 - angle2 / 8.0 + angle2 * angle2 / 384.0
+    else:
+        angle = np.sqrt(angle2)
+        scale = np.sin(0.5 * angle) / angle
+        scalar = np.cos(0.5 * angle)
+    return scale * x, scale * y, scale * z, scalar
+
+
+@njit(cache=True)
+def multiply(p, q):
+    """Product p (x) q of two quaternions (compiled).
+
+    Parameters
+    ----------
+    p, q : ndarray, shape (4,)
+        Quaternions, scalar last.
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        The quaternion with ``A(p (x) q) = A(p) A(q)``.
+    """
+    r = np.empty(4)
+    r[0], r[1], r[2], r[3] = multiply_components(p[0], p[1], p[2], p[3], q[0], q[1], q[2], q[3])
+    return r
+
+
+@njit(cache=True)
+def conjugate(q):
+    """Inverse ``[-rho; q4]`` of a unit quaternion (compiled).
+
+    Parameters
+    ----------
+    q : ndarray, shape (4,)
+        Unit quaternion, scalar last.
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        The quaternion of the opposite rotation.
+    """
+    r = np.empty(4)
+    r[0], r[1], r[2], r[3] = -q[0], -q[1], -q[2], q[3]
+    return r
+
+
+@njit(cache=True)
+def rotate_to_body(q, v):
+    """Body components A(q) v of an inertial vector (compiled).
+
+    Parameters
+    ----------
+    q : ndarray, shape (4,)
+        Unit quaternion, inertial to body.
+    v : ndarray, shape (3,)
+        Vector, inertial frame.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        The vector, body frame.
+    """
+    r = np.empty(3)
+    r[0], r[1], r[2] = rotate_components(q[0], q[1], q[2], q[3], v[0], v[1], v[2])
+    return r
+
+
+@njit(cache=True)
+def from_rotation_vector(vector):
+    """Quaternion of the rotation by a rotation vector (compiled).
+
+    Parameters
+    ----------
+    vector : ndarray, shape (3,)
+        Rotation axis times angle, rad. Its components are the same in the frames before and
+        after the rotation.
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        ``[axis sin(angle/2) ; cos(angle/2)]``.
+    """
+    r = np.empty(4)
+    r[0], r[1], r[2], r[3] = rotation_vector_components(vector[0], vector[1], vector[2])
+    return r
+
+
+def normalize(q: ArrayLike) -> Array:
+    """Quaternions scaled to unit length.
+
+    Parameters
+    ----------
+    q : array_like, shape (..., 4)
+        Quaternions, none of them zero.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        Unit quaternions of the same sign.
+    """
+    q = np.asarray(q, dtype=float)
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+def compose(p: ArrayLike, q: ArrayLike) -> Array:
+    """Products p (x) q over arrays, ``A(p (x) q) = A(p) A(q)``.
+
+    Parameters
+    ----------
+    p, q : array_like, shapes (..., 4), broadcast against each other
+        Quaternions, scalar last.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        Products.
+    """
+    p, q = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
+    columns = multiply_components.py_func(*np.moveaxis(p, -1, 0), *np.moveaxis(q, -1, 0))
+    return np.stack(columns, axis=-1)
+
+
+def inverse(q: ArrayLike) -> Array:
+    """Inverses ``[-rho; q4]`` of unit quaternions over arrays.
+
+    Parameters
+    ----------
+    q : array_like, shape (..., 4)
+        Unit quaternions.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        Quaternions of the opposite rotations.
+    """
+    return np.asarray(q, dtype=float) * np.array([-1.0, -1.0, -1.0, 1.0])
+
+
+def to_body(q: ArrayLike, vector: ArrayLike) -> Array:
+    """Body components A(q) v of inertial vectors over arrays.
+
+    Parameters
+    ----------
+    q : array_like, shape (..., 4)
+        Unit quaternions, inertial to body.
+    vector : array_like, shape (..., 3), broadcast against `q`
+        Vectors, inertial frame.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        The vectors, body frame.
+    """
+    q, vector = np.asarray(q, dtype=float), np.asarray(vector, dtype=float)
+    columns = rotate_components.py_func(*np.moveaxis(q, -1, 0), *np.moveaxis(vector, -1, 0))
+    return np.stack(columns, axis=-1)
+
+
+def to_inertial(q: ArrayLike, vector: ArrayLike) -> Array:
+    """Inertial components A(q)^T v of body vectors over arrays.
+
+    Parameters
+    ----------
+    q : array_like, shape (..., 4)
+        Unit quaternions, inertial to body.
+    vector : array_like, shape (..., 3), broadcast against `q`
+        Vectors, body frame.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        The vectors, inertial frame.
+    """
+    return to_body(inverse(q), vector)
+
+
+def attitude_matrix(q: ArrayLike) -> Array:
+    """Attitude matrices ``A(q) = (q4^2 - |rho|^2) I + 2 rho rho^T - 2 q4 [rho x]``.
+
+    Parameters
+    ----------
+    q : array_like, shape (..., 4)
+        Unit quaternions, inertial to body.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        Rotation matrices from inertial to body components.
+    """
+    q = np.asarray(q, dtype=float)
+    # Row i of to_body(q, e_i) is column i of A, hence the transpose.
+    return np.swapaxes(to_body(q[..., None, :], np.eye(3)), -1, -2)
+
+
+def rotation_vector(q: ArrayLike) -> Array:
+    """Rotation vectors (axis times angle) of quaternions, angle in [0, pi].
+
+    Parameters
+    ----------
+    q : array_like, shape (..., 4)
+        Unit quaternions; q and -q give the same vector.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Rotation vectors, rad; inverse of `from_rotation_vector`.
+    """
+    q = np.asarray(q, dtype=float)
+    q = np.where(q[..., 3:] < 0.0, -q, q)
+    sine = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, q[..., 3:])
+    small = sine < 0.5 * SMALL_ANGLE
+    # angle/sin(angle/2) = 2 (1 + sine^2/6 + ...) near zero rotation
+    scale = np.where(small, 2.0 + sine**2 / 3.0, angle / np.where(small, 1.0, sine))
+    return scale * q[..., :3]

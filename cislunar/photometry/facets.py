@@ -1,0 +1,357 @@
+"""Apparent magnitude of a convex faceted object (Paul & Fan, section 2.2).
+
+Each plane facet reflects by the Cook-Torrance model: a Lambertian share and a specular share
+with Beckmann slopes, geometric attenuation and Fresnel reflectance. The Sun and the observer are
+so far away that all facets share both directions, hence also the half-vector, the Fresnel factor
+and the range. Both directions are unit vectors from the object, in the inertial frame.
+
+The paper's specular reflectance holds a factor [(N.L)(N.V)]^-1 that its facet sum multiplies
+again by (N.L)(N.V). The two are cancelled here, so a facet near grazing costs no precision:
+
+    R_i = A_i / pi * (d rho (N.L)(N.V) + s alpha_i D_i F).
+
+`facet_irradiance`, `facet_magnitude` and `facet_magnitude_gradient` are compiled kernels for one
+geometry; `apparent_magnitude` broadcasts over arrays.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.attitude.quaternion import rotate_components
+from cislunar.constants import SUN_APPARENT_MAGNITUDE
+from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.shapes import Facets
+
+Array = NDArray[np.float64]
+
+IRRADIANCE_FLOOR: float = 1e-22
+"""Smallest irradiance relative to the Sun's that a magnitude is taken of in the filters."""
+
+FLOOR_MAGNITUDE: float = SUN_APPARENT_MAGNITUDE + 55.0
+"""Magnitude 28.26 of `IRRADIANCE_FLOOR`: what `facet_magnitude` returns for a dark object."""
+
+LARGEST_EXPONENT = 745.0
+"""exp(-x) is zero in double precision beyond."""
+
+LN10 = np.log(10.0)
+
+
+@njit(cache=True, error_model="numpy")
+def fresnel_reflectance(cosine, normal_reflectance, fresnel_sqrt):
+    """Unpolarized Fresnel reflectance of a microfacet (compiled; Paul & Fan, section 2.2).
+
+    Parameters
+    ----------
+    cosine : float
+        q = V.H, cosine of the angle of incidence on the microfacet.
+    normal_reflectance : float
+        F0, in [0, 1).
+    fresnel_sqrt : bool
+        True: p = sqrt(q^2 - 1 + b^2) (Cook & Torrance 1982, so that F(q = 1) = F0);
+        False: p = q^2 - 1 + b^2, as printed in the paper.
+
+    Returns
+    -------
+    float
+        F.
+    """
+    q = cosine
+    root = np.sqrt(normal_reflectance)
+    b = (1.0 + root) / (1.0 - root)
+    p = q * q - 1.0 + b * b
+    if fresnel_sqrt:
+        p = np.sqrt(p)
+    ratio = (p - q) / (p + q)
+    second = (q * (p + q) - 1.0) / (q * (p - q) + 1.0)
+    return 0.5 * ratio * ratio * (1.0 + second * second)
+
+
+@njit(cache=True, error_model="numpy")
+def facet_irradiance(
+    quaternion,
+    sun_direction,
+    view_direction,
+    range_m,
+    areas,
+    normals,
+    material,
+    irradiance_4pi,
+    fresnel_sqrt,
+):
+    """Irradiance at the observer relative to the Sun's at 1 au, F_t / I (compiled).
+
+    Parameters
+    ----------
+    quaternion : ndarray, shape (4,)
+        Attitude of the object, inertial to body, scalar last.
+    sun_direction, view_direction : ndarray, shape (3,)
+        Unit vectors from the object to the Sun and to the observer, inertial frame.
+    range_m : float
+        Distance from the object to the observer, m.
+    areas : ndarray, shape (F,)
+        Facet areas, m^2.
+    normals : ndarray, shape (F, 3)
+        Outward unit normals, body frame.
+    material : ndarray, shape (5,)
+        ``[d, s, rho, delta_rms, F0]``, see `cislunar.photometry.materials.Material`.
+    irradiance_4pi : bool
+        True: the flux spreads as 1/(4 pi r^2), as printed; False: as 1/r^2.
+    fresnel_sqrt : bool
+        See `fresnel_reflectance`.
+
+    Returns
+    -------
+    float
+        Sum of the facets (Paul & Fan, eqs. 12-13); 0 if none is both lit and seen.
+    """
+    q1, q2, q3, q4 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    lx, ly, lz = sun_direction[0], sun_direction[1], sun_direction[2]
+    vx, vy, vz = view_direction[0], view_direction[1], view_direction[2]
+    half2 = (lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2  # |L + V|^2
+    if half2 == 0.0:
+        return 0.0  # the Sun is straight behind the object
+    lx, ly, lz = rotate_components(q1, q2, q3, q4, lx, ly, lz)
+    vx, vy, vz = rotate_components(q1, q2, q3, q4, vx, vy, vz)
+    diffuse = material[0] * material[2]
+    slope2 = material[3] * material[3]
+    fresnel = fresnel_reflectance(0.5 * np.sqrt(half2), material[4], fresnel_sqrt)
+    specular = material[1] * fresnel / slope2
+    inverse_half2 = 1.0 / half2
+    total = 0.0
+    for i in range(areas.shape[0]):
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        lit = nx * lx + ny * ly + nz * lz
+        seen = nx * vx + ny * vy + nz * vz
+        lower = min(lit, seen)
+        if lower <= 0.0:
+            continue
+        both = lit + seen
+        reflectance = diffuse * lit * seen
+        cosine2 = both * both * inverse_half2  # (N.H)^2
+        scaled = cosine2 * slope2
+        if 1.0 - cosine2 < LARGEST_EXPONENT * scaled:
+            attenuation = min(1.0, 4.0 * both * lower * inverse_half2)
+            beckmann = np.exp((cosine2 - 1.0) / scaled) / (cosine2 * cosine2)
+            reflectance += specular * attenuation * beckmann
+        total += areas[i] * reflectance
+    spread = np.pi * range_m * range_m
+    if irradiance_4pi:
+        spread *= 4.0 * np.pi
+    return total / spread
+
+
+@njit(cache=True, error_model="numpy")
+def facet_magnitude(
+    quaternion,
+    sun_direction,
+    view_direction,
+    range_m,
+    areas,
+    normals,
+    material,
+    irradiance_4pi,
+    fresnel_sqrt,
+):
+    """Apparent magnitude of a faceted object (compiled; Paul & Fan, eq. 10).
+
+    Parameters
+    ----------
+    quaternion, sun_direction, view_direction, range_m, areas, normals, material
+        As in `facet_irradiance`.
+    irradiance_4pi, fresnel_sqrt : bool
+        As in `facet_irradiance`.
+
+    Returns
+    -------
+    float
+        Magnitude, never above `FLOOR_MAGNITUDE`: a dark object returns exactly that, so that a
+        sigma point turned dark leaves the filter finite.
+    """
+    flux = facet_irradiance(
+        quaternion,
+        sun_direction,
+        view_direction,
+        range_m,
+        areas,
+        normals,
+        material,
+        irradiance_4pi,
+        fresnel_sqrt,
+    )
+    if flux <= IRRADIANCE_FLOOR:
+        return FLOOR_MAGNITUDE
+    return SUN_APPARENT_MAGNITUDE - 2.5 * np.log10(flux)
+
+
+@njit(cache=True, error_model="numpy")
+def facet_magnitude_gradient(
+    quaternion,
+    sun_direction,
+    view_direction,
+    range_m,
+    areas,
+    normals,
+    material,
+    irradiance_4pi,
+    fresnel_sqrt,
+):
+    """Apparent magnitude and its derivative with respect to a small turn of the body (compiled).
+
+    With ``q(e) = dq(e) (x) q`` and e a rotation vector in the body frame, the facet sum depends on
+    e only through N.L and N.V, whose derivatives are ``N x L`` and ``N x V``; L.V, and with it the
+    Fresnel factor, stays. So the gradient costs two cross products more than the magnitude.
+
+    Parameters
+    ----------
+    quaternion, sun_direction, view_direction, range_m, areas, normals, material
+        As in `facet_irradiance`.
+    irradiance_4pi, fresnel_sqrt : bool
+        As in `facet_irradiance`.
+
+    Returns
+    -------
+    magnitude : float
+        As `facet_magnitude`.
+    gx, gy, gz : float
+        dm/de, mag/rad, body frame; zero for a dark object. One-sided where a facet comes into
+        light or into view or the attenuation changes branch.
+    """
+    q1, q2, q3, q4 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    lx, ly, lz = sun_direction[0], sun_direction[1], sun_direction[2]
+    vx, vy, vz = view_direction[0], view_direction[1], view_direction[2]
+    half2 = (lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2
+    if half2 == 0.0:
+        return FLOOR_MAGNITUDE, 0.0, 0.0, 0.0
+    lx, ly, lz = rotate_components(q1, q2, q3, q4, lx, ly, lz)
+    vx, vy, vz = rotate_components(q1, q2, q3, q4, vx, vy, vz)
+    diffuse = material[0] * material[2]
+    slope2 = material[3] * material[3]
+    fresnel = fresnel_reflectance(0.5 * np.sqrt(half2), material[4], fresnel_sqrt)
+    specular = material[1] * fresnel / slope2
+    inverse_half2 = 1.0 / half2
+    total = 0.0
+    ax, ay, az = 0.0, 0.0, 0.0  # sum of A dR/d(N.L) N
+    bx, by, bz = 0.0, 0.0, 0.0  # sum of A dR/d(N.V) N
+    for i in range(areas.shape[0]):
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        lit = nx * lx + ny * ly + nz * lz
+        seen = nx * vx + ny * vy + nz * vz
+        lower = min(lit, seen)
+        if lower <= 0.0:
+            continue
+        both = lit + seen
+        reflectance = diffuse * lit * seen
+        by_lit, by_seen = diffuse * seen, diffuse * lit
+        cosine2 = both * both * inverse_half2
+        scaled = cosine2 * slope2
+        if 1.0 - cosine2 < LARGEST_EXPONENT * scaled:
+            glint = specular * np.exp((cosine2 - 1.0) / scaled) / (cosine2 * cosine2)
+            slope = (1.0 / scaled - 2.0) / cosine2 * glint * 2.0 * both * inverse_half2
+            attenuation = 4.0 * both * lower * inverse_half2
+            if attenuation < 1.0:
+                edge = 4.0 * inverse_half2 * glint
+                by_lit += slope * attenuation + edge * (lower + (both if lit < seen else 0.0))
+                by_seen += slope * attenuation + edge * (lower + (0.0 if lit < seen else both))
+                reflectance += attenuation * glint
+            else:
+                by_lit += slope
+                by_seen += slope
+                reflectance += glint
+        area = areas[i]
+        total += area * reflectance
+        by_lit *= area
+        by_seen *= area
+        ax, ay, az = ax + by_lit * nx, ay + by_lit * ny, az + by_lit * nz
+        bx, by, bz = bx + by_seen * nx, by + by_seen * ny, bz + by_seen * nz
+    spread = np.pi * range_m * range_m
+    if irradiance_4pi:
+        spread *= 4.0 * np.pi
+    flux = total / spread
+    if flux <= IRRADIANCE_FLOOR:
+        return FLOOR_MAGNITUDE, 0.0, 0.0, 0.0
+    scale = -2.5 / (LN10 * total)
+    gx = scale * (ay * lz - az * ly + by * vz - bz * vy)
+    gy = scale * (az * lx - ax * lz + bz * vx - bx * vz)
+    gz = scale * (ax * ly - ay * lx + bx * vy - by * vx)
+    return SUN_APPARENT_MAGNITUDE - 2.5 * np.log10(flux), gx, gy, gz
+
+
+@njit(cache=True)
+def _irradiances(quaternion, sun, view, range_m, areas, normals, material, flag_4pi, flag_sqrt):
+    """`facet_irradiance` of n geometries, arrays of n rows."""
+    result = np.empty(range_m.shape[0])
+    for i in range(result.shape[0]):
+        result[i] = facet_irradiance(
+            quaternion[i],
+            sun[i],
+            view[i],
+            range_m[i],
+            areas,
+            normals,
+            material,
+            flag_4pi,
+            flag_sqrt,
+        )
+    return result
+
+
+def apparent_magnitude(
+    quaternion: ArrayLike,
+    sun_direction: ArrayLike,
+    view_direction: ArrayLike,
+    range_m: ArrayLike,
+    facets: Facets,
+    material: Material | None = None,
+    model: PhotometryModel | None = None,
+    *,
+    sun_magnitude: float = SUN_APPARENT_MAGNITUDE,
+) -> Array:
+    """Apparent magnitudes of a faceted object over arrays (Paul & Fan, eqs. 10-13).
+
+    Parameters
+    ----------
+    quaternion : array_like, shape (..., 4)
+        Attitudes, inertial to body, scalar last.
+    sun_direction, view_direction : array_like, shape (..., 3)
+        Unit vectors from the object to the Sun and to the observer, inertial frame.
+    range_m : array_like, shape (...)
+        Distances from the object to the observer, m.
+    facets : Facets
+        Shape.
+    material : Material, optional
+        Surface; the default material if omitted.
+    model : PhotometryModel, optional
+        Reading of the equations; 1/(4 pi r^2) and Fresnel with the root if omitted.
+    sun_magnitude : float
+        Magnitude of the Sun in the sensor's band.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Magnitudes of the broadcast geometries; inf where no facet is both lit and seen.
+    """
+    material = Material() if material is None else material
+    model = PhotometryModel() if model is None else model
+    quaternion, sun, view = (
+        np.asarray(a, dtype=float) for a in (quaternion, sun_direction, view_direction)
+    )
+    distance = np.asarray(range_m, dtype=float)
+    shape = np.broadcast_shapes(
+        quaternion.shape[:-1], sun.shape[:-1], view.shape[:-1], distance.shape
+    )
+    rows = [
+        np.ascontiguousarray(np.broadcast_to(a, (*shape, a.shape[-1]))).reshape(-1, a.shape[-1])
+        for a in (quaternion, sun, view, distance[..., None])
+    ]
+    flux = _irradiances(
+        *rows[:3],
+        rows[3][:, 0].copy(),
+        np.ascontiguousarray(facets.areas, dtype=float),
+        np.ascontiguousarray(facets.normals, dtype=float),
+        material.as_array(),
+        model.irradiance_4pi,
+        model.fresnel_sqrt,
+    ).reshape(shape)
+    with np.errstate(divide="ignore"):
+        return sun_magnitude - 2.5 * np.log10(flux)

@@ -1,0 +1,117 @@
+"""Surface parameters and readings of the Cook-Torrance facet model (Paul & Fan, section 2.2).
+
+The paper gives no values for the surface. The defaults here are this library's choice.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.errors import ConfigurationError
+
+IRRADIANCE_LAWS = ("4pi", "1/r^2")
+FRESNEL_FORMS = ("sqrt", "printed")
+
+
+@dataclass(frozen=True)
+class Material:
+    """Surface of an object, the same on all its facets.
+
+    Parameters
+    ----------
+    diffuse_weight : float
+        d, weight of the Lambertian share, >= 0.
+    specular_weight : float
+        s, weight of the specular share, >= 0.
+    diffuse_albedo : float
+        rho, in [0, 1].
+    rms_slope : float
+        delta_RMS, root mean square slope of the microfacets, > 0.
+    normal_reflectance : float
+        F0, reflectance under normal illumination, in [0, 1).
+
+    Raises
+    ------
+    ConfigurationError
+        If a parameter lies outside its range; the message names it.
+    """
+
+    diffuse_weight: float = 0.5
+    specular_weight: float = 0.5
+    diffuse_albedo: float = 0.5
+    rms_slope: float = 0.3
+    normal_reflectance: float = 0.5
+
+    def __post_init__(self) -> None:
+        ranges = {
+            "diffuse_weight": (self.diffuse_weight >= 0.0, "at least 0"),
+            "specular_weight": (self.specular_weight >= 0.0, "at least 0"),
+            "diffuse_albedo": (0.0 <= self.diffuse_albedo <= 1.0, "in [0, 1]"),
+            "rms_slope": (self.rms_slope > 0.0, "above 0 (use specular_weight 0 for no glint)"),
+            "normal_reflectance": (0.0 <= self.normal_reflectance < 1.0, "in [0, 1)"),
+        }
+        for name, (valid, wanted) in ranges.items():
+            value = getattr(self, name)
+            if not (valid and np.isfinite(value)):
+                raise ConfigurationError(f"material {name} = {value} must be finite and {wanted}")
+
+    def as_array(self) -> NDArray[np.float64]:
+        """Parameters in the order of the kernels.
+
+        Returns
+        -------
+        ndarray, shape (5,)
+            ``[d, s, rho, delta_rms, F0]``.
+        """
+        return np.array(
+            [
+                self.diffuse_weight,
+                self.specular_weight,
+                self.diffuse_albedo,
+                self.rms_slope,
+                self.normal_reflectance,
+            ],
+            dtype=float,
+        )
+
+
+@dataclass(frozen=True)
+class PhotometryModel:
+    """How two ambiguous equations of the paper are read.
+
+    Parameters
+    ----------
+    irradiance : {"4pi", "1/r^2"}
+        Spreading of the reflected flux: 1/(4 pi r^2) as printed, or 1/r^2, which agrees with the
+        paper's own sphere model and with the BRDF's definition (2.748 mag brighter).
+    fresnel : {"sqrt", "printed"}
+        p = sqrt(q^2 - 1 + b^2), as in Cook & Torrance (1982), or without the root as printed.
+
+    Raises
+    ------
+    ConfigurationError
+        If a value is none of those.
+    """
+
+    irradiance: str = "4pi"
+    fresnel: str = "sqrt"
+
+    def __post_init__(self) -> None:
+        choices = {"irradiance": IRRADIANCE_LAWS, "fresnel": FRESNEL_FORMS}
+        for name, allowed in choices.items():
+            value = getattr(self, name)
+            if value not in allowed:
+                raise ConfigurationError(
+                    f"photometry {name} = {value!r} must be one of {', '.join(allowed)}"
+                )
+
+    @property
+    def irradiance_4pi(self) -> bool:
+        """Flag of the kernels: True for the 1/(4 pi r^2) law."""
+        return self.irradiance == "4pi"
+
+    @property
+    def fresnel_sqrt(self) -> bool:
+        """Flag of the kernels: True for the square root."""
+        return self.fresnel == "sqrt"

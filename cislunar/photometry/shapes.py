@@ -1,0 +1,158 @@
+"""Convex bodies of triangular facets: icosahedron, subdivided sphere."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.errors import ConfigurationError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Facets:
+    """A convex body as the facet model sees it.
+
+    Parameters
+    ----------
+    areas : ndarray, shape (F,)
+        Facet areas, m^2.
+    normals : ndarray, shape (F, 3)
+        Outward unit normals, body frame.
+    """
+
+    areas: Array
+    normals: Array
+
+    @property
+    def total_area(self) -> float:
+        """Surface area, m^2."""
+        return float(self.areas.sum())
+
+    @property
+    def equivalent_radius(self) -> float:
+        """Radius of the sphere of the same surface area, m (the body that tasking believes in)."""
+        return float(np.sqrt(self.total_area / (4.0 * np.pi)))
+
+
+def facets_from_triangles(vertices: ArrayLike, triangles: ArrayLike) -> Facets:
+    """Areas and normals of triangles whose vertices run counter-clockwise seen from outside.
+
+    Parameters
+    ----------
+    vertices : array_like, shape (n, 3)
+        Vertices, m, body frame.
+    triangles : array_like of int, shape (F, 3)
+        Vertex indices of each facet.
+
+    Returns
+    -------
+    Facets
+        One facet per triangle.
+    """
+    corners = np.asarray(vertices, dtype=float)[np.asarray(triangles)]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(cross, axis=1)
+    return Facets(areas=0.5 * length, normals=cross / length[:, None])
+
+
+def scale_to_sphere(facets: Facets, radius_m: float) -> Facets:
+    """The same shape, scaled to the surface area 4 pi R^2 of a sphere.
+
+    Parameters
+    ----------
+    facets : Facets
+        Shape.
+    radius_m : float
+        R, m.
+
+    Returns
+    -------
+    Facets
+        Scaled shape.
+
+    Raises
+    ------
+    ConfigurationError
+        If the radius is not positive.
+    """
+    if not radius_m > 0.0:
+        raise ConfigurationError(f"shape radius_m = {radius_m} must be positive")
+    factor = 4.0 * np.pi * radius_m**2 / facets.total_area
+    return Facets(areas=facets.areas * factor, normals=facets.normals)
+
+
+def _icosahedron_mesh() -> tuple[Array, NDArray[np.int64]]:
+    """Vertices on the unit sphere, (12, 3), and outward triangles, (20, 3)."""
+    golden = 0.5 * (1.0 + np.sqrt(5.0))
+    face = np.array([[0.0, s, t * golden] for s in (-1.0, 1.0) for t in (-1.0, 1.0)])
+    vertices = np.concatenate([np.roll(face, shift, axis=1) for shift in range(3)])
+    edge2 = 4.0
+    triangles = []
+    n = len(vertices)
+    near = np.abs(((vertices[:, None] - vertices[None]) ** 2).sum(axis=-1) - edge2) < 1e-9
+    for i in range(n):
+        for j in range(i + 1, n):
+            for k in range(j + 1, n):
+                if near[i, j] and near[j, k] and near[i, k]:
+                    outward = np.linalg.det(vertices[[i, j, k]]) > 0.0
+                    triangles.append((i, j, k) if outward else (i, k, j))
+    return vertices / np.sqrt(1.0 + golden**2), np.array(triangles)
+
+
+def _subdivide(vertices: Array, triangles: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+    """Split each triangle in four and push the new vertices onto the unit sphere."""
+    corners = vertices[triangles]
+    middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
+    middles /= np.linalg.norm(middles, axis=-1, keepdims=True)
+    a, b, c = (corners[:, i] for i in range(3))
+    ab, bc, ca = (middles[:, i] for i in range(3))
+    split = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    finer = np.concatenate([np.stack(triangle, axis=1) for triangle in split])
+    return finer.reshape(-1, 3), np.arange(3 * len(finer)).reshape(-1, 3)
+
+
+def icosphere(subdivisions: int = 0, radius_m: float = 1.0) -> Facets:
+    """Icosahedron with each facet split in four `subdivisions` times, on a sphere.
+
+    Parameters
+    ----------
+    subdivisions : int
+        0 for the icosahedron itself; the body has 20 * 4^subdivisions facets.
+    radius_m : float
+        R of the equivalent sphere: the surface area is 4 pi R^2, m.
+
+    Returns
+    -------
+    Facets
+        Body frame along the three golden rectangles: vertices at cyclic permutations of
+        ``(0, +-1, +-golden ratio)``.
+
+    Raises
+    ------
+    ConfigurationError
+        If `subdivisions` is negative or above 8 (1.3 million facets), or the radius not positive.
+    """
+    if not 0 <= subdivisions <= 8:
+        raise ConfigurationError(f"icosphere subdivisions = {subdivisions} must lie in 0..8")
+    vertices, triangles = _icosahedron_mesh()
+    for _ in range(subdivisions):
+        vertices, triangles = _subdivide(vertices, triangles)
+    return scale_to_sphere(facets_from_triangles(vertices, triangles), radius_m)
+
+
+def icosahedron(radius_m: float = 1.0) -> Facets:
+    """Regular icosahedron with the surface area of a sphere, the targets' shape in the paper.
+
+    Parameters
+    ----------
+    radius_m : float
+        R of the equivalent sphere: the surface area is 4 pi R^2, m.
+
+    Returns
+    -------
+    Facets
+        20 facets, of 0.6283 m^2 each for R = 1 m.
+    """
+    return icosphere(0, radius_m)
