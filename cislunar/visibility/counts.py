@@ -1,0 +1,216 @@
+"""Visibility of a static target set from every orbit, for every satellite count.
+
+Observers are propagated over one period only and wrapped around, since errors would otherwise
+grow over the horizon (Paul & Fan, section 5.1). Positions come from dense output at the exact
+times, never from a table.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
+from cislunar.dynamics.cr3bp import primary_distances
+from cislunar.dynamics.propagation import propagate_periodic
+from cislunar.errors import ConfigurationError
+from cislunar.geometry.exclusion import ExclusionAngles
+from cislunar.photometry.sphere import faintness_per_squared_range
+from cislunar.visibility.kernel import count_observations
+from cislunar.visibility.phasing import distinct_phases
+
+Array = NDArray[np.float64]
+
+_ORBITS_PER_BATCH = 8
+
+
+@dataclass(frozen=True)
+class VisibilitySettings:
+    """What makes a static target observable (Paul & Fan, section 3 and table 1).
+
+    Attributes
+    ----------
+    limiting_magnitude : float
+        Visibility threshold, mag.
+    target_radius_m : float
+        Radius of the spherical targets, m.
+    diffuse_reflection_coefficient : float
+        C_d of the sphere model, dimensionless; the paper does not give it.
+    angles : ExclusionAngles
+        Sun, Moon and Earth exclusion angles.
+    propagator : str
+        Method of `cislunar.dynamics.propagation.propagate`: "dopri5" (the paper's) or "dop853".
+    """
+
+    limiting_magnitude: float = 18.0
+    target_radius_m: float = 1.0
+    diffuse_reflection_coefficient: float = 1.0
+    angles: ExclusionAngles = ExclusionAngles()
+    propagator: str = "dopri5"
+
+    @property
+    def faintness(self) -> float:
+        """K of `faintness_per_squared_range` per squared nondimensional length."""
+        per_square_metre = faintness_per_squared_range(
+            self.limiting_magnitude,
+            radius_m=self.target_radius_m,
+            diffuse_reflection_coefficient=self.diffuse_reflection_coefficient,
+        )
+        return per_square_metre * (LENGTH_UNIT_KM * 1e3) ** 2
+
+
+@dataclass(frozen=True)
+class VisibilityCounts:
+    """Observations and distances for every (orbit, satellite count).
+
+    Attributes
+    ----------
+    observations : ndarray of uint16 or uint32, shape (orbit, satellites, target)
+        Times each target is observable, summed over time and over the satellites.
+    distance : ndarray, shape (orbit, satellites)
+        Distance to the Earth plus distance to the Moon, summed over time and satellites,
+        nondimensional.
+    """
+
+    observations: NDArray[np.unsignedinteger]
+    distance: Array
+
+
+def observation_times(duration_days: float, step_hours: float) -> Array:
+    """Evaluation times 0, step, ..., duration (Paul & Fan: 30 days hourly, 721 times).
+
+    Parameters
+    ----------
+    duration_days : float
+        Horizon, days; a whole number of steps.
+    step_hours : float
+        Step, hours.
+
+    Returns
+    -------
+    ndarray, shape (time,)
+        Nondimensional time since the epoch.
+
+    Raises
+    ------
+    ConfigurationError
+        If the step is not positive or does not divide the horizon.
+    """
+    if not step_hours > 0.0:
+        raise ConfigurationError(f"step_hours = {step_hours} must be positive")
+    steps = duration_days * 24.0 / step_hours
+    if steps < 0.0 or abs(steps - round(steps)) > 1e-9:
+        raise ConfigurationError(
+            f"duration_days = {duration_days} is not a whole number of steps of "
+            f"step_hours = {step_hours}"
+        )
+    return np.arange(round(steps) + 1) * step_hours * 3600.0 / TIME_UNIT_S
+
+
+def satellite_tracks(
+    state: ArrayLike,
+    period: ArrayLike,
+    phase: ArrayLike,
+    times: ArrayLike,
+    *,
+    propagator: str = "dopri5",
+    mu: float = MU,
+) -> Array:
+    """Positions of satellites along periodic orbits.
+
+    Parameters
+    ----------
+    state : array_like, shape (orbit, 6)
+        Epoch states of the first satellites, nondimensional, rotating frame.
+    period : array_like, shape (orbit,)
+        Periods, nondimensional.
+    phase : array_like, shape (phase,)
+        Fractions of the period ahead of the first satellite.
+    times : array_like, shape (time,)
+        Nondimensional times since the epoch.
+    propagator : str
+        "dopri5" or "dop853".
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    ndarray, shape (orbit, phase, time, 3)
+        Nondimensional, rotating frame.
+    """
+    times = np.asarray(times, dtype=float)
+    phase = np.asarray(phase, dtype=float)
+    tracks = []
+    for initial, duration in zip(np.asarray(state), np.asarray(period), strict=True):
+        wanted = (times[None, :] + phase[:, None] * duration).ravel()
+        path = propagate_periodic(initial, duration, wanted, mu=mu, method=propagator)
+        tracks.append(path[:, :3].reshape(len(phase), len(times), 3))
+    return np.stack(tracks)
+
+
+def count_visibility(
+    state: ArrayLike,
+    period: ArrayLike,
+    target: ArrayLike,
+    times: ArrayLike,
+    sun_position: ArrayLike,
+    settings: VisibilitySettings,
+    *,
+    max_satellites: int = 10,
+    mu: float = MU,
+    progress: Callable[[int, int], None] | None = None,
+) -> VisibilityCounts:
+    """Count observations of static targets from every orbit and satellite count.
+
+    Parameters
+    ----------
+    state : array_like, shape (orbit, 6)
+        Epoch states of the orbits, nondimensional, rotating frame.
+    period : array_like, shape (orbit,)
+        Periods, nondimensional.
+    target : array_like, shape (target, 3)
+        Static targets, nondimensional, rotating frame.
+    times : array_like, shape (time,)
+        Evaluation times, nondimensional, since the epoch.
+    sun_position : array_like, shape (time, 3)
+        Sun at those times, nondimensional, rotating frame.
+    settings : VisibilitySettings
+        Photometry and exclusion.
+    max_satellites : int
+        Counts 1 .. `max_satellites` are tabulated.
+    mu : float
+        Mass ratio.
+    progress : callable, optional
+        Called with (orbits done, orbits).
+
+    Returns
+    -------
+    VisibilityCounts
+    """
+    state = np.atleast_2d(np.asarray(state, dtype=float))
+    period = np.atleast_1d(np.asarray(period, dtype=float))
+    target = np.ascontiguousarray(target, dtype=float)
+    times = np.asarray(times, dtype=float)
+    sun = np.ascontiguousarray(sun_position, dtype=float)
+    phase, members = distinct_phases(max_satellites)
+    largest = max_satellites * len(times)
+    dtype = np.uint16 if largest <= np.iinfo(np.uint16).max else np.uint32
+    observations = np.empty((len(state), max_satellites, len(target)), dtype=dtype)
+    distance = np.empty((len(state), max_satellites))
+    for first in range(0, len(state), _ORBITS_PER_BATCH):
+        batch = slice(first, min(first + _ORBITS_PER_BATCH, len(state)))
+        track = satellite_tracks(
+            state[batch], period[batch], phase, times, propagator=settings.propagator, mu=mu
+        )
+        per_phase = count_observations(
+            track, target, sun, settings.angles.cosines, settings.faintness, mu
+        )
+        earth, moon = primary_distances(track, mu)
+        path_length = np.sum(earth + moon, axis=-1)
+        for count, rows in enumerate(members):
+            observations[batch, count] = per_phase[:, rows].sum(axis=1)
+            distance[batch, count] = path_length[:, rows].sum(axis=1)
+        if progress is not None:
+            progress(batch.stop, len(state))
+    return VisibilityCounts(observations=observations, distance=distance)

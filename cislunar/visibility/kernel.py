@@ -1,0 +1,175 @@
+"""Compiled count of observations of static targets, one row per satellite track.
+
+The work is one test per (track, time, target): is the sphere bright enough, and does the line of
+sight keep clear of the Sun, Moon and Earth? The inner loop runs over targets in single precision
+so that it vectorises; it marks every pair within rounding of a threshold, and blocks that hold
+one are decided again in double precision. The counts are therefore those of
+`cislunar.visibility.reference.visible`.
+
+The brightness test is Phi(alpha) > K r^2 (`faintness_per_squared_range`). With c = cos(alpha),
+Phi = pi max(c, 0) + (1 - |c|)^(3/2) k(|c|), where k is smooth: a short polynomial replaces the
+inverse cosine.
+"""
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+_BLOCK = 128
+_TILE = 1024
+_FIT_DEGREE = 8
+
+# Fused multiply-adds and reciprocals in the inner loop stay within the bounds below.
+# Bounds on single-precision rounding: relative, and per nondimensional length of the line of sight.
+_ROUNDING = np.float32(2e-6)
+
+
+def _fit_phase_remainder(degree: int) -> NDArray[np.float32]:
+    """Power-series coefficients of k(x) = (sqrt(1-x^2) - x acos x) / (1-x)^(3/2) on [0, 1]."""
+    node = 0.5 + 0.5 * np.cos(np.pi * (np.arange(4 * degree) + 0.5) / (4 * degree))
+    value = (np.sqrt(1.0 - node**2) - node * np.arccos(node)) / (1.0 - node) ** 1.5
+    series = np.polynomial.Chebyshev.fit(node, value, degree, domain=[0.0, 1.0])
+    return series.convert(kind=np.polynomial.Polynomial).coef.astype(np.float32)
+
+
+_K0, _K1, _K2, _K3, _K4, _K5, _K6, _K7, _K8 = _fit_phase_remainder(_FIT_DEGREE)
+
+
+@njit(cache=True)
+def _visible_exactly(line, from_sun, bodies, cosines, faintness):
+    """Decide one pair in double precision: line of sight, Sun-to-target, body directions."""
+    squared = line[0] * line[0] + line[1] * line[1] + line[2] * line[2]
+    distance = np.sqrt(squared)
+    for body in range(3):
+        along = bodies[body, 0] * line[0] + bodies[body, 1] * line[1] + bodies[body, 2] * line[2]
+        if along >= distance * cosines[body]:
+            return False
+    cosine = line[0] * from_sun[0] + line[1] * from_sun[1] + line[2] * from_sun[2]
+    alpha = np.arccos(min(1.0, max(-1.0, cosine / distance)))
+    return np.sin(alpha) + (np.pi - alpha) * np.cos(alpha) > faintness * squared
+
+
+@njit(cache=True, inline="always")
+def _unit(x, y, z):
+    norm = np.sqrt(x * x + y * y + z * z)
+    return x / norm, y / norm, z / norm
+
+
+@njit(cache=True)
+def _decide_block(first, last, origin, target, from_sun, bodies, cosines, faintness, seen):
+    """Decide the targets [first, last) of a tile again, in double precision."""
+    for i in range(first, last):
+        seen[i] = _visible_exactly(target[i] - origin, from_sun[i], bodies, cosines, faintness)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "arcp"})
+def _test_block(first, last, origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen):
+    """Single-precision test of the targets [first, last); returns how many are undecided."""
+    zero = np.float32(0.0)
+    one = np.float32(1.0)
+    pi = np.float32(np.pi)
+    ox, oy, oz = origin[0], origin[1], origin[2]
+    sx, sy, sz = bodies[0, 0], bodies[0, 1], bodies[0, 2]
+    mx, my, mz = bodies[1, 0], bodies[1, 1], bodies[1, 2]
+    ex, ey, ez = bodies[2, 0], bodies[2, 1], bodies[2, 2]
+    cs, cm, ce = cosines[0], cosines[1], cosines[2]
+    undecided = np.int32(0)
+    for i in range(first, last):
+        dx = px[i] - ox
+        dy = py[i] - oy
+        dz = pz[i] - oz
+        squared = dx * dx + dy * dy + dz * dz
+        inverse = one / np.sqrt(squared)
+        distance = squared * inverse
+        cosine = (dx * ux[i] + dy * uy[i] + dz * uz[i]) * inverse
+        x = abs(cosine)
+        rest = max(one - x, zero)
+        k = _K0 + x * (
+            _K1 + x * (_K2 + x * (_K3 + x * (_K4 + x * (_K5 + x * (_K6 + x * (_K7 + x * _K8))))))
+        )
+        phase = pi * max(cosine, zero) + rest * np.sqrt(rest) * k
+        needed = faintness * squared
+        near_sun = dx * sx + dy * sy + dz * sz - distance * cs
+        near_moon = dx * mx + dy * my + dz * mz - distance * cm
+        near_earth = dx * ex + dy * ey + dz * ez - distance * ce
+        nearest = max(near_sun, max(near_moon, near_earth))
+        seen[i] = (phase > needed) & (nearest < zero)
+        doubt = (abs(phase - needed) < _ROUNDING * (one + inverse + needed)) | (
+            abs(nearest) < _ROUNDING * (one + distance)
+        )
+        undecided += np.int32(doubt)
+    return undecided
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def count_observations(track, target, sun, cosines, faintness, mu):
+    """Count how often each track observes each target.
+
+    Parameters
+    ----------
+    track : ndarray, shape (orbit, phase, time, 3)
+        Observer positions, nondimensional, rotating frame.
+    target : ndarray, shape (target, 3)
+        Static targets, nondimensional, rotating frame.
+    sun : ndarray, shape (time, 3)
+        Sun, nondimensional, rotating frame.
+    cosines : ndarray, shape (3,)
+        Cosines of the Sun, Moon and Earth exclusion angles.
+    faintness : float
+        K of `faintness_per_squared_range`, per squared nondimensional length.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    ndarray of int32, shape (orbit, phase, target)
+        Number of times at which the target is observable.
+    """
+    n_orbits, n_phases, n_times, _ = track.shape
+    n_targets = target.shape[0]
+    counts = np.zeros((n_orbits, n_phases, n_targets), dtype=np.int32)
+    for orbit in prange(n_orbits):
+        single_cosines = cosines.astype(np.float32)
+        single_faintness = np.float32(faintness)
+        bodies = np.empty((3, 3))
+        from_sun = np.empty((_TILE, 3))
+        single = np.empty((6, _TILE), dtype=np.float32)
+        seen = np.empty(_TILE, dtype=np.bool_)
+        for start in range(0, n_targets, _TILE):
+            size = min(_TILE, n_targets - start)
+            tile = target[start : start + size]
+            for i in range(size):
+                for axis in range(3):
+                    single[axis, i] = np.float32(tile[i, axis])
+            for t in range(n_times):
+                for i in range(size):
+                    u = _unit(
+                        tile[i, 0] - sun[t, 0], tile[i, 1] - sun[t, 1], tile[i, 2] - sun[t, 2]
+                    )
+                    for axis in range(3):
+                        from_sun[i, axis] = u[axis]
+                        single[3 + axis, i] = np.float32(u[axis])
+                for phase in range(n_phases):
+                    origin = track[orbit, phase, t]
+                    x, y, z = origin[0], origin[1], origin[2]
+                    bodies[0] = _unit(sun[t, 0] - x, sun[t, 1] - y, sun[t, 2] - z)
+                    bodies[1] = _unit(1.0 - mu - x, -y, -z)
+                    bodies[2] = _unit(-mu - x, -y, -z)
+                    single_bodies = bodies.astype(np.float32)
+                    single_origin = origin.astype(np.float32)
+                    row = counts[orbit, phase, start : start + size]
+                    for first in range(0, size, _BLOCK):
+                        last = min(first + _BLOCK, size)
+                        undecided = _test_block(
+                            first, last, single_origin,
+                            single[0], single[1], single[2], single[3], single[4], single[5],
+                            single_bodies, single_cosines, single_faintness, seen,
+                        )  # fmt: skip
+                        if undecided > 0:
+                            _decide_block(
+                                first, last, origin, tile, from_sun, bodies, cosines, faintness,
+                                seen,
+                            )  # fmt: skip
+                        for i in range(first, last):
+                            row[i] += seen[i]
+    return counts
