@@ -1,0 +1,245 @@
+"""Propagation of states and state transition matrices in the CR3BP."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import MU
+from cislunar.dynamics import runge_kutta
+from cislunar.dynamics.cr3bp import primary_distances
+from cislunar.dynamics.runge_kutta import step_dop853
+from cislunar.errors import ConfigurationError, ConvergenceError
+
+__all__ = [
+    "closest_approaches",
+    "propagate",
+    "propagate_periodic",
+    "propagate_stm",
+    "step_dop853",
+]
+
+Array = NDArray[np.float64]
+
+METHODS = {"dopri5": runge_kutta.DOPRI5, "dop853": runge_kutta.DOP853_METHOD}
+DEFAULT_TOLERANCE = {"dopri5": 1e-10, "dop853": 1e-13}
+_NO_TRACKING = np.empty(0)
+
+
+def _method_and_tolerances(
+    method: str, rtol: float | None, atol: float | None
+) -> tuple[int, float, float]:
+    if method not in METHODS:
+        raise ConfigurationError(f"unknown propagation method {method!r}: use one of {[*METHODS]}")
+    rtol = DEFAULT_TOLERANCE[method] if rtol is None else float(rtol)
+    atol = DEFAULT_TOLERANCE[method] if atol is None else float(atol)
+    # Below about 100 machine epsilons the error estimate is roundoff and steps collapse.
+    if not rtol >= 2.3e-14 or not atol > 0.0:
+        raise ConfigurationError(
+            f"rtol = {rtol} must be at least 2.3e-14 and atol = {atol} positive"
+        )
+    return METHODS[method], rtol, atol
+
+
+def _state_vector(state: ArrayLike) -> Array:
+    vector = np.array(state, dtype=float)
+    if vector.shape != (6,) or not np.all(np.isfinite(vector)):
+        raise ConfigurationError(f"a state must be 6 finite numbers, got {vector!r}")
+    return vector
+
+
+def _integrate(method, y0, times, mu, rtol, atol, closest=_NO_TRACKING) -> Array:
+    """Run the compiled integrator and turn its status into an exception."""
+    out = np.empty((times.size, y0.size))
+    status, reached = runge_kutta.integrate(method, y0, times, float(mu), rtol, atol, out, closest)
+    if status == runge_kutta.OK:
+        return out
+    d, r = primary_distances(y0[:6], mu)
+    reason = (
+        "the step size underflowed (the trajectory runs into the centre of a primary)"
+        if status == runge_kutta.STEP_UNDERFLOW
+        else f"more than {runge_kutta.MAX_STEPS} steps were needed"
+    )
+    raise ConvergenceError(
+        f"propagation from {y0[:6].tolist()} (distances {d:.6g} to the Earth, {r:.6g} to the Moon) "
+        f"stopped at t = {reached:.12g} of {times[-1]:.12g}: {reason}; shorten the propagation or "
+        "move the initial state"
+    )
+
+
+def propagate(
+    state: ArrayLike,
+    times: ArrayLike,
+    *,
+    mu: float = MU,
+    method: str = "dopri5",
+    rtol: float | None = None,
+    atol: float | None = None,
+) -> Array:
+    """Propagate one state from time 0 and return it at the wanted times.
+
+    Steps adapt to the tolerances, not to the wanted times, which are served by the pair's
+    continuous extension (4th order for Dormand-Prince 5(4), 7th for DOP853).
+
+    Parameters
+    ----------
+    state : array_like, shape (6,)
+        State at time 0, nondimensional, rotating frame.
+    times : array_like, shape (m,)
+        Nondimensional times in any order; negative ones are reached backwards.
+    mu : float
+        Mass ratio.
+    method : {"dopri5", "dop853"}
+        Dormand-Prince 5(4) (Paul & Fan, table 1) or DOP853.
+    rtol, atol : float, optional
+        Tolerances; by default 1e-10 for dopri5 and 1e-13 for dop853.
+
+    Returns
+    -------
+    ndarray, shape (m, 6)
+        Nondimensional, rotating frame.
+
+    Raises
+    ------
+    ConfigurationError
+        On an unknown method, an impossible tolerance or an ill-formed state or time.
+    ConvergenceError
+        If the step size underflows, as on a collision with a primary.
+    """
+    code, rtol, atol = _method_and_tolerances(method, rtol, atol)
+    y0 = _state_vector(state)
+    times = np.asarray(times, dtype=float)
+    if times.ndim != 1 or not np.all(np.isfinite(times)):
+        raise ConfigurationError("times must be a one-dimensional array of finite numbers")
+    out = np.empty((times.size, 6))
+    for forward in (True, False):
+        chosen = np.flatnonzero(times >= 0.0 if forward else times < 0.0)
+        if chosen.size:
+            order = chosen[np.argsort(times[chosen] if forward else -times[chosen])]
+            out[order] = _integrate(code, y0, times[order], mu, rtol, atol)
+    return out
+
+
+def propagate_periodic(
+    state: ArrayLike,
+    period: float,
+    times: ArrayLike,
+    *,
+    mu: float = MU,
+    method: str = "dopri5",
+    rtol: float | None = None,
+    atol: float | None = None,
+) -> Array:
+    """State of a periodic orbit at any times, from one period of propagation.
+
+    Times are wrapped to half a period either side of the epoch, so that the error of an unstable
+    orbit never grows over more than half a period however long the campaign.
+
+    Parameters
+    ----------
+    state : array_like, shape (6,)
+        State at time 0 on the orbit, nondimensional, rotating frame.
+    period : float
+        Period, nondimensional.
+    times : array_like, shape (m,)
+        Any nondimensional times.
+    mu, method, rtol, atol
+        As in `propagate`.
+
+    Returns
+    -------
+    ndarray, shape (m, 6)
+        Nondimensional, rotating frame.
+
+    Raises
+    ------
+    ConfigurationError
+        If the period is not positive, or as in `propagate`.
+    ConvergenceError
+        As in `propagate`.
+    """
+    if not period > 0.0:
+        raise ConfigurationError(f"period = {period} must be positive")
+    times = np.asarray(times, dtype=float)
+    wrapped = times - period * np.round(times / period)
+    return propagate(state, wrapped, mu=mu, method=method, rtol=rtol, atol=atol)
+
+
+def propagate_stm(
+    state: ArrayLike,
+    duration: float,
+    *,
+    mu: float = MU,
+    rtol: float = 1e-13,
+    atol: float = 1e-13,
+) -> tuple[Array, Array]:
+    """Propagate a state and its state transition matrix with DOP853.
+
+    Parameters
+    ----------
+    state : array_like, shape (6,)
+        State at time 0, nondimensional, rotating frame.
+    duration : float
+        Nondimensional, either sign.
+    mu : float
+        Mass ratio.
+    rtol, atol : float
+        Tolerances, applied to all 42 entries.
+
+    Returns
+    -------
+    state_f : ndarray, shape (6,)
+        State at the end.
+    stm : ndarray, shape (6, 6)
+        Derivative of the final state with respect to the initial one.
+
+    Raises
+    ------
+    ConfigurationError, ConvergenceError
+        As in `propagate`.
+    """
+    code, rtol, atol = _method_and_tolerances("dop853", rtol, atol)
+    y0 = np.concatenate([_state_vector(state), np.eye(6).ravel()])
+    end = _integrate(code, y0, np.array([float(duration)]), mu, rtol, atol)[0]
+    return end[:6], end[6:].reshape(6, 6)
+
+
+def closest_approaches(
+    state: ArrayLike,
+    duration: float,
+    *,
+    mu: float = MU,
+    rtol: float = 1e-12,
+    atol: float = 1e-12,
+) -> tuple[float, float]:
+    """Least distances to the Earth and to the Moon along a trajectory.
+
+    Minima within a step are found on the continuous extension of DOP853.
+
+    Parameters
+    ----------
+    state : array_like, shape (6,)
+        State at time 0, nondimensional, rotating frame.
+    duration : float
+        Nondimensional, positive.
+    mu : float
+        Mass ratio.
+    rtol, atol : float
+        Tolerances.
+
+    Returns
+    -------
+    perigee, perilune : float
+        Distances from the centres, nondimensional.
+
+    Raises
+    ------
+    ConfigurationError
+        If the duration is not positive, or as in `propagate`.
+    ConvergenceError
+        As in `propagate`.
+    """
+    if not duration > 0.0:
+        raise ConfigurationError(f"duration = {duration} must be positive")
+    code, rtol, atol = _method_and_tolerances("dop853", rtol, atol)
+    closest = np.empty(2)
+    _integrate(code, _state_vector(state), np.array([float(duration)]), mu, rtol, atol, closest)
+    return float(closest[0]), float(closest[1])

@@ -1,0 +1,172 @@
+"""Propagation against scipy, the Jacobi integral, finite differences and linear theory."""
+
+import numpy as np
+import pytest
+from scipy.integrate import DOP853, solve_ivp
+
+from cislunar.constants import MU
+from cislunar.dynamics.cr3bp import (
+    equations_of_motion,
+    jacobi_constant,
+    libration_points,
+    primary_distances,
+    variational_matrix,
+)
+from cislunar.dynamics.propagation import (
+    closest_approaches,
+    propagate,
+    propagate_periodic,
+    propagate_stm,
+    step_dop853,
+)
+from cislunar.errors import ConfigurationError, ConvergenceError
+
+NEAR_MOON = np.array(
+    [1.0286910409504162, 0.0, -0.18633781213335304, 0.0, -0.11733440134433075, 0.0]
+)
+NEAR_MOON_PERIOD = 1.5991853351534902
+CATALOGUE_MU = 0.012150585609624041
+GENERIC = np.array([0.6, 0.1, 0.2, -0.15, 0.3, 0.1])
+
+
+def reference(state, times, method="DOP853", tolerance=1e-13, mu=MU):
+    solution = solve_ivp(
+        lambda _, y: equations_of_motion(y, mu),
+        (0.0, times[-1]),
+        state,
+        method=method,
+        t_eval=times,
+        rtol=tolerance,
+        atol=tolerance,
+    )
+    return solution.y.T
+
+
+@pytest.mark.parametrize(("method", "scipy_name"), [("dopri5", "RK45"), ("dop853", "DOP853")])
+@pytest.mark.parametrize("end", [2.0, -2.0])
+def test_same_steps_and_dense_output_as_scipy(method, scipy_name, end):
+    """At a loose tolerance truncation dominates: equal answers mean equal steps and extension."""
+    times = np.linspace(0.0, end, 41)
+    ours = propagate(GENERIC, times, method=method, rtol=1e-5, atol=1e-5)
+    theirs = reference(GENERIC, times, scipy_name, 1e-5)
+    precise = reference(GENERIC, times)
+    assert np.abs(ours - theirs).max() < 1e-10
+    assert np.abs(theirs - precise).max() > 1e-7
+
+
+def test_default_tolerances_reach_their_accuracy():
+    times = np.linspace(0.0, 3.0, 31)
+    precise = reference(GENERIC, times, tolerance=3e-14)
+    scipy_error = np.abs(reference(GENERIC, times, "RK45", 1e-10) - precise).max()
+    assert np.abs(propagate(GENERIC, times) - precise).max() < 1.05 * scipy_error
+    assert np.abs(propagate(GENERIC, times, method="dop853") - precise).max() < 1e-11
+
+
+def test_times_may_come_in_any_order_and_sign():
+    times = np.array([0.7, -0.4, 0.0, 1.1, -0.9, 0.7])
+    states = propagate(GENERIC, times, method="dop853")
+    assert np.array_equal(states[2], GENERIC)
+    assert np.array_equal(states[0], states[5])
+    for t, state in zip(times, states, strict=True):
+        assert np.allclose(propagate(state, [-t], method="dop853")[0], GENERIC, atol=1e-11)
+
+
+@pytest.mark.parametrize(("method", "drift"), [("dopri5", 1e-8), ("dop853", 1e-11)])
+def test_jacobi_constant_is_conserved(method, drift):
+    times = np.linspace(0.0, 10.0, 200)
+    jacobi = jacobi_constant(propagate(GENERIC, times, method=method))
+    assert np.abs(jacobi - jacobi_constant(GENERIC)).max() < drift
+
+
+def test_stm_against_central_differences():
+    duration = 1.3
+    end, stm = propagate_stm(GENERIC, duration)
+    assert np.allclose(end, propagate(GENERIC, [duration], method="dop853")[0], atol=1e-12)
+    step = 1e-5
+    for k in range(6):
+        offset = np.zeros(6)
+        offset[k] = step
+        ahead = propagate(GENERIC + offset, [duration], method="dop853")[0]
+        behind = propagate(GENERIC - offset, [duration], method="dop853")[0]
+        difference = (ahead - behind) / (2.0 * step)
+        assert np.allclose(stm[:, k], difference, rtol=1e-7, atol=1e-7)
+
+
+def test_stm_is_symplectic_and_composes():
+    middle, first = propagate_stm(GENERIC, 0.8)
+    _, second = propagate_stm(middle, 0.5)
+    end, whole = propagate_stm(GENERIC, 1.3)
+    assert np.allclose(second @ first, whole, atol=1e-9)
+    _, inverse = propagate_stm(end, -1.3)
+    assert np.allclose(inverse @ whole, np.eye(6), atol=1e-8)
+    assert np.linalg.det(whole) == pytest.approx(1.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("index", range(5))
+def test_stm_at_libration_points_has_the_linear_frequencies(index):
+    """eig(Phi) = exp(lambda t), lambda^4 + (4 - Uxx - Uyy) lambda^2 + Uxx Uyy - Uxy^2 = 0."""
+    point = np.concatenate([libration_points()[index], np.zeros(3)])
+    duration = 0.7
+    _, stm = propagate_stm(point, duration)
+    u = variational_matrix(point)[3:, :3]
+    squared = np.roots([1.0, 4.0 - u[0, 0] - u[1, 1], u[0, 0] * u[1, 1] - u[0, 1] ** 2]).astype(
+        complex
+    )
+    rates = np.concatenate([np.sqrt(squared), -np.sqrt(squared)])
+    vertical = 1j * np.sqrt(-u[2, 2])
+    expected = np.exp(duration * np.concatenate([rates, [vertical, -vertical]]))
+    found = np.linalg.eigvals(stm)
+    for value in expected:
+        assert np.abs(found - value).min() < 1e-8
+
+
+def test_periodic_wrapping_holds_an_unstable_orbit():
+    args = (NEAR_MOON, NEAR_MOON_PERIOD)
+    times = np.array([0.3, 0.3 + 40 * NEAR_MOON_PERIOD, 0.3 - 25 * NEAR_MOON_PERIOD])
+    states = propagate_periodic(*args, times, mu=CATALOGUE_MU)
+    assert np.abs(states - states[0]).max() < 1e-9
+    around = propagate_periodic(*args, np.linspace(0, NEAR_MOON_PERIOD, 50), mu=CATALOGUE_MU)
+    direct = propagate(NEAR_MOON, np.linspace(0, NEAR_MOON_PERIOD, 50), mu=CATALOGUE_MU)
+    # The published state closes to 5e-8 only; the two reach a fast perilune by opposite ways.
+    assert np.abs(around - direct)[:, :3].max() < 1e-6
+
+
+def test_fixed_step_equals_one_scipy_step():
+    solver = DOP853(lambda _, y: equations_of_motion(y), 0.0, GENERIC, 1.0, first_step=0.01)
+    solver.step()
+    assert solver.t == 0.01
+    assert np.allclose(step_dop853(GENERIC, 0.01, MU), solver.y, rtol=0.0, atol=1e-15)
+
+
+def test_closest_approaches_against_dense_sampling():
+    _, perilune = closest_approaches(NEAR_MOON, NEAR_MOON_PERIOD)
+    times = np.linspace(0.0, NEAR_MOON_PERIOD, 200_001)
+    distances = primary_distances(propagate(NEAR_MOON, times, method="dop853"))
+    assert perilune == pytest.approx(distances[1].min(), rel=1e-6)
+    assert perilune <= distances[1].min() * (1 + 1e-9)
+    perigee, _ = closest_approaches(GENERIC, 4.0)
+    times = np.linspace(0.0, 4.0, 20001)
+    assert perigee == pytest.approx(primary_distances(propagate(GENERIC, times))[0].min(), rel=1e-6)
+
+
+def test_collision_raises_with_time_and_remedy():
+    with pytest.raises(ConvergenceError, match=r"stopped at t = 0 of 1: .*underflow"):
+        propagate([1.0 - MU, 0.0, 0.0, 0.0, 0.0, 0.0], [1.0])
+    just_above = [-MU, 0.0, 1e-12, 0.0, 0.0, -1.0]
+    with pytest.raises(ConvergenceError, match="underflow"):
+        propagate_stm(just_above, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "message"),
+    [
+        ({"method": "euler"}, "euler"),
+        ({"rtol": 1e-16}, "rtol"),
+        ({"state": [1.0, 2.0]}, "6 finite numbers"),
+        ({"times": [np.nan]}, "times"),
+    ],
+)
+def test_impossible_settings_are_named(kwargs, message):
+    settings = {"state": GENERIC, "times": [1.0], **kwargs}
+    with pytest.raises(ConfigurationError, match=message):
+        propagate(settings.pop("state"), settings.pop("times"), **settings)
