@@ -1,0 +1,360 @@
+"""Equiangular sampling of the regions within zero-velocity surfaces (Paul & Fan, section 3).
+
+A particle of Jacobi constant JC can be where 2U >= JC. The paper samples "in an equiangular manner
+within each zero-velocity surface" and says no more; the choices made here are settings of
+`SamplingSettings`, and the reasons are these.
+
+Region
+    The surface splits space into components, and a mission can reach only its own. Since all
+    missions go to the Moon, the default is the component that contains the Moon
+    (``region="moon"``): above JC(L1) = 3.188 the lobe around the Moon alone, below it the Earth's
+    side too, and below JC(L2) = 3.172 the space outside as well. ``"earth"`` takes the component
+    of the Earth, ``"bodies"`` both, ``"all"`` the whole region 2U >= JC.
+Membership
+    Exact, from the signs of the gradient of U, without flood filling. With
+    p = (1 - mu)/d^3 + mu/r^3, dU/dy = y (1 - p) and dU/dz = -z p. Where p < 1, U grows outwards
+    along y to infinity: the point belongs to the outside. Where p >= 1, U grows towards y = 0 and
+    there towards z = 0: the point hangs together with (x, 0, 0) on the axis, which belongs to the
+    Earth, the Moon or the outside according to its place among L3, L1 and L2. Components merge
+    when JC falls below that of L1 (Earth and Moon), L2 (Moon and outside), L3 (Earth and outside).
+Outer cap
+    Below JC(L2) the region is unbounded, and below JC(L4) = 2.988 nothing in the plane is
+    forbidden, so points stay within `outer_radius_km` of the Earth-Moon barycenter.
+Centers
+    A grid centered on a body samples the component of that body alone (as far as it is part of the
+    region), so that the Moon's lobe and the Earth's are each resolved from within; a grid centered
+    elsewhere samples the whole region.
+Directions
+    A grid of longitude and latitude about the center with the same step in both, the poles
+    (along z) counted once. It is symmetric about the planes y = 0 and z = 0.
+Radii
+    `radial_points` equal steps from the surface of the body at the center (or from the center
+    itself) to the farthest reach of the region, with a point in the middle of each step, so that
+    none lies on the surface itself. A lobe of 3 700 km around the Moon is thus resolved as well as
+    a region of 500 000 km, and each mission weighs about the same. `radial_step_km` gives steps of
+    a set length instead, and large regions then outweigh small ones.
+Bodies
+    Points inside the Earth or the Moon are left out.
+Duplicates
+    Each mission is sampled on its own, so missions that share a Jacobi constant repeat its points
+    and weigh more in the clusters, as the paper describes. Within one mission, points that two
+    centers have in common (to 1e-9 of a unit) are kept once.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
+from cislunar.dynamics.cr3bp import (
+    libration_points,
+    primary_distances,
+    pseudo_potential,
+    zero_velocity_function,
+)
+from cislunar.errors import ConfigurationError
+
+Array = NDArray[np.float64]
+
+REGIONS = ("moon", "earth", "bodies", "all")
+CENTERS = ("moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5")
+
+# Labels of `component`.
+OUTSIDE, EARTH, MOON = 0, 1, 2
+
+# Radii tried along each ray to find how far a region reaches: 1 per cent apart.
+_REACH_RATIO = 1.01
+
+
+@dataclass(frozen=True)
+class SamplingSettings:
+    """How the region within a zero-velocity surface is sampled.
+
+    Attributes
+    ----------
+    centers : tuple of str
+        Centers of the angular grids: any of `CENTERS`.
+    region : str
+        One of `REGIONS`.
+    angular_step_deg : float
+        Step in longitude and in latitude, degrees; must divide 180.
+    radial_points : int
+        Steps from the inner radius to the farthest reach of each region.
+    radial_step_km : float or None
+        Length of a radial step, km, in place of `radial_points`.
+    outer_radius_km : float
+        Distance from the barycenter beyond which nothing is sampled, km.
+    """
+
+    centers: tuple[str, ...] = ("moon",)
+    region: str = "moon"
+    angular_step_deg: float = 15.0
+    radial_points: int = 9
+    radial_step_km: float | None = None
+    outer_radius_km: float = 500_000.0
+
+    def __post_init__(self) -> None:
+        """Refuse impossible settings, naming the key."""
+        object.__setattr__(self, "centers", tuple(self.centers))
+        unknown = [name for name in self.centers if name not in CENTERS]
+        if unknown or not self.centers:
+            raise ConfigurationError(
+                f"centers: {unknown or 'none given'}; choose from {', '.join(CENTERS)}"
+            )
+        if self.region not in REGIONS:
+            raise ConfigurationError(f"region: {self.region!r} is not one of {', '.join(REGIONS)}")
+        step = self.angular_step_deg
+        if not 0.0 < step <= 90.0 or abs(180.0 / step - round(180.0 / step)) > 1e-9:
+            raise ConfigurationError(
+                f"angular_step_deg: {step} must be at most 90 degrees and divide 180"
+            )
+        if self.radial_points < 1:
+            raise ConfigurationError(f"radial_points: {self.radial_points} must be at least 1")
+        if self.radial_step_km is not None and not self.radial_step_km > 0.0:
+            raise ConfigurationError(f"radial_step_km: {self.radial_step_km} must be above 0")
+        if not self.outer_radius_km > LENGTH_UNIT_KM:
+            raise ConfigurationError(
+                f"outer_radius_km: {self.outer_radius_km} must exceed the Moon's distance, "
+                f"{LENGTH_UNIT_KM:.0f}"
+            )
+
+
+class SampledPoints(NamedTuple):
+    """Points sampled for a list of missions.
+
+    Attributes
+    ----------
+    position : ndarray, shape (point, 3)
+        Nondimensional, rotating frame.
+    mission : ndarray of int, shape (point,)
+        Index into the list of missions.
+    jacobi : ndarray, shape (point,)
+        Jacobi constant of the mission.
+    """
+
+    position: Array
+    mission: NDArray[np.int64]
+    jacobi: Array
+
+
+def component(position: ArrayLike, mu: float = MU) -> NDArray[np.int8]:
+    """The part of the accessible region a point hangs together with, gateways closed.
+
+    Parameters
+    ----------
+    position : array_like, shape (..., 3)
+        Nondimensional, rotating frame. The answer means something only where 2U >= JC.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    ndarray of int, shape (...)
+        `EARTH`, `MOON` or `OUTSIDE` (see "Membership" in the module's notes).
+    """
+    p = np.asarray(position, dtype=float)
+    d, r = primary_distances(p, mu)
+    pull = (1.0 - mu) / d**3 + mu / r**3
+    l1, l2, l3 = libration_points(mu)[:3, 0]
+    x = p[..., 0]
+    label = np.where(x < l1, EARTH, MOON)
+    return np.where((pull < 1.0) | (x > l2) | (x < l3), OUTSIDE, label).astype(np.int8)
+
+
+def reachable(
+    position: ArrayLike, jacobi: ArrayLike, region: str = "moon", mu: float = MU
+) -> NDArray[np.bool_]:
+    """Whether points belong to the region sampled for a Jacobi constant.
+
+    Parameters
+    ----------
+    position : array_like, shape (..., 3)
+        Nondimensional, rotating frame.
+    jacobi : array_like, broadcastable to (...)
+        Jacobi constant.
+    region : str
+        ``"moon"`` or ``"earth"``: the component of 2U >= JC that contains that body; ``"bodies"``:
+        those that contain either; ``"all"``: the whole of 2U >= JC.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    ndarray of bool, shape (...)
+    """
+    if region not in REGIONS:
+        raise ConfigurationError(f"region: {region!r} is not one of {', '.join(REGIONS)}")
+    jc = np.asarray(jacobi, dtype=float)
+    allowed = zero_velocity_function(position, jc, mu) >= 0.0
+    if region == "all":
+        return allowed
+    gate1, gate2 = 2.0 * pseudo_potential(libration_points(mu)[:2], mu)
+    joined = jc <= gate1
+    # The outside is entered through L2; L3 opens later still, and by then all is one.
+    with_outside = jc <= gate2
+    with_moon = (region != "earth") | joined
+    with_earth = (region != "moon") | joined
+    label = component(position, mu)
+    return allowed & (
+        ((label == MOON) & with_moon)
+        | ((label == EARTH) & with_earth)
+        | ((label == OUTSIDE) & with_outside)
+    )
+
+
+def equiangular_directions(step_deg: float) -> Array:
+    """Unit vectors on a grid of equal steps in longitude and latitude.
+
+    Parameters
+    ----------
+    step_deg : float
+        Step, degrees; divides 180.
+
+    Returns
+    -------
+    ndarray, shape (direction, 3)
+        South pole, then rings from south to north, then the north pole.
+    """
+    rings = round(180.0 / step_deg) - 1
+    around = round(360.0 / step_deg)
+    latitude = np.radians(step_deg) * (np.arange(rings) + 1) - 0.5 * np.pi
+    longitude = np.radians(step_deg) * np.arange(around)
+    lat, lon = (a.ravel() for a in np.meshgrid(latitude, longitude, indexing="ij"))
+    ring = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=-1)
+    pole = np.array([[0.0, 0.0, 1.0]])
+    return np.concatenate([-pole, ring, pole])
+
+
+def sample_region(jacobi: float, settings: SamplingSettings | None = None, mu: float = MU) -> Array:
+    """Points within the zero-velocity surface of one Jacobi constant.
+
+    Parameters
+    ----------
+    jacobi : float
+        Jacobi constant.
+    settings : SamplingSettings, optional
+        Default: `SamplingSettings()`.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    ndarray, shape (point, 3)
+        Nondimensional, rotating frame; center by center, direction by direction, outwards. Empty
+        if no point of the grids belongs to the region.
+    """
+    s = settings or SamplingSettings()
+    directions = equiangular_directions(s.angular_step_deg)
+    parts = []
+    for name in s.centers:
+        center, inner = _center(name, mu)
+        farthest = s.outer_radius_km / LENGTH_UNIT_KM + float(np.linalg.norm(center))
+        start = max(inner, 1e-3)
+        count = int(np.ceil(np.log(farthest / start) / np.log(_REACH_RATIO))) + 1
+        trial = np.geomspace(start, farthest, count)
+        inside = _inside(_rays(center, directions, trial), jacobi, name, s, mu)
+        if not inside.any():
+            continue
+        reach = trial[np.flatnonzero(inside.any(axis=0))[-1]]
+        radius = _radii(inner, reach, s)
+        points = _rays(center, directions, radius)
+        parts.append(points[_inside(points, jacobi, name, s, mu)])
+    if not parts:
+        return np.empty((0, 3))
+    points = np.concatenate(parts)
+    if len(parts) > 1:
+        _, first = np.unique(np.round(points, 9), axis=0, return_index=True)
+        points = points[np.sort(first)]
+    return points
+
+
+def sample_zero_velocity(
+    jacobi: ArrayLike,
+    settings: SamplingSettings | None = None,
+    *,
+    names: Sequence[str] | None = None,
+    mu: float = MU,
+) -> SampledPoints:
+    """Points within the zero-velocity surface of each mission, missions one after the other.
+
+    Parameters
+    ----------
+    jacobi : array_like, shape (mission,)
+        Jacobi constant of each mission; equal values are sampled once per mission.
+    settings : SamplingSettings, optional
+        Default: `SamplingSettings()`.
+    names : sequence of str, optional
+        Names of the missions, for messages.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    SampledPoints
+
+    Raises
+    ------
+    ConfigurationError
+        If a mission gets no point under these settings.
+    """
+    constants = np.atleast_1d(np.asarray(jacobi, dtype=float))
+    cache: dict[float, Array] = {}
+    for index, jc in enumerate(constants.tolist()):
+        if jc not in cache:
+            cache[jc] = sample_region(jc, settings, mu)
+        if not len(cache[jc]):
+            who = names[index] if names is not None else f"mission {index}"
+            raise ConfigurationError(
+                f"targets: no point is sampled within the zero-velocity surface of {who} "
+                f"(JC = {jc}); add a center inside it, or refine angular_step_deg and the radii"
+            )
+    parts = [cache[jc] for jc in constants.tolist()]
+    counts = [len(part) for part in parts]
+    return SampledPoints(
+        position=np.concatenate(parts),
+        mission=np.repeat(np.arange(len(parts)), counts),
+        jacobi=np.repeat(constants, counts),
+    )
+
+
+def _center(name: str, mu: float) -> tuple[Array, float]:
+    """Position of a center and the radius of the body there, nondimensional."""
+    if name == "moon":
+        return np.array([1.0 - mu, 0.0, 0.0]), MOON_RADIUS_KM / LENGTH_UNIT_KM
+    if name == "earth":
+        return np.array([-mu, 0.0, 0.0]), EARTH_RADIUS_KM / LENGTH_UNIT_KM
+    if name == "barycenter":
+        return np.zeros(3), 0.0
+    return libration_points(mu)[int(name[1]) - 1], 0.0
+
+
+def _radii(inner: float, reach: float, settings: SamplingSettings) -> Array:
+    """Middles of equal radial steps between two radii."""
+    if settings.radial_step_km is None:
+        step = (reach - inner) / settings.radial_points
+        count = settings.radial_points
+    else:
+        step = settings.radial_step_km / LENGTH_UNIT_KM
+        count = max(1, int((reach - inner) / step + 0.5))
+    return inner + step * (np.arange(count) + 0.5)
+
+
+def _rays(center: Array, directions: Array, radius: Array) -> Array:
+    """Points at each radius along each direction, shape (direction, radius, 3)."""
+    return center + directions[:, None, :] * radius[None, :, None]
+
+
+def _inside(
+    position: Array, jacobi: float, center: str, settings: SamplingSettings, mu: float
+) -> NDArray[np.bool_]:
+    """Points a center's grid may hold: of its region, outside of both bodies, within the cap."""
+    d, r = primary_distances(position, mu)
+    clear = (d >= EARTH_RADIUS_KM / LENGTH_UNIT_KM) & (r >= MOON_RADIUS_KM / LENGTH_UNIT_KM)
+    capped = np.linalg.norm(position, axis=-1) <= settings.outer_radius_km / LENGTH_UNIT_KM
+    inside = clear & capped & reachable(position, jacobi, settings.region, mu)
+    if center in ("moon", "earth"):
+        inside &= reachable(position, jacobi, center, mu)
+    return inside
