@@ -1,0 +1,80 @@
+"""Small triangular factorisations, compiled, in place and without exceptions."""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, error_model="numpy")
+def cholesky(matrix):
+    """Lower Cholesky factor of a symmetric matrix, in place (compiled).
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, n)
+        Its lower triangle is read; receives L with zeros above the diagonal.
+
+    Returns
+    -------
+    bool
+        False if the matrix is not positive definite or not finite; it is then spoilt.
+    """
+    n = matrix.shape[0]
+    for j in range(n):
+        pivot = matrix[j, j]
+        for k in range(j):
+            pivot -= matrix[j, k] * matrix[j, k]
+        if not (pivot > 0.0 and pivot < np.inf):
+            return False
+        pivot = np.sqrt(pivot)
+        matrix[j, j] = pivot
+        inverse = 1.0 / pivot
+        for i in range(j + 1, n):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = total * inverse
+            matrix[j, i] = 0.0
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def add_outer_product(upper, vector):
+    """Replace an upper triangular G by that of G G^T + v v^T (compiled).
+
+    Rotations only, so the result is accurate however large v is, and never fails.
+
+    Parameters
+    ----------
+    upper : ndarray, shape (n, n)
+        G, with a positive diagonal.
+    vector : ndarray, shape (n,)
+        v; overwritten.
+    """
+    for j in range(vector.shape[0] - 1, -1, -1):
+        old = upper[j, j]
+        new = np.sqrt(old * old + vector[j] * vector[j])
+        cosine = old / new
+        sine = vector[j] / new
+        upper[j, j] = new
+        for i in range(j):
+            entry = upper[i, j]
+            upper[i, j] = cosine * entry + sine * vector[i]
+            vector[i] = cosine * vector[i] - sine * entry
+
+
+@njit(cache=True, error_model="numpy")
+def solve_lower(lower, vector):
+    """Replace a vector b by L^-1 b for a lower triangular L (compiled).
+
+    Parameters
+    ----------
+    lower : ndarray, shape (n, n)
+        L; only its lower triangle is read.
+    vector : ndarray, shape (n,)
+        b; receives the solution.
+    """
+    for i in range(vector.shape[0]):
+        total = vector[i]
+        for k in range(i):
+            total -= lower[i, k] * vector[k]
+        vector[i] = total / lower[i, i]

@@ -1,0 +1,330 @@
+"""The unscented transform in difference form (Paul & Fan, section 2.4).
+
+With few states the weight of the central sigma point is harmless; with twelve, and the paper's
+alpha = 0.5, beta = 2, kappa = 3 - n, it is -15. Written in the differences d_i of the outer points
+from the central one, the moments hold no negative weight:
+
+    mean        x_0 + m                                   with m = sum_i W_i d_i
+    covariance  sum_i W_i d_i d_i^T + (beta - alpha^2) m m^T
+
+which is the paper's weighted sum, identically, and positive semidefinite for beta >= alpha^2
+whatever the function does. It also confines the wrapping of angles to the differences.
+
+Likewise the update. With U the cross-covariance in units of the prior's Cholesky factor L
+(P_xy = L U), the innovation covariance splits into two positive parts, P_vv = S + U^T U, where S is
+the noise plus the even part of the differences, so that
+
+    P+ = L (I - U P_vv^-1 U^T) L^T = L (I + U S^-1 U^T)^-1 L^T,
+
+and the Cholesky factor of P+ follows from that of a matrix never smaller than the identity, which
+grows out of the identity by rotations.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.triangular import add_outer_product, cholesky, solve_lower
+
+Array = NDArray[np.float64]
+
+
+class UnscentedWeights(NamedTuple):
+    """Weights of the 2n + 1 sigma points.
+
+    Attributes
+    ----------
+    spread : float
+        sqrt(n + lambda), the factor on the columns of the covariance's root.
+    mean_central, covariance_central : float
+        The paper's W_0 of the mean and of the covariance (not needed by the difference form).
+    outer : float
+        Weight of each outer point.
+    mean_shift : float
+        beta - alpha^2, the weight of m m^T in the difference form.
+    """
+
+    spread: float
+    mean_central: float
+    covariance_central: float
+    outer: float
+    mean_shift: float
+
+
+def unscented_weights(
+    n: int, *, alpha: float = 0.5, beta: float = 2.0, kappa: float | None = None
+) -> UnscentedWeights:
+    """Weights of the scaled unscented transform (Paul & Fan, section 2.4).
+
+    Parameters
+    ----------
+    n : int
+        State dimension.
+    alpha, beta, kappa : float
+        Spread, prior knowledge and tuning parameters; `kappa` is ``3 - n`` unless given.
+
+    Returns
+    -------
+    UnscentedWeights
+
+    Raises
+    ------
+    ConfigurationError
+        If n + lambda is not positive, or beta < alpha^2 (the covariance could lose definiteness).
+    """
+    if kappa is None:
+        kappa = 3.0 - n
+    scale = alpha**2 * (n + kappa)
+    if not scale > 0.0:
+        raise ConfigurationError(
+            f"alpha = {alpha} and kappa = {kappa} make n + lambda = {scale}; it must be positive"
+        )
+    if beta < alpha**2:
+        raise ConfigurationError(f"beta = {beta} must not be below alpha^2 = {alpha**2}")
+    mean_central = (scale - n) / scale
+    return UnscentedWeights(
+        spread=float(np.sqrt(scale)),
+        mean_central=mean_central,
+        covariance_central=mean_central + 1.0 - alpha**2 + beta,
+        outer=0.5 / scale,
+        mean_shift=beta - alpha**2,
+    )
+
+
+def sigma_points(mean: ArrayLike, root: ArrayLike, weights: UnscentedWeights) -> Array:
+    """The 2n + 1 sigma points of a Gaussian.
+
+    Parameters
+    ----------
+    mean : array_like, shape (n,)
+        Mean.
+    root : array_like, shape (n, n)
+        Lower Cholesky factor of the covariance.
+    weights : UnscentedWeights
+        For this n.
+
+    Returns
+    -------
+    ndarray, shape (2 n + 1, n)
+        The mean, then mean + spread * column i, then mean - spread * column i.
+    """
+    center = np.asarray(mean, dtype=float)
+    columns = weights.spread * np.asarray(root, dtype=float).T
+    return np.concatenate([center[None], center + columns, center - columns])
+
+
+@njit(cache=True, error_model="numpy")
+def difference_moments(differences, outer, mean_shift, shift, covariance):
+    """Mean shift and covariance of a transformed sigma set, into the last two arguments (compiled).
+
+    Parameters
+    ----------
+    differences : ndarray, shape (2 n, m)
+        Outer points less the central one (angles wrapped).
+    outer, mean_shift : float
+        Of `UnscentedWeights`.
+    shift : ndarray, shape (m,)
+        Receives m, the mean less the central point.
+    covariance : ndarray, shape (m, m)
+        Receives the covariance.
+    """
+    count, size = differences.shape
+    shift[:] = 0.0
+    covariance[:, :] = 0.0
+    for i in range(count):
+        for a in range(size):
+            shift[a] += differences[i, a]
+    for a in range(size):
+        shift[a] *= outer
+    for i in range(count):
+        for a in range(size):
+            weighted = outer * differences[i, a]
+            for b in range(size):
+                covariance[a, b] += weighted * differences[i, b]
+    for a in range(size):
+        for b in range(size):
+            covariance[a, b] += mean_shift * shift[a] * shift[b]
+
+
+def moments(center: ArrayLike, differences: ArrayLike, weights: UnscentedWeights):
+    """Mean and covariance of a transformed sigma set.
+
+    Parameters
+    ----------
+    center : array_like, shape (m,)
+        Image of the central point.
+    differences : array_like, shape (2 n, m)
+        Images of the outer points less `center`.
+    weights : UnscentedWeights
+        For this n.
+
+    Returns
+    -------
+    mean : ndarray, shape (m,)
+    covariance : ndarray, shape (m, m)
+    """
+    d = np.ascontiguousarray(differences, dtype=float)
+    shift = np.empty(d.shape[1])
+    covariance = np.empty((d.shape[1], d.shape[1]))
+    difference_moments(d, weights.outer, weights.mean_shift, shift, covariance)
+    return np.asarray(center, dtype=float) + shift, covariance
+
+
+@njit(cache=True, error_model="numpy")
+def innovation_moments(differences, noise_variance, weights, shift, cross, even):
+    """Moments of a predicted measurement in units of the prior's root (compiled).
+
+    Parameters
+    ----------
+    differences : ndarray, shape (2 n, m)
+        Predicted measurements of the outer sigma points less the central one.
+    noise_variance : ndarray, shape (m,)
+        Diagonal of the measurement noise covariance.
+    weights : UnscentedWeights
+        For this n.
+    shift : ndarray, shape (m,)
+        Receives the mean predicted measurement less the central one.
+    cross : ndarray, shape (n, m)
+        Receives U, the cross-covariance with P_xy = L U.
+    even : ndarray, shape (m, m)
+        Receives S = P_vv - U^T U = R + sum_i (W_i / 2) s_i s_i^T + (beta - alpha^2) m m^T with
+        s_i = d_{+i} + d_{-i}: no term is negative.
+    """
+    n = cross.shape[0]
+    m = cross.shape[1]
+    odd_factor = weights.outer * weights.spread
+    half = 0.5 * weights.outer
+    shift[:] = 0.0
+    even[:, :] = 0.0
+    for i in range(n):
+        for a in range(m):
+            cross[i, a] = odd_factor * (differences[i, a] - differences[n + i, a])
+            sum_a = differences[i, a] + differences[n + i, a]
+            shift[a] += sum_a
+            for b in range(m):
+                even[a, b] += half * sum_a * (differences[i, b] + differences[n + i, b])
+    for a in range(m):
+        shift[a] *= weights.outer
+    for a in range(m):
+        for b in range(m):
+            even[a, b] += weights.mean_shift * shift[a] * shift[b]
+        even[a, a] += noise_variance[a]
+
+
+@njit(cache=True, error_model="numpy")
+def square_root_update(root, cross, even, innovation, correction, work):
+    """Kalman update of a Cholesky factor that cannot lose positive definiteness (compiled).
+
+    Parameters
+    ----------
+    root : ndarray, shape (n, n)
+        Lower Cholesky factor L of the prior covariance; receives that of the posterior.
+    cross, even : ndarray, shapes (n, m) and (m, m)
+        U and S of `innovation_moments`; both are overwritten.
+    innovation : ndarray, shape (m,)
+        Measured less mean predicted measurement; overwritten.
+    correction : ndarray, shape (n,)
+        Receives K times the innovation.
+    work : ndarray, shape (n, n)
+        Scratch.
+
+    Returns
+    -------
+    bool
+        False, with `root` unspoilt, if S or the innovation is not finite.
+
+    Notes
+    -----
+    With V V^T = S and W = U V^-T the posterior is L (I + W W^T)^-1 L^T. From the upper triangular
+    G with G G^T = I + W W^T the lower factor is L G^-T. The gain is
+    K = L (I + W W^T)^-1 W V^-1 = (L G^-T) G^-1 W V^-1.
+    """
+    n, m = cross.shape
+    if not cholesky(even):
+        return False
+    solve_lower(even, innovation)
+    total = 0.0
+    for i in range(n):
+        solve_lower(even, cross[i])
+        for a in range(m):
+            total += cross[i, a] * cross[i, a]
+    for a in range(m):
+        total += innovation[a] * innovation[a]
+    if not total < np.inf:
+        return False
+    work[:, :] = 0.0
+    for i in range(n):
+        work[i, i] = 1.0
+    for a in range(m):
+        for i in range(n):
+            correction[i] = cross[i, a]
+        add_outer_product(work, correction)
+    _multiply_by_inverse_transpose(root, work)
+    # z = G^-1 W V^-1 innovation by back substitution, then K innovation = L+ z.
+    for i in range(n - 1, -1, -1):
+        total = 0.0
+        for a in range(m):
+            total += cross[i, a] * innovation[a]
+        for j in range(i + 1, n):
+            total -= work[i, j] * correction[j]
+        correction[i] = total / work[i, i]
+    for i in range(n - 1, -1, -1):
+        total = 0.0
+        for j in range(i + 1):
+            total += root[i, j] * correction[j]
+        correction[i] = total
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _multiply_by_inverse_transpose(root, upper):
+    """Replace the lower triangular L by L G^-T for an upper triangular G (compiled)."""
+    n = root.shape[0]
+    for column in range(n - 1, -1, -1):
+        # Row i of X solves X G^T = L: X_ic = (L_ic - sum_{k > c} X_ik G_ck) / G_cc.
+        inverse = 1.0 / upper[column, column]
+        for i in range(column, n):
+            total = root[i, column]
+            for k in range(column + 1, i + 1):
+                total -= root[i, k] * upper[column, k]
+            root[i, column] = total * inverse
+
+
+@njit(cache=True, error_model="numpy")
+def information_gain(cross, even):
+    """Mutual information of a state and a measurement, nats (compiled).
+
+    Parameters
+    ----------
+    cross, even : ndarray, shapes (n, m) and (m, m)
+        U and S of `innovation_moments`; `even` is overwritten.
+
+    Returns
+    -------
+    float
+        (1/2) log(det P- / det P+) = (1/2) log det(I + V^-1 U^T U V^-T), free of the determinant of
+        a covariance and so of underflow; NaN if S is not positive definite.
+    """
+    n, m = cross.shape
+    if not cholesky(even):
+        return np.nan
+    scaled = np.empty(m)
+    inner = np.zeros((m, m))
+    for i in range(n):
+        for a in range(m):
+            scaled[a] = cross[i, a]
+        solve_lower(even, scaled)
+        for a in range(m):
+            for b in range(m):
+                inner[a, b] += scaled[a] * scaled[b]
+    for a in range(m):
+        inner[a, a] += 1.0
+    if not cholesky(inner):
+        return np.nan
+    log_root = 0.0
+    for a in range(m):
+        log_root += np.log(inner[a, a])
+    return log_root
