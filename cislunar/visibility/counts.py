@@ -6,7 +6,7 @@ times, never from a table.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,7 +46,7 @@ class VisibilitySettings:
     limiting_magnitude: float = 18.0
     target_radius_m: float = 1.0
     diffuse_reflection_coefficient: float = 1.0
-    angles: ExclusionAngles = ExclusionAngles()
+    angles: ExclusionAngles = field(default_factory=ExclusionAngles)
     propagator: str = "dopri5"
 
     @property

@@ -55,13 +55,6 @@ def _unit(x, y, z):
     return x / norm, y / norm, z / norm
 
 
-@njit(cache=True)
-def _decide_block(first, last, origin, target, from_sun, bodies, cosines, faintness, seen):
-    """Decide the targets [first, last) of a tile again, in double precision."""
-    for i in range(first, last):
-        seen[i] = _visible_exactly(target[i] - origin, from_sun[i], bodies, cosines, faintness)
-
-
 @njit(cache=True, error_model="numpy", fastmath={"contract", "arcp"})
 def _test_block(first, last, origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen):
     """Single-precision test of the targets [first, last); returns how many are undecided."""
@@ -84,9 +77,8 @@ def _test_block(first, last, origin, px, py, pz, ux, uy, uz, bodies, cosines, fa
         cosine = (dx * ux[i] + dy * uy[i] + dz * uz[i]) * inverse
         x = abs(cosine)
         rest = max(one - x, zero)
-        k = _K0 + x * (
-            _K1 + x * (_K2 + x * (_K3 + x * (_K4 + x * (_K5 + x * (_K6 + x * (_K7 + x * _K8))))))
-        )
+        k = _K5 + x * (_K6 + x * (_K7 + x * _K8))
+        k = _K0 + x * (_K1 + x * (_K2 + x * (_K3 + x * (_K4 + x * k))))
         phase = pi * max(cosine, zero) + rest * np.sqrt(rest) * k
         needed = faintness * squared
         near_sun = dx * sx + dy * sy + dz * sz - distance * cs
@@ -101,7 +93,44 @@ def _test_block(first, last, origin, px, py, pz, ux, uy, uz, bodies, cosines, fa
     return undecided
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
+@njit(cache=True)
+def _load_tile(tile, sun, from_sun, single):
+    """Fill a tile: unit vectors from the Sun in double, all coordinates in single precision."""
+    for i in range(tile.shape[0]):
+        u = _unit(tile[i, 0] - sun[0], tile[i, 1] - sun[1], tile[i, 2] - sun[2])
+        for axis in range(3):
+            from_sun[i, axis] = u[axis]
+            single[axis, i] = np.float32(tile[i, axis])
+            single[3 + axis, i] = np.float32(u[axis])
+
+
+@njit(cache=True)
+def _observe_tile(origin, sun, tile, from_sun, single, cosines, faintness, mu, seen):
+    """Which targets of a tile one satellite observes at one time."""
+    bodies = np.empty((3, 3))
+    x, y, z = origin[0], origin[1], origin[2]
+    bodies[0] = _unit(sun[0] - x, sun[1] - y, sun[2] - z)
+    bodies[1] = _unit(1.0 - mu - x, -y, -z)
+    bodies[2] = _unit(-mu - x, -y, -z)
+    single_bodies = bodies.astype(np.float32)
+    single_origin = origin.astype(np.float32)
+    single_cosines = cosines.astype(np.float32)
+    size = tile.shape[0]
+    for first in range(0, size, _BLOCK):
+        last = min(first + _BLOCK, size)
+        undecided = _test_block(
+            first, last, single_origin,
+            single[0], single[1], single[2], single[3], single[4], single[5],
+            single_bodies, single_cosines, np.float32(faintness), seen,
+        )  # fmt: skip
+        if undecided > 0:
+            for i in range(first, last):
+                seen[i] = _visible_exactly(
+                    tile[i] - origin, from_sun[i], bodies, cosines, faintness
+                )
+
+
+@njit(parallel=True, cache=True)
 def count_observations(track, target, sun, cosines, faintness, mu):
     """Count how often each track observes each target.
 
@@ -129,47 +158,58 @@ def count_observations(track, target, sun, cosines, faintness, mu):
     n_targets = target.shape[0]
     counts = np.zeros((n_orbits, n_phases, n_targets), dtype=np.int32)
     for orbit in prange(n_orbits):
-        single_cosines = cosines.astype(np.float32)
-        single_faintness = np.float32(faintness)
-        bodies = np.empty((3, 3))
         from_sun = np.empty((_TILE, 3))
         single = np.empty((6, _TILE), dtype=np.float32)
         seen = np.empty(_TILE, dtype=np.bool_)
         for start in range(0, n_targets, _TILE):
             size = min(_TILE, n_targets - start)
             tile = target[start : start + size]
-            for i in range(size):
-                for axis in range(3):
-                    single[axis, i] = np.float32(tile[i, axis])
             for t in range(n_times):
-                for i in range(size):
-                    u = _unit(
-                        tile[i, 0] - sun[t, 0], tile[i, 1] - sun[t, 1], tile[i, 2] - sun[t, 2]
-                    )
-                    for axis in range(3):
-                        from_sun[i, axis] = u[axis]
-                        single[3 + axis, i] = np.float32(u[axis])
+                _load_tile(tile, sun[t], from_sun, single)
                 for phase in range(n_phases):
-                    origin = track[orbit, phase, t]
-                    x, y, z = origin[0], origin[1], origin[2]
-                    bodies[0] = _unit(sun[t, 0] - x, sun[t, 1] - y, sun[t, 2] - z)
-                    bodies[1] = _unit(1.0 - mu - x, -y, -z)
-                    bodies[2] = _unit(-mu - x, -y, -z)
-                    single_bodies = bodies.astype(np.float32)
-                    single_origin = origin.astype(np.float32)
+                    _observe_tile(
+                        track[orbit, phase, t], sun[t], tile, from_sun, single,
+                        cosines, faintness, mu, seen,
+                    )  # fmt: skip
                     row = counts[orbit, phase, start : start + size]
-                    for first in range(0, size, _BLOCK):
-                        last = min(first + _BLOCK, size)
-                        undecided = _test_block(
-                            first, last, single_origin,
-                            single[0], single[1], single[2], single[3], single[4], single[5],
-                            single_bodies, single_cosines, single_faintness, seen,
-                        )  # fmt: skip
-                        if undecided > 0:
-                            _decide_block(
-                                first, last, origin, tile, from_sun, bodies, cosines, faintness,
-                                seen,
-                            )  # fmt: skip
-                        for i in range(first, last):
-                            row[i] += seen[i]
+                    for i in range(size):
+                        row[i] += seen[i]
     return counts
+
+
+@njit(parallel=True, cache=True)
+def count_observers(track, target, sun, cosines, faintness, mu):
+    """Count how many satellites observe each target at each time.
+
+    Parameters
+    ----------
+    track : ndarray, shape (satellite, time, 3)
+        Observer positions, nondimensional, rotating frame.
+    target, sun, cosines, faintness, mu
+        As for `count_observations`.
+
+    Returns
+    -------
+    ndarray of uint16, shape (time, target)
+        Number of satellites that observe the target.
+    """
+    n_satellites, n_times, _ = track.shape
+    n_targets = target.shape[0]
+    observers = np.zeros((n_times, n_targets), dtype=np.uint16)
+    for t in prange(n_times):
+        from_sun = np.empty((_TILE, 3))
+        single = np.empty((6, _TILE), dtype=np.float32)
+        seen = np.empty(_TILE, dtype=np.bool_)
+        for start in range(0, n_targets, _TILE):
+            size = min(_TILE, n_targets - start)
+            tile = target[start : start + size]
+            _load_tile(tile, sun[t], from_sun, single)
+            row = observers[t, start : start + size]
+            for satellite in range(n_satellites):
+                _observe_tile(
+                    track[satellite, t], sun[t], tile, from_sun, single,
+                    cosines, faintness, mu, seen,
+                )  # fmt: skip
+                for i in range(size):
+                    row[i] += seen[i]
+    return observers

@@ -1,0 +1,145 @@
+"""Hyperopt searches for an architecture: TPE, adaptive TPE and random (Paul & Fan, section 3)."""
+
+import importlib.util
+import logging
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.architecture.cost import CostFunction
+from cislunar.architecture.result import SearchResult
+from cislunar.architecture.search_space import build_space
+from cislunar.architecture.tables import ArchitectureTables
+from cislunar.errors import ConfigurationError
+
+HYPEROPT_METHODS = ("tpe", "atpe", "random")
+
+# Random draws do not depend on earlier results, so they can be drawn many at a time.
+_RANDOM_BATCH = 500
+
+
+def _suggestion(method: str) -> Callable:
+    from hyperopt import rand, tpe
+
+    if method == "tpe":
+        return partial(tpe.suggest, verbose=False)
+    if method == "random":
+        return rand.suggest
+    if importlib.util.find_spec("lightgbm") is None:
+        raise ConfigurationError(
+            "optimizer 'atpe' needs the package lightgbm: pip install lightgbm, or choose 'tpe'"
+        )
+    from hyperopt import atpe
+
+    return atpe.suggest
+
+
+def stopping_evaluation(history: NDArray[np.float64], patience: int) -> int:
+    """Number of evaluations an early stop would have allowed.
+
+    Parameters
+    ----------
+    history : ndarray, shape (evaluation,)
+        J of each evaluation.
+    patience : int
+        Evaluations without improvement after which the search stops.
+
+    Returns
+    -------
+    int
+        At most ``len(history)``.
+    """
+    best = np.maximum.accumulate(history)
+    improved = np.flatnonzero(np.r_[True, best[1:] > best[:-1]])
+    gaps = np.diff(np.r_[improved, len(history)])
+    stalled = np.flatnonzero(gaps > patience)
+    return int(improved[stalled[0]] + patience + 1) if stalled.size else len(history)
+
+
+def hyperopt_search(
+    tables: ArchitectureTables,
+    *,
+    method: str,
+    rng: np.random.Generator,
+    n_slots: int = 10,
+    labels: str = "family_position",
+    max_evaluations: int = 10_000,
+    early_stop: int | None = 500,
+    progress: Callable[[int, int], None] | None = None,
+) -> SearchResult:
+    """Search for the architecture with the largest J.
+
+    Parameters
+    ----------
+    tables : ArchitectureTables
+        Tables of one target set.
+    method : str
+        "tpe", "random", or "atpe" (needs lightgbm).
+    rng : numpy.random.Generator
+        Source of randomness.
+    n_slots : int
+        Number of orbits to choose.
+    labels : str
+        How an orbit is labelled, see `cislunar.architecture.search_space`.
+    max_evaluations : int
+        Evaluations at most (paper: 10 000).
+    early_stop : int or None
+        Stop after so many evaluations without improvement (paper: 500); None = never.
+    progress : callable, optional
+        Called with (evaluations done, `max_evaluations`).
+
+    Returns
+    -------
+    SearchResult
+
+    Raises
+    ------
+    ConfigurationError
+        If the method or the labels are not known, or there are more slots than orbits.
+    """
+    from hyperopt import STATUS_OK, Trials, fmin
+
+    if method not in HYPEROPT_METHODS:
+        raise ConfigurationError(
+            f"optimizer {method!r} is not known: use one of {list(HYPEROPT_METHODS)}"
+        )
+    space, decode = build_space(tables, n_slots=n_slots, labels=labels)
+    cost = CostFunction(tables)
+    tried: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
+    history: list[float] = []
+
+    def loss(sample: dict) -> dict:
+        orbit, satellites = decode(sample)
+        value = cost(orbit, satellites).value
+        tried.append((orbit, satellites))
+        history.append(value)
+        if progress is not None:
+            progress(len(history), max_evaluations)
+        return {"loss": -value, "status": STATUS_OK}
+
+    best = {"value": -np.inf, "evaluation": -1}
+
+    def stalled(trials, *_):
+        # Evaluations come in batches for random search, so the patience is counted in them.
+        for evaluation in range(best["evaluation"] + 1, len(history)):
+            if history[evaluation] > best["value"]:
+                best.update(value=history[evaluation], evaluation=evaluation)
+        return early_stop is not None and len(history) - 1 - best["evaluation"] >= early_stop, []
+
+    logging.getLogger("hyperopt").setLevel(logging.WARNING)
+    fmin(
+        loss,
+        space,
+        algo=_suggestion(method),
+        max_evals=max_evaluations,
+        trials=Trials(),
+        rstate=rng,
+        early_stop_fn=stalled,
+        max_queue_len=_RANDOM_BATCH if method == "random" else 1,
+        show_progressbar=False,
+        verbose=False,
+        return_argmin=False,
+    )
+    return SearchResult.from_trials(cost, tried, history)

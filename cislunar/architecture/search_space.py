@@ -1,0 +1,93 @@
+"""How an architecture is written as labels for a black-box optimiser.
+
+Every slot carries one orbit and one satellite count. The count is an ordered integer; the orbit
+can be written in four ways, and the way decides whether a tree-structured Parzen estimator (TPE)
+can learn at all: it builds one density per label, so a label must put similar orbits next to each
+other. A 302-way categorical label cannot be learned, since its one pseudo-count per category
+swamps the few good trials.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.architecture.tables import ArchitectureTables
+from cislunar.errors import ConfigurationError
+
+Architecture = tuple[NDArray[np.int64], NDArray[np.int64]]
+
+LABELS = ("family_position", "index", "stability_rank", "categorical")
+"""Ways to label an orbit: its family and its position along it; its index along all families;
+its rank by stability index; an unordered category."""
+
+
+def _family_ranges(family: NDArray[np.str_]) -> list[tuple[int, int]]:
+    """First index and number of members of each run of equal families."""
+    starts = np.flatnonzero(np.r_[True, family[1:] != family[:-1]])
+    return list(zip(starts.tolist(), np.diff(np.r_[starts, len(family)]).tolist(), strict=True))
+
+
+def build_space(
+    tables: ArchitectureTables, *, n_slots: int = 10, labels: str = "family_position"
+) -> tuple[dict[str, Any], Callable[[Mapping[str, Any]], Architecture]]:
+    """Hyperopt search space of an architecture, and its decoder.
+
+    Parameters
+    ----------
+    tables : ArchitectureTables
+        Gives the orbits, their families and stability indices, and the largest count.
+    n_slots : int
+        Number of orbits to choose (Paul & Fan: exactly 10).
+    labels : str
+        One of `LABELS`.
+
+    Returns
+    -------
+    space : dict
+        Hyperopt expressions by label.
+    decode : callable
+        Turns a sample of the space into ``(orbit, satellites)``, int64 arrays of shape (slot,).
+
+    Raises
+    ------
+    ConfigurationError
+        If there are more slots than orbits, or the kind of label is not known.
+    """
+    from hyperopt import hp
+
+    if not 1 <= n_slots <= tables.n_orbits:
+        raise ConfigurationError(
+            f"slots = {n_slots} must lie in 1 .. {tables.n_orbits}, the number of orbits"
+        )
+    if labels not in LABELS:
+        raise ConfigurationError(f"labels = {labels!r} is not known: use one of {list(LABELS)}")
+    slots = range(n_slots)
+    space: dict[str, Any] = {
+        f"satellites_{i}": hp.uniformint(f"satellites_{i}", 1, tables.max_satellites) for i in slots
+    }
+    ranges = _family_ranges(tables.family)
+    by_stability = np.argsort(tables.stability_index, kind="stable")
+    for i in slots:
+        if labels == "family_position":
+            space[f"family_{i}"] = hp.randint(f"family_{i}", len(ranges))
+            space[f"position_{i}"] = hp.uniform(f"position_{i}", 0.0, 1.0)
+        elif labels == "categorical":
+            space[f"orbit_{i}"] = hp.randint(f"orbit_{i}", tables.n_orbits)
+        else:
+            space[f"orbit_{i}"] = hp.uniformint(f"orbit_{i}", 0, tables.n_orbits - 1)
+
+    def decode_orbit(sample: Mapping[str, Any], i: int) -> int:
+        if labels == "family_position":
+            start, members = ranges[int(sample[f"family_{i}"])]
+            return start + min(int(sample[f"position_{i}"] * members), members - 1)
+        index = int(sample[f"orbit_{i}"])
+        return int(by_stability[index]) if labels == "stability_rank" else index
+
+    def decode(sample: Mapping[str, Any]) -> Architecture:
+        orbit = np.array([decode_orbit(sample, i) for i in slots], dtype=np.int64)
+        satellites = np.array([int(sample[f"satellites_{i}"]) for i in slots], dtype=np.int64)
+        return orbit, satellites
+
+    return space, decode
