@@ -82,6 +82,42 @@ def grp_from_quaternion(q, a, f):
     return p
 
 
+@njit(cache=True, error_model="numpy")
+def pull_back_to_grp(p, g, a, f):
+    """Turn a gradient over small turns into one over the GRP vector (compiled).
+
+    With ``dq(p + dp) = dq(e) (x) dq(p)``, e a small rotation vector, this is ``(de/dp)^T g``. It
+    closes the chain rule of a light curve whose unknown is the GRP vector of an initial error.
+
+    Parameters
+    ----------
+    p : ndarray, shape (3,)
+        GRP vector.
+    g : ndarray, shape (3,)
+        Derivative of a quantity with respect to e, per rad, in the frame after ``dq(p)``.
+    a, f : float
+        Parameters of the GRP.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Its derivative with respect to p.
+    """
+    r1, r2, r3, r4 = quaternion_from_grp_components(p[0], p[1], p[2], a, f)
+    # e = 2 (q4 drho - dq4 rho + drho x rho), rho = k p, k = (a + q4) / f
+    k = (a + r4) / f
+    along = r1 * g[0] + r2 * g[1] + r3 * g[2]
+    u1 = 2.0 * (r4 * g[0] + r2 * g[2] - r3 * g[1])
+    u2 = 2.0 * (r4 * g[1] + r3 * g[0] - r1 * g[2])
+    u3 = 2.0 * (r4 * g[2] + r1 * g[1] - r2 * g[0])
+    squared = r1 * r1 + r2 * r2 + r3 * r3
+    # dq4/dp = -k rho / (q4 + |rho|^2 / (a + q4)) from |q| = 1
+    scalar = -k / (r4 + squared / (a + r4)) * 2.0 * along * (r4 / (a + r4) - 1.0)
+    out = np.empty(3)
+    out[0], out[1], out[2] = k * u1 + scalar * r1, k * u2 + scalar * r2, k * u3 + scalar * r3
+    return out
+
+
 def scale_for(a: float) -> float:
     """Scale f = 2 (a + 1) that makes a small GRP vector the rotation vector in radians.
 

@@ -103,7 +103,7 @@ def facet_irradiance(
     Returns
     -------
     float
-        Sum of the facets (Paul & Fan, eqs. 12-13); 0 if none is both lit and seen.
+        Sum of the facets (Paul & Fan, section 2.2); 0 if none is both lit and seen.
     """
     q1, q2, q3, q4 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     lx, ly, lz = sun_direction[0], sun_direction[1], sun_direction[2]
@@ -153,7 +153,7 @@ def facet_magnitude(
     irradiance_4pi,
     fresnel_sqrt,
 ):
-    """Apparent magnitude of a faceted object (compiled; Paul & Fan, eq. 10).
+    """Apparent magnitude of a faceted object (compiled; Paul & Fan, section 2.2).
 
     Parameters
     ----------
@@ -307,7 +307,7 @@ def apparent_magnitude(
     *,
     sun_magnitude: float = SUN_APPARENT_MAGNITUDE,
 ) -> Array:
-    """Apparent magnitudes of a faceted object over arrays (Paul & Fan, eqs. 10-13).
+    """Apparent magnitudes of a faceted object over arrays (Paul & Fan, section 2.2).
 
     Parameters
     ----------
