@@ -56,8 +56,12 @@ def _unit(x, y, z):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "arcp"})
-def _test_block(first, last, origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen):
-    """Single-precision test of the targets [first, last); returns how many are undecided."""
+def _test_block(origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen):
+    """Single-precision test of a block of targets; returns how many are undecided.
+
+    The loop starts at zero: with a variable start the compiler allows for negative indices and
+    does not vectorise.
+    """
     zero = np.float32(0.0)
     one = np.float32(1.0)
     pi = np.float32(np.pi)
@@ -67,7 +71,7 @@ def _test_block(first, last, origin, px, py, pz, ux, uy, uz, bodies, cosines, fa
     ex, ey, ez = bodies[2, 0], bodies[2, 1], bodies[2, 2]
     cs, cm, ce = cosines[0], cosines[1], cosines[2]
     undecided = np.int32(0)
-    for i in range(first, last):
+    for i in range(seen.size):
         dx = px[i] - ox
         dy = py[i] - oy
         dz = pz[i] - oz
@@ -118,10 +122,12 @@ def _observe_tile(origin, sun, tile, from_sun, single, cosines, faintness, mu, s
     size = tile.shape[0]
     for first in range(0, size, _BLOCK):
         last = min(first + _BLOCK, size)
+        block = slice(first, last)
         undecided = _test_block(
-            first, last, single_origin,
-            single[0], single[1], single[2], single[3], single[4], single[5],
-            single_bodies, single_cosines, np.float32(faintness), seen,
+            single_origin,
+            single[0, block], single[1, block], single[2, block],
+            single[3, block], single[4, block], single[5, block],
+            single_bodies, single_cosines, np.float32(faintness), seen[block],
         )  # fmt: skip
         if undecided > 0:
             for i in range(first, last):
