@@ -1,0 +1,131 @@
+"""What J does not show: how much of the target set an architecture really watches.
+
+J counts an observation by two satellites twice and forgives a target that is never seen. These
+measures count each target once.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.visibility.counts import VisibilitySettings, satellite_tracks
+from cislunar.visibility.kernel import count_observers
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Union coverage of a static target set.
+
+    Attributes
+    ----------
+    union_coverage : float
+        Share of (target, time) pairs seen by at least one satellite.
+    target_days : float
+        Share of (target, day) pairs in which the target is seen at least once.
+    never_seen : int
+        Targets no satellite ever sees.
+    observers_per_covered : float
+        Mean number of satellites that see a target, over the covered (target, time) pairs.
+    """
+
+    union_coverage: float
+    target_days: float
+    never_seen: int
+    observers_per_covered: float
+
+
+def architecture_tracks(
+    state: ArrayLike,
+    period: ArrayLike,
+    satellites: ArrayLike,
+    times: ArrayLike,
+    *,
+    propagator: str = "dopri5",
+    mu: float = MU,
+) -> NDArray[np.float64]:
+    """Positions of every satellite of an architecture.
+
+    Parameters
+    ----------
+    state : array_like, shape (slot, 6)
+        Epoch states of the chosen orbits, nondimensional, rotating frame.
+    period : array_like, shape (slot,)
+        Their periods, nondimensional.
+    satellites : array_like of int, shape (slot,)
+        Satellites on each orbit, at phases j/n of the period.
+    times : array_like, shape (time,)
+        Nondimensional times since the epoch.
+    propagator : str
+        "dopri5" or "dop853".
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    ndarray, shape (satellite, time, 3)
+        Nondimensional, rotating frame; slot by slot.
+    """
+    tracks = [
+        satellite_tracks([s], [p], np.arange(n) / n, times, propagator=propagator, mu=mu)[0]
+        for s, p, n in zip(
+            np.asarray(state), np.asarray(period), np.asarray(satellites), strict=True
+        )
+    ]
+    return np.concatenate(tracks)
+
+
+def coverage(
+    track: ArrayLike,
+    target: ArrayLike,
+    times: ArrayLike,
+    sun_position: ArrayLike,
+    settings: VisibilitySettings,
+    *,
+    mu: float = MU,
+) -> Coverage:
+    """Measure what a set of satellites sees of a static target set.
+
+    Parameters
+    ----------
+    track : array_like, shape (satellite, time, 3)
+        Positions of the satellites, nondimensional, rotating frame.
+    target : array_like, shape (target, 3)
+        Static targets, nondimensional, rotating frame.
+    times : array_like, shape (time,)
+        Nondimensional times since the epoch.
+    sun_position : array_like, shape (time, 3)
+        Sun at those times, nondimensional, rotating frame.
+    settings : VisibilitySettings
+        Photometry and exclusion.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    Coverage
+    """
+    times = np.asarray(times, dtype=float)
+    observers = count_observers(
+        np.ascontiguousarray(track, dtype=float),
+        np.ascontiguousarray(target, dtype=float),
+        np.ascontiguousarray(sun_position, dtype=float),
+        settings.angles.cosines,
+        settings.faintness,
+        mu,
+    )
+    seen = observers > 0
+    # The last sample falls on the end of the last day and belongs to it.
+    elapsed_days = times * TIME_UNIT_S / SECONDS_PER_DAY
+    n_days = max(1, int(np.ceil(elapsed_days[-1] - 1e-9)))
+    day = np.minimum((elapsed_days + 1e-9).astype(int), n_days - 1)
+    starts = np.flatnonzero(np.r_[True, day[1:] != day[:-1]])
+    daily = np.logical_or.reduceat(seen, starts, axis=0)
+    covered = int(np.count_nonzero(seen))
+    return Coverage(
+        union_coverage=covered / seen.size,
+        target_days=float(daily.mean()),
+        never_seen=int(np.count_nonzero(~seen.any(axis=0))),
+        observers_per_covered=float(observers.sum(dtype=np.int64) / covered) if covered else 0.0,
+    )

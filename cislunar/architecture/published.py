@@ -1,0 +1,151 @@
+"""The architectures of Paul & Fan, table 2: families and counts, members chosen by us.
+
+The paper names the family and the satellite count of each of its ten orbits, not the member of
+the family. The member is chosen here to maximise J, so the value is an upper estimate of what the
+paper's own members give on our tables.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cislunar.architecture.cost import CostFunction
+from cislunar.architecture.result import SearchResult
+from cislunar.architecture.tables import ArchitectureTables
+from cislunar.errors import ConfigurationError
+
+PUBLISHED: dict[str, tuple[tuple[str, int], ...]] = {
+    "A": (
+        ("Halo_L3_N", 2),
+        ("Halo_L3_S", 1),
+        ("Halo_L2_S", 7),
+        ("Halo_L3_N", 1),
+        ("Halo_L3_S", 1),
+        ("Halo_L2_S", 1),
+        ("Halo_L3_S", 2),
+        ("Halo_L2_N", 1),
+        ("Halo_L2_S", 3),
+        ("Halo_L2_S", 1),
+    ),
+    "B": (
+        ("Butterfly_N", 5),
+        ("Halo_L3_S", 2),
+        ("Halo_L1_S", 7),
+        ("Halo_L3_N", 5),
+        ("Halo_L2_S", 3),
+        ("Halo_L2_S", 3),
+        ("Halo_L2_N", 3),
+        ("Butterfly_S", 2),
+        ("Butterfly_S", 2),
+        ("Lyap_L3", 1),
+    ),
+    "C": (
+        ("Halo_L1_N", 5),
+        ("Halo_L2_S", 2),
+        ("Halo_L3_N", 7),
+        ("Halo_L2_N", 1),
+        ("Halo_L2_N", 10),
+        ("Halo_L2_S", 8),
+        ("Lyap_L3", 2),
+        ("Halo_L2_S", 4),
+        ("Halo_L2_S", 1),
+        ("Lyap_L3", 3),
+    ),
+}
+"""Orbit family and number of satellites of each slot, by scenario (Paul & Fan, table 2)."""
+
+PUBLISHED_COST: dict[str, dict[str, tuple[float, int]]] = {
+    "A": {"tpe": (1.5081e-4, 20), "random": (1.2236e-5, 51)},
+    "B": {"tpe": (3.9069e-4, 33), "random": (1.1624e-4, 45)},
+    "C": {"tpe": (3.4424e-3, 43), "random": (6.0012e-4, 46)},
+}
+"""J and total satellites the paper reports for each scenario and optimiser (section 5.1)."""
+
+
+def choose_members(
+    tables: ArchitectureTables,
+    slots: tuple[tuple[str, int], ...],
+    *,
+    rng: np.random.Generator,
+    restarts: int = 20,
+    progress: Callable[[int, int], None] | None = None,
+) -> SearchResult:
+    """Choose the member of each family so that J is largest, counts being given.
+
+    Coordinate search from random members: one slot after another takes its best free member
+    until none improves.
+
+    Parameters
+    ----------
+    tables : ArchitectureTables
+        Tables of one target set.
+    slots : tuple of (str, int)
+        Family and number of satellites of each slot.
+    rng : numpy.random.Generator
+        Source of the starting members.
+    restarts : int
+        Number of random starts.
+    progress : callable, optional
+        Called with (restarts done, restarts).
+
+    Returns
+    -------
+    SearchResult
+
+    Raises
+    ------
+    ConfigurationError
+        If a family has fewer members in the tables than it has slots, or a count is too large.
+    """
+    satellites = np.array([count for _, count in slots], dtype=np.int64)
+    if satellites.max() > tables.max_satellites:
+        raise ConfigurationError(
+            f"a published slot has {satellites.max()} satellites, the tables stop at "
+            f"max_satellites = {tables.max_satellites}"
+        )
+    members = {}
+    for family in {name for name, _ in slots}:
+        members[family] = np.flatnonzero(tables.family == family)
+        wanted = sum(name == family for name, _ in slots)
+        if len(members[family]) < wanted:
+            raise ConfigurationError(
+                f"orbit family {family} has {len(members[family])} members in the library, "
+                f"the published architecture needs {wanted}: raise orbits.members"
+            )
+    cost = CostFunction(tables)
+    tried: list[tuple[np.ndarray, np.ndarray]] = []
+    history: list[float] = []
+
+    def judge(orbit: np.ndarray) -> float:
+        value = cost(orbit, satellites).value
+        tried.append((orbit.copy(), satellites))
+        history.append(value)
+        return value
+
+    for restart in range(restarts):
+        orbit = _random_members(slots, members, rng)
+        best = judge(orbit)
+        improved = True
+        while improved:
+            improved = False
+            for slot, (family, _) in enumerate(slots):
+                for candidate in members[family]:
+                    if candidate in orbit:
+                        continue
+                    trial = orbit.copy()
+                    trial[slot] = candidate
+                    value = judge(trial)
+                    if value > best:
+                        orbit, best, improved = trial, value, True
+        if progress is not None:
+            progress(restart + 1, restarts)
+    return SearchResult.from_trials(cost, tried, history)
+
+
+def _random_members(slots, members, rng) -> np.ndarray:
+    """Distinct random members for all slots."""
+    orbit = np.empty(len(slots), dtype=np.int64)
+    for family, candidates in members.items():
+        where = [i for i, (name, _) in enumerate(slots) if name == family]
+        orbit[where] = rng.choice(candidates, size=len(where), replace=False)
+    return orbit
