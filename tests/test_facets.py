@@ -1,0 +1,405 @@
+"""Cook-Torrance facets against the paper's equations, spheres, quadrature and symmetries."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
+
+from cislunar.attitude.quaternion import from_rotation_vector, multiply, normalize
+from cislunar.constants import SUN_APPARENT_MAGNITUDE
+from cislunar.errors import ConfigurationError
+from cislunar.photometry.facets import (
+    FLOOR_MAGNITUDE,
+    IRRADIANCE_FLOOR,
+    apparent_magnitude,
+    facet_irradiance,
+    facet_magnitude,
+    facet_magnitude_gradient,
+    fresnel_reflectance,
+)
+from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.shapes import Facets, icosahedron, icosphere
+from cislunar.photometry.sphere import sphere_magnitude
+
+IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+DIFFUSE = Material(diffuse_weight=1.0, specular_weight=0.0, diffuse_albedo=0.5)
+INVERSE_SQUARE = PhotometryModel(irradiance="1/r^2")
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def random_geometries(n, seed=0):
+    rng = np.random.default_rng(seed)
+    return (
+        normalize(rng.normal(size=(n, 4))),
+        unit(rng.normal(size=(n, 3))),
+        unit(rng.normal(size=(n, 3))),
+    )
+
+
+def directions(phase_angle):
+    """Sun and observer directions a phase angle apart, off any axis."""
+    turn = Rotation.from_rotvec([0.3, -0.8, 0.5])
+    sun = turn.apply([1.0, 0.0, 0.0])
+    view = turn.apply([math.cos(phase_angle), math.sin(phase_angle), 0.0])
+    return sun, view
+
+
+def paper_irradiance(quaternion, sun, view, r, facets, material, model):
+    """F_t / I, term by term as the paper's section 2.2 prints it."""
+    normals = Rotation.from_quat(quaternion).apply(facets.normals)  # body to inertial
+    half = (sun + view) / np.linalg.norm(sun + view)
+    d, s = material.diffuse_weight, material.specular_weight
+    total = 0.0
+    for area, normal in zip(facets.areas, normals, strict=True):
+        lit, seen, tilt = normal @ sun, normal @ view, normal @ half
+        if lit <= 0 or seen <= 0:
+            continue
+        phi = math.acos(min(1.0, tilt))
+        beckmann = (
+            material.rms_slope**-2
+            * math.cos(phi) ** -4
+            * math.exp(-(math.tan(phi) ** 2) / material.rms_slope**2)
+        )
+        alpha = min(1.0, 2 * tilt * seen / (half @ view), 2 * tilt * lit / (half @ view))
+        q = view @ half
+        b = (1 + math.sqrt(material.normal_reflectance)) / (
+            1 - math.sqrt(material.normal_reflectance)
+        )
+        p = (q**2 - 1) + b**2
+        if model.fresnel == "sqrt":
+            p = math.sqrt(p)
+        fresnel = (
+            (p - q) ** 2 / (2 * (p + q) ** 2) * (1 + ((q * (p + q) - 1) / (q * (p - q) + 1)) ** 2)
+        )
+        rho_s = alpha * beckmann * fresnel / math.pi / (lit * seen)
+        rho_d = material.diffuse_albedo / math.pi
+        total += area * (d * rho_d + s * rho_s) * lit * seen
+    return total / ((4 * math.pi if model.irradiance == "4pi" else 1.0) * r**2)
+
+
+# ---- the paper's equations -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("irradiance", ["4pi", "1/r^2"])
+@pytest.mark.parametrize("fresnel", ["sqrt", "printed"])
+def test_agrees_with_the_equations_as_printed(irradiance, fresnel):
+    model = PhotometryModel(irradiance, fresnel)
+    facets = icosahedron()
+    worst, bright = 0.0, 0
+    for i, (q, sun, view) in enumerate(zip(*random_geometries(1000), strict=True)):
+        material = Material(0.4, 0.6, 0.3, rms_slope=0.1 + 0.1 * (i % 5), normal_reflectance=0.45)
+        flux = facet_irradiance(
+            q,
+            sun,
+            view,
+            3e4,
+            facets.areas,
+            facets.normals,
+            material.as_array(),
+            model.irradiance_4pi,
+            model.fresnel_sqrt,
+        )
+        expected = paper_irradiance(q, sun, view, 3e4, facets, material, model)
+        if expected > 0.0:
+            worst, bright = max(worst, abs(flux / expected - 1.0)), bright + 1
+        else:
+            assert flux == 0.0
+    assert bright > 900
+    assert worst < 1e-12
+
+
+def test_magnitude_is_relative_to_the_sun():
+    """A mirror-like figure: F/I = 1 is the Sun's own magnitude, a factor 100 is 5 mag."""
+    facets = Facets(np.array([np.pi]), np.array([[0.0, 0.0, 1.0]]))
+    material = Material(1.0, 0.0, 1.0)
+    up = np.array([0.0, 0.0, 1.0])
+    magnitudes = apparent_magnitude(IDENTITY, up, up, [1.0, 10.0], facets, material, INVERSE_SQUARE)
+    np.testing.assert_allclose(magnitudes, [SUN_APPARENT_MAGNITUDE, SUN_APPARENT_MAGNITUDE + 5.0])
+    shifted = apparent_magnitude(
+        IDENTITY, up, up, 1.0, facets, material, INVERSE_SQUARE, sun_magnitude=-27.0
+    )
+    assert shifted == pytest.approx(-27.0)
+
+
+def test_4pi_law_is_fainter_by_2_748_mag():
+    geometry = random_geometries(50)
+    literal = apparent_magnitude(*geometry, 1e7, icosahedron())
+    physical = apparent_magnitude(*geometry, 1e7, icosahedron(), model=INVERSE_SQUARE)
+    finite = np.isfinite(literal)
+    assert 30 < finite.sum() < 50
+    np.testing.assert_allclose(literal[finite] - physical[finite], 2.748, atol=5e-4)
+
+
+# ---- Fresnel ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("f0", [0.02, 0.2, 0.5, 0.9])
+def test_fresnel_with_the_root_is_the_physical_reflectance(f0):
+    """Against the s and p amplitudes of a dielectric with refractive index b."""
+    b = (1 + math.sqrt(f0)) / (1 - math.sqrt(f0))
+    assert fresnel_reflectance(1.0, f0, True) == pytest.approx(f0, rel=1e-13)
+    for incidence in np.linspace(0.0, 1.55, 9):
+        inside = math.asin(math.sin(incidence) / b)
+        ci, ct = math.cos(incidence), math.cos(inside)
+        s = (ci - b * ct) / (ci + b * ct)
+        p = (b * ci - ct) / (b * ci + ct)
+        assert fresnel_reflectance(ci, f0, True) == pytest.approx((s * s + p * p) / 2, rel=1e-12)
+
+
+def test_fresnel_as_printed_is_0_889_at_normal_incidence():
+    assert fresnel_reflectance(1.0, 0.5, False) == pytest.approx(8.0 / 9.0, rel=1e-14)
+
+
+def test_fresnel_without_contrast_reflects_nothing():
+    assert fresnel_reflectance(0.7, 0.0, True) == pytest.approx(0.0, abs=1e-30)
+
+
+# ---- limits and symmetries -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("phase_angle_deg", [10.0, 30.0, 90.0, 120.0])
+def test_diffuse_icosphere_tends_to_the_lambert_sphere(phase_angle_deg):
+    """C_d of the sphere is d rho of the facets, and the sphere spreads as 1/r^2."""
+    phase_angle = math.radians(phase_angle_deg)
+    sun, view = directions(phase_angle)
+    closed = sphere_magnitude(
+        1e7, phase_angle, radius_m=2.0, diffuse_reflection_coefficient=1.0 * 0.5
+    )
+    errors = [
+        float(
+            apparent_magnitude(IDENTITY, sun, view, 1e7, icosphere(n, 2.0), DIFFUSE, INVERSE_SQUARE)
+            - closed
+        )
+        for n in (2, 5)
+    ]
+    assert abs(errors[1]) < 1e-3
+    assert abs(errors[1]) < abs(errors[0])
+    literal = apparent_magnitude(IDENTITY, sun, view, 1e7, icosphere(5, 2.0), DIFFUSE)
+    assert literal - closed == pytest.approx(2.5 * math.log10(4 * math.pi), abs=1e-3)
+
+
+def test_diffuse_icosahedron_is_a_sphere_at_full_phase():
+    """Exactly and in any attitude: sum of A N N^T is isotropic for icosahedral symmetry."""
+    q, sun, _ = random_geometries(20)
+    magnitudes = apparent_magnitude(q, sun, sun, 1e7, icosahedron(), DIFFUSE, INVERSE_SQUARE)
+    closed = sphere_magnitude(1e7, 0.0, diffuse_reflection_coefficient=0.5)
+    np.testing.assert_allclose(magnitudes, closed, rtol=1e-14)
+
+
+def test_specular_icosphere_at_full_phase_tends_to_its_integral():
+    material = Material(0.0, 0.7, rms_slope=0.3, normal_reflectance=0.5)
+
+    def ring(theta):
+        c = math.cos(theta)
+        if c < 1e-3:
+            return 0.0
+        beckmann = math.exp(-(math.tan(theta) ** 2) / 0.09) / (0.09 * c**4)
+        return min(1.0, 2 * c * c) * beckmann * math.sin(theta)
+
+    integral = quad(ring, 0.0, math.pi / 2, points=[math.pi / 4], epsabs=1e-12)[0]
+    expected = 0.7 * 0.5 / math.pi * 2 * math.pi * integral / 1e7**2
+    sun, _ = directions(0.0)
+    magnitude = apparent_magnitude(IDENTITY, sun, sun, 1e7, icosphere(5), material, INVERSE_SQUARE)
+    assert magnitude == pytest.approx(SUN_APPARENT_MAGNITUDE - 2.5 * math.log10(expected), abs=2e-3)
+
+
+def test_reciprocity():
+    q, sun, view = random_geometries(200)
+    facets = icosahedron()
+    np.testing.assert_allclose(
+        apparent_magnitude(q, sun, view, 1e7, facets),
+        apparent_magnitude(q, view, sun, 1e7, facets),
+        rtol=1e-14,
+    )
+
+
+def test_turning_everything_changes_nothing():
+    """Body, Sun and observer turned together; and a symmetry of the icosahedron."""
+    q, sun, view = random_geometries(100)
+    turn = Rotation.from_rotvec([0.4, 1.3, -0.7])
+    turned = (Rotation.from_quat(q).inv() * turn.inv()).inv().as_quat()
+    before = apparent_magnitude(q, sun, view, 1e7, icosahedron())
+    after = apparent_magnitude(turned, turn.apply(sun), turn.apply(view), 1e7, icosahedron())
+    np.testing.assert_allclose(after, before, rtol=1e-12)
+    # The icosahedron with vertices at cyclic permutations of (0, +-1, +-golden) is its own
+    # image under a turn by 120 degrees about (1, 1, 1).
+    symmetry = from_rotation_vector(2 * np.pi / 3 * np.ones(3) / math.sqrt(3))
+    folded = np.array([multiply(symmetry, row) for row in q])
+    np.testing.assert_allclose(
+        apparent_magnitude(folded, sun, view, 1e7, icosahedron()), before, rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("sun_z", "view_z"), [(-0.1, 0.5), (0.5, -0.1), (-0.5, -0.5), (0.0, 0.5), (0.5, 0.0)]
+)
+def test_unlit_or_unseen_facets_give_nothing(sun_z, view_z):
+    facet = Facets(np.array([2.0]), np.array([[0.0, 0.0, 1.0]]))
+    sun = np.array([math.sqrt(1 - sun_z**2), 0.0, sun_z])
+    view = np.array([math.sqrt(1 - view_z**2), 0.0, view_z])
+    arguments = (
+        IDENTITY,
+        sun,
+        view,
+        10.0,
+        facet.areas,
+        facet.normals,
+        Material().as_array(),
+        True,
+        True,
+    )
+    assert facet_irradiance(*arguments) == 0.0
+    assert facet_magnitude(*arguments) == FLOOR_MAGNITUDE
+    assert facet_magnitude_gradient(*arguments) == (FLOOR_MAGNITUDE, 0.0, 0.0, 0.0)
+
+
+def test_grazing_facet_is_finite_and_free_of_cancellation():
+    facet = Facets(np.array([2.0]), np.array([[0.0, 0.0, 1.0]]))
+    for graze in (1e-6, 1e-100, 1e-200, 5e-324):
+        sun = np.array([1.0, 0.0, graze])
+        flux = facet_irradiance(
+            IDENTITY,
+            sun,
+            np.array([0.6, 0.0, 0.8]),
+            1.0,
+            facet.areas,
+            facet.normals,
+            Material().as_array(),
+            False,
+            True,
+        )
+        assert 0.0 <= flux < 1e-5
+        if graze == 1e-6:
+            assert flux > 1e-12
+    both = np.array([1.0, 0.0, 1e-200])
+    flux = facet_irradiance(
+        IDENTITY,
+        both,
+        both,
+        1.0,
+        facet.areas,
+        facet.normals,
+        Material().as_array(),
+        False,
+        True,
+    )
+    assert flux == 0.0
+
+
+@pytest.mark.parametrize("phase_angle", [math.pi, math.pi - 1e-9])
+def test_dark_target_is_no_observation_and_no_warning(phase_angle):
+    sun, view = directions(phase_angle)
+    if phase_angle == math.pi:
+        view = -sun
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        magnitude = apparent_magnitude(IDENTITY, sun, view, 1e7, icosahedron())
+    assert magnitude == np.inf
+
+
+def test_filter_floor():
+    """`facet_magnitude` never exceeds the floor, `apparent_magnitude` tells the truth."""
+    assert pytest.approx(-26.74 - 2.5 * math.log10(IRRADIANCE_FLOOR)) == FLOOR_MAGNITUDE
+    facets, sun = icosahedron(), np.array([0.0, 0.6, 0.8])
+    shared = (facets.areas, facets.normals, Material().as_array(), True, True)
+    near = facet_magnitude(IDENTITY, sun, sun, 1e7, *shared)
+    assert near == pytest.approx(float(apparent_magnitude(IDENTITY, sun, sun, 1e7, facets)))
+    far = 1e12
+    assert facet_magnitude(IDENTITY, sun, sun, far, *shared) == FLOOR_MAGNITUDE
+    assert apparent_magnitude(IDENTITY, sun, sun, far, facets) == pytest.approx(near + 25.0)
+
+
+# ---- energy ----------------------------------------------------------------------------------
+
+
+def directional_hemispherical(material, incidence, n=200):
+    """Share of the light on one facet that leaves it: Gauss rule over the view hemisphere."""
+    nodes, weights = np.polynomial.legendre.leggauss(n)
+    cosine = 0.5 * (nodes + 1.0)
+    azimuth = 2 * np.pi * (np.arange(n) + 0.5) / n
+    c, phi = np.meshgrid(cosine, azimuth, indexing="ij")
+    sine = np.sqrt(1 - c**2)
+    view = np.stack([sine * np.cos(phi), sine * np.sin(phi), c], axis=-1)
+    sun = np.array([math.sin(incidence), 0.0, math.cos(incidence)])
+    facet = Facets(np.array([1.0]), np.array([[0.0, 0.0, 1.0]]))
+    magnitude = apparent_magnitude(IDENTITY, sun, view, 1.0, facet, material, INVERSE_SQUARE)
+    flux = 10 ** ((SUN_APPARENT_MAGNITUDE - magnitude) / 2.5)
+    # reflected power over incident power A (N.L)
+    return float((flux * 0.5 * weights[:, None]).sum() * 2 * np.pi / n / math.cos(incidence))
+
+
+@pytest.mark.parametrize("incidence_deg", [0.0, 40.0, 75.0])
+def test_diffuse_facet_returns_its_albedo(incidence_deg):
+    share = directional_hemispherical(Material(0.8, 0.0, 0.6), math.radians(incidence_deg))
+    assert share == pytest.approx(0.8 * 0.6, rel=1e-9)
+
+
+# ---- gradient --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fresnel_sqrt", [True, False])
+def test_gradient_agrees_with_central_differences(fresnel_sqrt):
+    facets = icosahedron()
+    material = Material(0.4, 0.6, 0.3, 0.25, 0.45).as_array()
+    checked = 0
+    for q, sun, view in zip(*random_geometries(300, seed=7), strict=True):
+        shared = (sun, view, 1e6, facets.areas, facets.normals, material, True, fresnel_sqrt)
+        magnitude, *gradient = facet_magnitude_gradient(q, *shared)
+        assert magnitude == pytest.approx(facet_magnitude(q, *shared), rel=1e-14)
+        if magnitude == FLOOR_MAGNITUDE:
+            continue
+        h = 1e-6
+        numerical = [
+            (
+                facet_magnitude(multiply(from_rotation_vector(step), q), *shared)
+                - facet_magnitude(multiply(from_rotation_vector(-step), q), *shared)
+            )
+            / (2 * h)
+            for step in np.eye(3) * h
+        ]
+        scale = 1.0 + np.abs(gradient).max()
+        np.testing.assert_allclose(gradient, numerical, atol=3e-8 * scale)
+        checked += 1
+    assert checked > 250
+
+
+# ---- settings --------------------------------------------------------------------------------
+
+
+def test_broadcasting():
+    q, sun, view = random_geometries(6)
+    magnitudes = apparent_magnitude(
+        q[:, None], sun[0], view[None, :4], np.full((6, 1), 1e6), icosahedron()
+    )
+    assert magnitudes.shape == (6, 4)
+    single = apparent_magnitude(q[3], sun[0], view[2], 1e6, icosahedron())
+    assert single.shape == ()
+    assert magnitudes[3, 2] == single
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("diffuse_weight", -0.1),
+        ("specular_weight", np.nan),
+        ("diffuse_albedo", 1.1),
+        ("rms_slope", 0.0),
+        ("normal_reflectance", 1.0),
+    ],
+)
+def test_impossible_material_is_refused(name, value):
+    with pytest.raises(ConfigurationError, match=name):
+        Material(**{name: value})
+
+
+def test_unknown_reading_is_refused():
+    with pytest.raises(ConfigurationError, match="irradiance = '2pi' must be one of 4pi, 1/r"):
+        PhotometryModel(irradiance="2pi")
+    with pytest.raises(ConfigurationError, match="fresnel"):
+        PhotometryModel(fresnel="schlick")
