@@ -1,15 +1,16 @@
 """k-means clustering of the sampled points into static targets (Paul & Fan, section 3).
 
 The algorithm is scikit-learn's Lloyd iteration, run once (``n_init = 1``) from a seeding of our
-choice. Three things make ten thousand clusters a matter of seconds where the library's defaults
-take minutes:
+choice. What makes ten thousand clusters a matter of seconds, where the library called on all
+points takes minutes, is that missions which share a Jacobi constant repeat each other's points:
+the distinct points are clustered with their multiplicity as weight, which is the same problem in a
+third of the rows.
 
-- Missions that share a Jacobi constant repeat each other's points. The distinct points are
-  clustered with their multiplicity as weight, which is the same problem in fewer rows.
-- The seeding is plain k-means++ (Arthur & Vassilvitskii 2007), one candidate per center, where
-  scikit-learn's own is the greedy variant that tries ``2 + log(k)`` candidates per center and
-  takes the best. `compare_seedings` measures what that costs.
-- The iteration converges in a few tens of rounds from such a seeding; it stops early otherwise.
+The seeding is scikit-learn's own, the greedy variant of k-means++ (Arthur & Vassilvitskii 2007),
+which tries ``2 + log(k)`` candidates for each center and keeps the best. Plain k-means++ (one
+candidate) is faster and ends with a larger inertia; points drawn at random end far above, since
+most points crowd around the Moon and leave the wide regions without a center. `compare_seedings`
+measures all of them.
 
 The result is the same on any number of cores: threads are limited to one, because a parallel sum
 depends on their number in its last digits, and a tie broken the other way moves whole clusters.
@@ -38,6 +39,8 @@ Array = NDArray[np.float64]
 SEEDINGS = ("k-means++", "greedy k-means++", "random")
 """One candidate per center; scikit-learn's ``2 + log(k)`` candidates; points drawn by weight."""
 
+DEFAULT_SEEDING = "greedy k-means++"
+
 MAX_ITERATIONS = 300
 TOLERANCE = 1e-6
 """Squared movement of the centers, relative to the variance of the points, that ends the rounds."""
@@ -52,17 +55,20 @@ class Clusters(NamedTuple):
         Mean of each cluster's points, nondimensional, rotating frame.
     members : ndarray of int, shape (cluster,)
         Points in each cluster, repeated ones counted each time; never zero.
+    label : ndarray of int, shape (point,)
+        Cluster of each point, in the order the points were given.
     inertia : float
         Sum over all points of the squared distance to their center, nondimensional.
     """
 
     center: Array
     members: NDArray[np.int64]
+    label: NDArray[np.int64]
     inertia: float
 
 
 def cluster(
-    position: ArrayLike, n_clusters: int, *, seed: int, seeding: str = "k-means++"
+    position: ArrayLike, n_clusters: int, *, seed: int, seeding: str = DEFAULT_SEEDING
 ) -> Clusters:
     """Cluster points with k-means.
 
@@ -90,7 +96,7 @@ def cluster(
     """
     from threadpoolctl import threadpool_limits
 
-    points, weight = distinct_points(position)
+    points, weight, inverse = distinct_points(position)
     _require_count(n_clusters, len(points))
     rng = np.random.default_rng(seed)
     # Differences of coordinates are what matters; about the mean they lose least to rounding.
@@ -101,10 +107,10 @@ def cluster(
     center = center + origin
     members = np.bincount(label, weights=weight, minlength=n_clusters)
     inertia = float(np.sum(weight * np.sum((points - center[label]) ** 2, axis=1)))
-    return Clusters(center, np.rint(members).astype(np.int64), inertia)
+    return Clusters(center, np.rint(members).astype(np.int64), label[inverse], inertia)
 
 
-def distinct_points(position: ArrayLike) -> tuple[Array, Array]:
+def distinct_points(position: ArrayLike) -> tuple[Array, Array, NDArray[np.int64]]:
     """Distinct points and how often each occurs.
 
     Parameters
@@ -118,6 +124,8 @@ def distinct_points(position: ArrayLike) -> tuple[Array, Array]:
         In lexicographic order.
     weight : ndarray, shape (distinct,)
         Multiplicity, as float.
+    inverse : ndarray of int, shape (point,)
+        Row of `points` that each given point is.
 
     Raises
     ------
@@ -129,8 +137,8 @@ def distinct_points(position: ArrayLike) -> tuple[Array, Array]:
         raise ConfigurationError(
             f"targets: the points to cluster must be a finite array (point, 3), got shape {p.shape}"
         )
-    points, count = np.unique(p, axis=0, return_counts=True)
-    return points, count.astype(float)
+    points, inverse, count = np.unique(p, axis=0, return_inverse=True, return_counts=True)
+    return points, count.astype(float), inverse.reshape(-1)
 
 
 def seed_centers(

@@ -16,7 +16,7 @@ Membership
     along y to infinity: the point belongs to the outside. Where p >= 1, U grows towards y = 0 and
     there towards z = 0: the point hangs together with (x, 0, 0) on the axis, which belongs to the
     Earth, the Moon or the outside according to its place among L3, L1 and L2. Components merge
-    when JC falls below that of L1 (Earth and Moon), L2 (Moon and outside), L3 (Earth and outside).
+    when JC falls below that of L1 (Earth and Moon) and L2 (these and the outside).
 Outer cap
     Below JC(L2) the region is unbounded, and below JC(L4) = 2.988 nothing in the plane is
     forbidden, so points stay within `outer_radius_km` of the Earth-Moon barycenter.
@@ -24,6 +24,7 @@ Centers
     A grid centered on a body samples the component of that body alone (as far as it is part of the
     region), so that the Moon's lobe and the Earth's are each resolved from within; a grid centered
     elsewhere samples the whole region.
+    The default has both bodies: what both can reach is then sampled densely around each.
 Directions
     A grid of longitude and latitude about the center with the same step in both, the poles
     (along z) counted once. It is symmetric about the planes y = 0 and z = 0.
@@ -89,7 +90,7 @@ class SamplingSettings:
         Distance from the barycenter beyond which nothing is sampled, km.
     """
 
-    centers: tuple[str, ...] = ("moon",)
+    centers: tuple[str, ...] = ("moon", "earth")
     region: str = "moon"
     angular_step_deg: float = 15.0
     radial_points: int = 9
