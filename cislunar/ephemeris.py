@@ -51,10 +51,11 @@ _BODIES = {
 # at each date that follows.
 # fmt: off
 _LEAP_STEPS = [
-    "1972-01-01", "1972-07-01", "1973-01-01", "1974-01-01", "1975-01-01", "1976-01-01", "1977-01-01",
-    "1978-01-01", "1979-01-01", "1980-01-01", "1981-07-01", "1982-07-01", "1983-07-01", "1985-07-01",
-    "1988-01-01", "1990-01-01", "1991-01-01", "1992-07-01", "1993-07-01", "1994-07-01", "1996-01-01",
-    "1997-07-01", "1999-01-01", "2006-01-01", "2009-01-01", "2012-07-01", "2015-07-01", "2017-01-01",
+    "1972-01-01", "1972-07-01", "1973-01-01", "1974-01-01", "1975-01-01", "1976-01-01",
+    "1977-01-01", "1978-01-01", "1979-01-01", "1980-01-01", "1981-07-01", "1982-07-01",
+    "1983-07-01", "1985-07-01", "1988-01-01", "1990-01-01", "1991-01-01", "1992-07-01",
+    "1993-07-01", "1994-07-01", "1996-01-01", "1997-07-01", "1999-01-01", "2006-01-01",
+    "2009-01-01", "2012-07-01", "2015-07-01", "2017-01-01",
 ]
 # fmt: on
 _LEAP_JD = (
@@ -255,8 +256,8 @@ def rotating_frame(position: ArrayLike, velocity: ArrayLike) -> Array:
 def interpolate_sun(time: ArrayLike, sample_time: ArrayLike, sun_position: ArrayLike) -> Array:
     """Sun between the samples, linearly.
 
-    With hourly samples the chord lies within 1e-5 of the Sun's distance and 1e-7 rad of its
-    direction from the true arc.
+    With hourly samples the result is within 2e-5 of the Sun's distance and 2e-6 rad (0.4 arcsec)
+    of its direction: the Moon's rate varies by n^2 2e, e = 0.055, within an hour.
 
     Parameters
     ----------
