@@ -340,6 +340,19 @@ def test_diffuse_facet_returns_its_albedo(incidence_deg):
     assert share == pytest.approx(0.8 * 0.6, rel=1e-9)
 
 
+def test_specular_facet_returns_four_times_its_fresnel_share():
+    """A property of the paper's normalization, stated in `Material`: it does not conserve energy.
+
+    For narrow slopes, where no light is masked, microfacets should return F0 of the light.
+    """
+    share = directional_hemispherical(Material(0.0, 1.0, rms_slope=0.1), 0.0, n=400)
+    assert share == pytest.approx(4.0 * 0.5, rel=1e-3)
+    assert directional_hemispherical(Material(), 0.0) == pytest.approx(1.245, abs=1e-3)
+    for incidence in (0.0, 0.7, 1.4):
+        share = directional_hemispherical(Material(specular_weight=0.125), incidence)
+        assert 0.25 < share < 0.5
+
+
 # ---- gradient --------------------------------------------------------------------------------
 
 

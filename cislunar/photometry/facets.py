@@ -114,9 +114,10 @@ def facet_irradiance(
     lx, ly, lz = rotate_components(q1, q2, q3, q4, lx, ly, lz)
     vx, vy, vz = rotate_components(q1, q2, q3, q4, vx, vy, vz)
     diffuse = material[0] * material[2]
-    slope2 = material[3] * material[3]
+    steepness = 1.0 / (material[3] * material[3])
+    far = LARGEST_EXPONENT / steepness  # largest tan^2(phi) with exp(-tan^2(phi)/delta^2) > 0
     fresnel = fresnel_reflectance(0.5 * np.sqrt(half2), material[4], fresnel_sqrt)
-    specular = material[1] * fresnel / slope2
+    specular = material[1] * fresnel * steepness
     inverse_half2 = 1.0 / half2
     total = 0.0
     for i in range(areas.shape[0]):
@@ -129,10 +130,10 @@ def facet_irradiance(
         both = lit + seen
         reflectance = diffuse * lit * seen
         cosine2 = both * both * inverse_half2  # (N.H)^2
-        scaled = cosine2 * slope2
-        if 1.0 - cosine2 < LARGEST_EXPONENT * scaled:
+        if 1.0 - cosine2 < far * cosine2:  # else the glint underflows
+            secant2 = 1.0 / cosine2
             attenuation = min(1.0, 4.0 * both * lower * inverse_half2)
-            beckmann = np.exp((cosine2 - 1.0) / scaled) / (cosine2 * cosine2)
+            beckmann = np.exp((1.0 - secant2) * steepness) * secant2 * secant2
             reflectance += specular * attenuation * beckmann
         total += areas[i] * reflectance
     spread = np.pi * range_m * range_m
@@ -226,9 +227,10 @@ def facet_magnitude_gradient(
     lx, ly, lz = rotate_components(q1, q2, q3, q4, lx, ly, lz)
     vx, vy, vz = rotate_components(q1, q2, q3, q4, vx, vy, vz)
     diffuse = material[0] * material[2]
-    slope2 = material[3] * material[3]
+    steepness = 1.0 / (material[3] * material[3])
+    far = LARGEST_EXPONENT / steepness  # largest tan^2(phi) with exp(-tan^2(phi)/delta^2) > 0
     fresnel = fresnel_reflectance(0.5 * np.sqrt(half2), material[4], fresnel_sqrt)
-    specular = material[1] * fresnel / slope2
+    specular = material[1] * fresnel * steepness
     inverse_half2 = 1.0 / half2
     total = 0.0
     ax, ay, az = 0.0, 0.0, 0.0  # sum of A dR/d(N.L) N
@@ -244,10 +246,10 @@ def facet_magnitude_gradient(
         reflectance = diffuse * lit * seen
         by_lit, by_seen = diffuse * seen, diffuse * lit
         cosine2 = both * both * inverse_half2
-        scaled = cosine2 * slope2
-        if 1.0 - cosine2 < LARGEST_EXPONENT * scaled:
-            glint = specular * np.exp((cosine2 - 1.0) / scaled) / (cosine2 * cosine2)
-            slope = (1.0 / scaled - 2.0) / cosine2 * glint * 2.0 * both * inverse_half2
+        if 1.0 - cosine2 < far * cosine2:
+            secant2 = 1.0 / cosine2
+            glint = specular * np.exp((1.0 - secant2) * steepness) * secant2 * secant2
+            slope = (secant2 * steepness - 2.0) * secant2 * glint * 2.0 * both * inverse_half2
             attenuation = 4.0 * both * lower * inverse_half2
             if attenuation < 1.0:
                 edge = 4.0 * inverse_half2 * glint

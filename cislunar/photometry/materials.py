@@ -23,7 +23,10 @@ class Material:
     diffuse_weight : float
         d, weight of the Lambertian share, >= 0.
     specular_weight : float
-        s, weight of the specular share, >= 0.
+        s, weight of the specular share, >= 0. The paper's specular term, like that of Cook &
+        Torrance (1982), reflects four times the light of a microfacet BRDF normalized to its
+        Fresnel reflectance: the defaults return up to 1.25 of the incident light, and s = 0.125
+        makes them conserve energy.
     diffuse_albedo : float
         rho, in [0, 1].
     rms_slope : float
