@@ -16,83 +16,18 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.architecture.compiled_cost import (
+    architecture_cost,
+    log_envelope,
+    log_sum,
+    partial_sums,
+    table_arrays,
+)
+from cislunar.architecture.cost import CostFactors, CostFunction
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.errors import ConfigurationError
 
-_E = np.e
-_LOG10_E = np.log10(np.e)
 _IMPROVES = 1.0 + 1e-12  # a gain below rounding is no gain, or the search could cycle
-
-
-@njit(cache=True)
-def log_envelope(y):
-    """Least concave function on y >= 0 above log10(y) for y > 0 and above 0 at y = 0.
-
-    The paper replaces a zero argument of the logarithm with one, so a target never seen counts 0;
-    the envelope is the tangent from the origin up to y = e and log10 beyond.
-    """
-    if y < _E:
-        return y * _LOG10_E / _E
-    return np.log10(y)
-
-
-@njit(cache=True)
-def log_sum(base, row, scale):
-    """Sum over targets of log10(base + scale * row), zero arguments replaced with one.
-
-    Products of 32 arguments replace 32 logarithms: with arguments in [2**-31, 2**31] a product
-    stays within the range of float64.
-
-    Parameters
-    ----------
-    base : ndarray, shape (target,)
-        Observations per satellite of the other slots.
-    row : ndarray of unsigned integers, shape (target,)
-        Observations of the candidate.
-    scale : float
-        One over the candidate's satellite count.
-    """
-    n = base.size
-    total = 0.0
-    start = 0
-    while start + 128 <= n:
-        p0 = 1.0
-        p1 = 1.0
-        p2 = 1.0
-        p3 = 1.0
-        for i in range(start, start + 128, 4):
-            a = base[i] + scale * row[i]
-            b = base[i + 1] + scale * row[i + 1]
-            c = base[i + 2] + scale * row[i + 2]
-            d = base[i + 3] + scale * row[i + 3]
-            p0 *= a if a > 0.0 else 1.0
-            p1 *= b if b > 0.0 else 1.0
-            p2 *= c if c > 0.0 else 1.0
-            p3 *= d if d > 0.0 else 1.0
-        total += np.log10(p0) + np.log10(p1) + np.log10(p2) + np.log10(p3)
-        start += 128
-    for i in range(start, n):
-        a = base[i] + scale * row[i]
-        if a > 0.0:
-            total += np.log10(a)
-    return total
-
-
-@njit(cache=True)
-def _others(observations, observed, distance, stability, orbit, satellites, skip):
-    """Sums over every slot but ``skip``: observations per satellite by target, and the scalars."""
-    base = np.zeros(observations.shape[2])
-    scalars = np.zeros(4)  # satellites, stability, observations, distance
-    for k in range(orbit.size):
-        if k == skip:
-            continue
-        i, n = orbit[k], satellites[k]
-        base += observations[i, n - 1] / n
-        scalars[0] += n
-        scalars[1] += n * stability[i]
-        scalars[2] += observed[i, n - 1]
-        scalars[3] += distance[i, n - 1]
-    return base, scalars
 
 
 @njit(cache=True)
@@ -130,7 +65,7 @@ def _best_for_slot(
         Candidates evaluated exactly.
     """
     n_targets = observations.shape[2]
-    base, other = _others(observations, observed, distance, stability, orbit, satellites, slot)
+    base, other = partial_sums(observations, observed, distance, stability, orbit, satellites, slot)
     base_sum = base.sum()
     largest = highest
     for k in range(orbit.size):
@@ -176,15 +111,15 @@ def _best_for_slot(
 
 
 @dataclass(frozen=True)
-class SearchResult:
+class MultiStartResult:
     """Outcome of a multi-start search.
 
     Attributes
     ----------
     orbit, satellites : ndarray of int, shape (slot,)
         Best architecture, ordered by orbit index.
-    cost : float
-        Its J.
+    cost : CostFactors
+        Its J and factors.
     restart_cost : ndarray, shape (restart,)
         J reached by each restart.
     history : tuple of ndarray, shape (improvement, 2)
@@ -194,9 +129,14 @@ class SearchResult:
 
     orbit: NDArray[np.int64]
     satellites: NDArray[np.int64]
-    cost: float
+    cost: CostFactors
     restart_cost: NDArray[np.float64]
     history: tuple[NDArray[np.float64], ...] = field(repr=False)
+
+    @property
+    def n_satellites(self) -> int:
+        """Total number of satellites."""
+        return int(self.satellites.sum())
 
     @property
     def evaluations(self) -> int:
@@ -264,46 +204,35 @@ class _Climb:
         return improved
 
 
-def search_arguments(tables: ArchitectureTables) -> tuple:
-    """Arrays the compiled search needs: observations, their sums, distance, stability, n_steps."""
-    return (
-        tables.observations,
-        tables.observations.sum(axis=2, dtype=np.float64),
-        np.ascontiguousarray(tables.distance, dtype=np.float64),
-        np.ascontiguousarray(tables.stability_index, dtype=np.float64),
-        float(tables.n_steps),
-    )
-
-
-def architecture_cost(arguments: tuple, orbit: NDArray, satellites: NDArray) -> float:
-    """J of one architecture from `search_arguments`; 0 with a duplicate orbit."""
-    if np.unique(orbit).size < len(orbit):
-        return 0.0
-    return float(_exact_cost(*arguments, np.asarray(orbit), np.asarray(satellites)))
-
-
-@njit(cache=True)
-def _exact_cost(observations, observed, distance, stability, n_steps, orbit, satellites):
-    base, total = _others(observations, observed, distance, stability, orbit, satellites, -1)
-    logs = abs(log_sum(base, observations[0, 0], 0.0))
-    return total[2] * logs / (total[0] * total[1] * total[3] * base.size * n_steps)
-
-
-def _check(tables: ArchitectureTables, slots: int, total: int | None) -> None:
-    if not 1 <= slots <= tables.n_orbits:
+def _check(tables: ArchitectureTables, n_slots: int, total: int | None) -> None:
+    if not 1 <= n_slots <= tables.n_orbits:
         raise ConfigurationError(
-            f"slots = {slots}: must lie between 1 and the {tables.n_orbits} orbits of the tables"
+            f"n_slots = {n_slots}: must lie between 1 and {tables.n_orbits}, the orbits of the tables"
         )
-    highest = slots * tables.max_satellites
-    if total is not None and not slots <= total <= highest:
+    highest = n_slots * tables.max_satellites
+    if total is not None and not n_slots <= total <= highest:
         raise ConfigurationError(
-            f"total = {total}: {slots} slots of 1..{tables.max_satellites} satellites hold between "
-            f"{slots} and {highest}"
+            f"total = {total}: {n_slots} slots of 1..{tables.max_satellites} satellites hold "
+            f"between {n_slots} and {highest}"
+        )
+
+
+def _check_start(tables, n_slots: int, total: int | None, orbit: NDArray, satellites: NDArray):
+    counts = np.asarray(satellites)
+    if (
+        np.unique(orbit).size != n_slots
+        or np.shape(orbit) != counts.shape
+        or not 1 <= counts.min() <= counts.max() <= tables.max_satellites
+        or total not in (None, counts.sum())
+    ):
+        raise ConfigurationError(
+            f"start {np.asarray(orbit).tolist()}, {counts.tolist()}: give {n_slots} distinct orbits "
+            f"with 1..{tables.max_satellites} satellites each, in all the prescribed total"
         )
 
 
 def random_start(
-    tables: ArchitectureTables, slots: int, rng: np.random.Generator, total: int | None = None
+    tables: ArchitectureTables, n_slots: int, rng: np.random.Generator, total: int | None = None
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Distinct random orbits with random counts, or counts that add up to ``total``.
 
@@ -311,11 +240,11 @@ def random_start(
     -------
     orbit, satellites : ndarray of int, shape (slot,)
     """
-    orbit = rng.choice(tables.n_orbits, slots, replace=False)
+    orbit = rng.choice(tables.n_orbits, n_slots, replace=False)
     if total is None:
-        return orbit, rng.integers(1, tables.max_satellites + 1, slots)
-    satellites = np.ones(slots, dtype=np.int64)
-    for _ in range(total - slots):
+        return orbit, rng.integers(1, tables.max_satellites + 1, n_slots)
+    satellites = np.ones(n_slots, dtype=np.int64)
+    for _ in range(total - n_slots):
         satellites[rng.choice(np.flatnonzero(satellites < tables.max_satellites))] += 1
     return orbit, satellites
 
@@ -324,12 +253,12 @@ def coordinate_search(
     tables: ArchitectureTables,
     rng: np.random.Generator,
     *,
-    slots: int = 10,
+    n_slots: int = 10,
     restarts: int = 10,
     total: int | None = None,
     starts: Iterable[tuple[NDArray, NDArray]] = (),
     progress: Callable[[int, int], None] | None = None,
-) -> SearchResult:
+) -> MultiStartResult:
     """Best architecture over several coordinate local searches.
 
     Parameters
@@ -337,7 +266,7 @@ def coordinate_search(
     tables : ArchitectureTables
     rng : numpy.random.Generator
         Source of the random starts.
-    slots : int
+    n_slots : int
         Number of distinct orbits (the paper: 10).
     restarts : int
         Number of random starts.
@@ -350,22 +279,24 @@ def coordinate_search(
 
     Returns
     -------
-    SearchResult
+    MultiStartResult
 
     Raises
     ------
     ConfigurationError
-        If ``slots`` or ``total`` is impossible, or there is no start.
+        If ``n_slots`` or ``total`` is impossible, or there is no start.
     """
-    _check(tables, slots, total)
-    arguments = search_arguments(tables)
+    _check(tables, n_slots, total)
+    arguments = table_arrays(tables)
     starts = list(starts)
+    for start in starts:
+        _check_start(tables, n_slots, total, *start)
     n_runs = len(starts) + restarts
     if n_runs < 1:
         raise ConfigurationError("restarts = 0 and no start given: ask for at least one restart")
     best, costs, histories = None, [], []
     for run in range(n_runs):
-        start = starts[run] if run < len(starts) else random_start(tables, slots, rng, total)
+        start = starts[run] if run < len(starts) else random_start(tables, n_slots, rng, total)
         climb = _Climb(arguments, *start)
         climb.free() if total is None else climb.prescribed()
         costs.append(climb.cost)
@@ -375,9 +306,9 @@ def coordinate_search(
         if progress is not None:
             progress(run + 1, n_runs)
     order = np.argsort(best.orbit)
-    return SearchResult(
-        best.orbit[order], best.satellites[order], best.cost, np.array(costs), tuple(histories)
-    )
+    orbit, satellites = best.orbit[order], best.satellites[order]
+    cost = CostFunction(tables)(orbit, satellites)
+    return MultiStartResult(orbit, satellites, cost, np.array(costs), tuple(histories))
 
 
 def satellite_front(
@@ -385,10 +316,10 @@ def satellite_front(
     totals: Iterable[int],
     rng: np.random.Generator,
     *,
-    slots: int = 10,
+    n_slots: int = 10,
     restarts: int = 4,
     progress: Callable[[int, int], None] | None = None,
-) -> list[SearchResult]:
+) -> list[MultiStartResult]:
     """Best J against the prescribed number of satellites.
 
     Each total is searched from random starts and from the best architecture of the total before,
@@ -396,7 +327,7 @@ def satellite_front(
 
     Parameters
     ----------
-    tables, rng, slots, restarts
+    tables, rng, n_slots, restarts
         As in `coordinate_search`.
     totals : iterable of int
         Numbers of satellites.
@@ -405,16 +336,16 @@ def satellite_front(
 
     Returns
     -------
-    list of SearchResult
+    list of MultiStartResult
         One per total, in the order given.
     """
     totals = list(totals)
-    results: list[SearchResult] = []
+    results: list[MultiStartResult] = []
     for done, total in enumerate(totals):
         starts = [_resized(tables, results[-1], total)] if results else []
         results.append(
             coordinate_search(
-                tables, rng, slots=slots, restarts=restarts, total=total, starts=starts
+                tables, rng, n_slots=n_slots, restarts=restarts, total=total, starts=starts
             )
         )
         if progress is not None:
@@ -422,9 +353,9 @@ def satellite_front(
     return results
 
 
-def _resized(tables, result: SearchResult, total: int) -> tuple[NDArray, NDArray]:
+def _resized(tables, result: MultiStartResult, total: int) -> tuple[NDArray, NDArray]:
     """Architecture with satellites added or removed greedily until there are ``total``."""
-    arguments = search_arguments(tables)
+    arguments = table_arrays(tables)
     satellites = result.satellites.copy()
     while satellites.sum() != total:
         step = 1 if satellites.sum() < total else -1
