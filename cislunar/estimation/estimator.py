@@ -1,0 +1,134 @@
+"""The role of an estimator in the tasking loop.
+
+The loop knows the truth, the estimator does not. Between two tasking epochs it is handed the
+measurements that exist and returns its estimates at every step; at an epoch it says what it will
+know at the next measurement time, which is what the tasking step weighs.
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.estimation.measurement import Sensor
+from cislunar.estimation.scene import Scene, TargetSurfaces
+
+Array = NDArray[np.float64]
+
+
+class InitialEstimate(NamedTuple):
+    """What is known of the targets at the epoch.
+
+    Attributes
+    ----------
+    quaternion : ndarray, shape (target, 4)
+        Attitude, inertial to body.
+    angular_velocity : ndarray, shape (target, 3)
+        rad/s, body frame.
+    translation : ndarray, shape (target, 6)
+        Position and velocity, nondimensional, rotating frame.
+    sigma : ndarray, shape (12,)
+        Standard deviations, common to all targets and independent: attitude error (GRP), angular
+        velocity (rad/s), position and velocity (nondimensional).
+    """
+
+    quaternion: Array
+    angular_velocity: Array
+    translation: Array
+    sigma: Array
+
+
+class Prediction(NamedTuple):
+    """Estimates carried to the next measurement time.
+
+    Attributes
+    ----------
+    index : int
+        Index of that time in the scene.
+    translation : ndarray, shape (target, 6)
+        Position and velocity, nondimensional, rotating frame; NaN for a failed target.
+    covariance : ndarray, shape (target, 6, 6)
+        Of the translation.
+    quaternion : ndarray, shape (target, 4), or None
+        Attitude, inertial to body, if the estimator has a Gaussian joint estimate.
+    root : ndarray, shape (target, 12, 12), or None
+        Lower Cholesky factor of the joint covariance of attitude error, angular velocity (rad/s),
+        position and velocity.
+    """
+
+    index: int
+    translation: Array
+    covariance: Array
+    quaternion: Array | None = None
+    root: Array | None = None
+
+
+class Estimates(NamedTuple):
+    """Estimates at the steps of an interval, after the updates.
+
+    Attributes
+    ----------
+    quaternion : ndarray, shape (target, step, 4)
+        Attitude, inertial to body.
+    angular_velocity : ndarray, shape (target, step, 3)
+        rad/s, body frame.
+    translation : ndarray, shape (target, step, 6)
+        Nondimensional, rotating frame.
+    sigma : ndarray, shape (target, step, 12)
+        Standard deviations of attitude error (GRP, rad for small angles), angular velocity
+        (rad/s), position and velocity (nondimensional).
+    used : ndarray of bool, shape (target, step)
+        Whether a measurement was used.
+    """
+
+    quaternion: Array
+    angular_velocity: Array
+    translation: Array
+    sigma: Array
+    used: NDArray[np.bool_]
+
+
+class Estimator(Protocol):
+    """Anything that turns measurements into estimates of all targets."""
+
+    @property
+    def failed(self) -> NDArray[np.uint8]:
+        """Per target, 0 or why its estimate came to an end (`mukf_kernels` lists the reasons)."""
+        ...
+
+    @property
+    def counters(self) -> NDArray[np.int64]:
+        """Counts per target: updates, out of field, dark sigma points, Cholesky failures."""
+        ...
+
+    def predict(self) -> Prediction:
+        """Estimates at the next measurement time; the estimator itself does not move on."""
+        ...
+
+    def advance(self, measurements: Array, observer_of: NDArray[np.int64]) -> Estimates:
+        """Work through the next steps.
+
+        Parameters
+        ----------
+        measurements : ndarray, shape (target, step, 3)
+            Magnitude, right ascension and declination (mag, rad, rad); NaN where there is none.
+        observer_of : ndarray of int, shape (target,)
+            Observer each target is measured by, or -1.
+        """
+        ...
+
+
+class EstimatorFactory(Protocol):
+    """Makes an estimator for one run of the loop."""
+
+    def __call__(
+        self,
+        scene: Scene,
+        surfaces: TargetSurfaces,
+        sensor: Sensor,
+        initial: InitialEstimate,
+        rng: np.random.Generator,
+        mu: float,
+    ) -> Estimator:
+        """The generator is the estimator's own; one that draws nothing ignores it."""
+        ...

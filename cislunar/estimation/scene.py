@@ -1,0 +1,222 @@
+"""What a filter needs to know of the world: observers, Sun, frames, and how targets reflect.
+
+Frames. Positions are in the rotating barycentric frame of the CR3BP. The inertial frame coincides
+with it at the epoch; at time t the rotating frame is turned by the angle t (nondimensional) about
+z. Target attitudes are relative to the inertial frame, and right ascension and declination are
+measured in the observer's body frame.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.attitude.quaternion import attitude_matrix
+from cislunar.attitude.rigid_body import propagate_spherical
+from cislunar.constants import TIME_UNIT_S
+from cislunar.errors import ConfigurationError
+from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.shapes import Facets
+
+Array = NDArray[np.float64]
+
+OBSERVER_RATE_DEG_H = (0.0, 0.0, 1.0)
+"""Angular velocity of the observers' bodies, deg/h (Paul & Fan, table 3)."""
+
+
+class Scene(NamedTuple):
+    """Observers and Sun on the grid of measurement times.
+
+    Attributes
+    ----------
+    step_s : float
+        Time between measurements, s.
+    step : float
+        The same, nondimensional.
+    observer_position : ndarray, shape (observer, time, 3)
+        Nondimensional, rotating frame; index 0 of `time` is the epoch.
+    sun_position : ndarray, shape (time, 3)
+        Nondimensional, rotating frame.
+    frame_axes : ndarray, shape (time, 3, 3)
+        Rotation from the rotating to the inertial frame.
+    observer_axes : ndarray, shape (time, 3, 3)
+        Rotation from the rotating frame to the body frame of the observers.
+    """
+
+    step_s: float
+    step: float
+    observer_position: Array
+    sun_position: Array
+    frame_axes: Array
+    observer_axes: Array
+
+
+class TargetSurfaces(NamedTuple):
+    """Shapes and materials of the targets, in the layout of the compiled kernels.
+
+    Attributes
+    ----------
+    areas : ndarray, shape (facet,)
+        Facet areas of all targets one after the other, m^2.
+    normals : ndarray, shape (facet, 3)
+        Outward unit normals, body frame.
+    first : ndarray of int, shape (target + 1,)
+        Target j owns the facets ``first[j] : first[j + 1]``.
+    material : ndarray, shape (target, 5)
+        Rows of `cislunar.photometry.materials.Material.as_array`.
+    irradiance_4pi, fresnel_sqrt : bool
+        Readings of the reflection model, see `PhotometryModel`.
+    """
+
+    areas: Array
+    normals: Array
+    first: NDArray[np.int64]
+    material: Array
+    irradiance_4pi: bool
+    fresnel_sqrt: bool
+
+
+def make_scene(
+    observer_position: ArrayLike,
+    sun_position: ArrayLike,
+    step_s: float,
+    *,
+    observer_rate_deg_h: ArrayLike = OBSERVER_RATE_DEG_H,
+    time_unit_s: float = TIME_UNIT_S,
+) -> Scene:
+    """Assemble a scene from positions on the grid of measurement times.
+
+    Parameters
+    ----------
+    observer_position : array_like, shape (observer, time, 3)
+        Nondimensional, rotating frame.
+    sun_position : array_like, shape (time, 3)
+        Nondimensional, rotating frame, at the same times.
+    step_s : float
+        Time between measurements, s.
+    observer_rate_deg_h : array_like, shape (3,)
+        Constant angular velocity of the observers' bodies, body frame, deg/h. At the epoch they
+        are aligned with the inertial frame.
+    time_unit_s : float
+        Nondimensional unit of time, s.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    ConfigurationError
+        If there are no observers, the shapes disagree or the step is not positive.
+    """
+    observers = np.ascontiguousarray(observer_position, dtype=float)
+    sun = np.ascontiguousarray(sun_position, dtype=float)
+    if observers.ndim != 3 or observers.shape[0] == 0:
+        raise ConfigurationError(
+            f"observers: positions of shape {observers.shape} given; at least one observer and "
+            "the shape (observer, time, 3) are needed"
+        )
+    if sun.shape != observers.shape[1:]:
+        raise ConfigurationError(
+            f"sun_position has shape {sun.shape}, the observers call for {observers.shape[1:]}"
+        )
+    if not step_s > 0.0:
+        raise ConfigurationError(f"step_s = {step_s} must be positive")
+    elapsed_s = step_s * np.arange(sun.shape[0])
+    angle = elapsed_s / time_unit_s
+    to_inertial = np.zeros((angle.size, 3, 3))
+    to_inertial[:, 0, 0] = to_inertial[:, 1, 1] = np.cos(angle)
+    to_inertial[:, 1, 0] = np.sin(angle)
+    to_inertial[:, 0, 1] = -np.sin(angle)
+    to_inertial[:, 2, 2] = 1.0
+    rate = np.deg2rad(np.asarray(observer_rate_deg_h, dtype=float)) / 3600.0
+    to_body = attitude_matrix(constant_rate_attitude([0.0, 0.0, 0.0, 1.0], rate, elapsed_s))
+    return Scene(
+        float(step_s),
+        float(step_s / time_unit_s),
+        observers,
+        sun,
+        to_inertial,
+        np.ascontiguousarray(to_body @ to_inertial),
+    )
+
+
+@njit(cache=True)
+def _attitude_history(quaternion, rate, elapsed_s, out):
+    for k in range(elapsed_s.size):
+        out[k] = propagate_spherical(quaternion, rate, elapsed_s[k])
+
+
+def constant_rate_attitude(quaternion: ArrayLike, rate: ArrayLike, elapsed_s: ArrayLike) -> Array:
+    """Attitudes of a torque-free body of spherical inertia at many times (closed form).
+
+    Parameters
+    ----------
+    quaternion : array_like, shape (4,)
+        Attitude at the epoch, inertial to body.
+    rate : array_like, shape (3,)
+        Angular velocity, body frame, rad/s.
+    elapsed_s : array_like, shape (time,)
+        Times since the epoch, s.
+
+    Returns
+    -------
+    ndarray, shape (time, 4)
+        Unit quaternions.
+    """
+    times = np.asarray(elapsed_s, dtype=float)
+    out = np.empty((times.size, 4))
+    _attitude_history(
+        np.asarray(quaternion, dtype=float), np.asarray(rate, dtype=float), times, out
+    )
+    return out
+
+
+def target_surfaces(
+    facets: Facets | Sequence[Facets],
+    material: Material | Sequence[Material],
+    n_targets: int,
+    model: PhotometryModel | None = None,
+) -> TargetSurfaces:
+    """Lay out shapes and materials for the compiled kernels.
+
+    Parameters
+    ----------
+    facets : Facets or sequence of Facets
+        One shape for all targets, or one for each.
+    material : Material or sequence of Material
+        One surface for all targets, or one for each.
+    n_targets : int
+        Number of targets.
+    model : PhotometryModel, optional
+        Reading of the reflection model; the default one if omitted.
+
+    Returns
+    -------
+    TargetSurfaces
+
+    Raises
+    ------
+    ConfigurationError
+        If a sequence does not hold one entry for each target.
+    """
+    shapes = [facets] * n_targets if isinstance(facets, Facets) else list(facets)
+    surfaces = [material] * n_targets if isinstance(material, Material) else list(material)
+    for key, entries in (("facets", shapes), ("material", surfaces)):
+        if len(entries) != n_targets:
+            raise ConfigurationError(
+                f"{key}: {len(entries)} entries given for {n_targets} targets; give one for all, "
+                "or one for each"
+            )
+    model = PhotometryModel() if model is None else model
+    counts = [shape.areas.size for shape in shapes]
+    return TargetSurfaces(
+        np.concatenate([np.asarray(shape.areas, dtype=float) for shape in shapes]),
+        np.ascontiguousarray(np.concatenate([shape.normals for shape in shapes]), dtype=float),
+        np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        np.array([surface.as_array() for surface in surfaces]),
+        model.irradiance_4pi,
+        model.fresnel_sqrt,
+    )

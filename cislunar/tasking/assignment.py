@@ -1,0 +1,208 @@
+"""One-to-one assignment of observers to targets that maximises the information (section 4).
+
+The information of a tasking is the sum over its pairs, which makes the best tasking a linear
+assignment problem, solved exactly in microseconds. The paper searches instead with Hyperopt's
+tree-structured Parzen estimator over one continuous weight per target: the targets with the K
+largest weights go to the observers in that order. Both are here, with two plain baselines.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import linear_sum_assignment
+
+from cislunar.errors import ConfigurationError
+
+Array = NDArray[np.float64]
+
+IDLE = -1
+"""Entry of an observer without a target."""
+
+MAX_EVALUATIONS = 5000
+"""Largest number of taskings a search tries at an epoch (Paul & Fan, table 3)."""
+
+EARLY_STOP = 700
+"""Number of taskings without progress after which a search ends (Paul & Fan, table 3)."""
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """A tasking.
+
+    Attributes
+    ----------
+    target : ndarray of int, shape (observer,)
+        Target each observer looks at, or `IDLE`.
+    information : float
+        Sum of the information of the pairs, nats.
+    history : ndarray, shape (evaluation,)
+        Best information after each evaluation; one entry for the methods that do not search.
+    """
+
+    target: NDArray[np.int64]
+    information: float
+    history: Array
+
+
+def _exact(information: Array) -> NDArray[np.int64]:
+    """Best assignment, by SciPy's shortest augmenting paths."""
+    rows, columns = linear_sum_assignment(information, maximize=True)
+    target = np.full(information.shape[0], IDLE, dtype=np.int64)
+    target[rows] = columns
+    return target
+
+
+def _greedy(information: Array) -> NDArray[np.int64]:
+    """Take the best remaining pair until no pair is left."""
+    target = np.full(information.shape[0], IDLE, dtype=np.int64)
+    taken = np.zeros(information.shape[1], dtype=bool)
+    # A stable sort settles ties by observer, then target, on every platform.
+    for flat in np.argsort(-information, axis=None, kind="stable"):
+        observer, column = divmod(int(flat), information.shape[1])
+        if target[observer] == IDLE and not taken[column]:
+            target[observer] = column
+            taken[column] = True
+    return target
+
+
+def _top(weights: Array, n_observers: int) -> NDArray[np.int64]:
+    """Targets of the largest weights, in order, for as many observers as there are targets."""
+    target = np.full(n_observers, IDLE, dtype=np.int64)
+    ranked = np.argsort(-weights, kind="stable")[:n_observers]
+    target[: ranked.size] = ranked
+    return target
+
+
+def total_information(information: ArrayLike, target: ArrayLike) -> float:
+    """Information of a tasking, nats.
+
+    Parameters
+    ----------
+    information : array_like, shape (observer, target)
+        Of every pair.
+    target : array_like of int, shape (observer,)
+        Target of each observer, or `IDLE`.
+
+    Returns
+    -------
+    float
+    """
+    matrix, chosen = np.asarray(information, dtype=float), np.asarray(target)
+    observers = np.flatnonzero(chosen != IDLE)
+    return float(matrix[observers, chosen[observers]].sum())
+
+
+def _random(
+    information: Array, rng: np.random.Generator, max_evaluations: int, early_stop: int
+) -> tuple[NDArray[np.int64], Array]:
+    """Best of many random taskings."""
+    n_observers, n_targets = information.shape
+    best, best_value, last_progress, history = None, -np.inf, 0, []
+    for evaluation in range(max_evaluations):
+        target = _top(rng.random(n_targets), n_observers)
+        value = total_information(information, target)
+        if value > best_value:
+            best, best_value, last_progress = target, value, evaluation
+        history.append(best_value)
+        if evaluation - last_progress >= early_stop:
+            break
+    return best, np.array(history)
+
+
+def _tpe(
+    information: Array, rng: np.random.Generator, max_evaluations: int, early_stop: int
+) -> tuple[NDArray[np.int64], Array]:
+    """The paper's search: Hyperopt's TPE over a weight in [0, 1] per target."""
+    # Hyperopt takes a second to import and only this method needs it.
+    from hyperopt import Trials, fmin, hp, tpe
+    from hyperopt.early_stop import no_progress_loss
+
+    n_observers, n_targets = information.shape
+
+    def loss(weights: tuple[float, ...]) -> float:
+        return -total_information(information, _top(np.array(weights), n_observers))
+
+    labels = [f"w{j:04d}" for j in range(n_targets)]
+    trials = Trials()
+    fmin(
+        loss,
+        [hp.uniform(label, 0.0, 1.0) for label in labels],
+        algo=tpe.suggest,
+        max_evals=max_evaluations,
+        trials=trials,
+        rstate=np.random.default_rng(rng.integers(2**32)),
+        early_stop_fn=no_progress_loss(early_stop),
+        show_progressbar=False,
+        verbose=False,
+    )
+    losses = np.array(trials.losses(), dtype=float)
+    values = trials.vals
+    best = int(np.argmin(losses))
+    weights = np.array([values[label][best] for label in labels])
+    return _top(weights, n_observers), np.maximum.accumulate(-losses)
+
+
+_DIRECT: dict[str, Callable] = {"exact": _exact, "greedy": _greedy}
+_SEARCHES: dict[str, Callable] = {"tpe": _tpe, "random": _random}
+METHODS = ("exact", "tpe", "greedy", "random")
+
+
+def assign(
+    information: ArrayLike,
+    method: str = "exact",
+    *,
+    rng: np.random.Generator | None = None,
+    max_evaluations: int = MAX_EVALUATIONS,
+    early_stop: int = EARLY_STOP,
+) -> Assignment:
+    """Assign observers to targets, one to one.
+
+    Where there are more observers than targets, those left over are idle, and so is an observer
+    whose target would bring no information.
+
+    Parameters
+    ----------
+    information : array_like, shape (observer, target)
+        Information of every pair, not negative.
+    method : {"exact", "tpe", "greedy", "random"}
+        `exact` is optimal. `tpe` is the paper's; `random` tries random taskings; both keep the
+        best one.
+    rng : numpy.random.Generator, optional
+        Needed by `tpe` and `random`.
+    max_evaluations : int
+        Taskings that `tpe` and `random` try at most; 1 makes `random` a single random tasking.
+    early_stop : int
+        Taskings without progress after which they end.
+
+    Returns
+    -------
+    Assignment
+
+    Raises
+    ------
+    ConfigurationError
+        If the method is unknown, its generator is missing, a budget is below one, or the
+        information is not a matrix of finite numbers.
+    """
+    matrix = np.asarray(information, dtype=float)
+    if matrix.ndim != 2 or not np.all(np.isfinite(matrix)):
+        raise ConfigurationError(
+            f"information of shape {matrix.shape} must be a matrix of finite numbers"
+        )
+    if method not in METHODS:
+        raise ConfigurationError(f"method = {method!r} is unknown: use one of {list(METHODS)}")
+    if method in _DIRECT:
+        target, history = _DIRECT[method](matrix), None
+    else:
+        for key, value in (("max_evaluations", max_evaluations), ("early_stop", early_stop)):
+            if value < 1:
+                raise ConfigurationError(f"{key} = {value} must be at least 1")
+        if rng is None:
+            raise ConfigurationError(f"method = {method!r} needs a random generator: give rng")
+        target, history = _SEARCHES[method](matrix, rng, max_evaluations, early_stop)
+    pairs = np.flatnonzero(target != IDLE)
+    target[pairs[matrix[pairs, target[pairs]] <= 0.0]] = IDLE
+    value = total_information(matrix, target)
+    return Assignment(target, value, np.array([value]) if history is None else history)

@@ -1,0 +1,397 @@
+"""Tasking and estimation in a closed loop (Paul & Fan, sections 4 and 5.2).
+
+At every tasking epoch the estimates are carried to the next measurement time, the information of
+all pairs is computed and observers are assigned; until the next epoch the assigned targets are
+measured at every step. One call runs many seeds of one cell.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import MU
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.estimator import Estimator, EstimatorFactory, InitialEstimate
+from cislunar.estimation.measurement import DETECTED, Sensor, measure
+from cislunar.estimation.metrics import TrackingMetrics, evaluate
+from cislunar.estimation.mukf import INITIAL_SPREAD, Spread, mukf
+from cislunar.estimation.scene import Scene, TargetSurfaces
+from cislunar.tasking.assignment import EARLY_STOP, IDLE, MAX_EVALUATIONS, METHODS, assign
+from cislunar.tasking.information import TaskingModel, pair_information
+from cislunar.tasking.simulation import (
+    ESTIMATOR,
+    TASKING,
+    Truth,
+    draw_truth,
+    estimation_errors,
+    initial_estimate,
+    stream,
+)
+
+Array = NDArray[np.float64]
+
+USED = DETECTED + 1
+"""Fate of a measurement that was used, beyond those of `cislunar.estimation.measurement`."""
+
+FATE_NAMES = ("not_tasked", "faint", "excluded", "occulted", "rejected", "used")
+"""Names of the fates; "rejected" was out of the field of view, or the estimate had failed."""
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """Settings of a closed-loop run; the defaults are the paper's where it gives any.
+
+    Attributes
+    ----------
+    step_s : float
+        Time between measurements, s.
+    interval_minutes : float
+        Time between tasking epochs.
+    duration_hours : float
+        Length of a run.
+    method : str
+        Of the assignment, see `cislunar.tasking.assignment.assign`.
+    max_evaluations, early_stop : int
+        Budget of the methods that search.
+    sensor : Sensor
+        Noise and limits of the observers.
+    tasking : TaskingModel
+        What the tasking step believes.
+    initial : Spread
+        Uncertainty of the targets at the epoch.
+    record_every : int
+        Steps between the times at which errors and deviations are kept; metrics use every step.
+    keep_information : bool
+        Keep the information of all pairs at every epoch.
+
+    Raises
+    ------
+    ConfigurationError
+        If a setting is impossible; the message names it.
+    """
+
+    step_s: float = 60.0
+    interval_minutes: float = 60.0
+    duration_hours: float = 24.0
+    method: str = "exact"
+    max_evaluations: int = MAX_EVALUATIONS
+    early_stop: int = EARLY_STOP
+    sensor: Sensor = field(default_factory=Sensor)
+    tasking: TaskingModel = field(default_factory=TaskingModel)
+    initial: Spread = INITIAL_SPREAD
+    record_every: int = 1
+    keep_information: bool = False
+
+    def __post_init__(self) -> None:
+        for key in ("step_s", "interval_minutes", "duration_hours"):
+            value = getattr(self, key)
+            if not (value > 0.0 and np.isfinite(value)):
+                raise ConfigurationError(f"{key} = {value} must be positive and finite")
+        for key, seconds in (
+            ("interval_minutes", 60.0 * self.interval_minutes),
+            ("duration_hours", 3600.0 * self.duration_hours),
+        ):
+            if abs(seconds / self.step_s - round(seconds / self.step_s)) > 1e-9:
+                raise ConfigurationError(
+                    f"{key} = {getattr(self, key)} must be a multiple of step_s = {self.step_s} s"
+                )
+        if self.method not in METHODS:
+            raise ConfigurationError(f"method = {self.method!r} is unknown: use one of {METHODS}")
+        for key in ("max_evaluations", "early_stop", "record_every"):
+            if getattr(self, key) < 1:
+                raise ConfigurationError(f"{key} = {getattr(self, key)} must be at least 1")
+        if not np.all(self.initial.components() > 0.0):
+            raise ConfigurationError(f"initial = {self.initial} must be positive throughout")
+
+    @property
+    def n_steps(self) -> int:
+        """Measurement times of a run, the epoch not counted."""
+        return round(3600.0 * self.duration_hours / self.step_s)
+
+    @property
+    def steps_per_interval(self) -> int:
+        """Measurement times between tasking epochs."""
+        return round(60.0 * self.interval_minutes / self.step_s)
+
+    @property
+    def epochs(self) -> NDArray[np.int64]:
+        """Step indices of the tasking epochs; 0 is the start of the run."""
+        return np.arange(0, self.n_steps, self.steps_per_interval)
+
+    @property
+    def elapsed_s(self) -> Array:
+        """Times of all steps since the start, the epoch included, s, shape (n_steps + 1,)."""
+        return self.step_s * np.arange(self.n_steps + 1)
+
+    @property
+    def recorded(self) -> NDArray[np.int64]:
+        """Indices, among the measurement times, of those at which errors are kept."""
+        # Counted from the end, so that the final state is always among them.
+        return np.arange(self.n_steps - 1, -1, -self.record_every)[::-1]
+
+
+@dataclass(frozen=True)
+class LoopResult:
+    """What became of all seeds of a cell. Targets are numbered within the monitored set.
+
+    Attributes
+    ----------
+    assignment : ndarray of int16, shape (seed, epoch, observer)
+        Target of each observer, or -1.
+    information : ndarray, shape (seed, epoch)
+        Information of the tasking, nats.
+    evaluations : ndarray of int, shape (seed, epoch)
+        Taskings tried.
+    elapsed_s : ndarray, shape (time,)
+        Times of `error` and `sigma` since the start, s.
+    error, sigma : ndarray of float32, shape (seed, time, target, 12)
+        Truth less estimate, and standard deviation: attitude error (GRP), angular velocity
+        (rad/s), position and velocity (nondimensional). NaN after the end of a failed estimate.
+    fate : ndarray of uint8, shape (seed, step, target)
+        Index into `FATE_NAMES`, at every step.
+    metrics : TrackingMetrics
+        Arrays with a leading axis over seeds.
+    failed : ndarray of uint8, shape (seed, target)
+        0, or why an estimate came to an end.
+    counters : ndarray of int, shape (seed, target, 4)
+        Updates, measurements out of the field of view, dark sigma points, failed Cholesky
+        factorisations.
+    pair_information : ndarray, shape (seed, epoch, observer, target), or None
+        Information of all pairs, if it was to be kept.
+    """
+
+    assignment: NDArray[np.int16]
+    information: Array
+    evaluations: NDArray[np.int64]
+    elapsed_s: Array
+    error: NDArray[np.float32]
+    sigma: NDArray[np.float32]
+    fate: NDArray[np.uint8]
+    metrics: TrackingMetrics
+    failed: NDArray[np.uint8]
+    counters: NDArray[np.int64]
+    pair_information: Array | None
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Whether a measurement was used, shape (seed, step, target)."""
+        return self.fate == USED
+
+    @property
+    def final_attitude_error_deg(self) -> Array:
+        """Root mean square attitude error over the final hours, shape (seed, target)."""
+        return self.metrics.final_attitude_error_deg
+
+
+def observers_of(target: NDArray[np.int64], n_targets: int) -> NDArray[np.int64]:
+    """Observer of each target, or -1, from the target of each observer.
+
+    Parameters
+    ----------
+    target : ndarray of int, shape (observer,)
+        Target of each observer, or `IDLE`.
+    n_targets : int
+        Number of targets.
+
+    Returns
+    -------
+    ndarray of int, shape (target,)
+    """
+    observer_of = np.full(n_targets, -1, dtype=np.int64)
+    busy = np.flatnonzero(target != IDLE)
+    observer_of[target[busy]] = busy
+    return observer_of
+
+
+class _Run:
+    """One seed of a cell: estimator, truth, and the records of its epochs."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        surfaces: TargetSurfaces,
+        settings: LoopSettings,
+        estimator: Estimator,
+        truth: Truth,
+        seed: int,
+        mu: float,
+    ) -> None:
+        self.scene, self.surfaces, self.settings = scene, surfaces, settings
+        self.estimator, self.truth, self.seed, self.mu = estimator, truth, seed, mu
+        n_targets, n_steps = truth.translation.shape[0], settings.n_steps
+        n_observers, n_epochs = scene.observer_position.shape[0], settings.epochs.size
+        self.error = np.empty((n_targets, n_steps, 12))
+        self.sigma = np.empty((n_targets, n_steps, 12))
+        self.fate = np.empty((n_targets, n_steps), dtype=np.uint8)
+        self.assignment = np.empty((n_epochs, n_observers), dtype=np.int16)
+        self.information = np.empty(n_epochs)
+        self.evaluations = np.empty(n_epochs, dtype=np.int64)
+        self.pairs: list[Array] = []
+
+    def epoch(self, number: int) -> None:
+        """Assign the observers and work through the interval that follows."""
+        settings, start = self.settings, int(self.settings.epochs[number])
+        stop = min(start + settings.steps_per_interval, settings.n_steps)
+        pairs = pair_information(
+            self.estimator.predict(),
+            self.scene,
+            self.surfaces,
+            settings.sensor,
+            settings.tasking,
+            self.mu,
+        )
+        tasking = assign(
+            pairs,
+            settings.method,
+            rng=stream(TASKING, self.seed, number),
+            max_evaluations=settings.max_evaluations,
+            early_stop=settings.early_stop,
+        )
+        self.assignment[number] = tasking.target
+        self.information[number] = tasking.information
+        self.evaluations[number] = tasking.history.size
+        if settings.keep_information:
+            self.pairs.append(pairs)
+        observer_of = observers_of(tasking.target, self.fate.shape[0])
+        first = start + 1  # index 0 of the scene is the start of the run, without a measurement
+        measurements, fate = measure(
+            first,
+            stop - start,
+            self.scene,
+            self.surfaces,
+            settings.sensor,
+            observer_of,
+            self.truth.translation,
+            self.truth.quaternion,
+            self.truth.noise,
+            self.mu,
+        )
+        estimates = self.estimator.advance(measurements, observer_of)
+        fate[estimates.used] = USED
+        window = slice(start, stop)
+        self.fate[:, window] = fate
+        self.error[:, window] = estimation_errors(first, self.truth, estimates)
+        self.sigma[:, window] = estimates.sigma
+
+
+def run_closed_loop(
+    scene: Scene,
+    surfaces: TargetSurfaces,
+    epoch_state: ArrayLike,
+    target_ids: ArrayLike,
+    seeds: Sequence[int],
+    settings: LoopSettings | None = None,
+    *,
+    estimator: EstimatorFactory | None = None,
+    initial: InitialEstimate | None = None,
+    mu: float = MU,
+    progress: Callable[[int, int], None] | None = None,
+) -> LoopResult:
+    """Run all seeds of one cell.
+
+    Parameters
+    ----------
+    scene : Scene
+        Observers and Sun on the grid ``settings.elapsed_s``.
+    surfaces : TargetSurfaces
+        Shapes and materials of the monitored targets.
+    epoch_state : array_like, shape (target, 6)
+        Mean states of the monitored targets at the epoch, nondimensional, rotating frame.
+    target_ids : array_like of int, shape (target,)
+        Identity of each target, which with the seed selects its random numbers.
+    seeds : sequence of int
+        One realisation of truth and noise for each.
+    settings : LoopSettings, optional
+        The paper's, if omitted.
+    estimator : EstimatorFactory, optional
+        The paper's filter without process noise, if omitted.
+    initial : InitialEstimate, optional
+        Estimates at the epoch, instead of the paper's attitude and angular velocity for all
+        targets, with `epoch_state` and ``settings.initial``.
+    mu : float
+        Mass ratio.
+    progress : callable, optional
+        Called with (epochs done, epochs in all seeds).
+
+    Returns
+    -------
+    LoopResult
+
+    Raises
+    ------
+    ConfigurationError
+        If scene, targets and settings do not fit together, or there are no seeds.
+    """
+    settings = LoopSettings() if settings is None else settings
+    factory = mukf() if estimator is None else estimator
+    ids = np.asarray(target_ids, dtype=np.int64)
+    if initial is None:
+        initial = initial_estimate(epoch_state, settings.initial.components())
+    _require_consistency(scene, surfaces, initial, ids, seeds, settings)
+    recorded = settings.recorded
+    n_epochs, n_targets = settings.epochs.size, ids.size
+    shape = (len(seeds), recorded.size, n_targets, 12)
+    error, sigma = np.empty(shape, np.float32), np.empty(shape, np.float32)
+    fate = np.empty((len(seeds), settings.n_steps, n_targets), np.uint8)
+    runs, metrics = [], []
+    for s, seed in enumerate(seeds):
+        truth = draw_truth(initial, scene, settings.sensor.noise, seed, ids, mu)
+        own = factory(scene, surfaces, settings.sensor, initial, stream(ESTIMATOR, seed), mu)
+        run = _Run(scene, surfaces, settings, own, truth, seed, mu)
+        for number in range(n_epochs):
+            run.epoch(number)
+            if progress is not None:
+                progress(s * n_epochs + number + 1, len(seeds) * n_epochs)
+        metrics.append(evaluate(run.error, run.sigma, run.fate == USED, settings.step_s))
+        error[s] = run.error[:, recorded].swapaxes(0, 1)
+        sigma[s] = run.sigma[:, recorded].swapaxes(0, 1)
+        fate[s] = run.fate.T
+        # Only the small records of a run are kept, so memory does not grow with the seeds.
+        runs.append(
+            (run.assignment, run.information, run.evaluations, own.failed, own.counters, run.pairs)
+        )
+    assignment, information, evaluations, failed, counters, pairs = zip(*runs, strict=True)
+    return LoopResult(
+        np.array(assignment),
+        np.array(information),
+        np.array(evaluations),
+        settings.step_s * (recorded + 1.0),
+        error,
+        sigma,
+        fate,
+        TrackingMetrics(*(np.array(column) for column in zip(*metrics, strict=True))),
+        np.array(failed),
+        np.array(counters),
+        np.array(pairs) if settings.keep_information else None,
+    )
+
+
+def _require_consistency(
+    scene: Scene,
+    surfaces: TargetSurfaces,
+    initial: InitialEstimate,
+    ids: NDArray[np.int64],
+    seeds: Sequence[int],
+    settings: LoopSettings,
+) -> None:
+    """Refuse scenes, targets and settings that do not fit together."""
+    if len(seeds) == 0:
+        raise ConfigurationError("seeds: at least one is needed")
+    n_times = scene.sun_position.shape[0]
+    if n_times != settings.n_steps + 1 or abs(scene.step_s - settings.step_s) > 1e-9:
+        raise ConfigurationError(
+            f"scene: {n_times} times every {scene.step_s} s do not fit duration_hours = "
+            f"{settings.duration_hours} with step_s = {settings.step_s}, which needs "
+            f"{settings.n_steps + 1} times"
+        )
+    counts = {
+        "epoch_state": initial.translation.shape[0],
+        "surfaces": surfaces.material.shape[0],
+        "target_ids": ids.size,
+    }
+    if len(set(counts.values())) != 1 or ids.size == 0:
+        raise ConfigurationError(f"targets: their numbers disagree or are zero: {counts}")
+    if np.unique(ids).size != ids.size:
+        raise ConfigurationError("target_ids: an identity occurs twice")
