@@ -301,6 +301,9 @@ def test_dark_target_is_no_observation_and_no_warning(phase_angle):
         warnings.simplefilter("error")
         magnitude = apparent_magnitude(IDENTITY, sun, view, 1e7, icosahedron())
     assert magnitude == np.inf
+    facets = icosahedron()
+    shared = (1e7, facets.areas, facets.normals, Material().as_array(), True, True)
+    assert facet_magnitude_gradient(IDENTITY, sun, view, *shared) == (FLOOR_MAGNITUDE, 0, 0, 0)
 
 
 def test_filter_floor():

@@ -86,10 +86,10 @@ def pull_back_gradient(omega, dt, gx, gy, gz):
     e1, e2, e3 = rotate_components(-q1, -q2, -q3, q4, gx, gy, gz)
     angle2 = x * x + y * y + z * z
     if angle2 < SMALL_ANGLE * SMALL_ANGLE:
-        first, second = 0.5 - angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0
+        first, second = 0.5 - angle2 / 24.0, 1.0 / 6.0
     else:
         angle = np.sqrt(angle2)
-        first = (1.0 - np.cos(angle)) / angle2
+        first = 2.0 * np.sin(0.5 * angle) ** 2 / angle2
         second = (angle - np.sin(angle)) / (angle2 * angle)
     cx, cy, cz = y * gz - z * gy, z * gx - x * gz, x * gy - y * gx
     w1 = dt * (gx + first * cx + second * (y * cz - z * cy))

@@ -108,9 +108,8 @@ def facet_irradiance(
     q1, q2, q3, q4 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     lx, ly, lz = sun_direction[0], sun_direction[1], sun_direction[2]
     vx, vy, vz = view_direction[0], view_direction[1], view_direction[2]
-    half2 = (lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2  # |L + V|^2
-    if half2 == 0.0:
-        return 0.0  # the Sun is straight behind the object
+    # |L + V|^2; zero with the Sun straight behind the object, where no facet is lit and seen
+    half2 = (lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2
     lx, ly, lz = rotate_components(q1, q2, q3, q4, lx, ly, lz)
     vx, vy, vz = rotate_components(q1, q2, q3, q4, vx, vy, vz)
     diffuse = material[0] * material[2]
@@ -222,8 +221,6 @@ def facet_magnitude_gradient(
     lx, ly, lz = sun_direction[0], sun_direction[1], sun_direction[2]
     vx, vy, vz = view_direction[0], view_direction[1], view_direction[2]
     half2 = (lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2
-    if half2 == 0.0:
-        return FLOOR_MAGNITUDE, 0.0, 0.0, 0.0
     lx, ly, lz = rotate_components(q1, q2, q3, q4, lx, ly, lz)
     vx, vy, vz = rotate_components(q1, q2, q3, q4, vx, vy, vz)
     diffuse = material[0] * material[2]
