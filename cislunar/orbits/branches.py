@@ -1,0 +1,319 @@
+"""Branches of periodic orbits, from linear seeds through their bifurcations.
+
+Lyapunov orbits grow from the linear motion about L1, L2 and L3; halos leave them where the
+half-period map loses its out-of-plane shear; butterflies and dragonflies leave the L2 halos at
+period doublings. No stored initial guess is used. Every function returns the start of a branch:
+a member and the direction in which the family goes.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.constants import LENGTH_UNIT_KM, MU
+from cislunar.dynamics.cr3bp import libration_points
+from cislunar.orbits.continuation import Branch, Point, continue_branch, locate
+from cislunar.orbits.corrector import (
+    HALF_PERIOD,
+    HalfOrbit,
+    X,
+    Z,
+    correct,
+    fix_coordinate,
+    hyperplane,
+    shoot,
+)
+
+Array = NDArray[np.float64]
+
+LYAPUNOV_AMPLITUDE = 1e-3
+HALO_HEIGHT = {1: 1e-3, 2: 1e-3, 3: 5e-3}
+DOUBLING_OFFSET = 2e-3
+RESONANT_ECCENTRICITY = 0.5
+DRO_RADIUS_KM = 4000.0
+
+
+class Seed(NamedTuple):
+    """Where a family starts and which way it goes."""
+
+    half: HalfOrbit
+    direction: Array
+    """Sense of the continuation in (x, z, vy, tau), shape (4,)."""
+
+
+def lyapunov_seed(point: int, mu: float = MU, amplitude: float = LYAPUNOV_AMPLITUDE) -> Seed:
+    """Smallest planar Lyapunov orbit, at its outer crossing.
+
+    The crossing is on the Earth side of L1, the far side of L2 and the outer side of L3, where x
+    is monotone along the family.
+
+    Parameters
+    ----------
+    point : {1, 2, 3}
+        Collinear libration point.
+    mu : float
+        Mass ratio.
+    amplitude : float
+        Half width in x, nondimensional.
+
+    Returns
+    -------
+    Seed
+
+    Raises
+    ------
+    ConvergenceError
+        If the linear estimate cannot be corrected.
+    """
+    x_point = libration_points(mu)[point - 1, 0]
+    c2 = (1.0 - mu) / abs(x_point + mu) ** 3 + mu / abs(x_point - 1.0 + mu) ** 3
+    omega = np.sqrt((2.0 - c2 + np.sqrt(9.0 * c2**2 - 8.0 * c2)) / 2.0)
+    ratio = (omega**2 + 1.0 + 2.0 * c2) / (2.0 * omega)
+    side = 1.0 if point == 2 else -1.0
+    guess = np.array(
+        [x_point + side * amplitude, 0.0, -side * ratio * omega * amplitude, np.pi / omega]
+    )
+    half = correct(guess, fix_coordinate(X, guess[X]), mu)
+    return Seed(half, side * np.eye(4)[X])
+
+
+@lru_cache(maxsize=32)
+def halo_seed(point: int, mu: float = MU) -> Seed:
+    """First northern halo orbit, just above the plane of the Lyapunov family it leaves.
+
+    Parameters
+    ----------
+    point : {1, 2, 3}
+        Collinear libration point.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    Seed
+        At the crossing of the Lyapunov family, with z > 0.
+
+    Raises
+    ------
+    ConvergenceError
+        If the bifurcation is not met.
+    """
+    bifurcation = halo_bifurcation(point, mu)
+    guess = bifurcation.half.crossing.copy()
+    guess[Z] = HALO_HEIGHT[point]
+    half = correct(guess, fix_coordinate(Z, guess[Z]), mu)
+    return Seed(half, np.eye(4)[Z])
+
+
+@lru_cache(maxsize=32)
+def halo_bifurcation(point: int, mu: float = MU) -> Point:
+    """Member of a Lyapunov family from which the halos leave.
+
+    Of the two out-of-plane elements of the half-period map, the shear d(vz)/dz vanishes where
+    orbits symmetric about the xz-plane (halos) leave; dz/d(vz) belongs to the axial orbits.
+
+    Parameters
+    ----------
+    point : {1, 2, 3}
+        Collinear libration point.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    Point
+
+    Raises
+    ------
+    ConvergenceError
+        If the continuation fails before the bifurcation.
+    """
+
+    def shear(member: Point) -> float:
+        return float(member.half.stm[5, 2])
+
+    seed = lyapunov_seed(point, mu)
+    sign = np.sign(seed.half.stm[5, 2])
+    branch = continue_branch(
+        seed.half, seed.direction, lambda member: sign * shear(member) <= 0.0, mu=mu
+    )
+    return locate(branch[-2:], shear, mu, limit=1)[0][1]
+
+
+def opposite(member: Point) -> Point:
+    """The same orbit from its other perpendicular crossing: crossing and tangent alone."""
+    crossing, end, block = member.half.crossing, member.half.end, [0, 2, 4]
+    there = np.array([end[0], end[2], end[4], crossing[HALF_PERIOD]])
+    # x, z and vy are stationary in time at a perpendicular crossing, by symmetry.
+    moved = member.half.stm[np.ix_(block, block)] @ member.tangent[:3]
+    along = np.append(moved, member.tangent[HALF_PERIOD])
+    return Point(member.half._replace(crossing=there), along / np.linalg.norm(along))
+
+
+def doubling_determinant(member: Point, mu: float = MU) -> float:
+    """Determinant that vanishes where orbits of twice the period leave a branch.
+
+    The member is covered twice; the bordered Jacobian of the double cover is singular where
+    another branch symmetric about the same crossing passes through.
+
+    Parameters
+    ----------
+    member : Point
+        Member of the branch, tangent oriented along it.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    float
+    """
+    jacobian, tangent, _ = _double_cover(member, mu)
+    return float(np.linalg.det(np.vstack([jacobian, tangent])))
+
+
+def _double_cover(member: Point, mu: float) -> tuple[Array, Array, Array]:
+    """Jacobian, tangent and crossing of a member covered twice."""
+    double = np.array([1.0, 1.0, 1.0, 2.0])
+    crossing = member.half.crossing * double
+    tangent = member.tangent * double
+    return shoot(crossing, mu).jacobian, tangent / np.linalg.norm(tangent), crossing
+
+
+def _doubled_seed(member: Point, sign_of_x: float, mu: float) -> Seed:
+    """First member of the branch of twice the period through a branch point."""
+    jacobian, tangent, crossing = _double_cover(member, mu)
+    null_space = np.linalg.svd(jacobian)[2][-2:]
+    # The null space holds the tangent of the doubled parent; the other direction leaves it.
+    direction = null_space.T @ np.array([null_space[1] @ tangent, -(null_space[0] @ tangent)])
+    direction /= np.linalg.norm(direction)
+    if direction[X] * sign_of_x < 0.0:
+        direction = -direction
+    guess = crossing + DOUBLING_OFFSET * direction
+    return Seed(correct(guess, hyperplane(guess, direction), mu), direction)
+
+
+@lru_cache(maxsize=32)
+def _halo_l2_to_doublings(mu: float) -> tuple[Branch, list[Point], list[Point]]:
+    """The L2 halo branch and its period doublings about the perilune and the apolune."""
+    seed = halo_seed(2, mu)
+    counts = {"perilune": 0, "apolune": 0}
+    last: dict[str, float] = {}
+
+    def both_met(member: Point) -> bool:
+        for name, view in (("perilune", opposite(member)), ("apolune", member)):
+            value = doubling_determinant(view, mu)
+            if name in last and last[name] * value < 0.0:
+                counts[name] += 1
+            last[name] = value
+        return counts["perilune"] >= 1 and counts["apolune"] >= 2
+
+    branch = continue_branch(seed.half, seed.direction, both_met, mu=mu)
+    perilune = locate(
+        branch, lambda member: doubling_determinant(opposite(member), mu), mu, limit=1
+    )
+    apolune = locate(branch, lambda member: doubling_determinant(member, mu), mu, limit=2)
+    return branch, [p for _, p in perilune], [p for _, p in apolune]
+
+
+@lru_cache(maxsize=32)
+def dragonfly_seed(mu: float = MU) -> Seed:
+    """First northern dragonfly orbit, at its perpendicular perilune.
+
+    The first period doubling of the L2 halos that is symmetric about the perilune; the doubling
+    about the apolune, 0.008 in period away, is another family.
+
+    Parameters
+    ----------
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    Seed
+
+    Raises
+    ------
+    ConvergenceError
+        If the doubling is not met.
+    """
+    return _doubled_seed(opposite(_halo_l2_to_doublings(mu)[1][0]), -1.0, mu)
+
+
+@lru_cache(maxsize=32)
+def butterfly_seed(mu: float = MU) -> Seed:
+    """First northern butterfly orbit, at the perpendicular apolune that moves outwards.
+
+    The second period doubling of the L2 halos that is symmetric about the apolune, in their
+    near-rectilinear part.
+
+    Parameters
+    ----------
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    Seed
+
+    Raises
+    ------
+    ConvergenceError
+        If the doubling is not met.
+    """
+    return _doubled_seed(_halo_l2_to_doublings(mu)[2][1], 1.0, mu)
+
+
+def retrograde_seed(mu: float = MU, radius_km: float = DRO_RADIUS_KM) -> Seed:
+    """Distant retrograde orbit at its Earth-side crossing, from a circle about the Moon.
+
+    Parameters
+    ----------
+    mu : float
+        Mass ratio.
+    radius_km : float
+        Radius of the circle, km.
+
+    Returns
+    -------
+    Seed
+        The family goes towards the Earth.
+
+    Raises
+    ------
+    ConvergenceError
+        If the circle cannot be corrected.
+    """
+    r = radius_km / LENGTH_UNIT_KM
+    guess = np.array([1.0 - mu - r, 0.0, np.sqrt(mu / r) + r, np.pi / (np.sqrt(mu / r**3) + 1.0)])
+    return Seed(correct(guess, fix_coordinate(X, guess[X]), mu), -np.eye(4)[X])
+
+
+def resonant_seed(mu: float = MU, moonward: bool = True) -> Seed:
+    """Planar 3:1 resonant orbit at perigee: three prograde revolutions per turn of the Moon.
+
+    Parameters
+    ----------
+    mu : float
+        Mass ratio.
+    moonward : bool
+        Whether the perigee crossing lies on the Moon's side of the Earth (the unstable branch),
+        or opposite (the stable one).
+
+    Returns
+    -------
+    Seed
+        At eccentricity 0.5; the family goes to wider perigees.
+
+    Raises
+    ------
+    ConvergenceError
+        If the Kepler ellipse cannot be corrected.
+    """
+    semi_major = 3.0 ** (-2.0 / 3.0) * (1.0 - mu) ** (1.0 / 3.0)
+    perigee = semi_major * (1.0 - RESONANT_ECCENTRICITY)
+    speed = np.sqrt((1.0 - mu) * (2.0 / perigee - 1.0 / semi_major))
+    side = 1.0 if moonward else -1.0
+    guess = np.array([-mu + side * perigee, 0.0, side * (speed - perigee), np.pi])
+    return Seed(correct(guess, fix_coordinate(X, guess[X]), mu), side * np.eye(4)[X])

@@ -1,0 +1,180 @@
+"""Where the families of periodic orbits begin and end."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
+from cislunar.dynamics.cr3bp import jacobi_constant
+from cislunar.dynamics.propagation import closest_approaches
+from cislunar.errors import ConfigurationError
+from cislunar.orbits import branches
+from cislunar.orbits.continuation import Branch, Measure, Point, continue_branch, locate
+from cislunar.orbits.corrector import HALF_PERIOD, HalfOrbit, X, Z
+
+BUTTERFLY_LAST_PERIOD = 11.556
+"""Beyond it the butterflies leave the Moon for a far branch around both primaries."""
+
+
+class Extent(NamedTuple):
+    """How far families are followed."""
+
+    perilune_altitude_km: float = 100.0
+    """Orbits that pass lower over the Moon are left out."""
+    perigee_altitude_km: float = 200.0
+    """Orbits that pass lower over the Earth are left out."""
+    ends: Mapping[str, tuple[str, float]] = {"Butterfly": ("period", BUTTERFLY_LAST_PERIOD)}
+    """Last member of a branch: the quantity ("x" at the crossing or "period") and its value."""
+
+
+KEEP_OUT = Extent()
+"""Default: no candidate orbit meets the Moon or the Earth."""
+
+CATALOGUE_EXTENT = Extent(
+    perilune_altitude_km=-MOON_RADIUS_KM,
+    perigee_altitude_km=-EARTH_RADIUS_KM,
+    ends={
+        "Butterfly": ("period", 11.55529),
+        "Dragonfly": ("period", 7.170478),
+        "Halo_L1": ("x", -0.41456),
+        "Halo_L2": ("perilune_km", MOON_RADIUS_KM),
+        "Halo_L3": ("x", -0.18233),
+        "Lyap_L1": ("perilune_km", MOON_RADIUS_KM),
+        "Lyap_L2": ("perilune_km", MOON_RADIUS_KM),
+        "Lyap_L3": ("x", -1.94443),
+    },
+)
+"""Families as far as a published catalogue lists them, through the primaries if need be.
+
+The ends are those of the JPL three-body periodic orbit catalogue where known, otherwise the
+surface of the Moon. The L1 and L3 halos then envelop the Moon and the Earth at spacings near
+30 000 km (Paul & Fan, section 3).
+"""
+
+
+def branch_seed(root: str, mu: float = MU) -> branches.Seed:
+    """Seed of a branch, by its name ("Halo_L1", "DRO", "Resonant_3:1", ...)."""
+    if root.startswith("Lyap"):
+        return branches.lyapunov_seed(int(root[-1]), mu)
+    if root.startswith("Halo"):
+        return branches.halo_seed(int(root[-1]), mu)
+    single = {
+        "Butterfly": branches.butterfly_seed,
+        "Dragonfly": branches.dragonfly_seed,
+        "DRO": branches.retrograde_seed,
+        "Resonant_3:1": branches.resonant_seed,
+        "Resonant_3:1b": lambda mu: branches.resonant_seed(mu, moonward=False),
+    }
+    return single[root](mu)
+
+
+def distances_km(half: HalfOrbit, mu: float = MU) -> tuple[float, float]:
+    """Least distances of a symmetric orbit to the centres of Earth and Moon, km."""
+    # The other half is the mirror image of this one.
+    perigee, perilune = closest_approaches(half.state, half.crossing[HALF_PERIOD], mu=mu)
+    return perigee * LENGTH_UNIT_KM, perilune * LENGTH_UNIT_KM
+
+
+def measure_of(quantity: str, mu: float = MU) -> Measure:
+    """Function of a member by name: "x", "z", "period", "jacobi", "perilune_km", "perigee_km".
+
+    Raises
+    ------
+    ConfigurationError
+        If the quantity is unknown.
+    """
+    measures: dict[str, Measure] = {
+        "x": lambda member: float(member.half.crossing[X]),
+        "z": lambda member: float(member.half.crossing[Z]),
+        "period": lambda member: member.half.period,
+        "jacobi": lambda member: float(jacobi_constant(member.half.state, mu)),
+        "perilune_km": lambda member: distances_km(member.half, mu)[1],
+        "perigee_km": lambda member: distances_km(member.half, mu)[0],
+    }
+    if quantity not in measures:
+        raise ConfigurationError(f"unknown orbit quantity {quantity!r}: use one of {[*measures]}")
+    return measures[quantity]
+
+
+@lru_cache(maxsize=64)
+def follow_branch(
+    root: str,
+    mu: float,
+    perilune_km: float,
+    perigee_km: float,
+    end: tuple[str, float] | None,
+    max_step: float,
+) -> Branch:
+    """Members of a branch that clear both primaries, up to its end.
+
+    Parameters
+    ----------
+    root : str
+        Name of the branch, as for `branch_seed`.
+    mu : float
+        Mass ratio.
+    perilune_km, perigee_km : float
+        Least distances allowed from the centres of the Moon and the Earth, km.
+    end : (str, float) or None
+        Quantity and its value at the last member.
+    max_step : float
+        Largest arc length step, nondimensional.
+
+    Returns
+    -------
+    list of Point
+        Shared between callers: not to be modified.
+
+    Raises
+    ------
+    ConfigurationError
+        If no member clears the primaries.
+    ConvergenceError
+        If the continuation fails.
+    """
+    seed = branch_seed(root, mu)
+    quantity, last_value = end or ("x", np.inf)
+    reached = measure_of(quantity, mu)
+    before_end = np.sign(last_value - reached(Point(seed.half, seed.direction)))
+    planar = seed.half.planar
+
+    def clearance(member: Point) -> float:
+        perigee, perilune = distances_km(member.half, mu)
+        return min(perilune - perilune_km, perigee - perigee_km)
+
+    def remaining(member: Point) -> float:
+        return float(before_end * (last_value - reached(member)))
+
+    has_cleared = clearance(Point(seed.half, seed.direction)) >= 0.0
+
+    def stop(member: Point) -> bool:
+        nonlocal has_cleared
+        clear = clearance(member) >= 0.0
+        violated = has_cleared and not clear
+        has_cleared = has_cleared or clear
+        # A branch that came back through the plane would go on as its own mirror image.
+        flipped = not planar and member.half.crossing[Z] * seed.half.crossing[Z] < 0.0
+        return violated or flipped or remaining(member) <= 0.0
+
+    branch = continue_branch(seed.half, seed.direction, stop, mu=mu, max_step=max_step)
+    if not has_cleared:
+        raise ConfigurationError(
+            f"no orbit of {root} keeps {perilune_km:.0f} km from the Moon's centre and "
+            f"{perigee_km:.0f} km from the Earth's: lower the keep-out altitudes"
+        )
+    for condition in (clearance, remaining):
+        branch = _trim(branch, condition, mu)
+    return branch
+
+
+def _trim(branch: Branch, condition: Measure, mu: float) -> Branch:
+    """The part of a branch where a condition is positive, with its ends put on zero."""
+    if condition(branch[-1]) < 0.0:
+        index, root = locate(branch[-2:], condition, mu)[-1]
+        branch = [*branch[: len(branch) - 1 + index], root]
+    if condition(branch[0]) < 0.0:
+        index, root = locate(branch, condition, mu, limit=1)[0]
+        branch = [root, *branch[index + 1 :]]
+    return branch

@@ -1,0 +1,343 @@
+"""The thirteen families of candidate observer orbits (Paul & Fan, section 3)."""
+
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, MU
+from cislunar.dynamics.cr3bp import jacobi_constant
+from cislunar.errors import ConfigurationError
+from cislunar.orbits.continuation import MAX_STEP, Branch, Point, between, interpolate
+from cislunar.orbits.corrector import X, Z, correct, fix_coordinate
+from cislunar.orbits.extent import (
+    CATALOGUE_EXTENT,
+    KEEP_OUT,
+    Extent,
+    distances_km,
+    follow_branch,
+)
+from cislunar.orbits.selection import select
+from cislunar.orbits.stability import stability_index
+
+__all__ = [
+    "CATALOGUE_EXTENT",
+    "DEFAULT_MEMBERS",
+    "FAMILIES",
+    "KEEP_OUT",
+    "Extent",
+    "OrbitSet",
+    "concatenate",
+    "family_branch",
+    "family_members",
+    "observer_library",
+    "orbit_set",
+    "root_of",
+    "spaced_members",
+]
+
+Array = NDArray[np.float64]
+
+FAMILIES: tuple[str, ...] = (
+    "Butterfly_N",
+    "Butterfly_S",
+    "Dragonfly_N",
+    "Dragonfly_S",
+    "Halo_L1_N",
+    "Halo_L1_S",
+    "Halo_L2_N",
+    "Halo_L2_S",
+    "Halo_L3_N",
+    "Halo_L3_S",
+    "Lyap_L1",
+    "Lyap_L2",
+    "Lyap_L3",
+)
+"""Names of the families, in library order."""
+
+DEFAULT_MEMBERS: Mapping[str, int] = {
+    name: 24 if name.startswith("Lyap") else 23 for name in FAMILIES
+}
+"""Members per family: 302 in all, about 23 each (Paul & Fan, section 3)."""
+
+
+class OrbitSet(NamedTuple):
+    """Periodic orbits, one row each."""
+
+    family: NDArray[np.str_]
+    """Family name, shape (n,)."""
+    state: Array
+    """State at epoch on y = 0, nondimensional, rotating frame, shape (n, 6)."""
+    period: Array
+    """Period, nondimensional, shape (n,)."""
+    jacobi: Array
+    """Jacobi constant, shape (n,)."""
+    stability_index: Array
+    """Stability index, at least 1, shape (n,)."""
+    perilune_km: Array
+    """Least distance from the centre of the Moon, km, shape (n,)."""
+    perigee_km: Array
+    """Least distance from the centre of the Earth, km, shape (n,)."""
+
+
+_SPACING_BY_ARC = ("Butterfly", "Halo_L1")
+_HERMITE_SAMPLES = 16
+
+
+def root_of(family: str) -> str:
+    """Branch a family lies on: its name without the hemisphere.
+
+    Raises
+    ------
+    ConfigurationError
+        If the family is unknown.
+    """
+    if family not in FAMILIES:
+        raise ConfigurationError(
+            f"unknown orbit family {family!r}; the families are {', '.join(FAMILIES)}"
+        )
+    return family.removesuffix("_N").removesuffix("_S")
+
+
+def family_branch(
+    family: str, *, mu: float = MU, extent: Extent = KEEP_OUT, max_step: float = MAX_STEP
+) -> Branch:
+    """Continuation of a family between its ends (northern members for both hemispheres).
+
+    Parameters
+    ----------
+    family : str
+        One of `FAMILIES`.
+    mu : float
+        Mass ratio.
+    extent : Extent
+        Where the family ends.
+    max_step : float
+        Largest arc length step, nondimensional.
+
+    Returns
+    -------
+    list of Point
+        Members in order, closely spaced.
+
+    Raises
+    ------
+    ConfigurationError
+        If the family is unknown or no member satisfies the extent.
+    ConvergenceError
+        If the continuation fails.
+    """
+    root = root_of(family)
+    return follow_branch(
+        root,
+        float(mu),
+        extent.perilune_altitude_km + MOON_RADIUS_KM,
+        extent.perigee_altitude_km + EARTH_RADIUS_KM,
+        extent.ends.get(root),
+        max_step,
+    )
+
+
+def spaced_members(branch: Branch, count: int, *, by_arc: bool, mu: float = MU) -> Branch:
+    """Members equally spaced along a branch, both ends included.
+
+    Parameters
+    ----------
+    branch : list of Point
+        Continuation of the family.
+    count : int
+        Number of members, at least 1 (the first end alone).
+    by_arc : bool
+        Space by arc length in (x, z) of the crossing, for families whose x folds; otherwise by x.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    list of Point
+
+    Raises
+    ------
+    ConvergenceError
+        If the corrector fails.
+    """
+    fractions = np.linspace(0.0, 1.0, _HERMITE_SAMPLES + 1)
+    track = [branch[0].half.crossing]
+    for first, second in pairwise(branch):
+        track += [interpolate(first, second, fraction)[0] for fraction in fractions[1:]]
+    track = np.array(track)
+    steps = np.abs(np.diff(track[:, X]))
+    if by_arc:
+        steps = np.hypot(steps, np.diff(track[:, Z]))
+    travelled = np.concatenate([[0.0], np.cumsum(steps)])
+    wanted = np.linspace(0.0, travelled[-1], count)
+    places = np.interp(wanted, travelled, np.arange(travelled.size)) / _HERMITE_SAMPLES
+    xs = np.linspace(track[0, X], track[-1, X], count)
+    members = [branch[0]]
+    for place, x in zip(places[1:-1], xs[1:-1], strict=True):
+        i = min(int(place), len(branch) - 2)
+        if by_arc:
+            members.append(between(branch[i], branch[i + 1], place - i, mu))
+        else:
+            guess, tangent = interpolate(branch[i], branch[i + 1], place - i)
+            members.append(Point(correct(guess, fix_coordinate(X, x), mu), tangent))
+    return members if count == 1 else [*members, branch[-1]]
+
+
+def orbit_set(
+    family: str,
+    members: Branch,
+    *,
+    mu: float = MU,
+    southern: bool = False,
+    progress: Callable[[], None] | None = None,
+) -> OrbitSet:
+    """Table of members with their stability and closest approaches.
+
+    Parameters
+    ----------
+    family : str
+        Name given to every row.
+    members : list of Point
+        Corrected members.
+    mu : float
+        Mass ratio.
+    southern : bool
+        Mirror the members in the plane of the primaries.
+    progress : callable, optional
+        Called after each member.
+
+    Returns
+    -------
+    OrbitSet
+
+    Raises
+    ------
+    ConvergenceError
+        If a member cannot be propagated.
+    """
+    rows = []
+    for member in members:
+        state, period = member.half.state, member.half.period
+        perigee, perilune = distances_km(member.half, mu)
+        index = stability_index(state, period, mu)
+        rows.append((period, float(jacobi_constant(state, mu)), index, perilune, perigee))
+        if progress is not None:
+            progress()
+    columns = np.array(rows).reshape(-1, 5).T
+    states = np.array([member.half.state for member in members]).reshape(-1, 6)
+    if southern:
+        states = states * np.array([1.0, 1.0, -1.0, 1.0, 1.0, -1.0]) + 0.0
+    return OrbitSet(np.full(len(members), family), states, *columns)
+
+
+def concatenate(sets: list[OrbitSet]) -> OrbitSet:
+    """One table from several, in order."""
+    return OrbitSet(*(np.concatenate(columns) for columns in zip(*sets, strict=True)))
+
+
+def observer_library(
+    members: Mapping[str, int] | None = None,
+    keep_out: Extent = KEEP_OUT,
+    *,
+    mu: float = MU,
+    progress: Callable[[int, int], None] | None = None,
+) -> OrbitSet:
+    """Candidate observer orbits: thirteen families, 302 orbits (Paul & Fan, section 3).
+
+    Parameters
+    ----------
+    members : mapping of str to int, optional
+        Orbits per family, at least 1; families left out are not generated. By default
+        `DEFAULT_MEMBERS`, 24 per Lyapunov family and 23 of each other.
+    keep_out : Extent
+        Ends of the families: by default 100 km above the Moon and 200 km above the Earth;
+        `CATALOGUE_EXTENT` goes on through the primaries instead.
+    mu : float
+        Mass ratio.
+    progress : callable, optional
+        Called with (orbits done, orbits in all).
+
+    Returns
+    -------
+    OrbitSet
+        Family by family in the order of `FAMILIES`, and along each family. All states lie on
+        y = 0 and cross it perpendicularly.
+
+    Raises
+    ------
+    ConfigurationError
+        If a family is unknown, a count is not a positive integer, or the keep-out leaves none.
+    ConvergenceError
+        If a continuation fails.
+    """
+    counts = dict(DEFAULT_MEMBERS if members is None else members)
+    for family, count in counts.items():
+        root_of(family)
+        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+            raise ConfigurationError(
+                f"members of {family}: {count!r} must be a whole number of at least 1"
+            )
+    if not counts:
+        raise ConfigurationError("members: name at least one orbit family")
+    total, done = sum(counts.values()), 0
+
+    def advance() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, total)
+
+    sets = []
+    for family in FAMILIES:
+        if family not in counts:
+            continue
+        branch = family_branch(family, mu=mu, extent=keep_out)
+        by_arc = root_of(family) in _SPACING_BY_ARC
+        chosen = spaced_members(branch, int(counts[family]), by_arc=by_arc, mu=mu)
+        southern = family.endswith("_S")
+        sets.append(orbit_set(family, chosen, mu=mu, southern=southern, progress=advance))
+    return concatenate(sets)
+
+
+def family_members(
+    family: str,
+    *,
+    jacobi: float | None = None,
+    period: float | None = None,
+    mu: float = MU,
+    extent: Extent = KEEP_OUT,
+) -> OrbitSet:
+    """Every member of a family with a given Jacobi constant or period.
+
+    Parameters
+    ----------
+    family : str
+        One of `FAMILIES`.
+    jacobi, period : float
+        Exactly one of the two, nondimensional.
+    mu : float
+        Mass ratio.
+    extent : Extent
+        Where the family ends.
+
+    Returns
+    -------
+    OrbitSet
+        In order along the family; empty if the family does not take the value.
+
+    Raises
+    ------
+    ConfigurationError
+        If the family is unknown, or not exactly one of `jacobi` and `period` is given.
+    ConvergenceError
+        If the continuation fails.
+    """
+    if (jacobi is None) == (period is None):
+        raise ConfigurationError(f"members of {family}: give either jacobi or period, and only one")
+    quantity, value = ("jacobi", jacobi) if period is None else ("period", period)
+    branch = family_branch(family, mu=mu, extent=extent)
+    members = select(branch, quantity, float(value), mu)
+    return orbit_set(family, members, mu=mu, southern=family.endswith("_S"))

@@ -1,0 +1,96 @@
+"""Linear stability of periodic orbits (Paul & Fan, section 3)."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import MU
+from cislunar.dynamics.cr3bp import primary_distances
+from cislunar.dynamics.propagation import propagate, propagate_stm
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 256
+
+
+def farthest_state(state: ArrayLike, period: float, mu: float = MU) -> Array:
+    """State of an orbit where its nearest primary is farthest.
+
+    The eigenvalues of the monodromy matrix do not depend on the start, but their roundoff does:
+    started at a close approach, the same orbit loses up to six digits.
+
+    Parameters
+    ----------
+    state : array_like, shape (6,)
+        State on the orbit, nondimensional, rotating frame.
+    period : float
+        Period, nondimensional.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    ndarray, shape (6,)
+        The given state itself if none of the samples around the orbit is farther.
+
+    Raises
+    ------
+    ConvergenceError
+        If the propagation fails.
+    """
+    times = period * (np.arange(_SAMPLES) / _SAMPLES - 0.5)
+    times = np.append(0.0, times[times != 0.0])
+    states = propagate(state, times, mu=mu, method="dop853")
+    nearest = np.minimum(*primary_distances(states, mu))
+    return states[np.argmax(nearest)]
+
+
+def monodromy(state: ArrayLike, period: float, mu: float = MU) -> Array:
+    """State transition matrix over one period, started farthest from the primaries.
+
+    Parameters
+    ----------
+    state : array_like, shape (6,)
+        State on the orbit, nondimensional, rotating frame.
+    period : float
+        Period, nondimensional.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    ndarray, shape (6, 6)
+
+    Raises
+    ------
+    ConvergenceError
+        If the propagation fails.
+    """
+    return propagate_stm(farthest_state(state, period, mu), period, mu=mu)[1]
+
+
+def stability_index(state: ArrayLike, period: float, mu: float = MU) -> float:
+    """Stability index (|eta| + 1/|eta|)/2, eta the largest monodromy eigenvalue in modulus.
+
+    Parameters
+    ----------
+    state : array_like, shape (6,)
+        State on the orbit, nondimensional, rotating frame.
+    period : float
+        Period, nondimensional.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    float
+        1 for a linearly stable orbit, larger for an unstable one.
+
+    Raises
+    ------
+    ConvergenceError
+        If the propagation fails.
+    """
+    # The unit pair of eigenvalues is defective and splits numerically; the index is even in
+    # log|eta|, so the split only enters squared and no eigenvalue has to be singled out.
+    largest = float(np.abs(np.linalg.eigvals(monodromy(state, period, mu))).max())
+    return max(1.0, 0.5 * (largest + 1.0 / largest))
