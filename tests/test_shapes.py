@@ -162,8 +162,11 @@ def test_dented_body_is_not_convex(name, tmp_path):
         load_shape(WRITERS[name](tmp_path / name, octahedron, facets))
 
 
-def test_sliver_without_area_is_degenerate(tmp_path):
-    points = np.vstack([TETRAHEDRON, 0.5 * (TETRAHEDRON[0] + TETRAHEDRON[1])])
+@pytest.mark.parametrize("height", [0.0, 1e-8])
+def test_sliver_without_area_is_degenerate(height, tmp_path):
+    """Its normal would be rounding noise."""
+    middle = 0.5 * (TETRAHEDRON[0] + TETRAHEDRON[1]) + [height, 0.0, 0.0]
+    points = np.vstack([TETRAHEDRON, middle])
     facets = [*TETRAHEDRON_FACETS[1:], (0, 4, 2), (4, 1, 2), (0, 1, 4)]
     with pytest.raises(InputFileError, match="facet 6 is degenerate"):
         load_shape(write_obj(tmp_path / "t.obj", points, facets))
