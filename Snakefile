@@ -1,0 +1,25 @@
+"""Autonomous cislunar space domain awareness: the campaign of Paul & Fan and beyond."""
+
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+
+configfile: "config/config.yaml"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/ephemeris.smk"
+include: "workflow/rules/orbits.smk"
+include: "workflow/rules/targets.smk"
+include: "workflow/rules/visibility.smk"
+include: "workflow/rules/architecture.smk"
+include: "workflow/rules/tables.smk"
+include: "workflow/rules/figures.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        rules.task1.input,
+        rules.figures.input,

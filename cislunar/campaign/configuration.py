@@ -1,0 +1,134 @@
+"""Checking a campaign's configuration against its schema."""
+
+import difflib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from cislunar.errors import ConfigurationError, InputFileError
+
+
+def load_schema(path: str | Path) -> dict[str, Any]:
+    """Read a JSON schema written in YAML.
+
+    Parameters
+    ----------
+    path : str or Path
+        The schema file.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputFileError
+        If the file is missing.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputFileError(f"configuration schema {path}: no such file")
+    return yaml.safe_load(path.read_text(encoding="utf-8"))
+
+
+def check_configuration(config: Mapping[str, Any], schema: Mapping[str, Any]) -> None:
+    """Refuse unknown keys, wrong types and impossible values.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration, all files merged.
+    schema : mapping
+        JSON schema (draft 2020-12).
+
+    Raises
+    ------
+    ConfigurationError
+        With a line for each fault that names the key.
+    """
+    from jsonschema import Draft202012Validator
+
+    faults = sorted(
+        Draft202012Validator(schema).iter_errors(config),
+        key=lambda fault: list(map(str, fault.path)),
+    )
+    lines = [line for fault in faults for line in _describe(fault)]
+    if lines:
+        raise ConfigurationError("\n".join(lines))
+
+
+def _describe(fault) -> list[str]:
+    """One line for each key at fault."""
+    place = ".".join(str(part) for part in fault.absolute_path)
+    if fault.validator == "additionalProperties" and isinstance(fault.instance, Mapping):
+        known = list(fault.schema.get("properties", {}))
+        unknown = [key for key in fault.instance if key not in known]
+        lines = []
+        for key in unknown:
+            close = difflib.get_close_matches(str(key), known, n=1)
+            mend = f"did you mean {close[0]!r}?" if close else f"known keys: {', '.join(known)}"
+            lines.append(f"unknown configuration key {_join(place, key)!r}: {mend}")
+        return lines
+    if fault.validator == "required":
+        missing = [key for key in fault.validator_value if key not in fault.instance]
+        return [f"configuration key {_join(place, key)!r} is missing" for key in missing]
+    if fault.validator == "propertyNames":
+        return [
+            f"configuration key {place!r}: name {fault.instance!r} is not allowed: {fault.message}"
+        ]
+    if fault.context:
+        choices = "; or ".join(sorted({part.message for part in fault.context}))
+        return [f"configuration key {place!r} = {fault.instance!r}: {choices}"]
+    return [f"configuration key {place!r} = {fault.instance!r}: {fault.message}"]
+
+
+def _join(place: str, key: Any) -> str:
+    return f"{place}.{key}" if place else str(key)
+
+
+def check_campaign(config: Mapping[str, Any], schema: Mapping[str, Any]) -> None:
+    """Check a campaign's configuration: the schema, then what ties keys together.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration, all files merged.
+    schema : mapping
+        JSON schema (draft 2020-12).
+
+    Raises
+    ------
+    ConfigurationError
+        With a line for each fault that names the key.
+    """
+    check_configuration(config, schema)
+    architecture = config["architecture"]
+    library = sum(config["orbits"]["members"].values())
+    if architecture["slots"] > library:
+        raise ConfigurationError(
+            f"configuration key 'architecture.slots' = {architecture['slots']} exceeds the "
+            f"{library} orbits of the library: lower it or raise orbits.members"
+        )
+    front = architecture["front"]
+    fewest, most = architecture["slots"], architecture["slots"] * architecture["max_satellites"]
+    if not fewest <= front["fewest"] <= front["most"] <= most:
+        raise ConfigurationError(
+            f"configuration key 'architecture.front': fewest = {front['fewest']} and most = "
+            f"{front['most']} must rise within {fewest} .. {most} (slots, slots x max_satellites)"
+        )
+    _check_writable(Path(config["results"]))
+
+
+def _check_writable(results: Path) -> None:
+    """Refuse a results folder that cannot be made or written to."""
+    existing = results
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
+        raise ConfigurationError(
+            f"configuration key 'results' = {str(results)!r}: {existing} is not a folder that can "
+            "be written to"
+        )

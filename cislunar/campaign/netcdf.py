@@ -1,0 +1,125 @@
+"""Reading and writing data sets: whole or not at all, every variable described."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from cislunar.errors import InputFileError
+
+_COMPRESSED_FROM = 1024
+
+
+def variable(dims, values, units: str, long_name: str, **attributes) -> xr.Variable:
+    """A variable with its unit and description.
+
+    Parameters
+    ----------
+    dims : str or sequence of str
+        Dimension names; empty for a scalar.
+    values : array_like
+        The data.
+    units : str
+        Unit, "1" if there is none.
+    long_name : str
+        What it is.
+    **attributes
+        Further attributes.
+
+    Returns
+    -------
+    xarray.Variable
+    """
+    return xr.Variable(dims, values, {"units": units, "long_name": long_name, **attributes})
+
+
+def write_dataset(dataset: xr.Dataset, path: str | Path) -> None:
+    """Write a data set to NetCDF-4 under a temporary name, then move it into place.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Every variable must have `units` and `long_name`.
+    path : str or Path
+        Destination; its folder is created.
+
+    Raises
+    ------
+    ValueError
+        If a variable lacks its unit or description.
+    InputFileError
+        If the folder cannot be written to.
+    """
+    path = Path(path)
+    for name, data in dataset.variables.items():
+        lacking = [key for key in ("units", "long_name") if key not in data.attrs]
+        if lacking:
+            raise ValueError(f"variable {name} of {path.name} lacks {' and '.join(lacking)}")
+    encoding = {
+        str(name): {"zlib": True, "complevel": 4, "shuffle": True}
+        for name, data in dataset.variables.items()
+        if data.size >= _COMPRESSED_FROM and np.issubdtype(data.dtype, np.number)
+    }
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        dataset.to_netcdf(temporary, format="NETCDF4", engine="netcdf4", encoding=encoding)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputFileError(
+            f"cannot write {path}: {error.strerror or error}; check that the results folder is "
+            "writable and the disk not full"
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(text: str, path: str | Path) -> None:
+    """Write a text file whole or not at all.
+
+    Parameters
+    ----------
+    text : str
+        Contents.
+    path : str or Path
+        Destination; its folder is created.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read_dataset(path: str | Path) -> xr.Dataset:
+    """Read a data set into memory.
+
+    Parameters
+    ----------
+    path : str or Path
+        A NetCDF-4 file.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InputFileError
+        If the file is missing, truncated or no NetCDF file.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputFileError(f"data set {path}: no such file; let snakemake make it")
+    try:
+        with xr.open_dataset(path, engine="netcdf4") as opened:
+            return opened.load()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise InputFileError(
+            f"data set {path} cannot be read ({error}): it is damaged or no NetCDF file; delete it "
+            "and run snakemake again"
+        ) from error

@@ -1,0 +1,106 @@
+rule search_run:
+    input:
+        visibility=rules.visibility.output[0],
+        orbits=rules.families.output[0],
+    output:
+        results("architecture/{scenario}/runs/{method}_{labels}_{run}.nc"),
+    log:
+        log_of("architecture/{scenario}/{method}_{labels}_{run}"),
+    benchmark:
+        benchmark_of("architecture/{scenario}/{method}_{labels}_{run}")
+    params:
+        slots=ARCHITECTURE["slots"],
+        max_evaluations=ARCHITECTURE["max_evaluations"],
+        early_stop=ARCHITECTURE["early_stop"],
+        seed=config["seed"],
+    priority: 10
+    message:
+        "Searching with {wildcards.method}, run {wildcards.run} (scenario {wildcards.scenario})"
+    script:
+        "../scripts/search_run.py"
+
+
+rule best_run:
+    input:
+        runs=expand(
+            results("architecture/{{scenario}}/runs/{{method}}_{labels}_{run}.nc"),
+            labels=ARCHITECTURE["labels"],
+            run=RUNS,
+        ),
+        visibility=rules.visibility.output[0],
+        orbits=rules.families.output[0],
+    output:
+        results("architecture/{scenario}/{method}.nc"),
+    log:
+        log_of("architecture/{scenario}/{method}"),
+    params:
+        early_stop=ARCHITECTURE["early_stop"],
+    message:
+        "Choosing the best of the {wildcards.method} runs (scenario {wildcards.scenario})"
+    script:
+        "../scripts/best_run.py"
+
+
+rule exact:
+    input:
+        visibility=rules.visibility.output[0],
+        orbits=rules.families.output[0],
+    output:
+        results("architecture/{scenario}/exact.nc"),
+    log:
+        log_of("architecture/{scenario}/exact"),
+    benchmark:
+        benchmark_of("architecture/{scenario}/exact")
+    threads: workflow.cores
+    params:
+        slots=ARCHITECTURE["slots"],
+        restarts=ARCHITECTURE["restarts"],
+        certificate=ARCHITECTURE["certificate"],
+        seed=config["seed"],
+    message:
+        "Proving the best architecture optimal (scenario {wildcards.scenario})"
+    script:
+        "../scripts/exact.py"
+
+
+rule published:
+    input:
+        visibility=rules.visibility.output[0],
+        orbits=rules.families.output[0],
+    output:
+        results("architecture/{scenario}/published.nc"),
+    log:
+        log_of("architecture/{scenario}/published"),
+    benchmark:
+        benchmark_of("architecture/{scenario}/published")
+    params:
+        restarts=ARCHITECTURE["restarts"],
+        seed=config["seed"],
+    message:
+        "Choosing members for the published architecture (scenario {wildcards.scenario})"
+    script:
+        "../scripts/published.py"
+
+
+rule front:
+    input:
+        visibility=rules.visibility.output[0],
+        orbits=rules.families.output[0],
+        targets=rules.static_targets.output[0],
+        sun=rules.ephemeris.output[0],
+    output:
+        results("architecture/{scenario}/front.nc"),
+    log:
+        log_of("architecture/{scenario}/front"),
+    benchmark:
+        benchmark_of("architecture/{scenario}/front")
+    params:
+        slots=ARCHITECTURE["slots"],
+        front=ARCHITECTURE["front"],
+        settings=settings("epoch_jd", "propagator", "visibility"),
+        seed=config["seed"],
+    priority: 5
+    message:
+        "Best J for each number of satellites (scenario {wildcards.scenario})"
+    script:
+        "../scripts/front.py"

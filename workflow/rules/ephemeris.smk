@@ -1,0 +1,13 @@
+rule ephemeris:
+    output:
+        results("ephemeris/sun.nc"),
+    log:
+        log_of("ephemeris/sun"),
+    benchmark:
+        benchmark_of("ephemeris/sun")
+    params:
+        settings=settings("epoch_jd", "ephemeris", "visibility"),
+    message:
+        "Sampling the Sun and the rotating frame from SPICE"
+    script:
+        "../scripts/ephemeris.py"

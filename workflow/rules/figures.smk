@@ -1,0 +1,3 @@
+rule figures:
+    input:
+        rules.paper_vs_ours.output,

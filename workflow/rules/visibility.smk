@@ -1,0 +1,20 @@
+rule visibility:
+    input:
+        orbits=rules.families.output[0],
+        targets=rules.static_targets.output[0],
+        sun=rules.ephemeris.output[0],
+    output:
+        results("visibility/{scenario}.nc"),
+    log:
+        log_of("visibility/{scenario}"),
+    benchmark:
+        benchmark_of("visibility/{scenario}")
+    threads: workflow.cores
+    params:
+        settings=settings("epoch_jd", "propagator", "visibility"),
+        max_satellites=ARCHITECTURE["max_satellites"],
+    priority: 50
+    message:
+        "Counting observations for every orbit and satellite count (scenario {wildcards.scenario})"
+    script:
+        "../scripts/visibility.py"

@@ -1,0 +1,34 @@
+"""Makes tables/architecture.csv and tables/near_optimal.csv: Table 2 of the paper and beyond."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from cislunar.campaign.netcdf import read_dataset, write_text
+from cislunar.campaign.progress import job
+from cislunar.campaign.tables import architecture_rows, near_optimal_rows
+
+with job(snakemake.log[0], snakemake.threads):
+    orbits = read_dataset(snakemake.input.orbits)
+    sun = read_dataset(snakemake.input.sun)
+    targets = dict(zip(snakemake.params.scenarios, snakemake.input.targets, strict=True))
+    rows, near = [], []
+    for path in map(Path, snakemake.input.architectures):
+        scenario, optimizer = path.parent.name, path.stem
+        architecture = read_dataset(path)
+        rows.append(
+            architecture_rows(
+                scenario,
+                optimizer,
+                architecture,
+                orbits,
+                read_dataset(targets[scenario]),
+                sun,
+                snakemake.params.settings,
+            )
+        )
+        if optimizer == "exact":
+            near.append(near_optimal_rows(scenario, architecture, orbits))
+    write_text(pd.concat(rows).to_csv(index=False), snakemake.output.architecture)
+    table = pd.concat(near) if near else pd.DataFrame(columns=["scenario"])
+    write_text(table.to_csv(index=False), snakemake.output.near_optimal)

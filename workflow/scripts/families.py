@@ -1,0 +1,9 @@
+"""Makes orbits/families.nc: the candidate observer orbits of all families."""
+
+from cislunar.campaign.inputs import families_dataset
+from cislunar.campaign.netcdf import write_dataset
+from cislunar.campaign.progress import job, progress_log
+
+with job(snakemake.log[0]):
+    orbits = families_dataset(snakemake.params.settings, progress_log("families"))
+    write_dataset(orbits, snakemake.output[0])

@@ -1,0 +1,24 @@
+"""Makes architecture/{scenario}/front.nc: best J and its coverage by number of satellites."""
+
+from cislunar.campaign.netcdf import read_dataset, write_dataset
+from cislunar.campaign.observability import architecture_tables
+from cislunar.campaign.optimization import front_dataset
+from cislunar.campaign.progress import job, progress_log
+
+with job(snakemake.log[0]):
+    visibility = read_dataset(snakemake.input.visibility)
+    orbits = read_dataset(snakemake.input.orbits)
+    front = front_dataset(
+        architecture_tables(visibility, orbits),
+        visibility,
+        orbits,
+        read_dataset(snakemake.input.targets),
+        read_dataset(snakemake.input.sun),
+        scenario=snakemake.wildcards.scenario,
+        seed=snakemake.params.seed,
+        slots=snakemake.params.slots,
+        front=snakemake.params.front,
+        settings=snakemake.params.settings,
+        progress=progress_log("numbers of satellites"),
+    )
+    write_dataset(front, snakemake.output[0])

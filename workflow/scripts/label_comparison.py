@@ -1,0 +1,26 @@
+"""Makes tables/label_comparison.csv: J of TPE by the way orbits are labelled."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from cislunar.campaign.netcdf import read_dataset, write_text
+from cislunar.campaign.progress import job
+
+with job(snakemake.log[0]):
+    rows = []
+    for path in map(Path, snakemake.input):
+        run = read_dataset(path)
+        _, labels = path.stem.split("_", 1)
+        labels, number = labels.rsplit("_", 1)
+        rows.append(
+            {
+                "scenario": path.parent.parent.name,
+                "labels": labels,
+                "run": int(number),
+                "J": float(run["J"]),
+                "satellites": int(run["satellites"].sum()),
+                "evaluations": run.sizes["evaluation"],
+            }
+        )
+    write_text(pd.DataFrame(rows).to_csv(index=False), snakemake.output[0])

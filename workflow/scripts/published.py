@@ -1,0 +1,17 @@
+"""Makes architecture/{scenario}/published.nc: the paper's architecture, members chosen by J."""
+
+from cislunar.campaign.netcdf import read_dataset, write_dataset
+from cislunar.campaign.observability import architecture_tables
+from cislunar.campaign.optimization import published_dataset
+from cislunar.campaign.progress import job
+
+with job(snakemake.log[0]):
+    visibility = read_dataset(snakemake.input.visibility)
+    published = published_dataset(
+        architecture_tables(visibility, read_dataset(snakemake.input.orbits)),
+        visibility,
+        scenario=snakemake.wildcards.scenario,
+        seed=snakemake.params.seed,
+        restarts=snakemake.params.restarts,
+    )
+    write_dataset(published, snakemake.output[0])

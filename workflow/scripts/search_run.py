@@ -1,0 +1,22 @@
+"""Makes architecture/{scenario}/runs/{method}_{labels}_{run}.nc: one Hyperopt search."""
+
+from cislunar.campaign.netcdf import read_dataset, write_dataset
+from cislunar.campaign.observability import architecture_tables
+from cislunar.campaign.optimization import search_run_dataset
+from cislunar.campaign.progress import job
+
+with job(snakemake.log[0]):
+    visibility = read_dataset(snakemake.input.visibility)
+    run = search_run_dataset(
+        architecture_tables(visibility, read_dataset(snakemake.input.orbits)),
+        visibility,
+        scenario=snakemake.wildcards.scenario,
+        method=snakemake.wildcards.method,
+        labels=snakemake.wildcards.labels,
+        run=int(snakemake.wildcards.run),
+        seed=snakemake.params.seed,
+        slots=snakemake.params.slots,
+        max_evaluations=snakemake.params.max_evaluations,
+        early_stop=snakemake.params.early_stop,
+    )
+    write_dataset(run, snakemake.output[0])

@@ -1,0 +1,15 @@
+"""Makes targets/static_{scenario}.nc: the sampled points clustered to static targets."""
+
+from cislunar.campaign.inputs import static_targets_dataset
+from cislunar.campaign.netcdf import read_dataset, write_dataset
+from cislunar.campaign.progress import job
+
+with job(snakemake.log[0]):
+    targets = static_targets_dataset(
+        read_dataset(snakemake.input[0]),
+        snakemake.wildcards.scenario,
+        snakemake.params.targets,
+        snakemake.params.seeding,
+        snakemake.params.seed,
+    )
+    write_dataset(targets, snakemake.output[0])

@@ -1,0 +1,16 @@
+"""Makes visibility/{scenario}.nc: observations for every orbit, satellite count and target."""
+
+from cislunar.campaign.netcdf import read_dataset, write_dataset
+from cislunar.campaign.observability import visibility_dataset
+from cislunar.campaign.progress import job, progress_log
+
+with job(snakemake.log[0], snakemake.threads):
+    counts = visibility_dataset(
+        read_dataset(snakemake.input.orbits),
+        read_dataset(snakemake.input.targets),
+        read_dataset(snakemake.input.sun),
+        snakemake.params.settings,
+        snakemake.params.max_satellites,
+        progress_log("orbits"),
+    )
+    write_dataset(counts, snakemake.output[0])
