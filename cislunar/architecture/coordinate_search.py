@@ -207,7 +207,7 @@ class _Climb:
 def _check(tables: ArchitectureTables, n_slots: int, total: int | None) -> None:
     if not 1 <= n_slots <= tables.n_orbits:
         raise ConfigurationError(
-            f"n_slots = {n_slots}: must lie between 1 and {tables.n_orbits}, the orbits of the tables"
+            f"n_slots = {n_slots}: must lie in 1..{tables.n_orbits}, the orbits of the tables"
         )
     highest = n_slots * tables.max_satellites
     if total is not None and not n_slots <= total <= highest:
@@ -226,8 +226,8 @@ def _check_start(tables, n_slots: int, total: int | None, orbit: NDArray, satell
         or total not in (None, counts.sum())
     ):
         raise ConfigurationError(
-            f"start {np.asarray(orbit).tolist()}, {counts.tolist()}: give {n_slots} distinct orbits "
-            f"with 1..{tables.max_satellites} satellites each, in all the prescribed total"
+            f"start {np.asarray(orbit).tolist()}, {counts.tolist()}: give {n_slots} distinct "
+            f"orbits with 1..{tables.max_satellites} satellites each, in all the prescribed total"
         )
 
 

@@ -1,0 +1,113 @@
+"""Groups of targets seen alike, for the relaxation of J.
+
+By Jensen's inequality a concave sum over targets is at most the sum over groups at their mean
+observations; the more alike the targets of a group, the less is lost.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+_FEATURES = 64  # orbits whose observations are compared
+_ITERATIONS = 12
+
+
+def group_targets(
+    observations: NDArray[np.unsignedinteger], weight: NDArray[np.float64], n_groups: int
+) -> NDArray[np.int64]:
+    """Group targets by the logarithm of how often each orbit sees them (k-means).
+
+    Parameters
+    ----------
+    observations : ndarray of unsigned integers, shape (orbit, target)
+        Observations by one satellite on each orbit.
+    weight : ndarray, shape (orbit,)
+        Importance of each orbit.
+    n_groups : int
+        Most groups.
+
+    Returns
+    -------
+    ndarray of int, shape (target,)
+        Group of each target, 0 .. groups - 1, none empty; the same for the same input.
+    """
+    n_targets = observations.shape[1]
+    if n_groups >= n_targets:
+        return np.arange(n_targets)
+    chosen = np.argsort(-weight, kind="stable")[:_FEATURES]
+    features = (np.log1p(observations[chosen].astype(np.float64)) * weight[chosen, None]).T
+    features = np.ascontiguousarray(features)
+    # any seeding gives a valid bound; a fixed one gives the same bound every time
+    label = _k_means(features, _spread_seeds(features, n_groups, np.random.default_rng(0)))
+    return np.unique(label, return_inverse=True)[1]
+
+
+def _spread_seeds(features: NDArray, n_groups: int, rng: np.random.Generator) -> NDArray:
+    """Seeds drawn with probability proportional to the squared distance from those drawn."""
+    centres = np.empty((n_groups, features.shape[1]))
+    centres[0] = features[rng.integers(len(features))]
+    distance = ((features - centres[0]) ** 2).sum(axis=1)
+    for k in range(1, n_groups):
+        cumulative = np.cumsum(distance)
+        pick = np.searchsorted(cumulative, rng.random() * cumulative[-1], side="right")
+        centres[k] = features[min(pick, len(features) - 1)]
+        distance = np.minimum(distance, ((features - centres[k]) ** 2).sum(axis=1))
+    return centres
+
+
+@njit(cache=True)
+def _k_means(features, centres):
+    n, width = features.shape
+    label = np.zeros(n, np.int64)
+    for _ in range(_ITERATIONS):
+        for t in range(n):
+            nearest = np.inf
+            for k in range(centres.shape[0]):
+                squared = 0.0
+                for f in range(width):
+                    squared += (features[t, f] - centres[k, f]) ** 2
+                    if squared >= nearest:
+                        break
+                if squared < nearest:
+                    nearest = squared
+                    label[t] = k
+        size = np.zeros(centres.shape[0])
+        total = np.zeros_like(centres)
+        for t in range(n):
+            size[label[t]] += 1.0
+            total[label[t]] += features[t]
+        for k in range(centres.shape[0]):
+            if size[k] > 0.0:
+                centres[k] = total[k] / size[k]
+    return label
+
+
+@njit(cache=True)
+def group_means(observations, label, n_groups):
+    """Mean observations per satellite of each group.
+
+    Parameters
+    ----------
+    observations : ndarray of unsigned integers, shape (orbit, satellites, target)
+    label : ndarray of int, shape (target,)
+    n_groups : int
+
+    Returns
+    -------
+    mean : ndarray, shape (orbit, satellites, group)
+    mass : ndarray, shape (group,)
+        Targets in each group.
+    """
+    n_orbits, counts, n_targets = observations.shape
+    mass = np.zeros(n_groups)
+    for t in range(n_targets):
+        mass[label[t]] += 1.0
+    mean = np.zeros((n_orbits, counts, n_groups))
+    for i in range(n_orbits):
+        for e in range(counts):
+            row = mean[i, e]
+            for t in range(n_targets):
+                row[label[t]] += observations[i, e, t]
+            for g in range(n_groups):
+                row[g] /= mass[g] * (e + 1)
+    return mean, mass
