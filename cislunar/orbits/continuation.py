@@ -256,3 +256,9 @@ def split_at_extrema(branch: Branch, measure: Measure, mu: float = MU) -> Branch
                 out.insert(k + 1, between(first, second, float(best.x), mu))
                 break
     return out
+
+
+def join(backward: Branch, forward: Branch) -> Branch:
+    """One branch from two continuations of the same start in opposite senses."""
+    turned = [Point(member.half, -member.tangent) for member in backward[:0:-1]]
+    return turned + forward

@@ -11,7 +11,7 @@ from cislunar.dynamics.cr3bp import jacobi_constant
 from cislunar.dynamics.propagation import closest_approaches
 from cislunar.errors import ConfigurationError
 from cislunar.orbits import branches
-from cislunar.orbits.continuation import Branch, Measure, Point, continue_branch, locate
+from cislunar.orbits.continuation import MAX_STEP, Branch, Measure, Point, continue_branch, locate
 from cislunar.orbits.corrector import HALF_PERIOD, HalfOrbit, X, Z
 
 BUTTERFLY_LAST_PERIOD = 11.556
@@ -105,7 +105,7 @@ def follow_branch(
     perilune_km: float,
     perigee_km: float,
     end: tuple[str, float] | None,
-    max_step: float,
+    max_step: float = MAX_STEP,
 ) -> Branch:
     """Members of a branch that clear both primaries, up to its end.
 
@@ -165,12 +165,31 @@ def follow_branch(
             f"{perigee_km:.0f} km from the Earth's: lower the keep-out altitudes"
         )
     for condition in (clearance, remaining):
-        branch = _trim(branch, condition, mu)
+        branch = trim(branch, condition, mu)
     return branch
 
 
-def _trim(branch: Branch, condition: Measure, mu: float) -> Branch:
-    """The part of a branch where a condition is positive, with its ends put on zero."""
+def trim(branch: Branch, condition: Measure, mu: float) -> Branch:
+    """Part of a branch where a condition is positive, its ends corrected to where it is zero.
+
+    Parameters
+    ----------
+    branch : list of Point
+        Whose condition changes sign at most once near either end.
+    condition : callable
+        Takes a Point, returns a float.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    list of Point
+
+    Raises
+    ------
+    ConvergenceError
+        If the corrector fails.
+    """
     if condition(branch[-1]) < 0.0:
         index, root = locate(branch[-2:], condition, mu)[-1]
         branch = [*branch[: len(branch) - 1 + index], root]
