@@ -133,7 +133,7 @@ def _resonant_members(family: str, mu: float) -> Branch:
     outward = continue_branch(seed.half, seed.direction, lambda m: below(m) <= 0.0, mu=mu)
     branch = trim(trim(join(inward, outward), above, mu), below, mu)
     members = spaced_members(branch, RESONANT_COUNTS[family], by_arc=False, mu=mu)
-    # The epoch is at apogee, where the same roundoff closes the orbit ten times better.
+    # The epoch is at apogee: at a low perigee the same roundoff leaves a far larger gap.
     apogees = [opposite(member).half.crossing for member in members]
     halves = [correct(apogee, fix_coordinate(X, apogee[X]), mu) for apogee in apogees]
     return [Point(half, seed.direction) for half in halves]
