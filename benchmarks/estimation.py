@@ -1,0 +1,154 @@
+"""Times of the filter, the tasking step and whole day cells, beside the usual ways.
+
+    python benchmarks/estimation.py [--targets 20 100 202] [--observers 20]
+
+The filter is compared with filterpy's unscented filter on the same model (compiled dynamics and
+photometry called from Python), and its propagation with SciPy's RK45 at the paper's tolerance.
+The scene needs no file: observers and near-periodic targets stand in for the paper's. Everything
+runs on one thread; compilation is not counted.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from reference_filter import ReferenceFilter
+from tracking_scene import make_problem
+
+from cislunar.constants import MU
+from cislunar.dynamics.cr3bp import equations_of_motion
+from cislunar.estimation.bundle import propagate_bundle
+from cislunar.estimation.measurement import DETECTED, Sensor, measure
+from cislunar.estimation.mukf import MultiplicativeUKF
+from cislunar.photometry.materials import Material
+from cislunar.photometry.shapes import icosahedron
+from cislunar.tasking.assignment import assign
+from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.information import TaskingModel, pair_information
+from cislunar.tasking.simulation import draw_truth, initial_estimate
+
+SENSOR = Sensor(limiting_magnitude=24.0)
+
+
+def best_time(action: Callable[[], object], repeats: int = 3) -> float:
+    """Least wall time of an action after a first, uncounted call, s."""
+    action()
+    times = []
+    for _ in range(repeats):
+        start = perf_counter()
+        action()
+        times.append(perf_counter() - start)
+    return min(times)
+
+
+def filter_times() -> None:
+    """Predict and update per target and step, ours and filterpy's."""
+    scene, surfaces, epoch, ids, loop = make_problem(5, 5, duration_hours=24.0)
+    initial = initial_estimate(epoch, loop.initial.components())
+    truth = draw_truth(initial, scene, SENSOR.noise, 3, ids)
+    observer_of = np.arange(5)
+    measured, fate = measure(
+        1, loop.n_steps, scene, surfaces, SENSOR, observer_of, truth.translation,
+        truth.quaternion, truth.noise,
+    )  # fmt: skip
+    j = int(np.argmax((fate == DETECTED).sum(axis=1)))
+    steps = np.flatnonzero(fate[j] == DETECTED)
+    assert np.array_equal(steps[:200], np.arange(200)), "the scene has changed"
+
+    def ours(measurements):
+        filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
+        return filt.advance(measurements, observer_of)
+
+    nothing = np.full_like(measured, np.nan)
+    updates = int(ours(measured).used.sum())
+    count = measured.shape[0] * measured.shape[1]
+    predict = best_time(lambda: ours(nothing)) / count
+    update = (best_time(lambda: ours(measured)) - predict * count) / updates
+    print(f"predict {1e6 * predict:7.2f} us   update {1e6 * update:7.2f} us   per target and step")
+
+    reference = ReferenceFilter(
+        scene, icosahedron(), Material(), SENSOR.noise, initial, np.zeros(12), j
+    )
+    start = perf_counter()
+    for i in range(200):
+        reference.predict()
+        reference.update(measured[j, i], observer_of[j])
+        reference.reset()
+    theirs = (perf_counter() - start) / 200
+    print(f"filterpy, same model: {1e6 * theirs:.0f} us   ratio {theirs / (predict + update):.0f}")
+
+
+def propagation_times() -> None:
+    """Twenty-five sigma points over a minute."""
+    _, _, epoch, _, loop = make_problem(1, 1)
+    step = loop.step_s / 375_190.3
+    points = np.repeat(epoch, 25, axis=0)
+    ours = best_time(lambda: propagate_bundle(points, step, 1000, MU)) / 1000
+
+    def scipy_day():
+        for point in points:
+            solve_ivp(
+                lambda _, y: equations_of_motion(y), (0.0, step), point, rtol=1e-10, atol=1e-10
+            )
+
+    theirs = best_time(scipy_day)
+    print(
+        f"25 sigma points, 60 s: one DOP853 step {1e6 * ours:.2f} us, "
+        f"SciPy RK45 1e-10 {1e6 * theirs:.0f} us   ratio {theirs / ours:.0f}"
+    )
+
+
+def tasking_times(n_observers: int, n_targets: int) -> None:
+    """Information of all pairs and assignment, once."""
+    scene, surfaces, epoch, _, loop = make_problem(n_observers, n_targets, duration_hours=1.0)
+    initial = initial_estimate(epoch, loop.initial.components())
+    prediction = MultiplicativeUKF(scene, surfaces, SENSOR, initial).predict()
+
+    def pairs():
+        return pair_information(prediction, scene, surfaces, SENSOR, TaskingModel(), MU)
+
+    matrix = pairs()
+    line = f"tasking, {n_observers} observers, {n_targets} targets: "
+    line += f"information {1e3 * best_time(pairs):.2f} ms"
+    for method in ("exact", "greedy"):
+        line += f", {method} {1e3 * best_time(lambda m=method: assign(matrix, m)):.3f} ms"
+    start = perf_counter()
+    search = assign(matrix, "tpe", rng=np.random.default_rng(0), max_evaluations=60)
+    line += f", tpe {1e3 * (perf_counter() - start) / search.history.size:.0f} ms per evaluation"
+    line += f" ({search.information / assign(matrix).information:.3f} of exact after 60)"
+    print(line)
+
+
+def cell_time(n_observers: int, n_targets: int) -> None:
+    """A one-day cell with one seed and exact tasking."""
+    problem = make_problem(n_observers, n_targets)
+    seconds = best_time(lambda: run_closed_loop(*problem[:4], [0], problem[4]), 2)
+    result = run_closed_loop(*problem[:4], [0], problem[4])
+    print(
+        f"day cell, {n_observers} observers, {n_targets:3d} targets: {seconds:.2f} s   "
+        f"({result.valid.sum()} updates)"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--targets", type=int, nargs="+", default=[20, 100, 202])
+    parser.add_argument("--observers", type=int, default=20)
+    options = parser.parse_args()
+    filter_times()
+    propagation_times()
+    for n_targets in options.targets:
+        tasking_times(options.observers, n_targets)
+    for n_targets in options.targets:
+        cell_time(options.observers, n_targets)
+
+
+if __name__ == "__main__":
+    main()
