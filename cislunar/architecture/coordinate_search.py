@@ -122,9 +122,9 @@ class MultiStartResult:
         Its J and factors.
     restart_cost : ndarray, shape (restart,)
         J reached by each restart.
-    history : tuple of ndarray, shape (improvement, 2)
-        For each restart, exact evaluations so far and J after every improvement; the first row is
-        the start.
+    history : tuple of ndarray, shape (improvement, 3)
+        For each restart, exact evaluations so far, J and the total number of satellites after
+        every improvement; the first row is the start.
     """
 
     orbit: NDArray[np.int64]
@@ -154,7 +154,7 @@ class _Climb:
         self.satellites = np.array(satellites, dtype=np.int64)
         self.cost = architecture_cost(arguments, self.orbit, self.satellites)
         self.evaluations = 1
-        self.history = [(1, self.cost)]
+        self.history = [(1, self.cost, self.satellites.sum())]
 
     def _try(self, slot: int, satellites: NDArray, lowest: int, highest: int) -> bool:
         i, n, cost, evaluations = _best_for_slot(
@@ -167,7 +167,7 @@ class _Climb:
         self.satellites = satellites.copy()
         self.satellites[slot] = n
         self.cost = cost
-        self.history.append((self.evaluations, cost))
+        self.history.append((self.evaluations, cost, self.satellites.sum()))
         return True
 
     def free(self) -> None:

@@ -23,21 +23,19 @@ class SearchResult:
         J and its factors.
     history : ndarray, shape (evaluation,)
         J of each evaluation, in order.
-    orbit_history, satellites_per_orbit_history : ndarray of int64, shape (evaluation, slot)
-        The architecture of each evaluation.
+    satellites_history : ndarray of int64, shape (evaluation,)
+        Total number of satellites of each evaluation.
+    orbit_trials, satellites_trials : ndarray of int64, shape (evaluation, slot), or None
+        The architecture of each evaluation, where the optimiser keeps it.
     """
 
     orbit: NDArray[np.int64]
     satellites: NDArray[np.int64]
     cost: CostFactors
     history: NDArray[np.float64]
-    orbit_history: NDArray[np.int64]
-    satellites_per_orbit_history: NDArray[np.int64]
-
-    @property
-    def satellites_history(self) -> NDArray[np.int64]:
-        """Total number of satellites of each evaluation, shape (evaluation,)."""
-        return self.satellites_per_orbit_history.sum(axis=1)
+    satellites_history: NDArray[np.int64]
+    orbit_trials: NDArray[np.int64] | None = None
+    satellites_trials: NDArray[np.int64] | None = None
 
     @property
     def n_satellites(self) -> int:
@@ -73,6 +71,7 @@ class SearchResult:
             satellites=satellites[order],
             cost=cost(orbit[order], satellites[order]),
             history=np.asarray(history, dtype=float),
-            orbit_history=np.array([o for o, _ in tried], dtype=np.int64),
-            satellites_per_orbit_history=np.array([n for _, n in tried], dtype=np.int64),
+            satellites_history=np.array([n.sum() for _, n in tried], dtype=np.int64),
+            orbit_trials=np.array([o for o, _ in tried], dtype=np.int64),
+            satellites_trials=np.array([n for _, n in tried], dtype=np.int64),
         )

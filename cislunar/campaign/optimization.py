@@ -6,17 +6,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from cislunar.architecture.coordinate_search import satellite_front
 from cislunar.architecture.cost import CostFactors, CostFunction
-from cislunar.architecture.hyperopt_search import hyperopt_search, stopping_evaluation
-from cislunar.architecture.published import PUBLISHED, choose_members
-from cislunar.architecture.result import SearchResult
+from cislunar.architecture.hyperopt_search import stopping_evaluation
+from cislunar.architecture.optimize import optimize
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.campaign.netcdf import variable
-from cislunar.campaign.observability import architecture_coverage
-from cislunar.campaign.progress import Progress, logger, progress_log
+from cislunar.campaign.progress import logger, progress_log
 from cislunar.campaign.provenance import provenance
-from cislunar.errors import ConfigurationError
 
 LAMBDA_MEANING = (
     "1 / satellites",
@@ -72,7 +68,20 @@ def architecture_variables(
     return described
 
 
-def _history(values: np.ndarray, satellites: np.ndarray) -> dict[str, xr.Variable]:
+def history_variables(values: np.ndarray, satellites: np.ndarray) -> dict[str, xr.Variable]:
+    """Variables that describe how a search went.
+
+    Parameters
+    ----------
+    values : ndarray, shape (evaluation,)
+        J of each evaluation.
+    satellites : ndarray of int, shape (evaluation,)
+        Total satellites of each evaluation.
+
+    Returns
+    -------
+    dict
+    """
     return {
         "J_history": variable("evaluation", values, "1", "J of each evaluation"),
         "satellites_history": variable(
@@ -81,7 +90,26 @@ def _history(values: np.ndarray, satellites: np.ndarray) -> dict[str, xr.Variabl
     }
 
 
-def _attributes(visibility: xr.Dataset, title: str, settings: Mapping, seed: int | None) -> dict:
+def architecture_attributes(
+    visibility: xr.Dataset, title: str, settings: Mapping[str, Any], seed: int
+) -> dict[str, Any]:
+    """Global attributes of an architecture's data set.
+
+    Parameters
+    ----------
+    visibility : xarray.Dataset
+        ``visibility/{scenario}.nc``, whose photometric settings are handed on.
+    title : str
+        What the file holds.
+    settings : mapping
+        Configuration slice.
+    seed : int
+        Seed of the campaign.
+
+    Returns
+    -------
+    dict
+    """
     kept = ("diffuse_reflection_coefficient", "visibility_magnitude", "n_steps")
     return provenance(title, settings=settings, seed=seed) | {
         key: visibility.attrs[key] for key in kept
@@ -123,7 +151,7 @@ def search_run_dataset(
     xarray.Dataset
         ``architecture/{scenario}/runs/{method}_{labels}_{run}.nc``.
     """
-    result = hyperopt_search(
+    result = optimize(
         tables,
         method=method,
         rng=generator(seed, scenario, method, labels, run),
@@ -144,22 +172,24 @@ def search_run_dataset(
     }
     return xr.Dataset(
         architecture_variables(result.orbit, result.satellites, result.cost)
-        | _history(result.history, result.satellites_history)
+        | history_variables(result.history, result.satellites_history)
         | {
             "trial_orbit": variable(
                 ("evaluation", "slot"),
-                result.orbit_history.astype(np.int32),
+                result.orbit_trials.astype(np.int32),
                 "1",
                 "orbit of each slot in each evaluation",
             ),
             "trial_satellites": variable(
                 ("evaluation", "slot"),
-                result.satellites_per_orbit_history.astype(np.int16),
+                result.satellites_trials.astype(np.int16),
                 "1",
                 "satellites of each slot in each evaluation",
             ),
         },
-        attrs=_attributes(visibility, f"Scenario {scenario}, one {method} search", settings, seed),
+        attrs=architecture_attributes(
+            visibility, f"Scenario {scenario}, one {method} search", settings, seed
+        ),
     )
 
 
@@ -207,7 +237,9 @@ def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunc
         return np.array([each[name].values[i] for each, i in zip(runs, where, strict=True)])
 
     data = architecture_variables(orbit, satellites, cost(orbit, satellites))
-    data |= _history(run["J_history"].values[:allowed], run["satellites_history"].values[:allowed])
+    data |= history_variables(
+        run["J_history"].values[:allowed], run["satellites_history"].values[:allowed]
+    )
     data |= {
         "run_J": variable("run", reached, "1", "J reached by each run under the early stop"),
         "run_orbit": variable(
@@ -247,134 +279,3 @@ def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunc
     attributes = dict(runs[chosen].attrs)
     attributes["title"] = attributes["title"].replace("one", "the best")
     return xr.Dataset(data, attrs=attributes)
-
-
-def published_dataset(
-    tables: ArchitectureTables, visibility: xr.Dataset, *, scenario: str, seed: int, restarts: int
-) -> xr.Dataset:
-    """The paper's families and counts, with the members that serve J best.
-
-    Parameters
-    ----------
-    tables : ArchitectureTables
-        Tables of the scenario.
-    visibility : xarray.Dataset
-        ``visibility/{scenario}.nc``, for its attributes.
-    scenario : str
-        Scenario; the paper has A, B and C.
-    seed, restarts : int
-        Seed of the campaign and number of starts.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``architecture/{scenario}/published.nc``.
-
-    Raises
-    ------
-    ConfigurationError
-        If the paper has no such scenario.
-    """
-    if scenario not in PUBLISHED:
-        raise ConfigurationError(
-            f"scenario {scenario} is not in the paper, which has {', '.join(PUBLISHED)}: there is "
-            "no published architecture to evaluate"
-        )
-    result = choose_members(
-        tables,
-        PUBLISHED[scenario],
-        rng=generator(seed, scenario, "published"),
-        restarts=restarts,
-        progress=progress_log("restarts"),
-    )
-    logger.info("J = %.4e with %d satellites", result.cost.value, result.n_satellites)
-    return xr.Dataset(
-        architecture_variables(result.orbit, result.satellites, result.cost)
-        | _history(result.history, result.satellites_history),
-        attrs=_attributes(
-            visibility,
-            f"Scenario {scenario}, published families and counts",
-            {"restarts": restarts},
-            seed,
-        ),
-    )
-
-
-def front_dataset(
-    tables: ArchitectureTables,
-    visibility: xr.Dataset,
-    orbits: xr.Dataset,
-    targets: xr.Dataset,
-    sun: xr.Dataset,
-    *,
-    scenario: str,
-    seed: int,
-    slots: int,
-    front: Mapping[str, int],
-    settings: Mapping[str, Any],
-    progress: Progress | None = None,
-) -> xr.Dataset:
-    """Best J found for each number of satellites, and what such an architecture covers.
-
-    Parameters
-    ----------
-    tables : ArchitectureTables
-        Tables of the scenario.
-    visibility, orbits, targets, sun : xarray.Dataset
-        Data sets of the scenario.
-    scenario : str
-        Its name.
-    seed, slots : int
-        Seed of the campaign and number of orbits.
-    front : mapping
-        Configuration key `architecture.front`.
-    settings : mapping
-        Configuration keys `propagator` and `visibility`.
-    progress : callable, optional
-        Called with (totals done, totals).
-
-    Returns
-    -------
-    xarray.Dataset
-        ``architecture/{scenario}/front.nc``.
-    """
-    totals = list(range(front["fewest"], front["most"] + 1))
-    found: list[SearchResult] = satellite_front(
-        tables,
-        totals,
-        generator(seed, scenario, "front"),
-        slots=slots,
-        restarts=front["restarts"],
-        progress=progress,
-    )
-    covered = [
-        architecture_coverage(each.orbit, each.satellites, orbits, targets, sun, settings)
-        for each in found
-    ]
-    return xr.Dataset(
-        {
-            "J": variable("total", [each.cost.value for each in found], "1", "best J found"),
-            "orbit": variable(
-                ("total", "slot"), np.array([each.orbit for each in found]), "1", "orbit index"
-            ),
-            "satellites": variable(
-                ("total", "slot"),
-                np.array([each.satellites for each in found]),
-                "1",
-                "satellites on the orbit",
-            ),
-            "union_coverage": variable(
-                "total", [c.union_coverage for c in covered], "1", "share of target-hours seen"
-            ),
-            "target_days": variable(
-                "total", [c.target_days for c in covered], "1", "share of target-days seen"
-            ),
-            "never_seen": variable(
-                "total", [c.never_seen for c in covered], "1", "targets never seen"
-            ),
-        },
-        coords={"total": variable("total", totals, "1", "satellites in all")},
-        attrs=_attributes(
-            visibility, f"Scenario {scenario}, best J by number of satellites", dict(front), seed
-        ),
-    )

@@ -1,8 +1,8 @@
 """Makes architecture/{scenario}/front.nc: best J and its coverage by number of satellites."""
 
+from cislunar.campaign.exact import front_dataset
 from cislunar.campaign.netcdf import read_dataset, write_dataset
 from cislunar.campaign.observability import architecture_tables
-from cislunar.campaign.optimization import front_dataset
 from cislunar.campaign.progress import job, progress_log
 
 with job(snakemake.log[0]):

@@ -1,8 +1,8 @@
 """Makes architecture/{scenario}/published.nc: the paper's architecture, members chosen by J."""
 
+from cislunar.campaign.exact import published_dataset
 from cislunar.campaign.netcdf import read_dataset, write_dataset
 from cislunar.campaign.observability import architecture_tables
-from cislunar.campaign.optimization import published_dataset
 from cislunar.campaign.progress import job
 
 with job(snakemake.log[0]):

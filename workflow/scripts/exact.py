@@ -1,0 +1,20 @@
+"""Makes architecture/{scenario}/exact.nc: the best architecture, and the proof that it is."""
+
+from cislunar.campaign.exact import exact_dataset
+from cislunar.campaign.netcdf import read_dataset, write_dataset
+from cislunar.campaign.observability import architecture_tables
+from cislunar.campaign.progress import job
+
+with job(snakemake.log[0], snakemake.threads):
+    visibility = read_dataset(snakemake.input.visibility)
+    exact = exact_dataset(
+        architecture_tables(visibility, read_dataset(snakemake.input.orbits)),
+        visibility,
+        scenario=snakemake.wildcards.scenario,
+        seed=snakemake.params.seed,
+        slots=snakemake.params.slots,
+        restarts=snakemake.params.restarts,
+        certificate=snakemake.params.certificate,
+        threads=snakemake.threads,
+    )
+    write_dataset(exact, snakemake.output[0])
