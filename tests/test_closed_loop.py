@@ -9,8 +9,9 @@ from cislunar.estimation.mukf_kernels import CHOLESKY_FAILURES, UPDATES
 from cislunar.estimation.scene import make_scene, target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
-from cislunar.tasking.closed_loop import FATE_NAMES, USED, LoopSettings, run_closed_loop
+from cislunar.tasking.closed_loop import FATE_NAMES, USED, run_closed_loop
 from cislunar.tasking.information import TaskingModel
+from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.simulation import (
     draw_truth,
     epoch_states,

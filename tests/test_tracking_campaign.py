@@ -19,7 +19,8 @@ from cislunar.orbits.families import observer_library
 from cislunar.orbits.tracked import tracked_targets
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
-from cislunar.tasking.closed_loop import LoopSettings, run_closed_loop
+from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.simulation import epoch_states, monitored_targets
 
 SATELLITES = {

@@ -6,7 +6,7 @@ from cislunar.constants import TIME_UNIT_S
 from cislunar.estimation.scene import make_scene, target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
-from cislunar.tasking.closed_loop import LoopSettings
+from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.simulation import epoch_states
 
 # Near-periodic orbits: two distant retrograde, two L2 halos, one L1 halo; (x, z, vy, period).

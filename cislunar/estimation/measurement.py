@@ -2,6 +2,13 @@
 
 A measurement is (magnitude, right ascension, declination): the facet model's apparent magnitude
 and the direction of the target in the body frame of the observer.
+
+Assumptions and limitations
+---------------------------
+- Observers know their own position and attitude exactly; light time and aberration are neglected.
+- Right ascension and declination have the same constant noise everywhere, as in the paper, also
+  near the pole of the observer's frame, where right ascension is then too informative.
+- A target in the shadow of the Earth or Moon is taken as lit.
 """
 
 from dataclasses import dataclass, field
@@ -13,6 +20,7 @@ from numpy.typing import NDArray
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.scene import Scene, TargetSurfaces
 from cislunar.geometry.exclusion import ExclusionAngles
 from cislunar.photometry.facets import facet_magnitude
 
@@ -299,8 +307,8 @@ def _measure(first, scene, surfaces, limits, observer_of, states, attitudes, noi
 def measure(
     first: int,
     n_steps: int,
-    scene,
-    surfaces,
+    scene: Scene,
+    surfaces: TargetSurfaces,
     sensor: Sensor,
     observer_of: NDArray[np.int64],
     states: Array,

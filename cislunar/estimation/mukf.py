@@ -1,4 +1,15 @@
-"""The error-state multiplicative UKF of Paul & Fan (section 2.4), over many targets."""
+"""The error-state multiplicative UKF of Paul & Fan (section 2.4), over many targets.
+
+Assumptions and limitations
+---------------------------
+- Targets have spherical inertia, as in the paper: the angular velocity is constant and the attitude
+  follows in closed form.
+- The covariance's root is its lower Cholesky factor in the paper's order of the states; the paper
+  does not say which root it takes, and another gives other, equally valid sigma points.
+- The mean attitude error is injected after the prediction, not only after the update (a difference
+  of third order in the spread).
+- An estimate ends when its mean position lies inside the Earth or the Moon.
+"""
 
 from dataclasses import dataclass
 

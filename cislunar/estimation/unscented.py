@@ -149,7 +149,9 @@ def difference_moments(differences, outer, mean_shift, shift, covariance):
             covariance[a, b] += mean_shift * shift[a] * shift[b]
 
 
-def moments(center: ArrayLike, differences: ArrayLike, weights: UnscentedWeights):
+def moments(
+    center: ArrayLike, differences: ArrayLike, weights: UnscentedWeights
+) -> tuple[Array, Array]:
     """Mean and covariance of a transformed sigma set.
 
     Parameters

@@ -3,10 +3,17 @@
 At every tasking epoch the estimates are carried to the next measurement time, the information of
 all pairs is computed and observers are assigned; until the next epoch the assigned targets are
 measured at every step. One call runs many seeds of one cell.
+
+Assumptions and limitations
+---------------------------
+- An observer whose best pairing brings no information stays idle until the next epoch.
+- The paper judges information "at" the epoch; here it is that of the first measurement after it,
+  from the covariance predicted to that time.
+- The truth follows the filter's own dynamics and reflection model.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,12 +21,13 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimator, EstimatorFactory, InitialEstimate
-from cislunar.estimation.measurement import DETECTED, Sensor, measure
+from cislunar.estimation.measurement import DETECTED, measure
 from cislunar.estimation.metrics import TrackingMetrics, evaluate
-from cislunar.estimation.mukf import INITIAL_SPREAD, Spread, mukf
+from cislunar.estimation.mukf import mukf
 from cislunar.estimation.scene import Scene, TargetSurfaces
-from cislunar.tasking.assignment import EARLY_STOP, IDLE, MAX_EVALUATIONS, METHODS, assign
-from cislunar.tasking.information import TaskingModel, pair_information
+from cislunar.tasking.assignment import IDLE, assign
+from cislunar.tasking.information import pair_information
+from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.simulation import (
     ESTIMATOR,
     TASKING,
@@ -37,99 +45,6 @@ USED = DETECTED + 1
 
 FATE_NAMES = ("not_tasked", "faint", "excluded", "occulted", "rejected", "used")
 """Names of the fates; "rejected" was out of the field of view, or the estimate had failed."""
-
-
-@dataclass(frozen=True)
-class LoopSettings:
-    """Settings of a closed-loop run; the defaults are the paper's where it gives any.
-
-    Attributes
-    ----------
-    step_s : float
-        Time between measurements, s.
-    interval_minutes : float
-        Time between tasking epochs.
-    duration_hours : float
-        Length of a run.
-    method : str
-        Of the assignment, see `cislunar.tasking.assignment.assign`.
-    max_evaluations, early_stop : int
-        Budget of the methods that search.
-    sensor : Sensor
-        Noise and limits of the observers.
-    tasking : TaskingModel
-        What the tasking step believes.
-    initial : Spread
-        Uncertainty of the targets at the epoch.
-    record_every : int
-        Steps between the times at which errors and deviations are kept; metrics use every step.
-    keep_information : bool
-        Keep the information of all pairs at every epoch.
-
-    Raises
-    ------
-    ConfigurationError
-        If a setting is impossible; the message names it.
-    """
-
-    step_s: float = 60.0
-    interval_minutes: float = 60.0
-    duration_hours: float = 24.0
-    method: str = "exact"
-    max_evaluations: int = MAX_EVALUATIONS
-    early_stop: int = EARLY_STOP
-    sensor: Sensor = field(default_factory=Sensor)
-    tasking: TaskingModel = field(default_factory=TaskingModel)
-    initial: Spread = INITIAL_SPREAD
-    record_every: int = 1
-    keep_information: bool = False
-
-    def __post_init__(self) -> None:
-        for key in ("step_s", "interval_minutes", "duration_hours"):
-            value = getattr(self, key)
-            if not (value > 0.0 and np.isfinite(value)):
-                raise ConfigurationError(f"{key} = {value} must be positive and finite")
-        for key, seconds in (
-            ("interval_minutes", 60.0 * self.interval_minutes),
-            ("duration_hours", 3600.0 * self.duration_hours),
-        ):
-            if abs(seconds / self.step_s - round(seconds / self.step_s)) > 1e-9:
-                raise ConfigurationError(
-                    f"{key} = {getattr(self, key)} must be a multiple of step_s = {self.step_s} s"
-                )
-        if self.method not in METHODS:
-            raise ConfigurationError(f"method = {self.method!r} is unknown: use one of {METHODS}")
-        for key in ("max_evaluations", "early_stop", "record_every"):
-            if getattr(self, key) < 1:
-                raise ConfigurationError(f"{key} = {getattr(self, key)} must be at least 1")
-        if not np.all(self.initial.components() > 0.0):
-            raise ConfigurationError(f"initial = {self.initial} must be positive throughout")
-
-    @property
-    def n_steps(self) -> int:
-        """Measurement times of a run, the epoch not counted."""
-        return round(3600.0 * self.duration_hours / self.step_s)
-
-    @property
-    def steps_per_interval(self) -> int:
-        """Measurement times between tasking epochs."""
-        return round(60.0 * self.interval_minutes / self.step_s)
-
-    @property
-    def epochs(self) -> NDArray[np.int64]:
-        """Step indices of the tasking epochs; 0 is the start of the run."""
-        return np.arange(0, self.n_steps, self.steps_per_interval)
-
-    @property
-    def elapsed_s(self) -> Array:
-        """Times of all steps since the start, the epoch included, s, shape (n_steps + 1,)."""
-        return self.step_s * np.arange(self.n_steps + 1)
-
-    @property
-    def recorded(self) -> NDArray[np.int64]:
-        """Indices, among the measurement times, of those at which errors are kept."""
-        # Counted from the end, so that the final state is always among them.
-        return np.arange(self.n_steps - 1, -1, -self.record_every)[::-1]
 
 
 @dataclass(frozen=True)
