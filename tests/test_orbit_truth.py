@@ -52,7 +52,8 @@ STABILITY_FROM_NEAR_CROSSING = {
     ("Resonant_3:1", "406"),
     ("Resonant_3:1", "669"),
 }
-# Two eigenvalues collide at exp(+-0.07): the index moves with the square root of the state.
+# A real pair of eigenvalues next to the defective unit pair, with the Earth 1900 km away: the index
+# follows the integration tolerance itself (1.0026020 at 3e-14, 1.0026032 at 1e-13).
 DEGENERATE_STABILITY = {("Halo_L3_N", "4"): 5e-6, ("Halo_L3_S", "4"): 5e-6}
 
 

@@ -14,6 +14,9 @@ from cislunar.orbits import branches
 from cislunar.orbits.continuation import MAX_STEP, Branch, Measure, Point, continue_branch, locate
 from cislunar.orbits.corrector import HALF_PERIOD, HalfOrbit, X, Z
 
+MEMBERS_BEFORE_CLEARANCE = 100
+"""A branch that has not left the keep-out spheres after so many steps is given up."""
+
 BUTTERFLY_LAST_PERIOD = 11.556
 """Beyond it the butterflies leave the Moon for a far branch around both primaries."""
 
@@ -148,15 +151,18 @@ def follow_branch(
         return float(before_end * (last_value - reached(member)))
 
     has_cleared = clearance(Point(seed.half, seed.direction)) >= 0.0
+    patience = MEMBERS_BEFORE_CLEARANCE
 
     def stop(member: Point) -> bool:
-        nonlocal has_cleared
+        nonlocal has_cleared, patience
+        patience -= 1
         clear = clearance(member) >= 0.0
         violated = has_cleared and not clear
         has_cleared = has_cleared or clear
         # A branch that came back through the plane would go on as its own mirror image.
         flipped = not planar and member.half.crossing[Z] * seed.half.crossing[Z] < 0.0
-        return violated or flipped or remaining(member) <= 0.0
+        hopeless = patience <= 0 and not has_cleared
+        return violated or hopeless or flipped or remaining(member) <= 0.0
 
     branch = continue_branch(seed.half, seed.direction, stop, mu=mu, max_step=max_step)
     if not has_cleared:
