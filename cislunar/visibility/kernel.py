@@ -90,10 +90,11 @@ def _test_block(origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen
         near_earth = dx * ex + dy * ey + dz * ez - distance * ce
         nearest = max(near_sun, max(near_moon, near_earth))
         seen[i] = (phase > needed) & (nearest < zero)
-        doubt = (abs(phase - needed) < _ROUNDING * (one + inverse + needed)) | (
-            abs(nearest) < _ROUNDING * (one + distance)
+        # A target so near that the distance rounds to zero gives NaN, which must not decide.
+        decided = (abs(phase - needed) > _ROUNDING * (one + inverse + needed)) & (
+            abs(nearest) > _ROUNDING * (one + distance)
         )
-        undecided += np.int32(doubt)
+        undecided += np.int32(not decided)
     return undecided
 
 
