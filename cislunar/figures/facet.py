@@ -1,0 +1,199 @@
+"""Drawing of the reflection geometry of one facet (Paul & Fan, section 2.2)."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon
+from numpy.typing import NDArray
+
+from cislunar.figures.style import (
+    BLACK,
+    BLUE,
+    GRAY,
+    GREEN,
+    ORANGE,
+    VERMILION,
+    house_style,
+    new_figure,
+)
+
+Array = NDArray[np.float64]
+
+_SUN = "#B87F00"
+"""The orange of the palette, darker, for type."""
+_EYE = (24.0, 38.0)
+_FACET = np.array([[-1.2, -0.6, 0.0], [1.35, -0.85, 0.0], [-0.05, 1.5, 0.0]])
+_NORMAL = np.array([0.0, 0.0, 1.0])
+
+
+def half_vector(light: Array, view: Array) -> Array:
+    """Unit bisector of the directions to the Sun and to the observer.
+
+    Parameters
+    ----------
+    light, view : ndarray, shape (3,)
+        Unit vectors.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+    """
+    bisector = light + view
+    return bisector / np.linalg.norm(bisector)
+
+
+def direction(zenith_deg: float, azimuth_deg: float) -> Array:
+    """Unit vector in the facet frame.
+
+    Parameters
+    ----------
+    zenith_deg : float
+        Angle from the facet normal, deg.
+    azimuth_deg : float
+        Angle from x^B towards y^B, deg.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+    """
+    zenith, azimuth = np.radians([zenith_deg, azimuth_deg])
+    flat = np.sin(zenith)
+    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.cos(zenith)])
+
+
+def arc_between(first: Array, second: Array, radius: float, samples: int = 40) -> Array:
+    """Points of the circular arc between two unit vectors.
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (3,)
+        Unit vectors.
+    radius : float
+        Radius of the arc.
+    samples : int
+        Points.
+
+    Returns
+    -------
+    ndarray, shape (samples, 3)
+    """
+    angle = np.arccos(np.clip(first @ second, -1.0, 1.0))
+    share = np.linspace(0.0, 1.0, samples)[:, None]
+    return radius * (np.sin((1 - share) * angle) * first + np.sin(share * angle) * second) / np.sin(
+        angle
+    )
+
+
+def project(points: Array, eye_deg: tuple[float, float] = _EYE) -> Array:
+    """Orthographic projection to the plane of the drawing.
+
+    Parameters
+    ----------
+    points : ndarray, shape (..., 3)
+        In the facet frame.
+    eye_deg : tuple of float
+        Elevation and azimuth of the eye, deg.
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+    """
+    elevation, azimuth = np.radians(eye_deg)
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    towards = np.array(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ]
+    )
+    return np.asarray(points) @ np.column_stack((right, np.cross(towards, right)))
+
+
+@house_style()
+def facet_geometry_figure() -> Figure:
+    """The facet frame, the directions to the Sun and the observer, their bisector, and its angle.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = new_figure(3.2, 4.4)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_axis_off()
+    axes.set_aspect("equal")
+    light, view = direction(28.0, -52.0), direction(76.0, 128.0)
+    half = half_vector(light, view)
+    corners = project(_FACET)
+    axes.add_patch(Polygon(corners, facecolor="#E8E8E8", edgecolor=BLACK, linewidth=0.9, zorder=1))
+    for tip, name, color, line, shift in (
+        (direction(90.0, 0.0) * 0.62, r"$\mathbf{x}^B$", BLACK, "-", (-0.1, 0.06)),
+        (direction(90.0, 90.0) * 0.7, r"$\mathbf{y}^B$", BLACK, "-", (0.12, 0.02)),
+        (_NORMAL * 1.3, r"$\mathbf{N}^B$", BLACK, "-", (0.02, 0.13)),
+        (light * 1.4, r"$\mathbf{L}^I$", _SUN, "-", (-0.14, 0.0)),
+        (view * 1.4, r"$\mathbf{V}^I$", BLUE, "-", (0.0, 0.14)),
+        (half * 1.3, r"$\mathbf{H}_{LV}$", VERMILION, (0, (4, 1.6)), (0.13, 0.06)),
+    ):
+        _arrow(axes, tip, name, color, line, shift)
+    _angle(axes, arc_between(_NORMAL, half, 0.72), r"$\phi$", GREEN)
+    for one in (light, view):
+        arc = project(arc_between(one, half, 0.36))
+        axes.plot(*arc.T, color=GRAY, linewidth=0.8, zorder=2)
+        _tick(axes, arc)
+    _glyphs(axes, light, view)
+    axes.set_xlim(-1.6, 2.3)
+    axes.set_ylim(-0.85, 1.98)
+    return figure
+
+
+def _arrow(axes: Axes, tip: Array, name: str, color: str, line, shift) -> None:
+    """A vector from the middle of the facet, with its name at the tip."""
+    end = project(tip)
+    axes.annotate(
+        "",
+        xy=end,
+        xytext=(0.0, 0.0),
+        arrowprops={
+            "arrowstyle": "-|>,head_width=0.16,head_length=0.36",
+            "color": color,
+            "linewidth": 1.3,
+            "linestyle": line,
+            "shrinkA": 0,
+            "shrinkB": 0,
+        },
+        zorder=4,
+    )
+    axes.text(*(end + shift), name, color=color, fontsize=11, ha="center", va="center", zorder=5)
+
+
+def _angle(axes: Axes, arc: Array, name: str, color: str) -> None:
+    """An arc with its name."""
+    drawn = project(arc)
+    axes.plot(*drawn.T, color=color, linewidth=1.2, zorder=3)
+    middle = drawn[len(drawn) // 2]
+    axes.text(*(middle * 1.16), name, color=color, fontsize=11, ha="center", va="center")
+
+
+def _tick(axes: Axes, arc: Array) -> None:
+    """A stroke across an arc: arcs with one are equal angles."""
+    middle = arc[len(arc) * 2 // 3]
+    out = middle / np.linalg.norm(middle)
+    axes.plot(*(middle + np.outer((-0.05, 0.05), out)).T, color=GRAY, linewidth=0.8, zorder=2)
+
+
+def _glyphs(axes: Axes, light: Array, view: Array) -> None:
+    """The Sun and the observer beyond the tips of their vectors, with what they are."""
+    sun, observer = project(light * 1.85), project(view * 1.9)
+    axes.add_patch(Circle(sun, 0.09, facecolor=ORANGE, edgecolor=BLACK, linewidth=0.5))
+    for ray in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False):
+        unit = np.array([np.cos(ray), np.sin(ray)])
+        axes.plot(*(sun + np.outer((0.12, 0.18), unit)).T, color=ORANGE, linewidth=1.0)
+    axes.text(sun[0] - 0.36, sun[1], "Sun", ha="center", va="center")
+    body = observer + np.array([[-0.08, -0.06], [0.08, -0.06], [0.08, 0.06], [-0.08, 0.06]])
+    axes.add_patch(Polygon(body, facecolor=BLUE, edgecolor=BLACK, linewidth=0.5))
+    for side in (-1.0, 1.0):
+        wing = np.array([[0.11, -0.045], [0.3, -0.045], [0.3, 0.045], [0.11, 0.045]])
+        axes.add_patch(
+            Polygon(observer + wing * (side, 1.0), facecolor="white", edgecolor=BLACK, lw=0.5)
+        )
+    axes.text(observer[0], observer[1] - 0.2, "observer", ha="center", va="center")

@@ -1,0 +1,271 @@
+"""The Earth-Moon scene: orbit curves, bodies and axes, in space and in projection."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.dynamics.propagation import propagate_periodic
+from cislunar.figures.style import EARTH_COLOR, MOON_COLOR
+
+Array = NDArray[np.float64]
+
+AXES = ("x", "y", "z")
+_FINE = 2048
+_CLOSE = 0.6
+"""An orbit that stays this near to the Moon counts as one around it, nondimensional."""
+
+
+def thousands(value: float) -> str:
+    """A number with thin spaces between its thousands."""
+    return f"{value:,.0f}".replace(",", "\N{THIN SPACE}")
+
+
+def axis_label(axis: int, length_unit_km: float, *, lines: int = 1) -> str:
+    """Label of a coordinate axis with its unit.
+
+    Parameters
+    ----------
+    axis : int
+        0, 1 or 2 for x, y or z.
+    length_unit_km : float
+        Length unit, km.
+    lines : int
+        1, or 2 where there is little room.
+
+    Returns
+    -------
+    str
+    """
+    gap = " " if lines == 1 else "\n"
+    return f"{AXES[axis]}, nondimensional{gap}({thousands(length_unit_km)} km)"
+
+
+def orbit_curve(orbits: xr.Dataset, index: int, samples: int = 241) -> Array:
+    """One period of an orbit, at equal steps of arc length.
+
+    Parameters
+    ----------
+    orbits : xarray.Dataset
+        ``orbits/families.nc``.
+    index : int
+        Row of the orbit.
+    samples : int
+        Points; the last is the first.
+
+    Returns
+    -------
+    ndarray, shape (samples, 3)
+        Nondimensional, rotating frame.
+    """
+    period = float(orbits["period"].values[index])
+    times = np.linspace(-0.5, 0.5, _FINE + 1) * period
+    states = propagate_periodic(
+        orbits["state"].values[index], period, times[:-1], mu=float(orbits.attrs["mu"])
+    )
+    fine = np.vstack((states[:, :3], states[:1, :3]))
+    arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))))
+    at = np.linspace(0.0, arc[-1], samples)
+    return np.column_stack([np.interp(at, arc, fine[:, axis]) for axis in range(3)])
+
+
+def satellite_positions(orbits: xr.Dataset, index: int, satellites: int) -> Array:
+    """Satellites of an orbit at the epoch, equally spaced in time.
+
+    Parameters
+    ----------
+    orbits : xarray.Dataset
+        ``orbits/families.nc``.
+    index : int
+        Row of the orbit.
+    satellites : int
+        Satellites on it.
+
+    Returns
+    -------
+    ndarray, shape (satellites, 3)
+        Nondimensional, rotating frame.
+    """
+    period = float(orbits["period"].values[index])
+    phases = np.arange(satellites) * period / satellites
+    states = propagate_periodic(
+        orbits["state"].values[index], period, phases, mu=float(orbits.attrs["mu"])
+    )
+    return states[:, :3]
+
+
+def bodies(mu: float) -> Mapping[str, tuple[Array, str]]:
+    """Place and color of the Earth and the Moon."""
+    return {
+        "Earth": (np.array([-mu, 0.0, 0.0]), EARTH_COLOR),
+        "Moon": (np.array([1.0 - mu, 0.0, 0.0]), MOON_COLOR),
+    }
+
+
+def draw_bodies(
+    axes: Axes, mu: float, plane: Sequence[int], bounds: Array, size: float = 5.0
+) -> None:
+    """Mark the Earth (blue) and the Moon (black), not to scale.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Axes, in space or plane.
+    mu : float
+        Mass ratio.
+    plane : sequence of int
+        Coordinates shown, e.g. (0, 2) for x and z, (0, 1, 2) in space.
+    bounds : ndarray, shape (3, 2)
+        From `limits`; a body out of bounds is left out.
+    size : float
+        Diameter of the Earth's marker, points; the Moon's is two thirds of it.
+    """
+    for (name, (place, color)), scale in zip(bodies(mu).items(), (1.0, 0.67), strict=True):
+        if np.any(place < bounds[:, 0]) or np.any(place > bounds[:, 1]):
+            continue
+        axes.plot(
+            *([place[axis]] for axis in plane),
+            linestyle="none",
+            marker="o",
+            markersize=size * scale,
+            color=color,
+            markeredgecolor="white",
+            markeredgewidth=0.4,
+            zorder=10,
+            label=name,
+        )
+
+
+def body_handles(size: float = 5.0) -> list[Line2D]:
+    """Legend entries of the Earth and the Moon."""
+    return [
+        Line2D([], [], linestyle="none", marker="o", markersize=size * scale, color=color, label=n)
+        for n, color, scale in (("Earth", EARTH_COLOR, 1.0), ("Moon", MOON_COLOR, 0.67))
+    ]
+
+
+def limits(points: Sequence[ArrayLike], margin: float = 0.06) -> Array:
+    """Bounds of sets of points, widened.
+
+    Parameters
+    ----------
+    points : sequence of array_like, each of shape (..., 3)
+        Nondimensional.
+    margin : float
+        Widening on each side, as a share of the largest extent.
+
+    Returns
+    -------
+    ndarray, shape (3, 2)
+        Least and greatest value on each axis.
+    """
+    stacked = np.concatenate([np.asarray(p, dtype=float).reshape(-1, 3) for p in points])
+    low, high = stacked.min(axis=0), stacked.max(axis=0)
+    pad = margin * float(np.max(high - low))
+    return np.column_stack((low - pad, high + pad))
+
+
+def around_moon(mu: float, curves: Sequence[Array]) -> Array:
+    """Bounds of the orbits that stay around the Moon, or of its surroundings if none does.
+
+    Parameters
+    ----------
+    mu : float
+        Mass ratio.
+    curves : sequence of ndarray, each of shape (samples, 3)
+        Orbits, nondimensional, rotating frame.
+
+    Returns
+    -------
+    ndarray, shape (3, 2)
+        Least and greatest value on each axis.
+    """
+    moon = np.array([1.0 - mu, 0.0, 0.0])
+    distance = [np.linalg.norm(curve - moon, axis=1).max() for curve in curves]
+    close = [c for c, far in zip(curves, distance, strict=True) if far < _CLOSE]
+    return limits([*close, moon + 0.15, moon - 0.15])
+
+
+def clip(curve: Array, bounds: Array) -> Array:
+    """A curve with what lies out of bounds cut out.
+
+    Parameters
+    ----------
+    curve : ndarray, shape (samples, 3)
+        Nondimensional.
+    bounds : ndarray, shape (3, 2)
+        From `limits`.
+
+    Returns
+    -------
+    ndarray, shape (samples, 3)
+        NaN where the curve is out of bounds.
+    """
+    inside = np.all((curve >= bounds[:, 0]) & (curve <= bounds[:, 1]), axis=1)
+    return np.where(inside[:, None], curve, np.nan)
+
+
+def space_axes(axes, bounds: Array, length_unit_km: float, *, view=(22.0, -58.0), zoom=1.0, lines=1) -> None:
+    """Bounds, equal scales, light grid and labels of axes in space.
+
+    Parameters
+    ----------
+    axes : mpl_toolkits.mplot3d.Axes3D
+        The axes.
+    bounds : ndarray, shape (3, 2)
+        From `limits`.
+    length_unit_km : float
+        Length unit, km.
+    view : tuple of float
+        Elevation and azimuth of the eye, deg.
+    zoom : float
+        Size of the box within the axes.
+    lines : int
+        Lines of an axis label, 1 or 2.
+    """
+    axes.set_proj_type("ortho")
+    axes.view_init(elev=view[0], azim=view[1])
+    axes.set(xlim=bounds[0], ylim=bounds[1], zlim=bounds[2])
+    axes.set_box_aspect(np.diff(bounds, axis=1)[:, 0], zoom=zoom)
+    axes.patch.set_visible(False)
+    for index, axis in enumerate((axes.xaxis, axes.yaxis, axes.zaxis)):
+        axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
+        axis.line.set_color("#555555")
+        axis.set_major_locator(_ticks())
+        axis._axinfo["grid"].update(color="#DDDDDD", linewidth=0.4)
+    axes.tick_params(pad=-2, labelsize=6.5)
+    name = [axis_label(axis, length_unit_km, lines=lines) for axis in range(3)]
+    pad = -2 if lines == 1 else -1
+    for put, text in zip((axes.set_xlabel, axes.set_ylabel, axes.set_zlabel), name, strict=True):
+        put(text, fontsize=7 if lines == 1 else 6.3, labelpad=pad, linespacing=1.0)
+
+
+def _ticks() -> MaxNLocator:
+    return MaxNLocator(nbins=4, steps=[1, 2, 5, 10])
+
+
+def plane_axes(axes: Axes, plane: tuple[int, int], bounds: Array, length_unit_km: float) -> None:
+    """Bounds, equal scales and labels of a projection.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        The axes.
+    plane : tuple of int
+        Coordinates shown, horizontal then vertical.
+    bounds : ndarray, shape (3, 2)
+        From `limits`.
+    length_unit_km : float
+        Length unit, km.
+    """
+    horizontal, vertical = plane
+    axes.set(xlim=bounds[horizontal], ylim=bounds[vertical])
+    axes.set_aspect("equal", adjustable="box", anchor="S")
+    axes.set_xlabel(axis_label(horizontal, length_unit_km), labelpad=2)
+    axes.set_ylabel(axis_label(vertical, length_unit_km), labelpad=2)
+    axes.xaxis.set_major_locator(_ticks())
+    axes.yaxis.set_major_locator(_ticks())

@@ -1,0 +1,256 @@
+"""Look of every figure: type, colors, line styles and markers, and how a figure is saved.
+
+Colors are those of Okabe and Ito, told apart by color-blind readers. What a color says is said
+again by a line style or a marker, so that the figures survive a print in gray.
+"""
+
+import io
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from cislunar.errors import ConfigurationError, InputFileError
+
+ORANGE = "#E69F00"
+SKY = "#56B4E9"
+GREEN = "#009E73"
+BLUE = "#0072B2"
+VERMILION = "#D55E00"
+PURPLE = "#CC79A7"
+BLACK = "#000000"
+GRAY = "#8A8A8A"
+
+EARTH_COLOR = BLUE
+MOON_COLOR = BLACK
+
+PAGE_WIDTH_IN = 7.2
+"""Width of a figure across both columns of a journal page, inches."""
+
+RASTER_DPI = 300
+"""Resolution of the PNG, and of dense layers within the PDF, dots per inch."""
+
+_STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "mathtext.fontset": "dejavusans",
+    "axes.linewidth": 0.6,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.4,
+    "lines.linewidth": 1.0,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "pdf.fonttype": 42,
+    "pdf.compression": 6,
+    "savefig.dpi": RASTER_DPI,
+    "figure.dpi": 100,
+}
+
+
+_MARKER_SCALE = {"*": 1.6, "P": 1.2, "X": 1.2, "^": 1.1, "h": 1.15, "D": 0.9}
+"""Markers of equal size differ in area; this evens them out."""
+
+
+class SeriesStyle(NamedTuple):
+    """How one family or optimizer is drawn."""
+
+    label: str
+    color: str
+    line: str | tuple
+    marker: str
+    filled: bool = True
+
+    def marker_kwargs(self, size: float = 4.0) -> dict:
+        """Keywords of its markers for ``plot``."""
+        return {
+            "marker": self.marker,
+            "markersize": size * _MARKER_SCALE.get(self.marker, 1.0),
+            "markerfacecolor": self.color if self.filled else "none",
+            "markeredgecolor": "black" if self.filled else self.color,
+            "markeredgewidth": 0.3 if self.filled else 0.8,
+        }
+
+    def legend_handle(self, label: str | None = None, *, line: bool = True) -> Line2D:
+        """Its entry in a legend."""
+        return Line2D(
+            [],
+            [],
+            color=self.color,
+            linestyle=self.line if line else "none",
+            label=self.label if label is None else label,
+            **self.marker_kwargs(),
+        )
+
+
+SOLID = "-"
+DASHED = (0, (4.0, 1.6))
+DASH_DOT = (0, (6.0, 1.5, 1.2, 1.5))
+DOTTED = (0, (1.2, 1.2))
+
+_ROOTS = {
+    "Butterfly": ("Butterfly", PURPLE, "D"),
+    "Dragonfly": ("Dragonfly", SKY, "P"),
+    "Halo_L1": ("L1 halo", ORANGE, "o"),
+    "Halo_L2": ("L2 halo", GREEN, "s"),
+    "Halo_L3": ("L3 halo", VERMILION, "^"),
+}
+_PLANAR = {
+    "Lyap_L1": ("L1 Lyapunov", ORANGE, "*"),
+    "Lyap_L2": ("L2 Lyapunov", GREEN, "h"),
+    "Lyap_L3": ("L3 Lyapunov", VERMILION, "X"),
+}
+
+
+def _family_styles() -> dict[str, SeriesStyle]:
+    styles = {}
+    for root, (label, color, marker) in _ROOTS.items():
+        styles[f"{root}_N"] = SeriesStyle(f"{label} N", color, SOLID, marker)
+        styles[f"{root}_S"] = SeriesStyle(f"{label} S", color, DASHED, marker, filled=False)
+    for name, (label, color, marker) in _PLANAR.items():
+        styles[name] = SeriesStyle(label, color, DASH_DOT, marker)
+    return styles
+
+
+FAMILY_STYLE: Mapping[str, SeriesStyle] = _family_styles()
+"""Color by libration point, line style by kind (north, south, planar), marker by branch."""
+
+OPTIMIZER_STYLE: Mapping[str, SeriesStyle] = {
+    "tpe": SeriesStyle("TPE", BLUE, SOLID, "o"),
+    "random": SeriesStyle("random search", VERMILION, DASHED, "s"),
+    "atpe": SeriesStyle("adaptive TPE", SKY, DASH_DOT, "P"),
+    "exact": SeriesStyle("coordinate search, certified", GREEN, DASH_DOT, "*"),
+    "published": SeriesStyle("published families, our members", PURPLE, DOTTED, "D"),
+}
+"""How each optimizer is drawn."""
+
+
+def family_style(family: str) -> SeriesStyle:
+    """How a family is drawn.
+
+    Parameters
+    ----------
+    family : str
+        Name of the family.
+
+    Returns
+    -------
+    SeriesStyle
+
+    Raises
+    ------
+    ConfigurationError
+        If the family has no style.
+    """
+    try:
+        return FAMILY_STYLE[family]
+    except KeyError:
+        raise ConfigurationError(
+            f"orbit family {family!r} has no style: add it to FAMILY_STYLE; the families with one "
+            f"are {', '.join(FAMILY_STYLE)}"
+        ) from None
+
+
+def optimizer_style(optimizer: str) -> SeriesStyle:
+    """How an optimizer is drawn; one without a style of its own is gray.
+
+    Parameters
+    ----------
+    optimizer : str
+        Name of the optimizer.
+
+    Returns
+    -------
+    SeriesStyle
+    """
+    return OPTIMIZER_STYLE.get(optimizer, SeriesStyle(optimizer, GRAY, SOLID, "v"))
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """The rc parameters of every figure, for the time of its making and saving."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_STYLE)
+        yield
+
+
+def new_figure(height_in: float, width_in: float = PAGE_WIDTH_IN) -> Figure:
+    """An empty figure outside pyplot's registry.
+
+    Parameters
+    ----------
+    height_in, width_in : float
+        Size, inches.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = Figure(figsize=(width_in, height_in), facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def panel_letter(index: int) -> str:
+    """(a), (b), ... (z), (aa), ... for a panel's title."""
+    letters = ""
+    index += 1
+    while index > 0:
+        index, rest = divmod(index - 1, 26)
+        letters = chr(ord("a") + rest) + letters
+    return f"({letters})"
+
+
+def save_figure(figure: Figure, path_png: str | Path, path_pdf: str | Path) -> None:
+    """Write a figure as PNG and PDF, each whole or not at all.
+
+    The same figure gives the same bytes: no dates and no versions are stored.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    path_png, path_pdf : str or Path
+        Destinations; their folders are created.
+
+    Raises
+    ------
+    InputFileError
+        If a folder cannot be written to.
+    """
+    plain = {"Creator": None, "Producer": None, "CreationDate": None}
+    for path, kind, metadata in ((path_png, "png", {"Software": None}), (path_pdf, "pdf", plain)):
+        drawn = io.BytesIO()
+        with house_style():
+            figure.savefig(drawn, format=kind, dpi=RASTER_DPI, metadata=metadata)
+        _replace(drawn.getvalue(), Path(path))
+
+
+def _replace(content: bytes, path: Path) -> None:
+    """Put the bytes in place under a temporary name first."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(content)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputFileError(
+            f"cannot write {path}: {error.strerror or error}; check that the results folder is "
+            "writable and the disk not full"
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
