@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from cislunar.architecture.certificate import certify
-from cislunar.architecture.coordinate_search import coordinate_search, satellite_front
-from cislunar.architecture.cost import CostFunction
+from cislunar.architecture.coordinate_search import coordinate_search
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.errors import ConfigurationError
 
@@ -89,3 +88,55 @@ def test_cases_reach_negative_log_sums_and_several_satellites():
         optima.append((evaluated[key][1], sum(key[n_slots:]) - n_slots))
     assert sum(logs < 0 for logs, _ in optima) >= 2
     assert sum(excess > 0 for _, excess in optima) >= 2
+
+
+def test_threads_do_not_change_nodes_or_list():
+    tables = random_tables(30, n_orbits=30, counts=2, n_targets=30, most=50, unstable=0.05)
+    one, two = (
+        certify(
+            tables,
+            np.random.default_rng(0),
+            n_slots=6,
+            epsilon=0.1,
+            n_groups=5,
+            threads=threads,
+        )
+        for threads in (1, 2)
+    )
+    assert one.proven and one.nodes == two.nodes > 200
+    assert np.array_equal(one.near_orbit, two.near_orbit)
+    assert np.array_equal(one.near_satellites, two.near_satellites)
+    assert np.array_equal(one.near_cost, two.near_cost)
+
+
+def test_time_limit_gives_an_honest_bound():
+    tables = random_tables(17, n_orbits=10, counts=2, n_targets=40, most=200)
+    best = max(cost for cost, _ in enumerate_all(tables, 4).values())
+    proof = certify(tables, np.random.default_rng(0), n_slots=4, restarts=1, time_limit=0.0)
+    assert not proof.proven
+    assert best <= proof.bound and proof.gap == proof.bound / proof.cost - 1.0
+
+
+def test_poor_incumbent_does_not_change_the_result():
+    tables = random_tables(31, n_orbits=9, counts=2, n_targets=20, most=50)
+    poor = (np.array([0, 1, 2]), np.array([2, 2, 2]))
+    climbed = coordinate_search(tables, np.random.default_rng(0), n_slots=3, starts=[poor])
+    settings = {"n_slots": 3, "epsilon": 0.1, "restarts": 0, "n_groups": 4}
+    first = certify(tables, np.random.default_rng(0), incumbent=poor, **settings)
+    again = certify(tables, np.random.default_rng(1), n_slots=3, epsilon=0.1, n_groups=4)
+    assert first.cost == again.cost == pytest.approx(climbed.cost.value, rel=1e-12)
+    assert np.array_equal(first.near_orbit, again.near_orbit)
+
+
+def test_nothing_to_see_is_proven_at_zero():
+    tables = random_tables(0, most=0)
+    proof = certify(tables, np.random.default_rng(0), n_slots=3)
+    assert proof.proven and proof.cost == 0.0 and proof.gap == 0.0
+
+
+def test_settings_out_of_range_are_named():
+    tables = random_tables(0)
+    with pytest.raises(ConfigurationError, match="epsilon"):
+        certify(tables, np.random.default_rng(0), n_slots=3, epsilon=1.0)
+    with pytest.raises(ConfigurationError, match="n_slots"):
+        certify(tables, np.random.default_rng(0), n_slots=8)
