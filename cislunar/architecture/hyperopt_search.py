@@ -142,4 +142,8 @@ def hyperopt_search(
         verbose=False,
         return_argmin=False,
     )
-    return SearchResult.from_trials(cost, tried, history)
+    # A batch of random draws may run past the stop; draws beyond it do not count.
+    allowed = len(history)
+    if early_stop is not None:
+        allowed = stopping_evaluation(np.array(history), early_stop)
+    return SearchResult.from_trials(cost, tried[:allowed], history[:allowed])

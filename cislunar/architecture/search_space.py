@@ -29,6 +29,18 @@ def _family_ranges(family: NDArray[np.str_]) -> list[tuple[int, int]]:
     return list(zip(starts.tolist(), np.diff(np.r_[starts, len(family)]).tolist(), strict=True))
 
 
+def _integers(label: str, low: int, high: int) -> Any:
+    """Ordered integers, each as likely: `hp.uniformint` gives its two ends half the weight."""
+    from hyperopt import hp
+
+    return hp.quniform(label, low - 0.5, high + 0.5, 1.0)
+
+
+def _integer(value: float, low: int, high: int) -> int:
+    """A sample of `_integers`; a draw on a bound may round out of it."""
+    return min(max(round(value), low), high)
+
+
 def build_space(
     tables: ArchitectureTables, *, n_slots: int = 10, labels: str = "family_position"
 ) -> tuple[dict[str, Any], Callable[[Mapping[str, Any]], Architecture]]:
@@ -65,7 +77,7 @@ def build_space(
         raise ConfigurationError(f"labels = {labels!r} is not known: use one of {list(LABELS)}")
     slots = range(n_slots)
     space: dict[str, Any] = {
-        f"satellites_{i}": hp.uniformint(f"satellites_{i}", 1, tables.max_satellites) for i in slots
+        f"satellites_{i}": _integers(f"satellites_{i}", 1, tables.max_satellites) for i in slots
     }
     ranges = _family_ranges(tables.family)
     by_stability = np.argsort(tables.stability_index, kind="stable")
@@ -76,18 +88,18 @@ def build_space(
         elif labels == "categorical":
             space[f"orbit_{i}"] = hp.randint(f"orbit_{i}", tables.n_orbits)
         else:
-            space[f"orbit_{i}"] = hp.uniformint(f"orbit_{i}", 0, tables.n_orbits - 1)
+            space[f"orbit_{i}"] = _integers(f"orbit_{i}", 0, tables.n_orbits - 1)
 
     def decode_orbit(sample: Mapping[str, Any], i: int) -> int:
         if labels == "family_position":
             start, members = ranges[int(sample[f"family_{i}"])]
             return start + min(int(sample[f"position_{i}"] * members), members - 1)
-        index = int(sample[f"orbit_{i}"])
+        index = _integer(sample[f"orbit_{i}"], 0, tables.n_orbits - 1)
         return int(by_stability[index]) if labels == "stability_rank" else index
 
     def decode(sample: Mapping[str, Any]) -> Architecture:
         orbit = np.array([decode_orbit(sample, i) for i in slots], dtype=np.int64)
-        satellites = np.array([int(sample[f"satellites_{i}"]) for i in slots], dtype=np.int64)
-        return orbit, satellites
+        counts = [_integer(sample[f"satellites_{i}"], 1, tables.max_satellites) for i in slots]
+        return orbit, np.array(counts, dtype=np.int64)
 
     return space, decode
