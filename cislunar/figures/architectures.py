@@ -109,8 +109,11 @@ def _handles(orbits: xr.Dataset, architecture: xr.Dataset, families: np.ndarray)
     """Legend entry of every chosen orbit: family, satellites, period."""
     day = SECONDS_PER_DAY / float(orbits.attrs["time_unit_s"])
     days = orbits["period"].values[architecture["orbit"].values] / day
+    times = "\N{MULTIPLICATION SIGN}"
     return [
-        family_style(name).legend_handle(f"{family_style(name).label} × {count}, {period:.1f} d")
+        family_style(name).legend_handle(
+            f"{family_style(name).label} {times} {count}, {period:.1f} d"
+        )
         for name, count, period in zip(
             families, architecture["satellites"].values, days, strict=True
         )

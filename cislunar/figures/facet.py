@@ -79,8 +79,10 @@ def arc_between(first: Array, second: Array, radius: float, samples: int = 40) -
     """
     angle = np.arccos(np.clip(first @ second, -1.0, 1.0))
     share = np.linspace(0.0, 1.0, samples)[:, None]
-    return radius * (np.sin((1 - share) * angle) * first + np.sin(share * angle) * second) / np.sin(
-        angle
+    return (
+        radius
+        * (np.sin((1 - share) * angle) * first + np.sin(share * angle) * second)
+        / np.sin(angle)
     )
 
 

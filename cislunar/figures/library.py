@@ -66,7 +66,9 @@ def orbit_library_figure(orbits: xr.Dataset, targets: xr.Dataset) -> Figure:
     figure = new_figure(7.1)
     places = ((-0.02, 0.49, 0.53, 0.47), (0.47, 0.49, 0.53, 0.47))
     titles = ("the whole system", "around the Moon")
-    for column, (place, bounds, title) in enumerate(zip(places, (whole, near), titles, strict=True)):
+    for column, (place, bounds, title) in enumerate(
+        zip(places, (whole, near), titles, strict=True)
+    ):
         axes = figure.add_axes(place, projection="3d", computed_zorder=False)
         space_axes(axes, bounds, unit, zoom=0.92)
         _draw(axes, curves, family, points, bounds, _SPACE, mu)
@@ -79,7 +81,8 @@ def orbit_library_figure(orbits: xr.Dataset, targets: xr.Dataset) -> Figure:
         plane_axes(axes, plane, bounds, unit)
         _draw(axes, curves, family, points, bounds, plane, mu)
         where = titles[1 if bounds is near else 0]
-        axes.set_title(f"{panel_letter(column + 2)} {AXES[plane[0]]}–{AXES[plane[1]]}, {where}")
+        pair = f"{AXES[plane[0]]}\N{EN DASH}{AXES[plane[1]]}"
+        axes.set_title(f"{panel_letter(column + 2)} {pair}, {where}")
     handles = [_line_handle(name, int(np.sum(family == name))) for name in families_present(orbits)]
     handles.append(
         Line2D([], [], linestyle="none", marker=".", markersize=3, color=_TARGET_COLOR,

@@ -209,7 +209,9 @@ def clip(curve: Array, bounds: Array) -> Array:
     return np.where(inside[:, None], curve, np.nan)
 
 
-def space_axes(axes, bounds: Array, length_unit_km: float, *, view=(22.0, -58.0), zoom=1.0, lines=1) -> None:
+def space_axes(
+    axes, bounds: Array, length_unit_km: float, *, view=(22.0, -58.0), zoom=1.0, lines=1
+) -> None:
     """Bounds, equal scales, light grid and labels of axes in space.
 
     Parameters
@@ -232,7 +234,7 @@ def space_axes(axes, bounds: Array, length_unit_km: float, *, view=(22.0, -58.0)
     axes.set(xlim=bounds[0], ylim=bounds[1], zlim=bounds[2])
     axes.set_box_aspect(np.diff(bounds, axis=1)[:, 0], zoom=zoom)
     axes.patch.set_visible(False)
-    for index, axis in enumerate((axes.xaxis, axes.yaxis, axes.zaxis)):
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
         axis.line.set_color("#555555")
         axis.set_major_locator(_ticks())

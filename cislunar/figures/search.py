@@ -38,7 +38,7 @@ def _grid(number: int) -> tuple[int, int]:
 
 def _place(figure: Figure, index: int, columns: int, bottom_in: float, height_in: float) -> Axes:
     """Axes in a column, placed in inches from below."""
-    width, height = figure.get_size_inches()
+    height = figure.get_size_inches()[1]
     each = (_RIGHT - _LEFT - _GAP * (columns - 1)) / columns
     left = _LEFT + (index % columns) * (each + _GAP)
     return figure.add_axes((left, bottom_in / height, each, height_in / height))
@@ -71,7 +71,7 @@ def satellite_front_figure(
     matplotlib.figure.Figure
     """
     columns, rows = _grid(len(fronts))
-    tall, legend_in, pair_in = 1.9, 0.75, 4.75
+    tall, legend_in, pair_in = 1.9, 0.5, 4.75
     figure = new_figure(legend_in + pair_in * rows, _width(columns))
     for index, (scenario, front) in enumerate(fronts.items()):
         base = legend_in + pair_in * (rows - 1 - index // columns) + 0.42
@@ -96,7 +96,7 @@ def satellite_front_figure(
         lower.set_xlabel("number of satellites")
         if index % columns == 0:
             upper.set_ylabel("J, dimensionless")
-            lower.set_ylabel("share of targets seen, %")
+            lower.set_ylabel("share seen, %")
     _legend(figure, _front_handles(architectures, fronts))
     return figure
 
@@ -154,8 +154,8 @@ def _paper_methods(scenarios: Sequence[str]) -> list[str]:
 
 def _front_handles(architectures: Mapping, fronts: Mapping) -> list[Line2D]:
     handles = [
-        Line2D([], [], color=BLACK, linewidth=1.2, label="best J; its target-hours seen"),
-        Line2D([], [], color=BLACK, linewidth=0.8, linestyle=":", label="its target-days seen"),
+        Line2D([], [], color=BLACK, linewidth=1.2, label="best J; target-hours it sees"),
+        Line2D([], [], color=BLACK, linewidth=0.8, linestyle=":", label="target-days it sees"),
     ]
     for name in _present(architectures):
         handles.append(optimizer_style(name).legend_handle(line=False))
@@ -194,7 +194,7 @@ def convergence_figure(
     matplotlib.figure.Figure
     """
     columns, rows = _grid(len(architectures))
-    legend_in, row_in = 0.8, 2.95
+    legend_in, row_in = 0.62, 2.95
     figure = new_figure(legend_in + row_in * rows, _width(columns))
     for index, (scenario, found) in enumerate(architectures.items()):
         base = legend_in + row_in * (rows - 1 - index // columns) + 0.42
@@ -262,9 +262,11 @@ def _spread(axes: Axes, optimizer: str, found: Sequence[xr.Dataset], stops) -> N
         color=style.color,
         alpha=0.2,
         linewidth=0,
+        step="post",
     )
     middle = np.median(best[:, some], axis=0)
-    axes.plot(some + 1, middle, color=style.color, linestyle=style.line, zorder=3)
+    stepped = {"color": style.color, "linestyle": style.line, "drawstyle": "steps-post"}
+    axes.plot(some + 1, middle, zorder=3, **stepped)
     for row, stop in zip(best, stops, strict=True):
         axes.plot(stop, row[stop - 1], **_stop_kwargs(style.color))
 
@@ -286,7 +288,8 @@ def _climb(axes: Axes, optimizer: str, architecture: xr.Dataset) -> None:
     style = optimizer_style(optimizer)
     best = best_so_far([architecture["J_history"].values])[0]
     at = _thinned(len(best))
-    axes.plot(at + 1, best[at], color=style.color, linestyle=style.line, zorder=3)
+    stepped = {"color": style.color, "linestyle": style.line, "drawstyle": "steps-post"}
+    axes.plot(at + 1, best[at], zorder=3, **stepped)
     axes.plot(
         len(best),
         float(architecture["J"]),

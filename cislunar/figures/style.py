@@ -132,7 +132,7 @@ OPTIMIZER_STYLE: Mapping[str, SeriesStyle] = {
     "tpe": SeriesStyle("TPE", BLUE, SOLID, "o"),
     "random": SeriesStyle("random search", VERMILION, DASHED, "s"),
     "atpe": SeriesStyle("adaptive TPE", SKY, DASH_DOT, "P"),
-    "exact": SeriesStyle("coordinate search, certified", GREEN, DASH_DOT, "*"),
+    "exact": SeriesStyle("exact search", GREEN, DASH_DOT, "*"),
     "published": SeriesStyle("published families, our members", PURPLE, DOTTED, "D"),
 }
 """How each optimizer is drawn."""

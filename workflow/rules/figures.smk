@@ -1,3 +1,204 @@
+PAPER_TARGETS = 2000
+LIBRARY_SCENARIO = min(
+    SCENARIOS,
+    key=lambda name: abs(config["scenarios"][name]["targets"] - PAPER_TARGETS),
+)
+RUN_METHODS = [method for method in OPTIMIZERS if method in SEARCHES]
+
+
+rule orbit_library_figure:
+    input:
+        orbits=rules.families.output,
+        targets=results(f"targets/static_{LIBRARY_SCENARIO}.nc"),
+    output:
+        png=report(
+            results("figures/fig01_orbit_library.png"),
+            caption="../report/figure_orbit_library.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig01_orbit_library.pdf"),
+    log:
+        log_of("figures/orbit_library"),
+    benchmark:
+        benchmark_of("figures/orbit_library")
+    message:
+        "Drawing the orbit library with its targets"
+    script:
+        "../scripts/figure_orbit_library.py"
+
+
+rule facet_geometry_figure:
+    output:
+        png=report(
+            results("figures/fig02_facet_geometry.png"),
+            caption="../report/figure_facet_geometry.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig02_facet_geometry.pdf"),
+    log:
+        log_of("figures/facet_geometry"),
+    benchmark:
+        benchmark_of("figures/facet_geometry")
+    message:
+        "Drawing the reflection geometry of a facet"
+    script:
+        "../scripts/figure_facet_geometry.py"
+
+
+rule tpe_orbits_figure:
+    input:
+        orbits=rules.families.output,
+        targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
+        architectures=expand(
+            results("architecture/{scenario}/tpe.nc"), scenario=SCENARIOS
+        ),
+    output:
+        png=report(
+            results("figures/fig03_tpe_orbits.png"),
+            caption="../report/figure_tpe_orbits.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig03_tpe_orbits.pdf"),
+    log:
+        log_of("figures/tpe_orbits"),
+    benchmark:
+        benchmark_of("figures/tpe_orbits")
+    params:
+        scenarios=SCENARIOS,
+    message:
+        "Drawing the orbits chosen by TPE"
+    script:
+        "../scripts/figure_selected_orbits.py"
+
+
+rule random_orbits_figure:
+    input:
+        orbits=rules.families.output,
+        targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
+        architectures=expand(
+            results("architecture/{scenario}/random.nc"), scenario=SCENARIOS
+        ),
+    output:
+        png=report(
+            results("figures/fig04_random_orbits.png"),
+            caption="../report/figure_random_orbits.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig04_random_orbits.pdf"),
+    log:
+        log_of("figures/random_orbits"),
+    benchmark:
+        benchmark_of("figures/random_orbits")
+    params:
+        scenarios=SCENARIOS,
+    message:
+        "Drawing the orbits chosen by random search"
+    script:
+        "../scripts/figure_selected_orbits.py"
+
+
+rule exact_orbits_figure:
+    input:
+        orbits=rules.families.output,
+        targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
+        architectures=expand(
+            results("architecture/{scenario}/exact.nc"), scenario=SCENARIOS
+        ),
+    output:
+        png=report(
+            results("figures/fig09_exact_orbits.png"),
+            caption="../report/figure_exact_orbits.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig09_exact_orbits.pdf"),
+    log:
+        log_of("figures/exact_orbits"),
+    benchmark:
+        benchmark_of("figures/exact_orbits")
+    params:
+        scenarios=SCENARIOS,
+    message:
+        "Drawing the orbits of the best architecture known"
+    script:
+        "../scripts/figure_selected_orbits.py"
+
+
+rule satellite_front_figure:
+    input:
+        fronts=expand(results("architecture/{scenario}/front.nc"), scenario=SCENARIOS),
+        architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
+        coverage=rules.architecture_table.output.architecture,
+    output:
+        png=report(
+            results("figures/fig10_satellite_front.png"),
+            caption="../report/figure_satellite_front.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig10_satellite_front.pdf"),
+    log:
+        log_of("figures/satellite_front"),
+    benchmark:
+        benchmark_of("figures/satellite_front")
+    message:
+        "Drawing J and coverage by number of satellites"
+    script:
+        "../scripts/figure_satellite_front.py"
+
+
+rule convergence_figure:
+    input:
+        runs=expand(
+            results("architecture/{scenario}/runs/{method}_{labels}_{run}.nc"),
+            scenario=SCENARIOS,
+            method=RUN_METHODS,
+            labels=ARCHITECTURE["labels"],
+            run=RUNS,
+        ),
+        architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
+    output:
+        png=report(
+            results("figures/fig11_convergence.png"),
+            caption="../report/figure_convergence.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig11_convergence.pdf"),
+    log:
+        log_of("figures/convergence"),
+    benchmark:
+        benchmark_of("figures/convergence")
+    message:
+        "Drawing J by number of evaluations"
+    script:
+        "../scripts/figure_convergence.py"
+
+
+rule family_map_figure:
+    input:
+        orbits=rules.families.output,
+    output:
+        png=report(
+            results("figures/fig12_family_map.png"),
+            caption="../report/figure_family_map.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig12_family_map.pdf"),
+    log:
+        log_of("figures/family_map"),
+    benchmark:
+        benchmark_of("figures/family_map")
+    message:
+        "Drawing the map of the family members"
+    script:
+        "../scripts/figure_family_map.py"
+
+
 rule figures:
     input:
-        rules.paper_vs_ours.output,
+        rules.orbit_library_figure.output,
+        rules.facet_geometry_figure.output,
+        rules.tpe_orbits_figure.output if "tpe" in OPTIMIZERS else [],
+        rules.random_orbits_figure.output if "random" in OPTIMIZERS else [],
+        rules.exact_orbits_figure.output if "exact" in OPTIMIZERS else [],
+        rules.satellite_front_figure.output,
+        rules.convergence_figure.output,
+        rules.family_map_figure.output,

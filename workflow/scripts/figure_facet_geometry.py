@@ -1,0 +1,8 @@
+"""Makes figures/fig02_facet_geometry: the reflection geometry of one facet."""
+
+from cislunar.campaign.progress import job
+from cislunar.figures.facet import facet_geometry_figure
+from cislunar.figures.style import save_figure
+
+with job(snakemake.log[0]):
+    save_figure(facet_geometry_figure(), snakemake.output.png, snakemake.output.pdf)

@@ -1,0 +1,19 @@
+"""Makes figures/fig10_satellite_front: J and its coverage by prescribed number of satellites."""
+
+from collections import defaultdict
+from pathlib import Path
+
+import pandas as pd
+
+from cislunar.campaign.netcdf import read_dataset
+from cislunar.campaign.progress import job
+from cislunar.figures.search import satellite_front_figure
+from cislunar.figures.style import save_figure
+
+with job(snakemake.log[0]):
+    fronts = {Path(path).parent.name: read_dataset(path) for path in snakemake.input.fronts}
+    architectures = defaultdict(dict)
+    for path in map(Path, snakemake.input.architectures):
+        architectures[path.parent.name][path.stem] = read_dataset(path)
+    figure = satellite_front_figure(fronts, architectures, pd.read_csv(snakemake.input.coverage))
+    save_figure(figure, snakemake.output.png, snakemake.output.pdf)

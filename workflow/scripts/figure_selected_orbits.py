@@ -1,0 +1,17 @@
+"""Makes figures/fig03_tpe_orbits, fig04_random_orbits, fig09_exact_orbits: the chosen orbits."""
+
+from cislunar.campaign.netcdf import read_dataset
+from cislunar.campaign.progress import job
+from cislunar.figures.architectures import selected_orbits_figure
+from cislunar.figures.style import save_figure
+
+with job(snakemake.log[0]):
+    scenarios = snakemake.params.scenarios
+    architectures = map(read_dataset, snakemake.input.architectures)
+    targets = (read_dataset(path).sizes["target"] for path in snakemake.input.targets)
+    figure = selected_orbits_figure(
+        read_dataset(snakemake.input.orbits),
+        dict(zip(scenarios, architectures, strict=True)),
+        dict(zip(scenarios, targets, strict=True)),
+    )
+    save_figure(figure, snakemake.output.png, snakemake.output.pdf)
