@@ -8,6 +8,7 @@ from typing import Any
 
 import yaml
 
+from cislunar.campaign.tracking_cells import cell_settings, check_tracking, variant_schema
 from cislunar.errors import ConfigurationError, InputFileError
 
 
@@ -112,6 +113,13 @@ def check_campaign(config: Mapping[str, Any], schema: Mapping[str, Any]) -> None
             f"configuration key 'architecture.slots' = {architecture['slots']} exceeds the "
             f"{library} orbits of the library: lower it or raise orbits.members"
         )
+    for key in ("label_comparison", "readings"):
+        scenario = architecture[key]["scenario"]
+        if scenario not in config["scenarios"]:
+            raise ConfigurationError(
+                f"configuration key 'architecture.{key}.scenario' = {scenario!r} is none of the "
+                f"scenarios {', '.join(config['scenarios'])}"
+            )
     front = architecture["front"]
     fewest, most = architecture["slots"], architecture["slots"] * architecture["max_satellites"]
     if not fewest <= front["fewest"] <= front["most"] <= most:
@@ -119,6 +127,14 @@ def check_campaign(config: Mapping[str, Any], schema: Mapping[str, Any]) -> None
             f"configuration key 'architecture.front': fewest = {front['fewest']} and most = "
             f"{front['most']} must rise within {fewest} .. {most} (slots, slots x max_satellites)"
         )
+    for name in config["task2"]["variants"]["cells"]:
+        try:
+            check_configuration(cell_settings(config["task2"], name), variant_schema(schema))
+        except ConfigurationError as error:
+            raise ConfigurationError(
+                f"configuration key 'task2.variants.cells.{name}.change': {error}"
+            ) from None
+    check_tracking(config)
     _check_writable(Path(config["results"]))
 
 

@@ -1,6 +1,7 @@
 """Reading and writing data sets: whole or not at all, every variable described."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -95,13 +96,15 @@ def write_text(text: str, path: str | Path) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def read_dataset(path: str | Path) -> xr.Dataset:
+def read_dataset(path: str | Path, *, without: Sequence[str] = ()) -> xr.Dataset:
     """Read a data set into memory.
 
     Parameters
     ----------
     path : str or Path
         A NetCDF-4 file.
+    without : sequence of str
+        Variables to leave out.
 
     Returns
     -------
@@ -116,7 +119,7 @@ def read_dataset(path: str | Path) -> xr.Dataset:
     if not path.is_file():
         raise InputFileError(f"data set {path}: no such file; let snakemake make it")
     try:
-        with xr.open_dataset(path, engine="netcdf4") as opened:
+        with xr.open_dataset(path, engine="netcdf4", drop_variables=list(without)) as opened:
             return opened.load()
     except (OSError, RuntimeError, ValueError) as error:
         raise InputFileError(

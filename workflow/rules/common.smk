@@ -25,6 +25,11 @@ wildcard_constraints:
     method="|".join(SEARCHES),
     labels="family_position|index|stability_rank|categorical",
     run=r"\d+",
+    architecture="[A-Za-z][A-Za-z0-9-]*",
+    estimator="|".join(config["task2"]["estimators"]),
+    n=r"[1-9]\d*",
+    minutes=r"[1-9]\d*",
+    variant="[a-z][a-z0-9-]*",
 
 
 def settings(*keys):

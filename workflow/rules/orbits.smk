@@ -11,3 +11,16 @@ rule families:
         "Generating the candidate observer orbits"
     script:
         "../scripts/families.py"
+
+
+rule tracked_targets:
+    output:
+        results("orbits/tracked.nc"),
+    log:
+        log_of("orbits/tracked"),
+    benchmark:
+        benchmark_of("orbits/tracked")
+    message:
+        "Generating the orbits of the moving targets"
+    script:
+        "../scripts/tracked_targets.py"

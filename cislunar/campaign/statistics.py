@@ -1,0 +1,115 @@
+"""Statistics over realizations: means, differences and trends with confidence intervals.
+
+Realizations of truth and noise are independent, so intervals are Student's t at 95 %. They speak
+of the spread over realizations alone: geometry, targets and architecture stay as they are.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import t as student_t
+
+CONFIDENCE = 0.95
+
+
+class Interval(NamedTuple):
+    """A mean and its confidence interval; NaN where there are too few values.
+
+    Attributes
+    ----------
+    mean, low, high : float
+    count : int
+        Finite values it rests on.
+    """
+
+    mean: float
+    low: float
+    high: float
+    count: int
+
+    @property
+    def above_zero(self) -> bool:
+        """Whether the whole interval is positive."""
+        return self.low > 0.0
+
+    @property
+    def below_zero(self) -> bool:
+        """Whether the whole interval is negative."""
+        return self.high < 0.0
+
+    def text(self, form: str = ".3g") -> str:
+        """The mean with its interval in brackets."""
+        if self.count < 2:
+            return f"{self.mean:{form}}"
+        return f"{self.mean:{form}} [{self.low:{form}}, {self.high:{form}}]"
+
+
+def t_interval(values: ArrayLike) -> Interval:
+    """Mean and 95 % confidence interval (Student's t).
+
+    Parameters
+    ----------
+    values : array_like, shape (seed,)
+        One value per realization; those that are not finite are left out.
+
+    Returns
+    -------
+    Interval
+        Without bounds (NaN) for fewer than two values.
+    """
+    finite = np.asarray(values, dtype=float)
+    finite = finite[np.isfinite(finite)]
+    if finite.size == 0:
+        return Interval(np.nan, np.nan, np.nan, 0)
+    mean = float(finite.mean())
+    if finite.size == 1:
+        return Interval(mean, np.nan, np.nan, 1)
+    error = finite.std(ddof=1) / np.sqrt(finite.size)
+    half = float(student_t.ppf(0.5 + 0.5 * CONFIDENCE, finite.size - 1) * error)
+    return Interval(mean, mean - half, mean + half, finite.size)
+
+
+def log_interval(values: ArrayLike) -> Interval:
+    """Geometric mean and 95 % confidence interval, for positive, skewed quantities.
+
+    Parameters
+    ----------
+    values : array_like, shape (seed,)
+        One value per realization; those that are not finite and positive are left out.
+
+    Returns
+    -------
+    Interval
+    """
+    positive = np.asarray(values, dtype=float)
+    positive = positive[np.isfinite(positive) & (positive > 0.0)]
+    mean, low, high, count = t_interval(np.log(positive))
+    return Interval(*(float(np.exp(value)) for value in (mean, low, high)), count)
+
+
+def slopes(x: ArrayLike, values: ArrayLike) -> NDArray[np.float64]:
+    """Least-squares slope of each realization against log2(x): the change per doubling of x.
+
+    Parameters
+    ----------
+    x : array_like, shape (k,)
+        Positive.
+    values : array_like, shape (seed, k)
+        NaN where there is none.
+
+    Returns
+    -------
+    ndarray, shape (seed,)
+        NaN with fewer than two values.
+    """
+    octaves = np.log2(np.asarray(x, dtype=float))
+    found = []
+    for row in np.asarray(values, dtype=float):
+        valid = np.isfinite(row)
+        if np.unique(octaves[valid]).size < 2:
+            found.append(np.nan)
+            continue
+        offset = octaves[valid] - octaves[valid].mean()
+        found.append(float(offset @ row[valid] / (offset @ offset)))
+    return np.array(found)

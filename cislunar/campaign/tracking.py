@@ -1,0 +1,286 @@
+"""A cell of the tracking campaign: from configuration and data sets to the closed loop."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from cislunar.architecture.coverage import architecture_tracks
+from cislunar.campaign.inputs import sun_at
+from cislunar.campaign.progress import Progress
+from cislunar.campaign.tracking_cells import Cell, check_cell
+from cislunar.constants import TIME_UNIT_S
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.estimator import EstimatorFactory
+from cislunar.estimation.measurement import Sensor
+from cislunar.estimation.mukf import Spread, mukf
+from cislunar.estimation.scene import Scene, TargetSurfaces, make_scene, target_surfaces
+from cislunar.geometry.exclusion import ExclusionAngles
+from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.mesh_files import load_shape
+from cislunar.photometry.shapes import Facets, icosahedron
+from cislunar.tasking.closed_loop import LoopResult, LoopSettings, run_closed_loop
+from cislunar.tasking.information import TaskingModel
+from cislunar.tasking.simulation import epoch_states, monitored_targets
+
+
+class Problem(NamedTuple):
+    """What a cell needs of the world.
+
+    Attributes
+    ----------
+    scene : Scene
+        Observers, Sun and frames at all steps.
+    surfaces : TargetSurfaces
+        Shapes and materials of the monitored targets.
+    epoch_state : ndarray, shape (target, 6)
+        Their mean states at the epoch, nondimensional, rotating frame.
+    target_ids : ndarray of int, shape (target,)
+        Their rows in ``orbits/tracked.nc``.
+    observer_slot : ndarray of int, shape (observer,)
+        Slot of the architecture each observer flies in.
+    """
+
+    scene: Scene
+    surfaces: TargetSurfaces
+    epoch_state: NDArray[np.float64]
+    target_ids: NDArray[np.int64]
+    observer_slot: NDArray[np.int64]
+
+
+def realization_seeds(seed: int, count: int) -> list[int]:
+    """Seeds of the realizations of truth and noise, the same in every cell.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the campaign.
+    count : int
+        Number of realizations.
+
+    Returns
+    -------
+    list of int
+        A longer list begins with the shorter ones.
+    """
+    return [int(np.random.SeedSequence([seed, k]).generate_state(1)[0]) for k in range(count)]
+
+
+def body_facets(body: Mapping[str, Any]) -> Facets:
+    """Shape of the targets.
+
+    Parameters
+    ----------
+    body : mapping
+        Configuration key `task2.body`.
+
+    Returns
+    -------
+    Facets
+    """
+    if body["shape"] == "icosahedron":
+        return icosahedron(body["radius_m"])
+    return load_shape(
+        body["shape"], metres_per_unit=body["metres_per_unit"], radius_m=body["radius_m"]
+    )
+
+
+def loop_settings(
+    settings: Mapping[str, Any], interval_minutes: int, *, keep_information: bool = False
+) -> LoopSettings:
+    """Settings of the closed loop.
+
+    Parameters
+    ----------
+    settings : mapping
+        Of `cislunar.campaign.tracking_cells.cell_settings`.
+    interval_minutes : int
+        Time between tasking epochs.
+    keep_information : bool
+        Keep the information of all pairs.
+
+    Returns
+    -------
+    LoopSettings
+    """
+    sensor = dict(settings["sensor"])
+    angles = {f"{body}_deg": angle for body, angle in sensor.pop("exclusion_deg").items()}
+    tasking = settings["tasking"]
+    return LoopSettings(
+        step_s=settings["step_s"],
+        interval_minutes=interval_minutes,
+        duration_hours=settings["duration_hours"],
+        method=tasking["method"],
+        max_evaluations=tasking["max_evaluations"],
+        early_stop=tasking["early_stop"],
+        sensor=Sensor(**sensor, exclusion=ExclusionAngles(**angles)),
+        tasking=TaskingModel(
+            diffuse_reflection_coefficient=tasking["diffuse_reflection_coefficient"],
+            # the sphere that stands in for the body has its surface area
+            radius_m=body_facets(settings["body"]).equivalent_radius,
+            states=tasking["states"],
+            track_gate=tasking["track_gate"],
+            measurements=tasking["credited_measurements"],
+        ),
+        initial=Spread(**settings["initial_sigma"]),
+        record_every=round(60.0 * settings["record_minutes"] / settings["step_s"]),
+        keep_information=keep_information,
+    )
+
+
+def estimator_factory(name: str, settings: Mapping[str, Any]) -> EstimatorFactory:
+    """The estimator of a cell.
+
+    Parameters
+    ----------
+    name : str
+        As in the configuration key `task2.estimators`.
+    settings : mapping
+        Settings of the cell.
+
+    Returns
+    -------
+    EstimatorFactory
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such estimator.
+    """
+    factories = {"mukf": lambda: mukf(process_noise=Spread(**settings["process_noise"]))}
+    if name not in factories:
+        raise ConfigurationError(
+            f"estimator {name!r} is unknown: use one of {', '.join(factories)}"
+        )
+    return factories[name]()
+
+
+def tracking_problem(
+    cell: Cell,
+    architecture: xr.Dataset,
+    orbits: xr.Dataset,
+    tracked: xr.Dataset,
+    sun: xr.Dataset,
+    settings: Mapping[str, Any],
+    *,
+    propagator: str,
+    loop: LoopSettings,
+) -> Problem:
+    """Observers, targets and Sun of a cell.
+
+    Parameters
+    ----------
+    cell : Cell
+        Which cell.
+    architecture, orbits, tracked, sun : xarray.Dataset
+        ``architecture/{scenario}/{architecture}.nc``, ``orbits/families.nc``,
+        ``orbits/tracked.nc``, ``ephemeris/sun.nc``.
+    settings : mapping
+        Settings of the cell.
+    propagator : str
+        Of the observers.
+    loop : LoopSettings
+        For its times.
+
+    Returns
+    -------
+    Problem
+
+    Raises
+    ------
+    ConfigurationError
+        If the architecture has no observers or does not fit the orbit library, or there are not
+        so many targets.
+    """
+    where = f"architecture/{cell.scenario}/{cell.architecture}.nc"
+    orbit, satellites = architecture["orbit"].values, architecture["satellites"].values
+    if satellites.sum() < 1:
+        raise ConfigurationError(
+            f"{where} has no observers: every slot has 0 satellites; choose another architecture"
+        )
+    if orbit.min() < 0 or orbit.max() >= orbits.sizes["orbit"]:
+        raise ConfigurationError(
+            f"{where} refers to orbit {orbit.max()} of a library of {orbits.sizes['orbit']}: it "
+            "was made with another orbits/families.nc; delete it and run snakemake again"
+        )
+    times = loop.elapsed_s / TIME_UNIT_S
+    tracks = architecture_tracks(
+        orbits["state"].values[orbit],
+        orbits["period"].values[orbit],
+        satellites,
+        times,
+        propagator=propagator,
+    )
+    ids = monitored_targets(tracked.sizes["target"], cell.targets, settings["monitored_seed"])
+    # All targets are placed, so that a target starts at the same point in every monitored set.
+    states = epoch_states(
+        tracked["state"].values, tracked["period"].values, settings["monitored_seed"]
+    )
+    surfaces = target_surfaces(
+        body_facets(settings["body"]),
+        Material(**settings["material"]),
+        cell.targets,
+        PhotometryModel(**settings["photometry"]),
+    )
+    return Problem(
+        make_scene(tracks, sun_at(sun, times), loop.step_s),
+        surfaces,
+        states[ids],
+        ids,
+        np.repeat(np.arange(orbit.size), satellites),
+    )
+
+
+def run_cell(
+    cell: Cell,
+    architecture: xr.Dataset,
+    orbits: xr.Dataset,
+    tracked: xr.Dataset,
+    sun: xr.Dataset,
+    settings: Mapping[str, Any],
+    *,
+    propagator: str,
+    seed: int,
+    keep_information: bool = False,
+    progress: Progress | None = None,
+) -> tuple[LoopResult, Problem, LoopSettings]:
+    """Run the closed loop of a cell.
+
+    Parameters
+    ----------
+    cell, architecture, orbits, tracked, sun, settings, propagator
+        As for `tracking_problem`.
+    seed : int
+        Seed of the campaign.
+    keep_information : bool
+        Keep the information of all pairs.
+    progress : callable, optional
+        Called with (epochs done, epochs of all seeds).
+
+    Returns
+    -------
+    LoopResult, Problem, LoopSettings
+
+    Raises
+    ------
+    ConfigurationError
+        If the cell cannot be run.
+    """
+    check_cell(cell.targets, cell.interval_minutes, settings)
+    loop = loop_settings(settings, cell.interval_minutes, keep_information=keep_information)
+    problem = tracking_problem(
+        cell, architecture, orbits, tracked, sun, settings, propagator=propagator, loop=loop
+    )
+    result = run_closed_loop(
+        problem.scene,
+        problem.surfaces,
+        problem.epoch_state,
+        problem.target_ids,
+        realization_seeds(seed, settings["seeds"]),
+        loop,
+        estimator=estimator_factory(cell.estimator, settings),
+        progress=progress,
+    )
+    return result, problem, loop

@@ -1,0 +1,139 @@
+"""Tables of tracking: every cell with confidence intervals, and what a changed setting does."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from cislunar.campaign.statistics import log_interval, t_interval
+from cislunar.campaign.tracking_summary import (
+    PARTS,
+    PER_CELL,
+    PER_PART,
+    cell_index,
+    seed_values,
+)
+from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+
+_LABELS = ("scenario", "architecture", "estimator", "variant")
+_NUMBERS = ("observers", "targets", "interval_minutes")
+
+PRACTICAL_UNITS = {
+    "attitude": ("degree", np.rad2deg(1.0)),
+    "angular_velocity": ("degree h-1", np.rad2deg(3600.0)),
+    "position": ("km", LENGTH_UNIT_KM),
+    "velocity": ("m s-1", 1000.0 * LENGTH_UNIT_KM / TIME_UNIT_S),
+}
+"""Unit and factor of the errors; a small GRP of the attitude error is the angle in rad."""
+
+
+def _quantities(summary: xr.Dataset) -> Iterator[tuple[str, str, str, float]]:
+    """Every (quantity, part, unit, factor) of the tables."""
+    units = dict(zip(PARTS, summary["part_unit"].values.astype(str), strict=True))
+    for name in PER_PART:
+        error = name.startswith("rmse")
+        for part in PARTS:
+            yield name, part, units[part] if error else "1", 1.0
+            if error:
+                yield name, part, *PRACTICAL_UNITS[part]
+    for name, (unit, _) in PER_CELL.items():
+        yield name, "", unit, 1.0
+
+
+def _identity(summary: xr.Dataset, index: int) -> dict[str, str | int]:
+    row = {key: str(summary[key].values[index]) for key in _LABELS}
+    return row | {key: int(summary[key].values[index]) for key in _NUMBERS}
+
+
+def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
+    """Rows of ``tables/tracking.csv``.
+
+    Parameters
+    ----------
+    summary : xarray.Dataset
+        ``task2/summary.nc``.
+
+    Returns
+    -------
+    DataFrame
+        For every cell and quantity, with every part of the state and unit: mean over the
+        realizations with its 95 % confidence interval (Student's t; for ANEES, which spans
+        decades, of the logarithm), smallest and largest. Quantity `rmse_*` appears in the
+        paper's units and in practical ones.
+    """
+    rows = []
+    for index in range(summary.sizes["cell"]):
+        identity = _identity(summary, index)
+        for name, part, unit, factor in _quantities(summary):
+            values = factor * seed_values(summary, index, name, part or None)
+            finite = values[np.isfinite(values)]
+            interval = (log_interval if name.startswith("anees") else t_interval)(values)
+            rows.append(
+                identity
+                | {
+                    "quantity": name,
+                    "part": part,
+                    "unit": unit,
+                    "mean": interval.mean,
+                    "low": interval.low,
+                    "high": interval.high,
+                    "smallest": finite.min() if finite.size else np.nan,
+                    "largest": finite.max() if finite.size else np.nan,
+                    "seeds": interval.count,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+_READING_COLUMNS = [
+    *_LABELS,
+    *_NUMBERS,
+    *("quantity", "part", "unit", "usual", "changed", "difference", "low", "high", "seeds"),
+]
+
+
+def reading_rows(summary: xr.Dataset) -> pd.DataFrame:
+    """Rows of ``tables/readings_tracking.csv``.
+
+    Parameters
+    ----------
+    summary : xarray.Dataset
+        ``task2/summary.nc``.
+
+    Returns
+    -------
+    DataFrame
+        For every variant and quantity: means over the common realizations of the usual and of
+        the changed cell, and their difference, realization by realization, with its 95 %
+        confidence interval (Student's t). ANEES as its decimal logarithm.
+    """
+    rows = []
+    for index in range(summary.sizes["cell"]):
+        identity = _identity(summary, index)
+        if not identity["variant"]:
+            continue
+        keys = ("scenario", "architecture", "estimator", "targets", "interval_minutes")
+        usual = cell_index(summary, variant="", **{key: identity[key] for key in keys})
+        for name, part, unit, factor in _quantities(summary) if usual.size else ():
+            before = factor * seed_values(summary, usual[0], name, part or None)
+            after = factor * seed_values(summary, index, name, part or None)
+            if name.startswith("anees"):
+                before, after, name = np.log10(before), np.log10(after), f"log10_{name}"
+            both = np.isfinite(before) & np.isfinite(after)
+            interval = t_interval(after[both] - before[both])
+            rows.append(
+                identity
+                | {
+                    "quantity": name,
+                    "part": part,
+                    "unit": unit,
+                    "usual": before[both].mean() if both.any() else np.nan,
+                    "changed": after[both].mean() if both.any() else np.nan,
+                    "difference": interval.mean,
+                    "low": interval.low,
+                    "high": interval.high,
+                    "seeds": interval.count,
+                }
+            )
+    return pd.DataFrame(rows, columns=_READING_COLUMNS)

@@ -1,0 +1,203 @@
+"""Sensor tasking and tracking: every cell, what they add up to, and TPE against exact tasking."""
+
+from cislunar.campaign.tracking_cells import (
+    campaign_cells,
+    cell_settings,
+    check_cell,
+    mesh_file,
+)
+
+TASK2 = config["task2"]
+CELLS = [results(cell.path) for cell in campaign_cells(TASK2)]
+COMPARED = TASK2["tasking_comparison"]
+
+
+def tracking_settings(wildcards):
+    """Settings of a cell, refused before anything runs if the cell is impossible."""
+    try:
+        chosen = cell_settings(TASK2, wildcards.get("variant", ""))
+        check_cell(int(wildcards.n), int(wildcards.minutes), chosen)
+    except CislunarError as error:
+        raise WorkflowError(str(error)) from None
+    return chosen
+
+
+def tracking_mesh(wildcards):
+    """Mesh file of the targets, if they have one."""
+    return mesh_file(tracking_settings(wildcards))
+
+
+# Long cells start first, so that no core is idle at the end: changed settings may search or take
+# more steps, and large cells take longer than small ones.
+rule tracking_cell_variant:
+    input:
+        architecture=results("architecture/{scenario}/{architecture}.nc"),
+        orbits=rules.families.output[0],
+        tracked=rules.tracked_targets.output[0],
+        sun=rules.ephemeris.output[0],
+        mesh=tracking_mesh,
+    output:
+        results("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}_{variant}.nc"),
+    log:
+        log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}_{variant}"),
+    benchmark:
+        benchmark_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}_{variant}")
+    threads: 1
+    resources:
+        mem_mb=2000,
+    params:
+        settings=tracking_settings,
+        propagator=config["propagator"],
+        seed=config["seed"],
+    priority: 4
+    message:
+        "Tracking {wildcards.n} targets, tasking every {wildcards.minutes} min, "
+        "{wildcards.variant} ({wildcards.architecture}, scenario {wildcards.scenario})"
+    script:
+        "../scripts/tracking_cell.py"
+
+
+use rule tracking_cell_variant as tracking_cell_large with:
+    output:
+        results("task2/{scenario}/{architecture}/{estimator}/nt{n,[0-9]{3,}}_dt{minutes}.nc"),
+    log:
+        log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"),
+    benchmark:
+        benchmark_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}")
+    priority: 3
+    message:
+        "Tracking {wildcards.n} targets, tasking every {wildcards.minutes} min "
+        "({wildcards.architecture}, scenario {wildcards.scenario})"
+
+
+use rule tracking_cell_large as tracking_cell_small with:
+    output:
+        results("task2/{scenario}/{architecture}/{estimator}/nt{n,[0-9]{1,2}}_dt{minutes}.nc"),
+    priority: 2
+
+
+rule tracking_summary:
+    input:
+        CELLS,
+    output:
+        results("task2/summary.nc"),
+    log:
+        log_of("task2/summary"),
+    benchmark:
+        benchmark_of("task2/summary")
+    params:
+        settings=settings("task2"),
+        seed=config["seed"],
+    message:
+        "Summing up {params.settings[task2][seeds]} realizations of every cell"
+    script:
+        "../scripts/tracking_summary.py"
+
+
+rule tracking_tables:
+    input:
+        rules.tracking_summary.output[0],
+    output:
+        tracking=report(
+            results("tables/tracking.csv"),
+            caption="../report/tracking.rst",
+            category="Tables",
+        ),
+        readings=report(
+            results("tables/readings_tracking.csv"),
+            caption="../report/readings_tracking.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/tracking"),
+    message:
+        "Writing the statistics of every cell, and what each changed setting does"
+    script:
+        "../scripts/tracking_tables.py"
+
+
+rule tasking_comparison_cell:
+    input:
+        architecture=results("architecture/{scenario}/{architecture}.nc"),
+        orbits=rules.families.output[0],
+        tracked=rules.tracked_targets.output[0],
+        sun=rules.ephemeris.output[0],
+        mesh=mesh_file(cell_settings(TASK2)),
+    output:
+        results("task2/tasking/{scenario}_{architecture}_nt{n}.nc"),
+    log:
+        log_of("task2/tasking/{scenario}_{architecture}_nt{n}"),
+    benchmark:
+        benchmark_of("task2/tasking/{scenario}_{architecture}_nt{n}")
+    threads: 1
+    params:
+        settings=cell_settings(TASK2),
+        comparison=COMPARED,
+        interval_minutes=TASK2["interval_minutes"],
+        estimator=TASK2["estimators"][0],
+        propagator=config["propagator"],
+        seed=config["seed"],
+    priority: 6
+    message:
+        "Comparing tasking methods on {wildcards.n} targets "
+        "({wildcards.architecture}, scenario {wildcards.scenario})"
+    script:
+        "../scripts/tasking_comparison_cell.py"
+
+
+rule tasking_comparison:
+    input:
+        expand(
+            results("task2/tasking/{scenario}_{architecture}_nt{n}.nc"),
+            scenario=COMPARED["scenario"],
+            architecture=COMPARED["architecture"],
+            n=COMPARED["targets"],
+        ),
+    output:
+        results("task2/tasking_comparison.nc"),
+    log:
+        log_of("task2/tasking_comparison"),
+    message:
+        "Gathering the comparison of tasking methods"
+    script:
+        "../scripts/tasking_comparison.py"
+
+
+rule tracking_claims:
+    input:
+        summary=rules.tracking_summary.output[0],
+        comparison=rules.tasking_comparison.output[0],
+    output:
+        results("tables/claims_tracking.csv"),
+    log:
+        log_of("tables/claims_tracking"),
+    message:
+        "Comparing the paper's claims on tasking and tracking with ours"
+    script:
+        "../scripts/tracking_claims.py"
+
+
+rule paper_vs_ours:
+    input:
+        rules.architecture_claims.output,
+        rules.tracking_claims.output,
+    output:
+        report(
+            results("tables/paper_vs_ours.csv"),
+            caption="../report/paper_vs_ours.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/paper_vs_ours"),
+    message:
+        "Gathering the paper's numbers and claims beside ours"
+    script:
+        "../scripts/paper_vs_ours.py"
+
+
+rule task2:
+    input:
+        CELLS,
+        rules.tracking_tables.output,
+        rules.tasking_comparison.output,
+        rules.tracking_claims.output,

@@ -1,0 +1,15 @@
+"""Makes tables/readings.csv: J under each reading of the paper."""
+
+from cislunar.campaign.netcdf import read_dataset, write_text
+from cislunar.campaign.progress import job, progress_log
+from cislunar.campaign.readings import readings_table
+
+with job(snakemake.log[0], snakemake.threads):
+    table = readings_table(
+        snakemake.params.config,
+        snakemake.params.scenario,
+        read_dataset(snakemake.input.orbits),
+        read_dataset(snakemake.input.sun),
+        progress_log("readings"),
+    )
+    write_text(table.to_csv(index=False), snakemake.output[0])

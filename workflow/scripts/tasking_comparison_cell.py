@@ -1,0 +1,28 @@
+"""Makes task2/tasking/{scenario}_{architecture}_nt{n}.nc: tasking methods on one cell."""
+
+from cislunar.campaign.netcdf import read_dataset, write_dataset
+from cislunar.campaign.progress import job, progress_log
+from cislunar.campaign.tasking_comparison import compared_dataset
+from cislunar.campaign.tracking_cells import Cell
+
+with job(snakemake.log[0]):
+    wildcards, params = snakemake.wildcards, snakemake.params
+    compared = compared_dataset(
+        Cell(
+            wildcards.scenario,
+            wildcards.architecture,
+            params.estimator,
+            int(wildcards.n),
+            int(params.interval_minutes),
+        ),
+        read_dataset(snakemake.input.architecture),
+        read_dataset(snakemake.input.orbits),
+        read_dataset(snakemake.input.tracked),
+        read_dataset(snakemake.input.sun),
+        params.settings,
+        params.comparison,
+        propagator=params.propagator,
+        seed=params.seed,
+        progress=progress_log("searches"),
+    )
+    write_dataset(compared, snakemake.output[0])

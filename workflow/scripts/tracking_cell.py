@@ -1,0 +1,29 @@
+"""Makes task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}.nc: a cell, all seeds."""
+
+from cislunar.campaign.netcdf import read_dataset, write_dataset
+from cislunar.campaign.progress import job, progress_log
+from cislunar.campaign.tracking_cells import Cell
+from cislunar.campaign.tracking_dataset import cell_dataset
+
+with job(snakemake.log[0]):
+    wildcards = snakemake.wildcards
+    cell = Cell(
+        wildcards.scenario,
+        wildcards.architecture,
+        wildcards.estimator,
+        int(wildcards.n),
+        int(wildcards.minutes),
+        wildcards.get("variant", ""),
+    )
+    tracking = cell_dataset(
+        cell,
+        read_dataset(snakemake.input.architecture),
+        read_dataset(snakemake.input.orbits),
+        read_dataset(snakemake.input.tracked),
+        read_dataset(snakemake.input.sun),
+        snakemake.params.settings,
+        propagator=snakemake.params.propagator,
+        seed=snakemake.params.seed,
+        progress=progress_log("tasking epochs of all seeds"),
+    )
+    write_dataset(tracking, snakemake.output[0])
