@@ -1,0 +1,163 @@
+"""Speed of orbit generation and propagation against public integrators, as ratios of one run.
+
+    python benchmarks/orbits.py
+
+Prints how many times faster a family of halo orbits is generated with the compiled DOP853 than
+with the same corrector on `scipy.integrate.solve_ivp`, and how propagation compares with the
+Taylor integrator of heyoka. Times depend on the machine; ratios taken in the same run much less.
+"""
+
+import importlib.util
+import time
+from collections.abc import Callable
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from cislunar.constants import MU
+from cislunar.dynamics.cr3bp import equations_of_motion, hessian
+from cislunar.dynamics.propagation import propagate, propagate_stm
+from cislunar.orbits import branches, continuation, corrector
+from cislunar.orbits.families import family_members, observer_library, spaced_members
+
+HALO_PERIOD = 3.0
+MEMBERS = 23
+REPEATS = 3
+
+
+def best_time(task: Callable[[], object], repeats: int = REPEATS) -> float:
+    """Shortest wall time of a task, s."""
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        task()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def propagate_stm_scipy(state, duration, *, mu=MU, rtol=1e-13, atol=1e-13):
+    """`propagate_stm` on scipy's DOP853, the derivatives in numpy."""
+    matrix = np.zeros((6, 6))
+    matrix[:3, 3:] = np.eye(3)
+    matrix[3, 4], matrix[4, 3] = 2.0, -2.0
+
+    def derivative(_, y):
+        uxx, uyy, uzz, uxy, uxz, uyz = hessian.py_func(y[0], y[1], y[2], mu)
+        matrix[3:, :3] = [[uxx, uxy, uxz], [uxy, uyy, uyz], [uxz, uyz, uzz]]
+        slope = np.empty(42)
+        slope[:6] = equations_of_motion(y[:6], mu)
+        slope[6:] = (matrix @ y[6:].reshape(6, 6)).ravel()
+        return slope
+
+    start = np.concatenate([np.asarray(state, dtype=float), np.eye(6).ravel()])
+    solution = solve_ivp(derivative, (0.0, duration), start, "DOP853", rtol=rtol, atol=atol)
+    end = solution.y[:, -1]
+    return end[:6], end[6:].reshape(6, 6)
+
+
+def generate_family() -> np.ndarray:
+    """Crossings of equally spaced L2 halos, from their onset to a period of `HALO_PERIOD`."""
+    seed = branches.halo_seed(2)
+    branch = continuation.continue_branch(
+        seed.half, seed.direction, lambda member: member.half.period < HALO_PERIOD
+    )
+    members = spaced_members(branch, MEMBERS, by_arc=False)
+    return np.array([member.half.crossing for member in members])
+
+
+def compare_generation() -> None:
+    """Print the ratio for orbit generation."""
+    ours = generate_family()
+    compiled = best_time(generate_family)
+    corrector.propagate_stm = propagate_stm_scipy
+    try:
+        start = time.perf_counter()
+        theirs = generate_family()
+        interpreted = time.perf_counter() - start
+    finally:
+        corrector.propagate_stm = propagate_stm
+    print(
+        f"{MEMBERS} L2 halos: {compiled:.3f} s compiled, {interpreted:.1f} s on solve_ivp: "
+        f"{interpreted / compiled:.0f} times faster (crossings differ by "
+        f"{np.abs(ours - theirs).max():.1e})"
+    )
+
+
+def compare_propagation() -> None:
+    """Print the ratios for the propagation of one orbit over ten periods."""
+    orbit = family_members("Halo_L2_S", period=2.3)
+    state, end = orbit.state[0], 10.0 * orbit.period[0]
+    times = np.linspace(0.0, end, 1001)
+    truth = propagate(state, times, method="dop853", rtol=2.5e-14, atol=2.5e-14)
+    results = {}
+    for method, scipy_method, tolerance in (
+        ("dopri5", "RK45", 1e-10),
+        ("dop853", "DOP853", 1e-13),
+    ):
+        ours = best_time(lambda m=method: propagate(state, times, method=m), 20)
+        theirs = best_time(
+            lambda m=scipy_method, tol=tolerance: solve_ivp(
+                lambda _, y: equations_of_motion(y),
+                (0.0, end),
+                state,
+                m,
+                t_eval=times,
+                rtol=tol,
+                atol=tol,
+            ),
+            1,
+        )
+        error = np.abs(propagate(state, times, method=method) - truth).max()
+        results[method] = ours
+        print(
+            f"{method} at {tolerance:.0e}: {1e3 * ours:.2f} ms for ten periods, error {error:.1e}, "
+            f"{theirs / ours:.0f} times faster than scipy"
+        )
+    if importlib.util.find_spec("heyoka") is None:
+        print("heyoka is not installed: no comparison with its Taylor integrator")
+        return
+    import heyoka
+
+    for tolerance in (1e-10, 1e-13):
+        taylor = heyoka.taylor_adaptive(heyoka.model.cr3bp(mu=MU), np.zeros(6), tol=tolerance)
+
+        def run(taylor=taylor):
+            taylor.time = 0.0
+            # heyoka's model takes canonical momenta and puts the larger primary at +mu.
+            taylor.state[:] = to_canonical(state)
+            return taylor.propagate_grid(times)[-1]
+
+        seconds = best_time(run, 20)
+        error = np.abs(from_canonical(run()) - truth).max()
+        method = "dopri5" if tolerance == 1e-10 else "dop853"
+        print(
+            f"heyoka at {tolerance:.0e}: {1e3 * seconds:.2f} ms, error {error:.1e}; "
+            f"{method} takes {results[method] / seconds:.2f} of its time"
+        )
+
+
+def to_canonical(state: np.ndarray) -> np.ndarray:
+    """Canonical coordinates of heyoka's CR3BP, turned by half a revolution about z."""
+    x, y, z, vx, vy, vz = np.moveaxis(state, -1, 0)
+    return np.stack([-x, -y, z, -(vx - y), -(vy + x), vz], axis=-1)
+
+
+def from_canonical(canonical: np.ndarray) -> np.ndarray:
+    """Inverse of `to_canonical`."""
+    x, y, z, px, py, pz = np.moveaxis(canonical, -1, 0)
+    return np.stack([-x, -y, z, -(px + y), -(py - x), pz], axis=-1)
+
+
+def main() -> None:
+    """Run every comparison."""
+    start = time.perf_counter()
+    count = len(observer_library().period)
+    print(
+        f"{count} orbits of the observer library, first call: {time.perf_counter() - start:.1f} s"
+    )
+    compare_generation()
+    compare_propagation()
+
+
+if __name__ == "__main__":
+    main()
