@@ -1,5 +1,7 @@
 """Sampling within zero-velocity surfaces, against flood filling and closed forms."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.ndimage import label
@@ -8,6 +10,7 @@ from scipy.optimize import brentq
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
 from cislunar.dynamics.cr3bp import libration_points, zero_velocity_function
 from cislunar.errors import ConfigurationError
+from cislunar.targets.missions import load_missions
 from cislunar.targets.zero_velocity import (
     SamplingSettings,
     equiangular_directions,
@@ -120,26 +123,61 @@ def test_both_lobes_are_sampled_from_within_when_asked_for():
     assert (~lunar).sum() > 1000
 
 
-def test_points_lie_on_the_grid():
-    """Directions and radii seen from the Moon, for a lobe that fills its whole grid."""
+def rays_of(points, per_ray):
+    """Radii (ray, point) and directions (ray, 3) of points seen from the Moon."""
+    rays = (points - MOON).reshape(-1, per_ray, 3)
+    radius = np.linalg.norm(rays, axis=2)
+    return radius, rays[:, 0] / radius[:, :1]
+
+
+@pytest.mark.parametrize("jacobi", [3.35, 5.49])
+def test_rays_are_divided_evenly_from_the_ground_to_the_surface(jacobi):
     settings = SamplingSettings(centers=("moon",), angular_step_deg=30.0, radial_points=4)
-    points = sample_region(4.3, settings) - MOON
-    assert len(points) == (5 * 12 + 2) * 4
-    radius = np.linalg.norm(points, axis=1).reshape(-1, 4)
-    np.testing.assert_allclose(radius, radius[:1] + np.zeros((62, 1)), rtol=1e-12)
-    steps = np.diff(radius[0])
-    np.testing.assert_allclose(steps, steps[0], rtol=1e-12)
-    assert radius[0, 0] - 0.5 * steps[0] == pytest.approx(MOON_RADIUS_KM / LENGTH_UNIT_KM)
-    unit = points.reshape(-1, 4, 3) / radius[..., None]
-    np.testing.assert_allclose(unit[:, 0], equiangular_directions(30.0), atol=1e-12)
+    radius, unit = rays_of(sample_region(jacobi, settings), 4)
+    np.testing.assert_allclose(unit, equiangular_directions(30.0), atol=1e-10)
+    step = np.diff(radius, axis=1)
+    np.testing.assert_allclose(step, step[:, :1] + np.zeros(3), rtol=1e-9)
+    ground = radius[:, 0] - 0.5 * step[:, 0]
+    np.testing.assert_allclose(ground * LENGTH_UNIT_KM, MOON_RADIUS_KM, rtol=1e-8)
+    end = MOON + unit * (radius[:, -1] + 0.5 * step[:, 0])[:, None]
+    np.testing.assert_allclose(zero_velocity_function(end, jacobi), 0.0, atol=1e-9)
+
+
+def test_ray_that_leaves_the_region_and_enters_again():
+    """Through both gateways at JC = 3.1: from the Moon across the forbidden ring, along y = 0."""
+    settings = SamplingSettings(centers=("moon",), angular_step_deg=90.0, radial_points=400)
+    points = sample_region(3.1, settings)
+    seen = points - MOON
+    westward = (seen[:, 0] < -1e-3) & (np.abs(seen[:, 1:]).max(axis=1) < 1e-9)
+    radius = np.linalg.norm(seen[westward], axis=1)
+    x = points[westward, 0]
+    fine = np.linspace(-700_000.0, 0.985 * LENGTH_UNIT_KM, 400_001) / LENGTH_UNIT_KM
+    line = np.stack([fine, 0 * fine, 0 * fine], axis=-1)
+    to_moon, to_earth = (np.abs(fine - body[0]) * LENGTH_UNIT_KM for body in (MOON, EARTH))
+    allowed = zero_velocity_function(line, 3.1) >= 0.0
+    allowed &= (to_moon >= MOON_RADIUS_KM) & (to_earth >= EARTH_RADIUS_KM)
+    allowed &= np.abs(fine) <= 700_000.0 / LENGTH_UNIT_KM
+    stretches = np.flatnonzero(np.diff(np.pad(allowed, 1).astype(int)))
+    assert len(stretches) == 6, "Moon to Earth, Earth to ring, beyond the ring"
+    length = allowed.sum() * (fine[1] - fine[0])
+    assert len(x) == 400
+    short = np.sort(np.diff(np.sort(radius)))[:-2]
+    np.testing.assert_allclose(short, length / 400, rtol=1e-3)
 
 
 def test_fixed_radial_steps():
-    settings = SamplingSettings(centers=("moon",), radial_step_km=500.0)
-    radius = np.linalg.norm(sample_region(5.49, settings) - MOON, axis=1) * LENGTH_UNIT_KM
-    np.testing.assert_allclose(
-        np.unique(np.round(radius, 6)), MOON_RADIUS_KM + 500.0 * (np.arange(4) + 0.5), rtol=1e-9
-    )
+    settings = SamplingSettings(centers=("moon",), angular_step_deg=90.0, radial_step_km=500.0)
+    radius = rays_of(sample_region(5.49, settings), 4)[0] * LENGTH_UNIT_KM
+    np.testing.assert_allclose(np.diff(radius, axis=1), 485.0, atol=2.0)
+    coarse = SamplingSettings(centers=("moon",), angular_step_deg=90.0, radial_step_km=1e5)
+    assert len(sample_region(5.49, coarse)) == 6
+
+
+def test_about_150_000_points_for_the_mission_table():
+    table = Path(__file__).parents[1] / "config" / "missions.csv"
+    sampled = sample_zero_velocity(load_missions(table)["jacobi"])
+    assert 1.2e5 < len(sampled.position) < 1.8e5
+    assert np.array_equal(np.unique(sampled.mission), np.arange(64))
 
 
 @pytest.mark.parametrize("jacobi", [2.91, 3.0466, 5.49])

@@ -19,7 +19,8 @@ Membership
     when JC falls below that of L1 (Earth and Moon) and L2 (these and the outside).
 Outer cap
     Below JC(L2) the region is unbounded, and below JC(L4) = 2.988 nothing in the plane is
-    forbidden, so points stay within `outer_radius_km` of the Earth-Moon barycenter.
+    forbidden, so points stay within `outer_radius_km` of the Earth-Moon barycenter. With the
+    default of 700 000 km the published architecture of Scenario A reaches the published J.
 Centers
     A grid centered on a body samples the component of that body alone (as far as it is part of the
     region), so that the Moon's lobe and the Earth's are each resolved from within; a grid centered
@@ -29,11 +30,12 @@ Directions
     A grid of longitude and latitude about the center with the same step in both, the poles
     (along z) counted once. It is symmetric about the planes y = 0 and z = 0.
 Radii
-    `radial_points` equal steps from the surface of the body at the center (or from the center
-    itself) to the farthest reach of the region, with a point in the middle of each step, so that
-    none lies on the surface itself. A lobe of 3 700 km around the Moon is thus resolved as well as
-    a region of 500 000 km, and each mission weighs about the same. `radial_step_km` gives steps of
-    a set length instead, and large regions then outweigh small ones.
+    Along each direction the stretch of the ray that lies in the region (or the stretches, where it
+    leaves and enters again) is found and divided into `radial_points` equal steps, with a point in
+    the middle of each. The points thus follow the surface without lying on it; a lobe of 3 700 km
+    around the Moon is resolved as well as a region of 500 000 km, and missions weigh about the
+    same. `radial_step_km` sets the length of the steps instead (at least one to a ray), and large
+    regions then outweigh small ones.
 Bodies
     Points inside the Earth or the Moon are left out.
 Duplicates
@@ -42,8 +44,9 @@ Duplicates
     centers have in common (to 1e-9 of a unit) are kept once.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -66,8 +69,9 @@ CENTERS = ("moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5")
 # Labels of `component`.
 OUTSIDE, EARTH, MOON = 0, 1, 2
 
-# Radii tried along each ray to find how far a region reaches: 1 per cent apart.
-_REACH_RATIO = 1.01
+# Radii tried along each ray to find where it leaves the region: 1 per cent apart.
+_TRIAL_RATIO = 1.01
+_BISECTIONS = 40
 
 
 @dataclass(frozen=True)
@@ -83,9 +87,9 @@ class SamplingSettings:
     angular_step_deg : float
         Step in longitude and in latitude, degrees; must divide 180.
     radial_points : int
-        Steps from the inner radius to the farthest reach of each region.
+        Points on each ray.
     radial_step_km : float or None
-        Length of a radial step, km, in place of `radial_points`.
+        Distance of the points on a ray, km, in place of `radial_points`.
     outer_radius_km : float
         Distance from the barycenter beyond which nothing is sampled, km.
     """
@@ -93,9 +97,9 @@ class SamplingSettings:
     centers: tuple[str, ...] = ("moon", "earth")
     region: str = "moon"
     angular_step_deg: float = 15.0
-    radial_points: int = 9
+    radial_points: int = 8
     radial_step_km: float | None = None
-    outer_radius_km: float = 500_000.0
+    outer_radius_km: float = 700_000.0
 
     def __post_init__(self) -> None:
         """Refuse impossible settings, naming the key."""
@@ -159,7 +163,7 @@ def component(position: ArrayLike, mu: float = MU) -> NDArray[np.int8]:
     p = np.asarray(position, dtype=float)
     d, r = primary_distances(p, mu)
     pull = (1.0 - mu) / d**3 + mu / r**3
-    l1, l2, l3 = libration_points(mu)[:3, 0]
+    l1, l2, l3 = _collinear_points(mu)
     x = p[..., 0]
     label = np.where(x < l1, EARTH, MOON)
     return np.where((pull < 1.0) | (x > l2) | (x < l3), OUTSIDE, label).astype(np.int8)
@@ -192,7 +196,8 @@ def reachable(
     allowed = zero_velocity_function(position, jc, mu) >= 0.0
     if region == "all":
         return allowed
-    gate1, gate2 = 2.0 * pseudo_potential(libration_points(mu)[:2], mu)
+    l1, l2, _ = _collinear_points(mu)
+    gate1, gate2 = 2.0 * pseudo_potential([[l1, 0.0, 0.0], [l2, 0.0, 0.0]], mu)
     joined = jc <= gate1
     # The outside is entered through L2; L3 opens later still, and by then all is one.
     with_outside = jc <= gate2
@@ -252,19 +257,16 @@ def sample_region(jacobi: float, settings: SamplingSettings | None = None, mu: f
     parts = []
     for name in s.centers:
         center, inner = _center(name, mu)
+
+        def inside(position: Array, name: str = name) -> NDArray[np.bool_]:
+            return _inside(position, jacobi, name, s, mu)
+
         farthest = s.outer_radius_km / LENGTH_UNIT_KM + float(np.linalg.norm(center))
-        start = max(inner, 1e-3)
-        count = int(np.ceil(np.log(farthest / start) / np.log(_REACH_RATIO))) + 1
-        trial = np.geomspace(start, farthest, count)
-        inside = _inside(_rays(center, directions, trial), jacobi, name, s, mu)
-        if not inside.any():
-            continue
-        reach = trial[np.flatnonzero(inside.any(axis=0))[-1]]
-        radius = _radii(inner, reach, s)
-        points = _rays(center, directions, radius)
-        parts.append(points[_inside(points, jacobi, name, s, mu)])
-    if not parts:
-        return np.empty((0, 3))
+        stretches = _stretches(center, directions, max(inner, 1e-3), farthest, inside)
+        ray, radius = _divide(*stretches, s)
+        points = center + directions[ray] * radius[:, None]
+        # A body crossed between two trial radii may have gone unnoticed.
+        parts.append(points[inside(points)])
     points = np.concatenate(parts)
     if len(parts) > 1:
         _, first = np.unique(np.round(points, 9), axis=0, return_index=True)
@@ -321,6 +323,13 @@ def sample_zero_velocity(
     )
 
 
+@lru_cache
+def _collinear_points(mu: float) -> tuple[float, float, float]:
+    """Abscissas of L1, L2 and L3; kept, since the bisections ask for them over and over."""
+    l1, l2, l3 = libration_points(mu)[:3, 0].tolist()
+    return l1, l2, l3
+
+
 def _center(name: str, mu: float) -> tuple[Array, float]:
     """Position of a center and the radius of the body there, nondimensional."""
     if name == "moon":
@@ -332,20 +341,56 @@ def _center(name: str, mu: float) -> tuple[Array, float]:
     return libration_points(mu)[int(name[1]) - 1], 0.0
 
 
-def _radii(inner: float, reach: float, settings: SamplingSettings) -> Array:
-    """Middles of equal radial steps between two radii."""
-    if settings.radial_step_km is None:
-        step = (reach - inner) / settings.radial_points
+def _stretches(
+    center: Array,
+    directions: Array,
+    start: float,
+    farthest: float,
+    inside: Callable[[Array], NDArray[np.bool_]],
+) -> tuple[NDArray[np.intp], Array, Array]:
+    """Stretches of rays that lie in the region: ray, first and last radius of each.
+
+    They come ray by ray, outwards; their ends are bisected to the last digit, from within.
+    """
+    count = int(np.ceil(np.log(farthest / start) / np.log(_TRIAL_RATIO))) + 1
+    trial = np.geomspace(start * (1.0 + 1e-12), farthest, count)
+    mask = inside(center + directions[:, None, :] * trial[None, :, None])
+    edge = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+
+    def refine(ray: NDArray[np.intp], within: Array, without: Array) -> Array:
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (within + without)
+            belongs = inside(center + directions[ray] * middle[:, None])
+            within = np.where(belongs, middle, within)
+            without = np.where(belongs, without, middle)
+        return within
+
+    ray, enters = np.nonzero(edge == 1)
+    _, leaves = np.nonzero(edge == -1)
+    first = refine(ray, trial[enters], trial[np.maximum(enters - 1, 0)])
+    last = refine(ray, trial[leaves - 1], trial[np.minimum(leaves, count - 1)])
+    return ray, first, last
+
+
+def _divide(
+    ray: NDArray[np.intp], first: Array, last: Array, settings: SamplingSettings
+) -> tuple[NDArray[np.intp], Array]:
+    """Middles of equal steps along the stretches of each ray: ray and radius of each point."""
+    rays, radii = [], []
+    for index in np.unique(ray):
+        own = ray == index
+        length = last[own] - first[own]
+        ends = np.cumsum(length)
         count = settings.radial_points
-    else:
-        step = settings.radial_step_km / LENGTH_UNIT_KM
-        count = max(1, int((reach - inner) / step + 0.5))
-    return inner + step * (np.arange(count) + 0.5)
-
-
-def _rays(center: Array, directions: Array, radius: Array) -> Array:
-    """Points at each radius along each direction, shape (direction, radius, 3)."""
-    return center + directions[:, None, :] * radius[None, :, None]
+        if settings.radial_step_km is not None:
+            count = max(1, round(ends[-1] * LENGTH_UNIT_KM / settings.radial_step_km))
+        travelled = (np.arange(count) + 0.5) * ends[-1] / count
+        stretch = np.searchsorted(ends, travelled)
+        radii.append(first[own][stretch] + travelled - (ends - length)[stretch])
+        rays.append(np.full(count, index))
+    if not rays:
+        return np.empty(0, dtype=np.intp), np.empty(0)
+    return np.concatenate(rays), np.concatenate(radii)
 
 
 def _inside(
