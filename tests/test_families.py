@@ -69,8 +69,8 @@ def test_every_orbit_starts_perpendicular_to_the_plane_and_closes(library):
         halves = propagate_periodic(state, period, [0.4999999999 * period], method="dop853")[0]
         assert abs(halves[1]) < 1e-8
         end = propagate(state, [period], method="dop853")[0]
-        # Within 20 m, or 4 m times the instability of the orbit.
-        assert np.linalg.norm((end - state)[:3]) * LENGTH_UNIT_KM < 0.05
+        # Roundoff alone, grown by the instability of the orbit over a period (Xi up to 1337).
+        assert np.linalg.norm((end - state)[:3]) * LENGTH_UNIT_KM < 0.005
 
 
 def test_no_orbit_enters_the_keep_out_spheres(library):
