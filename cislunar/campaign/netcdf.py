@@ -1,7 +1,8 @@
 """Reading and writing data sets: whole or not at all, every variable described."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,26 @@ def variable(dims, values, units: str, long_name: str, **attributes) -> xr.Varia
     return xr.Variable(dims, values, {"units": units, "long_name": long_name, **attributes})
 
 
+@contextmanager
+def _whole_file(path: Path) -> Iterator[Path]:
+    """A temporary name for a file that moves into place once it is written to its end."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            yield temporary
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    # The NetCDF library reports a full disk as a RuntimeError.
+    except (OSError, RuntimeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputFileError(
+            f"cannot write {path}: {reason}; check that the results folder is writable and the "
+            "disk not full"
+        ) from error
+
+
 def write_dataset(dataset: xr.Dataset, path: str | Path) -> None:
     """Write a data set to NetCDF-4 under a temporary name, then move it into place.
 
@@ -62,18 +83,8 @@ def write_dataset(dataset: xr.Dataset, path: str | Path) -> None:
         for name, data in dataset.variables.items()
         if data.size >= _COMPRESSED_FROM and np.issubdtype(data.dtype, np.number)
     }
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with _whole_file(path) as temporary:
         dataset.to_netcdf(temporary, format="NETCDF4", engine="netcdf4", encoding=encoding)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise InputFileError(
-            f"cannot write {path}: {error.strerror or error}; check that the results folder is "
-            "writable and the disk not full"
-        ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def write_text(text: str, path: str | Path) -> None:
@@ -85,15 +96,14 @@ def write_text(text: str, path: str | Path) -> None:
         Contents.
     path : str or Path
         Destination; its folder is created.
+
+    Raises
+    ------
+    InputFileError
+        If the folder cannot be written to.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with _whole_file(Path(path)) as temporary:
         temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def read_dataset(path: str | Path, *, without: Sequence[str] = ()) -> xr.Dataset:
