@@ -15,6 +15,7 @@ include: "workflow/rules/targets.smk"
 include: "workflow/rules/visibility.smk"
 include: "workflow/rules/architecture.smk"
 include: "workflow/rules/tables.smk"
+include: "workflow/rules/task2.smk"
 include: "workflow/rules/figures.smk"
 
 
@@ -22,4 +23,6 @@ rule all:
     default_target: True
     input:
         rules.task1.input,
+        rules.task2.input,
+        rules.paper_vs_ours.output,
         rules.figures.input,

@@ -38,6 +38,10 @@ class Interval(NamedTuple):
         """Whether the whole interval is negative."""
         return self.high < 0.0
 
+    def scaled(self, factor: float) -> "Interval":
+        """The interval of the values times a positive factor."""
+        return Interval(factor * self.mean, factor * self.low, factor * self.high, self.count)
+
     def text(self, form: str = ".3g") -> str:
         """The mean with its interval in brackets."""
         if self.count < 2:

@@ -77,7 +77,7 @@ def compared_dataset(
         ``task2/tasking/{scenario}_{architecture}_nt{n}.nc``.
     """
     first = {**settings, "seeds": 1, "tasking": {**settings["tasking"], "method": "exact"}}
-    result, problem, loop = run_cell(
+    result, problem, _ = run_cell(
         cell,
         architecture,
         orbits,

@@ -59,7 +59,7 @@ rule tracking_cell_variant:
 
 use rule tracking_cell_variant as tracking_cell_large with:
     output:
-        results("task2/{scenario}/{architecture}/{estimator}/nt{n,[0-9]{3,}}_dt{minutes}.nc"),
+        results("task2/{scenario}/{architecture}/{estimator}/nt{n,[1-9][0-9][0-9]+}_dt{minutes}.nc"),
     log:
         log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"),
     benchmark:
@@ -72,7 +72,7 @@ use rule tracking_cell_variant as tracking_cell_large with:
 
 use rule tracking_cell_large as tracking_cell_small with:
     output:
-        results("task2/{scenario}/{architecture}/{estimator}/nt{n,[0-9]{1,2}}_dt{minutes}.nc"),
+        results("task2/{scenario}/{architecture}/{estimator}/nt{n,[1-9][0-9]?}_dt{minutes}.nc"),
     priority: 2
 
 

@@ -3,9 +3,11 @@
 from cislunar.campaign.claims import claims_table
 from cislunar.campaign.netcdf import read_dataset, write_text
 from cislunar.campaign.progress import job
-from cislunar.campaign.tracking_claims import tasking_claims, tracking_claims
+from cislunar.campaign.tasking_claims import tasking_claims
+from cislunar.campaign.tracking_claims import tracking_claims
 
 with job(snakemake.log[0]):
-    claims = tracking_claims(read_dataset(snakemake.input.summary))
-    claims += tasking_claims(read_dataset(snakemake.input.comparison))
+    summary = read_dataset(snakemake.input.summary)
+    claims = tracking_claims(summary)
+    claims += tasking_claims(read_dataset(snakemake.input.comparison), summary)
     write_text(claims_table(claims).to_csv(index=False), snakemake.output[0])
