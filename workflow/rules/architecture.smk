@@ -8,12 +8,14 @@ rule search_run:
         log_of("architecture/{scenario}/{method}_{labels}_{run}"),
     benchmark:
         benchmark_of("architecture/{scenario}/{method}_{labels}_{run}")
+    priority: 10
+    conda:
+        "../envs/cislunar.yaml"
     params:
         slots=ARCHITECTURE["slots"],
         max_evaluations=ARCHITECTURE["max_evaluations"],
         early_stop=ARCHITECTURE["early_stop"],
         seed=config["seed"],
-    priority: 10
     message:
         "Searching with {wildcards.method}, run {wildcards.run} (scenario {wildcards.scenario})"
     script:
@@ -33,6 +35,8 @@ rule best_run:
         results("architecture/{scenario}/{method}.nc"),
     log:
         log_of("architecture/{scenario}/{method}"),
+    conda:
+        "../envs/cislunar.yaml"
     params:
         early_stop=ARCHITECTURE["early_stop"],
     message:
@@ -51,6 +55,8 @@ rule exact:
         log_of("architecture/{scenario}/exact"),
     benchmark:
         benchmark_of("architecture/{scenario}/exact")
+    conda:
+        "../envs/cislunar.yaml"
     threads: workflow.cores
     params:
         slots=ARCHITECTURE["slots"],
@@ -73,6 +79,8 @@ rule published:
         log_of("architecture/{scenario}/published"),
     benchmark:
         benchmark_of("architecture/{scenario}/published")
+    conda:
+        "../envs/cislunar.yaml"
     params:
         restarts=ARCHITECTURE["restarts"],
         seed=config["seed"],
@@ -94,12 +102,14 @@ rule front:
         log_of("architecture/{scenario}/front"),
     benchmark:
         benchmark_of("architecture/{scenario}/front")
+    priority: 5
+    conda:
+        "../envs/cislunar.yaml"
     params:
         slots=ARCHITECTURE["slots"],
         front=ARCHITECTURE["front"],
         settings=settings("epoch_jd", "propagator", "visibility"),
         seed=config["seed"],
-    priority: 5
     message:
         "Best J for each number of satellites (scenario {wildcards.scenario})"
     script:

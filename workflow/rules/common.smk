@@ -5,6 +5,7 @@ import os
 from snakemake.exceptions import WorkflowError
 
 from cislunar.campaign.configuration import check_campaign, load_schema
+from cislunar.campaign.tracking_cells import cell_settings, check_cell, mesh_file
 from cislunar.errors import CislunarError
 
 try:
@@ -15,6 +16,7 @@ except CislunarError as error:
 RESULTS = config["results"].rstrip("/")
 SCENARIOS = list(config["scenarios"])
 ARCHITECTURE = config["architecture"]
+TASK2 = config["task2"]
 OPTIMIZERS = ARCHITECTURE["optimizers"]
 SEARCHES = ["tpe", "random", "atpe"]
 RUNS = range(ARCHITECTURE["runs"])
@@ -55,3 +57,27 @@ def benchmark_of(path):
 def optimizers_of(scenario):
     """The optimizers of a scenario; the paper publishes architectures for its own alone."""
     return [o for o in OPTIMIZERS if o != "published" or scenario in ("A", "B", "C")]
+
+
+def architecture_files(pattern):
+    """Every architecture of every scenario."""
+    return [
+        results(pattern.format(scenario=scenario, optimizer=optimizer))
+        for scenario in SCENARIOS
+        for optimizer in optimizers_of(scenario)
+    ]
+
+
+def tracking_settings(wildcards):
+    """Settings of a cell, refused before anything runs if the cell is impossible."""
+    try:
+        chosen = cell_settings(TASK2, wildcards.get("variant", ""))
+        check_cell(int(wildcards.n), int(wildcards.minutes), chosen)
+    except CislunarError as error:
+        raise WorkflowError(str(error)) from None
+    return chosen
+
+
+def tracking_mesh(wildcards):
+    """Mesh file of the targets, if they have one."""
+    return mesh_file(tracking_settings(wildcards))

@@ -5,6 +5,8 @@ rule ephemeris:
         log_of("ephemeris/sun"),
     benchmark:
         benchmark_of("ephemeris/sun")
+    conda:
+        "../envs/cislunar.yaml"
     params:
         settings=settings("epoch_jd", "ephemeris", "visibility"),
     message:

@@ -21,6 +21,8 @@ rule orbit_library_figure:
         log_of("figures/orbit_library"),
     benchmark:
         benchmark_of("figures/orbit_library")
+    conda:
+        "../envs/cislunar.yaml"
     message:
         "Drawing the orbit library with its targets"
     script:
@@ -39,6 +41,8 @@ rule facet_geometry_figure:
         log_of("figures/facet_geometry"),
     benchmark:
         benchmark_of("figures/facet_geometry")
+    conda:
+        "../envs/cislunar.yaml"
     message:
         "Drawing the reflection geometry of a facet"
     script:
@@ -49,9 +53,7 @@ rule tpe_orbits_figure:
     input:
         orbits=rules.families.output,
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
-        architectures=expand(
-            results("architecture/{scenario}/tpe.nc"), scenario=SCENARIOS
-        ),
+        architectures=expand(results("architecture/{scenario}/tpe.nc"), scenario=SCENARIOS),
     output:
         png=report(
             results("figures/fig03_tpe_orbits.png"),
@@ -63,6 +65,8 @@ rule tpe_orbits_figure:
         log_of("figures/tpe_orbits"),
     benchmark:
         benchmark_of("figures/tpe_orbits")
+    conda:
+        "../envs/cislunar.yaml"
     params:
         scenarios=SCENARIOS,
     message:
@@ -75,9 +79,7 @@ rule random_orbits_figure:
     input:
         orbits=rules.families.output,
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
-        architectures=expand(
-            results("architecture/{scenario}/random.nc"), scenario=SCENARIOS
-        ),
+        architectures=expand(results("architecture/{scenario}/random.nc"), scenario=SCENARIOS),
     output:
         png=report(
             results("figures/fig04_random_orbits.png"),
@@ -89,6 +91,8 @@ rule random_orbits_figure:
         log_of("figures/random_orbits"),
     benchmark:
         benchmark_of("figures/random_orbits")
+    conda:
+        "../envs/cislunar.yaml"
     params:
         scenarios=SCENARIOS,
     message:
@@ -101,9 +105,7 @@ rule exact_orbits_figure:
     input:
         orbits=rules.families.output,
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
-        architectures=expand(
-            results("architecture/{scenario}/exact.nc"), scenario=SCENARIOS
-        ),
+        architectures=expand(results("architecture/{scenario}/exact.nc"), scenario=SCENARIOS),
     output:
         png=report(
             results("figures/fig09_exact_orbits.png"),
@@ -115,6 +117,8 @@ rule exact_orbits_figure:
         log_of("figures/exact_orbits"),
     benchmark:
         benchmark_of("figures/exact_orbits")
+    conda:
+        "../envs/cislunar.yaml"
     params:
         scenarios=SCENARIOS,
     message:
@@ -139,6 +143,8 @@ rule satellite_front_figure:
         log_of("figures/satellite_front"),
     benchmark:
         benchmark_of("figures/satellite_front")
+    conda:
+        "../envs/cislunar.yaml"
     message:
         "Drawing J and coverage by number of satellites"
     script:
@@ -166,6 +172,8 @@ rule convergence_figure:
         log_of("figures/convergence"),
     benchmark:
         benchmark_of("figures/convergence")
+    conda:
+        "../envs/cislunar.yaml"
     message:
         "Drawing J by number of evaluations"
     script:
@@ -186,6 +194,8 @@ rule family_map_figure:
         log_of("figures/family_map"),
     benchmark:
         benchmark_of("figures/family_map")
+    conda:
+        "../envs/cislunar.yaml"
     message:
         "Drawing the map of the family members"
     script:

@@ -5,6 +5,8 @@ rule families:
         log_of("orbits/families"),
     benchmark:
         benchmark_of("orbits/families")
+    conda:
+        "../envs/cislunar.yaml"
     params:
         settings=settings("orbits"),
     message:
@@ -20,6 +22,8 @@ rule tracked_targets:
         log_of("orbits/tracked"),
     benchmark:
         benchmark_of("orbits/tracked")
+    conda:
+        "../envs/cislunar.yaml"
     message:
         "Generating the orbits of the moving targets"
     script:

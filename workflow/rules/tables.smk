@@ -1,12 +1,3 @@
-def architecture_files(pattern):
-    """Every architecture of every scenario."""
-    return [
-        results(pattern.format(scenario=scenario, optimizer=optimizer))
-        for scenario in SCENARIOS
-        for optimizer in optimizers_of(scenario)
-    ]
-
-
 rule architecture_table:
     input:
         orbits=rules.families.output[0],
@@ -20,6 +11,8 @@ rule architecture_table:
         log_of("tables/architecture"),
     benchmark:
         benchmark_of("tables/architecture")
+    conda:
+        "../envs/cislunar.yaml"
     threads: workflow.cores
     params:
         scenarios=SCENARIOS,
@@ -42,6 +35,8 @@ rule label_comparison:
         results("tables/label_comparison.csv"),
     log:
         log_of("tables/label_comparison"),
+    conda:
+        "../envs/cislunar.yaml"
     message:
         "Comparing the ways to label an orbit for TPE"
     script:
@@ -59,6 +54,8 @@ rule readings:
         log_of("tables/readings_architecture"),
     benchmark:
         benchmark_of("tables/readings_architecture")
+    conda:
+        "../envs/cislunar.yaml"
     threads: workflow.cores
     params:
         scenario=ARCHITECTURE["readings"]["scenario"],
@@ -87,6 +84,8 @@ rule architecture_claims:
         results("tables/claims_architecture.csv"),
     log:
         log_of("tables/claims_architecture"),
+    conda:
+        "../envs/cislunar.yaml"
     message:
         "Comparing the paper's numbers and claims on the architecture with ours"
     script:

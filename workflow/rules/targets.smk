@@ -7,9 +7,11 @@ rule zvs_points:
         log_of("targets/zvs_points"),
     benchmark:
         benchmark_of("targets/zvs_points")
+    priority: 100
+    conda:
+        "../envs/cislunar.yaml"
     params:
         settings=settings("targets"),
-    priority: 100
     message:
         "Sampling the zero-velocity surfaces of the missions in {input}"
     script:
@@ -25,11 +27,13 @@ rule static_targets:
         log_of("targets/static_{scenario}"),
     benchmark:
         benchmark_of("targets/static_{scenario}")
+    priority: 50
+    conda:
+        "../envs/cislunar.yaml"
     params:
         targets=lambda w: config["scenarios"][w.scenario]["targets"],
         seeding=config["targets"]["seeding"],
         seed=config["seed"],
-    priority: 50
     message:
         "Clustering the sampled points to {params.targets} targets (scenario {wildcards.scenario})"
     script:

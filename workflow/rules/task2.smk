@@ -1,30 +1,9 @@
 """Sensor tasking and tracking: every cell, what they add up to, and TPE against exact tasking."""
 
-from cislunar.campaign.tracking_cells import (
-    campaign_cells,
-    cell_settings,
-    check_cell,
-    mesh_file,
-)
+from cislunar.campaign.tracking_cells import campaign_cells
 
-TASK2 = config["task2"]
 CELLS = [results(cell.path) for cell in campaign_cells(TASK2)]
 COMPARED = TASK2["tasking_comparison"]
-
-
-def tracking_settings(wildcards):
-    """Settings of a cell, refused before anything runs if the cell is impossible."""
-    try:
-        chosen = cell_settings(TASK2, wildcards.get("variant", ""))
-        check_cell(int(wildcards.n), int(wildcards.minutes), chosen)
-    except CislunarError as error:
-        raise WorkflowError(str(error)) from None
-    return chosen
-
-
-def tracking_mesh(wildcards):
-    """Mesh file of the targets, if they have one."""
-    return mesh_file(tracking_settings(wildcards))
 
 
 # Long cells start first, so that no core is idle at the end: changed settings may search or take
@@ -42,6 +21,9 @@ rule tracking_cell_variant:
         log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}_{variant}"),
     benchmark:
         benchmark_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}_{variant}")
+    priority: 4
+    conda:
+        "../envs/cislunar.yaml"
     threads: 1
     resources:
         mem_mb=2000,
@@ -49,7 +31,6 @@ rule tracking_cell_variant:
         settings=tracking_settings,
         propagator=config["propagator"],
         seed=config["seed"],
-    priority: 4
     message:
         "Tracking {wildcards.n} targets, tasking every {wildcards.minutes} min, "
         "{wildcards.variant} ({wildcards.architecture}, scenario {wildcards.scenario})"
@@ -85,6 +66,8 @@ rule tracking_summary:
         log_of("task2/summary"),
     benchmark:
         benchmark_of("task2/summary")
+    conda:
+        "../envs/cislunar.yaml"
     params:
         settings=settings("task2"),
         seed=config["seed"],
@@ -110,6 +93,8 @@ rule tracking_tables:
         ),
     log:
         log_of("tables/tracking"),
+    conda:
+        "../envs/cislunar.yaml"
     message:
         "Writing the statistics of every cell, and what each changed setting does"
     script:
@@ -129,6 +114,9 @@ rule tasking_comparison_cell:
         log_of("task2/tasking/{scenario}_{architecture}_nt{n}"),
     benchmark:
         benchmark_of("task2/tasking/{scenario}_{architecture}_nt{n}")
+    priority: 6
+    conda:
+        "../envs/cislunar.yaml"
     threads: 1
     params:
         settings=cell_settings(TASK2),
@@ -137,7 +125,6 @@ rule tasking_comparison_cell:
         estimator=TASK2["estimators"][0],
         propagator=config["propagator"],
         seed=config["seed"],
-    priority: 6
     message:
         "Comparing tasking methods on {wildcards.n} targets "
         "({wildcards.architecture}, scenario {wildcards.scenario})"
@@ -157,6 +144,8 @@ rule tasking_comparison:
         results("task2/tasking_comparison.nc"),
     log:
         log_of("task2/tasking_comparison"),
+    conda:
+        "../envs/cislunar.yaml"
     message:
         "Gathering the comparison of tasking methods"
     script:
@@ -171,6 +160,8 @@ rule tracking_claims:
         results("tables/claims_tracking.csv"),
     log:
         log_of("tables/claims_tracking"),
+    conda:
+        "../envs/cislunar.yaml"
     message:
         "Comparing the paper's claims on tasking and tracking with ours"
     script:
@@ -189,6 +180,8 @@ rule paper_vs_ours:
         ),
     log:
         log_of("tables/paper_vs_ours"),
+    conda:
+        "../envs/cislunar.yaml"
     message:
         "Gathering the paper's numbers and claims beside ours"
     script:

@@ -9,11 +9,13 @@ rule visibility:
         log_of("visibility/{scenario}"),
     benchmark:
         benchmark_of("visibility/{scenario}")
+    priority: 50
+    conda:
+        "../envs/cislunar.yaml"
     threads: workflow.cores
     params:
         settings=settings("epoch_jd", "propagator", "visibility"),
         max_satellites=ARCHITECTURE["max_satellites"],
-    priority: 50
     message:
         "Counting observations for every orbit and satellite count (scenario {wildcards.scenario})"
     script:
