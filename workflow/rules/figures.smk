@@ -8,7 +8,7 @@ RUN_METHODS = [method for method in OPTIMIZERS if method in SEARCHES]
 
 rule orbit_library_figure:
     input:
-        orbits=rules.families.output,
+        orbits=rules.families.output[0],
         targets=results(f"targets/static_{LIBRARY_SCENARIO}.nc"),
     output:
         png=report(
@@ -51,7 +51,7 @@ rule facet_geometry_figure:
 
 rule tpe_orbits_figure:
     input:
-        orbits=rules.families.output,
+        orbits=rules.families.output[0],
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
         architectures=expand(results("architecture/{scenario}/tpe.nc"), scenario=SCENARIOS),
     output:
@@ -77,7 +77,7 @@ rule tpe_orbits_figure:
 
 rule random_orbits_figure:
     input:
-        orbits=rules.families.output,
+        orbits=rules.families.output[0],
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
         architectures=expand(results("architecture/{scenario}/random.nc"), scenario=SCENARIOS),
     output:
@@ -103,7 +103,7 @@ rule random_orbits_figure:
 
 rule exact_orbits_figure:
     input:
-        orbits=rules.families.output,
+        orbits=rules.families.output[0],
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
         architectures=expand(results("architecture/{scenario}/exact.nc"), scenario=SCENARIOS),
     output:
@@ -182,7 +182,7 @@ rule convergence_figure:
 
 rule family_map_figure:
     input:
-        orbits=rules.families.output,
+        orbits=rules.families.output[0],
     output:
         png=report(
             results("figures/fig12_family_map.png"),
