@@ -259,7 +259,7 @@ def check_tracking(config: Mapping[str, Any]) -> None:
         by_scenario[f"other_architectures.{name}"] = counts
     for key, counts in by_scenario.items():
         for scenario in counts:
-            _require_scenario(f"task2.{key}", scenario, scenarios)
+            _require_scenario(f"task2.{key}.{scenario}", scenario, scenarios)
     for key in ("variants", "tasking_comparison"):
         scenario, architecture = task2[key]["scenario"], task2[key]["architecture"]
         _require_scenario(f"task2.{key}.scenario", scenario, scenarios)
@@ -327,6 +327,11 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
 
 def _check_comparison(task2: Mapping[str, Any]) -> None:
     compared = task2["tasking_comparison"]
+    if not compared["targets"]:
+        raise ConfigurationError(
+            "configuration key 'task2.tasking_comparison.targets' is empty: give at least one "
+            "number of targets"
+        )
     n_epochs = math.ceil(60.0 * task2["duration_hours"] / task2["interval_minutes"] - 1e-9)
     if max(compared["epochs"]) >= n_epochs:
         raise ConfigurationError(
