@@ -30,15 +30,19 @@ def _family_ranges(family: NDArray[np.str_]) -> list[tuple[int, int]]:
 
 
 def _integers(label: str, low: int, high: int) -> Any:
-    """Ordered integers, each as likely: `hp.uniformint` gives its two ends half the weight."""
+    """Ordered integers, each as likely, as the whole part of a uniform label.
+
+    `hp.uniformint` gives its two ends half the weight, and a quantised density costs TPE several
+    times as much as a continuous one.
+    """
     from hyperopt import hp
 
-    return hp.quniform(label, low - 0.5, high + 0.5, 1.0)
+    return hp.uniform(label, low, high + 1)
 
 
 def _integer(value: float, low: int, high: int) -> int:
-    """A sample of `_integers`; a draw on a bound may round out of it."""
-    return min(max(round(value), low), high)
+    """A sample of `_integers`; the upper end of the interval itself may be drawn."""
+    return min(max(int(value), low), high)
 
 
 def build_space(
@@ -93,7 +97,7 @@ def build_space(
     def decode_orbit(sample: Mapping[str, Any], i: int) -> int:
         if labels == "family_position":
             start, members = ranges[int(sample[f"family_{i}"])]
-            return start + min(int(sample[f"position_{i}"] * members), members - 1)
+            return start + _integer(sample[f"position_{i}"] * members, 0, members - 1)
         index = _integer(sample[f"orbit_{i}"], 0, tables.n_orbits - 1)
         return int(by_stability[index]) if labels == "stability_rank" else index
 
