@@ -216,14 +216,17 @@ def _threshold(best: _Best, margin: float) -> float:
 
 
 def _search_counts(factory, best, margin, threads, deadline, progress) -> list[CountSummary]:
-    """Deal with every level the scalar bounds leave open, fewest satellites first."""
+    """Deal with every level the scalar bounds leave open, most satellites first.
+
+    The levels with many satellites are the quick ones; a time limit is then spent on the rest.
+    """
     bounds = factory.bounds()
     levels = [
         (int(n), negative, float(scalar))
         for n, *pair in zip(bounds.satellites, bounds.seen, bounds.rarely_seen, strict=True)
         for negative, scalar in zip((False, True), pair, strict=True)
     ]
-    wanted = [level for level in levels if level[2] >= _threshold(best, margin)]
+    wanted = [level for level in reversed(levels) if level[2] >= _threshold(best, margin)]
     counts = []
     for done, (n, negative, scalar) in enumerate(wanted):
         began = time.monotonic()

@@ -260,7 +260,7 @@ def relax(level, threshold, r0, r1, active, lowest, highest, forced, orbits, ext
             bound, best_offset = offset + choice, offset
             best_score[:] = score
         gap = offset + choice - value
-        if bound <= 0.0 or (value > 0.0 and gap <= 0.2 * value) or gap <= 1e-9 * abs(bound):
+        if bound <= 0.0 or (value > 0.0 and gap <= 0.05 * value) or gap <= 1e-9 * abs(bound):
             break
         tolerance = 0.1 * gap if n > 0 else 0.0
         n = _add_vertex(orbits, extras, weight, points, n, active, position, extra)
