@@ -25,6 +25,7 @@ READINGS: dict[str, dict[str, Any]] = {
     "targets around the Moon alone": {"targets.centers": ["moon"]},
     "targets in the lobes of both bodies": {"targets.region": "bodies"},
     "targets on a barycentric grid": {"targets.centers": ["barycenter"], "targets.region": "all"},
+    "targets within 500 000 km": {"targets.outer_radius_km": 500_000.0},
     "another k-means seed": {"seed": 1},
     "orbits as far as catalogs list them": {"orbits.extent": "catalog"},
     "observers by DOP853 at 1e-13": {"propagator": "dop853"},
