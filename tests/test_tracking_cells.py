@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 import yaml
 
-from cislunar.campaign.configuration import check_campaign, load_schema
+from cislunar.campaign.configuration import check_campaign, load_schema, with_types
 from cislunar.campaign.netcdf import read_dataset, write_dataset
 from cislunar.campaign.tasking_comparison import compared_dataset, gather
 from cislunar.campaign.tracking import body_facets, loop_settings, realization_seeds
@@ -485,3 +485,17 @@ def test_tasking_methods_are_compared_on_the_same_problems(sources):
     assert np.isnan(tpe["information"].values[..., 1]).all()
     assert np.isfinite(tpe["information"].values[..., 0]).all()
     assert (tpe["elapsed"].values[..., 0] > 0.0).all()
+
+
+def test_settings_from_the_command_line_get_their_types(config):
+    """Snakemake hands nested values of --config over as strings."""
+    task2 = {"seeds": "3", "step_s": "30", "body": {"radius_m": "null"}, "estimators": ["mukf"]}
+    task2 |= {"target_counts": {"A": ["20", "30"]}, "tasking": {"track_gate": "false"}}
+    typed = with_types(merged(config, {"task2": task2}), SCHEMA)["task2"]
+    assert (typed["seeds"], typed["step_s"], typed["body"]["radius_m"]) == (3, 30, None)
+    assert typed["target_counts"]["A"] == [20, 30]
+    assert typed["tasking"]["track_gate"] is False
+    assert typed["photometry"] == config["task2"]["photometry"]
+    wrong = with_types(merged(config, {"task2": {"seeds": "many"}}), SCHEMA)
+    with pytest.raises(ConfigurationError, match=r"task2\.seeds"):
+        check_campaign(wrong, SCHEMA)

@@ -35,6 +35,35 @@ def load_schema(path: str | Path) -> dict[str, Any]:
     return yaml.safe_load(path.read_text(encoding="utf-8"))
 
 
+def with_types(value: Any, schema: Mapping[str, Any]) -> Any:
+    """Give strings the type the schema wants.
+
+    Snakemake hands over nested values of ``--config 'task2={"seeds": 3}'`` as strings.
+
+    Parameters
+    ----------
+    value : object
+        The configuration, or a part of it.
+    schema : mapping
+        Its JSON schema.
+
+    Returns
+    -------
+    object
+        The same with numbers, booleans and nulls in place of the strings that stand for them.
+    """
+    if isinstance(value, Mapping):
+        known, other = schema.get("properties", {}), schema.get("additionalProperties")
+        other = other if isinstance(other, Mapping) else {}
+        return {key: with_types(part, known.get(key, other)) for key, part in value.items()}
+    if isinstance(value, list):
+        return [with_types(part, schema.get("items", {})) for part in value]
+    wanted = schema.get("type", "string")
+    if isinstance(value, str) and "string" not in ([wanted] if isinstance(wanted, str) else wanted):
+        return yaml.safe_load(value)
+    return value
+
+
 def check_configuration(config: Mapping[str, Any], schema: Mapping[str, Any]) -> None:
     """Refuse unknown keys, wrong types and impossible values.
 

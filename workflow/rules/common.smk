@@ -4,12 +4,14 @@ import os
 
 from snakemake.exceptions import WorkflowError
 
-from cislunar.campaign.configuration import check_campaign, load_schema
+from cislunar.campaign.configuration import check_campaign, load_schema, with_types
 from cislunar.campaign.tracking_cells import cell_settings, check_cell, mesh_file
 from cislunar.errors import CislunarError
 
 try:
-    check_campaign(config, load_schema(workflow.source_path("../schemas/config.schema.yaml")))
+    SCHEMA = load_schema(workflow.source_path("../schemas/config.schema.yaml"))
+    config.update(with_types(config, SCHEMA))
+    check_campaign(config, SCHEMA)
 except CislunarError as error:
     raise WorkflowError(f"{error}\n(see config/README.md)") from None
 
