@@ -1,6 +1,7 @@
 """Figures of the chosen architectures: their orbits, with the satellites on them."""
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -12,18 +13,26 @@ from cislunar.figures.scene import (
     Array,
     around_moon,
     body_handles,
-    clip,
     draw_bodies,
     limits,
     orbit_curve,
     satellite_positions,
     space_axes,
+    stays_around_moon,
     thousands,
 )
 from cislunar.figures.style import family_style, house_style, new_figure, panel_letter
 
 ROW_HEIGHT_IN = 3.0
 _SPACE = (0, 1, 2)
+
+
+class _ChosenOrbit(NamedTuple):
+    """An orbit of an architecture: family, one period, satellites at the epoch."""
+
+    family: str
+    curve: Array
+    satellites: Array
 
 
 def power_of_ten(value: float, digits: int = 3) -> str:
@@ -58,7 +67,7 @@ def selected_orbits_figure(
     scenes = {scenario: _scene(orbits, each) for scenario, each in architectures.items()}
     mu = float(orbits.attrs["mu"])
     earth, moon = np.array([-mu, 0.0, 0.0]), np.array([1.0 - mu, 0.0, 0.0])
-    everything = [curve for curves, _ in scenes.values() for curve in curves]
+    everything = [each.curve for drawn in scenes.values() for each in drawn]
     whole = limits([*everything, earth, moon], margin=0.03)
     near = around_moon(mu, everything)
     for row, (scenario, architecture) in enumerate(architectures.items()):
@@ -70,16 +79,16 @@ def selected_orbits_figure(
             fontsize=8.5,
             va="top",
         )
-        curves, satellites = scenes[scenario]
-        families = orbits["family"].values.astype(str)[architecture["orbit"].values]
-        for left, bounds, zoom in ((-0.025, whole, 0.88), (0.345, near, 0.88)):
+        drawn = scenes[scenario]
+        close = [each for each in drawn if stays_around_moon(each.curve, mu)]
+        for left, bounds, within in ((-0.025, whole, drawn), (0.345, near, close)):
             place = (left, top - 0.92 * height, 0.38, 0.86 * height)
             axes = figure.add_axes(place, projection="3d", computed_zorder=False)
-            space_axes(axes, bounds, float(orbits.attrs["length_unit_km"]), zoom=zoom, lines=2)
-            _draw(axes, curves, satellites, families, bounds)
+            space_axes(axes, bounds, float(orbits.attrs["length_unit_km"]), zoom=0.88, lines=2)
+            _draw(axes, within)
             draw_bodies(axes, mu, _SPACE, bounds)
         figure.legend(
-            handles=[*_handles(orbits, architecture, families), *body_handles()],
+            handles=[*_handles(orbits, architecture), *body_handles()],
             loc="center left",
             bbox_to_anchor=(0.745, top - 0.52 * height),
             handlelength=3.2,
@@ -95,37 +104,41 @@ def _title(scenario: str, architecture: xr.Dataset, targets: int) -> str:
     return f"Scenario {scenario}: {thousands(targets)} targets, {total} satellites, J = {value}"
 
 
-def _scene(orbits: xr.Dataset, architecture: xr.Dataset) -> tuple[list[Array], list[Array]]:
-    """Curve and satellites of every chosen orbit."""
-    chosen = [int(index) for index in architecture["orbit"].values]
-    counts = [int(count) for count in architecture["satellites"].values]
-    return (
-        [orbit_curve(orbits, index) for index in chosen],
-        [satellite_positions(orbits, i, n) for i, n in zip(chosen, counts, strict=True)],
-    )
-
-
-def _handles(orbits: xr.Dataset, architecture: xr.Dataset, families: np.ndarray) -> list[Line2D]:
-    """Legend entry of every chosen orbit: family, satellites, period."""
-    day = SECONDS_PER_DAY / float(orbits.attrs["time_unit_s"])
-    days = orbits["period"].values[architecture["orbit"].values] / day
-    times = "\N{MULTIPLICATION SIGN}"
+def _scene(orbits: xr.Dataset, architecture: xr.Dataset) -> list[_ChosenOrbit]:
+    """Every chosen orbit with its satellites."""
     return [
-        family_style(name).legend_handle(
-            f"{family_style(name).label} {times} {count}, {period:.1f} d"
+        _ChosenOrbit(
+            str(orbits["family"].values[index]),
+            orbit_curve(orbits, int(index)),
+            satellite_positions(orbits, int(index), int(count)),
         )
-        for name, count, period in zip(
-            families, architecture["satellites"].values, days, strict=True
+        for index, count in zip(
+            architecture["orbit"].values, architecture["satellites"].values, strict=True
         )
     ]
 
 
-def _draw(axes, curves, satellites, families, bounds) -> None:
-    """Orbits and satellites within the bounds."""
-    for curve, places, name in zip(curves, satellites, families, strict=True):
+def _handles(orbits: xr.Dataset, architecture: xr.Dataset) -> list[Line2D]:
+    """Legend entry of every chosen orbit: family, satellites, period."""
+    index = architecture["orbit"].values
+    days = orbits["period"].values[index] * float(orbits.attrs["time_unit_s"]) / SECONDS_PER_DAY
+    handles = []
+    for name, count, period in zip(
+        orbits["family"].values.astype(str)[index],
+        architecture["satellites"].values,
+        days,
+        strict=True,
+    ):
         style = family_style(name)
-        axes.plot(
-            *clip(curve, bounds).T, color=style.color, linestyle=style.line, linewidth=0.9, zorder=2
-        )
-        axes.plot(*clip(places, bounds).T, linestyle="none", zorder=5, color=style.color,
-                  **style.marker_kwargs(3.6))  # fmt: skip
+        label = f"{style.label} \N{MULTIPLICATION SIGN} {count}, {period:.1f} d"
+        handles.append(style.legend_handle(label))
+    return handles
+
+
+def _draw(axes, drawn: list[_ChosenOrbit]) -> None:
+    """Orbits, and their satellites at the epoch."""
+    for each in drawn:
+        style = family_style(each.family)
+        axes.plot(*each.curve.T, color=style.color, linestyle=style.line, linewidth=0.9, zorder=2)
+        marks = {"linestyle": "none", "color": style.color} | style.marker_kwargs(3.6)
+        axes.plot(*each.satellites.T, zorder=5, **marks)

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 _SUN = "#B87F00"
 """The orange of the palette, darker, for type."""
 _EYE = (24.0, 38.0)
-_FACET = np.array([[-1.2, -0.6, 0.0], [1.35, -0.85, 0.0], [-0.05, 1.5, 0.0]])
+_FACET = np.array([[-1.05, -0.97, 0.0], [1.35, -0.75, 0.0], [-0.05, 1.55, 0.0]])
 _NORMAL = np.array([0.0, 0.0, 1.0])
 
 
@@ -120,7 +120,7 @@ def facet_geometry_figure() -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    figure = new_figure(3.2, 4.4)
+    figure = new_figure(2.9, 4.4)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()
     axes.set_aspect("equal")
@@ -144,7 +144,7 @@ def facet_geometry_figure() -> Figure:
         _tick(axes, arc)
     _glyphs(axes, light, view)
     axes.set_xlim(-1.6, 2.3)
-    axes.set_ylim(-0.85, 1.98)
+    axes.set_ylim(-0.6, 1.97)
     return figure
 
 

@@ -1,5 +1,8 @@
 """Figures of the orbit library: the orbits with the static targets, and the map of the members."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
@@ -8,14 +11,15 @@ from matplotlib.lines import Line2D
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.figures.scene import (
     AXES,
+    Array,
     around_moon,
     body_handles,
-    clip,
     draw_bodies,
     limits,
     orbit_curve,
     plane_axes,
     space_axes,
+    stays_around_moon,
     thousands,
 )
 from cislunar.figures.style import (
@@ -34,6 +38,14 @@ _PERIOD = "period, days"
 _STABILITY = "stability index, dimensionless"
 _CLOSE_UP = 2.7
 """Most families crowd above this Jacobi constant."""
+
+
+class _View(NamedTuple):
+    """Part of the Earth-Moon system with the orbits drawn in it."""
+
+    title: str
+    bounds: Array
+    curves: list[tuple[Array, str]]
 
 
 def families_present(orbits: xr.Dataset) -> list[str]:
@@ -61,28 +73,24 @@ def orbit_library_figure(orbits: xr.Dataset, targets: xr.Dataset) -> Figure:
     family = orbits["family"].values.astype(str)
     curves = [orbit_curve(orbits, index) for index in range(len(family))]
     points = targets["position"].values
-    whole = limits([*curves, points], margin=0.02)
-    near = around_moon(mu, curves)
+    drawn = list(zip(curves, family, strict=True))
+    close = [(curve, name) for curve, name in drawn if stays_around_moon(curve, mu)]
+    whole = _View("the whole system", limits([*curves, points], margin=0.02), drawn)
+    near = _View("orbits around the Moon", around_moon(mu, curves), close)
     figure = new_figure(7.1)
-    places = ((-0.02, 0.49, 0.53, 0.47), (0.47, 0.49, 0.53, 0.47))
-    titles = ("the whole system", "around the Moon")
-    for column, (place, bounds, title) in enumerate(
-        zip(places, (whole, near), titles, strict=True)
-    ):
+    for column, view in enumerate((whole, near)):
+        place = (-0.02 + 0.49 * column, 0.49, 0.53, 0.47)
         axes = figure.add_axes(place, projection="3d", computed_zorder=False)
-        space_axes(axes, bounds, unit, zoom=0.92)
-        _draw(axes, curves, family, points, bounds, _SPACE, mu)
-        figure.text(
-            0.02 + 0.5 * column, 0.965, f"{panel_letter(column)} {title}", fontsize=8.5, va="top"
-        )
-    planes = (((0, 1), whole), ((0, 2), whole), ((0, 2), near))
-    for column, (plane, bounds) in enumerate(planes):
+        space_axes(axes, view.bounds, unit, zoom=0.92, lines=2)
+        _draw(axes, view, points, _SPACE, mu)
+        title = f"{panel_letter(column)} {view.title}"
+        figure.text(0.02 + 0.5 * column, 0.965, title, fontsize=8.5, va="top")
+    for column, (plane, view) in enumerate((((0, 1), whole), ((0, 2), whole), ((0, 2), near))):
         axes = figure.add_axes((0.07 + 0.33 * column, 0.165, 0.25, 0.27))
-        plane_axes(axes, plane, bounds, unit)
-        _draw(axes, curves, family, points, bounds, plane, mu)
-        where = titles[1 if bounds is near else 0]
+        plane_axes(axes, plane, view.bounds, unit)
+        _draw(axes, view, points, plane, mu)
         pair = f"{AXES[plane[0]]}\N{EN DASH}{AXES[plane[1]]}"
-        axes.set_title(f"{panel_letter(column + 2)} {pair}, {where}")
+        axes.set_title(f"{panel_letter(column + 2)} {pair}, {view.title}", fontsize=7.5)
     handles = [_line_handle(name, int(np.sum(family == name))) for name in families_present(orbits)]
     handles.append(
         Line2D([], [], linestyle="none", marker=".", markersize=3, color=_TARGET_COLOR,
@@ -97,8 +105,9 @@ def _line_handle(name: str, count: int) -> Line2D:
     return Line2D([], [], color=style.color, linestyle=style.line, label=f"{style.label} ({count})")
 
 
-def _draw(axes, curves, family, points, bounds, shown, mu) -> None:
+def _draw(axes, view: _View, points: Array, shown: Sequence[int], mu: float) -> None:
     """Targets, then orbits, then bodies, in the given coordinates."""
+    bounds = view.bounds
     inside = points[np.all((points >= bounds[:, 0]) & (points <= bounds[:, 1]), axis=1)]
     axes.plot(
         *inside[:, shown].T,
@@ -111,10 +120,10 @@ def _draw(axes, curves, family, points, bounds, shown, mu) -> None:
         rasterized=True,
         zorder=1,
     )
-    for curve, name in zip(curves, family, strict=True):
+    for curve, name in view.curves:
         style = family_style(name)
         axes.plot(
-            *clip(curve, bounds)[:, shown].T,
+            *curve[:, shown].T,
             color=style.color,
             linestyle=style.line,
             linewidth=0.45,

@@ -161,16 +161,35 @@ def limits(points: Sequence[ArrayLike], margin: float = 0.06) -> Array:
     Returns
     -------
     ndarray, shape (3, 2)
-        Least and greatest value on each axis.
+        Least and greatest value on each axis; no axis is shorter than half the longest, so that
+        its labels have room.
     """
     stacked = np.concatenate([np.asarray(p, dtype=float).reshape(-1, 3) for p in points])
     low, high = stacked.min(axis=0), stacked.max(axis=0)
-    pad = margin * float(np.max(high - low))
+    largest = float(np.max(high - low))
+    pad = margin * largest + np.maximum(0.0, 0.25 * largest - 0.5 * (high - low))
     return np.column_stack((low - pad, high + pad))
 
 
+def stays_around_moon(curve: Array, mu: float) -> bool:
+    """Whether an orbit stays so near to the Moon that a close-up can show all of it.
+
+    Parameters
+    ----------
+    curve : ndarray, shape (samples, 3)
+        Orbit, nondimensional, rotating frame.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    bool
+    """
+    return bool(np.linalg.norm(curve - (1.0 - mu, 0.0, 0.0), axis=1).max() < _CLOSE)
+
+
 def around_moon(mu: float, curves: Sequence[Array]) -> Array:
-    """Bounds of the orbits that stay around the Moon, or of its surroundings if none does.
+    """Bounds of a close-up of the Moon with the orbits that stay around it.
 
     Parameters
     ----------
@@ -185,28 +204,8 @@ def around_moon(mu: float, curves: Sequence[Array]) -> Array:
         Least and greatest value on each axis.
     """
     moon = np.array([1.0 - mu, 0.0, 0.0])
-    distance = [np.linalg.norm(curve - moon, axis=1).max() for curve in curves]
-    close = [c for c, far in zip(curves, distance, strict=True) if far < _CLOSE]
+    close = [curve for curve in curves if stays_around_moon(curve, mu)]
     return limits([*close, moon + 0.15, moon - 0.15])
-
-
-def clip(curve: Array, bounds: Array) -> Array:
-    """A curve with what lies out of bounds cut out.
-
-    Parameters
-    ----------
-    curve : ndarray, shape (samples, 3)
-        Nondimensional.
-    bounds : ndarray, shape (3, 2)
-        From `limits`.
-
-    Returns
-    -------
-    ndarray, shape (samples, 3)
-        NaN where the curve is out of bounds.
-    """
-    inside = np.all((curve >= bounds[:, 0]) & (curve <= bounds[:, 1]), axis=1)
-    return np.where(inside[:, None], curve, np.nan)
 
 
 def space_axes(

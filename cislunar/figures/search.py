@@ -91,7 +91,7 @@ def satellite_front_figure(
         reach = (upper.get_xlim(), lower.get_xlim())
         for axes in (upper, lower):
             axes.set_xlim(min(r[0] for r in reach), max(r[1] for r in reach))
-            axes.xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True))
+            axes.xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True, steps=[1, 2, 5, 10]))
         upper.tick_params(labelbottom=False)
         lower.set_xlabel("number of satellites")
         if index % columns == 0:
