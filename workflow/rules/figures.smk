@@ -12,11 +12,11 @@ rule orbit_library_figure:
         targets=results(f"targets/static_{LIBRARY_SCENARIO}.nc"),
     output:
         png=report(
-            results("figures/fig01_orbit_library.png"),
+            results("figures/fig02_orbit_library.png"),
             caption="../report/figure_orbit_library.rst",
             category="Figures",
         ),
-        pdf=results("figures/fig01_orbit_library.pdf"),
+        pdf=results("figures/fig02_orbit_library.pdf"),
     log:
         log_of("figures/orbit_library"),
     benchmark:
@@ -32,11 +32,11 @@ rule orbit_library_figure:
 rule facet_geometry_figure:
     output:
         png=report(
-            results("figures/fig02_facet_geometry.png"),
+            results("figures/fig01_facet_geometry.png"),
             caption="../report/figure_facet_geometry.rst",
             category="Figures",
         ),
-        pdf=results("figures/fig02_facet_geometry.pdf"),
+        pdf=results("figures/fig01_facet_geometry.pdf"),
     log:
         log_of("figures/facet_geometry"),
     benchmark:

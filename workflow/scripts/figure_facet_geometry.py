@@ -1,4 +1,4 @@
-"""Makes figures/fig02_facet_geometry: the reflection geometry of one facet."""
+"""Makes figures/fig01_facet_geometry: the reflection geometry of one facet."""
 
 from cislunar.campaign.progress import job
 from cislunar.figures.facet import facet_geometry_figure

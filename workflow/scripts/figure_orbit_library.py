@@ -1,4 +1,4 @@
-"""Makes figures/fig01_orbit_library: the candidate observer orbits with the static targets."""
+"""Makes figures/fig02_orbit_library: the candidate observer orbits with the static targets."""
 
 from cislunar.campaign.netcdf import read_dataset
 from cislunar.campaign.progress import job
