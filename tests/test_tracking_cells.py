@@ -388,6 +388,14 @@ def test_statistics_are_over_the_observed_targets(tracked_cell):
     assert found["coverage"][0, 2] == pytest.approx(seen.mean())
     assert found["rmse_median"][1, 3] == pytest.approx(np.median(doctored["rmse"].values[1, :, 9:]))
     np.testing.assert_array_equal(found["never_observed"], [1, 0])
+    families = doctored["family"].values.astype("U20")
+    families[2] = "Polar_mission"
+    lunar = seed_statistics(doctored.assign_coords(family=("target", families)))
+    kept = doctored["anees"].values[0, [0, 3], 6:9]
+    assert lunar["anees_mean_periodic"][0, 2] == pytest.approx(kept.mean())
+    assert found["anees_mean_periodic"][0, 2] != pytest.approx(kept.mean())
+    np.testing.assert_array_equal(lunar["diverged_translation_lunar"], [0, 1])
+    np.testing.assert_array_equal(found["diverged_translation_lunar"], [0, 0])
     np.testing.assert_array_equal(found["diverged_rotation"], [1, 2])
     np.testing.assert_array_equal(found["diverged_rotation_only"], [1, 1])
     np.testing.assert_allclose(found["diverged_rotation_share"], [1 / 3, 1 / 2])

@@ -17,6 +17,7 @@ GOOD = {
     "coverage": (0.95, 0.95, 0.99, 0.99),
     "anees_median": (1.0,) * 4,
     "anees_mean": (2.0, 2.0, 1.1, 1.1),
+    "anees_mean_periodic": (1.5, 1.5, 1.0, 1.0),
     "rmse_median": (0.02, 1e-5, 1e-5, 1e-5),
     "rmse_90": (0.05, 2e-5, 2e-5, 2e-5),
     "final_attitude_error_median": 0.5,
@@ -131,6 +132,13 @@ def test_translation_that_is_not_satisfactory_is_named(quantity, part, factor):
     assert _verdict(claims, "translation stays", "scenario A") == PARTLY
     assert _verdict(claims, "translation stays", "scenario B") == REPRODUCED
     assert SATISFACTORY in next(c.how for c in claims if "translation stays" in c.claim)
+
+
+def test_low_lunar_orbits_are_told_apart():
+    summary = make_summary(_worse("anees_mean", "position", 20.0, "A", 100))
+    row = next(c for c in tracking_claims(summary) if "translation stays" in c.claim)
+    assert "satisfactory in 2 of 3 cells" in row.ours
+    assert "of targets on periodic orbits alone in 3" in row.ours
 
 
 def test_diverged_translation_counts_against_it():

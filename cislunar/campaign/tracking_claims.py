@@ -105,7 +105,14 @@ def _translation(summary: xr.Dataset, scenario: str) -> list[Claim]:
         share = 1.0 - len(failing) / index.size
         text = f"satisfactory in {index.size - len(failing)} of {index.size} cells"
         if failing:
-            text += f" (not: {' | '.join(failing[:3])})"
+            periodic = index.size - len(unsatisfactory(sweeps, index, "anees_mean_periodic"))
+            lunar = np.nansum(sweeps.values(index, "diverged_translation_lunar"))
+            lost = np.nansum(sweeps.values(index, "diverged_translation"))
+            text += (
+                f" (not: {' | '.join(failing[:3])}); with the ANEES of targets on periodic orbits "
+                f"alone in {periodic}; {lunar:.0f} of {lost:.0f} diverged targets are on low lunar "
+                "trajectories"
+            )
         return Finding(text, REPRODUCED if not failing else PARTLY if share >= 0.5 else
                        NOT_REPRODUCED)  # fmt: skip
 

@@ -143,7 +143,7 @@ def graded(holds: Sequence[bool]) -> str:
     return REPRODUCED if all(holds) else PARTLY if any(holds) else NOT_REPRODUCED
 
 
-def unsatisfactory(sweeps: Sweeps, index: Indices) -> list[str]:
+def unsatisfactory(sweeps: Sweeps, index: Indices, consistency: str = "anees_mean") -> list[str]:
     """Cells whose translation is not satisfactory (see `SATISFACTORY`), with the reason.
 
     Parameters
@@ -151,6 +151,8 @@ def unsatisfactory(sweeps: Sweeps, index: Indices) -> list[str]:
     sweeps : Sweeps
     index : ndarray of int
         Cells.
+    consistency : str
+        Quantity the consistency is judged by.
 
     Returns
     -------
@@ -161,7 +163,7 @@ def unsatisfactory(sweeps: Sweeps, index: Indices) -> list[str]:
         reasons = []
         for part in PARTS[2:]:
             covered = t_interval(seed_values(sweeps.summary, cell, "coverage", part)).mean
-            anees = log_interval(seed_values(sweeps.summary, cell, "anees_mean", part)).mean
+            anees = log_interval(seed_values(sweeps.summary, cell, consistency, part)).mean
             if covered < COVERAGE:
                 reasons.append(f"coverage of {part} {covered:.3f}")
             if not CONSISTENT[0] <= anees <= CONSISTENT[1]:
