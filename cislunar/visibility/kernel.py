@@ -2,8 +2,8 @@
 
 The work is one test per (track, time, target): is the sphere bright enough, and does the line of
 sight keep clear of the Sun, Moon and Earth? The inner loop runs over targets in single precision
-so that it vectorises; it marks every pair within rounding of a threshold, and blocks that hold
-one are decided again in double precision. The counts are therefore those of
+so that it vectorises; it marks every pair within rounding of a threshold, and those are decided
+again in double precision. The counts are therefore those of the plain NumPy version,
 `cislunar.visibility.reference.visible`.
 
 The brightness test is Phi(alpha) > K r^2 (`faintness_per_squared_range`). With c = cos(alpha),
@@ -56,8 +56,8 @@ def _unit(x, y, z):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "arcp"})
-def _test_block(origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen):
-    """Single-precision test of a block of targets; returns how many are undecided.
+def _test_block(origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen, undecided):
+    """Single-precision test of a block of targets; marks and counts the undecided ones.
 
     The loop starts at zero: with a variable start the compiler allows for negative indices and
     does not vectorise.
@@ -70,7 +70,7 @@ def _test_block(origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen
     mx, my, mz = bodies[1, 0], bodies[1, 1], bodies[1, 2]
     ex, ey, ez = bodies[2, 0], bodies[2, 1], bodies[2, 2]
     cs, cm, ce = cosines[0], cosines[1], cosines[2]
-    undecided = np.int32(0)
+    n_undecided = np.int32(0)
     for i in range(seen.size):
         dx = px[i] - ox
         dy = py[i] - oy
@@ -94,8 +94,9 @@ def _test_block(origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen
         decided = (abs(phase - needed) > _ROUNDING * (one + inverse + needed)) & (
             abs(nearest) > _ROUNDING * (one + distance)
         )
-        undecided += np.int32(not decided)
-    return undecided
+        undecided[i] = not decided
+        n_undecided += np.int32(not decided)
+    return n_undecided
 
 
 @njit(cache=True)
@@ -120,21 +121,23 @@ def _observe_tile(origin, sun, tile, from_sun, single, cosines, faintness, mu, s
     single_bodies = bodies.astype(np.float32)
     single_origin = origin.astype(np.float32)
     single_cosines = cosines.astype(np.float32)
+    undecided = np.empty(_BLOCK, dtype=np.bool_)
     size = tile.shape[0]
     for first in range(0, size, _BLOCK):
         last = min(first + _BLOCK, size)
         block = slice(first, last)
-        undecided = _test_block(
+        n_undecided = _test_block(
             single_origin,
             single[0, block], single[1, block], single[2, block],
             single[3, block], single[4, block], single[5, block],
-            single_bodies, single_cosines, np.float32(faintness), seen[block],
+            single_bodies, single_cosines, np.float32(faintness), seen[block], undecided,
         )  # fmt: skip
-        if undecided > 0:
+        if n_undecided > 0:
             for i in range(first, last):
-                seen[i] = _visible_exactly(
-                    tile[i] - origin, from_sun[i], bodies, cosines, faintness
-                )
+                if undecided[i - first]:
+                    seen[i] = _visible_exactly(
+                        tile[i] - origin, from_sun[i], bodies, cosines, faintness
+                    )
 
 
 @njit(parallel=True, cache=True)
