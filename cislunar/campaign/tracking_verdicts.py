@@ -23,7 +23,7 @@ DIVERGED_SHARE = 0.03
 SATISFACTORY = (
     f"position and velocity: 3-sigma coverage at least {COVERAGE}, mean ANEES within "
     f"{CONSISTENT[0]} .. {CONSISTENT[1]}, at most {DIVERGED_SHARE:.0%} of observed targets "
-    "diverged, as means over seeds"
+    "diverged, as means over seeds (geometric ones of ANEES)"
 )
 """What counts as satisfactory translation."""
 
