@@ -69,36 +69,45 @@ def log_sum(base, row, scale):
 
 
 @njit(cache=True)
-def partial_sums(observations, observed, distance, stability, orbit, satellites, skip):
-    """Sums over every slot but ``skip``.
+def seen_per_satellite(observations, orbit, satellites, skip):
+    """Observations of each target per satellite, summed over every slot but ``skip``.
 
     Returns
     -------
-    base : ndarray, shape (target,)
-        Observations per satellite.
-    scalars : ndarray, shape (4,)
-        N, S, v, d.
+    ndarray, shape (target,)
     """
-    base = np.zeros(observations.shape[2])
-    scalars = np.zeros(4)
+    seen = np.zeros(observations.shape[2])
+    for k in range(orbit.size):
+        if k == skip:
+            continue
+        row = observations[orbit[k], satellites[k] - 1]
+        weight = 1.0 / satellites[k]
+        for i in range(seen.size):
+            seen[i] += weight * row[i]
+    return seen
+
+
+@njit(cache=True)
+def scalar_sums(observed, distance, stability, orbit, satellites, skip):
+    """N, S, v and d of every slot but ``skip``."""
+    count, weighted, total, length = 0.0, 0.0, 0.0, 0.0
     for k in range(orbit.size):
         if k == skip:
             continue
         i, n = orbit[k], satellites[k]
-        base += observations[i, n - 1] / n
-        scalars[0] += n
-        scalars[1] += n * stability[i]
-        scalars[2] += observed[i, n - 1]
-        scalars[3] += distance[i, n - 1]
-    return base, scalars
+        count += n
+        weighted += n * stability[i]
+        total += observed[i, n - 1]
+        length += distance[i, n - 1]
+    return count, weighted, total, length
 
 
 @njit(cache=True)
 def exact_cost(observations, observed, distance, stability, n_steps, orbit, satellites):
     """J of an architecture of distinct orbits."""
-    base, total = partial_sums(observations, observed, distance, stability, orbit, satellites, -1)
-    logs = abs(log_sum(base, observations[0, 0], 0.0))
-    return total[2] * logs / (total[0] * total[1] * total[3] * base.size * n_steps)
+    n, s, v, d = scalar_sums(observed, distance, stability, orbit, satellites, -1)
+    seen = seen_per_satellite(observations, orbit, satellites, -1)
+    return v * abs(log_sum(seen, observations[0, 0], 0.0)) / (n * s * d * seen.size * n_steps)
 
 
 def table_arrays(tables: ArchitectureTables) -> tuple:

@@ -20,7 +20,8 @@ from cislunar.architecture.compiled_cost import (
     architecture_cost,
     log_envelope,
     log_sum,
-    partial_sums,
+    scalar_sums,
+    seen_per_satellite,
     table_arrays,
 )
 from cislunar.architecture.cost import CostFactors, CostFunction
@@ -65,7 +66,8 @@ def _best_for_slot(
         Candidates evaluated exactly.
     """
     n_targets = observations.shape[2]
-    base, other = partial_sums(observations, observed, distance, stability, orbit, satellites, slot)
+    base = seen_per_satellite(observations, orbit, satellites, slot)
+    other = scalar_sums(observed, distance, stability, orbit, satellites, slot)
     base_sum = base.sum()
     largest = highest
     for k in range(orbit.size):

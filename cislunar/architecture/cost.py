@@ -10,6 +10,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.architecture.compiled_cost import (
+    log_sum,
+    scalar_sums,
+    seen_per_satellite,
+    table_arrays,
+)
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.errors import ConfigurationError
 
@@ -31,12 +37,11 @@ class CostFactors:
     factors: NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def log_observations(observations, orbit, satellites):
     """Sum over targets of log10(sum over orbits of observations / n); compiled.
 
-    The logarithm of a product replaces the sum of logarithms; the product is flushed before it
-    can leave the range of a double. A target nobody sees contributes log10(1) = 0.
+    A target nobody sees contributes log10(1) = 0.
 
     Parameters
     ----------
@@ -50,22 +55,8 @@ def log_observations(observations, orbit, satellites):
     float
         Dimensionless.
     """
-    n_targets = observations.shape[2]
-    seen = np.zeros(n_targets)
-    for slot in range(len(orbit)):
-        row = observations[orbit[slot], satellites[slot] - 1]
-        weight = 1.0 / satellites[slot]
-        for i in range(n_targets):
-            seen[i] += weight * row[i]
-    total = 0.0
-    product = 1.0
-    for i in range(n_targets):
-        if seen[i] > 0.0:
-            product *= seen[i]
-            if product > 1e250 or product < 1e-250:
-                total += np.log10(product)
-                product = 1.0
-    return total + np.log10(product)
+    seen = seen_per_satellite(observations, orbit, satellites, -1)
+    return log_sum(seen, observations[0, 0], 0.0)
 
 
 @njit(cache=True)
@@ -82,7 +73,7 @@ def evaluate(observations, totals, distance, stability_index, n_steps, orbit, sa
         Summed distances to both primaries, nondimensional.
     stability_index : ndarray, shape (orbit,)
         Stability indices.
-    n_steps : int
+    n_steps : float
         Number of evaluation times.
     orbit, satellites : ndarray of int64, shape (slot,)
         The architecture.
@@ -94,18 +85,11 @@ def evaluate(observations, totals, distance, stability_index, n_steps, orbit, sa
     float
         J; larger is better.
     """
-    n_slots = len(orbit)
-    count = 0.0
-    weighted_stability = 0.0
-    total = 0.0
-    length = 0.0
+    count, weighted_stability, total, length = scalar_sums(
+        totals, distance, stability_index, orbit, satellites, -1
+    )
     unique = 1.0
-    for i in range(n_slots):
-        column = satellites[i] - 1
-        count += satellites[i]
-        weighted_stability += satellites[i] * stability_index[orbit[i]]
-        total += totals[orbit[i], column]
-        length += distance[orbit[i], column]
+    for i in range(len(orbit)):
         for j in range(i):
             if orbit[i] == orbit[j]:
                 unique = 0.0
@@ -135,7 +119,7 @@ class CostFunction:
 
     def __init__(self, tables: ArchitectureTables) -> None:
         self.tables = tables
-        self._totals = tables.observations.sum(axis=2, dtype=np.float64)
+        self._arrays = table_arrays(tables)
 
     def __call__(self, orbit: ArrayLike, satellites: ArrayLike) -> CostFactors:
         """Evaluate one architecture.
@@ -166,14 +150,5 @@ class CostFunction:
         if satellites.min() < 1 or satellites.max() > tables.max_satellites:
             raise ConfigurationError(f"satellites must lie in 1 .. {tables.max_satellites}")
         factors = np.empty(6)
-        value = evaluate(
-            tables.observations,
-            self._totals,
-            tables.distance,
-            tables.stability_index,
-            tables.n_steps,
-            orbit,
-            satellites,
-            factors,
-        )
+        value = evaluate(*self._arrays, orbit, satellites, factors)
         return CostFactors(value=float(value), factors=factors)
