@@ -64,7 +64,7 @@ def hyperopt_search(
     method: str,
     rng: np.random.Generator,
     n_slots: int = 10,
-    labels: str = "family_position",
+    labels: str = "stability_rank",
     max_evaluations: int = 10_000,
     early_stop: int | None = 500,
     progress: Callable[[int, int], None] | None = None,
