@@ -13,7 +13,7 @@ from cislunar.campaign.provenance import provenance
 from cislunar.ephemeris import interpolate_sun, sample_ephemeris
 from cislunar.geometry.exclusion import ExclusionAngles
 from cislunar.orbits.families import CATALOGUE_EXTENT, Extent, OrbitSet, observer_library
-from cislunar.targets.clustering import cluster
+from cislunar.targets.clustering import cluster, distinct_points
 from cislunar.targets.missions import load_missions
 from cislunar.targets.zero_velocity import SamplingSettings, sample_zero_velocity
 from cislunar.visibility.counts import VisibilitySettings, observation_times
@@ -193,7 +193,8 @@ def zvs_points_dataset(missions_path: str | Path, settings: Mapping[str, Any]) -
             "mission_name": _label("mission_index", names, "mission"),
         },
         coords={"axis": _label("axis", AXES, "axis of the rotating frame")},
-        attrs=provenance("Points sampled within zero-velocity surfaces", settings=settings),
+        attrs=provenance("Points sampled within zero-velocity surfaces", settings=settings)
+        | {"distinct_points": len(distinct_points(points.position)[0])},
     )
 
 

@@ -31,7 +31,7 @@ rule static_targets:
     conda:
         "../envs/cislunar.yaml"
     params:
-        targets=lambda w: config["scenarios"][w.scenario]["targets"],
+        targets=target_count,
         seeding=config["targets"]["seeding"],
         seed=config["seed"],
     message:

@@ -1,0 +1,118 @@
+"""What a campaign is refused for before any job starts.
+
+Snakemake removes the files of a job before it runs it, so a job that fails costs the user the
+result of an earlier one. Faults that can be found beforehand are found here.
+"""
+
+import importlib.util
+import json
+import os
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cislunar.architecture.published import PUBLISHED
+from cislunar.ephemeris import kernel_path
+from cislunar.errors import ConfigurationError
+from cislunar.targets.missions import load_missions
+
+
+def check_inputs(config: Mapping[str, Any]) -> None:
+    """Check the files and packages a configuration asks for, and what its optimizers need.
+
+    Parameters
+    ----------
+    config : mapping
+        A configuration that `cislunar.campaign.configuration.check_campaign` accepts.
+
+    Raises
+    ------
+    InputFileError
+        If the ephemeris kernel is missing, or the mission table missing or faulty.
+    ConfigurationError
+        If the horizon is no whole number of steps, or an optimizer cannot run.
+    """
+    kernel_path(config["ephemeris"]["kernel"])
+    load_missions(config["targets"]["missions"])
+    _check_horizon(config["visibility"])
+    architecture = config["architecture"]
+    if "atpe" in architecture["optimizers"] and importlib.util.find_spec("lightgbm") is None:
+        raise ConfigurationError(
+            "configuration key 'architecture.optimizers': 'atpe' needs the package lightgbm: "
+            "pip install lightgbm, or leave it out"
+        )
+    if "published" in architecture["optimizers"]:
+        for scenario in config["scenarios"]:
+            _check_published(scenario, config["orbits"]["members"], architecture["max_satellites"])
+
+
+def _check_horizon(visibility: Mapping[str, Any]) -> None:
+    steps = visibility["duration_days"] * 24.0 / visibility["step_hours"]
+    if abs(steps - round(steps)) > 1e-9:
+        raise ConfigurationError(
+            f"configuration key 'visibility.duration_days' = {visibility['duration_days']} is not "
+            f"a whole number of steps of visibility.step_hours = {visibility['step_hours']}"
+        )
+
+
+def _check_published(scenario: str, members: Mapping[str, int], max_satellites: int) -> None:
+    """Refuse a library that cannot hold the published architecture."""
+    slots = PUBLISHED.get(scenario, ())
+    for family, wanted in Counter(family for family, _ in slots).items():
+        if members.get(family, 0) < wanted:
+            raise ConfigurationError(
+                f"configuration key 'orbits.members.{family}' = {members.get(family, 0)}: the "
+                f"published architecture of scenario {scenario} needs {wanted}; raise it or take "
+                "'published' out of architecture.optimizers"
+            )
+    most = max((count for _, count in slots), default=1)
+    if most > max_satellites:
+        raise ConfigurationError(
+            f"configuration key 'architecture.max_satellites' = {max_satellites}: the published "
+            f"architecture of scenario {scenario} has {most} on one orbit; raise it or take "
+            "'published' out of architecture.optimizers"
+        )
+
+
+def check_target_count(
+    points: str | Path, scenario: str, count: int, targets: Mapping[str, Any]
+) -> None:
+    """Refuse more static targets than sampled points, if the points are there already.
+
+    Points sampled under other settings, or from a mission table changed since, are to be made
+    anew: they say nothing, and the check is left to the clustering.
+
+    Parameters
+    ----------
+    points : str or Path
+        ``targets/zvs_points.nc``.
+    scenario : str
+        Scenario the targets are for.
+    count : int
+        Number of targets.
+    targets : mapping
+        Configuration key `targets`.
+
+    Raises
+    ------
+    ConfigurationError
+        If there are fewer distinct points than targets.
+    """
+    points, missions = Path(points), Path(targets["missions"])
+    if not points.is_file() or os.path.getmtime(missions) > os.path.getmtime(points):
+        return
+    from netCDF4 import Dataset
+
+    try:
+        with Dataset(points) as dataset:
+            made_with = json.loads(dataset.getncattr("settings"))["targets"]
+            distinct = int(dataset.getncattr("distinct_points"))
+    except (OSError, AttributeError, KeyError, ValueError):
+        return  # damaged, or no file of ours: the job that reads it says so
+    if {**made_with, "seeding": None} == {**targets, "seeding": None} and count > distinct:
+        raise ConfigurationError(
+            f"configuration key 'scenarios.{scenario}.targets' = {count}: only {distinct} distinct "
+            f"points are in {points}; lower it or sample more finely (targets.angular_step_deg, "
+            "targets.radial_points)"
+        )

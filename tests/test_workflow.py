@@ -1,0 +1,203 @@
+"""The campaign by its own command: dry runs, the small configuration, bad input, and style."""
+
+import csv
+import hashlib
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+pytestmark = pytest.mark.workflow
+
+ROOT = Path(__file__).resolve().parents[1]
+QUICK = ("--configfile", "config/quick.yaml")
+
+
+def run(*command, cwd=ROOT):
+    """Run a module of this Python; text of both streams and the return code."""
+    done = subprocess.run(
+        [sys.executable, "-m", *map(str, command)],
+        cwd=cwd,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    return done.stdout, done.returncode
+
+
+def snakemake(folder, *arguments):
+    """Run Snakemake in a copy of the workflow."""
+    return run("snakemake", *arguments, cwd=folder)
+
+
+def copy_workflow(folder):
+    """What Snakemake needs besides the installed package."""
+    shutil.copy(ROOT / "Snakefile", folder)
+    for name in ("workflow", "config"):
+        shutil.copytree(ROOT / name, folder / name)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory):
+    """A copy of the workflow without results."""
+    return copy_workflow(tmp_path_factory.mktemp("fresh"))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A copy of the workflow in which the small configuration has been run."""
+    folder = copy_workflow(tmp_path_factory.mktemp("finished"))
+    output, code = snakemake(folder, "--cores", "2", *QUICK)
+    assert code == 0, output[-6000:]
+    return folder
+
+
+def digest(folder):
+    """A hash of every result by its path; logs and times aside."""
+    results = folder / "results"
+    return {
+        str(path.relative_to(results)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(results.rglob("*"))
+        if path.is_file() and not {"logs", "benchmarks"} & set(path.parts)
+    }
+
+
+def test_dry_run_of_the_full_campaign(fresh):
+    output, code = snakemake(fresh, "--dry-run", "--cores", "2")
+    assert code == 0, output[-3000:]
+    jobs = dict(re.findall(r"^(\w+) +(\d+)$", output, flags=re.MULTILINE))
+    # Three scenarios with five searches of each kind, and TPE with the other labels in A.
+    config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
+    runs = config["architecture"]["runs"]
+    others = len(config["architecture"]["label_comparison"]["labels"])
+    assert int(jobs["search_run"]) == runs * (3 * 2 + others)
+    for rule in ("static_targets", "visibility", "exact", "published", "front"):
+        assert jobs[rule] == "3"
+    assert not (fresh / "results").exists()
+
+
+@pytest.mark.parametrize("target", ["task1", "task2", "figures", "results/architecture/B/exact.nc"])
+def test_dry_run_of_a_part(fresh, target):
+    output, code = snakemake(fresh, "--dry-run", "--cores", "2", target)
+    assert code == 0, output[-3000:]
+
+
+def test_small_campaign_makes_every_kind_of_result(finished):
+    results = finished / "results" / "quick"
+    for name in (
+        "ephemeris/sun.nc",
+        "orbits/families.nc",
+        "orbits/tracked.nc",
+        "targets/zvs_points.nc",
+        "targets/static_C.nc",
+        "visibility/B.nc",
+        "architecture/A/tpe.nc",
+        "architecture/B/random.nc",
+        "architecture/C/exact.nc",
+        "architecture/A/published.nc",
+        "tables/architecture.csv",
+        "tables/paper_vs_ours.csv",
+    ):
+        assert (results / name).is_file(), name
+    assert [path.name for path in (finished / "results").iterdir()] == ["quick"]
+    assert not list(results.rglob("*.part"))
+    assert list((results / "figures").glob("*.png"))
+
+
+def test_small_campaign_tells_its_progress_and_times(finished):
+    results = finished / "results" / "quick"
+    log = (results / "logs/visibility/A.log").read_text(encoding="utf-8")
+    assert re.search(r"orbits: \d+ of \d+ \(100 %\), \d+:\d\d elapsed, 0:00 left\n.* done in", log)
+    with open(results / "benchmarks/visibility/A.tsv", encoding="utf-8") as file:
+        row = next(csv.DictReader(file, delimiter="\t"))
+    assert float(row["s"]) > 0.0
+
+
+def test_second_run_finds_nothing_to_do(finished):
+    output, code = snakemake(finished, "--dry-run", "--cores", "2", *QUICK)
+    assert code == 0
+    assert "Nothing to be done" in output
+
+
+def refused(folder, tmp_path, change, *arguments):
+    """Message of a run with a changed configuration, which must not touch any result."""
+    extra = tmp_path / "changed.yaml"
+    extra.write_text(yaml.safe_dump(change), encoding="utf-8")
+    before = digest(folder)
+    output, code = snakemake(folder, "--cores", "2", *QUICK, extra, *arguments)
+    assert code != 0
+    assert digest(folder) == before
+    assert "Traceback" not in output
+    assert "Error in rule" not in output, "a job had started"
+    return output
+
+
+def broken_missions(tmp_path):
+    """The mission table with the Jacobi constant of one row taken out."""
+    with open(ROOT / "config/missions.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    rows[4]["jacobi"] = ""
+    table = tmp_path / "missions.csv"
+    with open(table, "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    return table, rows[4]["mission"]
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"visibilty": {}}, "unknown configuration key 'visibilty': did you mean 'visibility'?"),
+        ({"visibility": {"step_hours": "one"}}, "'visibility.step_hours' = 'one'"),
+        ({"scenarios": {"A": {"targets": 0}}}, "'scenarios.A.targets' = 0"),
+        ({"scenarios": {"A": {"targets": 10**7}}}, "'scenarios.A.targets' = 10000000: only "),
+        ({"orbits": {"members": {"Vertical_L1": 3}}}, "'orbits.members.Vertical_L1'"),
+        ({"architecture": {"slots": 200}}, "'architecture.slots' = 200 exceeds the "),
+        ({"results": "config/quick.yaml"}, "'results' = 'config/quick.yaml'"),
+        ({"targets": {"missions": "nowhere.csv"}}, "nowhere.csv: no such file"),
+    ],
+)
+def test_bad_input_stops_at_once(finished, tmp_path, change, message):
+    assert message in refused(finished, tmp_path, change)
+
+
+def test_mission_without_jacobi_constant_stops_at_once(finished, tmp_path):
+    table, mission = broken_missions(tmp_path)
+    output = refused(finished, tmp_path, {"targets": {"missions": str(table)}})
+    assert f"{table}, row 6, mission '{mission}': no Jacobi constant" in output
+
+
+def test_bad_input_leaves_nothing_to_repair(finished):
+    """After all refusals the campaign is as complete as before."""
+    output, _ = snakemake(finished, "--dry-run", "--cores", "2", *QUICK)
+    assert "Nothing to be done" in output
+
+
+def test_lint(fresh):
+    output, code = snakemake(fresh, "--lint")
+    assert code == 0, output
+
+
+def test_workflow_is_formatted():
+    output, code = run("snakefmt", "--check", "Snakefile", "workflow")
+    assert code == 0, output
+
+
+@pytest.mark.parametrize("command", [("check",), ("format", "--check")])
+def test_python_style(command):
+    output, code = run("ruff", *command, ".")
+    assert code == 0, output
+
+
+def test_readme_commands_are_marked():
+    """`.ci/run` and newcomers take the commands from the README."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    for mark in ("test-command", "campaign-command"):
+        assert re.search(rf"^<!-- {mark} -->\n```\w*\n.*\S.*\n```$", text, flags=re.MULTILINE), mark
