@@ -1,0 +1,101 @@
+"""Time of one visibility test: the compiled kernel against the plain NumPy it must agree with.
+
+    python benchmarks/visibility.py [--orbits 8] [--targets 2000] [--threads N]
+
+Real orbits, sampled targets and the Sun of the paper's epoch; a test is one (track, time, target).
+Compilation is not counted. Exits with an error if the counts differ from NumPy's.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter
+
+import numba
+import numpy as np
+
+from cislunar.constants import EPOCH_JD, MU, SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.ephemeris import interpolate_sun, sample_ephemeris
+from cislunar.orbits.families import observer_library
+from cislunar.targets.missions import load_missions
+from cislunar.targets.zero_velocity import sample_zero_velocity
+from cislunar.visibility.counts import VisibilitySettings, observation_times, satellite_tracks
+from cislunar.visibility.kernel import count_observations
+from cislunar.visibility.phasing import distinct_phases
+from cislunar.visibility.reference import visible
+
+DAYS = 10.0
+MISSIONS = Path(__file__).parents[1] / "config" / "missions.csv"
+
+
+def best_time(task: Callable[[], object], repeats: int = 3) -> float:
+    """Shortest wall time of a task, s."""
+    times = []
+    for _ in range(repeats):
+        start = perf_counter()
+        task()
+        times.append(perf_counter() - start)
+    return min(times)
+
+
+def make_scene(n_orbits: int, n_targets: int):
+    """Tracks of orbits of every family, targets within zero-velocity surfaces, the Sun."""
+    library = observer_library({"Halo_L2_S": 3, "Halo_L1_N": 3, "Butterfly_N": 3, "Lyap_L3": 3})
+    rows = np.linspace(0, len(library.period) - 1, n_orbits).astype(int)
+    times = observation_times(DAYS, 1.0)
+    phase, _ = distinct_phases(10)
+    track = satellite_tracks(library.state[rows], library.period[rows], phase, times)
+    points = sample_zero_velocity(load_missions(MISSIONS)["jacobi"].to_numpy()).position
+    chosen = np.random.default_rng(0).choice(len(points), n_targets, replace=False)
+    sampled = sample_ephemeris(EPOCH_JD, DAYS)
+    elapsed = (sampled.time_utc_jd - EPOCH_JD) * SECONDS_PER_DAY / TIME_UNIT_S
+    return track, points[chosen], interpolate_sun(times, elapsed, sampled.sun_position)
+
+
+def plain(track, target, sun, settings: VisibilitySettings):
+    """Counts of one track in NumPy."""
+    return visible(
+        track,
+        target,
+        sun,
+        angles=settings.angles,
+        limiting_magnitude=settings.limiting_magnitude,
+        radius_m=settings.target_radius_m,
+        diffuse_reflection_coefficient=settings.diffuse_reflection_coefficient,
+    ).sum(axis=0)
+
+
+def main() -> None:
+    """Print the times and their ratio."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--orbits", type=int, default=8)
+    parser.add_argument("--targets", type=int, default=2000)
+    parser.add_argument("--threads", type=int, default=numba.config.NUMBA_NUM_THREADS)
+    arguments = parser.parse_args()
+    numba.set_num_threads(arguments.threads)
+    track, target, sun = make_scene(arguments.orbits, arguments.targets)
+    settings = VisibilitySettings()
+
+    def compiled():
+        return count_observations(
+            track, target, sun, settings.angles.cosines, settings.faintness, MU
+        )
+
+    counts = compiled()
+    compiled_ns = 1e9 * best_time(compiled) / (track[..., 0].size * len(target))
+    first = [plain(path, target, sun, settings) for path in track[:, 0]]
+    plain_ns = 1e9 * best_time(lambda: plain(track[0, 0], target, sun, settings), 2)
+    plain_ns /= track.shape[2] * len(target)
+    different = np.abs(counts[:, 0] - first).sum() / (track[:, 0, :, 0].size * len(target))
+    print(f"{len(target)} targets, {track[..., 0].size} observer positions, best of 3")
+    print(f"compiled, {arguments.threads} threads  {compiled_ns:8.2f} ns a test")
+    print(f"NumPy, 1 thread      {plain_ns:8.2f} ns a test")
+    print(f"ratio                {plain_ns / compiled_ns:8.0f}")
+    print(f"tests decided differently: {different:.1e} of all")
+    if different > 1e-4:
+        sys.exit("the compiled counts differ from NumPy's")
+
+
+if __name__ == "__main__":
+    main()
