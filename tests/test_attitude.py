@@ -1,12 +1,11 @@
-"""Quaternions, GRP, rigid-body rotation and observer angles against scipy and closed forms."""
+"""Quaternions, GRP and rigid-body rotation against scipy and closed forms."""
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from cislunar.attitude import grp, observer, quaternion, rigid_body
-from cislunar.constants import TIME_UNIT_S
+from cislunar.attitude import grp, quaternion, rigid_body
 from cislunar.errors import ConfigurationError
 
 
@@ -274,33 +273,3 @@ def test_gradients_carried_back_to_initial_error_and_rate(duration, rng):
         weight @ (body_vector(x + step) - body_vector(x - step)) / (2 * h) for step in np.eye(6) * h
     ]
     np.testing.assert_allclose(np.concatenate([over_p, back[3:]]), numerical, atol=2e-10)
-
-
-# ---- observers -------------------------------------------------------------------------------
-
-
-def test_observer_angles_agree_with_quaternions(rng):
-    lines = rng.normal(size=(50, 3))
-    elapsed = rng.uniform(0.0, 30 * 86400.0, size=50)
-    right_ascension, declination = observer.line_of_sight_angles(lines, elapsed)
-    inertial = Rotation.from_euler("z", (elapsed / TIME_UNIT_S)[:, None]).apply(lines)
-    spin = np.deg2rad(1.0) / 3600.0
-    for i in range(50):
-        q = rigid_body.propagate_spherical(
-            np.array([0.0, 0.0, 0.0, 1.0]), np.array([0.0, 0.0, spin]), elapsed[i]
-        )
-        x, y, z = quaternion.rotate_to_body(q, inertial[i])
-        assert np.isclose(np.exp(1j * right_ascension[i]), (x + 1j * y) / np.hypot(x, y))
-        assert np.isclose(declination[i], np.arcsin(z / np.linalg.norm(lines[i])))
-        kernel = observer.body_angles(
-            *lines[i], observer.frame_angle(elapsed[i]), observer.spin_angle(elapsed[i])
-        )
-        assert kernel == pytest.approx((right_ascension[i], declination[i]), abs=1e-14)
-
-
-def test_wrap_angle():
-    assert observer.wrap_angle(3.0 * np.pi) == pytest.approx(-np.pi)
-    for angle in (-20.0, -3.2, 0.0, 3.2, 20.0):
-        wrapped = observer.wrap_angle(angle)
-        assert -np.pi <= wrapped < np.pi
-        assert np.exp(1j * wrapped) == pytest.approx(np.exp(1j * angle))

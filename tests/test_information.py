@@ -51,7 +51,7 @@ def _posterior(problem, o, j):
 
 
 def test_the_sum_over_pairs_is_the_log_det_of_the_joint_covariance(problem):
-    """Equation 15 of the paper with the block-diagonal matrices written out."""
+    """Equations 60 and 61 of the paper with the block-diagonal matrices written out."""
     information = _information(problem, TaskingModel(diffuse_reflection_coefficient=5.0))
     assignment = assign(information)
     pairs = [(o, j) for o, j in enumerate(assignment.target) if j >= 0]

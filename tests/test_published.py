@@ -79,9 +79,9 @@ def test_members_are_the_best(seed):
     slots = (("Halo_L2_S", 3), ("Lyap_L3", 1), ("Halo_L2_S", 1), ("Halo_L3_N", 2))
     found = choose_members(tables, slots, rng=np.random.default_rng(seed), restarts=8)
     assert found.cost.value == pytest.approx(best_by_enumeration(tables, slots), rel=1e-12)
-    assert np.all(np.diff(found.orbit) > 0)
-    chosen = sorted(zip(LIBRARY[found.orbit], found.satellites, strict=True))
-    assert chosen == sorted(slots)
+    assert len(set(found.orbit)) == len(slots)
+    chosen = tuple(zip(LIBRARY[found.orbit], found.satellites, strict=True))
+    assert chosen == slots  # slot by slot
     assert found.n_satellites == 7
 
 
@@ -89,7 +89,7 @@ def test_a_family_can_be_used_up():
     slots = (("Lyap_L3", 1), ("Lyap_L3", 2), ("Halo_L3_N", 1))
     tables = make_tables(11)
     found = choose_members(tables, slots, rng=np.random.default_rng(0))
-    assert set(found.orbit[-2:]) == {7, 8}
+    assert set(found.orbit[:2]) == {7, 8}
     assert found.cost.value == pytest.approx(best_by_enumeration(tables, slots), rel=1e-12)
 
 

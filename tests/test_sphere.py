@@ -1,4 +1,4 @@
-"""Diffuse sphere against a numerical integral over its surface, and eq. 12 of Paul & Fan."""
+"""Diffuse sphere against a numerical integral over its surface, and eq. 18 of Paul & Fan."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def lambert_integral(alpha, nodes=60):
 
 @pytest.mark.parametrize("alpha", [0.0, 0.3, np.pi / 2, 2.5, 3.1])
 def test_phase_function_is_the_integral_over_the_lit_and_seen_surface(alpha):
-    # The integral is (2/3) (sin a + (pi - a) cos a): eq. 12's 2 / 3 comes from there.
+    # The integral is (2/3) (sin a + (pi - a) cos a): eq. 18's 2 / 3 comes from there.
     assert 2.0 / 3.0 * phase_function(alpha) == pytest.approx(lambert_integral(alpha), abs=1e-13)
 
 

@@ -91,6 +91,7 @@ def choose_members(
     Returns
     -------
     SearchResult
+        Slots in the order given.
 
     Raises
     ------
@@ -139,7 +140,7 @@ def choose_members(
                         orbit, best, improved = trial, value, True
         if progress is not None:
             progress(restart + 1, restarts)
-    return SearchResult.from_trials(cost, tried, history)
+    return SearchResult.from_trials(cost, tried, history, keep_slots=True)
 
 
 def _random_members(slots, members, rng) -> np.ndarray:

@@ -16,7 +16,7 @@ class SearchResult:
     Attributes
     ----------
     orbit : ndarray of int64, shape (slot,)
-        Indices into the orbit library, ascending.
+        Indices into the orbit library.
     satellites : ndarray of int64, shape (slot,)
         Satellites on each of those orbits.
     cost : CostFactors
@@ -48,6 +48,8 @@ class SearchResult:
         cost: CostFunction,
         tried: Sequence[tuple[NDArray[np.int64], NDArray[np.int64]]],
         history: Sequence[float],
+        *,
+        keep_slots: bool = False,
     ) -> "SearchResult":
         """Pick the best of the architectures tried.
 
@@ -59,13 +61,15 @@ class SearchResult:
             Architectures in the order of evaluation.
         history : sequence of float
             Their J.
+        keep_slots : bool
+            Leave the slots in their order instead of sorting them by orbit.
 
         Returns
         -------
         SearchResult
         """
         orbit, satellites = tried[int(np.argmax(history))]
-        order = np.argsort(orbit, kind="stable")
+        order = np.arange(len(orbit)) if keep_slots else np.argsort(orbit, kind="stable")
         return cls(
             orbit=orbit[order],
             satellites=satellites[order],

@@ -167,7 +167,7 @@ def published_dataset(
         attrs=architecture_attributes(
             visibility,
             f"Scenario {scenario}, published families and counts",
-            {"restarts": restarts},
+            {"restarts": restarts, "slots": [list(slot) for slot in PUBLISHED[scenario]]},
             seed,
         ),
     )
@@ -248,6 +248,9 @@ def front_dataset(
         },
         coords={"total": variable("total", totals, "1", "satellites in all")},
         attrs=architecture_attributes(
-            visibility, f"Scenario {scenario}, best J by number of satellites", dict(front), seed
+            visibility,
+            f"Scenario {scenario}, best J by number of satellites",
+            {"slots": slots, "front": dict(front), **settings},
+            seed,
         ),
     )

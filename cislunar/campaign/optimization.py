@@ -188,7 +188,7 @@ def search_run_dataset(
             ),
         },
         attrs=architecture_attributes(
-            visibility, f"Scenario {scenario}, one {method} search", settings, seed
+            visibility, f"Scenario {scenario}, {method} search", settings, seed
         ),
     )
 
@@ -277,5 +277,5 @@ def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunc
         ),
     }
     attributes = dict(runs[chosen].attrs)
-    attributes["title"] = attributes["title"].replace("one", "the best")
+    attributes["title"] = f"{attributes['title']}, the best of {len(runs)}"
     return xr.Dataset(data, attrs=attributes)

@@ -36,7 +36,8 @@ def architecture_rows(
     -------
     DataFrame
         Family, member and satellites of each slot beside the paper's family and count, then what
-        the architecture reaches as a whole, repeated on each row.
+        the architecture reaches as a whole, repeated on each row. The slots of "published" are the
+        paper's, row by row; those of the other optimizers have no order to match.
     """
     orbit = architecture["orbit"].values
     satellites = architecture["satellites"].values

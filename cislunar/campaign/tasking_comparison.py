@@ -180,4 +180,7 @@ def gather(compared: Sequence[xr.Dataset]) -> xr.Dataset:
         ``task2/tasking_comparison.nc``, with a dimension `cell`.
     """
     whole = xr.concat(list(compared), dim="cell", combine_attrs="drop_conflicts", join="exact")
-    return whole.assign_attrs(title="Tasking methods compared")
+    # The cells differ in their number of targets, which is a variable of its own.
+    return whole.assign_attrs(
+        title="Tasking methods compared", settings=compared[0].attrs["settings"]
+    )

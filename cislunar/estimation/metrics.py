@@ -89,7 +89,7 @@ def _mean_where_finite(values: Array) -> Array:
 
 
 def anees(error: Array, sigma: Array) -> Array:
-    """Component-wise average normalised estimation error squared (Paul & Fan, eq. 17).
+    """Component-wise average normalised estimation error squared (Paul & Fan, eq. 63).
 
     Parameters
     ----------

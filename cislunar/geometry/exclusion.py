@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ExclusionAngles:
-    """Smallest angles allowed between the line of sight and each bright body (Paul & Fan, table 1).
+    """Smallest angles between the line of sight and each bright body (Paul & Fan, section 3).
 
     Attributes
     ----------

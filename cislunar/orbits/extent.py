@@ -51,9 +51,9 @@ CATALOGUE_EXTENT = Extent(
 )
 """Families as far as a published catalogue lists them, through the primaries if need be.
 
-The ends are those of the JPL three-body periodic orbit catalogue where known, otherwise the
-surface of the Moon. The L1 and L3 halos then envelop the Moon and the Earth at spacings near
-30 000 km (Paul & Fan, section 3).
+The ends are those of the JPL three-body periodic orbit catalogue where known (the L3 halos stop
+just short of it, where continuation stalls), otherwise the surface of the Moon. The L1 and L3 halos
+then envelop the Moon and the Earth at spacings near 30 000 km (Paul & Fan, section 3).
 """
 
 

@@ -3,7 +3,8 @@
 The classes are the paper's: northern and southern halos about L1 and L2 with two near-rectilinear
 ones, distant retrograde orbits, 3:1 resonant orbits, and eight lunar mission trajectories with
 perilunes a few hundred kilometers above the south pole. The split among them and their ranges are
-this library's choice, stated in the constants below.
+this library's choice, stated in the constants below. The near-rectilinear pair are the 9:2 and 4:1
+resonant orbits; the low end of the L2 halos is near-rectilinear too.
 """
 
 from collections.abc import Callable

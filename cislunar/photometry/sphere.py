@@ -58,7 +58,7 @@ def sphere_magnitude(
     radius_m: float = 1.0,
     diffuse_reflection_coefficient: float = 1.0,
 ) -> Array:
-    """Apparent magnitude of a diffuse sphere (Paul & Fan, eq. 12).
+    """Apparent magnitude of a diffuse sphere (Paul & Fan, eq. 18).
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def faintness_per_squared_range(
 ) -> float:
     """K such that a sphere is brighter than the limit exactly when Phi(alpha) > K r^2.
 
-    This is eq. 12 of Paul & Fan solved for the phase function; it spares the logarithm.
+    This is eq. 18 of Paul & Fan solved for the phase function; it spares the logarithm.
 
     Parameters
     ----------
