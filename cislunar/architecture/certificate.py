@@ -83,7 +83,7 @@ class Certificate:
     near_cost : ndarray, shape (found,)
         Their J.
     counts : tuple of CountSummary
-        Levels that had to be searched, and the scalar bound of the first that had not.
+        The levels that four scalars did not refute.
     seconds : float
         Time of the whole proof.
     """
@@ -249,7 +249,7 @@ def _search_counts(factory, best, margin, threads, deadline, progress) -> list[C
         )
         best.add(outcome.orbit, outcome.satellites, outcome.cost)
         bound = min(scalar, max([outcome.open_bound, *outcome.cost]))
-        bound = max(bound, min(scalar, threshold))
+        bound = float(max(bound, min(scalar, threshold)))
         seconds = time.monotonic() - began
         counts.append(
             CountSummary(n, negative, scalar, bound, outcome.nodes, outcome.cost.size, seconds)

@@ -113,7 +113,7 @@ def exact_cost(observations, observed, distance, stability, n_steps, orbit, sate
 def table_arrays(tables: ArchitectureTables) -> tuple:
     """Arrays the compiled search needs: observations, their sums, distance, stability, n_steps."""
     return (
-        tables.observations,
+        np.ascontiguousarray(tables.observations),
         tables.observations.sum(axis=2, dtype=np.float64),
         np.ascontiguousarray(tables.distance, dtype=np.float64),
         np.ascontiguousarray(tables.stability_index, dtype=np.float64),

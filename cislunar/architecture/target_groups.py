@@ -15,14 +15,18 @@ _ITERATIONS = 12
 def group_targets(
     observations: NDArray[np.unsignedinteger], weight: NDArray[np.float64], n_groups: int
 ) -> NDArray[np.int64]:
-    """Group targets by the logarithm of how often each orbit sees them (k-means).
+    """Group targets that every good architecture would see alike (k-means).
+
+    What Jensen's inequality loses on a group grows with the variance of its targets' observations
+    y relative to the mean. Two targets are therefore alike when a typical architecture gives them
+    the same y, and every orbit the same part of it.
 
     Parameters
     ----------
     observations : ndarray of unsigned integers, shape (orbit, target)
         Observations by one satellite on each orbit.
     weight : ndarray, shape (orbit,)
-        Importance of each orbit.
+        Weight of each orbit in a typical architecture; they add up to the number of orbits in it.
     n_groups : int
         Most groups.
 
@@ -35,8 +39,10 @@ def group_targets(
     if n_groups >= n_targets:
         return np.arange(n_targets)
     chosen = np.argsort(-weight, kind="stable")[:_FEATURES]
-    features = (np.log1p(observations[chosen].astype(np.float64)) * weight[chosen, None]).T
-    features = np.ascontiguousarray(features)
+    seen = weight[chosen, None] * observations[chosen]
+    typical = seen.sum(axis=0) + np.e  # below e the envelope is straight and nothing is lost
+    parts = seen / typical / np.sqrt(np.maximum(weight[chosen, None], 1e-300))
+    features = np.ascontiguousarray(np.vstack([parts, np.log(typical)]).T)
     # any seeding gives a valid bound; a fixed one gives the same bound every time
     label = _k_means(features, _spread_seeds(features, n_groups, np.random.default_rng(0)))
     return np.unique(label, return_inverse=True)[1]

@@ -55,8 +55,8 @@ class LevelFactory:
         self.stability = stability[:, None] * counts
         self.per_satellite = self.observed / counts
         # orbits that cost the denominator least make up the good architectures
-        weight = 1.0 / np.maximum(stability * self.distance[:, 0], 1e-300)
-        label = group_targets(observations[:, 0], weight / weight.max(), n_groups)
+        weight = (stability * self.distance[:, 0]) ** -2.0
+        label = group_targets(observations[:, 0], n_slots * weight / weight.sum(), n_groups)
         self.cover, self.mass = group_means(observations, label, int(label.max()) + 1)
         self.negative = _negative_log_sums(observations)
 
