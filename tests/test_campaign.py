@@ -373,7 +373,7 @@ def test_missing_schema_is_named(tmp_path):
 
 
 def explained_keys():
-    """Keys with a row in config/README.md; a part in capitals stands for any name."""
+    """Keys with a row in config/README.md; a part in capitals or braces is any name."""
     keys = set()
     for line in (ROOT / "config/README.md").read_text(encoding="utf-8").splitlines():
         if line.startswith("| `"):
@@ -384,19 +384,24 @@ def explained_keys():
 
 
 def leaves(mapping, prefix=""):
-    """Paths of the innermost keys."""
+    """Paths of the innermost keys; what a variant changes are settings of keys explained above."""
     for key, value in mapping.items():
-        if isinstance(value, dict):
+        if isinstance(value, dict) and key != "change":
             yield from leaves(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}"
 
 
+def is_any(part):
+    """Whether a part of a row stands for any name."""
+    return part.isupper() or part.startswith("{")
+
+
 def explains(row, key):
-    """Whether a row explains a key: it names the key, or a group with a part in capitals."""
+    """Whether a row explains a key: it names the key, or a group that ends in any name."""
     parts, wanted = row.split("."), key.split(".")
-    alike = all(r == k or r.isupper() for r, k in zip(parts, wanted, strict=False))
-    return alike and (len(parts) == len(wanted) or row.split(".")[-1].isupper())
+    alike = all(r == k or is_any(r) for r, k in zip(parts, wanted, strict=False))
+    return alike and (len(parts) == len(wanted) or len(parts) < len(wanted) and is_any(parts[-1]))
 
 
 def test_every_key_is_explained(config):
