@@ -398,10 +398,10 @@ def is_any(part):
 
 
 def explains(row, key):
-    """Whether a row explains a key: it names the key, or a group that ends in any name."""
+    """Whether a row explains a key."""
     parts, wanted = row.split("."), key.split(".")
-    alike = all(r == k or is_any(r) for r, k in zip(parts, wanted, strict=False))
-    return alike and (len(parts) == len(wanted) or len(parts) < len(wanted) and is_any(parts[-1]))
+    alike = (r == k or is_any(r) for r, k in zip(parts, wanted, strict=False))
+    return len(parts) == len(wanted) and all(alike)
 
 
 def test_every_key_is_explained(config):
