@@ -125,6 +125,12 @@ def test_second_run_finds_nothing_to_do(finished):
     assert "Nothing to be done" in output
 
 
+def test_report_is_one_file(finished):
+    output, code = snakemake(finished, *QUICK, "--report", "report.html")
+    assert code == 0, output[-3000:]
+    assert "paper_vs_ours.csv" in (finished / "report.html").read_text(encoding="utf-8")
+
+
 def refused(folder, tmp_path, change, *arguments):
     """Message of a run with a changed configuration, which must not touch any result."""
     extra = tmp_path / "changed.yaml"
