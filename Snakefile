@@ -16,6 +16,7 @@ include: "workflow/rules/visibility.smk"
 include: "workflow/rules/architecture.smk"
 include: "workflow/rules/tables.smk"
 include: "workflow/rules/task2.smk"
+include: "workflow/rules/tracking_figures.smk"
 include: "workflow/rules/figures.smk"
 
 

@@ -212,3 +212,4 @@ rule figures:
         rules.satellite_front_figure.output,
         rules.convergence_figure.output,
         rules.family_map_figure.output,
+        rules.tracking_figures.input,

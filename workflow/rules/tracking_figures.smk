@@ -1,0 +1,201 @@
+"""Figures of sensor tasking and tracking: the paper's, and both sweeps as a whole."""
+
+from cislunar.figures.tracking_choice import (
+    figure_architectures,
+    high_load_cells,
+    interval_cells,
+    selected_cell,
+    tasking_variants,
+    target_count_cells,
+)
+
+# The paper's figures are drawn for every architecture of the sweeps: the first one under the plain
+# name, the others with their name behind it.
+SHOWN = {
+    f"_{name}" if number else "": name for number, name in enumerate(figure_architectures(TASK2))
+}
+COUNT_COLUMNS = {of: target_count_cells(TASK2, name) for of, name in SHOWN.items()}
+INTERVAL_COLUMNS = {of: interval_cells(TASK2, name) for of, name in SHOWN.items()}
+SELECTED_CELL = {of: selected_cell(TASK2, name) for of, name in SHOWN.items()}
+HIGH_LOAD = {of: high_load_cells(TASK2, name) for of, name in SHOWN.items()}
+
+
+wildcard_constraints:
+    of="|".join(SHOWN),
+
+
+rule target_counts_figure:
+    input:
+        lambda wildcards: [
+            results(cell.path) for column in COUNT_COLUMNS[wildcards.of] for cell in column
+        ],
+    output:
+        png=report(
+            results("figures/fig05_target_counts{of}.png"),
+            caption="../report/figure_target_counts.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig05_target_counts{of}.pdf"),
+    log:
+        log_of("figures/target_counts{of}"),
+    benchmark:
+        benchmark_of("figures/target_counts{of}")
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        along="targets",
+        columns=lambda wildcards: [list(map(tuple, c)) for c in COUNT_COLUMNS[wildcards.of]],
+    message:
+        "Drawing every target by number of targets"
+    script:
+        "../scripts/figure_heat_maps.py"
+
+
+rule selected_targets_figure:
+    input:
+        lambda wildcards: [results(cell.path) for cell in SELECTED_CELL[wildcards.of]],
+    output:
+        png=report(
+            results("figures/fig06_selected_targets{of}.png"),
+            caption="../report/figure_selected_targets.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig06_selected_targets{of}.pdf"),
+    log:
+        log_of("figures/selected_targets{of}"),
+    benchmark:
+        benchmark_of("figures/selected_targets{of}")
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        cell=lambda wildcards: list(map(tuple, SELECTED_CELL[wildcards.of])),
+    message:
+        "Drawing the errors of a few targets"
+    script:
+        "../scripts/figure_selected_targets.py"
+
+
+use rule target_counts_figure as intervals_figure with:
+    input:
+        lambda wildcards: [
+            results(cell.path) for column in INTERVAL_COLUMNS[wildcards.of] for cell in column
+        ],
+    output:
+        png=report(
+            results("figures/fig07_intervals{of}.png"),
+            caption="../report/figure_intervals.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig07_intervals{of}.pdf"),
+    log:
+        log_of("figures/intervals{of}"),
+    benchmark:
+        benchmark_of("figures/intervals{of}")
+    params:
+        along="interval",
+        columns=lambda wildcards: [list(map(tuple, c)) for c in INTERVAL_COLUMNS[wildcards.of]],
+    message:
+        "Drawing every target by tasking interval"
+
+
+rule high_load_figure:
+    input:
+        lambda wildcards: [results(cell.path) for cell in HIGH_LOAD[wildcards.of]],
+    output:
+        png=report(
+            results("figures/fig08_intervals_high_load{of}.png"),
+            caption="../report/figure_intervals_high_load.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig08_intervals_high_load{of}.pdf"),
+    log:
+        log_of("figures/intervals_high_load{of}"),
+    benchmark:
+        benchmark_of("figures/intervals_high_load{of}")
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        cells=lambda wildcards: list(map(tuple, HIGH_LOAD[wildcards.of])),
+    message:
+        "Drawing every target by tasking interval, many targets"
+    script:
+        "../scripts/figure_intervals_high_load.py"
+
+
+rule against_targets_figure:
+    input:
+        rules.tracking_summary.output[0],
+    output:
+        png=report(
+            results("figures/fig13_tracking_against_targets.png"),
+            caption="../report/figure_tracking_against_targets.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig13_tracking_against_targets.pdf"),
+    log:
+        log_of("figures/tracking_against_targets"),
+    benchmark:
+        benchmark_of("figures/tracking_against_targets")
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        along="targets",
+    message:
+        "Drawing tracking against the number of targets"
+    script:
+        "../scripts/figure_tracking_sweep.py"
+
+
+use rule against_targets_figure as against_interval_figure with:
+    output:
+        png=report(
+            results("figures/fig14_tracking_against_interval.png"),
+            caption="../report/figure_tracking_against_interval.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig14_tracking_against_interval.pdf"),
+    log:
+        log_of("figures/tracking_against_interval"),
+    benchmark:
+        benchmark_of("figures/tracking_against_interval")
+    params:
+        along="interval",
+    message:
+        "Drawing tracking against the tasking interval"
+
+
+rule tasking_figure:
+    input:
+        compared=rules.tasking_comparison.output[0],
+        summary=rules.tracking_summary.output[0],
+    output:
+        png=report(
+            results("figures/fig15_tasking_comparison.png"),
+            caption="../report/figure_tasking_comparison.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig15_tasking_comparison.pdf"),
+    log:
+        log_of("figures/tasking_comparison"),
+    benchmark:
+        benchmark_of("figures/tasking_comparison")
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        variants=tasking_variants(TASK2),
+        interval_minutes=TASK2["interval_minutes"],
+    message:
+        "Drawing the tasking methods"
+    script:
+        "../scripts/figure_tasking_comparison.py"
+
+
+rule tracking_figures:
+    input:
+        expand(rules.target_counts_figure.output, of=[of for of in SHOWN if COUNT_COLUMNS[of]]),
+        expand(rules.selected_targets_figure.output, of=[of for of in SHOWN if SELECTED_CELL[of]]),
+        expand(rules.intervals_figure.output, of=[of for of in SHOWN if INTERVAL_COLUMNS[of]]),
+        expand(rules.high_load_figure.output, of=[of for of in SHOWN if HIGH_LOAD[of]]),
+        rules.against_targets_figure.output,
+        rules.against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else [],
+        rules.tasking_figure.output,

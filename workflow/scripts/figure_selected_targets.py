@@ -1,0 +1,12 @@
+"""Makes figures/fig06_selected_targets: errors and bounds of a few targets."""
+
+from cislunar.campaign.netcdf import read_dataset
+from cislunar.campaign.progress import job
+from cislunar.campaign.tracking_cells import Cell
+from cislunar.figures.style import save_figure
+from cislunar.figures.tracking_errors import selected_targets_figure
+
+with job(snakemake.log[0]):
+    (cell,) = snakemake.params.cell
+    figure = selected_targets_figure(Cell(*cell), read_dataset(snakemake.input[0]))
+    save_figure(figure, snakemake.output.png, snakemake.output.pdf)

@@ -1,0 +1,15 @@
+"""Makes figures/fig15_tasking_comparison: TPE, random search, greedy and exact tasking."""
+
+from cislunar.campaign.netcdf import read_dataset
+from cislunar.campaign.progress import job
+from cislunar.figures.style import save_figure
+from cislunar.figures.tracking_tasking import tasking_figure
+
+with job(snakemake.log[0]):
+    figure = tasking_figure(
+        read_dataset(snakemake.input.compared),
+        read_dataset(snakemake.input.summary),
+        snakemake.params.variants,
+        snakemake.params.interval_minutes,
+    )
+    save_figure(figure, snakemake.output.png, snakemake.output.pdf)
