@@ -31,11 +31,15 @@ def check_inputs(config: Mapping[str, Any]) -> None:
     InputFileError
         If the ephemeris kernel is missing, or the mission table missing or faulty.
     ConfigurationError
-        If the horizon is no whole number of steps, or an optimizer cannot run.
+        If the horizon is no whole number of steps, a scenario has more targets than there are
+        sampled points, or an optimizer cannot run.
     """
     kernel_path(config["ephemeris"]["kernel"])
     load_missions(config["targets"]["missions"])
     _check_horizon(config["visibility"])
+    points = Path(config["results"]) / "targets" / "zvs_points.nc"
+    for scenario, chosen in config["scenarios"].items():
+        check_target_count(points, scenario, chosen["targets"], config["targets"])
     architecture = config["architecture"]
     if "atpe" in architecture["optimizers"] and importlib.util.find_spec("lightgbm") is None:
         raise ConfigurationError(

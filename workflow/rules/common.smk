@@ -3,7 +3,7 @@
 from snakemake.exceptions import WorkflowError
 
 from cislunar.campaign.configuration import check_campaign, load_schema, with_types
-from cislunar.campaign.preflight import check_inputs, check_target_count
+from cislunar.campaign.preflight import check_inputs
 from cislunar.campaign.tracking_cells import cell_settings, check_cell, mesh_file
 from cislunar.errors import CislunarError
 
@@ -68,16 +68,6 @@ def architecture_files(pattern):
         for scenario in SCENARIOS
         for optimizer in optimizers_of(scenario)
     ]
-
-
-def target_count(wildcards, input):
-    """Static targets of a scenario, refused before anything runs if the points are too few."""
-    count = config["scenarios"][wildcards.scenario]["targets"]
-    try:
-        check_target_count(str(input[0]), wildcards.scenario, count, config["targets"])
-    except CislunarError as error:
-        raise WorkflowError(str(error)) from None
-    return count
 
 
 def tracking_settings(wildcards):

@@ -31,7 +31,7 @@ rule static_targets:
     conda:
         "../envs/cislunar.yaml"
     params:
-        targets=target_count,
+        targets=lambda w: config["scenarios"][w.scenario]["targets"],
         seeding=config["targets"]["seeding"],
         seed=config["seed"],
     message:
