@@ -400,7 +400,8 @@ def test_ticks():
         ticks = nice_ticks(low, high)
         assert 2 <= ticks.size <= 5 and ticks.min() >= low and ticks.max() <= high
     assert tick_names(np.array([0.5, 20.0])) == ["0.5", "20"]
-    assert tick_names(np.array([1e-5, 3e-5])) == ["$10^{-5}$", r"$3\times10^{-5}$"]
+    names = ["$10^{-5}$", r"$1.5\times10^{-5}$", r"$3\times10^{-5}$"]
+    assert tick_names(np.array([1e-5, 1.5e-5, 3e-5])) == names
 
 
 def test_names():

@@ -33,10 +33,16 @@ def nice_ticks(low: float, high: float) -> Array:
     Returns
     -------
     ndarray
-        At most five values; at least two unless the axis is shorter than one step of a digit.
+        At most five values; at least two unless the axis is shorter than half a digit.
     """
     powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
-    for digits in ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), np.arange(1.0, 10.0)):
+    for digits in (
+        (1.0,),
+        (1.0, 3.0),
+        (1.0, 2.0, 5.0),
+        np.arange(1.0, 10.0),
+        np.arange(1.0, 10.0, 0.5),
+    ):
         ticks = np.sort(np.outer(powers, digits).ravel())
         ticks = ticks[(ticks >= low) & (ticks <= high)]
         if ticks.size >= 2:
@@ -50,9 +56,9 @@ def tick_names(ticks: Array) -> list[str]:
         return [f"{tick:g}" for tick in ticks]
     names = []
     for tick in ticks:
-        mantissa, exponent = f"{tick:.0e}".split("e")
-        power = rf"10^{{{int(exponent)}}}"
-        names.append(f"${power}$" if mantissa == "1" else rf"${mantissa}\times{power}$")
+        mantissa, exponent = f"{tick:.1e}".split("e")
+        power, digits = rf"10^{{{int(exponent)}}}", f"{float(mantissa):g}"
+        names.append(f"${power}$" if digits == "1" else rf"${digits}\times{power}$")
     return names
 
 
