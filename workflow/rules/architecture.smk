@@ -57,7 +57,7 @@ rule exact:
         benchmark_of("architecture/{scenario}/exact")
     conda:
         "../envs/cislunar.yaml"
-    threads: workflow.cores
+    threads: ALL_CORES
     params:
         slots=ARCHITECTURE["slots"],
         restarts=ARCHITECTURE["restarts"],

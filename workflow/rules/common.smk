@@ -1,5 +1,7 @@
 """What every stage needs: the checked configuration, the results folder, the wildcards."""
 
+import os
+
 from snakemake.exceptions import WorkflowError
 
 from cislunar.campaign.configuration import check_campaign, load_schema, with_types
@@ -20,6 +22,8 @@ SCENARIOS = list(config["scenarios"])
 ARCHITECTURE = config["architecture"]
 TASK2 = config["task2"]
 OPTIMIZERS = ARCHITECTURE["optimizers"]
+# Lowered to --cores by Snakemake, and known to commands that take no --cores, such as --report.
+ALL_CORES = os.cpu_count()
 SEARCHES = ["tpe", "random", "atpe"]
 RUNS = range(ARCHITECTURE["runs"])
 

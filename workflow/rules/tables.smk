@@ -13,7 +13,7 @@ rule architecture_table:
         benchmark_of("tables/architecture")
     conda:
         "../envs/cislunar.yaml"
-    threads: workflow.cores
+    threads: ALL_CORES
     params:
         scenarios=SCENARIOS,
         settings=settings("epoch_jd", "propagator", "visibility"),
@@ -56,7 +56,7 @@ rule readings:
         benchmark_of("tables/readings_architecture")
     conda:
         "../envs/cislunar.yaml"
-    threads: workflow.cores
+    threads: ALL_CORES
     params:
         scenario=ARCHITECTURE["readings"]["scenario"],
         config=settings(

@@ -12,7 +12,7 @@ rule visibility:
     priority: 50
     conda:
         "../envs/cislunar.yaml"
-    threads: workflow.cores
+    threads: ALL_CORES
     params:
         settings=settings("epoch_jd", "propagator", "visibility"),
         max_satellites=ARCHITECTURE["max_satellites"],
