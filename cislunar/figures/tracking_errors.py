@@ -135,7 +135,7 @@ class Scale(NamedTuple):
         """Set the axis: ticks at zero and at the outermost decades."""
         axes.set_yscale("symlog", linthresh=self.linear, linscale=0.6)
         axes.set_ylim(-self.reach, self.reach)
-        top = int(np.floor(np.log10(0.85 * self.reach)))
+        top = int(np.floor(np.log10(0.6 * self.reach)))
         decades = 10.0 ** np.arange(int(np.ceil(np.log10(self.linear))), top)
         axes.yaxis.set_major_locator(FixedLocator([-(10.0**top), 0.0, 10.0**top]))
         power = rf"10^{{{top}}}"
@@ -162,7 +162,7 @@ def part_scale(errors: Sequence[Array], sigmas: Sequence[Array]) -> Scale:
     bounds, values = bounds[np.isfinite(bounds)], values[np.isfinite(values)]
     reach = max(np.max(bounds, initial=0.0), np.max(values, initial=0.0)) or 1.0
     narrow = np.percentile(bounds, 5.0) if bounds.size else reach
-    return Scale(float(min(narrow, 0.3 * reach)), float(1.4 * reach))
+    return Scale(float(min(narrow, 0.3 * reach)), float(1.8 * reach))
 
 
 def draw_error(axes: Axes, hours: Array, error: Array, sigma: Array, look: Look = SINGLE) -> None:

@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullFormatter
 
 from cislunar.campaign.tracking_cells import Cell
 from cislunar.estimation.metrics import DIVERGED, NEVER_OBSERVED
@@ -23,7 +23,7 @@ from cislunar.figures.style import (
     new_figure,
     panel_letter,
 )
-from cislunar.figures.tracking_axes import place
+from cislunar.figures.tracking_axes import place, tick_names
 from cislunar.figures.tracking_labels import (
     AXES,
     PARTS,
@@ -154,12 +154,18 @@ def scales(measure: str, maps: Sequence[Rows]) -> list[Scale]:
 
 
 def _rmse_scale(columns: slice, values: Array, label: str) -> Scale:
-    """Whole decades that hold the values but for the outermost percent."""
+    """Half decades that hold the values but for the outermost percent."""
     positive = values[np.isfinite(values) & (values > 0.0)]
-    low, high = np.percentile(positive, (1.0, 99.0)) if positive.size else (0.1, 1.0)
-    bottom = np.floor(np.log10(low))
-    norm = LogNorm(10.0**bottom, 10.0 ** max(np.ceil(np.log10(high)), bottom + 1.0))
+    halves = 2.0 * np.log10(np.percentile(positive, (1.0, 99.0)) if positive.size else (0.1, 1.0))
+    bottom = np.floor(halves[0])
+    ends = (_half_decade(bottom), _half_decade(max(np.ceil(halves[1]), bottom + 1.0)))
+    norm = LogNorm(*ends)
     return Scale(columns, "magma_r", norm, _extend(values, norm), label)
+
+
+def _half_decade(half: float) -> float:
+    """1 or 3 times a power of ten."""
+    return float((3.0 if half % 2 else 1.0) * 10.0 ** (half // 2))
 
 
 def draw_map(axes: Axes, rows: Rows, colors: Sequence[Scale], labels: Sequence[str]) -> None:
@@ -187,8 +193,10 @@ def draw_map(axes: Axes, rows: Rows, colors: Sequence[Scale], labels: Sequence[s
         )
     axes.set(xlim=(0, components), ylim=(number, 0), facecolor=UNSEEN)
     axes.grid(False)
+    row_points = 72.0 * axes.get_window_extent().height / axes.get_figure().dpi / number
+    line = {**_UNSEEN_LINE, "linewidth": min(0.5, 0.4 * row_points)}
     for row in np.flatnonzero(rows.unseen):
-        axes.plot([0, components], [row + 0.5] * 2, **_UNSEEN_LINE)
+        axes.plot([0, components], [row + 0.5] * 2, **line)
     for part in PARTS[1:]:
         axes.axvline(part.columns.start, color="white", linewidth=1.2, zorder=3)
     for edge in rows.edges[1:-1]:
@@ -204,7 +212,6 @@ def draw_map(axes: Axes, rows: Rows, colors: Sequence[Scale], labels: Sequence[s
 
 _UNSEEN_LINE = {
     "color": BLACK,
-    "linewidth": 0.5,
     "linestyle": (0, (2.0, 2.0)),
     "zorder": 4,
 }
@@ -252,7 +259,9 @@ def draw_bars(
         bar = figure.colorbar(mappable, cax=axes, extend=scale.extend, extendfrac=0.06)
         bar.outline.set_linewidth(0.5)
         if several:
-            bar.ax.yaxis.set_major_locator(FixedLocator([scale.norm.vmin, scale.norm.vmax]))
+            ends = np.array([scale.norm.vmin, scale.norm.vmax])
+            bar.ax.yaxis.set_major_locator(FixedLocator(ends))
+            bar.ax.yaxis.set_major_formatter(FixedFormatter(tick_names(ends)))
             bar.ax.yaxis.set_minor_formatter(NullFormatter())
             bar.ax.set_title(scale.label, fontsize=6.0, loc="left", pad=5)
         else:
@@ -307,7 +316,7 @@ def _heat_maps(
             axes.set_title(f"{letter} {name}", loc="left", fontsize=8.0, pad=3.5)
             draw_map(axes, rows, colors, [label_of(cell) for cell in cells])
             if index == 0:
-                axes.set_ylabel("targets, one row each", labelpad=4)
+                axes.set_ylabel("targets, one row each", labelpad=6)
             if row == 0:
                 above = (left / width, 1.0 - (_HEAD - 0.06) / height)
                 figure.text(*above, headings[index], fontsize=8.0, va="bottom")

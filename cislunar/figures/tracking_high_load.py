@@ -92,7 +92,7 @@ def _maps(figure: Figure, cells: Mapping[Cell, xr.Dataset]) -> None:
         axes = place(figure, left, bottom, _MAP_WIDTH_IN, _MAP_IN)
         axes.set_title(name, loc="left", fontsize=8.0, pad=3.5)
         draw_map(axes, rows, colors, labels)
-        axes.set_ylabel("targets, one row each", labelpad=4)
+        axes.set_ylabel("targets, one row each", labelpad=6)
         draw_bars(figure, left + _MAP_WIDTH_IN + 0.24, bottom, _MAP_IN, colors)
         maps.append(rows)
     marks_legend(figure, maps, bottom_in=bottom - 0.66)

@@ -27,7 +27,7 @@ from cislunar.figures.tracking_axes import log_ticks, place, spaced
 
 _LEFT, _RIGHT, _GAP = 1.0, 0.58, 0.14
 _ROW_IN, _BETWEEN_IN = 1.02, 0.16
-_HEAD, _FOOT = 0.36, 1.02
+_HEAD, _FOOT = 0.48, 1.02
 _COLUMN_IN = 1.78
 
 
@@ -223,13 +223,24 @@ def _sweep_figure(
             _x_axis(axes, np.concatenate([x_of(index) for index in panel.cells.values()]))
             axes.tick_params(labelbottom=number == len(ROWS) - 1, labelleft=column == 0)
             if number == 0:
-                axes.set_title(f"{panel_letter(column)} {panel.title}", loc="left")
+                axes.set_title(f"{panel_letter(column)} {panel.title}", loc="left", pad=14)
+                axes.annotate(_observers(summary, panel), (0.0, 1.0), xytext=(0, 4), fontsize=6.0,
+                              xycoords="axes fraction", textcoords="offset points")  # fmt: skip
             if number == len(ROWS) - 1:
                 axes.set_xlabel(x_label)
             drawn.append(axes)
         _share_y(drawn, row, _values(summary, panels, row))
     _legend(figure, names)
     return figure
+
+
+def _observers(summary: xr.Dataset, panel: Panel) -> str:
+    """Observers of every architecture of a panel."""
+    counts = [
+        f"{optimizer_style(name).label.split()[0]} {int(summary['observers'].values[index[0]])}"
+        for name, index in panel.cells.items()
+    ]
+    return f"observers: {', '.join(counts)}"
 
 
 def _draw(
@@ -263,14 +274,20 @@ def _interval(summary: xr.Dataset, cell: int, curve: Curve, row: Row) -> Interva
 
 
 def _values(summary: xr.Dataset, panels: Sequence[Panel], row: Row) -> Array:
-    """All single values of a row, for the reach of its axis."""
-    cells = [index for panel in panels for index in panel.cells.values()]
-    chosen = np.concatenate(cells) if cells else np.zeros(0, dtype=int)
-    found = [
-        seed_values(summary, chosen, curve.quantity, curve.part).ravel() for curve in row.curves
-    ]
-    values = row.factor * np.concatenate(found)
-    return values[np.isfinite(values) & ((values > 0.0) | (not row.log))]
+    """Means and interval ends of a row, for the reach of its axis.
+
+    Ends beyond all single values, as those of few seeds are, do not count.
+    """
+    found = []
+    for cell in (cell for panel in panels for index in panel.cells.values() for cell in index):
+        for curve in row.curves:
+            mean, *ends, _ = _interval(summary, cell, curve, row)
+            single = row.factor * seed_values(summary, cell, curve.quantity, curve.part)
+            single = single[np.isfinite(single) & ((single > 0.0) | (not row.log))]
+            if single.size:
+                found += [mean, *np.clip(ends, single.min(), single.max())]
+    values = np.array(found)
+    return values[np.isfinite(values)]
 
 
 def _share_y(drawn: Sequence[Axes], row: Row, values: Array) -> None:
