@@ -1,6 +1,10 @@
 """Table 2 of Paul & Fan, and the choice of members against enumeration."""
 
 import itertools
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -116,3 +120,29 @@ def test_too_small_a_family_is_refused():
 def test_too_many_satellites_are_refused():
     with pytest.raises(ConfigurationError, match="max_satellites = 3"):
         choose_members(make_tables(0), (("Lyap_L3", 4),), rng=np.random.default_rng(0))
+
+
+SCRIPT = """
+import sys
+sys.path.insert(0, {folder!r})
+import numpy as np
+from cislunar.architecture.published import choose_members
+from test_published import make_tables
+slots = (("Halo_L2_S", 3), ("Lyap_L3", 1), ("Halo_L2_S", 1), ("Halo_L3_N", 2))
+found = choose_members(make_tables(3), slots, rng=np.random.default_rng(0), restarts=2)
+print(found.history.tolist())
+"""
+
+
+def test_order_of_sets_does_not_matter():
+    histories = set()
+    for hash_seed in "012":
+        done = subprocess.run(
+            [sys.executable, "-c", SCRIPT.format(folder=str(Path(__file__).parent))],
+            env={**os.environ, "PYTHONHASHSEED": hash_seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        histories.add(done.stdout)
+    assert len(histories) == 1

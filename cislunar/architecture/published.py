@@ -105,7 +105,7 @@ def choose_members(
             f"max_satellites = {tables.max_satellites}"
         )
     members = {}
-    for family in {name for name, _ in slots}:
+    for family in dict.fromkeys(name for name, _ in slots):  # a set has no fixed order
         members[family] = np.flatnonzero(tables.family == family)
         wanted = sum(name == family for name, _ in slots)
         if len(members[family]) < wanted:
