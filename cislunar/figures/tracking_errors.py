@@ -316,7 +316,7 @@ def draw_comparison(
     box : mapping
         `left`, `bottom`, `width` and `height` of all panels, inches.
     """
-    gap_in, between_in = 0.12, 0.1
+    gap_in, between_in = 0.2, 0.1
     each = (box["width"] - 2 * gap_in) / 3
     tall = (box["height"] - 3 * between_in) / 4
     found = [_histories(item.data, target) for item in compared]

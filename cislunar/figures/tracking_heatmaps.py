@@ -263,7 +263,7 @@ def draw_bars(
             bar.ax.yaxis.set_major_locator(FixedLocator(ends))
             bar.ax.yaxis.set_major_formatter(FixedFormatter(tick_names(ends)))
             bar.ax.yaxis.set_minor_formatter(NullFormatter())
-            bar.ax.set_title(scale.label, fontsize=6.0, loc="left", pad=5)
+            bar.ax.set_title(scale.label, fontsize=6.0, loc="left", pad=6)
         else:
             bar.ax.yaxis.set_major_locator(MaxNLocator(5, integer=True))
             bar.set_label(scale.label)

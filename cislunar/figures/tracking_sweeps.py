@@ -224,7 +224,7 @@ def _sweep_figure(
             axes.tick_params(labelbottom=number == len(ROWS) - 1, labelleft=column == 0)
             if number == 0:
                 axes.set_title(f"{panel_letter(column)} {panel.title}", loc="left", pad=14)
-                axes.annotate(_observers(summary, panel), (0.0, 1.0), xytext=(0, 4), fontsize=6.0,
+                axes.annotate(_observers(summary, panel), (0.0, 1.0), xytext=(0, 4), fontsize=5.6,
                               xycoords="axes fraction", textcoords="offset points")  # fmt: skip
             if number == len(ROWS) - 1:
                 axes.set_xlabel(x_label)
