@@ -230,6 +230,59 @@ def test_scale_of_inertia_does_not_matter():
     np.testing.assert_allclose(w, w2, atol=1e-14)
 
 
+def _solved(q0, omega, inertia, acceleration, duration):
+    """Euler's equations with a constant torque by SciPy."""
+    matrix = np.diag(inertia)
+
+    def rate(_, y):
+        turn = 0.5 * quaternion.compose(np.append(y[4:], 0.0), y[:4])
+        gyroscopic = np.linalg.solve(matrix, np.cross(matrix @ y[4:], y[4:]))
+        return np.concatenate([turn, gyroscopic + acceleration])
+
+    start = np.concatenate([q0, omega])
+    return solve_ivp(rate, (0.0, duration), start, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+
+
+@pytest.mark.parametrize("inertia", [[1.0, 1.0, 1.0], [3.0, 2.0, 1.5]])
+@pytest.mark.parametrize("size", [0.0, 1e-3, 0.3])
+def test_constant_torque_agrees_with_scipy(inertia, size, rng):
+    q0, omega = quaternion.normalize(rng.normal(size=4)), rng.normal(size=3)
+    acceleration = size * rng.normal(size=3)
+    expected = _solved(q0, omega, inertia, acceleration, 20.0)
+    q, w = rigid_body.propagate_under_torque(q0, omega, [7.0, 20.0], inertia, acceleration)
+    np.testing.assert_allclose(q[1], expected[:4], atol=2e-10)
+    np.testing.assert_allclose(w[1], expected[4:], atol=2e-10)
+
+
+def test_torque_spins_up_a_body_at_rest_about_its_axis():
+    q, w = rigid_body.propagate_under_torque(
+        [0, 0, 0, 1], [0, 0, 0], [4.0], [3, 2, 1.5], [0.0, 0.0, 0.05]
+    )
+    np.testing.assert_allclose(w, [[0.0, 0.0, 0.2]], atol=1e-12)
+    angle = 0.5 * 0.05 * 4.0**2
+    np.testing.assert_allclose(q, [[0, 0, np.sin(angle / 2), np.cos(angle / 2)]], atol=1e-12)
+
+
+def test_no_torque_is_the_torque_free_motion_bit_for_bit(rng):
+    arguments = ([0, 0, 0, 1], [0.1, 0.9, 0.3], np.linspace(0.0, 60.0, 7), [3, 2, 1.5])
+    free = rigid_body.propagate_torque_free(*arguments)
+    forced = rigid_body.propagate_under_torque(*arguments, np.zeros(3))
+    for one, other in zip(free, forced, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(("scale", "dt"), [(2e-4, 60.0), (0.05, 60.0), (1e-9, 1.0)])
+def test_short_step_agrees_with_the_propagation(scale, dt, rng):
+    inertia = np.array([[3.0, 0.2, -0.1], [0.2, 2.0, 0.3], [-0.1, 0.3, 1.5]])
+    q0, omega = quaternion.normalize(rng.normal(size=4)), scale * rng.normal(size=3)
+    q, w = rigid_body.propagate_torque_free(q0, omega, [dt], inertia)
+    stepped = rigid_body.torque_free_step(*omega, inertia, np.linalg.inv(inertia), dt)
+    steps = max(1.0, np.linalg.norm(omega) * dt / rigid_body.TURN_PER_STEP)
+    turned = quaternion.compose(np.array(stepped[:4]), q0)
+    np.testing.assert_allclose(turned, q[0], atol=2e-9 * steps)
+    np.testing.assert_allclose(stepped[4:], w[0], atol=2e-9 * steps * scale)
+
+
 @pytest.mark.parametrize(
     ("inertia", "message"),
     [

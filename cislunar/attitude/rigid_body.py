@@ -1,9 +1,11 @@
-"""Torque-free rotation of rigid bodies (Paul & Fan, section 5.2).
+"""Rotation of rigid bodies, torque-free (Paul & Fan, section 5.2) or under a constant torque.
 
 Attitude and angular velocity obey ``dq/dt = [omega; 0] (x) q / 2`` and Euler's equations
-``I domega/dt = -omega x (I omega)``, both in the body frame. A body of spherical inertia keeps
-its angular velocity, so that its attitude is known in closed form (`propagate_spherical`); any
-other is integrated numerically (`propagate_torque_free`). Angles are in rad, times in any unit.
+``I domega/dt = T - omega x (I omega)``, both in the body frame. Without torque T a body of
+spherical inertia keeps its angular velocity, so that its attitude is known in closed form
+(`propagate_spherical`); any other motion is integrated numerically (`propagate_torque_free`,
+`propagate_under_torque`; `torque_free_step` for the short steps of a filter). Angles are in rad,
+times in any unit.
 """
 
 import numpy as np
@@ -11,6 +13,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import DOP853
 
+from cislunar.attitude.inertia import inertia_matrix, is_spherical
 from cislunar.attitude.quaternion import (
     SMALL_ANGLE,
     multiply_components,
@@ -99,24 +102,32 @@ def pull_back_gradient(omega, dt, gx, gy, gz):
 
 
 @njit(cache=True, error_model="numpy")
-def _derivative(y, inertia, inverse_inertia, dy):
-    """Time derivative of ``y = (q, omega)`` into `dy`."""
+def _euler(x, y, z, inertia, inverse_inertia):
+    """Angular acceleration of a torque-free body, as three scalars."""
+    hx = inertia[0, 0] * x + inertia[0, 1] * y + inertia[0, 2] * z
+    hy = inertia[1, 0] * x + inertia[1, 1] * y + inertia[1, 2] * z
+    hz = inertia[2, 0] * x + inertia[2, 1] * y + inertia[2, 2] * z
+    tx, ty, tz = hy * z - hz * y, hz * x - hx * z, hx * y - hy * x
+    return (
+        inverse_inertia[0, 0] * tx + inverse_inertia[0, 1] * ty + inverse_inertia[0, 2] * tz,
+        inverse_inertia[1, 0] * tx + inverse_inertia[1, 1] * ty + inverse_inertia[1, 2] * tz,
+        inverse_inertia[2, 0] * tx + inverse_inertia[2, 1] * ty + inverse_inertia[2, 2] * tz,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _derivative(y, inertia, inverse_inertia, forced, dy):
+    """Time derivative of ``y = (q, omega)`` into `dy`; `forced` is the torque's share."""
     x, v, z = y[4], y[5], y[6]
     dy[0], dy[1], dy[2], dy[3] = multiply_components(
         0.5 * x, 0.5 * v, 0.5 * z, 0.0, y[0], y[1], y[2], y[3]
     )
-    hx = inertia[0, 0] * x + inertia[0, 1] * v + inertia[0, 2] * z
-    hy = inertia[1, 0] * x + inertia[1, 1] * v + inertia[1, 2] * z
-    hz = inertia[2, 0] * x + inertia[2, 1] * v + inertia[2, 2] * z
-    tx, ty, tz = hy * z - hz * v, hz * x - hx * z, hx * v - hy * x
-    for i in range(3):
-        dy[4 + i] = (
-            inverse_inertia[i, 0] * tx + inverse_inertia[i, 1] * ty + inverse_inertia[i, 2] * tz
-        )
+    ax, ay, az = _euler(x, v, z, inertia, inverse_inertia)
+    dy[4], dy[5], dy[6] = ax + forced[0], ay + forced[1], az + forced[2]
 
 
 @njit(cache=True, error_model="numpy")
-def _try_step(y, h, inertia, inverse_inertia, slopes, y_new, tolerance):
+def _try_step(y, h, inertia, inverse_inertia, forced, slopes, y_new, tolerance):
     """One DOP853 trial step into `y_new`; returns the error norm (acceptable below 1)."""
     for stage in range(1, 13):
         for i in range(7):
@@ -125,7 +136,7 @@ def _try_step(y, h, inertia, inverse_inertia, slopes, y_new, tolerance):
                 change += _A[stage, j] * slopes[j, i]
             y_new[i] = y[i] + h * change
         if stage < 12:
-            _derivative(y_new, inertia, inverse_inertia, slopes[stage])
+            _derivative(y_new, inertia, inverse_inertia, forced, slopes[stage])
     total3, total5 = 0.0, 0.0
     for i in range(7):
         e3, e5 = 0.0, 0.0
@@ -140,11 +151,23 @@ def _try_step(y, h, inertia, inverse_inertia, slopes, y_new, tolerance):
 
 
 @njit(cache=True, error_model="numpy")
-def propagate_kernel(q, omega, inertia, inverse_inertia, dt, tolerance, q_out, omega_out):
+def propagate_kernel(
+    q,
+    omega,
+    inertia,
+    inverse_inertia,
+    dt,
+    tolerance,
+    q_out,
+    omega_out,
+    ax=0.0,
+    ay=0.0,
+    az=0.0,
+):
     """Attitude and rate of any rigid body after a time, by adaptive DOP853 (compiled).
 
-    The equations are scaled by the initial rate, so that one tolerance suits slow and fast
-    bodies, and so that only ratios of inertia matter.
+    The equations are scaled by the initial rate (or that which the torque gives within a radian,
+    if greater), so that one tolerance suits slow and fast bodies.
 
     Parameters
     ----------
@@ -160,8 +183,14 @@ def propagate_kernel(q, omega, inertia, inverse_inertia, dt, tolerance, q_out, o
         Error per step: of q, and of omega relative to its initial length.
     q_out, omega_out : ndarray, shapes (4,) and (3,)
         Receive the result; may be `q` and `omega` themselves.
+    ax, ay, az : float
+        Angular acceleration I^-1 T by a torque T constant in the body frame, rad per unit of time
+        squared.
     """
     rate = np.sqrt(omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2)
+    rate = max(rate, np.sqrt(np.sqrt(ax * ax + ay * ay + az * az)))
+    square = rate * rate if rate > 0.0 else 1.0
+    forced = (ax / square, ay / square, az / square)
     y = np.empty(7)
     for i in range(4):
         y[i] = q[i]
@@ -173,8 +202,8 @@ def propagate_kernel(q, omega, inertia, inverse_inertia, dt, tolerance, q_out, o
     h = min(1.0, abs(left))
     while h > 0.0:
         step = h if left > 0.0 else -h
-        _derivative(y, inertia, inverse_inertia, slopes[0])
-        error = _try_step(y, step, inertia, inverse_inertia, slopes, y_new, tolerance)
+        _derivative(y, inertia, inverse_inertia, forced, slopes[0])
+        error = _try_step(y, step, inertia, inverse_inertia, forced, slopes, y_new, tolerance)
         if error < 1.0:
             left = 0.0 if abs(step) >= abs(left) else left - step
             norm = np.sqrt(y_new[0] ** 2 + y_new[1] ** 2 + y_new[2] ** 2 + y_new[3] ** 2)
@@ -187,71 +216,91 @@ def propagate_kernel(q, omega, inertia, inverse_inertia, dt, tolerance, q_out, o
         omega_out[i] = y[4 + i] * rate if rate > 0.0 else 0.0
 
 
+TURN_PER_STEP = 0.03
+"""Largest turn of a step of `torque_free_step`, rad; the error is then below 1e-9 rad a step."""
+
+
+@njit(cache=True, error_model="numpy")
+def torque_free_step(w1, w2, w3, inertia, inverse_inertia, dt):
+    """Turn and rate of a torque-free body after a short time, by Runge-Kutta of order 4 (compiled).
+
+    The turn does not depend on the attitude, so a filter that spreads attitude and rate needs it
+    once for each rate. Long times are divided so that no step turns by more than `TURN_PER_STEP`.
+
+    Parameters
+    ----------
+    w1, w2, w3 : float
+        Angular velocity, rad per unit of time, body frame.
+    inertia, inverse_inertia : ndarray, shape (3, 3)
+        Inertia matrix in any unit, and its inverse.
+    dt : float
+        Elapsed time.
+
+    Returns
+    -------
+    q1, q2, q3, q4 : float
+        Unit quaternion of the turn: the attitude becomes ``turn (x) q``.
+    w1, w2, w3 : float
+        Angular velocity after it.
+    """
+    rate = np.sqrt(w1 * w1 + w2 * w2 + w3 * w3)
+    count = max(1, int(np.ceil(rate * abs(dt) / TURN_PER_STEP)))
+    h = dt / count
+    q1, q2, q3, q4 = 0.0, 0.0, 0.0, 1.0
+    for _ in range(count):
+        a1, a2, a3 = _euler(w1, w2, w3, inertia, inverse_inertia)
+        x1, x2, x3 = w1 + 0.5 * h * a1, w2 + 0.5 * h * a2, w3 + 0.5 * h * a3
+        b1, b2, b3 = _euler(x1, x2, x3, inertia, inverse_inertia)
+        y1, y2, y3 = w1 + 0.5 * h * b1, w2 + 0.5 * h * b2, w3 + 0.5 * h * b3
+        c1, c2, c3 = _euler(y1, y2, y3, inertia, inverse_inertia)
+        z1, z2, z3 = w1 + h * c1, w2 + h * c2, w3 + h * c3
+        d1, d2, d3 = _euler(z1, z2, z3, inertia, inverse_inertia)
+        k1, k2, k3, k4 = multiply_components(w1, w2, w3, 0.0, q1, q2, q3, q4)
+        s = 0.25 * h  # half a step of the equation dq/dt = [omega; 0] (x) q / 2
+        l1, l2, l3, l4 = multiply_components(
+            x1, x2, x3, 0.0, q1 + s * k1, q2 + s * k2, q3 + s * k3, q4 + s * k4
+        )
+        m1, m2, m3, m4 = multiply_components(
+            y1, y2, y3, 0.0, q1 + s * l1, q2 + s * l2, q3 + s * l3, q4 + s * l4
+        )
+        s = 0.5 * h
+        n1, n2, n3, n4 = multiply_components(
+            z1, z2, z3, 0.0, q1 + s * m1, q2 + s * m2, q3 + s * m3, q4 + s * m4
+        )
+        s = h / 12.0
+        q1 += s * (k1 + 2.0 * (l1 + m1) + n1)
+        q2 += s * (k2 + 2.0 * (l2 + m2) + n2)
+        q3 += s * (k3 + 2.0 * (l3 + m3) + n3)
+        q4 += s * (k4 + 2.0 * (l4 + m4) + n4)
+        s = h / 6.0
+        w1 += s * (a1 + 2.0 * (b1 + c1) + d1)
+        w2 += s * (a2 + 2.0 * (b2 + c2) + d2)
+        w3 += s * (a3 + 2.0 * (b3 + c3) + d3)
+    s = 1.0 / np.sqrt(q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
+    return s * q1, s * q2, s * q3, s * q4, w1, w2, w3
+
+
 @njit(cache=True)
-def _propagate_series(q, omega, inertia, inverse_inertia, times, tolerance, q_out, omega_out):
+def _propagate_series(q, omega, inertia, inverse_inertia, a, times, tolerance, q_out, omega_out):
     """`propagate_kernel` from time to time, starting at time 0."""
     attitude, rate, now = q.copy(), omega.copy(), 0.0
     for i in range(times.size):
         propagate_kernel(
-            attitude, rate, inertia, inverse_inertia, times[i] - now, tolerance, attitude, rate
+            attitude,
+            rate,
+            inertia,
+            inverse_inertia,
+            times[i] - now,
+            tolerance,
+            attitude,
+            rate,
+            a[0],
+            a[1],
+            a[2],
         )
         now = times[i]
         q_out[i] = attitude
         omega_out[i] = rate
-
-
-def inertia_matrix(inertia: ArrayLike) -> Array:
-    """Inertia as a checked (3, 3) matrix.
-
-    Parameters
-    ----------
-    inertia : array_like, shape (), (3,) or (3, 3)
-        Moment of a spherical body, principal moments, or matrix in the body frame; kg m^2.
-
-    Returns
-    -------
-    ndarray, shape (3, 3)
-        Symmetric positive definite matrix.
-
-    Raises
-    ------
-    ConfigurationError
-        If no rigid body has such an inertia: not symmetric, not positive definite, or one
-        principal moment above the sum of the others.
-    """
-    given = np.asarray(inertia, dtype=float)
-    if given.shape not in ((), (3,), (3, 3)) or not np.all(np.isfinite(given)):
-        raise ConfigurationError(
-            f"inertia {given.tolist()} must be one moment, three moments or a 3 x 3 matrix, kg m^2"
-        )
-    matrix = given if given.ndim == 2 else np.eye(3) * given
-    if not np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-9 * np.abs(matrix).max()):
-        raise ConfigurationError(f"inertia {matrix.tolist()} must be symmetric")
-    moments = np.linalg.eigvalsh(matrix)
-    if moments[0] <= 0.0 or moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):
-        raise ConfigurationError(
-            f"principal moments of inertia {moments.tolist()} must be positive, and none may "
-            "exceed the sum of the other two"
-        )
-    return np.ascontiguousarray(0.5 * (matrix + matrix.T))
-
-
-def is_spherical(inertia: ArrayLike) -> bool:
-    """Whether the three principal moments agree to 1e-12, so that omega is constant.
-
-    Parameters
-    ----------
-    inertia : array_like, shape (), (3,) or (3, 3)
-        As for `inertia_matrix`.
-
-    Returns
-    -------
-    bool
-        True for a body on which `propagate_spherical` is exact.
-    """
-    matrix = inertia_matrix(inertia)
-    mean = np.trace(matrix) / 3.0
-    return bool(np.abs(matrix - mean * np.eye(3)).max() <= 1e-12 * mean)
 
 
 def propagate_torque_free(
@@ -289,20 +338,63 @@ def propagate_torque_free(
     ConfigurationError
         If the inertia is impossible or an input is not finite.
     """
+    if not is_spherical(inertia):
+        still = np.zeros(3)
+        return propagate_under_torque(quaternion, omega, times, inertia, still, tolerance=tolerance)
+    start, rate, times, _ = _checked(quaternion, omega, times, np.zeros(3))
+    quaternions = np.empty((times.size, 4))
+    for i, turn in enumerate(rate * times[:, None]):
+        quaternions[i] = propagate_spherical(start, turn, 1.0)
+    return quaternions, np.tile(rate, (times.size, 1))
+
+
+def propagate_under_torque(
+    quaternion: ArrayLike,
+    omega: ArrayLike,
+    times: ArrayLike,
+    inertia: ArrayLike,
+    acceleration: ArrayLike,
+    *,
+    tolerance: float = 1e-13,
+) -> tuple[Array, Array]:
+    """Attitude and angular velocity of a rigid body under a torque constant in the body frame.
+
+    Parameters
+    ----------
+    quaternion, omega, times, inertia, tolerance
+        As for `propagate_torque_free`; every body is integrated numerically.
+    acceleration : array_like, shape (3,)
+        Angular acceleration I^-1 T by the torque T, rad per unit of time squared, body frame.
+
+    Returns
+    -------
+    quaternions, rates
+        As of `propagate_torque_free`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the inertia is impossible or an input is not finite.
+    """
     matrix = inertia_matrix(inertia)
-    start = normalize(quaternion)
-    rate = np.array(omega, dtype=float)
-    times = np.atleast_1d(np.asarray(times, dtype=float))
-    for name, value in (("quaternion", start), ("omega", rate), ("times", times)):
+    start, rate, times, forced = _checked(quaternion, omega, times, acceleration)
+    quaternions, rates = np.empty((times.size, 4)), np.empty((times.size, 3))
+    inverse = np.linalg.inv(matrix)
+    _propagate_series(start, rate, matrix, inverse, forced, times, tolerance, quaternions, rates)
+    return quaternions, rates
+
+
+def _checked(
+    quaternion: ArrayLike, omega: ArrayLike, times: ArrayLike, acceleration: ArrayLike
+) -> tuple[Array, Array, Array, Array]:
+    """The inputs of a propagation as arrays; those that are not finite are refused."""
+    given = {
+        "quaternion": normalize(quaternion),
+        "omega": np.array(omega, dtype=float),
+        "times": np.atleast_1d(np.asarray(times, dtype=float)),
+        "acceleration": np.array(acceleration, dtype=float),
+    }
+    for name, value in given.items():
         if not np.all(np.isfinite(value)):
             raise ConfigurationError(f"{name} of a rigid body must be finite, not {value.tolist()}")
-    quaternions, rates = np.empty((times.size, 4)), np.empty((times.size, 3))
-    if is_spherical(matrix):
-        turns = rate * times[:, None]
-        for i, turn in enumerate(turns):
-            quaternions[i] = propagate_spherical(start, turn, 1.0)
-        rates[:] = rate
-        return quaternions, rates
-    inverse = np.linalg.inv(matrix)
-    _propagate_series(start, rate, matrix, inverse, times, tolerance, quaternions, rates)
-    return quaternions, rates
+    return tuple(given.values())

@@ -1,0 +1,62 @@
+"""Inertia of rigid bodies: what is possible, and when a body is as good as a sphere."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.errors import ConfigurationError
+
+Array = NDArray[np.float64]
+
+
+def inertia_matrix(inertia: ArrayLike) -> Array:
+    """Inertia as a checked (3, 3) matrix.
+
+    Parameters
+    ----------
+    inertia : array_like, shape (), (3,) or (3, 3)
+        Moment of a spherical body, principal moments, or matrix in the body frame; kg m^2.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        Symmetric positive definite matrix.
+
+    Raises
+    ------
+    ConfigurationError
+        If no rigid body has such an inertia: not symmetric, not positive definite, or one
+        principal moment above the sum of the others.
+    """
+    given = np.asarray(inertia, dtype=float)
+    if given.shape not in ((), (3,), (3, 3)) or not np.all(np.isfinite(given)):
+        raise ConfigurationError(
+            f"inertia {given.tolist()} must be one moment, three moments or a 3 x 3 matrix, kg m^2"
+        )
+    matrix = given if given.ndim == 2 else np.eye(3) * given
+    if not np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-9 * np.abs(matrix).max()):
+        raise ConfigurationError(f"inertia {matrix.tolist()} must be symmetric")
+    moments = np.linalg.eigvalsh(matrix)
+    if moments[0] <= 0.0 or moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):
+        raise ConfigurationError(
+            f"principal moments of inertia {moments.tolist()} must be positive, and none may "
+            "exceed the sum of the other two"
+        )
+    return np.ascontiguousarray(0.5 * (matrix + matrix.T))
+
+
+def is_spherical(inertia: ArrayLike) -> bool:
+    """Whether the three principal moments agree to 1e-12, so that omega is constant.
+
+    Parameters
+    ----------
+    inertia : array_like, shape (), (3,) or (3, 3)
+        As for `inertia_matrix`.
+
+    Returns
+    -------
+    bool
+        True for a body on which `cislunar.attitude.rigid_body.propagate_spherical` is exact.
+    """
+    matrix = inertia_matrix(inertia)
+    mean = np.trace(matrix) / 3.0
+    return bool(np.abs(matrix - mean * np.eye(3)).max() <= 1e-12 * mean)
