@@ -4,7 +4,8 @@ import filterpy.kalman
 import numpy as np
 
 from cislunar.attitude import grp
-from cislunar.attitude.quaternion import compose, from_rotation_vector, inverse
+from cislunar.attitude.quaternion import compose, inverse
+from cislunar.attitude.rigid_body import propagate_torque_free
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.dynamics.propagation import step_dop853
 from cislunar.photometry.facets import facet_magnitude
@@ -17,7 +18,8 @@ def wrap(angle):
 class ReferenceFilter:
     """Error-state multiplicative UKF with the mean attitude error carried to the update."""
 
-    def __init__(self, scene, facets, material, noise, initial, process_variance, j=0):
+    def __init__(self, scene, facets, material, noise, initial, process_variance, j=0, inertia=1.0):
+        self.inertia = inertia
         self.scene, self.facets, self.material = scene, facets, material.as_array()
         points = filterpy.kalman.MerweScaledSigmaPoints(12, alpha=0.5, beta=2.0, kappa=-9.0)
         self.ukf = filterpy.kalman.UnscentedKalmanFilter(
@@ -38,11 +40,16 @@ class ReferenceFilter:
 
     def move(self, x, dt):
         """Attitude error relative to the propagated mean, and the other states, after a step."""
-        turn = from_rotation_vector(x[3:6] * dt)
-        mean_turn = from_rotation_vector(self.mean_rate * dt)
+        turn, rate = self.turn(x[3:6], dt)
+        mean_turn, _ = self.turn(self.mean_rate, dt)
         error = compose(compose(turn, grp.to_quaternion(x[:3])), inverse(mean_turn))
         moved = step_dop853(np.ascontiguousarray(x[6:]), self.scene.step, MU)
-        return np.r_[grp.from_quaternion(error), x[3:6], moved]
+        return np.r_[grp.from_quaternion(error), rate, moved]
+
+    def turn(self, rate, dt):
+        """Turn and rate after a step, from the identity attitude."""
+        turns, rates = propagate_torque_free([0, 0, 0, 1], rate, [dt], self.inertia)
+        return turns[0], rates[0]
 
     def measure(self, x):
         k, scene = self.k, self.scene
@@ -67,7 +74,7 @@ class ReferenceFilter:
         self.k += 1
         self.mean_rate = self.ukf.x[3:6].copy()
         self.ukf.predict()
-        turn = from_rotation_vector(self.mean_rate * self.scene.step_s)
+        turn, _ = self.turn(self.mean_rate, self.scene.step_s)
         self.quaternion = compose(turn, self.quaternion)
 
     def update(self, measured, observer):

@@ -155,7 +155,7 @@ def test_truth_is_drawn_from_the_initial_distribution():
     truth = draw_truth(initial, scene, BRIGHT.noise, 0, np.arange(n))
     error = truth.translation[:, 0] - initial.translation
     np.testing.assert_allclose(error.std(axis=0), sigma[6:], rtol=0.1)
-    rates = truth.angular_velocity - initial.angular_velocity
+    rates = truth.angular_velocity[:, 0] - initial.angular_velocity
     np.testing.assert_allclose(rates.std(axis=0), sigma[3:6], rtol=0.1)
     np.testing.assert_allclose(truth.noise.std(axis=(0, 1)), BRIGHT.noise, rtol=0.03)
     # small angles: the vector part is half the rotation vector

@@ -5,6 +5,7 @@ from tracking_scene import make_problem
 
 from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose, inverse, rotation_vector
+from cislunar.attitude.rigid_body import propagate_torque_free
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.measurement import DETECTED, Sensor, measure
@@ -16,6 +17,7 @@ from cislunar.estimation.mukf_kernels import (
     OUT_OF_FIELD,
     UPDATES,
 )
+from cislunar.estimation.scene import target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
@@ -37,17 +39,19 @@ def _measured_problem(hours=2.0, n_targets=5, sensor=SENSOR, **settings):
     return scene, surfaces, initial, truth, observer_of, measurements, fate
 
 
-def test_equals_filterpy_with_the_same_model():
+@pytest.mark.parametrize("inertia", [1.0, [1.0, 1.6, 2.2]])
+def test_equals_filterpy_with_the_same_model(inertia):
     """Two hours of predict and update; the references carry full covariances and naive weights."""
     process = Spread(0.03, 0.01, 0.05, 0.001)
     scene, surfaces, initial, _, observer_of, measurements, fate = _measured_problem()
+    surfaces = target_surfaces(icosahedron(), Material(), 5, inertia=inertia)
     filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial, process_noise=process)
     estimates = filt.advance(measurements, observer_of)
     compared = 0
     for j in np.flatnonzero((fate == DETECTED).mean(axis=1) > 0.9)[:2]:
         reference = ReferenceFilter(
             scene, icosahedron(), Material(), SENSOR.noise, initial,
-            process.components() ** 2, j,
+            process.components() ** 2, j, inertia,
         )  # fmt: skip
         for i in range(measurements.shape[1]):
             reference.predict()
@@ -64,6 +68,31 @@ def test_equals_filterpy_with_the_same_model():
             assert np.max(np.abs(np.r_[rate, state]) / sigma[3:]) < 1e-4
         compared += 1
     assert compared == 2
+
+
+def test_general_inertia_joins_the_closed_form_and_follows_the_truth():
+    """An all but spherical body is integrated to the closed form; another keeps its true rate."""
+    scene, _, initial, *_ = _measured_problem()
+    nothing, unseen = np.full((5, 60, 3), np.nan), np.full(5, -1)
+
+    def coast(inertia, sigma=1.0):
+        bodies = target_surfaces(icosahedron(), Material(), 5, inertia=inertia)
+        start = initial._replace(sigma=sigma * initial.sigma)
+        return MultiplicativeUKF(scene, bodies, SENSOR, start).advance(nothing, unseen)
+
+    exact, close = coast(1.0), coast([1.0, 1.0, 1.0 + 1e-10])
+    np.testing.assert_allclose(close.quaternion, exact.quaternion, atol=1e-8)
+    np.testing.assert_allclose(close.sigma, exact.sigma, rtol=1e-7)
+    inertia = [1.0, 1.6, 2.2]
+    tight = coast(inertia, 1e-6)
+    times = 60.0 * np.arange(61)
+    attitude, rate = propagate_torque_free(
+        initial.quaternion[0], initial.angular_velocity[0], times, inertia
+    )
+    np.testing.assert_allclose(tight.quaternion[0], attitude[1:], atol=1e-9)
+    np.testing.assert_allclose(tight.angular_velocity[0], rate[1:], rtol=1e-7)
+    assert np.abs(rate[-1] - rate[0]).max() > 0.01 * np.abs(rate[0]).max()
+    assert np.abs(coast(inertia).sigma - exact.sigma).max() > 1e-4
 
 
 def test_prediction_looks_one_step_ahead_without_moving():

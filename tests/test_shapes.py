@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.photometry.mesh_files import load_shape
-from cislunar.photometry.shapes import icosahedron, icosphere
+from cislunar.photometry.shapes import facets_from_triangles, icosahedron, icosphere, stretch
 
 TETRAHEDRON = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float)
 TETRAHEDRON_FACETS = [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]
@@ -219,3 +219,25 @@ def test_facets_in_order(tmp_path):
     second = load_shape(write_stl_text(tmp_path / "b.stl", points, facets[::-1]))
     np.testing.assert_allclose(first.areas, second.areas[::-1], rtol=1e-12)
     assert any(a != b for a, b in pairwise(first.areas))
+
+
+def test_stretching_facets_is_stretching_vertices():
+    factors = np.array([1.3, 0.7, 2.0])
+    made = stretch(facets_from_triangles(TETRAHEDRON, TETRAHEDRON_FACETS), factors)
+    expected = facets_from_triangles(TETRAHEDRON * factors, TETRAHEDRON_FACETS)
+    np.testing.assert_allclose(made.areas, expected.areas, rtol=1e-14)
+    np.testing.assert_allclose(made.normals, expected.normals, atol=1e-15)
+
+
+def test_stretching_evenly_scales_and_by_one_changes_nothing():
+    body = icosahedron()
+    assert stretch(body, [1, 1, 1]) is body
+    larger = stretch(body, [2.0, 2.0, 2.0])
+    np.testing.assert_allclose(larger.areas, 4.0 * body.areas)
+    np.testing.assert_allclose(larger.normals, body.normals, atol=1e-15)
+
+
+@pytest.mark.parametrize("factors", [[1.0, 1.0], [1.0, 0.0, 1.0], [1.0, np.nan, 1.0], 2.0])
+def test_impossible_stretch_is_refused(factors):
+    with pytest.raises(ConfigurationError, match="stretch"):
+        stretch(icosahedron(), factors)

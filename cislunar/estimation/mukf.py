@@ -2,8 +2,9 @@
 
 Assumptions and limitations
 ---------------------------
-- Targets have spherical inertia, as in the paper: the angular velocity is constant and the attitude
-  follows in closed form.
+- Targets are torque-free rigid bodies. For spherical inertia, as in the paper, the angular velocity
+  is constant and the attitude follows in closed form; any other (`TargetSurfaces.inertia`) is
+  integrated for every sigma point.
 - The covariance's root is its lower Cholesky factor in the paper's order of the states; the paper
   does not say which root it takes, and another gives other, equally valid sigma points.
 - The mean attitude error is injected after the prediction, not only after the update (a difference
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.attitude_spread import rigid_bodies
 from cislunar.estimation.estimator import Estimates, EstimatorFactory, InitialEstimate, Prediction
 from cislunar.estimation.measurement import Sensor
 from cislunar.estimation.mukf_kernels import (
@@ -91,6 +93,7 @@ def _advance(
     first,
     scene,
     surfaces,
+    bodies,
     constants,
     observer_of,
     measurements,
@@ -117,6 +120,8 @@ def _advance(
                     omega[j],
                     translation[j],
                     root[j],
+                    bodies,
+                    j,
                     scene.step_s,
                     scene.step,
                     constants,
@@ -157,7 +162,7 @@ def _advance(
 
 
 @njit(cache=True, error_model="numpy")
-def _predict_all(scene, constants, quaternion, omega, translation, root, failed):
+def _predict_all(scene, bodies, constants, quaternion, omega, translation, root, failed):
     """One step of all healthy targets (compiled)."""
     work = make_workspace(3)
     for j in range(failed.shape[0]):
@@ -167,6 +172,8 @@ def _predict_all(scene, constants, quaternion, omega, translation, root, failed)
                 omega[j],
                 translation[j],
                 root[j],
+                bodies,
+                j,
                 scene.step_s,
                 scene.step,
                 constants,
@@ -187,7 +194,7 @@ class MultiplicativeUKF:
     scene : Scene
         Observers, Sun and frames; index 0 is the epoch of the initial estimate.
     surfaces : TargetSurfaces
-        Shapes and materials.
+        Shapes, materials and inertia.
     sensor : Sensor
         Noise and field of view.
     initial : InitialEstimate
@@ -202,7 +209,7 @@ class MultiplicativeUKF:
     Raises
     ------
     ConfigurationError
-        If an initial standard deviation is not positive.
+        If an initial standard deviation is not positive, or an inertia impossible.
     """
 
     def __init__(
@@ -221,6 +228,7 @@ class MultiplicativeUKF:
         process = (Spread() if process_noise is None else process_noise).components()
         self._scene = scene
         self._surfaces = surfaces
+        self._bodies = rigid_bodies(surfaces.inertia)
         self._quaternion = np.array(initial.quaternion, dtype=float)
         self._omega = np.array(initial.angular_velocity, dtype=float)
         self._translation = np.array(initial.translation, dtype=float)
@@ -259,7 +267,8 @@ class MultiplicativeUKF:
         quaternion, omega = self._quaternion.copy(), self._omega.copy()
         translation, root = self._translation.copy(), self._root.copy()
         failed = self._failed.copy()
-        _predict_all(self._scene, self._constants, quaternion, omega, translation, root, failed)
+        world = (self._scene, self._bodies, self._constants)
+        _predict_all(*world, quaternion, omega, translation, root, failed)
         covariance = root[:, 6:] @ np.swapaxes(root[:, 6:], 1, 2)
         return Prediction(self._index + 1, translation, covariance, quaternion, root)
 
@@ -277,6 +286,7 @@ class MultiplicativeUKF:
             self._index + 1,
             self._scene,
             self._surfaces,
+            self._bodies,
             self._constants,
             np.asarray(observer_of, dtype=np.int64),
             np.ascontiguousarray(measurements),

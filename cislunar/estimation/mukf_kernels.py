@@ -14,13 +14,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.attitude.grp import (
-    GRP_A,
-    GRP_F,
-    grp_from_quaternion_components,
-    quaternion_from_grp_components,
-)
+from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
+from cislunar.estimation.attitude_spread import general_differences, spherical_differences
 from cislunar.estimation.bundle import STAGES, step_bundle
 from cislunar.estimation.measurement import (
     EARTH_RADIUS,
@@ -129,38 +125,6 @@ def spread_translation(translation, root, spread, bundle):
 
 
 @njit(cache=True, error_model="numpy")
-def _attitude_differences(omega, root, spread, step_s, turn, differences):
-    """Attitude and rate parts of the propagated differences (compiled).
-
-    The error of sigma point i after the step is exp(omega_i dt) (x) dq_i (x) exp(omega_0 dt)^-1:
-    the attitude itself drops out.
-    """
-    differences[:, 0:6] = 0.0
-    for i in range(6):
-        for sign in range(2):
-            s = spread if sign == 0 else -spread
-            row = i if sign == 0 else SIZE + i
-            d1, d2, d3, d4 = quaternion_from_grp_components(
-                s * root[0, i], s * root[1, i], s * root[2, i], GRP_A, GRP_F
-            )
-            w1, w2, w3 = s * root[3, i], s * root[4, i], s * root[5, i]
-            t1, t2, t3, t4 = rotation_vector_components(
-                (omega[0] + w1) * step_s, (omega[1] + w2) * step_s, (omega[2] + w3) * step_s
-            )
-            d1, d2, d3, d4 = multiply_components(t1, t2, t3, t4, d1, d2, d3, d4)
-            d1, d2, d3, d4 = multiply_components(
-                d1, d2, d3, d4, -turn[0], -turn[1], -turn[2], turn[3]
-            )
-            p1, p2, p3 = grp_from_quaternion_components(d1, d2, d3, d4, GRP_A, GRP_F)
-            differences[row, 0] = p1
-            differences[row, 1] = p2
-            differences[row, 2] = p3
-            differences[row, 3] = w1
-            differences[row, 4] = w2
-            differences[row, 5] = w3
-
-
-@njit(cache=True, error_model="numpy")
 def _turn_left(quaternion, d1, d2, d3, d4):
     """quaternion <- d (x) quaternion, normalised (compiled)."""
     q1, q2, q3, q4 = multiply_components(
@@ -206,7 +170,7 @@ def condition(quaternion, translation, mu):
 
 
 @njit(cache=True, error_model="numpy")
-def predict(quaternion, omega, translation, root, step_s, step, constants, work):
+def predict(quaternion, omega, translation, root, bodies, j, step_s, step, constants, work):
     """Carry one target's estimate over a step (compiled).
 
     Parameters
@@ -215,6 +179,10 @@ def predict(quaternion, omega, translation, root, step_s, step, constants, work)
         Means; updated in place.
     root : ndarray, shape (12, 12)
         Lower Cholesky factor of the covariance; updated in place.
+    bodies : RigidBodies
+        Of all targets.
+    j : int
+        Index of the target.
     step_s, step : float
         The step in seconds and nondimensional.
     constants : FilterConstants
@@ -234,8 +202,13 @@ def predict(quaternion, omega, translation, root, step_s, step, constants, work)
     bundle, differences = work.bundle, work.differences
     spread_translation(translation, root, spread, bundle)
     step_bundle(bundle, step, constants.mu, work.slopes, work.stage)
-    turn = rotation_vector_components(omega[0] * step_s, omega[1] * step_s, omega[2] * step_s)
-    _attitude_differences(omega, root, spread, step_s, turn, differences)
+    if bodies.spherical[j]:
+        turn = rotation_vector_components(omega[0] * step_s, omega[1] * step_s, omega[2] * step_s)
+        spherical_differences(omega, root, spread, step_s, turn, differences)
+    else:
+        turn = general_differences(
+            omega, root, spread, step_s, bodies.inertia[j], bodies.inverse[j], differences
+        )
     for c in range(6):
         center = bundle[c, 0]
         for i in range(POINTS - 1):

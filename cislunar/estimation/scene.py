@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.attitude.inertia import inertia_matrix
 from cislunar.attitude.quaternion import attitude_matrix
 from cislunar.attitude.rigid_body import propagate_spherical
 from cislunar.constants import TIME_UNIT_S
@@ -54,7 +55,9 @@ class Scene(NamedTuple):
 
 
 class TargetSurfaces(NamedTuple):
-    """Shapes and materials of the targets, in the layout of the compiled kernels.
+    """Shapes, materials and inertia of the targets, in the layout of the compiled kernels.
+
+    All that is known of the targets as bodies, or believed: how they reflect and how they turn.
 
     Attributes
     ----------
@@ -68,6 +71,8 @@ class TargetSurfaces(NamedTuple):
         Rows of `cislunar.photometry.materials.Material.as_array`.
     irradiance_4pi, fresnel_sqrt : bool
         Readings of the reflection model, see `PhotometryModel`.
+    inertia : ndarray, shape (target, 3, 3)
+        Inertia matrices, body frame. Only their ratios matter: bodies turn without torque.
     """
 
     areas: Array
@@ -76,6 +81,7 @@ class TargetSurfaces(NamedTuple):
     material: Array
     irradiance_4pi: bool
     fresnel_sqrt: bool
+    inertia: Array
 
 
 def make_scene(
@@ -179,8 +185,10 @@ def target_surfaces(
     material: Material | Sequence[Material],
     n_targets: int,
     model: PhotometryModel | None = None,
+    *,
+    inertia: ArrayLike = 1.0,
 ) -> TargetSurfaces:
-    """Lay out shapes and materials for the compiled kernels.
+    """Lay out shapes, materials and inertia for the compiled kernels.
 
     Parameters
     ----------
@@ -192,6 +200,9 @@ def target_surfaces(
         Number of targets.
     model : PhotometryModel, optional
         Reading of the reflection model; the default one if omitted.
+    inertia : array_like, shape (), (3,), (3, 3) or (target, 3, 3)
+        One for all targets (see `cislunar.attitude.inertia.inertia_matrix`), or a matrix for
+        each; spherical if omitted.
 
     Returns
     -------
@@ -200,11 +211,14 @@ def target_surfaces(
     Raises
     ------
     ConfigurationError
-        If a sequence does not hold one entry for each target.
+        If a sequence does not hold one entry for each target, or no rigid body has such an
+        inertia.
     """
     shapes = [facets] * n_targets if isinstance(facets, Facets) else list(facets)
     surfaces = [material] * n_targets if isinstance(material, Material) else list(material)
-    for key, entries in (("facets", shapes), ("material", surfaces)):
+    given = np.asarray(inertia, dtype=float)
+    bodies = list(given) if given.ndim == 3 else [given] * n_targets
+    for key, entries in (("facets", shapes), ("material", surfaces), ("inertia", bodies)):
         if len(entries) != n_targets:
             raise ConfigurationError(
                 f"{key}: {len(entries)} entries given for {n_targets} targets; give one for all, "
@@ -219,4 +233,5 @@ def target_surfaces(
         np.array([surface.as_array() for surface in surfaces]),
         model.irradiance_4pi,
         model.fresnel_sqrt,
+        np.array([inertia_matrix(body) for body in bodies]),
     )

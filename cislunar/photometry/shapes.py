@@ -1,4 +1,4 @@
-"""Convex bodies of triangular facets: icosahedron, subdivided sphere."""
+"""Convex bodies of triangular facets: icosahedron, subdivided sphere, stretched bodies."""
 
 from dataclasses import dataclass
 
@@ -81,6 +81,39 @@ def scale_to_sphere(facets: Facets, radius_m: float) -> Facets:
         raise ConfigurationError(f"shape radius_m = {radius_m} must be positive")
     factor = 4.0 * np.pi * radius_m**2 / facets.total_area
     return Facets(areas=facets.areas * factor, normals=facets.normals)
+
+
+def stretch(facets: Facets, factors: ArrayLike) -> Facets:
+    """The body stretched along its axes.
+
+    The linear map M = diag(factors) takes the vector area A n of a facet to det(M) M^-T A n, so
+    that the vertices are not needed. A convex body stays convex.
+
+    Parameters
+    ----------
+    facets : Facets
+        Shape.
+    factors : array_like, shape (3,)
+        Positive, one for each body axis.
+
+    Returns
+    -------
+    Facets
+        With the areas and normals of the stretched facets.
+
+    Raises
+    ------
+    ConfigurationError
+        If the factors are not three positive numbers.
+    """
+    given = np.asarray(factors, dtype=float)
+    if given.shape != (3,) or not np.all((given > 0.0) & np.isfinite(given)):
+        raise ConfigurationError(f"shape stretch = {given.tolist()} must be three positive numbers")
+    if np.all(given == 1.0):
+        return facets
+    vectors = facets.areas[:, None] * facets.normals * (np.prod(given) / given)
+    areas = np.linalg.norm(vectors, axis=1)
+    return Facets(areas=areas, normals=vectors / areas[:, None])
 
 
 def _icosahedron_mesh() -> tuple[Array, NDArray[np.int64]]:

@@ -9,7 +9,8 @@ Assumptions and limitations
 - An observer whose best pairing brings no information stays idle until the next epoch.
 - The paper judges information "at" the epoch; here it is that of the first measurement after it,
   from the covariance predicted to that time.
-- The truth follows the filter's own dynamics and reflection model.
+- The truth has the filter's own translational dynamics, and its reflection model in form. Shapes,
+  materials, inertia, noise and torque may differ (`cislunar.tasking.simulation.TruthModel`).
 """
 
 from collections.abc import Callable, Sequence
@@ -32,6 +33,7 @@ from cislunar.tasking.simulation import (
     ESTIMATOR,
     TASKING,
     Truth,
+    TruthModel,
     draw_truth,
     estimation_errors,
     initial_estimate,
@@ -130,11 +132,13 @@ class _Run:
         settings: LoopSettings,
         estimator: Estimator,
         truth: Truth,
+        true_surfaces: TargetSurfaces,
         seed: int,
         mu: float,
     ) -> None:
         self.scene, self.surfaces, self.settings = scene, surfaces, settings
         self.estimator, self.truth, self.seed, self.mu = estimator, truth, seed, mu
+        self.true_surfaces = true_surfaces
         n_targets, n_steps = truth.translation.shape[0], settings.n_steps
         n_observers, n_epochs = scene.observer_position.shape[0], settings.epochs.size
         self.error = np.empty((n_targets, n_steps, 12))
@@ -175,7 +179,7 @@ class _Run:
             first,
             stop - start,
             self.scene,
-            self.surfaces,
+            self.true_surfaces,
             settings.sensor,
             observer_of,
             self.truth.translation,
@@ -201,6 +205,7 @@ def run_closed_loop(
     *,
     estimator: EstimatorFactory | None = None,
     initial: InitialEstimate | None = None,
+    truth: TruthModel | None = None,
     mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
 ) -> LoopResult:
@@ -211,7 +216,7 @@ def run_closed_loop(
     scene : Scene
         Observers and Sun on the grid ``settings.elapsed_s``.
     surfaces : TargetSurfaces
-        Shapes and materials of the monitored targets.
+        Shapes, materials and inertia of the monitored targets, as the estimator believes them.
     epoch_state : array_like, shape (target, 6)
         Mean states of the monitored targets at the epoch, nondimensional, rotating frame.
     target_ids : array_like of int, shape (target,)
@@ -225,6 +230,9 @@ def run_closed_loop(
     initial : InitialEstimate, optional
         Estimates at the epoch, instead of the paper's attitude and angular velocity for all
         targets, with `epoch_state` and ``settings.initial``.
+    truth : TruthModel, optional
+        What the targets truly are and how noisy the measurements; as believed, without torque, if
+        omitted. Neither estimator nor tasking knows it.
     mu : float
         Mass ratio.
     progress : callable, optional
@@ -244,7 +252,9 @@ def run_closed_loop(
     ids = np.asarray(target_ids, dtype=np.int64)
     if initial is None:
         initial = initial_estimate(epoch_state, settings.initial.components())
-    _require_consistency(scene, surfaces, initial, ids, seeds, settings)
+    if truth is None:
+        truth = TruthModel(surfaces, settings.sensor.noise, np.zeros(3))
+    _require_consistency(scene, surfaces, truth, initial, ids, seeds, settings)
     recorded = settings.recorded
     n_epochs, n_targets = settings.epochs.size, ids.size
     shape = (len(seeds), recorded.size, n_targets, 12)
@@ -252,9 +262,18 @@ def run_closed_loop(
     fate = np.empty((len(seeds), settings.n_steps, n_targets), np.uint8)
     runs, metrics = [], []
     for s, seed in enumerate(seeds):
-        truth = draw_truth(initial, scene, settings.sensor.noise, seed, ids, mu)
+        motion = draw_truth(
+            initial,
+            scene,
+            truth.noise,
+            seed,
+            ids,
+            mu,
+            inertia=truth.surfaces.inertia,
+            angular_acceleration=truth.angular_acceleration,
+        )
         own = factory(scene, surfaces, settings.sensor, initial, stream(ESTIMATOR, seed), mu)
-        run = _Run(scene, surfaces, settings, own, truth, seed, mu)
+        run = _Run(scene, surfaces, settings, own, motion, truth.surfaces, seed, mu)
         for number in range(n_epochs):
             run.epoch(number)
             if progress is not None:
@@ -286,6 +305,7 @@ def run_closed_loop(
 def _require_consistency(
     scene: Scene,
     surfaces: TargetSurfaces,
+    truth: TruthModel,
     initial: InitialEstimate,
     ids: NDArray[np.int64],
     seeds: Sequence[int],
@@ -304,6 +324,7 @@ def _require_consistency(
     counts = {
         "epoch_state": initial.translation.shape[0],
         "surfaces": surfaces.material.shape[0],
+        "truth.surfaces": truth.surfaces.material.shape[0],
         "target_ids": ids.size,
     }
     if len(set(counts.values())) != 1 or ids.size == 0:

@@ -11,13 +11,15 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude import grp
+from cislunar.attitude.inertia import is_spherical
 from cislunar.attitude.quaternion import compose, multiply_components
+from cislunar.attitude.rigid_body import propagate_under_torque
 from cislunar.constants import MU
 from cislunar.dynamics.propagation import propagate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.bundle import propagate_bundle
 from cislunar.estimation.estimator import Estimates, InitialEstimate
-from cislunar.estimation.scene import Scene, constant_rate_attitude
+from cislunar.estimation.scene import Scene, TargetSurfaces, constant_rate_attitude
 
 Array = NDArray[np.float64]
 
@@ -91,6 +93,24 @@ def epoch_states(state: ArrayLike, period: ArrayLike, seed: int, mu: float = MU)
     )
 
 
+class TruthModel(NamedTuple):
+    """What targets and sensors truly are; estimators may believe otherwise.
+
+    Attributes
+    ----------
+    surfaces : TargetSurfaces
+        Shapes, materials and inertia.
+    noise : ndarray, shape (3,)
+        Standard deviations of the measurements: mag, rad, rad.
+    angular_acceleration : ndarray, shape (3,)
+        That which a torque constant in the body frame gives every target, rad/s^2.
+    """
+
+    surfaces: TargetSurfaces
+    noise: Array
+    angular_acceleration: Array
+
+
 class Truth(NamedTuple):
     """True motion of the targets on the grid of measurement times, and their noise.
 
@@ -100,8 +120,8 @@ class Truth(NamedTuple):
         Nondimensional, rotating frame.
     quaternion : ndarray, shape (target, time, 4)
         Inertial to body.
-    angular_velocity : ndarray, shape (target, 3)
-        rad/s, body frame; constant for spherical inertia.
+    angular_velocity : ndarray, shape (target, time, 3)
+        rad/s, body frame; constant for spherical inertia without torque.
     noise : ndarray, shape (target, time, 3)
         Errors of magnitude (mag), right ascension and declination (rad).
     """
@@ -137,6 +157,16 @@ def initial_estimate(translation: ArrayLike, sigma: ArrayLike) -> InitialEstimat
     )
 
 
+def _rotation(
+    quaternion: Array, rate: Array, elapsed_s: Array, inertia: Array, acceleration: Array
+) -> tuple[Array, Array]:
+    """Attitude and angular velocity of one target at all times, in closed form where there is."""
+    if is_spherical(inertia) and not np.any(acceleration):
+        rates = np.tile(rate, (elapsed_s.size, 1))
+        return constant_rate_attitude(quaternion, rate, elapsed_s), rates
+    return propagate_under_torque(quaternion, rate, elapsed_s, inertia, acceleration)
+
+
 def draw_truth(
     initial: InitialEstimate,
     scene: Scene,
@@ -144,6 +174,9 @@ def draw_truth(
     seed: int,
     target_ids: ArrayLike,
     mu: float = MU,
+    *,
+    inertia: ArrayLike | None = None,
+    angular_acceleration: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Truth:
     """Sample the true states from the initial distribution and propagate them.
 
@@ -161,6 +194,10 @@ def draw_truth(
         Identity of each target, which with the seed selects its random numbers.
     mu : float
         Mass ratio.
+    inertia : array_like, shape (target, 3, 3), optional
+        Inertia matrices, body frame; spherical if omitted.
+    angular_acceleration : array_like, shape (3,)
+        As in `TruthModel`; without torque if omitted.
 
     Returns
     -------
@@ -173,13 +210,17 @@ def draw_truth(
     start = compose(grp.to_quaternion(error[:, :3]), initial.quaternion)
     omega = initial.angular_velocity + error[:, 3:6]
     elapsed = scene.step_s * np.arange(n_times)
+    bodies = np.tile(np.eye(3), (ids.size, 1, 1)) if inertia is None else np.asarray(inertia)
+    forced = np.asarray(angular_acceleration, dtype=float)
+    rotations = [
+        _rotation(q, w, elapsed, body, forced)
+        for q, w, body in zip(start, omega, bodies, strict=True)
+    ]
     draws = [stream(_MEASUREMENT, seed, j).standard_normal((n_times, 3)) for j in ids]
     return Truth(
         propagate_bundle(initial.translation + error[:, 6:], scene.step, n_times - 1, mu),
-        np.array(
-            [constant_rate_attitude(q, w, elapsed) for q, w in zip(start, omega, strict=True)]
-        ),
-        omega,
+        np.array([attitude for attitude, _ in rotations]),
+        np.array([rate for _, rate in rotations]),
         np.array(draws) * np.asarray(noise, dtype=float),
     )
 
@@ -197,7 +238,7 @@ def _errors(first, truth, estimates, a, f, out):
             out[j, i, 2] = p3
             for c in range(3):
                 out[j, i, 3 + c] = (
-                    truth.angular_velocity[j, c] - estimates.angular_velocity[j, i, c]
+                    truth.angular_velocity[j, first + i, c] - estimates.angular_velocity[j, i, c]
                 )
             for c in range(6):
                 out[j, i, 6 + c] = (
