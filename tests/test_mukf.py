@@ -13,11 +13,11 @@ from cislunar.estimation.mukf import INITIAL_SPREAD, MultiplicativeUKF, Spread, 
 from cislunar.estimation.mukf_kernels import (
     CHOLESKY_FAILURES,
     FLOOR_HITS,
-    INSIDE_PRIMARY,
     OUT_OF_FIELD,
     UPDATES,
 )
 from cislunar.estimation.scene import target_surfaces
+from cislunar.estimation.translation_filter import INSIDE_PRIMARY
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop

@@ -93,7 +93,7 @@ class Estimator(Protocol):
 
     @property
     def failed(self) -> NDArray[np.uint8]:
-        """Per target, 0 or why its estimate came to an end (`mukf_kernels` lists the reasons)."""
+        """Per target, 0 or why its estimate came to an end (listed in `translation_filter`)."""
         ...
 
     @property

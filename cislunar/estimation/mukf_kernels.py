@@ -18,12 +18,12 @@ from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
 from cislunar.estimation.attitude_spread import general_differences, spherical_differences
 from cislunar.estimation.bundle import STAGES, step_bundle
-from cislunar.estimation.measurement import (
-    EARTH_RADIUS,
-    MOON_RADIUS,
-    direction_angles,
-    target_magnitude,
-    wrap_angle,
+from cislunar.estimation.measurement import direction_angles, target_magnitude, wrap_angle
+from cislunar.estimation.translation_filter import (
+    HEALTHY,
+    LOST_DEFINITENESS,
+    NOT_FINITE,
+    translation_condition,
 )
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import (
@@ -40,9 +40,6 @@ Array = NDArray[np.float64]
 SIZE = 12
 POINTS = 2 * SIZE + 1
 WEIGHTS = unscented_weights(SIZE)
-
-# Condition of an estimate.
-HEALTHY, NOT_FINITE, INSIDE_PRIMARY, LOST_DEFINITENESS = range(4)
 
 # Counters kept per target.
 UPDATES, OUT_OF_FIELD, FLOOR_HITS, CHOLESKY_FAILURES = range(4)
@@ -153,20 +150,9 @@ def _apply(quaternion, omega, translation, correction):
 @njit(cache=True, error_model="numpy")
 def condition(quaternion, translation, mu):
     """Whether an estimate is usable: HEALTHY, NOT_FINITE or INSIDE_PRIMARY (compiled)."""
-    total = 0.0
-    for c in range(4):
-        total += quaternion[c]
-    for c in range(6):
-        total += translation[c]
-    if not np.isfinite(total):
+    if not np.isfinite(np.sum(quaternion)):
         return NOT_FINITE
-    x, y, z = translation[0], translation[1], translation[2]
-    off_axis = y * y + z * z
-    if (x + mu) ** 2 + off_axis < EARTH_RADIUS * EARTH_RADIUS:
-        return INSIDE_PRIMARY
-    if (x - 1.0 + mu) ** 2 + off_axis < MOON_RADIUS * MOON_RADIUS:
-        return INSIDE_PRIMARY
-    return HEALTHY
+    return translation_condition(translation, mu)
 
 
 @njit(cache=True, error_model="numpy")

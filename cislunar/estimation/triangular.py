@@ -78,3 +78,22 @@ def solve_lower(lower, vector):
         for k in range(i):
             total -= lower[i, k] * vector[k]
         vector[i] = total / lower[i, i]
+
+
+@njit(cache=True, error_model="numpy")
+def solve_transposed(lower, vector):
+    """Replace a vector b by L^-T b for a lower triangular L (compiled).
+
+    Parameters
+    ----------
+    lower : ndarray, shape (n, n)
+        L; only its lower triangle is read.
+    vector : ndarray, shape (n,)
+        b; receives the solution.
+    """
+    n = vector.shape[0]
+    for i in range(n - 1, -1, -1):
+        total = vector[i]
+        for j in range(i + 1, n):
+            total -= lower[j, i] * vector[j]
+        vector[i] = total / lower[i, i]

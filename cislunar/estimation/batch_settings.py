@@ -1,0 +1,97 @@
+"""Settings of the batch estimator, and named choices of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.hypotheses import SearchSettings
+
+
+@dataclass(frozen=True)
+class BatchSettings:
+    """How the attitude is fitted.
+
+    Attributes
+    ----------
+    modes : int
+        Most modes of the posterior kept.
+    starts, first_starts : int
+        Starts of a fit besides the live modes, and of the first fit.
+    pool : int
+        Random points out of which the starts are chosen by cost; at least as many as starts.
+    refit_growth : float
+        Share by which a light curve has to grow before it is fitted between tasking epochs; 0
+        fits at tasking epochs only.
+    window_hours : float or None
+        Age beyond which data are condensed into a Gaussian per mode; None keeps all.
+    use_non_detections : bool
+        Whether a tasked target that was in clear view and not seen counts as fainter than the
+        limit.
+    magnitude_noise_factor : float
+        Factor on the sensor's magnitude noise, for models known to be inexact.
+    magnitude_offset : float
+        Standard deviation of an unknown offset common to all magnitudes of a target, mag.
+
+    Raises
+    ------
+    ConfigurationError
+        If a setting is impossible; the message names it.
+    """
+
+    modes: int = 8
+    starts: int = 4
+    first_starts: int = 8
+    pool: int = 64
+    refit_growth: float = 0.25
+    window_hours: float | None = None
+    use_non_detections: bool = False
+    magnitude_noise_factor: float = 1.0
+    magnitude_offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.modes < 1:
+            raise ConfigurationError(f"modes = {self.modes} must be at least 1")
+        if min(self.starts, self.first_starts) < 0:
+            raise ConfigurationError(
+                f"starts = {self.starts} and first_starts = {self.first_starts} must not be "
+                "negative"
+            )
+        if self.pool < max(self.starts, self.first_starts):
+            raise ConfigurationError(
+                f"pool = {self.pool} must be at least as large as starts = {self.starts} and "
+                f"first_starts = {self.first_starts}"
+            )
+        for key in ("refit_growth", "magnitude_offset"):
+            if not (getattr(self, key) >= 0.0 and np.isfinite(getattr(self, key))):
+                raise ConfigurationError(
+                    f"{key} = {getattr(self, key)} must be finite and not negative"
+                )
+        positive = {"magnitude_noise_factor": self.magnitude_noise_factor}
+        if self.window_hours is not None:
+            positive["window_hours"] = self.window_hours
+        for key, value in positive.items():
+            if not (value > 0.0 and np.isfinite(value)):
+                raise ConfigurationError(f"{key} = {value} must be positive and finite")
+
+    def search_settings(self) -> SearchSettings:
+        """The same for the compiled kernels, with the constants of the method."""
+        return SearchSettings(
+            self.modes,
+            self.starts,
+            self.first_starts,
+            self.pool,
+            warm_iterations=3,
+            iterations=8,
+            spread=3.0,
+            merge_distance=2.0,
+            drop=12.0,
+        )
+
+
+PRESETS = {
+    "default": BatchSettings(),
+    "accurate": BatchSettings(modes=16, starts=8, first_starts=16, pool=128, refit_growth=0.1),
+    "single-start": BatchSettings(modes=1, starts=0, first_starts=0, pool=0),
+}
+"""Settings by name; "single-start" is for comparison, not for use."""

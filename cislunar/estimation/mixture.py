@@ -1,0 +1,104 @@
+"""Mean and spread of an attitude given as weighted points, step by step."""
+
+import numpy as np
+from numba import njit
+
+from cislunar.attitude.grp import (
+    GRP_A,
+    GRP_F,
+    grp_from_quaternion_components,
+    quaternion_from_grp_components,
+)
+from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
+from cislunar.attitude.sensitivity import propagate_with_sensitivity
+
+RECENTERINGS = 2
+"""Times the reference of the mean attitude is moved to the mean error about it."""
+
+
+@njit(cache=True, error_model="numpy")
+def step_points(quaternion, omega, dt, inertia, inverse_inertia, spherical, unused):
+    """Carry attitudes and angular velocities of one body over a step, in place (compiled).
+
+    Parameters
+    ----------
+    quaternion, omega : ndarray, shapes (n, 4) and (n, 3)
+        Inertial to body; rad/s, body frame.
+    dt : float
+        s.
+    inertia, inverse_inertia : ndarray, shape (3, 3)
+    spherical : bool
+        Whether the angular velocity is constant; the step is then exact.
+    unused : ndarray, shape (6, 3)
+        Scratch.
+    """
+    for i in range(quaternion.shape[0]):
+        q, w = quaternion[i], omega[i]
+        if spherical:
+            t1, t2, t3, t4 = rotation_vector_components(w[0] * dt, w[1] * dt, w[2] * dt)
+            q[0], q[1], q[2], q[3] = multiply_components(t1, t2, t3, t4, q[0], q[1], q[2], q[3])
+        else:
+            propagate_with_sensitivity(q, w, unused, dt, inertia, inverse_inertia, False)
+
+
+@njit(cache=True, error_model="numpy")
+def mixture_moments(quaternion, omega, weight, mean_quaternion, mean_omega, differences):
+    """Mean attitude and angular velocity, and what the points differ from them (compiled).
+
+    Parameters
+    ----------
+    quaternion, omega, weight : ndarray, shapes (n, 4), (n, 3), (n,)
+        The points.
+    mean_quaternion, mean_omega : ndarray, shapes (4,) and (3,)
+        Receive the means; the attitude's is the one about which the mean GRP error vanishes.
+    differences : ndarray, shape (n, 6)
+        Receives GRP of ``q_i (x) q_mean^-1`` and ``omega_i - omega_mean``.
+    """
+    n = quaternion.shape[0]
+    heaviest = 0
+    for i in range(n):
+        if weight[i] > weight[heaviest]:
+            heaviest = i
+    mean_quaternion[:] = quaternion[heaviest]
+    for repeat in range(RECENTERINGS + 1):
+        m = mean_quaternion
+        p1, p2, p3 = 0.0, 0.0, 0.0
+        for i in range(n):
+            q = quaternion[i]
+            d1, d2, d3, d4 = multiply_components(q[0], q[1], q[2], q[3], -m[0], -m[1], -m[2], m[3])
+            x, y, z = grp_from_quaternion_components(d1, d2, d3, d4, GRP_A, GRP_F)
+            differences[i, 0], differences[i, 1], differences[i, 2] = x, y, z
+            p1 += weight[i] * x
+            p2 += weight[i] * y
+            p3 += weight[i] * z
+        if repeat == RECENTERINGS:
+            break
+        d1, d2, d3, d4 = quaternion_from_grp_components(p1, p2, p3, GRP_A, GRP_F)
+        d1, d2, d3, d4 = multiply_components(d1, d2, d3, d4, m[0], m[1], m[2], m[3])
+        scale = 1.0 / np.sqrt(d1 * d1 + d2 * d2 + d3 * d3 + d4 * d4)
+        mean_quaternion[0], mean_quaternion[1] = scale * d1, scale * d2
+        mean_quaternion[2], mean_quaternion[3] = scale * d3, scale * d4
+    for c in range(3):
+        mean_omega[c] = 0.0
+        for i in range(n):
+            mean_omega[c] += weight[i] * omega[i, c]
+        for i in range(n):
+            differences[i, 3 + c] = omega[i, c] - mean_omega[c]
+
+
+@njit(cache=True, error_model="numpy")
+def weighted_deviations(differences, weight, sigma):
+    """Root of the second moment of each component, into `sigma` (compiled).
+
+    Parameters
+    ----------
+    differences : ndarray, shape (n, 6)
+    weight : ndarray, shape (n,)
+    sigma : ndarray, shape (6,)
+        Receives the standard deviations.
+    """
+    for c in range(sigma.shape[0]):
+        total = 0.0
+        for i in range(weight.shape[0]):
+            total += weight[i] * differences[i, c] * differences[i, c]
+        sigma[c] = np.sqrt(total)
