@@ -386,7 +386,7 @@ def explained_keys():
 def leaves(mapping, prefix=""):
     """Paths of the innermost keys; what a variant changes are settings of keys explained above."""
     for key, value in mapping.items():
-        if isinstance(value, dict) and key != "change":
+        if isinstance(value, dict) and value and key != "change":
             yield from leaves(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}"

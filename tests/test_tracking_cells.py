@@ -1,6 +1,7 @@
 """Cells of the tracking campaign: configuration, refusals, data sets."""
 
 import copy
+import json
 import re
 from pathlib import Path
 
@@ -12,16 +13,24 @@ import yaml
 from cislunar.campaign.configuration import check_campaign, load_schema, with_types
 from cislunar.campaign.netcdf import read_dataset, write_dataset
 from cislunar.campaign.tasking_comparison import compared_dataset, gather
-from cislunar.campaign.tracking import body_facets, loop_settings, realization_seeds
+from cislunar.campaign.tracking import (
+    body_facets,
+    loop_settings,
+    realization_seeds,
+    truth_model,
+)
 from cislunar.campaign.tracking_cells import (
     TRACKED_TARGETS,
     Cell,
     campaign_cells,
     cell_settings,
     check_cell,
+    estimator_names,
     merged,
     mesh_file,
     sweep_cells,
+    true_settings,
+    variant_cells,
 )
 from cislunar.campaign.tracking_dataset import cell_dataset
 from cislunar.campaign.tracking_summary import (
@@ -34,7 +43,9 @@ from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.estimation.mukf import INITIAL_SPREAD
 from cislunar.orbits import tracked as tracked_orbits
+from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import LoopSettings
+from cislunar.tasking.simulation import INITIAL_RATE_DEG_H
 
 ROOT = Path(__file__).resolve().parents[1]
 SCHEMA = load_schema(ROOT / "workflow/schemas/config.schema.yaml")
@@ -152,6 +163,13 @@ def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
         ("task2.tasking_comparison.tpe_evaluations", 10),
         ("task2.tasking_comparison.targets", []),
         ("task2.body.radius_m", None),
+        ("task2.body.stretch", [1, 1]),
+        ("task2.body.stretch", [1, 1, 0]),
+        ("task2.body.inertia", [1, 1, 3]),
+        ("task2.body.inertia", [1, 2]),
+        ("task2.truth.material", {"rms_slope": 0}),
+        ("task2.truth.sensor", {"magnitude_noise": -0.1}),
+        ("task2.truth.angular_acceleration_deg_h2", 0.1),
     ],
 )
 def test_impossible_values_name_the_key(config, key, value):
@@ -177,6 +195,11 @@ def test_unknown_keys_are_refused_with_a_suggestion(config):
         ({"sensor": {"magnitude_noise": 0}}, "sensor.magnitude_noise"),
         ({"step_s": 7}, "multiple of step_s"),
         ({"step_s": 24, "record_minutes": 6}, None),
+        ({"truth": {"sensors": {"magnitude_noise": 0.2}}}, "truth.sensors'.*did you mean 'sensor'"),
+        ({"truth": {"sensor": {"field_of_view_deg": 2}}}, "truth.sensor.field_of_view_deg"),
+        ({"truth": {"material": {"rms_slop": 0.3}}}, "truth.material.rms_slop"),
+        ({"truth": {"body": {"inertia": [1, 1, 3]}}}, "truth.body.inertia': principal moments"),
+        ({"truth": {"body": {"radius_m": None}}}, "truth.body.radius_m': an icosahedron"),
     ],
 )
 def test_changes_of_a_variant_are_checked_like_settings(config, change, message):
@@ -189,6 +212,75 @@ def test_changes_of_a_variant_are_checked_like_settings(config, change, message)
     with pytest.raises(ConfigurationError, match=message) as caught:
         check_campaign(config, SCHEMA)
     assert "task2.variants.cells.other.change" in str(caught.value)
+
+
+def test_truth_is_the_belief_unless_said_otherwise(config):
+    believed = cell_settings(config["task2"])
+    true = true_settings(believed)
+    for key in ("material", "body", "sensor"):
+        assert true[key] == believed[key]
+    assert true["angular_acceleration_deg_h2"] == [0, 0, 0]
+    model = truth_model(believed, 3)
+    loop = loop_settings(believed, 60)
+    np.testing.assert_array_equal(model.noise, loop.sensor.noise)
+    np.testing.assert_array_equal(model.surfaces.areas, np.tile(icosahedron(1.0).areas, 3))
+    np.testing.assert_array_equal(model.surfaces.inertia, np.tile(np.eye(3), (3, 1, 1)))
+    assert not model.angular_acceleration.any()
+
+
+def test_truth_changes_alone(config):
+    """Noise, surface, shape, inertia and torque of the truth; the settings of the loop stay."""
+    usual = loop_settings(cell_settings(config["task2"]), 60)
+    change = {
+        "material": {"rms_slope": 0.4},
+        "body": {"stretch": [1, 1, 1.2], "inertia": [1, 1, 1.2]},
+        "sensor": {"magnitude_noise": 0.2},
+        "angular_acceleration_deg_h2": [0, 0, 0.1],
+    }
+    config["task2"]["truth"] = change
+    check_campaign(config, SCHEMA)
+    settings = cell_settings(config["task2"])
+    assert loop_settings(settings, 60) == usual
+    model = truth_model(settings, 2)
+    assert model.noise[0] == 0.2
+    np.testing.assert_array_equal(model.noise[1:], usual.sensor.noise[1:])
+    np.testing.assert_allclose(model.surfaces.material[:, 3], 0.4)
+    np.testing.assert_allclose(model.surfaces.inertia[1], np.diag([1, 1, 1.2]))
+    # stretched, and scaled back to the surface of the sphere
+    assert model.surfaces.areas.sum() == pytest.approx(2 * 4.0 * np.pi)
+    assert np.ptp(model.surfaces.areas) > 0.05
+    assert model.angular_acceleration[2] == pytest.approx(np.deg2rad(0.1) / 3600.0**2)
+    # half a day of 0.1 deg/h^2 turns by 0.1 * 12^2 / 2 = 7.2 deg
+    seconds = 43_200.0
+    turned = np.rad2deg(0.5 * model.angular_acceleration[2] * seconds**2)
+    assert turned == pytest.approx(7.2)
+
+
+def test_torques_of_the_variants_turn_by_what_their_names_say(config):
+    for name, degrees in (("torque-5", 5.0), ("torque-30", 30.0)):
+        settings = cell_settings(config["task2"], name)
+        pushed = np.array(true_settings(settings)["angular_acceleration_deg_h2"])
+        assert 0.5 * np.linalg.norm(pushed) * 24.0**2 == pytest.approx(degrees, rel=1e-3)
+        spin = np.array(INITIAL_RATE_DEG_H)
+        cosine = pushed @ spin / np.linalg.norm(pushed) / np.linalg.norm(spin)
+        assert cosine == pytest.approx(1.0)
+
+
+def test_a_variant_names_its_estimators(config):
+    task2 = config["task2"]
+    task2["estimators"] = ["mukf", "other"]
+    task2["variants"]["cells"] = {
+        "plain": {"targets": [20], "change": {"step_s": 30}},
+        "both": {"targets": [20], "estimators": ["other", "mukf"], "change": {"step_s": 30}},
+        "foreign": {"targets": [20], "estimators": ["third"], "change": {"step_s": 30}},
+    }
+    found = [(cell.variant, cell.estimator) for cell in variant_cells(task2)]
+    assert found == [
+        ("plain", "mukf"), ("both", "other"), ("both", "mukf"), ("foreign", "third"),
+    ]  # fmt: skip
+    assert estimator_names(task2) == ["mukf", "other", "third"]
+    plain = {cell for cell in campaign_cells(task2) if not cell.variant and cell.targets == 20}
+    assert Cell("A", "published", "third", 20, 60) in plain
 
 
 def test_a_change_leaves_the_other_settings_alone(config):
@@ -333,6 +425,20 @@ def test_cells_share_targets_truth_and_noise(sources, tracked_cell):
     )
 
 
+def test_a_cell_tracks_a_truth_unknown_to_its_estimator(sources, tracked_cell):
+    """Same tasking at the start, other errors; the file tells the truth."""
+    told = {"sensor": {"magnitude_noise": 0.3}, "material": {"rms_slope": 0.4}}
+    other = _cell(sources, truth=told)
+    np.testing.assert_array_equal(other["assignment"][:, 0], tracked_cell["assignment"][:, 0])
+    assert (other["error"].values != tracked_cell["error"].values).any()
+    settings = json.loads(other.attrs["settings"])
+    assert settings["truth"] == told
+    assert settings["material"]["rms_slope"] == 0.3
+    turned = _cell(sources, truth={"body": {"inertia": [1, 1, 1.2]}})
+    moved = turned["error"].values[..., :6] != tracked_cell["error"].values[..., :6]
+    assert moved.any(axis=(1, 3)).all()
+
+
 def test_surplus_observers_stay_idle(sources):
     crowded = _cell(sources, targets=1)
     assert ((crowded["assignment"].values >= 0).sum(axis=-1) <= 1).all()
@@ -368,7 +474,7 @@ def test_body_from_a_mesh_file_sets_the_tasking_sphere(tmp_path):
     lines = [f"v {c}" for c in corners] + [f"f {f}" for f in faces]
     path = tmp_path / "tetrahedron.obj"
     path.write_text("\n".join(lines))
-    body = {"shape": str(path), "radius_m": None, "metres_per_unit": 0.5}
+    body = {"shape": str(path), "radius_m": None, "metres_per_unit": 0.5, "stretch": [1, 1, 1]}
     area = 4.0 * np.sqrt(3.0) / 4.0 * (0.5 * np.sqrt(8.0)) ** 2
     assert body_facets(body).total_area == pytest.approx(area)
     settings = _small(body=body)
@@ -376,6 +482,9 @@ def test_body_from_a_mesh_file_sets_the_tasking_sphere(tmp_path):
     assert radius == pytest.approx(np.sqrt(area / (4.0 * np.pi)))
     assert mesh_file(settings) == [str(path)]
     assert mesh_file(_small()) == []
+    assert mesh_file(_small(truth={"body": body})) == [str(path)]
+    assert mesh_file(_small(body=body, truth={"body": body})) == [str(path)]
+    assert body_facets(body | {"stretch": [2, 2, 2]}).total_area == pytest.approx(4.0 * area)
 
 
 def test_statistics_are_over_the_observed_targets(tracked_cell):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cislunar.architecture.coverage import architecture_tracks
 from cislunar.campaign.inputs import sun_at
 from cislunar.campaign.progress import Progress
-from cislunar.campaign.tracking_cells import Cell, check_cell
+from cislunar.campaign.tracking_cells import Cell, check_cell, true_settings
 from cislunar.constants import TIME_UNIT_S
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import EstimatorFactory
@@ -20,10 +20,10 @@ from cislunar.estimation.scene import Scene, TargetSurfaces, make_scene, target_
 from cislunar.geometry.exclusion import ExclusionAngles
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.mesh_files import load_shape
-from cislunar.photometry.shapes import Facets, icosahedron
+from cislunar.photometry.shapes import Facets, icosahedron, scale_to_sphere, stretch
 from cislunar.tasking.closed_loop import LoopResult, LoopSettings, run_closed_loop
 from cislunar.tasking.information import TaskingModel
-from cislunar.tasking.simulation import epoch_states, monitored_targets
+from cislunar.tasking.simulation import TruthModel, epoch_states, monitored_targets
 
 
 class Problem(NamedTuple):
@@ -34,7 +34,9 @@ class Problem(NamedTuple):
     scene : Scene
         Observers, Sun and frames at all steps.
     surfaces : TargetSurfaces
-        Shapes and materials of the monitored targets.
+        Shapes, materials and inertia of the monitored targets, as the estimator believes them.
+    truth : TruthModel
+        What they truly are, and the true noise.
     epoch_state : ndarray, shape (target, 6)
         Their mean states at the epoch, nondimensional, rotating frame.
     target_ids : ndarray of int, shape (target,)
@@ -45,6 +47,7 @@ class Problem(NamedTuple):
 
     scene: Scene
     surfaces: TargetSurfaces
+    truth: TruthModel
     epoch_state: NDArray[np.float64]
     target_ids: NDArray[np.int64]
     observer_slot: NDArray[np.int64]
@@ -80,10 +83,59 @@ def body_facets(body: Mapping[str, Any]) -> Facets:
     -------
     Facets
     """
-    if body["shape"] == "icosahedron":
-        return icosahedron(body["radius_m"])
-    return load_shape(
-        body["shape"], metres_per_unit=body["metres_per_unit"], radius_m=body["radius_m"]
+    shape, radius = body["shape"], body["radius_m"]
+    if shape == "icosahedron":
+        facets = icosahedron(radius)
+    else:
+        facets = load_shape(shape, metres_per_unit=body["metres_per_unit"], radius_m=radius)
+    stretched = stretch(facets, body["stretch"])
+    if stretched is facets or radius is None:
+        return stretched
+    return scale_to_sphere(stretched, radius)
+
+
+def _sensor(sensor: Mapping[str, Any]) -> Sensor:
+    """Configuration key `task2.sensor` as the library's."""
+    given = dict(sensor)
+    angles = {f"{body}_deg": angle for body, angle in given.pop("exclusion_deg").items()}
+    return Sensor(**given, exclusion=ExclusionAngles(**angles))
+
+
+def _surfaces(
+    settings: Mapping[str, Any], photometry: Mapping[str, Any], n_targets: int
+) -> TargetSurfaces:
+    """The same body for all targets."""
+    inertia = settings["body"]["inertia"]
+    return target_surfaces(
+        body_facets(settings["body"]),
+        Material(**settings["material"]),
+        n_targets,
+        PhotometryModel(**photometry),
+        inertia=1.0 if inertia is None else inertia,
+    )
+
+
+def truth_model(settings: Mapping[str, Any], n_targets: int) -> TruthModel:
+    """What the targets truly are, and the true noise.
+
+    Parameters
+    ----------
+    settings : mapping
+        Settings of the cell.
+    n_targets : int
+        Number of monitored targets.
+
+    Returns
+    -------
+    TruthModel
+        What the estimators believe, unless the configuration key `task2.truth` says otherwise.
+    """
+    true = true_settings(settings)
+    deg_h2 = np.array(true["angular_acceleration_deg_h2"], dtype=float)
+    return TruthModel(
+        _surfaces(true, settings["photometry"], n_targets),
+        _sensor(true["sensor"]).noise,
+        np.deg2rad(deg_h2) / 3600.0**2,
     )
 
 
@@ -105,8 +157,6 @@ def loop_settings(
     -------
     LoopSettings
     """
-    sensor = dict(settings["sensor"])
-    angles = {f"{body}_deg": angle for body, angle in sensor.pop("exclusion_deg").items()}
     tasking = settings["tasking"]
     return LoopSettings(
         step_s=settings["step_s"],
@@ -115,7 +165,7 @@ def loop_settings(
         method=tasking["method"],
         max_evaluations=tasking["max_evaluations"],
         early_stop=tasking["early_stop"],
-        sensor=Sensor(**sensor, exclusion=ExclusionAngles(**angles)),
+        sensor=_sensor(settings["sensor"]),
         tasking=TaskingModel(
             diffuse_reflection_coefficient=tasking["diffuse_reflection_coefficient"],
             # the sphere that stands in for the body has its surface area
@@ -218,15 +268,10 @@ def tracking_problem(
     states = epoch_states(
         tracked["state"].values, tracked["period"].values, settings["monitored_seed"]
     )
-    surfaces = target_surfaces(
-        body_facets(settings["body"]),
-        Material(**settings["material"]),
-        cell.targets,
-        PhotometryModel(**settings["photometry"]),
-    )
     return Problem(
         make_scene(tracks, sun_at(sun, times), loop.step_s),
-        surfaces,
+        _surfaces(settings, settings["photometry"], cell.targets),
+        truth_model(settings, cell.targets),
         states[ids],
         ids,
         np.repeat(np.arange(orbit.size), satellites),
@@ -281,6 +326,7 @@ def run_cell(
         realization_seeds(seed, settings["seeds"]),
         loop,
         estimator=estimator_factory(cell.estimator, settings),
+        truth=problem.truth,
         progress=progress,
     )
     return result, problem, loop

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from cislunar.architecture.published import PUBLISHED
+from cislunar.attitude.inertia import inertia_matrix
 from cislunar.errors import ConfigurationError
 
 TRACKED_TARGETS = 202
@@ -28,6 +29,7 @@ CELL_KEYS = (
     "body",
     "material",
     "photometry",
+    "truth",
 )
 """Keys of `task2` that set a cell, and that a variant may change."""
 
@@ -115,6 +117,23 @@ def cell_settings(task2: Mapping[str, Any], variant: str = "") -> dict[str, Any]
     return merged(base, variants[variant]["change"])
 
 
+def true_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of the targets and sensors as they truly are.
+
+    Parameters
+    ----------
+    settings : mapping
+        Settings of a cell: what the estimators believe, and in `truth` what is otherwise.
+
+    Returns
+    -------
+    dict
+        The keys `material`, `body`, `sensor`, and `angular_acceleration_deg_h2` of three numbers.
+    """
+    believed = {key: settings[key] for key in ("material", "body", "sensor")}
+    return merged({**believed, "angular_acceleration_deg_h2": [0, 0, 0]}, settings["truth"])
+
+
 def _has_architecture(scenario: str, architecture: str) -> bool:
     """The paper publishes architectures for its own scenarios alone."""
     return architecture != "published" or scenario in PUBLISHED
@@ -168,6 +187,7 @@ def variant_cells(task2: Mapping[str, Any]) -> list[Cell]:
     Returns
     -------
     list of Cell
+        With the estimators of the variant, or the first of the configuration if it names none.
     """
     variants = task2["variants"]
     return [
@@ -179,10 +199,27 @@ def variant_cells(task2: Mapping[str, Any]) -> list[Cell]:
             task2["interval_minutes"],
             name,
         )
-        for estimator in task2["estimators"]
         for name, variant in variants["cells"].items()
+        for estimator in variant.get("estimators", task2["estimators"][:1])
         for n in variant["targets"]
     ]
+
+
+def estimator_names(task2: Mapping[str, Any]) -> list[str]:
+    """Estimators of the sweeps and the variants, each once.
+
+    Parameters
+    ----------
+    task2 : mapping
+        Configuration key `task2`.
+
+    Returns
+    -------
+    list of str
+    """
+    variants = task2["variants"]["cells"].values()
+    named = [name for variant in variants for name in variant.get("estimators", ())]
+    return list(dict.fromkeys([*task2["estimators"], *named]))
 
 
 def campaign_cells(task2: Mapping[str, Any]) -> list[Cell]:
@@ -317,12 +354,21 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
             f"configuration key '{place}duration_hours' = {hours} exceeds the ephemeris, which "
             f"covers 'visibility.duration_days' = {days}"
         )
-    body = settings["body"]
+    _check_body(f"{place}body", settings["body"])
+    _check_body(f"{place}truth.body", true_settings(settings)["body"])
+
+
+def _check_body(place: str, body: Mapping[str, Any]) -> None:
+    """Size and inertia of a body, believed or true."""
     if body["shape"] == "icosahedron" and body["radius_m"] is None:
         raise ConfigurationError(
-            f"configuration key '{place}body.radius_m': an icosahedron has no size of its own; "
+            f"configuration key '{place}.radius_m': an icosahedron has no size of its own; "
             "give the radius of the sphere of equal area"
         )
+    try:
+        inertia_matrix(1.0 if body["inertia"] is None else body["inertia"])
+    except ConfigurationError as error:
+        raise ConfigurationError(f"configuration key '{place}.inertia': {error}") from None
 
 
 def _check_comparison(task2: Mapping[str, Any]) -> None:
@@ -366,7 +412,7 @@ def variant_schema(schema: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def mesh_file(settings: Mapping[str, Any]) -> list[str]:
-    """Mesh file a cell depends on.
+    """Mesh files a cell depends on.
 
     Parameters
     ----------
@@ -376,7 +422,7 @@ def mesh_file(settings: Mapping[str, Any]) -> list[str]:
     Returns
     -------
     list of str
-        Empty, or the path.
+        Paths of the shape believed and of the true one, each once; none for an icosahedron.
     """
-    shape = settings["body"]["shape"]
-    return [] if shape == "icosahedron" else [shape]
+    shapes = dict.fromkeys([settings["body"]["shape"], true_settings(settings)["body"]["shape"]])
+    return [shape for shape in shapes if shape != "icosahedron"]

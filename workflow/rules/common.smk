@@ -6,7 +6,12 @@ from snakemake.exceptions import WorkflowError
 
 from cislunar.campaign.configuration import check_campaign, load_schema, with_types
 from cislunar.campaign.preflight import check_inputs
-from cislunar.campaign.tracking_cells import cell_settings, check_cell, mesh_file
+from cislunar.campaign.tracking_cells import (
+    cell_settings,
+    check_cell,
+    estimator_names,
+    mesh_file,
+)
 from cislunar.errors import CislunarError
 
 try:
@@ -34,7 +39,7 @@ wildcard_constraints:
     labels="family_position|index|stability_rank|categorical",
     run=r"\d+",
     architecture="[A-Za-z][A-Za-z0-9-]*",
-    estimator="|".join(config["task2"]["estimators"]),
+    estimator="|".join(estimator_names(TASK2)),
     n=r"[1-9]\d*",
     minutes=r"[1-9]\d*",
     variant="[a-z][a-z0-9-]*",
