@@ -10,8 +10,8 @@ from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose, rotation_vector
 from cislunar.attitude.rigid_body import propagate_torque_free
 from cislunar.attitude.sensitivity import propagate_with_sensitivity
+from cislunar.estimation.batch_settings import SearchSettings
 from cislunar.estimation.hypotheses import (
-    SearchSettings,
     condense,
     mixture_points,
     prior_hypotheses,

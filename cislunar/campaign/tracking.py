@@ -13,9 +13,11 @@ from cislunar.campaign.progress import Progress
 from cislunar.campaign.tracking_cells import Cell, check_cell, true_settings
 from cislunar.constants import TIME_UNIT_S
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.batch_settings import BatchSettings
+from cislunar.estimation.choice import estimator_named
 from cislunar.estimation.estimator import EstimatorFactory
 from cislunar.estimation.measurement import Sensor
-from cislunar.estimation.mukf import Spread, mukf
+from cislunar.estimation.mukf import Spread
 from cislunar.estimation.scene import Scene, TargetSurfaces, make_scene, target_surfaces
 from cislunar.geometry.exclusion import ExclusionAngles
 from cislunar.photometry.materials import Material, PhotometryModel
@@ -199,12 +201,11 @@ def estimator_factory(name: str, settings: Mapping[str, Any]) -> EstimatorFactor
     ConfigurationError
         If there is no such estimator.
     """
-    factories = {"mukf": lambda: mukf(process_noise=Spread(**settings["process_noise"]))}
-    if name not in factories:
-        raise ConfigurationError(
-            f"estimator {name!r} is unknown: use one of {', '.join(factories)}"
-        )
-    return factories[name]()
+    return estimator_named(
+        name,
+        process_noise=Spread(**settings["process_noise"]),
+        batch_settings=BatchSettings(**settings["batch"]),
+    )
 
 
 def tracking_problem(

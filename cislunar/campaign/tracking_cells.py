@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from cislunar.architecture.published import PUBLISHED
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.batch_settings import BatchSettings
 
 TRACKED_TARGETS = 202
 """Number of targets in ``orbits/tracked.nc``."""
@@ -26,6 +27,7 @@ CELL_KEYS = (
     "sensor",
     "initial_sigma",
     "process_noise",
+    "batch",
     "body",
     "material",
     "photometry",
@@ -354,6 +356,10 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
             f"configuration key '{place}duration_hours' = {hours} exceeds the ephemeris, which "
             f"covers 'visibility.duration_days' = {days}"
         )
+    try:
+        BatchSettings(**settings["batch"])
+    except ConfigurationError as error:
+        raise ConfigurationError(f"configuration key '{place}batch': {error}") from None
     _check_body(f"{place}body", settings["body"])
     _check_body(f"{place}truth.body", true_settings(settings)["body"])
 

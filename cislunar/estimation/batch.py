@@ -136,6 +136,11 @@ class BatchEstimator:
         """Modes of every target, as of its last fit."""
         return self._hypotheses
 
+    @property
+    def rows_held(self) -> NDArray[np.int64]:
+        """Per target, measurements (and non-detections) of its light curve that are kept."""
+        return self._state[:, ROWS].copy()
+
     def predict(self) -> Prediction:
         """Estimates at the next measurement time; the estimator itself does not move on.
 

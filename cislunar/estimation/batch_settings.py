@@ -1,11 +1,43 @@
 """Settings of the batch estimator, and named choices of them."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.hypotheses import SearchSettings
+
+
+class SearchSettings(NamedTuple):
+    """How the modes are searched for, in the layout of the compiled kernels.
+
+    Attributes
+    ----------
+    modes : int
+        Most modes kept.
+    starts, first_starts : int
+        Points of the pool that are refined, later and at the first time.
+    pool : int
+        Points drawn.
+    warm_iterations, iterations : int
+        Steps from a live mode, and from a point of the pool.
+    spread : float
+        Factor on the standard deviations of a mode around which points are drawn.
+    merge_distance : float
+        Squared Mahalanobis distance below which two modes are one.
+    drop : float
+        Difference in log weight below which a mode is given up.
+    """
+
+    modes: int
+    starts: int
+    first_starts: int
+    pool: int
+    warm_iterations: int
+    iterations: int
+    spread: float
+    merge_distance: float
+    drop: float
 
 
 @dataclass(frozen=True)

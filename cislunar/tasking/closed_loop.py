@@ -21,10 +21,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.choice import estimator_named
 from cislunar.estimation.estimator import Estimator, EstimatorFactory, InitialEstimate
 from cislunar.estimation.measurement import DETECTED, measure
 from cislunar.estimation.metrics import TrackingMetrics, evaluate
-from cislunar.estimation.mukf import mukf
 from cislunar.estimation.scene import Scene, TargetSurfaces
 from cislunar.tasking.assignment import IDLE, assign
 from cislunar.tasking.information import pair_information
@@ -203,7 +203,7 @@ def run_closed_loop(
     seeds: Sequence[int],
     settings: LoopSettings | None = None,
     *,
-    estimator: EstimatorFactory | None = None,
+    estimator: EstimatorFactory | str = "mukf",
     initial: InitialEstimate | None = None,
     truth: TruthModel | None = None,
     mu: float = MU,
@@ -225,8 +225,9 @@ def run_closed_loop(
         One realisation of truth and noise for each.
     settings : LoopSettings, optional
         The paper's, if omitted.
-    estimator : EstimatorFactory, optional
-        The paper's filter without process noise, if omitted.
+    estimator : EstimatorFactory or str
+        A factory, or one of `cislunar.estimation.choice.ESTIMATORS` without process noise; the
+        paper's filter if omitted.
     initial : InitialEstimate, optional
         Estimates at the epoch, instead of the paper's attitude and angular velocity for all
         targets, with `epoch_state` and ``settings.initial``.
@@ -248,7 +249,7 @@ def run_closed_loop(
         If scene, targets and settings do not fit together, or there are no seeds.
     """
     settings = LoopSettings() if settings is None else settings
-    factory = mukf() if estimator is None else estimator
+    factory = estimator_named(estimator) if isinstance(estimator, str) else estimator
     ids = np.asarray(target_ids, dtype=np.int64)
     if initial is None:
         initial = initial_estimate(epoch_state, settings.initial.components())
