@@ -137,6 +137,12 @@ OPTIMIZER_STYLE: Mapping[str, SeriesStyle] = {
 }
 """How each optimizer is drawn."""
 
+ESTIMATOR_STYLE: Mapping[str, SeriesStyle] = {
+    "mukf": SeriesStyle("MUKF", VERMILION, DASHED, "s", filled=False),
+    "batch": SeriesStyle("batch", BLUE, SOLID, "o"),
+}
+"""How each estimator is drawn."""
+
 
 def family_style(family: str) -> SeriesStyle:
     """How a family is drawn.
@@ -177,6 +183,21 @@ def optimizer_style(optimizer: str) -> SeriesStyle:
     SeriesStyle
     """
     return OPTIMIZER_STYLE.get(optimizer, SeriesStyle(optimizer, GRAY, SOLID, "v"))
+
+
+def estimator_style(estimator: str) -> SeriesStyle:
+    """How an estimator is drawn; one without a style of its own is gray.
+
+    Parameters
+    ----------
+    estimator : str
+        Name of the estimator.
+
+    Returns
+    -------
+    SeriesStyle
+    """
+    return ESTIMATOR_STYLE.get(estimator, SeriesStyle(estimator, GRAY, DASH_DOT, "v"))
 
 
 @contextmanager

@@ -101,6 +101,27 @@ rule tracking_tables:
         "../scripts/tracking_tables.py"
 
 
+rule model_error_table:
+    input:
+        rules.tracking_summary.output[0],
+    output:
+        report(
+            results("tables/model_error.csv"),
+            caption="../report/model_error.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/model_error"),
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        settings=settings("task2"),
+    message:
+        "Writing what a truth unlike the estimators' belief costs"
+    script:
+        "../scripts/model_error.py"
+
+
 rule tasking_comparison_cell:
     input:
         architecture=results("architecture/{scenario}/{architecture}.nc"),
@@ -192,5 +213,6 @@ rule task2:
     input:
         CELLS,
         rules.tracking_tables.output,
+        rules.model_error_table.output,
         rules.tasking_comparison.output,
         rules.tracking_claims.output,

@@ -1,5 +1,6 @@
 """Figures of sensor tasking and tracking: the paper's, and both sweeps as a whole."""
 
+from cislunar.campaign.model_error import drawn_errors
 from cislunar.figures.tracking_choice import (
     figure_architectures,
     high_load_cells,
@@ -190,6 +191,28 @@ rule tasking_figure:
         "../scripts/figure_tasking_comparison.py"
 
 
+rule model_error_figure:
+    input:
+        rules.model_error_table.output[0],
+    output:
+        png=report(
+            results("figures/fig18_model_error.png"),
+            caption="../report/figure_model_error.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig18_model_error.pdf"),
+    log:
+        log_of("figures/model_error"),
+    benchmark:
+        benchmark_of("figures/model_error")
+    conda:
+        "../envs/cislunar.yaml"
+    message:
+        "Drawing tracking by kind and size of the model error"
+    script:
+        "../scripts/figure_model_error.py"
+
+
 rule tracking_figures:
     input:
         expand(rules.target_counts_figure.output, of=[of for of in SHOWN if COUNT_COLUMNS[of]]),
@@ -199,3 +222,4 @@ rule tracking_figures:
         rules.against_targets_figure.output,
         rules.against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else [],
         rules.tasking_figure.output,
+        rules.model_error_figure.output if drawn_errors(TASK2) else [],

@@ -1,0 +1,11 @@
+"""Makes figures/fig18_model_error: tracking by kind and size of the model error."""
+
+import pandas as pd
+
+from cislunar.campaign.progress import job
+from cislunar.figures.model_error import model_error_figure
+from cislunar.figures.style import save_figure
+
+with job(snakemake.log[0]):
+    figure = model_error_figure(pd.read_csv(snakemake.input[0]))
+    save_figure(figure, snakemake.output.png, snakemake.output.pdf)

@@ -1,0 +1,11 @@
+"""Makes tables/model_error.csv: what a truth unlike the estimators' belief costs."""
+
+from cislunar.campaign.model_error import model_errors
+from cislunar.campaign.model_error_table import model_error_rows
+from cislunar.campaign.netcdf import read_dataset, write_text
+from cislunar.campaign.progress import job
+
+with job(snakemake.log[0]):
+    errors = model_errors(snakemake.params.settings["task2"])
+    rows = model_error_rows(read_dataset(snakemake.input[0]), errors)
+    write_text(rows.to_csv(index=False), snakemake.output[0])
