@@ -1,6 +1,7 @@
 """Fixtures shared by the test modules."""
 
 import pytest
+from campaign_folder import QUICK, copy_workflow, snakemake
 
 from cislunar.orbits.families import observer_library
 
@@ -9,3 +10,12 @@ from cislunar.orbits.families import observer_library
 def library():
     """The 302 candidate observer orbits at the default settings."""
     return observer_library()
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory):
+    """A copy of the workflow in which the small configuration has been run; leave it as it is."""
+    folder = copy_workflow(tmp_path_factory.mktemp("finished"))
+    output, code = snakemake(folder, "--cores", "2", *QUICK)
+    assert code == 0, output[-6000:]
+    return folder

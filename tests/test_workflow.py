@@ -1,61 +1,21 @@
 """The campaign by its own command: dry runs, the small configuration, bad input, and style."""
 
+import base64
 import csv
 import hashlib
 import re
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 import yaml
+from campaign_folder import QUICK, ROOT, copy_workflow, run, snakemake
 
 pytestmark = pytest.mark.workflow
-
-ROOT = Path(__file__).resolve().parents[1]
-QUICK = ("--configfile", "config/quick.yaml")
-
-
-def run(*command, cwd=ROOT):
-    """Run a module of this Python; text of both streams and the return code."""
-    done = subprocess.run(
-        [sys.executable, "-m", *map(str, command)],
-        cwd=cwd,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    return done.stdout, done.returncode
-
-
-def snakemake(folder, *arguments):
-    """Run Snakemake in a copy of the workflow."""
-    return run("snakemake", *arguments, cwd=folder)
-
-
-def copy_workflow(folder):
-    """What Snakemake needs besides the installed package."""
-    shutil.copy(ROOT / "Snakefile", folder)
-    for name in ("workflow", "config"):
-        shutil.copytree(ROOT / name, folder / name)
-    return folder
 
 
 @pytest.fixture(scope="module")
 def fresh(tmp_path_factory):
     """A copy of the workflow without results."""
     return copy_workflow(tmp_path_factory.mktemp("fresh"))
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """A copy of the workflow in which the small configuration has been run."""
-    folder = copy_workflow(tmp_path_factory.mktemp("finished"))
-    output, code = snakemake(folder, "--cores", "2", *QUICK)
-    assert code == 0, output[-6000:]
-    return folder
 
 
 def digest(folder):
@@ -128,7 +88,11 @@ def test_second_run_finds_nothing_to_do(finished):
 def test_report_is_one_file(finished):
     output, code = snakemake(finished, *QUICK, "--report", "report.html")
     assert code == 0, output[-3000:]
-    assert "paper_vs_ours.csv" in (finished / "report.html").read_text(encoding="utf-8")
+    report = (finished / "report.html").read_text(encoding="utf-8")
+    assert "paper_vs_ours.csv" in report
+    # The interactive page is inside, byte for byte, with its own copy of plotly.js.
+    page = (finished / "results/quick/figures/orbits_3d.html").read_bytes()
+    assert base64.b64encode(page).decode() in report
 
 
 def refused(folder, tmp_path, change, *arguments):

@@ -202,6 +202,32 @@ rule family_map_figure:
         "../scripts/figure_family_map.py"
 
 
+rule orbits_page:
+    input:
+        orbits=rules.families.output[0],
+        tracked=rules.tracked_targets.output[0],
+        targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
+        architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
+    output:
+        report(
+            results("figures/orbits_3d.html"),
+            caption="../report/figure_orbits_3d.rst",
+            category="Figures",
+        ),
+    log:
+        log_of("figures/orbits_page"),
+    benchmark:
+        benchmark_of("figures/orbits_page")
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        scenarios=SCENARIOS,
+    message:
+        "Drawing orbits, architectures and targets in space"
+    script:
+        "../scripts/figure_orbits_page.py"
+
+
 rule figures:
     input:
         rules.orbit_library_figure.output,
@@ -212,4 +238,5 @@ rule figures:
         rules.satellite_front_figure.output,
         rules.convergence_figure.output,
         rules.family_map_figure.output,
+        rules.orbits_page.output,
         rules.tracking_figures.input,

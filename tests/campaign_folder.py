@@ -1,0 +1,35 @@
+"""Copies of the workflow, and Snakemake run in them."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+QUICK = ("--configfile", "config/quick.yaml")
+
+
+def run(*command, cwd=ROOT):
+    """Run a module of this Python; text of both streams and the return code."""
+    done = subprocess.run(
+        [sys.executable, "-m", *map(str, command)],
+        cwd=cwd,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    return done.stdout, done.returncode
+
+
+def snakemake(folder, *arguments):
+    """Run Snakemake in a copy of the workflow."""
+    return run("snakemake", *arguments, cwd=folder)
+
+
+def copy_workflow(folder):
+    """What Snakemake needs besides the installed package."""
+    shutil.copy(ROOT / "Snakefile", folder)
+    for name in ("workflow", "config"):
+        shutil.copytree(ROOT / name, folder / name)
+    return folder

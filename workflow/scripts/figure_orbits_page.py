@@ -1,0 +1,21 @@
+"""Makes figures/orbits_3d.html: the interactive page of orbits, architectures and targets."""
+
+from collections import defaultdict
+from pathlib import Path
+
+from cislunar.campaign.netcdf import read_dataset, write_text
+from cislunar.campaign.progress import job
+from cislunar.figures.orbits_page import orbits_page
+
+with job(snakemake.log[0]):
+    architectures = defaultdict(dict)
+    for path in map(Path, snakemake.input.architectures):
+        architectures[path.parent.name][path.stem] = read_dataset(path)
+    targets = map(read_dataset, snakemake.input.targets)
+    page = orbits_page(
+        read_dataset(snakemake.input.orbits),
+        read_dataset(snakemake.input.tracked),
+        dict(zip(snakemake.params.scenarios, targets, strict=True)),
+        architectures,
+    )
+    write_text(page, snakemake.output[0])
