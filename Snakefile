@@ -26,4 +26,5 @@ rule all:
         rules.task1.input,
         rules.task2.input,
         rules.paper_vs_ours.output,
+        rules.results_page.output,
         rules.figures.input,

@@ -5,8 +5,16 @@ rule architecture_table:
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
         architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
     output:
-        architecture=results("tables/architecture.csv"),
-        near_optimal=results("tables/near_optimal.csv"),
+        architecture=report(
+            results("tables/architecture.csv"),
+            caption="../report/architecture.rst",
+            category="Tables",
+        ),
+        near_optimal=report(
+            results("tables/near_optimal.csv"),
+            caption="../report/near_optimal.rst",
+            category="Tables",
+        ),
     log:
         log_of("tables/architecture"),
     benchmark:
@@ -32,7 +40,11 @@ rule label_comparison:
             run=RUNS,
         ),
     output:
-        results("tables/label_comparison.csv"),
+        report(
+            results("tables/label_comparison.csv"),
+            caption="../report/label_comparison.rst",
+            category="Tables",
+        ),
     log:
         log_of("tables/label_comparison"),
     conda:
@@ -49,7 +61,11 @@ rule readings:
         orbits=rules.families.output[0],
         sun=rules.ephemeris.output[0],
     output:
-        results("tables/readings_architecture.csv"),
+        report(
+            results("tables/readings_architecture.csv"),
+            caption="../report/readings_architecture.rst",
+            category="Tables",
+        ),
     log:
         log_of("tables/readings_architecture"),
     benchmark:

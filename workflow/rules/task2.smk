@@ -209,6 +209,47 @@ rule paper_vs_ours:
         "../scripts/paper_vs_ours.py"
 
 
+rule photometry_table:
+    output:
+        report(
+            results("tables/photometry.csv"),
+            caption="../report/photometry.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/photometry"),
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        material=TASK2["material"],
+        limiting_magnitude=TASK2["sensor"]["limiting_magnitude"],
+        seed=config["seed"],
+    message:
+        "Measuring what the readings of the photometric equations do"
+    script:
+        "../scripts/photometry_table.py"
+
+
+rule results_page:
+    input:
+        paper_vs_ours=rules.paper_vs_ours.output[0],
+        architecture=rules.architecture_table.output.architecture,
+        tracking=rules.tracking_tables.output.tracking,
+        datasets=[rules.families.output[0], rules.tracking_summary.output[0]],
+    output:
+        results("tables/results.md"),
+    log:
+        log_of("tables/results_page"),
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        config=dict(config),
+    message:
+        "Writing the page of results"
+    script:
+        "../scripts/results_page.py"
+
+
 rule task2:
     input:
         CELLS,
@@ -216,3 +257,4 @@ rule task2:
         rules.model_error_table.output,
         rules.tasking_comparison.output,
         rules.tracking_claims.output,
+        rules.photometry_table.output,

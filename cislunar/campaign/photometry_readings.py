@@ -1,0 +1,111 @@
+"""What each reading of the photometric equations does: ``tables/photometry.csv``."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from cislunar.photometry.facets import apparent_magnitude
+from cislunar.photometry.materials import IRRADIANCE_LAWS, Material, PhotometryModel
+from cislunar.photometry.shapes import Facets, icosahedron
+from cislunar.photometry.sphere import sphere_magnitude
+
+Array = NDArray[np.float64]
+
+PHASE_ANGLES_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
+INCIDENCES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
+SPHERES = (0.5, 1.0)
+"""Diffuse reflection coefficients of the spheres compared with."""
+
+RANGE = "range at the limiting magnitude"
+BRIGHTER = "brighter with the printed Fresnel term"
+RETURNED = "share of the incident light a facet returns"
+
+_RANGE_M = 1e8
+_ATTITUDES = 20_000
+
+
+def photometry_table(
+    material: Mapping[str, float], limiting_magnitude: float, seed: int
+) -> pd.DataFrame:
+    """Rows of ``tables/photometry.csv``.
+
+    Parameters
+    ----------
+    material : mapping
+        Configuration key ``task2.material``.
+    limiting_magnitude : float
+        Magnitude at which an object is lost.
+    seed : int
+        Seed of the attitudes.
+
+    Returns
+    -------
+    DataFrame
+        Columns quantity, angle_deg, model, value, unit. Ranges and brightness are medians over
+        random attitudes of the icosahedron of 4 pi m^2, by phase angle; the light returned by a
+        single facet stands by angle of incidence.
+    """
+    surface, rng = Material(**material), np.random.default_rng(seed)
+    attitude = rng.normal(size=(_ATTITUDES, 4))
+    attitude /= np.linalg.norm(attitude, axis=1)[:, None]
+    rows = [
+        *_ranges(surface, attitude, limiting_magnitude),
+        *_fresnel(surface, attitude),
+        *((RETURNED, angle, "sqrt", _returned(surface, angle), "1") for angle in INCIDENCES_DEG),
+    ]
+    return pd.DataFrame(rows, columns=["quantity", "angle_deg", "model", "value", "unit"])
+
+
+def _magnitudes(surface: Material, attitude: Array, phase_deg: float, **model: Any) -> Array:
+    """Magnitudes of the icosahedron in the attitudes given, at `_RANGE_M`."""
+    phase = np.deg2rad(phase_deg)
+    view = np.array([np.cos(phase), np.sin(phase), 0.0])
+    return apparent_magnitude(
+        attitude, [1.0, 0.0, 0.0], view, _RANGE_M, icosahedron(), surface, PhotometryModel(**model)
+    )
+
+
+def _ranges(surface: Material, attitude: Array, limit: float) -> Iterator[tuple]:
+    def in_thousand_km(magnitude: float) -> float:
+        return _RANGE_M * 10.0 ** (0.2 * (limit - magnitude)) / 1e6
+
+    for phase in PHASE_ANGLES_DEG:
+        for law in IRRADIANCE_LAWS:
+            seen = np.median(_magnitudes(surface, attitude, phase, irradiance=law))
+            yield RANGE, phase, f"facets, {law}", in_thousand_km(float(seen)), "1000 km"
+        for coefficient in SPHERES:
+            sphere = sphere_magnitude(
+                _RANGE_M, np.deg2rad(phase), diffuse_reflection_coefficient=coefficient
+            )
+            yield RANGE, phase, f"sphere, C_d = {coefficient:g}", in_thousand_km(sphere), "1000 km"
+
+
+def _fresnel(surface: Material, attitude: Array) -> Iterator[tuple]:
+    for phase in PHASE_ANGLES_DEG:
+        root, printed = (
+            _magnitudes(surface, attitude, phase, fresnel=form) for form in ("sqrt", "printed")
+        )
+        lit = np.isfinite(root)
+        yield BRIGHTER, phase, "printed", float(np.median((root - printed)[lit])), "mag"
+
+
+def _returned(surface: Material, incidence_deg: float, points: int = 400) -> float:
+    """Directional-hemispherical reflectance of a facet: its brightness summed over all views."""
+    incidence = np.deg2rad(incidence_deg)
+    sun = np.array([np.sin(incidence), 0.0, np.cos(incidence)])
+    # Midpoints equal in solid angle: the sum needs no weights.
+    height = (np.arange(points) + 0.5) / points
+    around = 2.0 * np.pi * (np.arange(points) + 0.5) / points
+    z, angle = (each.ravel() for each in np.meshgrid(height, around, indexing="ij"))
+    flat = np.sqrt(1.0 - z**2)
+    view = np.column_stack((flat * np.cos(angle), flat * np.sin(angle), z))
+    facet = Facets(areas=np.ones(1), normals=np.array([[0.0, 0.0, 1.0]]))
+    model = PhotometryModel(irradiance="1/r^2")
+    magnitude = apparent_magnitude(
+        [0.0, 0.0, 0.0, 1.0], sun, view, 1.0, facet, surface, model, sun_magnitude=0.0
+    )
+    flux = 10.0 ** (-0.4 * magnitude)
+    return float(2.0 * np.pi * flux.mean() / sun[2])

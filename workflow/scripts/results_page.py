@@ -1,0 +1,16 @@
+"""Makes tables/results.md: every number and claim of the paper beside ours, to be read."""
+
+import pandas as pd
+
+from cislunar.campaign.netcdf import read_dataset, write_text
+from cislunar.campaign.progress import job
+from cislunar.campaign.results_page import results_page
+
+with job(snakemake.log[0]):
+    tables = {
+        "paper_vs_ours": pd.read_csv(snakemake.input.paper_vs_ours, dtype=str),
+        "architecture": pd.read_csv(snakemake.input.architecture),
+        "tracking": pd.read_csv(snakemake.input.tracking),
+    }
+    datasets = map(read_dataset, snakemake.input.datasets)
+    write_text(results_page(tables, datasets, snakemake.params.config), snakemake.output[0])
