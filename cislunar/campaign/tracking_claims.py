@@ -221,7 +221,9 @@ def _architectures(summary: xr.Dataset) -> list[Claim]:
     names = list(dict.fromkeys(summary["architecture"].values.astype(str)))
     for scenario in SCENARIOS:
         plain = {
-            name: cell_index(summary, scenario=scenario, architecture=name, variant="")
+            name: cell_index(
+                summary, scenario=scenario, architecture=name, estimator="mukf", variant=""
+            )
             for name in names
         }
         others = [name for name in names if name not in ("published", "tpe") and plain[name].size]
@@ -231,8 +233,8 @@ def _architectures(summary: xr.Dataset) -> list[Claim]:
             parts = []
             for name in names:
                 index = cell_index(
-                    summary, scenario=scenario, architecture=name, variant="", targets=targets,
-                    interval_minutes=usual_interval(summary),
+                    summary, scenario=scenario, architecture=name, estimator="mukf", variant="",
+                    targets=targets, interval_minutes=usual_interval(summary),
                 )  # fmt: skip
                 if index.size:
                     parts.append(_described(summary, name, int(index[0])))
