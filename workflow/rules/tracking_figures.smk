@@ -165,6 +165,42 @@ use rule against_targets_figure as against_interval_figure with:
         "Drawing tracking against the tasking interval"
 
 
+use rule against_targets_figure as estimators_against_targets_figure with:
+    output:
+        png=report(
+            results("figures/fig16_estimators_against_targets.png"),
+            caption="../report/figure_estimators_against_targets.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig16_estimators_against_targets.pdf"),
+    log:
+        log_of("figures/estimators_against_targets"),
+    benchmark:
+        benchmark_of("figures/estimators_against_targets")
+    params:
+        along="targets, estimators",
+    message:
+        "Drawing both estimators against the number of targets"
+
+
+use rule against_targets_figure as estimators_against_interval_figure with:
+    output:
+        png=report(
+            results("figures/fig17_estimators_against_interval.png"),
+            caption="../report/figure_estimators_against_interval.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig17_estimators_against_interval.pdf"),
+    log:
+        log_of("figures/estimators_against_interval"),
+    benchmark:
+        benchmark_of("figures/estimators_against_interval")
+    params:
+        along="interval, estimators",
+    message:
+        "Drawing both estimators against the tasking interval"
+
+
 rule tasking_figure:
     input:
         compared=rules.tasking_comparison.output[0],
@@ -221,5 +257,11 @@ rule tracking_figures:
         expand(rules.high_load_figure.output, of=[of for of in SHOWN if HIGH_LOAD[of]]),
         rules.against_targets_figure.output,
         rules.against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else [],
+        rules.estimators_against_targets_figure.output,
+        (
+            rules.estimators_against_interval_figure.output
+            if any(INTERVAL_COLUMNS.values())
+            else []
+        ),
         rules.tasking_figure.output,
         rules.model_error_figure.output if drawn_errors(TASK2) else [],

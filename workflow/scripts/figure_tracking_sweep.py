@@ -1,11 +1,20 @@
-"""Makes figures/fig13_tracking_against_targets, fig14_tracking_against_interval: the sweeps."""
+"""Makes figures/fig13, fig14 (both sweeps), fig16 and fig17 (both sweeps by both estimators)."""
 
 from cislunar.campaign.netcdf import read_dataset
 from cislunar.campaign.progress import job
 from cislunar.figures.style import save_figure
+from cislunar.figures.tracking_estimators import (
+    estimators_against_interval_figure,
+    estimators_against_targets_figure,
+)
 from cislunar.figures.tracking_sweeps import against_interval_figure, against_targets_figure
 
 with job(snakemake.log[0]):
-    draw = {"targets": against_targets_figure, "interval": against_interval_figure}
+    draw = {
+        "targets": against_targets_figure,
+        "interval": against_interval_figure,
+        "targets, estimators": estimators_against_targets_figure,
+        "interval, estimators": estimators_against_interval_figure,
+    }
     figure = draw[snakemake.params.along](read_dataset(snakemake.input[0]))
     save_figure(figure, snakemake.output.png, snakemake.output.pdf)
