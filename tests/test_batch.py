@@ -194,6 +194,7 @@ def test_an_unknown_name_is_refused():
         ({"pool": 2}, "pool"),
         ({"refit_growth": -0.1}, "refit_growth"),
         ({"window_hours": 0.0}, "window_hours"),
+        ({"memory_hours": 3.0}, "needs window_hours"),
         ({"magnitude_noise_factor": 0.0}, "magnitude_noise_factor"),
         ({"magnitude_offset": np.nan}, "magnitude_offset"),
     ],

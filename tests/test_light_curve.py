@@ -256,7 +256,7 @@ def test_condensed_data_leave_the_cost_near_a_mode():
     u = modes.u[0].copy()
     nearby = u + np.linalg.solve(modes.root[0].T, 0.5 * np.ones(6))
     before = [cost(v, data, _anchor(), model, np.inf) for v in (u, nearby)]
-    condense(modes, data[:150], model)
+    condense(modes, data[:150], model, 1.0)
     anchor = Anchor(modes.anchor_mean[0], modes.anchor_information[0], modes.anchor_offset[0])
     after = [cost(v, data[150:], anchor, model, np.inf) for v in (u, nearby)]
     assert after[0] == pytest.approx(before[0], abs=1e-8)
@@ -292,3 +292,19 @@ def test_points_carry_mean_and_covariance(inertia):
     np.testing.assert_allclose(errors.mean(axis=0) / sigma[:3], 0.0, atol=0.08)
     rates = np.array([e[1][0] for e in ends])
     np.testing.assert_allclose(rates.std(axis=0), sigma[3:], rtol=0.05)
+
+
+def test_a_fading_memory_returns_to_the_prior():
+    model = _model()
+    data = _light_curve(TRUE, model, n=100)
+    modes = prior_hypotheses(1)
+    search(modes, data, model, SEARCH, np.random.default_rng(4))
+    u = modes.u[0].copy()
+    before = cost(u, data, _anchor(), model, np.inf)
+    condense(modes, data, model, 0.5)
+    anchor = Anchor(modes.anchor_mean[0], modes.anchor_information[0], modes.anchor_offset[0])
+    assert cost(u, data[:0], anchor, model, np.inf) == pytest.approx(before, rel=1e-9)
+    for _ in range(60):
+        condense(modes, data[:0], model, 0.5)
+    np.testing.assert_allclose(modes.anchor_mean[0], 0.0, atol=1e-9)
+    np.testing.assert_allclose(modes.anchor_information[0], np.eye(6), atol=1e-9)

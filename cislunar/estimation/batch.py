@@ -7,8 +7,8 @@ the method). The orbit is the translation half of the paper's filter.
 
 Assumptions and limitations
 ---------------------------
-- No torque and no process noise on the attitude. A window forgets old data, which helps against
-  slow departures.
+- No torque and no process noise on the attitude. A window with a fading memory forgets old data,
+  which helps against slow departures.
 - Lines of sight are taken from the translational estimate at the time of each measurement and are
   not improved afterwards.
 """
@@ -91,7 +91,8 @@ class BatchEstimator:
         if np.any(process[:6] > 0.0):
             raise ConfigurationError(
                 "process_noise: attitude_deg and angular_velocity_deg_h must be 0 for the batch "
-                "estimator, which takes the rotation as free of noise; set window_hours instead"
+                "estimator, which takes the rotation as free of noise; set window_hours and "
+                "memory_hours instead"
             )
         self._settings = BatchSettings() if settings is None else settings
         self._scene = scene
@@ -181,9 +182,10 @@ class BatchEstimator:
             np.empty((n_targets, n_steps, 12)),
             np.empty((n_targets, n_steps), dtype=np.bool_),
         )
-        window = np.inf
-        if self._settings.window_hours is not None:
-            window = 3600.0 * self._settings.window_hours
+        window, memory = (
+            np.inf if hours is None else 3600.0 * hours
+            for hours in (self._settings.window_hours, self._settings.memory_hours)
+        )
         settings = self._settings.search_settings()
         for j in range(n_targets):
             self._make_room(j, n_steps)
@@ -196,6 +198,7 @@ class BatchEstimator:
                 settings,
                 float(self._settings.refit_growth),
                 window,
+                memory,
                 self._settings.use_non_detections,
                 int(observer_of[j]),
                 measurements[j],

@@ -95,6 +95,7 @@ def advance_target(
     settings,
     growth,
     window,
+    memory_s,
     use_non_detections,
     observer,
     measurements,
@@ -192,18 +193,20 @@ def advance_target(
                 total += root[c, d] * root[c, d]
             out_sigma[i, 6 + c] = np.sqrt(total)
     if state[CONDITION] == HEALTHY:
-        _forget(hypotheses, data, model, state, (first + n_steps - 1) * scene.step_s - window)
+        memory = np.exp(-n_steps * scene.step_s / memory_s)
+        end = (first + n_steps - 1) * scene.step_s
+        _forget(hypotheses, data, model, state, end - window, memory)
 
 
 @njit(cache=True, error_model="numpy")
-def _forget(hypotheses, data, model, state, before):
+def _forget(hypotheses, data, model, state, before, memory):
     """Condense the rows older than a time."""
     old = 0
     while old < state[FITTED] and data[old, TIME] < before:
         old += 1
-    if old == 0:
+    if old == 0 and memory == 1.0:
         return
-    condense(hypotheses, data[:old], model)
+    condense(hypotheses, data[:old], model, memory)
     for i in range(old, state[ROWS]):
         data[i - old] = data[i]
     state[ROWS] -= old

@@ -57,6 +57,8 @@ class BatchSettings:
         fits at tasking epochs only.
     window_hours : float or None
         Age beyond which data are condensed into a Gaussian per mode; None keeps all.
+    memory_hours : float or None
+        Time in which what is known from condensed data fades by e; None forgets nothing.
     use_non_detections : bool
         Whether a tasked target that was in clear view and not seen counts as fainter than the
         limit.
@@ -77,6 +79,7 @@ class BatchSettings:
     pool: int = 64
     refit_growth: float = 0.25
     window_hours: float | None = None
+    memory_hours: float | None = None
     use_non_detections: bool = False
     magnitude_noise_factor: float = 1.0
     magnitude_offset: float = 0.0
@@ -100,8 +103,13 @@ class BatchSettings:
                     f"{key} = {getattr(self, key)} must be finite and not negative"
                 )
         positive = {"magnitude_noise_factor": self.magnitude_noise_factor}
-        if self.window_hours is not None:
-            positive["window_hours"] = self.window_hours
+        for key in ("window_hours", "memory_hours"):
+            if getattr(self, key) is not None:
+                positive[key] = getattr(self, key)
+        if self.memory_hours is not None and self.window_hours is None:
+            raise ConfigurationError(
+                f"memory_hours = {self.memory_hours} needs window_hours: only condensed data fade"
+            )
         for key, value in positive.items():
             if not (value > 0.0 and np.isfinite(value)):
                 raise ConfigurationError(f"{key} = {value} must be positive and finite")

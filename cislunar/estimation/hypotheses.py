@@ -250,18 +250,21 @@ def search(hypotheses, data, model, settings, rng):
 
 
 @njit(cache=True, error_model="numpy")
-def condense(hypotheses, data, model):
+def condense(hypotheses, data, model, memory):
     """Put part of a light curve into the anchors, so that it need not be kept (compiled).
 
-    Around each live mode the data's cost is replaced by its second-order expansion.
+    Around each live mode the data's cost is replaced by its second-order expansion. What an anchor
+    holds beyond the prior N(0, I) then fades by a factor, its cost at the mode kept.
 
     Parameters
     ----------
     hypotheses : Hypotheses
         Updated.
     data : ndarray, shape (n, COLUMNS)
-        The part to let go.
+        The part to let go; may be empty.
     model : LightCurveModel
+    memory : float
+        The factor; 1 to forget nothing.
     """
     gradient, root = np.empty(UNKNOWNS), np.empty((UNKNOWNS, UNKNOWNS))
     information = np.empty((UNKNOWNS, UNKNOWNS))
@@ -275,8 +278,17 @@ def condense(hypotheses, data, model):
         step = -gradient
         solve_lower(root, step)
         solve_transposed(root, step)
-        anchor.mean[:] = u + step
-        anchor.information[:, :] = information
+        mean = u + step
+        # with Lambda = I + m (H - I) and Lambda mean' = m H mean; m = 1 changes nothing
+        pull = memory * (information @ mean)
+        anchor.information[:, :] = memory * information
+        for i in range(UNKNOWNS):
+            anchor.information[i, i] += 1.0 - memory
+        root[:, :] = anchor.information
+        cholesky(root)
+        solve_lower(root, pull)
+        solve_transposed(root, pull)
+        anchor.mean[:] = pull
         anchor.offset[0] += value - anchor_cost(u, anchor)
 
 

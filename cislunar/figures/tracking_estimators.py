@@ -34,8 +34,8 @@ def _bound(quantity: str) -> Curve:
 
 
 ROWS = (
-    Row("attitude within\n3\N{GREEK SMALL LETTER SIGMA}, % of time", (Curve("coverage", "attitude"),),
-        factor=100.0, reference=99.7),
+    Row("attitude within\n3\N{GREEK SMALL LETTER SIGMA}, % of time",
+        (Curve("coverage", "attitude"),), factor=100.0, reference=99.7),
     Row("final attitude error,\nmedian, degree",
         (Curve("final_attitude_error_median"), _bound("bound_attitude_median")), log=True),
     Row("final attitude error,\n90th pct., degree",

@@ -258,10 +258,6 @@ rule tracking_figures:
         rules.against_targets_figure.output,
         rules.against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else [],
         rules.estimators_against_targets_figure.output,
-        (
-            rules.estimators_against_interval_figure.output
-            if any(INTERVAL_COLUMNS.values())
-            else []
-        ),
+        (rules.estimators_against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else []),
         rules.tasking_figure.output,
         rules.model_error_figure.output if drawn_errors(TASK2) else [],
