@@ -370,7 +370,7 @@ def tracked_cell(sources):
 
 def test_a_cell_holds_what_is_promised(tracked_cell):
     sizes = {"seed": 2, "epoch": 3, "observer": 3, "time": 18, "step": 180, "target": 4}
-    assert dict(tracked_cell.sizes) == sizes | {"component": 12}
+    assert dict(tracked_cell.sizes) == sizes | {"component": 12, "part": 4}
     dims = {
         "assignment": ("seed", "epoch", "observer"),
         "information": ("seed", "epoch"),
@@ -380,6 +380,9 @@ def test_a_cell_holds_what_is_promised(tracked_cell):
         "coverage": ("seed", "target", "component"),
         "anees": ("seed", "target", "component"),
         "rmse": ("seed", "target", "component"),
+        "bound": ("seed", "time", "target", "component"),
+        "bound_ratio": ("seed", "target", "part"),
+        "bound_attitude": ("seed", "target"),
         "status": ("seed", "target"),
     }
     for name, wanted in dims.items():
@@ -550,6 +553,39 @@ def test_summary_and_tables(summary, tracked_cell):
     assert row["high"] - row["mean"] == pytest.approx(12.7062 * np.ptp(km) / 2, rel=1e-4)
     assert (row["smallest"], row["largest"]) == pytest.approx((km.min(), km.max()))
     assert set(table[table.variant == "one-seed"]["seeds"]) == {1}
+
+
+def test_error_over_bound_is_that_of_the_histories(sources):
+    """The final hours are here all three, every step of them recorded."""
+    cell = _cell(sources, seeds=1, record_minutes=1)
+    error, least = (cell[name].values.astype(float) for name in ("error", "bound"))
+    observed = cell["updates"].values > 0
+    for p in range(4):
+        part = slice(3 * p, 3 * p + 3)
+        squared = [(each[..., part] ** 2).sum(axis=(1, 3)) for each in (error, least)]
+        expected = np.where(observed, np.sqrt(squared[0] / squared[1]), np.nan)
+        np.testing.assert_allclose(cell["bound_ratio"].values[..., p], expected, rtol=1e-5)
+
+
+def test_error_over_bound_stands_in_the_tables(summary, tracked_cell):
+    table = tracking_rows(summary)
+    own = table[(table.variant == "") & table.quantity.isin(["bound_ratio_90", "anees_mean"])]
+    assert len(own) == 8 and set(own.unit) == {"1"}
+    assert np.all(tracked_cell["bound"].values > 0.0)
+    ratio = tracked_cell["bound_ratio"].values
+    observed = tracked_cell["updates"].values > 0
+    np.testing.assert_array_equal(np.isfinite(ratio).all(axis=2), observed)
+    medians = np.median(ratio[0][observed[0]], axis=0)
+    np.testing.assert_allclose(summary["bound_ratio_median"].values[0, 0], medians)
+    degrees = np.percentile(tracked_cell["bound_attitude"].values[1][observed[1]], 90.0)
+    assert summary["bound_attitude_90"].values[0, 1] == pytest.approx(degrees)
+    assert (table.quantity == "bound_attitude_median").sum() == 2
+
+
+def test_a_cell_without_the_bound_is_refused(tracked_cell, tmp_path):
+    write_dataset(tracked_cell.drop_vars(["bound_ratio", "bound_attitude"]), tmp_path / "old.nc")
+    with pytest.raises(InputFileError, match=r"old\.nc lacks bound_ratio, .*earlier version"):
+        read_cell_metrics(tmp_path / "old.nc")
 
 
 def test_variants_are_compared_seed_by_seed(summary):

@@ -70,6 +70,9 @@ def cell_data(targets, seed=0):
     data = {
         "error": (("seed", "time", "target", "component"), error),
         "sigma": (("seed", "time", "target", "component"), sigma),
+        "bound": (("seed", "time", "target", "component"), 0.5 * sigma),
+        "bound_ratio": (("seed", "target", "part"), rng.lognormal(1.0, 0.3, (*shape, 4))),
+        "bound_attitude": (status, rng.uniform(0.1, 0.5, shape)),
         "coverage": (dims, rng.uniform(0.3, 1.0, (*shape, 12))),
         "anees": (dims, rng.lognormal(0.0, 1.0, (*shape, 12))),
         "rmse": (dims, SIZES * rng.lognormal(0.0, 0.5, (*shape, 12))),

@@ -12,7 +12,7 @@ from cislunar.campaign.progress import Progress
 from cislunar.campaign.provenance import provenance
 from cislunar.campaign.tracking import run_cell
 from cislunar.campaign.tracking_cells import Cell
-from cislunar.estimation.metrics import STATUS_NAMES
+from cislunar.estimation.metrics import PARTS, STATUS_NAMES
 from cislunar.estimation.mukf_kernels import CHOLESKY_FAILURES, FLOOR_HITS, OUT_OF_FIELD, UPDATES
 from cislunar.orbits.tracked import tracked_targets
 from cislunar.tasking.closed_loop import FATE_NAMES, LoopResult, LoopSettings
@@ -95,6 +95,7 @@ def cell_dataset(
             "component_unit": variable(
                 "component", list(COMPONENT_UNITS), "1", "unit of the component"
             ),
+            "part": variable("part", list(PARTS), "1", "part of the state"),
             "target_id": variable(
                 "target", problem.target_ids, "1", "row of the target in orbits/tracked.nc"
             ),
@@ -151,6 +152,12 @@ def _time_histories(result: LoopResult, loop: LoopSettings) -> dict[str, xr.Vari
             dims, result.error, "see component_unit", "truth less estimate (attitude: GRP)"
         ),
         "sigma": variable(dims, result.sigma, "see component_unit", "standard deviation"),
+        "bound": variable(
+            dims,
+            result.bound,
+            "see component_unit",
+            "standard deviation of the posterior Cramer-Rao bound",
+        ),
     }
 
 
@@ -174,6 +181,18 @@ def _metrics(result: LoopResult) -> dict[str, xr.Variable]:
             found.final_attitude_error_deg,
             "degree",
             "root mean square attitude error over the final hours",
+        ),
+        "bound_ratio": variable(
+            ("seed", "target", "part"),
+            found.bound_ratio,
+            "1",
+            "root mean square error over Cramer-Rao bound in the final hours",
+        ),
+        "bound_attitude": variable(
+            status,
+            found.bound_attitude_deg,
+            "degree",
+            "root mean square attitude of the Cramer-Rao bound over the final hours",
         ),
     }
 

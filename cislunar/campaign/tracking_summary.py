@@ -16,12 +16,9 @@ from cislunar.campaign.netcdf import read_dataset, variable
 from cislunar.campaign.provenance import provenance
 from cislunar.campaign.tracking_cells import Cell
 from cislunar.errors import InputFileError
-from cislunar.estimation.metrics import DIVERGED, NEVER_OBSERVED, TRACKED
+from cislunar.estimation.metrics import DIVERGED, NEVER_OBSERVED, PARTS, TRACKED
 
 Array = NDArray[np.float64]
-
-PARTS = ("attitude", "angular_velocity", "position", "velocity")
-"""Parts of the state, three components each."""
 
 PART_UNITS = ("1", "rad s-1", "1", "1")
 """Units of the errors of the parts; those of the paper."""
@@ -31,6 +28,8 @@ PER_PART = {
     "anees_median": "component-wise ANEES, median over targets and axes",
     "anees_mean": "component-wise ANEES, mean over targets and axes",
     "anees_mean_periodic": "component-wise ANEES, mean over targets on periodic orbits and axes",
+    "bound_ratio_median": "final-hours error over Cramer-Rao bound, median over targets",
+    "bound_ratio_90": "final-hours error over Cramer-Rao bound, 90th percentile over targets",
     "rmse_median": "root mean square error, median over targets and axes",
     "rmse_90": "root mean square error, 90th percentile over targets and axes",
 }
@@ -39,6 +38,8 @@ PER_PART = {
 PER_CELL = {
     "final_attitude_error_median": ("degree", "attitude error of the final hours, median"),
     "final_attitude_error_90": ("degree", "attitude error of the final hours, 90th percentile"),
+    "bound_attitude_median": ("degree", "Cramer-Rao bound of that error, median"),
+    "bound_attitude_90": ("degree", "Cramer-Rao bound of that error, 90th percentile"),
     "never_observed": ("1", "targets never observed"),
     "diverged_rotation": ("1", "observed targets whose rotation diverged"),
     "diverged_translation": ("1", "observed targets whose translation diverged"),
@@ -59,7 +60,8 @@ PER_CELL = {
 LUNAR = "Polar_"
 """Prefix of the orbit classes that are no periodic orbits: the low lunar polar trajectories."""
 
-_HISTORIES = ("error", "sigma", "fate", "valid", "assignment")
+_HISTORIES = ("error", "sigma", "bound", "fate", "valid", "assignment")
+_NEEDED = ("coverage", "status", "updates", "bound_ratio", "bound_attitude")
 _ID = ("scenario", "architecture", "estimator", "variant")
 
 
@@ -81,11 +83,11 @@ def read_cell_metrics(path: str | Path) -> xr.Dataset:
         If the file is no data set of a cell.
     """
     cell = read_dataset(path, without=_HISTORIES)
-    lacking = [name for name in ("coverage", "status", "updates") if name not in cell]
+    lacking = [name for name in _NEEDED if name not in cell]
     if lacking:
         raise InputFileError(
-            f"data set {path} lacks {', '.join(lacking)}: it is no tracking cell; delete it and "
-            "run snakemake again"
+            f"data set {path} lacks {', '.join(lacking)}: it is no tracking cell, or one of an "
+            "earlier version; delete it and run snakemake again"
         )
     return cell
 
@@ -138,10 +140,17 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         )
         for name, (source, reduce, counted) in of_part.items()
     }
-    final = cell["final_attitude_error"].values
+    ratio = cell["bound_ratio"].values
+    for name, reduce in (("bound_ratio_median", np.median), ("bound_ratio_90", _percentile_90)):
+        found[name] = np.stack(
+            [_over_targets(ratio[..., p], observed, reduce) for p in range(len(PARTS))], axis=-1
+        )
+    final, least = cell["final_attitude_error"].values, cell["bound_attitude"].values
     found |= {
         "final_attitude_error_median": _over_targets(final, observed, np.median),
         "final_attitude_error_90": _over_targets(final, observed, _percentile_90),
+        "bound_attitude_median": _over_targets(least, observed, np.median),
+        "bound_attitude_90": _over_targets(least, observed, _percentile_90),
         "never_observed": (~observed).sum(axis=1),
         "diverged_rotation": rotation.sum(axis=1),
         "diverged_translation": translation.sum(axis=1),

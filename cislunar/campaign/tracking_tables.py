@@ -19,6 +19,8 @@ from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 _LABELS = ("scenario", "architecture", "estimator", "variant")
 _NUMBERS = ("observers", "targets", "interval_minutes")
 
+_SPANS_DECADES = ("anees", "bound_ratio")
+
 PRACTICAL_UNITS = {
     "attitude": ("degree", np.rad2deg(1.0)),
     "angular_velocity": ("degree h-1", np.rad2deg(3600.0)),
@@ -58,9 +60,9 @@ def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
     -------
     DataFrame
         For every cell and quantity, with every part of the state and unit: mean over the
-        realizations with its 95 % confidence interval (Student's t; for ANEES, which spans
-        decades, of the logarithm), smallest and largest. Quantity `rmse_*` appears in the
-        paper's units and in practical ones.
+        realizations with its 95 % confidence interval (Student's t; of the logarithm for ANEES
+        and error over bound, which span decades), smallest and largest. Quantity `rmse_*` appears
+        in the paper's units and in practical ones.
     """
     rows = []
     for index in range(summary.sizes["cell"]):
@@ -68,7 +70,7 @@ def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
         for name, part, unit, factor in _quantities(summary):
             values = factor * seed_values(summary, index, name, part or None)
             finite = values[np.isfinite(values)]
-            interval = (log_interval if name.startswith("anees") else t_interval)(values)
+            interval = (log_interval if name.startswith(_SPANS_DECADES) else t_interval)(values)
             rows.append(
                 identity
                 | {
@@ -106,7 +108,7 @@ def reading_rows(summary: xr.Dataset) -> pd.DataFrame:
     DataFrame
         For every variant and quantity: means over the common realizations of the usual and of
         the changed cell, and their difference, realization by realization, with its 95 %
-        confidence interval (Student's t). ANEES as its decimal logarithm.
+        confidence interval (Student's t). ANEES and error over bound as decimal logarithms.
     """
     rows = []
     for index in range(summary.sizes["cell"]):
@@ -118,7 +120,7 @@ def reading_rows(summary: xr.Dataset) -> pd.DataFrame:
         for name, part, unit, factor in _quantities(summary) if usual.size else ():
             before = factor * seed_values(summary, usual[0], name, part or None)
             after = factor * seed_values(summary, index, name, part or None)
-            if name.startswith("anees"):
+            if name.startswith(_SPANS_DECADES):
                 before, after, name = np.log10(before), np.log10(after), f"log10_{name}"
             both = np.isfinite(before) & np.isfinite(after)
             interval = t_interval(after[both] - before[both])

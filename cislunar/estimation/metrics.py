@@ -16,6 +16,9 @@ STATUS_NAMES = ("tracked", "never_observed", "diverged")
 
 ROTATION, TRANSLATION = slice(0, 6), slice(6, 12)
 
+PARTS = ("attitude", "angular_velocity", "position", "velocity")
+"""Parts of the state, three components each."""
+
 BOUND_SIGMAS = 3.0
 """Half-width of the bounds, standard deviations."""
 
@@ -39,6 +42,10 @@ class TrackingMetrics(NamedTuple):
         position and velocity.
     final_attitude_error_deg : ndarray, shape (target,)
         Root mean square rotation angle of the attitude error over the final hours.
+    bound_ratio : ndarray, shape (target, 4)
+        Error over Cramer-Rao bound in the final hours, see `bound_ratio`.
+    bound_attitude_deg : ndarray, shape (target,)
+        Root mean square attitude error the bound allows over the final hours.
     """
 
     coverage: Array
@@ -48,6 +55,8 @@ class TrackingMetrics(NamedTuple):
     status_rotation: NDArray[np.uint8]
     status_translation: NDArray[np.uint8]
     final_attitude_error_deg: Array
+    bound_ratio: Array
+    bound_attitude_deg: Array
 
 
 def within_bounds(error: ArrayLike, sigma: ArrayLike) -> NDArray[np.bool_]:
@@ -103,6 +112,33 @@ def anees(error: Array, sigma: Array) -> Array:
         1 for a consistent filter; larger if it is overconfident.
     """
     return _mean_where_finite((error / sigma) ** 2)
+
+
+def bound_ratio(error: Array, bound: Array, observed: ArrayLike) -> Array:
+    """Error over Cramer-Rao bound of the parts of the state.
+
+    Parameters
+    ----------
+    error, bound : ndarray, shape (target, time, 12)
+        Errors, and standard deviations of the bound. Times at which either is NaN are left out.
+    observed : array_like of bool, shape (target,)
+        Whether any measurement of the target was used.
+
+    Returns
+    -------
+    ndarray, shape (target, 4)
+        Root mean square length of the error vector of each of `PARTS` over the square root of the
+        mean sum of the bound's variances. About 1 for an efficient estimator; NaN for a target
+        that was never observed.
+    """
+    both = np.isfinite(error).all(axis=2) & np.isfinite(bound).all(axis=2)
+    counted = both & np.asarray(observed)[:, None]
+
+    def squared(values: Array) -> Array:
+        kept = np.where(counted[..., None], values, np.nan)
+        return _mean_where_finite((kept**2).reshape(*kept.shape[:2], len(PARTS), 3).sum(axis=3))
+
+    return np.sqrt(squared(error) / squared(bound))
 
 
 def rmse(error: Array) -> Array:
@@ -163,7 +199,13 @@ def attitude_angle_deg(error: Array, a: float = 0.5) -> Array:
     return np.rad2deg(2.0 * np.arctan2((a + scalar) / f * np.sqrt(squared), scalar))
 
 
-def evaluate(error: Array, sigma: Array, used: NDArray[np.bool_], step_s: float) -> TrackingMetrics:
+def evaluate(
+    error: Array,
+    sigma: Array,
+    used: NDArray[np.bool_],
+    step_s: float,
+    bound: Array | None = None,
+) -> TrackingMetrics:
     """All metrics of a run.
 
     Parameters
@@ -174,11 +216,14 @@ def evaluate(error: Array, sigma: Array, used: NDArray[np.bool_], step_s: float)
         Whether a measurement was used.
     step_s : float
         Time between the steps, s.
+    bound : ndarray, shape (target, time, 12), optional
+        Standard deviations of the Cramer-Rao bound; without it, what depends on it is NaN.
 
     Returns
     -------
     TrackingMetrics
     """
+    bound = np.full(error.shape, np.nan) if bound is None else bound
     final = min(error.shape[1], max(1, round(FINAL_HOURS * 3600.0 / step_s)))
     last_error = error[:, -final:]
     covered = coverage(last_error, sigma[:, -final:])
@@ -186,6 +231,7 @@ def evaluate(error: Array, sigma: Array, used: NDArray[np.bool_], step_s: float)
     rotation = classify(covered[:, ROTATION], observed)
     translation = classify(covered[:, TRANSLATION], observed)
     angle = attitude_angle_deg(last_error)
+    last_bound = bound[:, -final:]
     return TrackingMetrics(
         coverage(error, sigma),
         anees(error, sigma),
@@ -195,4 +241,6 @@ def evaluate(error: Array, sigma: Array, used: NDArray[np.bool_], step_s: float)
         rotation,
         translation,
         np.sqrt(_mean_where_finite(angle**2)),
+        bound_ratio(last_error, last_bound, observed),
+        np.rad2deg(np.sqrt(_mean_where_finite((last_bound[..., :3] ** 2).sum(axis=2)))),
     )

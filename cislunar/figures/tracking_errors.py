@@ -1,4 +1,4 @@
-"""Estimation errors of single targets with their 3-sigma bounds, over time."""
+"""Estimation errors of single targets with their 3-sigma and Cramer-Rao bounds, over time."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from cislunar.figures.style import (
     PAGE_WIDTH_IN,
     SKY,
     SOLID,
+    VERMILION,
     house_style,
     new_figure,
     panel_letter,
@@ -175,6 +176,12 @@ def draw_error(axes: Axes, hours: Array, error: Array, sigma: Array, look: Look 
     axes.plot(hours, error, color=look.line, linewidth=0.9, linestyle=look.dashes, zorder=4)
 
 
+def draw_least(axes: Axes, hours: Array, least: Array) -> None:
+    """Three times the Cramer-Rao bound of one component, either side of zero."""
+    for side in (-BOUND_SIGMAS, BOUND_SIGMAS):
+        axes.plot(hours, side * least, color=VERMILION, linewidth=0.6, zorder=3.5)
+
+
 def mark_measurements(axes: Axes, cell: xr.Dataset, target: int) -> None:
     """A bar along the times at which a measurement of a target was used."""
     names = cell["fate"].attrs["flag_meanings"].split()
@@ -207,6 +214,13 @@ def _histories(cell: xr.Dataset, target: int) -> tuple[Array, Array, Array]:
     )
 
 
+def _least(cell: xr.Dataset, target: int) -> Array:
+    """Cramer-Rao bound of a target, shape (time, component); no times if the cell has none."""
+    if "bound" not in cell:
+        return np.empty((0, 12))
+    return cell["bound"].isel(seed=REALIZATION, target=target).values.astype(float)
+
+
 @house_style()
 def selected_targets_figure(cell: Cell, data: xr.Dataset) -> Figure:
     """Errors and bounds of a few targets: a column for each, a row for each component.
@@ -230,9 +244,11 @@ def selected_targets_figure(cell: Cell, data: xr.Dataset) -> Figure:
     each = (PAGE_WIDTH_IN - left_in - right_in - gap_in * (SELECTED - 1)) / SELECTED
     figure.text(0.14 / width, 1.0 - 0.07 / height, _cell_title(cell, data), va="top", fontsize=8.5)
     found = {target: _histories(data, target) for target in chosen}
+    least = {target: _least(data, target) for target in chosen}
     ranges = [
         part_scale([e[:, part.columns] for _, e, _ in found.values()],
-                   [s[:, part.columns] for _, _, s in found.values()])
+                   [s[:, part.columns] for _, _, s in found.values()]
+                   + [b[:, part.columns] for b in least.values()])
         for part in PARTS
     ]  # fmt: skip
     for column, (target, why) in enumerate(chosen.items()):
@@ -249,6 +265,8 @@ def selected_targets_figure(cell: Cell, data: xr.Dataset) -> Figure:
             axes = place(figure, left, bottom, each, _PANEL_IN)
             mark_measurements(axes, data, target)
             draw_error(axes, hours, error[:, component], sigma[:, component])
+            if least[target].size:
+                draw_least(axes, hours, least[target][:, component])
             ranges[part].apply(axes)
             time_axis(axes, labeled=component == 11)
             axes.tick_params(labelleft=column == 0)
@@ -257,7 +275,7 @@ def selected_targets_figure(cell: Cell, data: xr.Dataset) -> Figure:
                 axes.yaxis.set_label_coords(-0.26, 0.5)
             if column == len(chosen) - 1:
                 axes.text(1.04, 0.5, AXES[axis], transform=axes.transAxes, va="center", fontsize=7)
-    _legend(figure)
+    _legend(figure, bound="bound" in data)
     return figure
 
 
@@ -269,16 +287,29 @@ def _cell_title(cell: Cell, data: xr.Dataset) -> str:
     )
 
 
-def _legend(figure: Figure) -> None:
+def _legend(figure: Figure, *, bound: bool) -> None:
     handles = [
         Line2D([], [], color=BLACK, linewidth=0.9, label="error, truth less estimate"),
         Patch(facecolor=SKY, alpha=0.4, edgecolor=BLACK, linewidth=0.5,
               label="within \N{PLUS-MINUS SIGN}3\N{GREEK SMALL LETTER SIGMA}"),
         Patch(facecolor=MEASURED, label="measurements used"),
     ]  # fmt: skip
+    if bound:
+        least = Line2D(
+            [],
+            [],
+            color=VERMILION,
+            linewidth=0.6,
+            label="3 \N{MULTIPLICATION SIGN} Cramér-Rao bound",
+        )
+        handles.insert(2, least)
     place_in = (0.5, 0.07 / figure.get_size_inches()[1])
     figure.legend(
-        handles=handles, loc="lower center", bbox_to_anchor=place_in, ncols=3, borderaxespad=0.0
+        handles=handles,
+        loc="lower center",
+        bbox_to_anchor=place_in,
+        ncols=len(handles),
+        borderaxespad=0.0,
     )
 
 

@@ -185,6 +185,80 @@ def facet_magnitude(
 
 
 @njit(cache=True, error_model="numpy")
+def facet_sums(light, view, half2, fresnel, areas, normals, material):
+    """Sum of the facets and its derivatives by the directions (compiled).
+
+    Parameters
+    ----------
+    light, view : tuple of 3 floats
+        L and V, unit vectors to the Sun and to the observer, body frame.
+    half2 : float
+        |L + V|^2.
+    fresnel : float
+        F, see `fresnel_reflectance`.
+    areas, normals, material
+        As in `facet_irradiance`.
+
+    Returns
+    -------
+    total : float
+        Sum of A_i (d rho (N.L)(N.V) + s alpha_i D_i F), m^2.
+    by_light, by_view : tuple of 3 floats
+        Its derivative with respect to L by way of N.L alone, and to V by way of N.V, body frame.
+    by_half2 : float
+        Its derivative with respect to |L + V|^2 at constant N.L, N.V and F.
+    shine : float
+        Its specular share.
+    """
+    lx, ly, lz = light
+    vx, vy, vz = view
+    diffuse = material[0] * material[2]
+    steepness = 1.0 / (material[3] * material[3])
+    far = LARGEST_EXPONENT / steepness  # largest tan^2(phi) with exp(-tan^2(phi)/delta^2) > 0
+    specular = material[1] * fresnel * steepness
+    inverse_half2 = 1.0 / half2
+    total, shine, by_half2 = 0.0, 0.0, 0.0
+    ax, ay, az = 0.0, 0.0, 0.0  # sum of A dR/d(N.L) N
+    bx, by, bz = 0.0, 0.0, 0.0  # sum of A dR/d(N.V) N
+    for i in range(areas.shape[0]):
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        lit = nx * lx + ny * ly + nz * lz
+        seen = nx * vx + ny * vy + nz * vz
+        lower = min(lit, seen)
+        if lower <= 0.0:
+            continue
+        both = lit + seen
+        area = areas[i]
+        reflectance = diffuse * lit * seen
+        by_lit, by_seen = diffuse * seen, diffuse * lit
+        cosine2 = both * both * inverse_half2
+        if 1.0 - cosine2 < far * cosine2:
+            secant2 = 1.0 / cosine2
+            glint = specular * np.exp((1.0 - secant2) * steepness) * secant2 * secant2
+            slope = (secant2 * steepness - 2.0) * secant2 * glint * 2.0 * both * inverse_half2
+            power = 2.0 - secant2 * steepness  # d log D / d log |L + V|^2
+            attenuation = 4.0 * both * lower * inverse_half2
+            if attenuation < 1.0:
+                edge = 4.0 * inverse_half2 * glint
+                by_lit += slope * attenuation + edge * (lower + (both if lit < seen else 0.0))
+                by_seen += slope * attenuation + edge * (lower + (0.0 if lit < seen else both))
+                glint *= attenuation
+                power -= 1.0
+            else:
+                by_lit += slope
+                by_seen += slope
+            reflectance += glint
+            shine += area * glint
+            by_half2 += area * glint * power * inverse_half2
+        total += area * reflectance
+        by_lit *= area
+        by_seen *= area
+        ax, ay, az = ax + by_lit * nx, ay + by_lit * ny, az + by_lit * nz
+        bx, by, bz = bx + by_seen * nx, by + by_seen * ny, bz + by_seen * nz
+    return total, (ax, ay, az), (bx, by, bz), by_half2, shine
+
+
+@njit(cache=True, error_model="numpy")
 def facet_magnitude_gradient(
     quaternion,
     sun_direction,
@@ -223,46 +297,10 @@ def facet_magnitude_gradient(
     half2 = (lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2
     lx, ly, lz = rotate_components(q1, q2, q3, q4, lx, ly, lz)
     vx, vy, vz = rotate_components(q1, q2, q3, q4, vx, vy, vz)
-    diffuse = material[0] * material[2]
-    steepness = 1.0 / (material[3] * material[3])
-    far = LARGEST_EXPONENT / steepness  # largest tan^2(phi) with exp(-tan^2(phi)/delta^2) > 0
     fresnel = fresnel_reflectance(0.5 * np.sqrt(half2), material[4], fresnel_sqrt)
-    specular = material[1] * fresnel * steepness
-    inverse_half2 = 1.0 / half2
-    total = 0.0
-    ax, ay, az = 0.0, 0.0, 0.0  # sum of A dR/d(N.L) N
-    bx, by, bz = 0.0, 0.0, 0.0  # sum of A dR/d(N.V) N
-    for i in range(areas.shape[0]):
-        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-        lit = nx * lx + ny * ly + nz * lz
-        seen = nx * vx + ny * vy + nz * vz
-        lower = min(lit, seen)
-        if lower <= 0.0:
-            continue
-        both = lit + seen
-        reflectance = diffuse * lit * seen
-        by_lit, by_seen = diffuse * seen, diffuse * lit
-        cosine2 = both * both * inverse_half2
-        if 1.0 - cosine2 < far * cosine2:
-            secant2 = 1.0 / cosine2
-            glint = specular * np.exp((1.0 - secant2) * steepness) * secant2 * secant2
-            slope = (secant2 * steepness - 2.0) * secant2 * glint * 2.0 * both * inverse_half2
-            attenuation = 4.0 * both * lower * inverse_half2
-            if attenuation < 1.0:
-                edge = 4.0 * inverse_half2 * glint
-                by_lit += slope * attenuation + edge * (lower + (both if lit < seen else 0.0))
-                by_seen += slope * attenuation + edge * (lower + (0.0 if lit < seen else both))
-                reflectance += attenuation * glint
-            else:
-                by_lit += slope
-                by_seen += slope
-                reflectance += glint
-        area = areas[i]
-        total += area * reflectance
-        by_lit *= area
-        by_seen *= area
-        ax, ay, az = ax + by_lit * nx, ay + by_lit * ny, az + by_lit * nz
-        bx, by, bz = bx + by_seen * nx, by + by_seen * ny, bz + by_seen * nz
+    total, (ax, ay, az), (bx, by, bz), _, _ = facet_sums(
+        (lx, ly, lz), (vx, vy, vz), half2, fresnel, areas, normals, material
+    )
     spread = np.pi * range_m * range_m
     if irradiance_4pi:
         spread *= 4.0 * np.pi

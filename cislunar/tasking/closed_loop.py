@@ -11,6 +11,8 @@ Assumptions and limitations
   from the covariance predicted to that time.
 - The truth has the filter's own translational dynamics, and its reflection model in form. Shapes,
   materials, inertia, noise and torque may differ (`cislunar.tasking.simulation.TruthModel`).
+- The Cramer-Rao bound is that of an estimator that knows the truth's model, without process noise,
+  whatever the estimator of the run supposes.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.choice import estimator_named
+from cislunar.estimation.cramer_rao import cramer_rao_bound
 from cislunar.estimation.estimator import Estimator, EstimatorFactory, InitialEstimate
 from cislunar.estimation.measurement import DETECTED, measure
 from cislunar.estimation.metrics import TrackingMetrics, evaluate
@@ -62,10 +65,13 @@ class LoopResult:
     evaluations : ndarray of int, shape (seed, epoch)
         Taskings tried.
     elapsed_s : ndarray, shape (time,)
-        Times of `error` and `sigma` since the start, s.
+        Times of `error`, `sigma` and `bound` since the start, s.
     error, sigma : ndarray of float32, shape (seed, time, target, 12)
         Truth less estimate, and standard deviation: attitude error (GRP), angular velocity
         (rad/s), position and velocity (nondimensional). NaN after the end of a failed estimate.
+    bound : ndarray of float32, shape (seed, time, target, 12)
+        Standard deviations of the posterior Cramer-Rao bound of the measurements used, as `sigma`;
+        see `cislunar.estimation.cramer_rao`.
     fate : ndarray of uint8, shape (seed, step, target)
         Index into `FATE_NAMES`, at every step.
     metrics : TrackingMetrics
@@ -85,6 +91,7 @@ class LoopResult:
     elapsed_s: Array
     error: NDArray[np.float32]
     sigma: NDArray[np.float32]
+    bound: NDArray[np.float32]
     fate: NDArray[np.uint8]
     metrics: TrackingMetrics
     failed: NDArray[np.uint8]
@@ -144,6 +151,7 @@ class _Run:
         self.error = np.empty((n_targets, n_steps, 12))
         self.sigma = np.empty((n_targets, n_steps, 12))
         self.fate = np.empty((n_targets, n_steps), dtype=np.uint8)
+        self.used_by = np.empty((n_targets, n_steps), dtype=np.int64)
         self.assignment = np.empty((n_epochs, n_observers), dtype=np.int16)
         self.information = np.empty(n_epochs)
         self.evaluations = np.empty(n_epochs, dtype=np.int64)
@@ -191,8 +199,23 @@ class _Run:
         fate[estimates.used] = USED
         window = slice(start, stop)
         self.fate[:, window] = fate
+        self.used_by[:, window] = np.where(fate == USED, observer_of[:, None], -1)
         self.error[:, window] = estimation_errors(first, self.truth, estimates)
         self.sigma[:, window] = estimates.sigma
+
+    def bound(self, noise: Array, initial_sigma: Array) -> Array:
+        """Cramer-Rao bound at every step, shape (target, step, 12)."""
+        return cramer_rao_bound(
+            self.scene,
+            self.true_surfaces,
+            noise,
+            self.truth.translation,
+            self.truth.quaternion,
+            self.truth.angular_velocity,
+            self.used_by,
+            initial_sigma,
+            mu=self.mu,
+        )
 
 
 def run_closed_loop(
@@ -259,7 +282,7 @@ def run_closed_loop(
     recorded = settings.recorded
     n_epochs, n_targets = settings.epochs.size, ids.size
     shape = (len(seeds), recorded.size, n_targets, 12)
-    error, sigma = np.empty(shape, np.float32), np.empty(shape, np.float32)
+    error, sigma, bound = (np.empty(shape, np.float32) for _ in range(3))
     fate = np.empty((len(seeds), settings.n_steps, n_targets), np.uint8)
     runs, metrics = [], []
     for s, seed in enumerate(seeds):
@@ -279,9 +302,11 @@ def run_closed_loop(
             run.epoch(number)
             if progress is not None:
                 progress(s * n_epochs + number + 1, len(seeds) * n_epochs)
-        metrics.append(evaluate(run.error, run.sigma, run.fate == USED, settings.step_s))
+        least = run.bound(truth.noise, initial.sigma)
+        metrics.append(evaluate(run.error, run.sigma, run.fate == USED, settings.step_s, least))
         error[s] = run.error[:, recorded].swapaxes(0, 1)
         sigma[s] = run.sigma[:, recorded].swapaxes(0, 1)
+        bound[s] = least[:, recorded].swapaxes(0, 1)
         fate[s] = run.fate.T
         # Only the small records of a run are kept, so memory does not grow with the seeds.
         runs.append(
@@ -295,6 +320,7 @@ def run_closed_loop(
         settings.step_s * (recorded + 1.0),
         error,
         sigma,
+        bound,
         fate,
         TrackingMetrics(*(np.array(column) for column in zip(*metrics, strict=True))),
         np.array(failed),

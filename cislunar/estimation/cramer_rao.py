@@ -1,0 +1,428 @@
+"""The posterior Cramer-Rao bound of a run (Tichavsky, Muravchik & Nehorai 1998).
+
+No estimator knows the state better, on average over its errors, than the inverse of the Bayesian
+information matrix: that of the initial distribution plus that of the measurements. Linearised at
+the truth it obeys the covariance recursion of an extended Kalman filter that is handed the true
+states, and without process noise
+
+    J(t) = Phi(t, 0)^-T (P0^-1 + sum_k Phi(t_k, 0)^T H_k^T R^-1 H_k Phi(t_k, 0)) Phi(t, 0)^-1.
+
+States, order and units are those of `cislunar.estimation.metrics`. A measurement at t_k is carried
+back to a reference time by the transition matrix and updates the Cholesky factor there, so that
+between measurements nothing is propagated but that matrix; without process noise the reference time
+stays the epoch. Process noise moves it on at every step.
+
+Assumptions and limitations
+---------------------------
+- The bound is that of the measurements that were used. What the absence of a measurement tells (the
+  target was too faint, say) is not counted.
+- It is that of an estimator that knows what the targets are and how noisy the measurements; one
+  that believes otherwise may fall short of it.
+- A torque is known by what it does to the true angular velocity from step to step.
+- It belongs to one true trajectory; the bound proper is an average over trajectories.
+- Where the light curve is far from linear over the uncertainty, as that of a faceted body is, the
+  bound may lie well below what any estimator can reach.
+- It ends where the true trajectory enters the Earth or the Moon.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.attitude.inertia import is_spherical
+from cislunar.attitude.transition import rigid_transition, spherical_transition
+from cislunar.constants import LENGTH_UNIT_KM, MU
+from cislunar.dynamics.runge_kutta import step_dop853
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.measurement import EARTH_RADIUS, MOON_RADIUS, rotate
+from cislunar.estimation.scene import Scene, TargetSurfaces
+from cislunar.estimation.triangular import cholesky
+from cislunar.estimation.unscented import square_root_update
+from cislunar.photometry.facet_derivatives import facet_magnitude_derivatives
+
+Array = NDArray[np.float64]
+
+SIZE = 12
+_METRES = 1000.0 * LENGTH_UNIT_KM
+
+
+@njit(cache=True, error_model="numpy")
+def _rotate_back(axes, x, y, z):
+    """Product of a transposed 3 x 3 matrix and a vector."""
+    return (
+        axes[0, 0] * x + axes[1, 0] * y + axes[2, 0] * z,
+        axes[0, 1] * x + axes[1, 1] * y + axes[2, 1] * z,
+        axes[0, 2] * x + axes[1, 2] * y + axes[2, 2] * z,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _across(ux, uy, uz, gx, gy, gz):
+    """The part of a vector g across the unit vector u."""
+    along = ux * gx + uy * gy + uz * gz
+    return gx - along * ux, gy - along * uy, gz - along * uz
+
+
+@njit(cache=True, error_model="numpy")
+def _angle_rows(dx, dy, dz, axes, rows):
+    """Derivatives of right ascension and declination by position, into rows 1 and 2."""
+    bx, by, bz = rotate(axes, dx, dy, dz)
+    flat2 = bx * bx + by * by
+    flat = np.sqrt(flat2)
+    squared = flat2 + bz * bz
+    rows[1, 3], rows[1, 4], rows[1, 5] = _rotate_back(axes, -by / flat2, bx / flat2, 0.0)
+    scale = -bz / (flat * squared)
+    rows[2, 3], rows[2, 4], rows[2, 5] = _rotate_back(axes, scale * bx, scale * by, flat / squared)
+
+
+@njit(cache=True, error_model="numpy")
+def _magnitude_row(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j, rows):
+    """Derivatives of the magnitude by attitude and position, into row 0.
+
+    The observer's direction V = -d/r and the Sun's L = s/|s| turn by (I - V V^T)/r and
+    (I - L L^T)/|s| with the position, both backwards; the range adds (5 / ln 10) d/r^2.
+    """
+    distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+    to_sun = np.sqrt(sx * sx + sy * sy + sz * sz)
+    vx, vy, vz = rotate(to_inertial, -dx / distance, -dy / distance, -dz / distance)
+    lx, ly, lz = rotate(to_inertial, sx / to_sun, sy / to_sun, sz / to_sun)
+    first = surfaces.first[j]
+    last = surfaces.first[j + 1]
+    _, turn, by_sun, by_view, by_log_range = facet_magnitude_derivatives(
+        (quaternion[0], quaternion[1], quaternion[2], quaternion[3]),
+        (lx, ly, lz),
+        (vx, vy, vz),
+        distance * _METRES,
+        surfaces.areas[first:last],
+        surfaces.normals[first:last],
+        surfaces.material[j],
+        surfaces.irradiance_4pi,
+        surfaces.fresnel_sqrt,
+    )
+    rows[0, 0], rows[0, 1], rows[0, 2] = turn
+    ax, ay, az = _across(vx, vy, vz, by_view[0], by_view[1], by_view[2])
+    bx, by, bz = _across(lx, ly, lz, by_sun[0], by_sun[1], by_sun[2])
+    inward = 1.0 / distance
+    sunward = 1.0 / to_sun
+    rows[0, 3], rows[0, 4], rows[0, 5] = _rotate_back(
+        to_inertial,
+        -inward * (ax + by_log_range * vx) - sunward * bx,
+        -inward * (ay + by_log_range * vy) - sunward * by,
+        -inward * (az + by_log_range * vz) - sunward * bz,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def measurement_rows(state, quaternion, observer, k, j, scene, surfaces, rows):
+    """Derivatives of a measurement by attitude and position, in closed form (compiled).
+
+    Parameters
+    ----------
+    state : ndarray, shape (6,)
+        Position and velocity, nondimensional, rotating frame.
+    quaternion : ndarray, shape (4,)
+        Inertial to body.
+    observer, k, j : int
+        Indices of the observer, the time and the target.
+    scene, surfaces : Scene, TargetSurfaces
+    rows : ndarray, shape (3, 6)
+        Receives the derivatives of magnitude, right ascension and declination (mag, rad, rad) by a
+        small turn of the body (rad, body frame) and by position (nondimensional, rotating frame).
+    """
+    x, y, z = state[0], state[1], state[2]
+    dx = x - scene.observer_position[observer, k, 0]
+    dy = y - scene.observer_position[observer, k, 1]
+    dz = z - scene.observer_position[observer, k, 2]
+    sun = scene.sun_position[k]
+    rows[1:, :3] = 0.0
+    _angle_rows(dx, dy, dz, scene.observer_axes[k], rows)
+    _magnitude_row(
+        dx,
+        dy,
+        dz,
+        sun[0] - x,
+        sun[1] - y,
+        sun[2] - z,
+        scene.frame_axes[k],
+        quaternion,
+        surfaces,
+        j,
+        rows,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _outside_primaries(state, mu):
+    """Whether a state is finite and outside the Earth and the Moon."""
+    x, y, z = state[0], state[1], state[2]
+    off_axis = y * y + z * z
+    return (x + mu) ** 2 + off_axis > EARTH_RADIUS * EARTH_RADIUS and (
+        x - 1.0 + mu
+    ) ** 2 + off_axis > MOON_RADIUS * MOON_RADIUS
+
+
+@njit(cache=True, error_model="numpy")
+def _use(rows, turn, motion, root, noise_variance, work):
+    """Update the factor at the reference time with a measurement.
+
+    `turn` (6, 6) and `motion` (6 x 6 in a row) lead from the reference time to the measurement.
+    """
+    gradient, cross, even, innovation, correction, scratch = work
+    for a in range(3):
+        for c in range(6):
+            gradient[c, a] = 0.0
+            gradient[6 + c, a] = 0.0
+            for i in range(3):
+                gradient[c, a] += rows[a, i] * turn[i, c]
+                gradient[6 + c, a] += rows[a, 3 + i] * motion[6 * i + c]
+    for a in range(3):
+        for i in range(SIZE):
+            cross[i, a] = 0.0
+        for c in range(SIZE):
+            for i in range(c + 1):
+                cross[i, a] += root[c, i] * gradient[c, a]
+        for b in range(3):
+            even[a, b] = 0.0
+        even[a, a] = noise_variance[a]
+        innovation[a] = 0.0
+    return square_root_update(root, cross, even, innovation, correction, scratch)
+
+
+@njit(cache=True, error_model="numpy")
+def _carry(turn, motion, root, carried):
+    """Root of the covariance now, shape (12, 12) and not triangular, into `carried`."""
+    for i in range(6):
+        for c in range(6):
+            total = 0.0
+            for d in range(c, 6):
+                total += turn[i, d] * root[d, c]
+            carried[i, c] = total
+            carried[i, 6 + c] = 0.0
+        for c in range(SIZE):
+            total = 0.0
+            for d in range(max(0, c - 6), 6):
+                total += motion[6 * i + d] * root[6 + d, c]
+            carried[6 + i, c] = total
+
+
+@njit(cache=True, error_model="numpy")
+def _restart(turn, motion):
+    """Identity as the transition from a new reference time."""
+    turn[:, :] = 0.0
+    motion[:] = 0.0
+    for i in range(6):
+        turn[i, i] = 1.0
+        motion[7 * i] = 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def _move_reference(turn, motion, root, carried, process_variance):
+    """Move the reference time to now and add process noise; False if definiteness is lost."""
+    _carry(turn, motion, root, carried)
+    for a in range(SIZE):
+        for b in range(a + 1):
+            total = 0.0
+            for c in range(SIZE):
+                total += carried[a, c] * carried[b, c]
+            root[a, b] = total
+        root[a, a] += process_variance[a]
+    _restart(turn, motion)
+    return cholesky(root)
+
+
+@njit(cache=True, error_model="numpy")
+def _bound_of_target(
+    j,
+    scene,
+    surfaces,
+    noise_variance,
+    translation,
+    quaternion,
+    omega,
+    spherical,
+    inverse_inertia,
+    observer,
+    root,
+    process_variance,
+    mu,
+    out,
+):
+    """Bound of target j at all steps, (step, 12), into `out` (compiled)."""
+    noisy = np.any(process_variance > 0.0)
+    rows, carried = np.empty((3, 6)), np.empty((SIZE, SIZE))
+    work = (
+        np.empty((SIZE, 3)),
+        np.empty((SIZE, 3)),
+        np.empty((3, 3)),
+        np.empty(3),
+        np.empty(SIZE),
+        np.empty((SIZE, SIZE)),
+    )
+    turn, step_turn, product = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
+    motion = np.empty(42)  # a state, then its transition matrix row by row
+    _restart(turn, motion[6:])
+    out[:, :] = np.nan
+    for step in range(out.shape[0]):
+        motion[:6] = translation[step]
+        motion = step_dop853(motion, scene.step, mu)
+        if spherical:
+            spherical_transition(omega[step], scene.step_s, step_turn)
+        else:
+            inertia = surfaces.inertia[j]
+            rigid_transition(omega[step], scene.step_s, inertia, inverse_inertia, step_turn)
+        for a in range(6):
+            for b in range(6):
+                total = 0.0
+                for c in range(6):
+                    total += step_turn[a, c] * turn[c, b]
+                product[a, b] = total
+        turn[:, :] = product
+        if not _outside_primaries(translation[step + 1], mu):
+            return
+        if noisy and not _move_reference(turn, motion[6:], root, carried, process_variance):
+            return
+        if observer[step] >= 0:
+            measurement_rows(
+                translation[step + 1],
+                quaternion[step + 1],
+                observer[step],
+                step + 1,
+                j,
+                scene,
+                surfaces,
+                rows,
+            )
+            if not _use(rows, turn, motion[6:], root, noise_variance, work):
+                return
+        _carry(turn, motion[6:], root, carried)
+        for a in range(SIZE):
+            total = 0.0
+            for c in range(SIZE):
+                total += carried[a, c] * carried[a, c]
+            out[step, a] = np.sqrt(total)
+
+
+@njit(cache=True, error_model="numpy")
+def _bounds(
+    scene,
+    surfaces,
+    noise_variance,
+    translation,
+    quaternion,
+    omega,
+    spherical,
+    inverse_inertia,
+    observer,
+    sigma,
+    process_variance,
+    mu,
+    out,
+):
+    """Bounds of all targets (compiled); see `cramer_rao_bound`."""
+    for j in range(out.shape[0]):
+        _bound_of_target(
+            j,
+            scene,
+            surfaces,
+            noise_variance,
+            translation[j],
+            quaternion[j],
+            omega[j],
+            spherical[j],
+            inverse_inertia[j],
+            observer[j],
+            np.diag(sigma),
+            process_variance,
+            mu,
+            out[j],
+        )
+
+
+def cramer_rao_bound(
+    scene: Scene,
+    surfaces: TargetSurfaces,
+    noise: ArrayLike,
+    translation: Array,
+    quaternion: Array,
+    angular_velocity: Array,
+    observer: ArrayLike,
+    sigma: ArrayLike,
+    *,
+    process_variance: ArrayLike | None = None,
+    mu: float = MU,
+) -> Array:
+    """Posterior Cramer-Rao bound of all targets at every step of a run.
+
+    Parameters
+    ----------
+    scene : Scene
+        Observers, Sun and frames; index 0 is the epoch.
+    surfaces : TargetSurfaces
+        Shapes, materials and inertia, as they truly are.
+    noise : array_like, shape (3,)
+        Standard deviations of magnitude (mag), right ascension and declination (rad).
+    translation : ndarray, shape (target, time, 6)
+        True states on the scene's times, nondimensional, rotating frame.
+    quaternion : ndarray, shape (target, time, 4)
+        True attitudes, inertial to body.
+    angular_velocity : ndarray, shape (target, time, 3)
+        True angular velocities, rad/s, body frame.
+    observer : array_like of int, shape (target, time - 1)
+        At each step after the epoch, the observer whose measurement was used, or -1.
+    sigma : array_like, shape (12,)
+        Standard deviations at the epoch, see `cislunar.estimation.estimator.InitialEstimate`.
+    process_variance : array_like, shape (12,), optional
+        Added to the covariance's diagonal at each step; none, if omitted.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    ndarray, shape (target, time - 1, 12)
+        Standard deviations after the measurement of each step: small turn (rad, which a small GRP
+        vector equals), angular velocity (rad/s), position and velocity (nondimensional). NaN once
+        the true trajectory has entered the Earth or the Moon, and from the first measurement
+        without noise on.
+
+    Raises
+    ------
+    ConfigurationError
+        If the shapes do not fit together, or a deviation or variance is negative or a sigma zero.
+    """
+    n_targets, n_times = translation.shape[:2]
+    steps = (n_targets, n_times - 1)
+    seen_from = np.ascontiguousarray(observer, dtype=np.int64)
+    deviations, errors = np.array(sigma, dtype=float), np.array(noise, dtype=float)
+    process = np.zeros(SIZE) if process_variance is None else np.array(process_variance, float)
+    if n_times != scene.sun_position.shape[0] or seen_from.shape != steps:
+        raise ConfigurationError(
+            f"observer: shape {seen_from.shape} and {n_times} true states of {n_targets} targets "
+            f"do not fit each other or a scene of {scene.sun_position.shape[0]} times"
+        )
+    for key, values, count, good in (
+        ("noise", errors, 3, errors >= 0.0),
+        ("sigma", deviations, SIZE, deviations > 0.0),
+        ("process_variance", process, SIZE, process >= 0.0),
+    ):
+        if values.shape != (count,) or not np.all(good):
+            raise ConfigurationError(
+                f"{key} = {values.tolist()}: {count} numbers are needed, none negative and no "
+                "sigma zero"
+            )
+    out = np.empty((*steps, SIZE))
+    _bounds(
+        scene,
+        surfaces,
+        errors**2,
+        np.ascontiguousarray(translation, dtype=float),
+        np.ascontiguousarray(quaternion, dtype=float),
+        np.ascontiguousarray(angular_velocity, dtype=float),
+        np.array([is_spherical(matrix) for matrix in surfaces.inertia]),
+        np.linalg.inv(surfaces.inertia),
+        seen_from,
+        deviations,
+        process,
+        float(mu),
+        out,
+    )
+    return out
