@@ -65,11 +65,9 @@ def test_torque_acts_on_every_target(problem):
     np.testing.assert_allclose(truth.quaternion[2], q, atol=1e-12)
 
 
-def _loop(problem, truth=None, factory=None):
+def _loop(problem, truth=None, factory="mukf"):
     scene, surfaces, epoch, ids, loop = problem
-    return run_closed_loop(
-        scene, surfaces, epoch, ids, [0], loop, truth=truth, estimator=factory
-    )  # fmt: skip
+    return run_closed_loop(scene, surfaces, epoch, ids, [0], loop, truth=truth, estimator=factory)
 
 
 class Witness:
