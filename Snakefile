@@ -25,6 +25,6 @@ rule all:
     input:
         rules.task1.input,
         rules.task2.input,
-        rules.paper_vs_ours.output,
-        rules.results_page.output,
+        rules.paper_vs_ours.output if OF_THE_PAPER else [],
+        rules.results_page.output if CELLS and OF_THE_PAPER else [],
         rules.figures.input,

@@ -207,9 +207,7 @@ def sample_ephemeris(
     InputFileError
         If the kernel is missing, is not an SPK file, lacks a body, or does not cover the dates.
     """
-    _require_grid(duration_days, step_minutes)
-    intervals = int(np.ceil(duration_days * 1440.0 / step_minutes - 1e-9))
-    elapsed = np.arange(intervals + 1) * (step_minutes * 60.0)
+    elapsed = _grid(duration_days, step_minutes)
     et = float(utc_to_tdb(epoch_jd)) + elapsed
     path = kernel_path(kernel)
 
@@ -230,6 +228,29 @@ def sample_ephemeris(
         sun_position=np.einsum("tij,tj->ti", rotation, sun) / LENGTH_UNIT_KM,
         moon_rotation=rotation,
     )
+
+
+def check_coverage(
+    epoch_jd: float, duration_days: float, step_minutes: float, kernel: str | Path
+) -> None:
+    """Refuse a kernel that cannot be sampled over a span, without sampling it.
+
+    Parameters
+    ----------
+    epoch_jd, duration_days, step_minutes, kernel
+        As for `sample_ephemeris`.
+
+    Raises
+    ------
+    ConfigurationError
+        If a time is impossible.
+    InputFileError
+        If the kernel is missing, is not an SPK file, lacks a body, or does not cover the dates.
+    """
+    start, length = float(utc_to_tdb(epoch_jd)), _grid(duration_days, step_minutes)[-1]
+    path = kernel_path(kernel)
+    with _loaded(path):
+        _require_coverage(path, start, start + float(length))
 
 
 def rotating_frame(position: ArrayLike, velocity: ArrayLike) -> Array:
@@ -292,12 +313,14 @@ def interpolate_sun(time: ArrayLike, sample_time: ArrayLike, sun_position: Array
     return np.stack([np.interp(t, grid, sun[:, axis]) for axis in range(3)], axis=-1)
 
 
-def _require_grid(duration_days: float, step_minutes: float) -> None:
-    """Refuse impossible grids of times."""
+def _grid(duration_days: float, step_minutes: float) -> Array:
+    """Uniform grid of times, s since the first; impossible ones are refused."""
     if not (np.isfinite(duration_days) and duration_days >= 0.0):
         raise ConfigurationError(f"duration_days = {duration_days} must be finite and >= 0")
     if not (np.isfinite(step_minutes) and step_minutes > 0.0):
         raise ConfigurationError(f"step_minutes = {step_minutes} must be finite and > 0")
+    intervals = int(np.ceil(duration_days * 1440.0 / step_minutes - 1e-9))
+    return np.arange(intervals + 1) * (step_minutes * 60.0)
 
 
 @contextmanager

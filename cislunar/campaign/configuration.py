@@ -8,12 +8,15 @@ from typing import Any
 
 import yaml
 
-from cislunar.campaign.tracking_cells import cell_settings, check_tracking, variant_schema
+from cislunar.campaign.scenarios import in_study, scenario_settings, settings_schema
+from cislunar.campaign.sweeps import check_sweeps, variant_key, with_sweeps
+from cislunar.campaign.tracking_cells import cell_settings, variant_place, variant_schema
+from cislunar.campaign.tracking_checks import check_tracking
 from cislunar.errors import ConfigurationError, InputFileError
 
 
 def load_schema(path: str | Path) -> dict[str, Any]:
-    """Read a JSON schema written in YAML.
+    """Read the JSON schema of the configuration, written in YAML.
 
     Parameters
     ----------
@@ -23,6 +26,7 @@ def load_schema(path: str | Path) -> dict[str, Any]:
     Returns
     -------
     dict
+        What a scenario may set for itself follows from the sections of the whole.
 
     Raises
     ------
@@ -32,7 +36,10 @@ def load_schema(path: str | Path) -> dict[str, Any]:
     path = Path(path)
     if not path.is_file():
         raise InputFileError(f"configuration schema {path}: no such file")
-    return yaml.safe_load(path.read_text(encoding="utf-8"))
+    schema = yaml.safe_load(path.read_text(encoding="utf-8"))
+    entry = schema["properties"]["scenarios"]["additionalProperties"]
+    entry["properties"]["settings"] = settings_schema(schema)
+    return schema
 
 
 def with_types(value: Any, schema: Mapping[str, Any]) -> Any:
@@ -135,6 +142,54 @@ def check_campaign(config: Mapping[str, Any], schema: Mapping[str, Any]) -> None
         With a line for each fault that names the key.
     """
     check_configuration(config, schema)
+    config = in_study(config)
+    _check_scenarios(config)
+    _check_optimization(config)
+    check_sweeps(config)
+    for name, sweep in config["sweeps"].items():
+        try:
+            check_configuration(with_sweeps(config | {"sweeps": {name: sweep}}), schema)
+        except ConfigurationError as error:
+            # All values have the same fault, or the first of the faulty ones will do.
+            first = str(error).splitlines()[0]
+            raise ConfigurationError(f"configuration key 'sweeps.{name}': {first}") from None
+    config = with_sweeps(config)
+    task2 = config["task2"]
+    for name in task2["variants"]["cells"]:
+        scenario, _ = variant_place(task2, name)
+        own = scenario_settings(config, scenario) if scenario in config["scenarios"] else config
+        try:
+            check_configuration(cell_settings(own["task2"], name), variant_schema(schema))
+        except ConfigurationError as error:
+            raise ConfigurationError(
+                f"configuration key '{variant_key(config, name)}': {error}"
+            ) from None
+    check_tracking(config)
+    _check_writable(Path(config["results"]))
+
+
+def _check_scenarios(config: Mapping[str, Any]) -> None:
+    """Refuse a study without scenarios, and scenarios without targets."""
+    if not config["scenarios"]:
+        raise ConfigurationError(
+            "configuration key 'scenarios': every scenario is null; give at least one"
+        )
+    for name, entry in config["scenarios"].items():
+        if ("targets" in entry) == ("static_targets" in entry):
+            raise ConfigurationError(
+                f"configuration key 'scenarios.{name}': give either targets, a number of static "
+                "targets to sample, or static_targets, a table of them"
+            )
+    rerun = config["architecture"]["readings"]["scenario"]
+    if "static_targets" in config["scenarios"].get(rerun, {}):
+        raise ConfigurationError(
+            f"configuration key 'architecture.readings.scenario' = {rerun!r}: its static targets "
+            "are from a table, so that no reading changes them; choose another or null"
+        )
+
+
+def _check_optimization(config: Mapping[str, Any]) -> None:
+    """What ties the keys of `architecture` to each other and to the library."""
     architecture = config["architecture"]
     library = sum(config["orbits"]["members"].values())
     if architecture["slots"] > library:
@@ -144,7 +199,7 @@ def check_campaign(config: Mapping[str, Any], schema: Mapping[str, Any]) -> None
         )
     for key in ("label_comparison", "readings"):
         scenario = architecture[key]["scenario"]
-        if scenario not in config["scenarios"]:
+        if scenario is not None and scenario not in config["scenarios"]:
             raise ConfigurationError(
                 f"configuration key 'architecture.{key}.scenario' = {scenario!r} is none of the "
                 f"scenarios {', '.join(config['scenarios'])}"
@@ -156,15 +211,6 @@ def check_campaign(config: Mapping[str, Any], schema: Mapping[str, Any]) -> None
             f"configuration key 'architecture.front': fewest = {front['fewest']} and most = "
             f"{front['most']} must rise within {fewest} .. {most} (slots, slots x max_satellites)"
         )
-    for name in config["task2"]["variants"]["cells"]:
-        try:
-            check_configuration(cell_settings(config["task2"], name), variant_schema(schema))
-        except ConfigurationError as error:
-            raise ConfigurationError(
-                f"configuration key 'task2.variants.cells.{name}.change': {error}"
-            ) from None
-    check_tracking(config)
-    _check_writable(Path(config["results"]))
 
 
 def _check_writable(results: Path) -> None:

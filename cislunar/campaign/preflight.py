@@ -13,9 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from cislunar.architecture.published import PUBLISHED
-from cislunar.ephemeris import kernel_path
+from cislunar.campaign.scenarios import in_study, scenario_settings, shared_dataset
+from cislunar.campaign.sweeps import with_sweeps
+from cislunar.ephemeris import check_coverage
 from cislunar.errors import ConfigurationError
 from cislunar.targets.missions import load_missions
+from cislunar.targets.tables import load_target_positions
 
 
 def check_inputs(config: Mapping[str, Any]) -> None:
@@ -29,17 +32,20 @@ def check_inputs(config: Mapping[str, Any]) -> None:
     Raises
     ------
     InputFileError
-        If the ephemeris kernel is missing, or the mission table missing or faulty.
+        If an ephemeris kernel is missing or does not cover the horizon, or a table of missions or
+        targets is missing or faulty.
     ConfigurationError
         If the horizon is no whole number of steps, a scenario has more targets than there are
         sampled points, or an optimizer cannot run.
     """
-    kernel_path(config["ephemeris"]["kernel"])
+    config = with_sweeps(in_study(config))
+    _check_horizon("visibility", config["visibility"])
     load_missions(config["targets"]["missions"])
-    _check_horizon(config["visibility"])
-    points = Path(config["results"]) / "targets" / "zvs_points.nc"
-    for scenario, chosen in config["scenarios"].items():
-        check_target_count(points, scenario, chosen["targets"], config["targets"])
+    for scenario in config["scenarios"]:
+        settings = scenario_settings(config, scenario)
+        _check_horizon(f"scenarios.{scenario}.settings.visibility", settings["visibility"])
+        _check_static_targets(config, scenario, settings["targets"])
+    _check_ephemerides(config)
     architecture = config["architecture"]
     if "atpe" in architecture["optimizers"] and importlib.util.find_spec("lightgbm") is None:
         raise ConfigurationError(
@@ -51,13 +57,37 @@ def check_inputs(config: Mapping[str, Any]) -> None:
             _check_published(scenario, config["orbits"]["members"], architecture["max_satellites"])
 
 
-def _check_horizon(visibility: Mapping[str, Any]) -> None:
+def _check_horizon(key: str, visibility: Mapping[str, Any]) -> None:
     steps = visibility["duration_days"] * 24.0 / visibility["step_hours"]
     if abs(steps - round(steps)) > 1e-9:
         raise ConfigurationError(
-            f"configuration key 'visibility.duration_days' = {visibility['duration_days']} is not "
+            f"configuration key '{key}.duration_days' = {visibility['duration_days']} is not "
             f"a whole number of steps of visibility.step_hours = {visibility['step_hours']}"
         )
+
+
+def _check_static_targets(
+    config: Mapping[str, Any], scenario: str, sampling: Mapping[str, Any]
+) -> None:
+    """Table of a scenario's static targets, or of the missions they are sampled for."""
+    entry = config["scenarios"][scenario]
+    if "static_targets" in entry:
+        load_target_positions(entry["static_targets"])
+        return
+    if sampling["missions"] != config["targets"]["missions"]:
+        load_missions(sampling["missions"])
+    points = Path(config["results"]) / shared_dataset(config, scenario, "targets/zvs_points")
+    check_target_count(points, scenario, entry["targets"], sampling)
+
+
+def _check_ephemerides(config: Mapping[str, Any]) -> None:
+    """Kernel and span of every ephemeris, each once."""
+    distinct = {}
+    for each in [config, *(scenario_settings(config, name) for name in config["scenarios"])]:
+        span = each["epoch_jd"], each["visibility"]["duration_days"]
+        distinct[*span, each["ephemeris"]["step_minutes"], each["ephemeris"]["kernel"]] = None
+    for span in distinct:
+        check_coverage(*span)
 
 
 def _check_published(scenario: str, members: Mapping[str, int], max_satellites: int) -> None:

@@ -12,20 +12,22 @@ NEAR = 0.95
 """Share of the best information that counts as near-optimal."""
 
 
-def tasking_claims(comparison: xr.Dataset, summary: xr.Dataset) -> list[Claim]:
+def tasking_claims(comparison: xr.Dataset | None, summary: xr.Dataset) -> list[Claim]:
     """Claims on the tasking search.
 
     Parameters
     ----------
-    comparison, summary : xarray.Dataset
-        ``task2/tasking_comparison.nc`` and ``task2/summary.nc``.
+    comparison : xarray.Dataset or None
+        ``task2/tasking_comparison.nc``, if tasking methods have been compared.
+    summary : xarray.Dataset
+        ``task2/summary.nc``.
 
     Returns
     -------
     list of Claim
     """
     claims = []
-    for index in range(comparison.sizes["cell"]):
+    for index in range(comparison.sizes["cell"]) if comparison is not None else ():
         claims += _searched(comparison.isel(cell=index))
     return claims + _carried_through(summary)
 

@@ -314,7 +314,7 @@ def run_cell(
     ConfigurationError
         If the cell cannot be run.
     """
-    check_cell(cell.targets, cell.interval_minutes, settings)
+    check_cell(cell.targets, cell.interval_minutes, settings, tracked.sizes["target"])
     loop = loop_settings(settings, cell.interval_minutes, keep_information=keep_information)
     problem = tracking_problem(
         cell, architecture, orbits, tracked, sun, settings, propagator=propagator, loop=loop

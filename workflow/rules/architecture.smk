@@ -95,7 +95,7 @@ rule front:
         visibility=rules.visibility.output[0],
         orbits=rules.families.output[0],
         targets=rules.static_targets.output[0],
-        sun=rules.ephemeris.output[0],
+        sun=shared("ephemeris/sun"),
     output:
         results("architecture/{scenario}/front.nc"),
     log:
@@ -108,7 +108,7 @@ rule front:
     params:
         slots=ARCHITECTURE["slots"],
         front=ARCHITECTURE["front"],
-        settings=settings("epoch_jd", "propagator", "visibility"),
+        settings=settings_of("epoch_jd", "propagator", "visibility"),
         seed=config["seed"],
     message:
         "Best J for each number of satellites (scenario {wildcards.scenario})"

@@ -1,11 +1,20 @@
 """What every stage needs: the checked configuration, the results folder, the wildcards."""
 
 import os
+import re
 
 from snakemake.exceptions import WorkflowError
 
+from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.configuration import check_campaign, load_schema, with_types
 from cislunar.campaign.preflight import check_inputs
+from cislunar.campaign.scenarios import (
+    in_study,
+    scenario_settings,
+    shared_dataset,
+    tracked_count,
+)
+from cislunar.campaign.sweeps import with_sweeps
 from cislunar.campaign.tracking_cells import (
     cell_settings,
     check_cell,
@@ -19,11 +28,16 @@ try:
     config.update(with_types(config, SCHEMA))
     check_campaign(config, SCHEMA)
     check_inputs(config)
+    config.update(in_study(config))
+    STUDY = with_sweeps(config)
+    TRACKED_COUNT = {name: tracked_count(STUDY, name) for name in STUDY["scenarios"]}
 except CislunarError as error:
     raise WorkflowError(f"{error}\n(see config/README.md)") from None
 
 RESULTS = config["results"].rstrip("/")
 SCENARIOS = list(config["scenarios"])
+# Without any scenario of the paper there is nothing to compare with it.
+OF_THE_PAPER = any(scenario in PUBLISHED for scenario in SCENARIOS)
 ARCHITECTURE = config["architecture"]
 TASK2 = config["task2"]
 OPTIMIZERS = ARCHITECTURE["optimizers"]
@@ -31,10 +45,17 @@ OPTIMIZERS = ARCHITECTURE["optimizers"]
 ALL_CORES = os.cpu_count()
 SEARCHES = ["tpe", "random", "atpe"]
 RUNS = range(ARCHITECTURE["runs"])
+OWN_STATIC = [name for name, entry in STUDY["scenarios"].items() if "static_targets" in entry]
+SAMPLED = [name for name in STUDY["scenarios"] if name not in OWN_STATIC]
+
+
+def any_of(names):
+    """A pattern for wildcards: one of some names, or nothing at all."""
+    return "|".join(map(re.escape, names)) or "(?!)"
 
 
 wildcard_constraints:
-    scenario="|".join(SCENARIOS),
+    scenario=any_of(STUDY["scenarios"]),
     method="|".join(SEARCHES),
     labels="family_position|index|stability_rank|categorical",
     run=r"\d+",
@@ -42,12 +63,23 @@ wildcard_constraints:
     estimator="|".join(estimator_names(TASK2)),
     n=r"[1-9]\d*",
     minutes=r"[1-9]\d*",
-    variant="[a-z][a-z0-9-]*",
+    variant="[a-z][a-z0-9.-]*",
 
 
 def settings(*keys):
     """The slice of the configuration a rule depends on."""
     return {key: config[key] for key in keys}
+
+
+def settings_in(scenario, *keys):
+    """That slice as it holds for a scenario."""
+    own = scenario_settings(STUDY, scenario)
+    return {key: own.get(key, config[key]) for key in keys}
+
+
+def settings_of(*keys):
+    """That slice as it holds for the scenario of a job."""
+    return lambda wildcards: settings_in(wildcards.scenario, *keys)
 
 
 def results(path):
@@ -65,9 +97,16 @@ def benchmark_of(path):
     return f"{RESULTS}/benchmarks/{path}.tsv"
 
 
+def shared(name, scenario=None):
+    """A data set that scenarios with the same settings share; by default, for that of a job."""
+    if scenario is None:
+        return lambda wildcards: shared(name, wildcards.scenario)
+    return results(shared_dataset(STUDY, scenario, name))
+
+
 def optimizers_of(scenario):
     """The optimizers of a scenario; the paper publishes architectures for its own alone."""
-    return [o for o in OPTIMIZERS if o != "published" or scenario in ("A", "B", "C")]
+    return [o for o in OPTIMIZERS if o != "published" or scenario in PUBLISHED]
 
 
 def architecture_files(pattern):
@@ -82,8 +121,10 @@ def architecture_files(pattern):
 def tracking_settings(wildcards):
     """Settings of a cell, refused before anything runs if the cell is impossible."""
     try:
-        chosen = cell_settings(TASK2, wildcards.get("variant", ""))
-        check_cell(int(wildcards.n), int(wildcards.minutes), chosen)
+        task2 = settings_in(wildcards.scenario, "task2")["task2"]
+        chosen = cell_settings(task2, wildcards.get("variant", ""))
+        available = TRACKED_COUNT[wildcards.scenario]
+        check_cell(int(wildcards.n), int(wildcards.minutes), chosen, available)
     except CislunarError as error:
         raise WorkflowError(str(error)) from None
     return chosen

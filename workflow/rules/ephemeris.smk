@@ -13,3 +13,16 @@ rule ephemeris:
         "Sampling the Sun and the rotating frame from SPICE"
     script:
         "../scripts/ephemeris.py"
+
+
+use rule ephemeris as ephemeris_of_scenario with:
+    output:
+        results("ephemeris/sun_{scenario}.nc"),
+    log:
+        log_of("ephemeris/sun_{scenario}"),
+    benchmark:
+        benchmark_of("ephemeris/sun_{scenario}")
+    params:
+        settings=settings_of("epoch_jd", "ephemeris", "visibility"),
+    message:
+        "Sampling the Sun and the rotating frame from SPICE (scenario {wildcards.scenario})"

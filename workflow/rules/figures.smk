@@ -1,7 +1,7 @@
 PAPER_TARGETS = 2000
 LIBRARY_SCENARIO = min(
     SCENARIOS,
-    key=lambda name: abs(config["scenarios"][name]["targets"] - PAPER_TARGETS),
+    key=lambda name: abs(config["scenarios"][name].get("targets", 0) - PAPER_TARGETS),
 )
 RUN_METHODS = [method for method in OPTIMIZERS if method in SEARCHES]
 

@@ -28,3 +28,22 @@ rule tracked_targets:
         "Generating the orbits of the moving targets"
     script:
         "../scripts/tracked_targets.py"
+
+
+rule own_tracked_targets:
+    input:
+        lambda wildcards: STUDY["scenarios"][wildcards.scenario]["tracked"],
+    output:
+        results("orbits/tracked_{scenario}.nc"),
+    log:
+        log_of("orbits/tracked_{scenario}"),
+    benchmark:
+        benchmark_of("orbits/tracked_{scenario}")
+    wildcard_constraints:
+        scenario=any_of(name for name, entry in STUDY["scenarios"].items() if "tracked" in entry),
+    conda:
+        "../envs/cislunar.yaml"
+    message:
+        "Reading the moving targets in {input}"
+    script:
+        "../scripts/own_tracked_targets.py"

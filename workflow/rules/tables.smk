@@ -1,7 +1,10 @@
+READ = ARCHITECTURE["readings"]["scenario"]
+
+
 rule architecture_table:
     input:
         orbits=rules.families.output[0],
-        sun=rules.ephemeris.output[0],
+        suns=[shared("ephemeris/sun", scenario) for scenario in SCENARIOS],
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
         architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
     output:
@@ -23,8 +26,10 @@ rule architecture_table:
         "../envs/cislunar.yaml"
     threads: ALL_CORES
     params:
-        scenarios=SCENARIOS,
-        settings=settings("epoch_jd", "propagator", "visibility"),
+        settings={
+            scenario: settings_in(scenario, "epoch_jd", "propagator", "visibility")
+            for scenario in SCENARIOS
+        },
     message:
         "Writing table 2 beside the paper's, with the coverage of each architecture"
     script:
@@ -57,9 +62,9 @@ rule label_comparison:
 
 rule readings:
     input:
-        missions=config["targets"]["missions"],
+        missions=lambda wildcards: settings_in(READ, "targets")["targets"]["missions"],
         orbits=rules.families.output[0],
-        sun=rules.ephemeris.output[0],
+        sun=lambda wildcards: shared("ephemeris/sun", READ),
     output:
         report(
             results("tables/readings_architecture.csv"),
@@ -74,8 +79,9 @@ rule readings:
         "../envs/cislunar.yaml"
     threads: ALL_CORES
     params:
-        scenario=ARCHITECTURE["readings"]["scenario"],
-        config=settings(
+        scenario=READ,
+        config=lambda wildcards: settings_in(
+            READ,
             "seed",
             "epoch_jd",
             "propagator",
@@ -111,7 +117,7 @@ rule architecture_claims:
 rule task1:
     input:
         rules.architecture_table.output,
-        rules.label_comparison.output,
-        rules.readings.output,
-        rules.architecture_claims.output,
+        rules.label_comparison.output if ARCHITECTURE["label_comparison"]["scenario"] else [],
+        rules.readings.output if READ else [],
+        rules.architecture_claims.output if OF_THE_PAPER else [],
         expand(results("architecture/{scenario}/front.nc"), scenario=SCENARIOS),

@@ -12,8 +12,8 @@ rule tracking_cell_variant:
     input:
         architecture=results("architecture/{scenario}/{architecture}.nc"),
         orbits=rules.families.output[0],
-        tracked=rules.tracked_targets.output[0],
-        sun=rules.ephemeris.output[0],
+        tracked=shared("orbits/tracked"),
+        sun=shared("ephemeris/sun"),
         mesh=tracking_mesh,
     output:
         results("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}_{variant}.nc"),
@@ -122,13 +122,18 @@ rule model_error_table:
         "../scripts/model_error.py"
 
 
+def comparison_settings(wildcards):
+    """Settings of the cells in which tasking methods are compared."""
+    return cell_settings(settings_in(wildcards.scenario, "task2")["task2"])
+
+
 rule tasking_comparison_cell:
     input:
         architecture=results("architecture/{scenario}/{architecture}.nc"),
         orbits=rules.families.output[0],
-        tracked=rules.tracked_targets.output[0],
-        sun=rules.ephemeris.output[0],
-        mesh=mesh_file(cell_settings(TASK2)),
+        tracked=shared("orbits/tracked"),
+        sun=shared("ephemeris/sun"),
+        mesh=lambda wildcards: mesh_file(comparison_settings(wildcards)),
     output:
         results("task2/tasking/{scenario}_{architecture}_nt{n}.nc"),
     log:
@@ -140,7 +145,7 @@ rule tasking_comparison_cell:
         "../envs/cislunar.yaml"
     threads: 1
     params:
-        settings=cell_settings(TASK2),
+        settings=comparison_settings,
         comparison=COMPARED,
         interval_minutes=TASK2["interval_minutes"],
         estimator=TASK2["estimators"][0],
@@ -176,7 +181,7 @@ rule tasking_comparison:
 rule tracking_claims:
     input:
         summary=rules.tracking_summary.output[0],
-        comparison=rules.tasking_comparison.output[0],
+        comparison=rules.tasking_comparison.output[0] if COMPARED["scenario"] else [],
     output:
         results("tables/claims_tracking.csv"),
     log:
@@ -192,7 +197,7 @@ rule tracking_claims:
 rule paper_vs_ours:
     input:
         rules.architecture_claims.output,
-        rules.tracking_claims.output,
+        rules.tracking_claims.output if CELLS else [],
     output:
         report(
             results("tables/paper_vs_ours.csv"),
@@ -253,8 +258,8 @@ rule results_page:
 rule task2:
     input:
         CELLS,
-        rules.tracking_tables.output,
-        rules.model_error_table.output,
-        rules.tasking_comparison.output,
-        rules.tracking_claims.output,
+        rules.tracking_tables.output if CELLS else [],
+        rules.model_error_table.output if CELLS else [],
+        rules.tasking_comparison.output if COMPARED["scenario"] else [],
+        rules.tracking_claims.output if CELLS and OF_THE_PAPER else [],
         rules.photometry_table.output,

@@ -22,7 +22,7 @@ HIGH_LOAD = {of: high_load_cells(TASK2, name) for of, name in SHOWN.items()}
 
 
 wildcard_constraints:
-    of="|".join(SHOWN),
+    of=f"(?:{'|'.join(SHOWN)})",
 
 
 rule target_counts_figure:
@@ -255,9 +255,9 @@ rule tracking_figures:
         expand(rules.selected_targets_figure.output, of=[of for of in SHOWN if SELECTED_CELL[of]]),
         expand(rules.intervals_figure.output, of=[of for of in SHOWN if INTERVAL_COLUMNS[of]]),
         expand(rules.high_load_figure.output, of=[of for of in SHOWN if HIGH_LOAD[of]]),
-        rules.against_targets_figure.output,
+        rules.against_targets_figure.output if CELLS else [],
         rules.against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else [],
-        rules.estimators_against_targets_figure.output,
+        rules.estimators_against_targets_figure.output if CELLS else [],
         (rules.estimators_against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else []),
-        rules.tasking_figure.output,
+        rules.tasking_figure.output if COMPARED["scenario"] else [],
         rules.model_error_figure.output if drawn_errors(TASK2) else [],

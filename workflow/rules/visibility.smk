@@ -2,7 +2,7 @@ rule visibility:
     input:
         orbits=rules.families.output[0],
         targets=rules.static_targets.output[0],
-        sun=rules.ephemeris.output[0],
+        sun=shared("ephemeris/sun"),
     output:
         results("visibility/{scenario}.nc"),
     log:
@@ -14,7 +14,7 @@ rule visibility:
         "../envs/cislunar.yaml"
     threads: ALL_CORES
     params:
-        settings=settings("epoch_jd", "propagator", "visibility"),
+        settings=settings_of("epoch_jd", "propagator", "visibility"),
         max_satellites=ARCHITECTURE["max_satellites"],
     message:
         "Counting observations for every orbit and satellite count (scenario {wildcards.scenario})"

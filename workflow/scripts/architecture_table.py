@@ -10,8 +10,9 @@ from cislunar.campaign.tables import architecture_rows, near_optimal_rows
 
 with job(snakemake.log[0], snakemake.threads):
     orbits = read_dataset(snakemake.input.orbits)
-    sun = read_dataset(snakemake.input.sun)
-    targets = dict(zip(snakemake.params.scenarios, snakemake.input.targets, strict=True))
+    settings = snakemake.params.settings
+    suns = dict(zip(settings, snakemake.input.suns, strict=True))
+    targets = dict(zip(settings, snakemake.input.targets, strict=True))
     rows, near = [], []
     for path in map(Path, snakemake.input.architectures):
         scenario, optimizer = path.parent.name, path.stem
@@ -23,8 +24,8 @@ with job(snakemake.log[0], snakemake.threads):
                 architecture,
                 orbits,
                 read_dataset(targets[scenario]),
-                sun,
-                snakemake.params.settings,
+                read_dataset(suns[scenario]),
+                settings[scenario],
             )
         )
         if optimizer == "exact":

@@ -9,5 +9,6 @@ from cislunar.campaign.tracking_claims import tracking_claims
 with job(snakemake.log[0]):
     summary = read_dataset(snakemake.input.summary)
     claims = tracking_claims(summary)
-    claims += tasking_claims(read_dataset(snakemake.input.comparison), summary)
+    comparison = snakemake.input.get("comparison")
+    claims += tasking_claims(read_dataset(comparison) if comparison else None, summary)
     write_text(claims_table(claims).to_csv(index=False), snakemake.output[0])

@@ -1,0 +1,9 @@
+"""Makes targets/static_{scenario}.nc: static targets from a table."""
+
+from cislunar.campaign.netcdf import write_dataset
+from cislunar.campaign.own_targets import own_static_dataset
+from cislunar.campaign.progress import job
+
+with job(snakemake.log[0]):
+    scenario = snakemake.wildcards.scenario
+    write_dataset(own_static_dataset(snakemake.input[0], scenario), snakemake.output[0])
