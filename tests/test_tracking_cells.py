@@ -465,7 +465,7 @@ def test_a_missing_architecture_names_the_file(tmp_path):
 def test_impossible_cells_are_refused(sources):
     with pytest.raises(ConfigurationError, match="n_T = 203"):
         _cell(sources, targets=203)
-    with pytest.raises(ConfigurationError, match="n_T = 6 must lie between 1 and 5"):
+    with pytest.raises(ConfigurationError, match=r"n_T = 6 .*there are 5 targets"):
         _cell(sources, targets=6)
     with pytest.raises(ConfigurationError, match="dt7"):
         _cell(sources, minutes=7, step_s=50)
