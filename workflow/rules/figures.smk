@@ -205,7 +205,7 @@ rule family_map_figure:
 rule orbits_page:
     input:
         orbits=rules.families.output[0],
-        tracked=rules.tracked_targets.output[0],
+        tracked=shared("orbits/tracked", SCENARIOS[0]),
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
         architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
     output:
