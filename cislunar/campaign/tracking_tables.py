@@ -139,3 +139,62 @@ def reading_rows(summary: xr.Dataset) -> pd.DataFrame:
                 }
             )
     return pd.DataFrame(rows, columns=_READING_COLUMNS)
+
+
+def estimator_rows(summary: xr.Dataset) -> pd.DataFrame:
+    """Rows of ``tables/estimators.csv``.
+
+    Parameters
+    ----------
+    summary : xarray.Dataset
+        ``task2/summary.nc``.
+
+    Returns
+    -------
+    DataFrame
+        For every cell that both the first estimator and another one ran, and every quantity: means
+        over the common realizations of the first and of the other, largest value of each, and the
+        difference, realization by realization, with its 95 % confidence interval (Student's t).
+        ANEES and error over bound as their decimal logarithms.
+    """
+    first = str(summary["estimator"].values[0])
+    rows = []
+    for index in range(summary.sizes["cell"]):
+        identity = _identity(summary, index)
+        keys = ("scenario", "architecture", "variant", "targets", "interval_minutes")
+        if identity["estimator"] == first:
+            continue
+        usual = cell_index(summary, estimator=first, **{key: identity[key] for key in keys})
+        for name, part, unit, factor in _quantities(summary) if usual.size else ():
+            of_first = factor * seed_values(summary, usual[0], name, part or None)
+            of_other = factor * seed_values(summary, index, name, part or None)
+            if name.startswith(_SPANS_DECADES):
+                of_first, of_other, name = np.log10(of_first), np.log10(of_other), f"log10_{name}"
+            both = np.isfinite(of_first) & np.isfinite(of_other)
+            difference = t_interval(of_other[both] - of_first[both])
+            pair = {"first": of_first[both], "other": of_other[both]}
+            rows.append(
+                {key: identity[key] for key in ("scenario", "architecture", "observers")}
+                | {key: identity[key] for key in ("targets", "interval_minutes", "variant")}
+                | {"first_estimator": first, "other_estimator": identity["estimator"]}
+                | {"quantity": name, "part": part, "unit": unit}
+                | {key: values.mean() if both.any() else np.nan for key, values in pair.items()}
+                | {
+                    f"{key}_largest": values.max() if both.any() else np.nan
+                    for key, values in pair.items()
+                }
+                | {
+                    "difference": difference.mean,
+                    "low": difference.low,
+                    "high": difference.high,
+                    "seeds": difference.count,
+                }
+            )
+    return pd.DataFrame(rows, columns=_ESTIMATOR_COLUMNS)
+
+
+_ESTIMATOR_COLUMNS = [
+    *("scenario", "architecture", "observers", "targets", "interval_minutes", "variant"),
+    *("first_estimator", "other_estimator", "quantity", "part", "unit", "first", "other"),
+    *("first_largest", "other_largest", "difference", "low", "high", "seeds"),
+]

@@ -91,6 +91,11 @@ rule tracking_tables:
             caption="../report/readings_tracking.rst",
             category="Tables",
         ),
+        estimators=report(
+            results("tables/estimators.csv"),
+            caption="../report/estimators.rst",
+            category="Tables",
+        ),
     log:
         log_of("tables/tracking"),
     conda:
