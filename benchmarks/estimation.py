@@ -1,6 +1,6 @@
 """Times of the filter, the tasking step and whole day cells, beside the usual ways.
 
-    python benchmarks/estimation.py [--targets 20 100 202] [--observers 20]
+    python benchmarks/estimation.py [--targets 20 50 100 202] [--observers 20]
 
 The filter is compared with filterpy's unscented filter on the same model (compiled dynamics and
 photometry called from Python), and its propagation with SciPy's RK45 at the paper's tolerance.
@@ -24,7 +24,10 @@ from tracking_scene import make_problem
 
 from cislunar.constants import MU
 from cislunar.dynamics.cr3bp import equations_of_motion
+from cislunar.estimation.batch import batch
 from cislunar.estimation.bundle import propagate_bundle
+from cislunar.estimation.choice import ESTIMATORS
+from cislunar.estimation.light_curve import cost, cost_and_derivatives
 from cislunar.estimation.measurement import DETECTED, Sensor, measure
 from cislunar.estimation.mukf import MultiplicativeUKF
 from cislunar.photometry.materials import Material
@@ -85,6 +88,43 @@ def filter_times() -> None:
     print(f"filterpy, same model: {1e6 * theirs:.0f} us   ratio {theirs / (predict + update):.0f}")
 
 
+def light_curve_times() -> None:
+    """Magnitude of a light curve's row, and its derivative in closed form and by differences."""
+    scene, surfaces, epoch, ids, loop = make_problem(5, 5, duration_hours=12.0)
+    initial = initial_estimate(epoch, loop.initial.components())
+    truth = draw_truth(initial, scene, SENSOR.noise, 3, ids)
+    measured, fate = measure(
+        1, loop.n_steps, scene, surfaces, SENSOR, np.arange(5), truth.translation,
+        truth.quaternion, truth.noise,
+    )  # fmt: skip
+    estimator = batch()(scene, surfaces, SENSOR, initial, np.random.default_rng(0), MU)
+    estimator.advance(measured, np.arange(5))
+    j = int(np.argmax((fate == DETECTED).sum(axis=1)))
+    data, model, anchor = estimator.light_curve(j)
+    u, gradient, information = np.full(6, 0.1), np.empty(6), np.empty((6, 6))
+
+    def by_differences():
+        for c in range(6):
+            for step in (1e-4, -1e-4):
+                near = u.copy()
+                near[c] += step
+                cost(near, data, anchor, model, np.inf)
+        return cost(u, data, anchor, model, np.inf)
+
+    rows = data.shape[0]
+    one = best_time(lambda: cost(u, data, anchor, model, np.inf), 20) / rows
+    exact = (
+        best_time(lambda: cost_and_derivatives(u, data, anchor, model, gradient, information), 20)
+        / rows
+    )
+    differences = best_time(by_differences, 20) / rows
+    print(
+        f"light curve, per row: magnitude {1e9 * one:.0f} ns, with derivative "
+        f"{1e9 * exact:.0f} ns, by central differences {1e9 * differences:.0f} ns   "
+        f"ratio {differences / exact:.1f}"
+    )
+
+
 def propagation_times() -> None:
     """Twenty-five sigma points over a minute."""
     _, _, epoch, _, loop = make_problem(1, 1)
@@ -127,22 +167,25 @@ def tasking_times(n_observers: int, n_targets: int) -> None:
 
 
 def cell_time(n_observers: int, n_targets: int) -> None:
-    """A one-day cell with one seed and exact tasking."""
+    """A one-day cell with one seed and exact tasking, by each estimator."""
     problem = make_problem(n_observers, n_targets)
-    seconds = best_time(lambda: run_closed_loop(*problem[:4], [0], problem[4]), 2)
-    result = run_closed_loop(*problem[:4], [0], problem[4])
-    print(
-        f"day cell, {n_observers} observers, {n_targets:3d} targets: {seconds:.2f} s   "
-        f"({result.valid.sum()} updates)"
-    )
+    line = f"day cell, {n_observers} observers, {n_targets:3d} targets:"
+    for name in ESTIMATORS:
+
+        def run(name=name):
+            return run_closed_loop(*problem[:4], [0], problem[4], estimator=name)
+
+        line += f" {name} {best_time(run, 2):.2f} s,"
+    print(f"{line[:-1]}   ({run().valid.sum()} updates)")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--targets", type=int, nargs="+", default=[20, 100, 202])
+    parser.add_argument("--targets", type=int, nargs="+", default=[20, 50, 100, 202])
     parser.add_argument("--observers", type=int, default=20)
     options = parser.parse_args()
     filter_times()
+    light_curve_times()
     propagation_times()
     for n_targets in options.targets:
         tasking_times(options.observers, n_targets)

@@ -29,7 +29,7 @@ from cislunar.estimation.batch_kernels import (
 from cislunar.estimation.batch_settings import PRESETS, BatchSettings
 from cislunar.estimation.estimator import Estimates, EstimatorFactory, InitialEstimate, Prediction
 from cislunar.estimation.hypotheses import Hypotheses, mixture_points, prior_hypotheses
-from cislunar.estimation.light_curve import COLUMNS, UNKNOWNS, LightCurveModel
+from cislunar.estimation.light_curve import COLUMNS, UNKNOWNS, Anchor, LightCurveModel
 from cislunar.estimation.measurement import Sensor
 from cislunar.estimation.mukf import PROCESS_NOISE_PERIOD_S, Spread
 from cislunar.estimation.mukf_kernels import HEALTHY, N_COUNTERS
@@ -141,6 +141,26 @@ class BatchEstimator:
     def rows_held(self) -> NDArray[np.int64]:
         """Per target, measurements (and non-detections) of its light curve that are kept."""
         return self._state[:, ROWS].copy()
+
+    def light_curve(self, j: int) -> tuple[Array, LightCurveModel, Anchor]:
+        """What the attitude of target j is fitted to.
+
+        Parameters
+        ----------
+        j : int
+            Index of the target.
+
+        Returns
+        -------
+        data : ndarray, shape (n, 10)
+            The rows kept, as in `cislunar.estimation.light_curve.cost`.
+        model : LightCurveModel
+        anchor : Anchor
+            What its best mode knows beyond them.
+        """
+        modes = self._hypotheses[j]
+        anchor = Anchor(modes.anchor_mean[0], modes.anchor_information[0], modes.anchor_offset[0])
+        return self._data[j][: self._state[j, ROWS]].copy(), self._models[j], anchor
 
     def predict(self) -> Prediction:
         """Estimates at the next measurement time; the estimator itself does not move on.
