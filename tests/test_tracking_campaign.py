@@ -49,7 +49,7 @@ def campaign():
     targets = tracked_targets()
     states = epoch_states(targets.state, targets.period, seed=1)
 
-    def run(n_targets, seeds=SEEDS, estimator=None, **settings):
+    def run(n_targets, seeds=SEEDS, estimator="mukf", **settings):
         ids = monitored_targets(202, n_targets, seed=1)
         surfaces = target_surfaces(icosahedron(), Material(), n_targets)
         loop = LoopSettings(record_every=60, **settings)
