@@ -255,6 +255,19 @@ def test_colors_without_any_observed_target():
         assert scales(measure, [block_rows([cell], measure)])
 
 
+def test_selected_targets_are_drawn_with_the_bound_where_there_is_one(figures):
+    cell, data = next(iter(cells("A", (6,)).items()))
+    figures = figures["selected"], selected_targets_figure(cell, data.drop_vars("bound"))
+    names = [[text.get_text() for text in each.legends[0].get_texts()] for each in figures]
+    assert names[0][2].endswith("Cramér-Rao bound") and len(names[0]) == len(names[1]) + 1
+    panels = [figure.axes[0].lines for figure in figures]
+    assert len(panels[0]) == len(panels[1]) + 2
+    target = next(iter(selected_targets(data)))
+    drawn = [line.get_ydata() for line in panels[0]]
+    least = 3.0 * data["bound"].values[0, :, target, 0]
+    assert any(np.allclose(each, least) for each in drawn)
+
+
 def test_targets_selected_by_rule():
     cell = cell_data(12)
     final = cell["final_attitude_error"].values[0]

@@ -16,6 +16,7 @@ from cislunar.estimation.metrics import BOUND_SIGMAS, DIVERGED, NEVER_OBSERVED, 
 from cislunar.figures.scene import Array
 from cislunar.figures.style import (
     BLACK,
+    DASHED,
     PAGE_WIDTH_IN,
     SKY,
     SOLID,
@@ -55,6 +56,9 @@ class Look(NamedTuple):
     band: str | None
     dashes: str | tuple = SOLID
 
+
+_LEAST = {"color": VERMILION, "linewidth": 0.8, "linestyle": DASHED}
+"""Dashed, so that bounds of a filter that coincide with it show between the dashes."""
 
 SINGLE = Look(BLACK, SKY)
 
@@ -179,7 +183,7 @@ def draw_error(axes: Axes, hours: Array, error: Array, sigma: Array, look: Look 
 def draw_least(axes: Axes, hours: Array, least: Array) -> None:
     """Three times the Cramer-Rao bound of one component, either side of zero."""
     for side in (-BOUND_SIGMAS, BOUND_SIGMAS):
-        axes.plot(hours, side * least, color=VERMILION, linewidth=0.6, zorder=3.5)
+        axes.plot(hours, side * least, **_LEAST, zorder=3.5)
 
 
 def mark_measurements(axes: Axes, cell: xr.Dataset, target: int) -> None:
@@ -295,14 +299,8 @@ def _legend(figure: Figure, *, bound: bool) -> None:
         Patch(facecolor=MEASURED, label="measurements used"),
     ]  # fmt: skip
     if bound:
-        least = Line2D(
-            [],
-            [],
-            color=VERMILION,
-            linewidth=0.6,
-            label="3 \N{MULTIPLICATION SIGN} Cramér-Rao bound",
-        )
-        handles.insert(2, least)
+        label = "3 \N{MULTIPLICATION SIGN} Cramér-Rao bound"
+        handles.insert(2, Line2D([], [], **_LEAST, label=label))
     place_in = (0.5, 0.07 / figure.get_size_inches()[1])
     figure.legend(
         handles=handles,
