@@ -133,3 +133,10 @@ def tracking_settings(wildcards):
 def tracking_mesh(wildcards):
     """Mesh file of the targets, if they have one."""
     return mesh_file(tracking_settings(wildcards))
+
+
+onerror:
+    print(
+        "\nNot every job has finished. What has finished is kept. Mend what the messages above name "
+        f"(each job's own are in {RESULTS}/logs), then run the same command again: it makes the rest."
+    )
