@@ -159,6 +159,26 @@ def test_curves_start_from_no_error(task2, tmp_path):
     np.testing.assert_allclose(drawn, 100.0 * slopes["mean"])
 
 
+def test_remedies_are_drawn_apart(task2):
+    """A remedied variant has the size of its error and a curve without the cell of no error."""
+    cells = task2["variants"]["cells"]
+    truth = {"truth": {"material": {"rms_slope": 0.375}}}
+    cells["slope-25"]["change"] = truth
+    cells["mended"] = {"targets": [50], "change": truth | {"process_noise": {"attitude_deg": 1}}}
+    found = [
+        (Cell("A", "published", "mukf", 50, 60, name), cell_data(level, 0))
+        for name, level in (("", 0.0), ("slope-25", 3.0), ("mended", 1.0))
+    ]
+    table = model_error_rows(summary_dataset(found, {}, 1), model_errors(task2))
+    plain = curve(table, "material.rms_slope", "mukf", "coverage")
+    mended = curve(table, "material.rms_slope", "mukf", "coverage", remedied=True)
+    assert (plain["size"].tolist(), mended["size"].tolist()) == ([0.0, 25.0], [25.0])
+    assert mended["mean"].item() == pytest.approx(0.75)
+    assert mended["also"].item() == "process_noise.attitude_deg = 1"
+    legend = model_error_figure(table).legends[0]
+    assert [text.get_text() for text in legend.get_texts()] == ["MUKF", "MUKF with a remedy"]
+
+
 def test_a_table_without_sizes_is_refused(task2):
     task2 = merged(task2, {})
     table = model_error_rows(summary_with(["mukf"]), model_errors(task2))

@@ -12,7 +12,14 @@ from matplotlib.ticker import FixedFormatter, FixedLocator
 from cislunar.campaign.model_error import NONE
 from cislunar.errors import InputFileError
 from cislunar.figures.scene import Array
-from cislunar.figures.style import estimator_style, house_style, new_figure, panel_letter
+from cislunar.figures.style import (
+    DOTTED,
+    SeriesStyle,
+    estimator_style,
+    house_style,
+    new_figure,
+    panel_letter,
+)
 from cislunar.figures.tracking_axes import log_ticks, place
 
 _LEFT, _RIGHT, _GAP = 0.72, 0.12, 0.10
@@ -54,10 +61,15 @@ KIND_LABELS = {
 """What the kinds of errors are called."""
 
 
+def _remedied(table: pd.DataFrame) -> pd.Series:
+    """Rows of variants that change more than the truth."""
+    return table["also"].notna() & (table["also"] != "")
+
+
 def _shown(table: pd.DataFrame) -> pd.DataFrame:
     """The rows of one scenario, architecture and number of targets, with an error of some size."""
-    measured = table[table["size"].notna() & (table["also"].isna() | (table["also"] == ""))]
-    faulty = measured[measured["kind"] != NONE]
+    measured = table[table["size"].notna()]
+    faulty = measured[(measured["kind"] != NONE) & ~_remedied(measured)]
     if faulty.empty:
         raise InputFileError(
             "tables/model_error.csv has no variant with an error of known size: give variants of "
@@ -72,8 +84,10 @@ def _shown(table: pd.DataFrame) -> pd.DataFrame:
     return measured[same]
 
 
-def curve(table: pd.DataFrame, kind: str, estimator: str, quantity: str) -> pd.DataFrame:
-    """Rows of one kind of error and one estimator, with that of no error, by rising size.
+def curve(
+    table: pd.DataFrame, kind: str, estimator: str, quantity: str, *, remedied: bool = False
+) -> pd.DataFrame:
+    """Rows of one kind of error and one estimator, by rising size.
 
     Parameters
     ----------
@@ -81,17 +95,33 @@ def curve(table: pd.DataFrame, kind: str, estimator: str, quantity: str) -> pd.D
         ``tables/model_error.csv``.
     kind, estimator, quantity : str
         As in its columns.
+    remedied : bool
+        True for the variants in which the estimator is set otherwise, too.
 
     Returns
     -------
     DataFrame
-        Empty if the estimator has no such error.
+        Beginning with no error unless remedied; empty if the estimator has no such error.
     """
     own = table[(table["estimator"] == estimator) & (table["quantity"] == quantity)]
-    faulty = own[own["kind"] == kind]
-    if faulty.empty:
-        return faulty
-    return pd.concat([own[own["kind"] == NONE], faulty]).sort_values("size", kind="stable")
+    faulty = own[(own["kind"] == kind) & (_remedied(own) == remedied)]
+    if not (faulty.empty or remedied):
+        faulty = pd.concat([own[own["kind"] == NONE], faulty])
+    return faulty.sort_values("size", kind="stable")
+
+
+def _series(table: pd.DataFrame) -> list[tuple[str, bool, SeriesStyle]]:
+    """Estimators, as they are and remedied, with their looks."""
+    found = []
+    for name in dict.fromkeys(table["estimator"]):
+        look = estimator_style(name)
+        found.append((name, False, look))
+        if _remedied(table[table["estimator"] == name]).any():
+            mended = look._replace(
+                label=f"{look.label} with a remedy", line=DOTTED, marker="^", filled=False
+            )
+            found.append((name, True, mended))
+    return found
 
 
 @house_style()
@@ -102,7 +132,8 @@ def model_error_figure(table: pd.DataFrame) -> Figure:
     ----------
     table : DataFrame
         ``tables/model_error.csv``. Of several scenarios, architectures or numbers of targets the
-        one with the most errors is drawn; variants with further changes are not.
+        one with the most errors is drawn. Variants that change more than the truth are taken for
+        remedies.
 
     Returns
     -------
@@ -115,7 +146,7 @@ def model_error_figure(table: pd.DataFrame) -> Figure:
     """
     shown = _shown(table)
     kinds = [kind for kind in dict.fromkeys(shown["kind"]) if kind != NONE]
-    estimators = list(dict.fromkeys(shown["estimator"]))
+    series = _series(shown)
     column_in = min(_WIDEST_IN, (_PANELS_IN + _GAP) / len(kinds) - _GAP)
     panels_in = len(kinds) * (column_in + _GAP) - _GAP
     left_in = max(_LEFT, 0.5 * (_NARROWEST_IN - panels_in))
@@ -128,7 +159,7 @@ def model_error_figure(table: pd.DataFrame) -> Figure:
         for column, kind in enumerate(kinds):
             left = left_in + column * (column_in + _GAP)
             axes = place(figure, left, bottom, column_in, _ROW_IN)
-            _draw(axes, shown, kind, estimators, row)
+            _draw(axes, shown, kind, series, row)
             axes.tick_params(labelbottom=number == len(ROWS) - 1, labelleft=column == 0)
             if number == 0:
                 name = KIND_LABELS.get(kind, kind.split(".")[-1].replace("_", " "))
@@ -140,20 +171,25 @@ def model_error_figure(table: pd.DataFrame) -> Figure:
         _share_y(drawn, shown, row)
         drawn[0].set_ylabel(row.label, fontsize=7.5)
         drawn[0].yaxis.set_label_coords(-0.42 / column_in, 0.5)
-    _legend(figure, shown, estimators)
+    _legend(figure, shown, series)
     return figure
 
 
-def _draw(axes: Axes, table: pd.DataFrame, kind: str, estimators: Sequence[str], row: Row) -> None:
+def _draw(
+    axes: Axes,
+    table: pd.DataFrame,
+    kind: str,
+    series: Sequence[tuple[str, bool, SeriesStyle]],
+    row: Row,
+) -> None:
     """Means with intervals of every estimator for one kind of error."""
     sizes = np.unique([0.0, *table.loc[table["kind"] == kind, "size"]])
     reach = float(np.ptp(sizes)) or 1.0
-    for index, name in enumerate(estimators):
-        found = curve(table, kind, name, row.quantity)
+    for index, (name, remedied, look) in enumerate(series):
+        found = curve(table, kind, name, row.quantity, remedied=remedied)
         if found.empty:
             continue
-        look = estimator_style(name)
-        aside = 0.03 * reach * (index - 0.5 * (len(estimators) - 1))
+        aside = 0.03 * reach * (index - 0.5 * (len(series) - 1))
         mean, low, high = (
             row.factor * found[key].to_numpy(float) for key in ("mean", "low", "high")
         )
@@ -214,14 +250,16 @@ def _share_y(drawn: Sequence[Axes], table: pd.DataFrame, row: Row) -> None:
             log_ticks(axes.yaxis, *limits)
 
 
-def _legend(figure: Figure, table: pd.DataFrame, estimators: Sequence[str]) -> None:
+def _legend(
+    figure: Figure, table: pd.DataFrame, series: Sequence[tuple[str, bool, SeriesStyle]]
+) -> None:
     """Estimators, and which cell is drawn."""
     cell = table.iloc[0]
     height = figure.get_size_inches()[1]
     figure.legend(
-        handles=[estimator_style(name).legend_handle() for name in estimators],
+        handles=[look.legend_handle() for _, _, look in series],
         loc="lower center",
-        ncols=len(estimators),
+        ncols=len(series),
         bbox_to_anchor=(0.5, 0.22 / height),
         borderaxespad=0.0,
         handlelength=2.8,
