@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import pandas as pd
 
 from cislunar.campaign.claims import BEYOND
+from cislunar.campaign.estimator_blocks import AWARE, ESTIMATOR_BLOCKS
 from cislunar.campaign.markdown import markdown_table
 from cislunar.campaign.photometry_readings import BRIGHTER, RANGE, RETURNED
 from cislunar.campaign.results_page import (
@@ -110,12 +111,22 @@ def labels_block(tables: Tables) -> str:
     )
 
 
-_READING_COLUMNS = tuple(name for name in TRACKED if name != "attitude ANEES")
+_READING_COLUMNS = tuple(
+    name
+    for name, (quantity, *_) in TRACKED.items()
+    if not quantity.startswith(("anees", "bound_ratio", "final_attitude_error_90"))
+)
 
 
 def readings_tracking_block(tables: Tables) -> str:
     """What each changed setting does to tracking; an asterisk marks a sure difference."""
     readings = tables["readings_tracking"]
+    # what the estimators make of a wrong model, and of attitude in the tasking, is told elsewhere
+    elsewhere = {*AWARE, *tables["model_error"]["variant"].dropna()}
+    readings = readings[
+        (readings["estimator"] == readings["estimator"].iloc[0])
+        & ~readings["variant"].isin(elsewhere)
+    ]
     parts = []
     places = ["scenario", "architecture", "estimator", "interval_minutes"]
     groups = list(readings.groupby(places, sort=False))
@@ -195,5 +206,6 @@ BLOCKS: Mapping[str, Callable[[Tables], str]] = {
     "readings-tracking": readings_tracking_block,
     "photometry": photometry_block,
     "returned-light": returned_light_block,
+    **ESTIMATOR_BLOCKS,
 }
 """What makes each block, by the name in its opening line."""

@@ -35,6 +35,7 @@ TABLES = (
     "readings_architecture",
     "readings_tracking",
     "tracking",
+    "model_error",
     "photometry",
     "run_times",
 )

@@ -171,6 +171,8 @@ TRACKED = {
     "attitude ANEES": ("anees_median", "attitude", "1", ".2f"),
     "attitude RMSE, deg": ("rmse_median", "attitude", "degree", ".2f"),
     "final attitude error, deg": ("final_attitude_error_median", "", "degree", ".2f"),
+    "final attitude error, 90th pct., deg": ("final_attitude_error_90", "", "degree", ".1f"),
+    "attitude error over bound": ("bound_ratio_median", "attitude", "1", ".2f"),
     "position RMSE, km": ("rmse_median", "position", "km", ".2f"),
     "never observed": ("never_observed", "", "1", ".1f"),
     "rotation diverged": ("diverged_rotation", "", "1", ".1f"),
