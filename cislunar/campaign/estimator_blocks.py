@@ -69,6 +69,27 @@ def estimators_block(tables: Tables) -> str:
     return markdown_table(_header("targets", "estimator"), rows)
 
 
+_HEADLINE = ("rotation diverged", "attitude coverage", "attitude error over bound")
+
+
+def headline_block(tables: Tables) -> str:
+    """The paper's filter against the batch estimator in few numbers."""
+    cells = _cells(tables["tracking"])
+    cells = cells[cells["variant"] == ""]
+    rows = []
+    for count in COMPARED:
+        line = []
+        for name in _HEADLINE:
+            for estimator in NAMES:
+                own = cells[(cells["targets"] == count) & (cells["estimator"] == estimator)]
+                found = quantity_rows(own, name)["mean"]
+                line.append(f"{found.iloc[0]:{TRACKED[name][3]}}" if found.size else DASH)
+        if any(value != DASH for value in line):
+            rows.append([count, *line])
+    header = [f"{name}, {shown}" for name in _HEADLINE for shown in ("paper", "ours")]
+    return markdown_table(["targets", *header], rows)
+
+
 def batch_settings_block(tables: Tables) -> str:
     """The batch estimator with other settings."""
     cells = _cells(tables["tracking"])
@@ -146,6 +167,7 @@ def _share(cells: pd.DataFrame) -> str:
 
 ESTIMATOR_BLOCKS = {
     "estimators": estimators_block,
+    "estimators-headline": headline_block,
     "batch-settings": batch_settings_block,
     "aware-tasking": aware_tasking_block,
     "model-errors": model_errors_block,
