@@ -115,5 +115,7 @@ def slopes(x: ArrayLike, values: ArrayLike) -> NDArray[np.float64]:
             found.append(np.nan)
             continue
         offset = octaves[valid] - octaves[valid].mean()
-        found.append(float(offset @ row[valid] / (offset @ offset)))
+        # less the first value, so that equal values have no slope at all, not one of rounding
+        rise = row[valid] - row[valid][0]
+        found.append(float(offset @ rise / (offset @ offset)))
     return np.array(found)
