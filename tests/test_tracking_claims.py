@@ -5,7 +5,8 @@ import pytest
 import xarray as xr
 from scipy import stats
 
-from cislunar.campaign.claims import NOT_REPRODUCED, PARTLY, REPRODUCED
+from cislunar.campaign.claims import BEYOND, NOT_REPRODUCED, PARTLY, REPRODUCED
+from cislunar.campaign.estimator_claims import estimator_claims
 from cislunar.campaign.statistics import log_interval, slopes, t_interval
 from cislunar.campaign.tasking_claims import tasking_claims
 from cislunar.campaign.tracking_claims import tracking_claims
@@ -283,3 +284,14 @@ def test_slopes_are_per_doubling_and_skip_gaps():
     x = np.array([20, 40, 80])
     values = [[1.0, 3.0, 5.0], [0.0, np.nan, 2.0], [np.nan, np.nan, 1.0]]
     np.testing.assert_allclose(slopes(x, values), [2.0, 1.0, np.nan])
+
+
+def test_both_estimators_are_compared_on_the_same_realizations():
+    filtered = make_summary()
+    fitted = make_summary(lambda *cell: {"diverged_rotation": 0.0})
+    fitted = fitted.assign_coords(estimator=("cell", ["batch"] * fitted.sizes["cell"]))
+    claims = estimator_claims(xr.concat([filtered, fitted], "cell"))
+    counted = [c for c in claims if "scenario A, published, 50 targets" in c.claim]
+    assert len(counted) == 1 and counted[0].verdict == BEYOND
+    assert "diverged 0.0 [0.0, 0.0] and " in counted[0].ours
+    assert not estimator_claims(filtered)

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from cislunar.campaign.claims import BEYOND, NOT_REPRODUCED, PARTLY, REPRODUCED, Claim
+from cislunar.campaign.estimator_claims import estimator_claims
 from cislunar.campaign.statistics import t_interval
 from cislunar.campaign.tracking_interval_claims import interval_claims
 from cislunar.campaign.tracking_summary import cell_index, seed_values
@@ -54,7 +55,7 @@ def tracking_claims(summary: xr.Dataset) -> list[Claim]:
     for scenario in SCENARIOS:
         claims += _equal_counts(summary, scenario)
         claims += _attitude_behind(summary, scenario)
-    return claims + _architectures(summary) + _soundness(summary)
+    return claims + _architectures(summary) + estimator_claims(summary) + _soundness(summary)
 
 
 def _smallest_cell(summary: xr.Dataset) -> list[Claim]:
