@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from cislunar.campaign.netcdf import variable
-from cislunar.campaign.progress import Progress, logger
+from cislunar.campaign.progress import Progress, logger, progress_log
 from cislunar.campaign.provenance import provenance
 from cislunar.ephemeris import interpolate_sun, sample_ephemeris
 from cislunar.geometry.exclusion import ExclusionAngles
@@ -181,7 +181,9 @@ def zvs_points_dataset(missions_path: str | Path, settings: Mapping[str, Any]) -
         }
     )
     names = missions["mission"].tolist()
-    points = sample_zero_velocity(missions["jacobi"].to_numpy(), sampling, names=names)
+    points = sample_zero_velocity(
+        missions["jacobi"].to_numpy(), sampling, names=names, progress=progress_log("missions")
+    )
     logger.info("%d points within the surfaces of %d missions", len(points.position), len(names))
     return xr.Dataset(
         {
@@ -221,7 +223,9 @@ def static_targets_dataset(
     xarray.Dataset
         ``targets/static_{scenario}.nc``.
     """
-    clusters = cluster(points["position"].values, targets, seed=seed, seeding=seeding)
+    clusters = cluster(
+        points["position"].values, targets, seed=seed, seeding=seeding, progress=progress_log
+    )
     logger.info("inertia %.6g", clusters.inertia)
     chosen = {"scenario": scenario, "targets": targets, "seeding": seeding}
     return xr.Dataset(

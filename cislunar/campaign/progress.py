@@ -7,15 +7,17 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 from cislunar.errors import CislunarError
 
 logger = logging.getLogger("cislunar")
 
 Progress = Callable[[int, int], None]
+Item = TypeVar("Item")
 
 
 def _clock(seconds: float) -> str:
@@ -54,7 +56,7 @@ def progress_log(name: str, interval_s: float = 5.0) -> Progress:
         remaining = _clock(left) if done else "unknown"
         logger.info(
             "%s: %d of %d (%.0f %%), %s elapsed, %s left at most"
-            if name.endswith("evaluations")
+            if name.endswith(("evaluations", "iterations"))
             else "%s: %d of %d (%.0f %%), %s elapsed, %s left",
             name,
             done,
@@ -65,6 +67,27 @@ def progress_log(name: str, interval_s: float = 5.0) -> Progress:
         )
 
     return report
+
+
+def each(items: Sequence[Item], name: str) -> Iterator[Item]:
+    """Items one after the other, with progress logged as each is done.
+
+    Parameters
+    ----------
+    items : sequence
+        What is worked on.
+    name : str
+        What they are.
+
+    Yields
+    ------
+    object
+        Each item.
+    """
+    progress = progress_log(name)
+    for done, item in enumerate(items, start=1):
+        yield item
+        progress(done, len(items))
 
 
 class _LogFile(logging.FileHandler):

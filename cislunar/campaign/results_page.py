@@ -195,7 +195,7 @@ def shown_quantities(table: pd.DataFrame) -> pd.DataFrame:
     DataFrame
     """
     wanted = [key[:3] for key in TRACKED.values()]
-    found = table[["quantity", "part", "unit"]].fillna("").astype(str)
+    found = table[["quantity", "part", "unit"]].astype(object).fillna("").astype(str)
     keep = [tuple(row) in wanted for row in found.itertuples(index=False)]
     return table[keep]
 
@@ -215,7 +215,7 @@ def quantity_rows(table: pd.DataFrame, name: str) -> pd.DataFrame:
     DataFrame
     """
     quantity, part, unit, _ = TRACKED[name]
-    of_part = table["part"].fillna("").astype(str) == part
+    of_part = table["part"].astype(object).fillna("") == part
     return table[(table["quantity"] == quantity) & of_part & (table["unit"] == unit)]
 
 
@@ -232,7 +232,7 @@ def tracking_list(tracking: pd.DataFrame) -> str:
     str
         Markdown: a sentence, then a table of means with 95 % confidence intervals.
     """
-    usual = tracking[tracking["variant"].fillna("") == ""]
+    usual = tracking[tracking["variant"].astype(object).fillna("") == ""]
     columns = {}
     for name, (*_, form) in TRACKED.items():
         rows = quantity_rows(usual, name).set_index(CELL_KEYS)

@@ -16,6 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from cislunar.campaign.progress import progress_log
 from cislunar.errors import ConfigurationError, InputFileError
 
 ORANGE = "#E69F00"
@@ -254,11 +255,14 @@ def save_figure(figure: Figure, path_png: str | Path, path_pdf: str | Path) -> N
         If a folder cannot be written to.
     """
     plain = {"Creator": None, "Producer": None, "CreationDate": None}
-    for path, kind, metadata in ((path_png, "png", {"Software": None}), (path_pdf, "pdf", plain)):
+    files = ((path_png, "png", {"Software": None}), (path_pdf, "pdf", plain))
+    progress = progress_log("files of the figure")
+    for done, (path, kind, metadata) in enumerate(files, start=1):
         drawn = io.BytesIO()
         with house_style():
             figure.savefig(drawn, format=kind, dpi=RASTER_DPI, metadata=metadata)
         _replace(drawn.getvalue(), Path(path))
+        progress(done, len(files))
 
 
 def _replace(content: bytes, path: Path) -> None:

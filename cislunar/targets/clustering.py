@@ -24,7 +24,9 @@ Assumptions and limitations
   as they come, and so does this module; `cislunar.targets.audit` finds them.
 """
 
+import io
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from time import perf_counter
 from typing import NamedTuple
 
@@ -36,6 +38,7 @@ from scipy.spatial import cKDTree
 from cislunar.errors import ConfigurationError, ConvergenceError
 
 Array = NDArray[np.float64]
+Phases = Callable[[str], Callable[[int, int], None]]
 
 SEEDINGS = ("k-means++", "greedy k-means++", "random")
 """One candidate per center; scikit-learn's ``2 + log(k)`` candidates; points drawn by weight."""
@@ -68,8 +71,18 @@ class Clusters(NamedTuple):
     inertia: float
 
 
+def _silent(phase: str) -> Callable[[int, int], None]:
+    """Progress that nobody asked for."""
+    return lambda done, total: None
+
+
 def cluster(
-    position: ArrayLike, n_clusters: int, *, seed: int, seeding: str = DEFAULT_SEEDING
+    position: ArrayLike,
+    n_clusters: int,
+    *,
+    seed: int,
+    seeding: str = DEFAULT_SEEDING,
+    progress: Phases = _silent,
 ) -> Clusters:
     """Cluster points with k-means.
 
@@ -83,6 +96,8 @@ def cluster(
         Seed of the random numbers of the seeding (the only random step).
     seeding : str
         One of `SEEDINGS`.
+    progress : callable
+        Called with the name of a phase; what it returns is called with (done, at most) there.
 
     Returns
     -------
@@ -103,8 +118,10 @@ def cluster(
     # Differences of coordinates are what matters; about the mean they lose least to rounding.
     origin = np.average(points, axis=0, weights=weight)
     with threadpool_limits(limits=1):
-        start = seed_centers(points - origin, weight, n_clusters, rng, seeding)
-        center, label = _lloyd(points - origin, weight, start)
+        start = seed_centers(
+            points - origin, weight, n_clusters, rng, seeding, progress("first centers")
+        )
+        center, label = _lloyd(points - origin, weight, start, progress("k-means iterations"))
     center = center + origin
     members = np.bincount(label, weights=weight, minlength=n_clusters)
     inertia = float(np.sum(weight * np.sum((points - center[label]) ** 2, axis=1)))
@@ -142,8 +159,29 @@ def distinct_points(position: ArrayLike) -> tuple[Array, Array, NDArray[np.int64
     return points, count.astype(float), inverse.reshape(-1)
 
 
+class _CountedDraws(np.random.RandomState):
+    """The random numbers of k-means++, which draws once for each further center.
+
+    scikit-learn does not tell how far its seeding is; this does, and changes no number.
+    """
+
+    def __init__(self, seed: int, total: int, progress: Callable[[int, int], None]) -> None:
+        super().__init__(seed)
+        self._done, self._total, self._progress = 1, total, progress
+
+    def uniform(self, *arguments, **keywords):
+        self._done += 1
+        self._progress(min(self._done, self._total), self._total)
+        return super().uniform(*arguments, **keywords)
+
+
 def seed_centers(
-    points: Array, weight: Array, n_clusters: int, rng: np.random.Generator, seeding: str
+    points: Array,
+    weight: Array,
+    n_clusters: int,
+    rng: np.random.Generator,
+    seeding: str,
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Array:
     """First centers of a k-means iteration.
 
@@ -159,6 +197,8 @@ def seed_centers(
         Source of the draws.
     seeding : str
         One of `SEEDINGS`.
+    progress : callable
+        Called with (centers found, centers).
 
     Returns
     -------
@@ -183,7 +223,7 @@ def seed_centers(
         points,
         n_clusters,
         sample_weight=weight,
-        random_state=int(rng.integers(2**31)),
+        random_state=_CountedDraws(int(rng.integers(2**31)), n_clusters, progress),
         n_local_trials=1 if seeding == "k-means++" else None,
     )
     return start
@@ -244,14 +284,32 @@ def _require_count(n_clusters: int, distinct: int) -> None:
         )
 
 
-def _lloyd(points: Array, weight: Array, start: Array) -> tuple[Array, NDArray[np.int64]]:
+class _Iterations(io.StringIO):
+    """What scikit-learn prints of its iterations, turned into progress."""
+
+    def __init__(self, progress: Callable[[int, int], None]) -> None:
+        super().__init__()
+        self._done, self._progress = 0, progress
+
+    def write(self, text: str) -> int:
+        if text.startswith("Iteration"):
+            self._done += 1
+            self._progress(self._done, MAX_ITERATIONS)
+        return len(text)
+
+
+def _lloyd(
+    points: Array, weight: Array, start: Array, progress: Callable[[int, int], None]
+) -> tuple[Array, NDArray[np.int64]]:
     """Lloyd's iteration to convergence, with no cluster left empty."""
     from sklearn.cluster import KMeans
 
     for _ in range(10):
-        fit = KMeans(len(start), init=start, n_init=1, max_iter=MAX_ITERATIONS, tol=TOLERANCE).fit(
-            points, sample_weight=weight
+        means = KMeans(
+            len(start), init=start, n_init=1, max_iter=MAX_ITERATIONS, tol=TOLERANCE, verbose=1
         )
+        with redirect_stdout(_Iterations(progress)):
+            fit = means.fit(points, sample_weight=weight)
         label = fit.labels_.astype(np.int64)
         empty = np.flatnonzero(np.bincount(label, minlength=len(start)) == 0)
         if not empty.size:

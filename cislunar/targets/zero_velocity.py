@@ -282,6 +282,7 @@ def sample_zero_velocity(
     *,
     names: Sequence[str] | None = None,
     mu: float = MU,
+    progress: Callable[[int, int], None] | None = None,
 ) -> SampledPoints:
     """Points within the zero-velocity surface of each mission, missions one after the other.
 
@@ -295,6 +296,8 @@ def sample_zero_velocity(
         Names of the missions, for messages.
     mu : float
         Mass ratio.
+    progress : callable, optional
+        Called with (missions done, missions).
 
     Returns
     -------
@@ -316,6 +319,8 @@ def sample_zero_velocity(
                 f"targets: no point is sampled within the zero-velocity surface of {who} "
                 f"(JC = {jc}); add a center inside it, or refine angular_step_deg and the radii"
             )
+        if progress is not None:
+            progress(index + 1, len(constants))
     parts = [cache[jc] for jc in constants.tolist()]
     counts = [len(part) for part in parts]
     return SampledPoints(

@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from cislunar.campaign.netcdf import read_dataset, write_text
-from cislunar.campaign.progress import job
+from cislunar.campaign.progress import each, job
 from cislunar.campaign.tables import architecture_rows, near_optimal_rows
 
 with job(snakemake.log[0], snakemake.threads):
@@ -14,7 +14,7 @@ with job(snakemake.log[0], snakemake.threads):
     suns = dict(zip(settings, snakemake.input.suns, strict=True))
     targets = dict(zip(settings, snakemake.input.targets, strict=True))
     rows, near = [], []
-    for path in map(Path, snakemake.input.architectures):
+    for path in map(Path, each(snakemake.input.architectures, "architectures")):
         scenario, optimizer = path.parent.name, path.stem
         architecture = read_dataset(path)
         rows.append(

@@ -1,13 +1,13 @@
 """Makes figures/fig05_target_counts, fig07_intervals: every target by number and by interval."""
 
-from cislunar.campaign.progress import job
+from cislunar.campaign.progress import each, job
 from cislunar.campaign.tracking_cells import Cell
 from cislunar.campaign.tracking_summary import read_cell_metrics
 from cislunar.figures.style import save_figure
 from cislunar.figures.tracking_heatmaps import intervals_figure, target_counts_figure
 
 with job(snakemake.log[0]):
-    files = iter(snakemake.input)
+    files = each(snakemake.input, "cells")
     columns = [
         {Cell(*cell): read_cell_metrics(next(files)) for cell in column}
         for column in snakemake.params.columns

@@ -1,13 +1,13 @@
 """Makes task2/summary.nc: statistics over the targets of every cell, seed by seed."""
 
 from cislunar.campaign.netcdf import write_dataset
-from cislunar.campaign.progress import job
+from cislunar.campaign.progress import each, job
 from cislunar.campaign.tracking_cells import campaign_cells
 from cislunar.campaign.tracking_summary import read_cell_metrics, summary_dataset
 
 with job(snakemake.log[0]):
     settings = snakemake.params.settings
-    cells = zip(campaign_cells(settings["task2"]), snakemake.input, strict=True)
+    cells = zip(campaign_cells(settings["task2"]), each(snakemake.input, "cells"), strict=True)
     summary = summary_dataset(
         [(cell, read_cell_metrics(path)) for cell, path in cells],
         settings,
