@@ -75,6 +75,7 @@ def small_tables():
             ]
         ),
         "tracking": cell_rows({"mean": 0.25, "low": 0.2, "high": 0.3}),
+        "model_error": pd.DataFrame({"variant": ["torque"]}),
         "photometry": photometry_table(MATERIAL, 18.0, 1),
         "run_times": pd.DataFrame(
             {"jobs": ["searches by TPE", "all"], "count": 4, "total_s": [1200.0, 2400.0],
