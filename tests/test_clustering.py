@@ -86,7 +86,7 @@ def test_no_cluster_stays_empty_from_a_bad_start():
     rng = np.random.default_rng(2)
     points = rng.normal(size=(60, 3))
     start = np.array([[0.0, 0, 0], [1e3, 0, 0], [2e3, 0, 0]])
-    _, label = clustering._lloyd(points, np.ones(60), start)
+    _, label = clustering._lloyd(points, np.ones(60), start, lambda done, total: None)
     assert np.bincount(label, minlength=3).min() > 0
 
 
@@ -105,7 +105,7 @@ def test_cluster_left_empty_by_the_last_round_is_filled_again(monkeypatch):
     monkeypatch.setattr(sklearn.cluster, "KMeans", Robbing)
     rng = np.random.default_rng(2)
     points = np.concatenate([rng.normal(size=(20, 3)) + offset for offset in (0.0, 50.0, 100.0)])
-    _, label = clustering._lloyd(points, np.ones(60), points[[0, 20, 40]])
+    _, label = clustering._lloyd(points, np.ones(60), points[[0, 20, 40]], lambda done, total: None)
     assert len(starts) == 2
     assert np.any(np.all(points == starts[1][1], axis=1)), "the empty center moves to a point"
     assert np.bincount(label, minlength=3).min() > 0
@@ -187,3 +187,25 @@ def test_audit_finds_centers_inside_bodies_and_forbidden_regions():
     np.testing.assert_array_equal(audit.inside_moon, [True, False, False, False])
     np.testing.assert_array_equal(audit.inside_earth, [False, True, False, False])
     np.testing.assert_array_equal(audit.forbidden, [False, False, True, False])
+
+
+def test_progress_counts_centers_and_rounds_and_changes_nothing(sampled):
+    told = {}
+
+    def phases(name):
+        return lambda done, total: told.setdefault(name, []).append((done, total))
+
+    points = sampled.position
+    quiet = clustering.cluster(points, 40, seed=3)
+    watched = clustering.cluster(points, 40, seed=3, progress=phases)
+    np.testing.assert_array_equal(watched.center, quiet.center)
+    assert told["first centers"] == [(done, 40) for done in range(2, 41)]
+    rounds = [done for done, _ in told["k-means iterations"]]
+    assert rounds == list(range(1, len(rounds) + 1))
+
+
+def test_counted_draws_are_those_of_the_seed():
+    counted = clustering._CountedDraws(11, 3, lambda done, total: None)
+    plain = np.random.RandomState(11)  # what scikit-learn makes of the seed
+    assert counted.randint(1000) == plain.randint(1000)
+    np.testing.assert_array_equal(counted.uniform(size=5), plain.uniform(size=5))

@@ -135,6 +135,11 @@ def tracking_mesh(wildcards):
     return mesh_file(tracking_settings(wildcards))
 
 
+def comparison_settings(wildcards):
+    """Settings of the cells in which tasking methods are compared."""
+    return cell_settings(settings_in(wildcards.scenario, "task2")["task2"])
+
+
 onerror:
     print(
         "\nNot every job has finished. What has finished is kept. Mend what the messages above name "

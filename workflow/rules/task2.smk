@@ -127,11 +127,6 @@ rule model_error_table:
         "../scripts/model_error.py"
 
 
-def comparison_settings(wildcards):
-    """Settings of the cells in which tasking methods are compared."""
-    return cell_settings(settings_in(wildcards.scenario, "task2")["task2"])
-
-
 rule tasking_comparison_cell:
     input:
         architecture=results("architecture/{scenario}/{architecture}.nc"),
