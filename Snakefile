@@ -16,6 +16,7 @@ include: "workflow/rules/visibility.smk"
 include: "workflow/rules/architecture.smk"
 include: "workflow/rules/tables.smk"
 include: "workflow/rules/task2.smk"
+include: "workflow/rules/sweeps.smk"
 include: "workflow/rules/tracking_figures.smk"
 include: "workflow/rules/figures.smk"
 
@@ -27,4 +28,5 @@ rule all:
         rules.task2.input,
         rules.paper_vs_ours.output if OF_THE_PAPER else [],
         rules.results_page.output if CELLS and OF_THE_PAPER else [],
+        rules.sweeps.input,
         rules.figures.input,

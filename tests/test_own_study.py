@@ -264,7 +264,7 @@ def test_static_targets_need_no_velocities(tmp_path):
 
 def test_a_sweep_of_the_tracking_makes_variants(study):
     points = sweep_points(study, "noise")
-    assert [point.variant for point in points] == [f"noise-{v}" for v in (0.02, 0.05, 0.1, 0.2)]
+    assert [point.variant for point in points] == [f"noise-{v}" for v in (0.02, 0.05, 0.2)]
     assert {point.scenario for point in points} == {"D"}
     whole = with_sweeps(in_study(study))
     own = scenario_settings(whole, "D")["task2"]
@@ -274,14 +274,14 @@ def test_a_sweep_of_the_tracking_makes_variants(study):
     estimators = study["task2"]["estimators"]
     paths = [cell.path for cell in swept_cells(study, "noise")]
     assert paths[0] == f"task2/D/exact/{estimators[0]}/nt12_dt60_noise-0.02.nc"
-    assert len(set(paths)) == 4 * len(estimators)
+    assert len(set(paths)) == 3 * len(estimators)
 
 
 def test_a_sweep_of_the_optimization_makes_scenarios(study):
     whole = with_sweeps(in_study(study))
-    names = [f"D-limit-{value}" for value in (17, 18, 19, 20)]
+    names = [f"D-limit-{value}" for value in (17, 18.5, 20)]
     assert list(whole["scenarios"]) == ["D", *names]
-    for value, name in zip((17, 18, 19, 20), names, strict=True):
+    for value, name in zip((17, 18.5, 20), names, strict=True):
         own = scenario_settings(whole, name)
         assert own["visibility"]["limiting_magnitude"] == value
         del own["visibility"]["limiting_magnitude"]

@@ -1,0 +1,199 @@
+"""A sweep over a key of a scenario: what the architectures reach, and how they track."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
+
+from cislunar.campaign.sweep_table import plotted_values
+from cislunar.figures.scene import Array
+from cislunar.figures.style import (
+    PAGE_WIDTH_IN,
+    estimator_style,
+    house_style,
+    new_figure,
+    optimizer_style,
+    panel_letter,
+)
+from cislunar.figures.tracking_axes import log_ticks, place, spaced
+
+_LEFT, _RIGHT = 0.62, 0.12
+_GAP, _BETWEEN_IN = 0.62, 0.5
+_ROW_IN, _HEAD, _FOOT = 1.25, 0.42, 0.95
+_COLUMNS = 4
+_LOGARITHMIC_FROM = 10.0
+"""Ratio of the largest value to the smallest from which the values' axis is logarithmic."""
+_LONGEST_LABEL = 8
+
+
+class Quantity(NamedTuple):
+    """A panel: a quantity of the table, its axis label, and its axis."""
+
+    name: str
+    label: str
+    part: str = ""
+    unit: str = ""
+    factor: float = 1.0
+    log: bool = False
+
+
+ARCHITECTURE = (
+    Quantity("J", "J, dimensionless", log=True),
+    Quantity("satellites", "satellites"),
+    Quantity("union_coverage", "target-hours seen, %", factor=100.0),
+    Quantity("static_never_seen", "static targets\nnever seen"),
+)
+TRACKING = (
+    Quantity("coverage", "attitude within\n3\N{GREEK SMALL LETTER SIGMA}, % of time", "attitude",
+             factor=100.0),
+    Quantity("final_attitude_error_median", "final attitude error,\nmedian, degree", log=True),
+    Quantity("rmse_median", "position RMSE,\nmedian, km", "position", "km", log=True),
+    Quantity("never_observed", "moving targets\nnever observed"),
+)  # fmt: skip
+
+
+class _Values(NamedTuple):
+    """The horizontal axis: names of the values, their places, and whether it is logarithmic."""
+
+    names: list[str]
+    places: Array
+    log: bool
+    numeric: bool
+
+
+def _axis_of(table: pd.DataFrame) -> _Values:
+    names, numbers = plotted_values(table)
+    if numbers is None:
+        return _Values(names, np.arange(len(names), dtype=float), False, False)
+    positive = numbers.min() > 0.0
+    return _Values(
+        names, numbers, positive and numbers.max() / numbers.min() >= _LOGARITHMIC_FROM, True
+    )
+
+
+@house_style()
+def sweep_figure(table: pd.DataFrame) -> Figure:
+    """What the architectures reach, where they differ, then a row of panels for each target count.
+
+    Parameters
+    ----------
+    table : DataFrame
+        ``tables/sweep_{name}.csv``.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    values = _axis_of(table)
+    counts = sorted(table["targets"].dropna().unique())
+    rows = [("", ARCHITECTURE, table[table["targets"].isna()])]
+    rows += [(f"$n_T$ = {int(n)}", TRACKING, table[table["targets"] == n]) for n in counts]
+    rows = [row for row in rows if not row[2].empty]
+    rows_in = len(rows) * (_ROW_IN + _BETWEEN_IN) - _BETWEEN_IN
+    figure = new_figure(_HEAD + rows_in + _FOOT)
+    width_in = (PAGE_WIDTH_IN - _LEFT - _RIGHT - (_COLUMNS - 1) * _GAP) / _COLUMNS
+    for number, (heading, quantities, own) in enumerate(rows):
+        bottom = _FOOT + rows_in - (number + 1) * _ROW_IN - number * _BETWEEN_IN
+        for column, quantity in enumerate(quantities):
+            left = _LEFT + column * (width_in + _GAP)
+            axes = place(figure, left, bottom, width_in, _ROW_IN)
+            _draw(axes, own, quantity, values)
+            letter = panel_letter(number * _COLUMNS + column)
+            axes.set_title(f"{letter} {heading}", loc="left", pad=4)
+            axes.set_ylabel(quantity.label, fontsize=7.0)
+            axes.yaxis.set_label_coords(-0.4 / width_in, 0.5)
+            _value_axis(axes, values, labelled=number == len(rows) - 1)
+    _legend(figure, table)
+    return figure
+
+
+def _draw(axes: Axes, table: pd.DataFrame, quantity: Quantity, values: _Values) -> None:
+    """A quantity against the values, for every estimator; the architecture's own has none."""
+    chosen = table[table["quantity"] == quantity.name]
+    if quantity.part:
+        chosen = chosen[chosen["part"] == quantity.part]
+    if quantity.unit:
+        chosen = chosen[chosen["unit"] == quantity.unit]
+    reach = []
+    for name, own in chosen.groupby(chosen["estimator"].fillna(""), sort=False):
+        look = estimator_style(name) if name else optimizer_style(str(own["architecture"].iloc[0]))
+        ordered = own.set_index(own["value"].astype(str)).reindex(values.names)
+        mean, low, high = (
+            quantity.factor * ordered[key].to_numpy(float) for key in ("mean", "low", "high")
+        )
+        order = np.argsort(values.places, kind="stable")
+        axes.errorbar(
+            values.places[order],
+            mean[order],
+            yerr=np.nan_to_num([mean - low, high - mean])[:, order],
+            color=look.color,
+            linestyle=look.line if values.numeric else "none",
+            linewidth=0.9,
+            elinewidth=0.7,
+            capsize=1.4,
+            capthick=0.7,
+            **look.marker_kwargs(3.2),
+        )
+        single = ordered[["smallest", "largest"]].to_numpy(float).T * quantity.factor
+        reach += [mean, np.fmax(low, single[0]), np.fmin(high, single[1])]
+    _vertical_axis(axes, np.concatenate(reach), log=quantity.log)
+
+
+def _vertical_axis(axes: Axes, values: Array, *, log: bool) -> None:
+    """Holds the values; an interval of few seeds may leave it."""
+    values = values[np.isfinite(values) & ((values > 0.0) | (not log))]
+    low, high = (values.min(), values.max()) if values.size else (0.1, 1.0)
+    if log:
+        margin = max((high / low) ** 0.08, 1.15)
+        axes.set_yscale("log")
+        axes.set_ylim(low / margin, high * margin)
+        log_ticks(axes.yaxis, low / margin, high * margin)
+    else:
+        margin = 0.08 * (high - low) or 0.5
+        axes.set_ylim(low - margin, high + margin)
+
+
+def _value_axis(axes: Axes, values: _Values, *, labelled: bool) -> None:
+    """The swept values."""
+    low, high = values.places.min(), values.places.max()
+    if values.log:
+        axes.set_xscale("log")
+        margin = (high / low) ** 0.07
+        axes.set_xlim(low / margin, high * margin)
+        ticks = spaced(values.places, 0.2)
+    else:
+        margin = 0.08 * (high - low) or 0.5
+        axes.set_xlim(low - margin, high + margin)
+        ticks = np.unique(values.places)
+    names = dict(zip(values.places, values.names, strict=True))
+    shown = [f"{tick:g}" if values.numeric else names[tick] for tick in ticks]
+    axes.xaxis.set_major_locator(FixedLocator(ticks))
+    axes.xaxis.set_major_formatter(FixedFormatter(shown))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.tick_params(axis="x", which="minor", bottom=False)
+    if max(map(len, shown)) * len(shown) > 3 * _LONGEST_LABEL:
+        axes.tick_params(axis="x", labelrotation=60)
+    axes.tick_params(labelbottom=labelled)
+
+
+def _legend(figure: Figure, table: pd.DataFrame) -> None:
+    """The swept key below the panels, who observes, and the estimators."""
+    height = figure.get_size_inches()[1]
+    estimators = list(dict.fromkeys(table["estimator"].dropna()))
+    architecture = str(table["architecture"].iloc[0])
+    key = str(table["key"].iloc[0]).removeprefix("settings.")
+    figure.text(0.5, 0.36 / height, key, ha="center", va="bottom", fontsize=8.0)
+    handles = [estimator_style(name).legend_handle() for name in estimators]
+    if table["targets"].isna().any():
+        handles.insert(0, optimizer_style(architecture).legend_handle())
+    figure.legend(
+        handles=handles,
+        loc="lower center",
+        ncols=len(handles),
+        bbox_to_anchor=(0.5, 0.1 / height),
+        borderaxespad=0.0,
+        handlelength=2.8,
+    )

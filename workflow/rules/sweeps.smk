@@ -1,0 +1,85 @@
+"""Sweeps over a key of a scenario, each with its table and figure."""
+
+from cislunar.campaign.sweeps import sweep_points, swept_cells
+
+SWEEPS = config["sweeps"]
+SWEPT_CELLS = {sweep: swept_cells(config, sweep) for sweep in SWEEPS}
+SWEEP_POINTS = {sweep: sweep_points(config, sweep) for sweep in SWEEPS}
+
+
+wildcard_constraints:
+    sweep=any_of(SWEEPS),
+
+
+def swept_scenarios(wildcards):
+    """The scenarios a sweep adds, one for each value; none where it changes the tracking alone."""
+    return [point.scenario for point in SWEEP_POINTS[wildcards.sweep] if not point.variant]
+
+
+rule sweep_table:
+    input:
+        cells=lambda wildcards: [results(cell.path) for cell in SWEPT_CELLS[wildcards.sweep]],
+        orbits=rules.families.output[0],
+        architectures=lambda wildcards: [
+            results(f"architecture/{name}/{SWEEPS[wildcards.sweep]['architecture']}.nc")
+            for name in swept_scenarios(wildcards)
+        ],
+        targets=lambda wildcards: [
+            results(f"targets/static_{name}.nc") for name in swept_scenarios(wildcards)
+        ],
+        suns=lambda wildcards: [
+            shared("ephemeris/sun", name) for name in swept_scenarios(wildcards)
+        ],
+    output:
+        report(
+            results("tables/sweep_{sweep}.csv"),
+            caption="../report/sweep.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/sweep_{sweep}"),
+    benchmark:
+        benchmark_of("tables/sweep_{sweep}")
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        sweep=lambda wildcards: SWEEPS[wildcards.sweep],
+        points=lambda wildcards: list(map(tuple, SWEEP_POINTS[wildcards.sweep])),
+        cells=lambda wildcards: list(map(tuple, SWEPT_CELLS[wildcards.sweep])),
+        settings=lambda wildcards: [
+            settings_in(name, "epoch_jd", "propagator", "visibility")
+            for name in swept_scenarios(wildcards)
+        ],
+        seed=config["seed"],
+    message:
+        "Writing what the values of the sweep {wildcards.sweep} give"
+    script:
+        "../scripts/sweep_table.py"
+
+
+rule sweep_figure:
+    input:
+        rules.sweep_table.output[0],
+    output:
+        png=report(
+            results("figures/sweep_{sweep}.png"),
+            caption="../report/figure_sweep.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/sweep_{sweep}.pdf"),
+    log:
+        log_of("figures/sweep_{sweep}"),
+    benchmark:
+        benchmark_of("figures/sweep_{sweep}")
+    conda:
+        "../envs/cislunar.yaml"
+    message:
+        "Drawing the sweep {wildcards.sweep}"
+    script:
+        "../scripts/figure_sweep.py"
+
+
+rule sweeps:
+    input:
+        expand(rules.sweep_table.output, sweep=SWEEPS),
+        expand(rules.sweep_figure.output, sweep=SWEEPS),

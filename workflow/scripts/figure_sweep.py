@@ -1,0 +1,11 @@
+"""Makes figures/sweep_{sweep}: a sweep over a key of a scenario."""
+
+import pandas as pd
+
+from cislunar.campaign.progress import job
+from cislunar.figures.style import save_figure
+from cislunar.figures.sweep import sweep_figure
+
+with job(snakemake.log[0]):
+    figure = sweep_figure(pd.read_csv(snakemake.input[0]))
+    save_figure(figure, snakemake.output.png, snakemake.output.pdf)
