@@ -1,14 +1,18 @@
 """Scenarios of one's own: what they set for themselves, their tables of targets, their sweeps."""
 
 import copy
+import json
 import re
-from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
 import yaml
+from campaign_folder import ROOT, copy_workflow, snakemake
 
 from cislunar.campaign.configuration import check_campaign, load_schema, with_types
+from cislunar.campaign.netcdf import read_dataset
 from cislunar.campaign.own_targets import own_static_dataset, own_tracked_dataset
 from cislunar.campaign.preflight import check_inputs
 from cislunar.campaign.scenarios import (
@@ -18,14 +22,16 @@ from cislunar.campaign.scenarios import (
     shared_dataset,
     tracked_count,
 )
+from cislunar.campaign.sweep_table import COLUMNS, plotted_values, sweep_rows
 from cislunar.campaign.sweeps import sweep_points, swept_cells, with_sweeps
 from cislunar.campaign.tracking_cells import campaign_cells, cell_settings, merged, variant_cells
+from cislunar.campaign.tracking_summary import PER_CELL, PER_PART
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.figures.sweep import sweep_figure
 from cislunar.targets.tables import load_target_positions, load_target_states
 from cislunar.tasking.simulation import epoch_states
 
-ROOT = Path(__file__).resolve().parents[1]
 SCHEMA = load_schema(ROOT / "workflow/schemas/config.schema.yaml")
 
 
@@ -297,3 +303,138 @@ def test_values_of_a_sweep_have_names_of_their_own(study):
     assert [point.variant.removeprefix("noise-") for point in sweep_points(changed, "noise")] == [
         *("m1", "1", "1em05", "0.5", "true", "config-some-missions.csv")
     ]
+
+
+def _summary(cells, quantity="coverage"):
+    """Statistics of some cells with two seeds, every value the number of the cell."""
+    shape = (len(cells), 2)
+    data = {name: (("cell", "seed", "part"), np.ones((*shape, 4))) for name in PER_PART}
+    data |= {name: (("cell", "seed"), np.ones(shape)) for name in PER_CELL}
+    whole = np.broadcast_to(np.arange(len(cells), dtype=float)[:, None, None], (*shape, 4))
+    data[quantity] = (("cell", "seed", "part"), whole)
+    fields = ("scenario", "architecture", "estimator", "variant", "targets", "interval_minutes")
+    coords = {field: ("cell", [getattr(cell, field) for cell in cells]) for field in fields}
+    coords["observers"] = ("cell", [7] * len(cells))
+    coords["part_unit"] = ("part", ["1", "rad s-1", "1", "1"])
+    return xr.Dataset(data, coords=coords)
+
+
+def test_the_table_of_a_sweep_has_every_value(study, tmp_path):
+    cells, points = swept_cells(study, "noise"), sweep_points(study, "noise")
+    table = sweep_rows("noise", study["sweeps"]["noise"], points, [], _summary(cells))
+    assert tuple(table.columns) == COLUMNS
+    covered = table[(table["quantity"] == "coverage") & (table["part"] == "attitude")]
+    assert [*zip(covered["estimator"], covered["value"], covered["mean"], strict=True)] == [
+        (cell.estimator, value, k)
+        for k, (cell, value) in enumerate(zip(cells, [0.02, 0.05, 0.2] * 2, strict=False))
+    ]
+    assert set(table["key"]) == {"settings.task2.sensor.magnitude_noise"}
+
+
+def test_the_table_of_a_sweep_of_architectures_has_what_they_reach(study, tmp_path):
+    points = sweep_points(study, "limit")
+    reached = [{"J": 1e-3 * k, "satellites": 10.0 + k} for k in range(3)]
+    table = sweep_rows("limit", study["sweeps"]["limit"], points, reached, None)
+    table.to_csv(tmp_path / "table.csv", index=False)
+    read = pd.read_csv(tmp_path / "table.csv")
+    assert list(read[read["quantity"] == "J"]["mean"]) == [0.0, 1e-3, 2e-3]
+    assert list(read[read["quantity"] == "J"]["observers"]) == [10, 11, 12]
+    assert read["targets"].isna().all()
+    names, numbers = plotted_values(read)
+    assert names == ["17.0", "18.5", "20.0"]
+    np.testing.assert_array_equal(numbers, [17.0, 18.5, 20.0])
+    assert plotted_values(pd.DataFrame({"value": [True, False]}))[1] is None
+
+
+REACHED = {"J": 1e-3, "satellites": 10.0, "union_coverage": 0.5, "static_never_seen": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("values", "architectures", "log"),
+    [
+        ([0.02, 0.05, 0.2], [], True),
+        ([17, 18.5, 20], [REACHED] * 3, False),
+        (["config/missions.csv", "b.csv", "c.csv"], [REACHED] * 3, False),
+    ],
+)
+def test_the_figure_of_a_sweep_shows_every_value(study, tmp_path, values, architectures, log):
+    changed = with_change(study, "sweeps.noise.values", values)
+    cells, points = swept_cells(changed, "noise"), sweep_points(changed, "noise")
+    sweep = changed["sweeps"]["noise"]
+    table = sweep_rows("noise", sweep, points, architectures, _summary(cells))
+    table.to_csv(tmp_path / "table.csv", index=False)
+    figure = sweep_figure(pd.read_csv(tmp_path / "table.csv"))
+    assert len(figure.axes) == 4 * (1 + bool(architectures))
+    tracked = figure.axes[-4]
+    assert tracked.get_xscale() == ("log" if log else "linear")
+    lines = [line for line in tracked.lines if len(line.get_xdata()) == len(values)]
+    estimators = len(study["task2"]["estimators"])
+    drawn = np.array([line.get_ydata() for line in lines if line.get_marker() not in ("_", "|")])
+    np.testing.assert_allclose(
+        drawn[:estimators], 100.0 * np.arange(3 * estimators).reshape(estimators, 3)
+    )
+    written = " ".join(text.get_text() for text in figure.texts)
+    assert "task2.sensor.magnitude_noise" in written
+    assert ("1: config/missions.csv" in written) == isinstance(values[0], str)
+
+
+# The example by its own command
+
+SMALLER = {
+    "orbits": {"members": dict.fromkeys(_yaml("config.yaml")["orbits"]["members"], 1)},
+    "scenarios": {"D": {"targets": 8, "settings": {"task2": {"seeds": 1, "duration_hours": 2}}}},
+    "architecture": {"certificate": {"time_limit_s": 1}},
+    "task2": {"estimators": ["mukf"]},
+    "sweeps": {"limit": {"values": [17, 20], "targets": [3]}},
+}
+
+
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory):
+    """A copy of the workflow, with a configuration smaller than the example."""
+    folder = copy_workflow(tmp_path_factory.mktemp("own"))
+    (folder / "smaller.yaml").write_text(yaml.safe_dump(SMALLER), encoding="utf-8")
+    return folder
+
+
+OWN = ("--configfile", "config/examples/own_study.yaml")
+
+
+@pytest.mark.workflow
+def test_dry_run_of_the_example(copied):
+    output, code = snakemake(copied, "--dry-run", "--cores", "2", *OWN)
+    assert code == 0, output[-3000:]
+    jobs = {name: int(n) for name, n in re.findall(r"^(\w+) +(\d+)$", output, flags=re.MULTILINE)}
+    # D and the three values of its sweep over the limiting magnitude
+    assert jobs["static_targets"] == jobs["visibility"] == jobs["exact"] == 4
+    assert jobs["own_tracked_targets"] == jobs["ephemeris_of_scenario"] == 1
+    assert jobs["zvs_points_of_scenario"] == 1
+    assert jobs["sweep_table"] == jobs["sweep_figure"] == 2
+    assert not {"ephemeris", "tracked_targets", "zvs_points", "published", "readings"} & set(jobs)
+    assert not {"paper_vs_ours", "tasking_comparison", "tracking_claims"} & set(jobs)
+
+
+@pytest.mark.workflow
+def test_a_sweep_runs_from_its_own_tables_to_its_own(copied):
+    results = copied / "results/own_study"
+    wanted = "results/own_study/tables/sweep_limit.csv"
+    output, code = snakemake(copied, "--cores", "2", *OWN, "smaller.yaml", "--", wanted)
+    assert code == 0, output[-6000:]
+    table = pd.read_csv(results / "tables/sweep_limit.csv")
+    reached = table[table["quantity"] == "J"].set_index("value")["mean"]
+    assert reached[20] > reached[17] > 0.0
+    assert set(table.loc[table["targets"] == 3, "scenario"]) == {"D-limit-17", "D-limit-20"}
+    for folder, names in (("ephemeris", ["sun_D.nc"]), ("orbits", ["families.nc", "tracked_D.nc"])):
+        assert sorted(path.name for path in (results / folder).iterdir()) == names
+    static = [read_dataset(results / f"targets/static_D-limit-{limit}.nc") for limit in (17, 20)]
+    np.testing.assert_array_equal(static[0]["position"], static[1]["position"])
+    cell = read_dataset(results / "task2/D-limit-20/exact/mukf/nt3_dt60.nc")
+    used = json.loads(cell.attrs["settings"])
+    assert used["sensor"]["magnitude_noise"] == 0.05
+    assert used["material"]["diffuse_albedo"] == 0.3
+    assert set(cell["family"].values) == {"own"}
+    # the estimate starts within its own spread of the state that the table gives
+    named = load_target_states(copied / "config/examples/targets.csv")
+    error = cell["error"].isel(seed=0, time=0, component=slice(6, 9)).values
+    assert np.abs(error).max() * LENGTH_UNIT_KM < 500.0
+    assert cell["target_id"].max() < len(named)

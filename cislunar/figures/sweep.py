@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
+from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullFormatter
 
 from cislunar.campaign.sweep_table import plotted_values
 from cislunar.figures.scene import Array
@@ -20,31 +20,31 @@ from cislunar.figures.style import (
 )
 from cislunar.figures.tracking_axes import log_ticks, place, spaced
 
-_LEFT, _RIGHT = 0.62, 0.12
-_GAP, _BETWEEN_IN = 0.62, 0.5
-_ROW_IN, _HEAD, _FOOT = 1.25, 0.42, 0.95
+_LEFT, _RIGHT, _GAP = 0.48, 0.12, 0.46
+_ROW_IN, _BETWEEN_IN = 1.25, 0.86
+_HEAD, _FOOT, _LINE_IN = 0.58, 0.84, 0.14
 _COLUMNS = 4
 _LOGARITHMIC_FROM = 10.0
 """Ratio of the largest value to the smallest from which the values' axis is logarithmic."""
-_LONGEST_LABEL = 8
 
 
 class Quantity(NamedTuple):
-    """A panel: a quantity of the table, its axis label, and its axis."""
+    """A panel: a quantity of the table, what it is called, and its axis."""
 
     name: str
-    label: str
+    title: str
     part: str = ""
     unit: str = ""
     factor: float = 1.0
     log: bool = False
+    whole: bool = False
 
 
 ARCHITECTURE = (
     Quantity("J", "J, dimensionless", log=True),
-    Quantity("satellites", "satellites"),
-    Quantity("union_coverage", "target-hours seen, %", factor=100.0),
-    Quantity("static_never_seen", "static targets\nnever seen"),
+    Quantity("satellites", "satellites", whole=True),
+    Quantity("union_coverage", "share of target-hours\nseen, %", factor=100.0),
+    Quantity("static_never_seen", "static targets\nnever seen", whole=True),
 )
 TRACKING = (
     Quantity("coverage", "attitude within\n3\N{GREEK SMALL LETTER SIGMA}, % of time", "attitude",
@@ -56,7 +56,10 @@ TRACKING = (
 
 
 class _Values(NamedTuple):
-    """The horizontal axis: names of the values, their places, and whether it is logarithmic."""
+    """The horizontal axis: names of the values, their places, and whether it is logarithmic.
+
+    Values that are no numbers have one in their order, and their names stand below the panels.
+    """
 
     names: list[str]
     places: Array
@@ -67,7 +70,7 @@ class _Values(NamedTuple):
 def _axis_of(table: pd.DataFrame) -> _Values:
     names, numbers = plotted_values(table)
     if numbers is None:
-        return _Values(names, np.arange(len(names), dtype=float), False, False)
+        return _Values(names, np.arange(1.0, len(names) + 1.0), False, False)
     positive = numbers.min() > 0.0
     return _Values(
         names, numbers, positive and numbers.max() / numbers.min() >= _LOGARITHMIC_FROM, True
@@ -89,24 +92,28 @@ def sweep_figure(table: pd.DataFrame) -> Figure:
     """
     values = _axis_of(table)
     counts = sorted(table["targets"].dropna().unique())
-    rows = [("", ARCHITECTURE, table[table["targets"].isna()])]
-    rows += [(f"$n_T$ = {int(n)}", TRACKING, table[table["targets"] == n]) for n in counts]
+    rows = [("the architecture", ARCHITECTURE, table[table["targets"].isna()])]
+    rows += [
+        (f"tracking of $n_T$ = {int(n)} moving targets", TRACKING, table[table["targets"] == n])
+        for n in counts
+    ]
     rows = [row for row in rows if not row[2].empty]
     rows_in = len(rows) * (_ROW_IN + _BETWEEN_IN) - _BETWEEN_IN
-    figure = new_figure(_HEAD + rows_in + _FOOT)
+    foot = _FOOT + (0.0 if values.numeric else _LINE_IN * len(values.names))
+    figure = new_figure(_HEAD + rows_in + foot)
     width_in = (PAGE_WIDTH_IN - _LEFT - _RIGHT - (_COLUMNS - 1) * _GAP) / _COLUMNS
     for number, (heading, quantities, own) in enumerate(rows):
-        bottom = _FOOT + rows_in - (number + 1) * _ROW_IN - number * _BETWEEN_IN
+        bottom = foot + rows_in - (number + 1) * _ROW_IN - number * _BETWEEN_IN
         for column, quantity in enumerate(quantities):
             left = _LEFT + column * (width_in + _GAP)
             axes = place(figure, left, bottom, width_in, _ROW_IN)
             _draw(axes, own, quantity, values)
             letter = panel_letter(number * _COLUMNS + column)
-            axes.set_title(f"{letter} {heading}", loc="left", pad=4)
-            axes.set_ylabel(quantity.label, fontsize=7.0)
-            axes.yaxis.set_label_coords(-0.4 / width_in, 0.5)
-            _value_axis(axes, values, labelled=number == len(rows) - 1)
-    _legend(figure, table)
+            axes.set_title(f"{letter} {quantity.title}", loc="left", pad=4, fontsize=7.0)
+            _value_axis(axes, values)
+        top = (bottom + _ROW_IN + 0.35) / figure.get_size_inches()[1]
+        figure.text(_LEFT / PAGE_WIDTH_IN, top, heading, va="bottom")
+    _below(figure, table, values)
     return figure
 
 
@@ -139,14 +146,14 @@ def _draw(axes: Axes, table: pd.DataFrame, quantity: Quantity, values: _Values) 
         )
         single = ordered[["smallest", "largest"]].to_numpy(float).T * quantity.factor
         reach += [mean, np.fmax(low, single[0]), np.fmin(high, single[1])]
-    _vertical_axis(axes, np.concatenate(reach), log=quantity.log)
+    _vertical_axis(axes, np.concatenate(reach), quantity)
 
 
-def _vertical_axis(axes: Axes, values: Array, *, log: bool) -> None:
+def _vertical_axis(axes: Axes, values: Array, quantity: Quantity) -> None:
     """Holds the values; an interval of few seeds may leave it."""
-    values = values[np.isfinite(values) & ((values > 0.0) | (not log))]
+    values = values[np.isfinite(values) & ((values > 0.0) | (not quantity.log))]
     low, high = (values.min(), values.max()) if values.size else (0.1, 1.0)
-    if log:
+    if quantity.log:
         margin = max((high / low) ** 0.08, 1.15)
         axes.set_yscale("log")
         axes.set_ylim(low / margin, high * margin)
@@ -154,9 +161,10 @@ def _vertical_axis(axes: Axes, values: Array, *, log: bool) -> None:
     else:
         margin = 0.08 * (high - low) or 0.5
         axes.set_ylim(low - margin, high + margin)
+        axes.yaxis.set_major_locator(MaxNLocator(4, integer=quantity.whole))
 
 
-def _value_axis(axes: Axes, values: _Values, *, labelled: bool) -> None:
+def _value_axis(axes: Axes, values: _Values) -> None:
     """The swept values."""
     low, high = values.places.min(), values.places.max()
     if values.log:
@@ -168,24 +176,25 @@ def _value_axis(axes: Axes, values: _Values, *, labelled: bool) -> None:
         margin = 0.08 * (high - low) or 0.5
         axes.set_xlim(low - margin, high + margin)
         ticks = np.unique(values.places)
-    names = dict(zip(values.places, values.names, strict=True))
-    shown = [f"{tick:g}" if values.numeric else names[tick] for tick in ticks]
     axes.xaxis.set_major_locator(FixedLocator(ticks))
-    axes.xaxis.set_major_formatter(FixedFormatter(shown))
+    axes.xaxis.set_major_formatter(FixedFormatter([f"{tick:g}" for tick in ticks]))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.tick_params(axis="x", which="minor", bottom=False)
-    if max(map(len, shown)) * len(shown) > 3 * _LONGEST_LABEL:
-        axes.tick_params(axis="x", labelrotation=60)
-    axes.tick_params(labelbottom=labelled)
 
 
-def _legend(figure: Figure, table: pd.DataFrame) -> None:
-    """The swept key below the panels, who observes, and the estimators."""
+def _below(figure: Figure, table: pd.DataFrame, values: _Values) -> None:
+    """The swept key, values that are no numbers, who observes, and the estimators."""
     height = figure.get_size_inches()[1]
     estimators = list(dict.fromkeys(table["estimator"].dropna()))
     architecture = str(table["architecture"].iloc[0])
     key = str(table["key"].iloc[0]).removeprefix("settings.")
-    figure.text(0.5, 0.36 / height, key, ha="center", va="bottom", fontsize=8.0)
+    lines = [key]
+    if not values.numeric:
+        lines += [
+            f"{place:g}: {name}" for place, name in zip(values.places, values.names, strict=True)
+        ]
+    text = "\n".join(lines)
+    figure.text(0.5, 0.36 / height, text, ha="center", va="bottom", fontsize=8.0)
     handles = [estimator_style(name).legend_handle() for name in estimators]
     if table["targets"].isna().any():
         handles.insert(0, optimizer_style(architecture).legend_handle())
