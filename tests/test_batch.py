@@ -1,7 +1,10 @@
 """The batch estimator in the closed loop, beside the paper's filter on the same truth and noise."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 from tracking_scene import make_problem
 
 from cislunar.constants import MU
@@ -11,7 +14,7 @@ from cislunar.estimation.batch_settings import PRESETS, BatchSettings
 from cislunar.estimation.choice import ESTIMATORS, estimator_named
 from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.measurement import DETECTED, Sensor, measure
-from cislunar.estimation.mukf import MultiplicativeUKF, Spread, mukf
+from cislunar.estimation.mukf import MultiplicativeUKF, Spread
 from cislunar.estimation.scene import target_surfaces
 from cislunar.estimation.translation_filter import INSIDE_PRIMARY
 from cislunar.photometry.materials import Material
@@ -20,6 +23,7 @@ from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.information import TaskingModel
 from cislunar.tasking.simulation import draw_truth, initial_estimate
 
+CONFIG = Path(__file__).parents[1] / "config/config.yaml"
 SENSOR = Sensor(limiting_magnitude=24.0)
 
 
@@ -195,6 +199,7 @@ def test_an_unknown_name_is_refused():
         ({"refit_growth": -0.1}, "refit_growth"),
         ({"window_hours": 0.0}, "window_hours"),
         ({"memory_hours": 3.0}, "needs window_hours"),
+        ({"magnitude_offset": 0.1, "window_hours": 3.0}, "exclude each other"),
         ({"magnitude_noise_factor": 0.0}, "magnitude_noise_factor"),
         ({"magnitude_offset": np.nan}, "magnitude_offset"),
     ],
@@ -212,6 +217,45 @@ def test_noise_on_the_rotation_is_refused():
         make(scene, surfaces, loop.sensor, initial, np.random.default_rng(0), 0.0121)
 
 
-def test_presets_differ_in_effort():
-    assert PRESETS["accurate"].modes > PRESETS["default"].modes > PRESETS["single-start"].modes
-    assert mukf() is not None
+def test_presets_are_those_of_the_configuration():
+    config = yaml.safe_load(CONFIG.read_text())["task2"]
+    assert BatchSettings(**config["batch"]) == PRESETS["default"]
+    for name in ("accurate", "single-start"):
+        change = config["variants"]["cells"][name]["change"]["batch"]
+        assert BatchSettings(**{**config["batch"], **change}) == PRESETS[name]
+
+
+def test_later_measurements_do_not_change_earlier_estimates():
+    scene, surfaces, initial, _, observer_of, measured, _ = _measured(hours=2.0)
+    whole = _batch(scene, surfaces, initial).advance(measured, observer_of)
+    cut = measured.copy()
+    cut[:, 70:] = np.nan
+    half = _batch(scene, surfaces, initial).advance(cut, observer_of)
+    np.testing.assert_array_equal(half.quaternion[:, :70], whole.quaternion[:, :70])
+    np.testing.assert_array_equal(half.sigma[:, :70], whole.sigma[:, :70])
+
+
+def test_a_growing_light_curve_is_fitted_within_an_interval():
+    scene, surfaces, initial, _, observer_of, measured, fate = _measured(hours=2.0)
+    seen = (fate == DETECTED).all(axis=1)
+    assert seen.any()
+    current = _batch(scene, surfaces, initial).advance(measured, observer_of)
+    hourly = _batch(scene, surfaces, initial, refit_growth=0.0).advance(measured, observer_of)
+    before, after = (np.linalg.norm(e.sigma[seen, 60, :3], axis=-1) for e in (hourly, current))
+    assert np.all(after < before) and np.median(after) < 0.8 * np.median(before)
+
+
+def test_the_bound_is_reached_in_the_median():
+    """Thirty targets, seen for twelve hours by one observer or another."""
+    problem = make_problem(5, 10, duration_hours=12.0, sensor=SENSOR)
+    found = {
+        name: run_closed_loop(*problem[:4], range(3), problem[4], estimator=name)
+        for name in ESTIMATORS
+    }
+    ratio = {
+        name: np.nanmedian(result.metrics.bound_ratio[..., 0]) for name, result in found.items()
+    }
+    assert 0.75 <= ratio["batch"] <= 1.25
+    result = found["batch"]
+    claimed = result.sigma[:, -1, :, :3] / result.bound[:, -1, :, :3]
+    assert 0.9 <= np.nanmedian(claimed) <= 1.3

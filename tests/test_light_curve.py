@@ -22,6 +22,7 @@ from cislunar.estimation.light_curve import (
     COLUMNS,
     DETECTED,
     MAGNITUDE,
+    OTHER_CAUSES,
     RANGE,
     SUN,
     TIME,
@@ -113,19 +114,22 @@ def test_non_detections_cost_the_probability_of_being_fainter():
     h = _magnitudes(u, data, model)
     seen = data[:, DETECTED] == 1.0
     expected = 0.5 * u @ u + 0.5 * np.sum((data[seen, MAGNITUDE] - h[seen]) ** 2) / 0.01
-    expected -= norm.logcdf((h[~seen] - 15.0) / 0.1).sum()
+    unseen = norm.cdf((h[~seen] - 15.0) / 0.1)
+    expected -= np.log(OTHER_CAUSES + (1.0 - OTHER_CAUSES) * unseen).sum()
     assert cost(u, data, _anchor(), model, np.inf) == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize("z", [-200.0, -31.0, -29.0, -5.0, 0.0, 3.0, 40.0])
+@pytest.mark.parametrize("z", [-200.0, -4.0, -2.0, 0.0, 3.0, 40.0])
 def test_non_detection_derivatives(z):
+    def expected(x):
+        return -np.log(OTHER_CAUSES + (1.0 - OTHER_CAUSES) * norm.cdf(x))
+
     value, slope, curvature = fainter_than_limit(z)
-    assert value == pytest.approx(-norm.logcdf(z), rel=1e-5, abs=1e-300)
-    h = 1e-4 * max(1.0, abs(z))
-    assert slope == pytest.approx(
-        (norm.logcdf(z - h) - norm.logcdf(z + h)) / (2.0 * h), rel=1e-5, abs=1e-12
-    )
-    assert 0.0 <= curvature <= 1.0 + 1e-2
+    assert value == pytest.approx(expected(z), rel=1e-12, abs=1e-15)
+    h = 1e-4
+    assert slope == pytest.approx((expected(z + h) - expected(z - h)) / (2.0 * h), abs=1e-7)
+    second = (fainter_than_limit(z + h)[1] - fainter_than_limit(z - h)[1]) / (2.0 * h)
+    assert curvature == pytest.approx(max(second, 0.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("inertia", INERTIAS)
@@ -210,29 +214,59 @@ def test_levenberg_marquardt_finds_the_minimum_scipy_finds():
 SEARCH = SearchSettings(8, 4, 8, 64, 3, 8, 3.0, 2.0, 12.0)
 
 
-def test_search_finds_the_global_minimum_and_weighs_it():
+def _many_minima(true=TRUE):
+    """A few magnitudes and a prior of 60 degrees leave several minima."""
+    wide = np.repeat([np.deg2rad(60.0), np.deg2rad(2.4) / 3600.0], 3)
+    return _model()._replace(sigma=wide), _light_curve(true, _model(), hours=(0.0, 2.0), n=8)
+
+
+def _lowest(model, data, settings, searches=4):
+    """Lowest cost among the modes found."""
+    modes, rng = prior_hypotheses(settings.modes), np.random.default_rng(5)
+    for _ in range(searches):
+        search(modes, data, model, settings, rng)
+    live = modes.u[: modes.count[0]]
+    return min(cost(u, data, _anchor(), model, np.inf) for u in live)
+
+
+def test_search_finds_the_global_minimum_where_one_start_does_not():
     """Brute force: the lowest of many local searches by SciPy from random starts."""
-    model = _model()
-    data = _light_curve(TRUE, model, hours=(0.0, 3.0), n=40)
+    one = SEARCH._replace(modes=1, starts=0, first_starts=0, pool=0)
+    missed = []
+    for number in range(4):
+        # turned by some ten prior deviations of the usual prior, so that the start is far off
+        true = 8.0 * np.random.default_rng(number).standard_normal(6) * np.repeat([1.0, 0.1], 3)
+        model, data = _many_minima(true)
+        starts = np.random.default_rng(1).standard_normal((40, 6))
+        best = min(
+            minimize(lambda v, d=data, m=model: cost(v, d, _anchor(), m, np.inf), s).fun
+            for s in starts
+        )
+        assert _lowest(model, data, SEARCH) <= best + 0.05
+        missed.append(_lowest(model, data, one) > best + 0.3)
+    assert any(missed)
+
+
+def test_weights_are_those_of_laplace():
+    model, data = _many_minima()
     modes = prior_hypotheses(8)
-    rng = np.random.default_rng(5)
     for _ in range(3):
-        search(modes, data, model, SEARCH, rng)
-    starts = np.random.default_rng(1).standard_normal((40, 6))
-    best = min(
-        minimize(lambda v: cost(v, data, _anchor(), model, np.inf), s, method="BFGS").fun
-        for s in starts
-    )
-    assert cost(modes.u[0], data, _anchor(), model, np.inf) <= best + 0.05
+        search(modes, data, model, SEARCH, np.random.default_rng(2))
     live = modes.count[0]
-    assert modes.weight[:live].sum() == pytest.approx(1.0)
+    assert live > 1
+    gradient, information = np.empty(6), np.empty((6, 6))
+    logs = []
+    for u, root in zip(modes.u[:live], modes.root[:live], strict=True):
+        value = cost_and_derivatives(u, data, _anchor(), model, gradient, information)
+        np.testing.assert_allclose(root @ root.T, information, rtol=1e-9)
+        logs.append(-value - 0.5 * np.linalg.slogdet(information)[1])
+    expected = np.exp(np.array(logs) - max(logs))
+    np.testing.assert_allclose(modes.weight[:live], expected / expected.sum(), rtol=1e-9)
     assert np.all(np.diff(modes.weight[:live]) <= 0.0)
 
 
 def test_search_is_reproducible_and_keeps_no_twins():
-    wide = np.repeat([np.deg2rad(60.0), np.deg2rad(2.4) / 3600.0], 3)
-    model = _model()._replace(sigma=wide)
-    data = _light_curve(TRUE, _model(), hours=(0.0, 2.0), n=8)
+    model, data = _many_minima()
     found = []
     for _ in range(2):
         modes = prior_hypotheses(8)

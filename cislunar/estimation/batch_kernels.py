@@ -34,6 +34,9 @@ from cislunar.estimation.triangular import cholesky
 
 _METRES = 1000.0 * LENGTH_UNIT_KM
 
+FEWEST_FRESH = 4
+"""New rows below which a light curve is not fitted between tasking epochs."""
+
 CONDITION, POINTS, ROWS, FITTED = range(4)
 """Entries of a target's state: its condition, points of its mixture, rows of its light curve, and
 rows at the last fit."""
@@ -167,7 +170,8 @@ def advance_target(
                 _geometry(row, translation, place, sun, scene.frame_axes[k])
                 state[ROWS] += 1
         fresh = state[ROWS] - state[FITTED]
-        if fresh > 0 and (i == n_steps - 1 or (growth > 0.0 and fresh >= growth * state[FITTED])):
+        grown = growth > 0.0 and fresh >= max(growth * state[FITTED], FEWEST_FRESH)
+        if fresh > 0 and (i == n_steps - 1 or grown):
             state[POINTS] = _refit(
                 hypotheses,
                 data[: state[ROWS]],
@@ -196,6 +200,19 @@ def advance_target(
         memory = np.exp(-n_steps * scene.step_s / memory_s)
         end = (first + n_steps - 1) * scene.step_s
         _forget(hypotheses, data, model, state, end - window, memory)
+        if memory < 1.0:  # what is known has faded, whether or not there are new data
+            state[POINTS] = _refit(
+                hypotheses,
+                data[: state[ROWS]],
+                model,
+                settings,
+                rng,
+                end,
+                quaternion,
+                omega,
+                weight,
+                unused,
+            )
 
 
 @njit(cache=True, error_model="numpy")
@@ -240,8 +257,14 @@ def predict_target(
         for a in range(UNKNOWNS):
             for b in range(UNKNOWNS):
                 covariance[a, b] += weight[i] * differences[i, a] * differences[i, b]
+    # on the scale of the deviations, so that rounding cannot make it indefinite
+    for a in range(UNKNOWNS):
+        covariance[a, a] *= 1.0 + 1e-12
+    joint[6:, 6:] = root
     if cholesky(covariance):
         joint[:6, :6] = covariance
-        joint[6:, 6:] = root
-    else:
-        translation[:] = np.nan
+    else:  # the points lie in fewer dimensions: take their spread along each axis
+        for a in range(UNKNOWNS):
+            for i in range(weight.shape[0]):
+                joint[a, a] += weight[i] * differences[i, a] ** 2
+            joint[a, a] = np.sqrt(joint[a, a])

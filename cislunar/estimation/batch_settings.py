@@ -106,6 +106,12 @@ class BatchSettings:
         for key in ("window_hours", "memory_hours"):
             if getattr(self, key) is not None:
                 positive[key] = getattr(self, key)
+        if self.magnitude_offset > 0.0 and self.window_hours is not None:
+            raise ConfigurationError(
+                f"magnitude_offset = {self.magnitude_offset} and window_hours = "
+                f"{self.window_hours} exclude each other: condensed data would have an offset of "
+                "their own"
+            )
         if self.memory_hours is not None and self.window_hours is None:
             raise ConfigurationError(
                 f"memory_hours = {self.memory_hours} needs window_hours: only condensed data fade"

@@ -26,6 +26,9 @@ from cislunar.estimation.triangular import cholesky, solve_lower, solve_transpos
 
 Array = NDArray[np.float64]
 
+FIRST_ROWS = 20
+"""Rows below which a light curve tells so little that all starts come from the prior."""
+
 SCREENING_ROWS = 96
 """Rows of a light curve that starts are tried on before all are."""
 
@@ -120,18 +123,24 @@ def _draw(hypotheses, settings, from_anchor, rng, root, u):
 
 
 @njit(cache=True, error_model="numpy")
-def _pool(hypotheses, data, model, settings, starts, rng, points, origins):
-    """The `starts` points of lowest cost out of a random pool, into `points` and `origins`."""
-    first = hypotheses.count[1] == 0
+def _lowest_of_pool(hypotheses, data, model, settings, starts, from_anchor, rng, points, origins):
+    """The `starts` draws of lowest cost out of a random pool, into `points` and `origins`.
+
+    Draws within the merging distance of a live mode are passed over: they lead nowhere new. Returns
+    the number of points found.
+    """
     costs = np.full(starts, np.inf)
     u, root = np.empty(UNKNOWNS), np.empty((UNKNOWNS, UNKNOWNS))
-    for number in range(settings.pool):
-        from_anchor = first or number < settings.pool // 2
+    filled = 0
+    draws = settings.pool if data.shape[0] < FIRST_ROWS else settings.pool // 2
+    for _ in range(draws):
         j = _draw(hypotheses, settings, from_anchor, rng, root, u)
+        if _is_known(u, hypotheses, settings.merge_distance):
+            continue
         value = cost(u, data, _anchor(hypotheses, j), model, costs[starts - 1])
         if not value < costs[starts - 1]:
             continue
-        place = starts - 1
+        place = min(filled, starts - 1)
         while place > 0 and value < costs[place - 1]:
             costs[place] = costs[place - 1]
             points[place] = points[place - 1]
@@ -140,7 +149,41 @@ def _pool(hypotheses, data, model, settings, starts, rng, points, origins):
         costs[place] = value
         points[place] = u
         origins[place] = j
-    return min(starts, settings.pool)
+        filled = min(filled + 1, starts)
+    return filled
+
+
+@njit(cache=True, error_model="numpy")
+def _is_known(u, hypotheses, merge_distance):
+    """Whether a point lies within the merging distance of a live mode."""
+    for j in range(hypotheses.count[0]):
+        if squared_distance(u, hypotheses.u[j], hypotheses.root[j]) < merge_distance:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _pool(hypotheses, data, model, settings, starts, rng, points, origins):
+    """Starts out of a random pool, half from the prior and half from around the live modes.
+
+    A light curve still short takes all of them from the prior. Returns the number of starts.
+    """
+    near = 0 if data.shape[0] < FIRST_ROWS else starts // 2
+    drawn = 0
+    for from_anchor, wanted in ((True, starts - near), (False, near)):
+        if wanted > 0:
+            drawn += _lowest_of_pool(
+                hypotheses,
+                data,
+                model,
+                settings,
+                wanted,
+                from_anchor,
+                rng,
+                points[drawn:],
+                origins[drawn:],
+            )
+    return drawn
 
 
 @njit(cache=True, error_model="numpy")
@@ -160,8 +203,6 @@ def _select(hypotheses, settings, found, roots, log_weights, origins):
     """Replace the live modes by the best of the minima found."""
     order = np.argsort(-log_weights)
     best = log_weights[order[0]]
-    if best == -np.inf:
-        return
     means = hypotheses.anchor_mean.copy()
     informations = hypotheses.anchor_information.copy()
     offsets = hypotheses.anchor_offset.copy()
@@ -207,9 +248,9 @@ def _thinned(data):
 def search(hypotheses, data, model, settings, rng):
     """Find the modes of the posterior given the whole light curve, starting from the live ones.
 
-    Compiled. Live modes are refined; of a random pool, half around them and half from the prior
-    (the first time all), the points of lowest cost are refined too, on a thinned light curve
-    first; what is found is sorted by weight, merged and thinned.
+    Compiled. Live modes are refined; so are the points of lowest cost out of a random pool, half
+    from the prior and half from around the live modes (all from the prior while the light curve is
+    short), on a thinned light curve first; what is found is sorted by weight, merged and thinned.
 
     Parameters
     ----------
@@ -222,30 +263,53 @@ def search(hypotheses, data, model, settings, rng):
         Of the pool.
     """
     live = hypotheses.count[0]
-    starts = settings.first_starts if hypotheses.count[1] == 0 else settings.starts
+    starts = settings.first_starts if data.shape[0] < FIRST_ROWS else settings.starts
     found, origins = np.empty((live + starts, UNKNOWNS)), np.empty(live + starts, np.int64)
     thin, total = _thinned(data), live
     if starts > 0:
         total += _pool(hypotheses, thin, model, settings, starts, rng, found[live:], origins[live:])
     roots, log_weights = np.empty((total, UNKNOWNS, UNKNOWNS)), np.empty(total)
     information, distance = np.empty((UNKNOWNS, UNKNOWNS)), settings.merge_distance
+    kept, u = 0, np.empty(UNKNOWNS)
     for i in range(total):
-        if i < live:
-            found[i], origins[i] = hypotheses.u[i], i
-        anchor, u = _anchor(hypotheses, origins[i]), found[i]
+        origin = i if i < live else origins[i]
+        u[:] = hypotheses.u[i] if i < live else found[i]
+        anchor = _anchor(hypotheses, origin)
         iterations = settings.warm_iterations if i < live else settings.iterations
-        known, known_roots = (found[:0], roots[:0]) if i < live else (found[:i], roots[:i])
+        known = kept if i >= live else 0
         value = 0.0
         if i >= live and thin.shape[0] < data.shape[0]:
             value = refine(
-                u, thin, anchor, model, iterations, information, known, known_roots, distance
+                u,
+                thin,
+                anchor,
+                model,
+                iterations,
+                information,
+                found[:known],
+                roots[:known],
+                distance,
             )
         if value < np.inf:
             value = refine(
-                u, data, anchor, model, iterations, information, known, known_roots, distance
+                u,
+                data,
+                anchor,
+                model,
+                iterations,
+                information,
+                found[:known],
+                roots[:known],
+                distance,
             )
-        log_weights[i] = _log_weight(value, information, roots[i])
-    _select(hypotheses, settings, found[:total], roots, log_weights, origins[:total])
+        log_weight = _log_weight(value, information, roots[kept])
+        if log_weight > -np.inf:
+            found[kept], origins[kept], log_weights[kept] = u, origin, log_weight
+            kept += 1
+    if kept > 0:
+        _select(
+            hypotheses, settings, found[:kept], roots[:kept], log_weights[:kept], origins[:kept]
+        )
     hypotheses.count[1] += 1
 
 
@@ -274,6 +338,7 @@ def condense(hypotheses, data, model, memory):
         # the minimum of the expansion of anchor and data about u
         root[:, :] = information
         if not (np.isfinite(value) and cholesky(root)):
+            hypotheses.anchor_offset[j, 0] = np.inf  # it cannot answer for the data let go
             continue
         step = -gradient
         solve_lower(root, step)

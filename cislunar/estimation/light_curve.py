@@ -35,6 +35,10 @@ UNKNOWNS = 6
 TIME, MAGNITUDE, SUN, VIEW, RANGE, DETECTED = 0, 1, slice(2, 5), slice(5, 8), 8, 9
 COLUMNS = 10
 
+OTHER_CAUSES = 1e-3
+"""Chance that a target in clear view is not seen for another reason than its faintness; bounds what
+one row misjudged can do."""
+
 _LOG_SQRT_2PI = 0.5 * math.log(2.0 * math.pi)
 _SQRT_HALF = math.sqrt(0.5)
 
@@ -138,15 +142,14 @@ def fainter_than_limit(excess):
     Returns
     -------
     cost, slope, curvature : float
-        -log Phi(z), and its derivatives with respect to z; the curvature is positive.
+        -log(e + (1 - e) Phi(z)) with e = `OTHER_CAUSES`, and its derivatives with respect to z; the
+        curvature is not below zero.
     """
     z = excess
-    if z > -30.0:
-        log_phi = math.log(0.5 * math.erfc(-z * _SQRT_HALF))
-    else:  # the leading terms of the asymptotic series
-        log_phi = -0.5 * z * z - math.log(-z) - _LOG_SQRT_2PI + math.log1p(-1.0 / (z * z))
-    ratio = math.exp(-0.5 * z * z - _LOG_SQRT_2PI - log_phi)
-    return -log_phi, -ratio, max(ratio * (ratio + z), 0.0)
+    density = (1.0 - OTHER_CAUSES) * math.exp(-0.5 * z * z - _LOG_SQRT_2PI)
+    chance = OTHER_CAUSES + (1.0 - OTHER_CAUSES) * 0.5 * math.erfc(-z * _SQRT_HALF)
+    slope = -density / chance
+    return -math.log(chance), slope, max(slope * slope + z * density / chance, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
