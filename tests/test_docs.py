@@ -77,6 +77,20 @@ def test_every_block_of_a_tutorial_says_its_language():
             assert block.language in ("bash", "python", "yaml", "text", "csv"), (path, block)
 
 
+LINK = re.compile(r"\]\((?!https?:|#)([^)#\s]+)[^)]*\)")
+GENERATED = {"docs/results.md"}
+"""What only a finished campaign makes."""
+
+
+@pytest.mark.parametrize(
+    "path", [README, *sorted((ROOT / "docs").rglob("*.md"))], ids=lambda path: path.stem
+)
+def test_links_lead_somewhere(path):
+    for target in LINK.findall(path.read_text(encoding="utf-8")):
+        found = (path.parent / target).resolve()
+        assert found.exists() or str(found.relative_to(ROOT)) in GENERATED, target
+
+
 @pytest.mark.workflow
 @pytest.mark.parametrize("path", [README, *TUTORIALS], ids=lambda path: path.stem)
 def test_document_runs(path, finished, tmp_path):

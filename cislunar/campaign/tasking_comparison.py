@@ -148,9 +148,7 @@ def _search_all(
         for b, budget in enumerate(budgets)
         if budget <= allowed[method]
     ]
-    for done, (m, e, r, b) in enumerate(places):
-        if progress is not None:
-            progress(done, len(places))
+    for done, (m, e, r, b) in enumerate(places, start=1):
         rng = generator(seed, cell.scenario, cell.architecture, cell.targets, SEARCHES[m], e, r)
         reached, seconds = _timed(
             pairs[e],
@@ -163,6 +161,8 @@ def _search_all(
         found["elapsed"][m, e, r, b] = seconds
         found["evaluations"][m, e, r, b] = reached.history.size
         found["history"][m, e, r, : reached.history.size] = reached.history
+        if progress is not None:
+            progress(done, len(places))
     return found
 
 
