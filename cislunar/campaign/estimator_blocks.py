@@ -14,7 +14,10 @@ NAMES = {"mukf": "filter of the paper", "batch": "batch"}
 PLACE = {"scenario": "A", "architecture": "published", "interval_minutes": 60}
 """The cells shown: the paper's own architecture and tasking interval."""
 
-SETTINGS = ("accurate", "refit-at-epochs", "single-start", "non-detections", "window-6h")
+SETTINGS = (
+    *("accurate", "refit-at-epochs", "single-start", "non-detections"),
+    *("window-6h", "wide", "fading"),
+)
 AWARE = ("full-information", "full-information-hour")
 COMPARED = (20, 50, 100, 202)
 
@@ -141,8 +144,8 @@ def model_errors_block(tables: Tables) -> str:
             here = own[own["targets"] == count]
             line = [_share(here[here["estimator"] == name]) for name in NAMES]
             remedies = [
-                f"{_share(each)}"
-                for _, each in cured[cured["targets"] == count].groupby("variant", sort=False)
+                f"{_share(each)} (`{name}`)"
+                for name, each in cured[cured["targets"] == count].groupby("variant", sort=False)
             ]
             rows.append([named, count, *line, "; ".join(remedies) or DASH])
     header = ["error of the model", "targets", *NAMES.values(), "batch with a remedy"]

@@ -7,6 +7,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from cislunar.campaign.tracking_summary import cell_index
+from cislunar.campaign.tracking_tables import PRACTICAL_UNITS
 from cislunar.campaign.tracking_verdicts import usual_interval
 from cislunar.figures.scene import Array
 from cislunar.figures.style import (
@@ -43,9 +44,10 @@ ROWS = (
     Row("attitude error over\nbound, median", (Curve("bound_ratio_median", "attitude"),),
         log=True, reference=1.0),
     Row("attitude RMSE of the\nday, median, degree", (Curve("rmse_median", "attitude"),),
-        factor=float(np.rad2deg(1.0)), log=True),
+        factor=PRACTICAL_UNITS["attitude"][1], log=True),
     Row("rotation diverged,\ntargets", (Curve("diverged_rotation"),)),
-    Row("position RMSE,\nmedian, nondim.", (Curve("rmse_median", "position", False),), log=True),
+    Row("position RMSE,\nmedian, km", (Curve("rmse_median", "position", False),),
+        factor=PRACTICAL_UNITS["position"][1], log=True),
 )  # fmt: skip
 
 
