@@ -11,7 +11,7 @@ from cislunar.attitude.transition import rigid_transition, spherical_transition
 from cislunar.dynamics.propagation import propagate, propagate_stm
 from cislunar.dynamics.runge_kutta import step_dop853
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.cramer_rao import cramer_rao_bound, measurement_rows
+from cislunar.estimation.cramer_rao import cramer_rao_bound
 from cislunar.estimation.measurement import Sensor, direction_angles, target_magnitude
 from cislunar.estimation.metrics import bound_ratio, evaluate
 from cislunar.tasking.closed_loop import run_closed_loop
