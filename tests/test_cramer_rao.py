@@ -13,6 +13,7 @@ from cislunar.dynamics.runge_kutta import step_dop853
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.cramer_rao import cramer_rao_bound
 from cislunar.estimation.measurement import Sensor, direction_angles, target_magnitude
+from cislunar.estimation.measurement_derivatives import measurement_rows
 from cislunar.estimation.metrics import bound_ratio, evaluate
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.simulation import Truth, TruthModel, draw_truth, initial_estimate
