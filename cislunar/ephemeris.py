@@ -19,7 +19,7 @@ Assumptions and limitations
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -161,7 +161,9 @@ def kernel_path(kernel: str | Path = DEFAULT_KERNEL) -> Path:
         If there is no such file.
     """
     if str(kernel) != DEFAULT_KERNEL:
-        path = Path(kernel).expanduser()
+        path = Path(kernel)
+        with suppress(RuntimeError):  # of a user who is not there
+            path = path.expanduser()
         mend = f"set the kernel to {DEFAULT_KERNEL!r} or to the path of an SPK (.bsp) file"
     else:
         # The file is located directly: the package's own accessor warns of the age of an unrelated

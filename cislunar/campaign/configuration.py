@@ -1,8 +1,9 @@
 """Checking a campaign's configuration against its schema."""
 
 import difflib
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,11 @@ from cislunar.campaign.sweeps import check_sweeps, variant_key, with_sweeps
 from cislunar.campaign.tracking_cells import cell_settings, variant_place, variant_schema
 from cislunar.campaign.tracking_checks import check_tracking
 from cislunar.errors import ConfigurationError, InputFileError
+
+_LONGEST_TEXT = 1000
+_LONGEST_VALUE = 80
+_SPECIAL = set("{}*?[]")
+"""Characters that Snakemake does not take as they stand in a file name."""
 
 
 def load_schema(path: str | Path) -> dict[str, Any]:
@@ -43,7 +49,7 @@ def load_schema(path: str | Path) -> dict[str, Any]:
 
 
 def with_types(value: Any, schema: Mapping[str, Any]) -> Any:
-    """Give strings the type the schema wants.
+    """Give values the type the schema wants.
 
     Snakemake hands over nested values of ``--config 'task2={"seeds": 3}'`` as strings.
 
@@ -57,17 +63,39 @@ def with_types(value: Any, schema: Mapping[str, Any]) -> Any:
     Returns
     -------
     object
-        The same with numbers, booleans and nulls in place of the strings that stand for them.
+        The same with numbers, booleans and nulls in place of the strings that stand for them, and
+        integers in place of floats without fraction.
+
+    Raises
+    ------
+    ConfigurationError
+        If an alias of YAML makes the configuration a part of itself.
     """
+    try:
+        return _typed(value, schema)
+    except RecursionError:
+        raise ConfigurationError(
+            "a configuration key holds itself: remove the alias (*name in YAML)"
+        ) from None
+
+
+def _typed(value: Any, schema: Mapping[str, Any]) -> Any:
     if isinstance(value, Mapping):
         known, other = schema.get("properties", {}), schema.get("additionalProperties")
         other = other if isinstance(other, Mapping) else {}
-        return {key: with_types(part, known.get(key, other)) for key, part in value.items()}
+        return {key: _typed(part, known.get(key, other)) for key, part in value.items()}
     if isinstance(value, list):
-        return [with_types(part, schema.get("items", {})) for part in value]
+        return [_typed(part, schema.get("items", {})) for part in value]
     wanted = schema.get("type", "string")
-    if isinstance(value, str) and "string" not in ([wanted] if isinstance(wanted, str) else wanted):
-        return yaml.safe_load(value)
+    wanted = [wanted] if isinstance(wanted, str) else wanted
+    if isinstance(value, str) and "string" not in wanted:
+        try:
+            value = yaml.safe_load(value)
+        except (yaml.YAMLError, ValueError):
+            return value  # stands for nothing: left for the schema to refuse
+    # 3.0 counts as an integer in JSON, but not as a number of things in Python.
+    if "integer" in wanted and isinstance(value, float) and value.is_integer():
+        return int(value)
     return value
 
 
@@ -88,13 +116,42 @@ def check_configuration(config: Mapping[str, Any], schema: Mapping[str, Any]) ->
     """
     from jsonschema import Draft202012Validator
 
-    faults = sorted(
-        Draft202012Validator(schema).iter_errors(config),
-        key=lambda fault: list(map(str, fault.path)),
-    )
-    lines = [line for fault in faults for line in _describe(fault)]
+    # What JSON has no notion of, the schema would let pass.
+    lines = list(_beyond_json(config))
+    if not lines:
+        faults = sorted(
+            Draft202012Validator(schema).iter_errors(config),
+            key=lambda fault: list(map(str, fault.path)),
+        )
+        lines = [line for fault in faults for line in _describe(fault)]
     if lines:
         raise ConfigurationError("\n".join(lines))
+
+
+def _beyond_json(value: Any, place: str = "") -> Iterator[str]:
+    """A line for each number that is not finite, and each text of which no name can be made."""
+    if isinstance(value, float) and not math.isfinite(value):
+        yield f"configuration key {place!r} = {value}: must be a finite number"
+    elif isinstance(value, str) and not (value.isprintable() and len(value) <= _LONGEST_TEXT):
+        yield (
+            f"configuration key {place!r} = {_shown(value)}: must be a line of at most "
+            f"{_LONGEST_TEXT} printable characters"
+        )
+    elif isinstance(value, Mapping):
+        for key, part in value.items():
+            if isinstance(key, str) and key.isprintable():
+                yield from _beyond_json(part, _join(place, key))
+            else:
+                yield f"unknown configuration key {_shown(key)} in {place or 'the configuration'!r}"
+    elif isinstance(value, list):
+        for number, part in enumerate(value):
+            yield from _beyond_json(part, _join(place, number))
+
+
+def _shown(value: Any) -> str:
+    """A value as it stands in a message: on one line, and not too long."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
 
 
 def _describe(fault) -> list[str]:
@@ -107,19 +164,21 @@ def _describe(fault) -> list[str]:
         for key in unknown:
             close = difflib.get_close_matches(str(key), known, n=1)
             mend = f"did you mean {close[0]!r}?" if close else f"known keys: {', '.join(known)}"
-            lines.append(f"unknown configuration key {_join(place, key)!r}: {mend}")
+            lines.append(f"unknown configuration key {_shown(_join(place, key))}: {mend}")
         return lines
     if fault.validator == "required":
         missing = [key for key in fault.validator_value if key not in fault.instance]
         return [f"configuration key {_join(place, key)!r} is missing" for key in missing]
     if fault.validator == "propertyNames":
-        return [
-            f"configuration key {place!r}: name {fault.instance!r} is not allowed: {fault.message}"
-        ]
-    if fault.context:
-        choices = "; or ".join(sorted({part.message for part in fault.context}))
-        return [f"configuration key {place!r} = {fault.instance!r}: {choices}"]
-    return [f"configuration key {place!r} = {fault.instance!r}: {fault.message}"]
+        name, reason = _shown(fault.instance), _reason(fault)
+        return [f"configuration key {place!r}: name {name} is not allowed: {reason}"]
+    reason = "; or ".join(sorted({_reason(part) for part in fault.context})) or _reason(fault)
+    return [f"configuration key {_shown(place)} = {_shown(fault.instance)}: {reason}"]
+
+
+def _reason(fault) -> str:
+    """The validator's message, in which the value may be long."""
+    return fault.message.replace(repr(fault.instance), _shown(fault.instance))
 
 
 def _join(place: str, key: Any) -> str:
@@ -215,10 +274,21 @@ def _check_optimization(config: Mapping[str, Any]) -> None:
 
 def _check_writable(results: Path) -> None:
     """Refuse a results folder that cannot be made or written to."""
+    if set(str(results)) & _SPECIAL:
+        raise ConfigurationError(
+            f"configuration key 'results' = {_shown(str(results))}: choose a path without any of "
+            f"{' '.join(sorted(_SPECIAL))}, which Snakemake does not take as they stand"
+        )
     existing = results
-    while not existing.exists() and existing != existing.parent:
-        existing = existing.parent
-    if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
+    try:
+        while not existing.exists() and existing != existing.parent:
+            existing = existing.parent
+        usable = existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
+    except OSError as error:
+        raise ConfigurationError(
+            f"configuration key 'results' = {_shown(str(results))}: {error.strerror}"
+        ) from error
+    if not usable:
         raise ConfigurationError(
             f"configuration key 'results' = {str(results)!r}: {existing} is not a folder that can "
             "be written to"

@@ -15,6 +15,7 @@ from typing import Any
 from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.scenarios import in_study, scenario_settings, shared_dataset
 from cislunar.campaign.sweeps import with_sweeps
+from cislunar.campaign.tracking_cells import MOST_STEPS
 from cislunar.ephemeris import check_coverage
 from cislunar.errors import ConfigurationError
 from cislunar.targets.missions import load_missions
@@ -59,10 +60,11 @@ def check_inputs(config: Mapping[str, Any]) -> None:
 
 def _check_horizon(key: str, visibility: Mapping[str, Any]) -> None:
     steps = visibility["duration_days"] * 24.0 / visibility["step_hours"]
-    if abs(steps - round(steps)) > 1e-9:
+    if steps > MOST_STEPS or abs(steps - round(steps)) > 1e-9:
         raise ConfigurationError(
             f"configuration key '{key}.duration_days' = {visibility['duration_days']} is not "
-            f"a whole number of steps of visibility.step_hours = {visibility['step_hours']}"
+            f"a whole number of steps of visibility.step_hours = {visibility['step_hours']}, at "
+            f"most {MOST_STEPS:,}"
         )
 
 
@@ -86,8 +88,13 @@ def _check_ephemerides(config: Mapping[str, Any]) -> None:
     for each in [config, *(scenario_settings(config, name) for name in config["scenarios"])]:
         span = each["epoch_jd"], each["visibility"]["duration_days"]
         distinct[*span, each["ephemeris"]["step_minutes"], each["ephemeris"]["kernel"]] = None
-    for span in distinct:
-        check_coverage(*span)
+    for epoch_jd, days, minutes, kernel in distinct:
+        if days * 1440.0 / minutes > MOST_STEPS:
+            raise ConfigurationError(
+                f"configuration key 'ephemeris.step_minutes' = {minutes}: {days} days would take "
+                f"more than {MOST_STEPS:,} samples; make it longer"
+            )
+        check_coverage(epoch_jd, days, minutes, kernel)
 
 
 def _check_published(scenario: str, members: Mapping[str, int], max_satellites: int) -> None:

@@ -15,6 +15,9 @@ from cislunar.errors import ConfigurationError
 TRACKED_TARGETS = 202
 """Number of targets in ``orbits/tracked.nc``."""
 
+MOST_STEPS = 10_000_000
+"""More steps of a horizon or a run than this are taken for a slip of the pen."""
+
 CELL_KEYS = (
     "seeds",
     "monitored_seed",
@@ -262,7 +265,11 @@ def campaign_cells(task2: Mapping[str, Any]) -> list[Cell]:
 def is_multiple(value: float, step: float) -> bool:
     """Whether a time is a whole number of steps, one at least."""
     ratio = value / step
-    return math.isclose(ratio, round(ratio), rel_tol=0.0, abs_tol=1e-9) and round(ratio) >= 1
+    return (
+        ratio <= MOST_STEPS
+        and math.isclose(ratio, round(ratio), rel_tol=0.0, abs_tol=1e-9)
+        and round(ratio) >= 1
+    )
 
 
 def check_cell(

@@ -8,6 +8,7 @@ from cislunar.attitude.inertia import inertia_matrix
 from cislunar.campaign.scenarios import scenario_settings, tracked_count
 from cislunar.campaign.sweeps import swept_cells, variant_key
 from cislunar.campaign.tracking_cells import (
+    MOST_STEPS,
     campaign_cells,
     cell_settings,
     check_cell,
@@ -149,7 +150,7 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
         if not is_multiple(value, step):
             raise ConfigurationError(
                 f"configuration key '{place}{key}' = {settings[key]} is no multiple of step_s = "
-                f"{step} s"
+                f"{step} s, from one to {MOST_STEPS:,} steps"
             )
     if not is_multiple(60.0 * config["task2"]["interval_minutes"], step):
         raise ConfigurationError(

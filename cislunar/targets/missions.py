@@ -110,12 +110,19 @@ def _read(path: Path) -> list[tuple[int, dict]]:
             header = reader.fieldnames or []
     except FileNotFoundError as error:
         raise InputFileError(f"{path}: no such file; give the path of a mission table") from error
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except (OSError, ValueError, csv.Error) as error:
         raise InputFileError(f"{path}: cannot be read as a table in UTF-8 ({error})") from error
     missing = [column for column in REQUIRED_COLUMNS if column not in header]
     if missing:
+        found = ", ".join(header)
+        found = found if found.isprintable() and len(found) < 200 else "no readable names"
         raise InputFileError(
-            f"{path}, row 1: no column {', '.join(missing)}; the header has {', '.join(header)}"
+            f"{path}, row 1: no column {', '.join(missing)}; the header has {found}"
+        )
+    twice = [column for column in REQUIRED_COLUMNS if header.count(column) > 1]
+    if twice:
+        raise InputFileError(
+            f"{path}, row 1: the column {twice[0]} occurs twice; remove one of them"
         )
     if not rows:
         raise InputFileError(f"{path}: holds no mission; add a row per mission")
