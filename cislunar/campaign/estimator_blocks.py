@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from cislunar.campaign.markdown import markdown_table
-from cislunar.campaign.model_error import NONE
+from cislunar.campaign.model_error import NONE, TORQUE
 from cislunar.campaign.results_page import DASH, TRACKED, quantity_rows
 
 Tables = Mapping[str, pd.DataFrame]
@@ -19,6 +19,7 @@ SETTINGS = (
     *("window-6h", "wide", "fading"),
 )
 AWARE = ("full-information", "full-information-hour")
+_TORQUE = "torque, turn in a run"
 COMPARED = (20, 50, 100, 202)
 
 _SHOWN = (
@@ -89,7 +90,7 @@ def headline_block(tables: Tables) -> str:
                 line.append(f"{found.iloc[0]:{TRACKED[name][3]}}" if found.size else DASH)
         if any(value != DASH for value in line):
             rows.append([count, *line])
-    header = [f"{name}, {shown}" for name in _HEADLINE for shown in ("paper", "ours")]
+    header = [f"{name}, {shown}" for name in _HEADLINE for shown in ("filter", "batch")]
     return markdown_table(["targets", *header], rows)
 
 
@@ -139,7 +140,8 @@ def model_errors_block(tables: Tables) -> str:
     for kind, size, unit in errors.itertuples(index=False):
         own = table[(table["kind"] == kind) & (table["size"] == size) & (table["also"] == "")]
         cured = table[(table["kind"] == kind) & (table["size"] == size) & (table["also"] != "")]
-        named = "none" if kind == NONE else f"{kind.replace('_', ' ')} {size:+.3g} {unit}"
+        told = _TORQUE if kind == TORQUE else kind.replace("_", " ").replace(".", ", ")
+        named = "none" if kind == NONE else f"{told} {size:+.3g} {unit}"
         for count in sorted(set(own["targets"]) | set(cured["targets"])):
             here = own[own["targets"] == count]
             line = [_share(here[here["estimator"] == name]) for name in NAMES]
