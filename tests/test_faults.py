@@ -61,6 +61,8 @@ class Campaign:
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
+                # tests run in the background inherit a shell's deafness to interrupts
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
             )
         self.groups.append(process.pid)
         return process

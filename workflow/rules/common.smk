@@ -14,7 +14,7 @@ from cislunar.campaign.scenarios import (
     shared_dataset,
     tracked_count,
 )
-from cislunar.campaign.sweeps import with_sweeps
+from cislunar.campaign.sweeps import sweep_points, swept_cells, with_sweeps
 from cislunar.campaign.tracking_cells import (
     cell_settings,
     check_cell,
@@ -145,3 +145,13 @@ onerror:
         "\nNot every job has finished. What has finished is kept. Mend what the messages above name "
         f"(each job's own are in {RESULTS}/logs), then run the same command again: it makes the rest."
     )
+
+
+SWEEPS = config["sweeps"]
+SWEPT_CELLS = {sweep: swept_cells(config, sweep) for sweep in SWEEPS}
+SWEEP_POINTS = {sweep: sweep_points(config, sweep) for sweep in SWEEPS}
+
+
+def swept_scenarios(wildcards):
+    """The scenarios a sweep adds, one for each value; none where it changes the tracking alone."""
+    return [point.scenario for point in SWEEP_POINTS[wildcards.sweep] if not point.variant]

@@ -1,19 +1,8 @@
 """Sweeps over a key of a scenario, each with its table and figure."""
 
-from cislunar.campaign.sweeps import sweep_points, swept_cells
-
-SWEEPS = config["sweeps"]
-SWEPT_CELLS = {sweep: swept_cells(config, sweep) for sweep in SWEEPS}
-SWEEP_POINTS = {sweep: sweep_points(config, sweep) for sweep in SWEEPS}
-
 
 wildcard_constraints:
     sweep=any_of(SWEEPS),
-
-
-def swept_scenarios(wildcards):
-    """The scenarios a sweep adds, one for each value; none where it changes the tracking alone."""
-    return [point.scenario for point in SWEEP_POINTS[wildcards.sweep] if not point.variant]
 
 
 rule sweep_table:
