@@ -1,13 +1,15 @@
 #!/usr/bin/env bash
 # A Slurm cluster of one node, this machine, without systemd, cgroups or accounting:
-#   tests/slurm/cluster.sh start FOLDER    everything it writes is in FOLDER; prints its slurm.conf
+#   tests/slurm/cluster.sh start FOLDER
 #   tests/slurm/cluster.sh stop FOLDER
+# Everything it writes is in FOLDER, but for a link at /etc/slurm/slurm.conf, where none may be yet.
 # Needs root and Debian's packages munge, slurmctld, slurmd and slurm-client.
 set -o errexit -o nounset -o pipefail
 
 readonly action=$1 folder=$2
 node=$(hostname -s)
 readonly node
+readonly installed=/etc/slurm/slurm.conf
 
 start() {
     mkdir -p "$folder"/{state,spool,log}
@@ -47,12 +49,16 @@ MinJobAge=3600
 NodeName=$node CPUs=$(nproc) RealMemory=$memory_mb State=UNKNOWN
 PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 CONF
-    export SLURM_CONF=$folder/slurm.conf
+    # Jobs do not inherit SLURM_CONF and look here.
+    if [[ -e $installed && ! $installed -ef $folder/slurm.conf ]]; then
+        echo "$installed is there already: this machine has a Slurm of its own" >&2
+        exit 1
+    fi
+    ln -s "$folder/slurm.conf" "$installed"
     slurmctld
     slurmd
     for _ in $(seq 60); do
         if sinfo --noheader --format=%t 2>/dev/null | grep -q '^idle$'; then
-            echo "$SLURM_CONF"
             return
         fi
         sleep 1
@@ -67,6 +73,9 @@ stop() {
             kill "$(<"$folder/$name.pid")" 2>/dev/null || true
         fi
     done
+    if [[ $installed -ef $folder/slurm.conf ]]; then
+        rm "$installed"
+    fi
 }
 
 case $action in

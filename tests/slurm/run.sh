@@ -12,16 +12,16 @@ readonly root
 
 mkdir "$folder"
 trap '"$root/tests/slurm/cluster.sh" stop "$folder/cluster"' EXIT
-SLURM_CONF=$("$root/tests/slurm/cluster.sh" start "$folder/cluster")
-export SLURM_CONF
+"$root/tests/slurm/cluster.sh" start "$folder/cluster"
 for place in slurm local; do
     mkdir "$folder/$place"
     cp -r "$root"/{Snakefile,workflow,config,profiles} "$folder/$place"
 done
 
 cd "$folder/slurm"
-time snakemake --profile profiles/slurm --configfile "$configuration" \
-    --config results=results/compared -- "${targets[@]}" 2>&1 | tee "$folder/slurm.txt"
+time snakemake --profile profiles/slurm --slurm-no-account --slurm-status-command squeue \
+    --slurm-init-seconds-before-status-checks 5 --seconds-between-status-checks 5 \
+    --configfile "$configuration" --config results=results/compared -- "${targets[@]}" 2>&1 | tee "$folder/slurm.txt"
 cd "$folder/local"
 time snakemake --cores "$(nproc)" --configfile "$configuration" \
     --config results=results/compared -- "${targets[@]}" 2>&1 | tee "$folder/local.txt"
