@@ -162,6 +162,33 @@ def test_information_is_that_of_the_jacobian(inertia):
     np.testing.assert_allclose(information, np.eye(6) + jacobian.T @ jacobian / 0.01, rtol=2e-3)
 
 
+def test_information_with_an_offset_is_that_of_the_dense_covariance():
+    model = _model(offset=0.3)
+    data = _light_curve(TRUE, model, n=40)
+    gradient, information = np.empty(6), np.empty((6, 6))
+    cost_and_derivatives(TRUE, data, _anchor(), model, gradient, information)
+    jacobian = approx_fprime(TRUE, lambda u: _magnitudes(u, data, model), 1e-6)
+    expected = np.eye(6) + jacobian.T @ np.linalg.solve(0.01 * np.eye(40) + 0.09, jacobian)
+    np.testing.assert_allclose(information, expected, rtol=2e-3, atol=1e-3 * expected.max())
+
+
+def test_information_of_non_detections_weighs_rows_by_their_curvature():
+    model = _model()
+    data = _light_curve(TRUE, model, n=60)
+    limit = float(np.median(_magnitudes(TRUE, data, model)[::3]))
+    model = model._replace(limiting_magnitude=limit)
+    data[::3, DETECTED] = 0.0
+    gradient, information = np.empty(6), np.empty((6, 6))
+    cost_and_derivatives(TRUE, data, _anchor(), model, gradient, information)
+    jacobian = approx_fprime(TRUE, lambda u: _magnitudes(u, data, model), 1e-6)
+    excess = (_magnitudes(TRUE, data, model) - limit) / 0.1
+    curvature = np.array([fainter_than_limit(z)[2] for z in excess])
+    weight = np.where(data[:, DETECTED] == 1.0, 1.0, curvature) / 0.01
+    assert np.ptp(curvature[::3]) > 0.1  # otherwise nothing is told apart
+    expected = np.eye(6) + jacobian.T @ (weight[:, None] * jacobian)
+    np.testing.assert_allclose(information, expected, rtol=2e-3, atol=1e-3 * expected.max())
+
+
 def test_giving_up_early_never_lowers_the_cost():
     model = _model()
     data = _light_curve(TRUE, model)
@@ -295,6 +322,39 @@ def test_condensed_data_leave_the_cost_near_a_mode():
     after = [cost(v, data[150:], anchor, model, np.inf) for v in (u, nearby)]
     assert after[0] == pytest.approx(before[0], abs=1e-8)
     assert after[1] == pytest.approx(before[1], abs=0.25)
+
+
+def test_condensed_modes_keep_their_own_past_when_their_order_changes():
+    model, data = _many_minima()
+    modes = prior_hypotheses(8)
+    for _ in range(3):
+        search(modes, data, model, SEARCH, np.random.default_rng(2))
+    live = modes.count[0]
+    assert live > 1
+    places = modes.u[:live].copy()
+    condense(modes, data, model, 1.0)
+    pasts = [
+        Anchor(modes.anchor_mean[j].copy(), modes.anchor_information[j].copy(), offset.copy())
+        for j, offset in enumerate(modes.anchor_offset[:live])
+    ]
+    # what comes later speaks for the least likely mode
+    own_units = places[live - 1] * model.sigma / SIGMA
+    later = _light_curve(own_units, model, hours=(2.0, 3.0), n=20, noise=0.0)
+    whole = cost(places[-1], np.vstack([data, later]), _anchor(), model, np.inf)
+    assert cost(places[-1], later, pasts[-1], model, np.inf) == pytest.approx(whole, rel=1e-9)
+    alone = SEARCH._replace(starts=0, first_starts=0)
+    search(modes, later, model, alone, np.random.default_rng(3))
+    origins = []
+    for j in range(modes.count[0]):
+        origin = int(np.argmin([np.abs(p.mean - modes.anchor_mean[j]).max() for p in pasts]))
+        np.testing.assert_array_equal(modes.anchor_mean[j], pasts[origin].mean)
+        np.testing.assert_array_equal(modes.anchor_information[j], pasts[origin].information)
+        np.testing.assert_array_equal(modes.anchor_offset[j], pasts[origin].offset)
+        u, none = places[origin].copy(), (np.empty((0, 6)), np.empty((0, 6, 6)))
+        refine(u, later, pasts[origin], model, alone.warm_iterations, np.empty((6, 6)), *none, 0.0)
+        np.testing.assert_allclose(modes.u[j], u, atol=1e-9)
+        origins.append(origin)
+    assert origins[0] != 0
 
 
 @pytest.mark.parametrize("inertia", INERTIAS)
