@@ -8,7 +8,7 @@ from cislunar.estimation.metrics import NEVER_OBSERVED, evaluate
 from cislunar.estimation.mukf_kernels import CHOLESKY_FAILURES, UPDATES
 from cislunar.estimation.scene import make_scene, target_surfaces
 from cislunar.photometry.materials import Material
-from cislunar.photometry.shapes import icosahedron
+from cislunar.photometry.shapes import icosahedron, icosphere
 from cislunar.tasking.closed_loop import FATE_NAMES, USED, run_closed_loop
 from cislunar.tasking.information import TaskingModel
 from cislunar.tasking.settings import LoopSettings
@@ -46,6 +46,25 @@ def test_shapes_and_ranges(result):
     assert result.counters[..., CHOLESKY_FAILURES].sum() == 0
     np.testing.assert_array_equal(result.counters[..., UPDATES], result.valid.sum(axis=1))
     assert not result.failed.any()
+
+
+def test_targets_judged_a_few_at_a_time_are_judged_the_same(result, monkeypatch):
+    monkeypatch.setattr("cislunar.tasking.closed_loop.JUDGED_TOGETHER", 2)
+    other = _run(seeds=(0, 1))
+    np.testing.assert_array_equal(other.bound, result.bound)
+    for ours, theirs in zip(other.metrics, result.metrics, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+        assert ours.dtype == theirs.dtype
+
+
+def test_surfaces_of_some_targets_are_theirs():
+    shapes = [icosahedron(), icosphere(1), icosahedron()]
+    surfaces = target_surfaces(shapes, [Material(), Material(rms_slope=0.2), Material()], 3)
+    some = surfaces.of(slice(1, 9))
+    np.testing.assert_array_equal(some.first, [0, 80, 100])
+    np.testing.assert_array_equal(some.areas, surfaces.areas[20:])
+    np.testing.assert_array_equal(some.normals, surfaces.normals[20:])
+    np.testing.assert_array_equal(some.material, surfaces.material[1:])
 
 
 def test_only_assigned_targets_are_measured(result):

@@ -119,6 +119,10 @@ def labels_of(figure):
 def figures(orbits, targets, searched):
     fronts, architectures, runs, coverage = searched
     chosen = {s: found["tpe"] for s, found in architectures.items()}
+
+    def only(of_scenarios):
+        return {"Extra": of_scenarios["Extra"]}
+
     return {
         "library": orbit_library_figure(orbits, targets),
         "facet": facet_geometry_figure(),
@@ -126,6 +130,9 @@ def figures(orbits, targets, searched):
         "front": satellite_front_figure(fronts, architectures, coverage),
         "convergence": convergence_figure(runs, architectures),
         "map": family_map_figure(orbits),
+        "front of one": satellite_front_figure(only(fronts), only(architectures), coverage),
+        "convergence of one": convergence_figure(only(runs), only(architectures)),
+        "orbits of one": selected_orbits_figure(orbits, only(chosen), {"Extra": 30}),
     }
 
 

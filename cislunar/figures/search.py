@@ -27,7 +27,7 @@ COLUMNS = 3
 """Scenarios side by side."""
 
 _PAPER_MARKER = {"tpe": "o", "random": "s"}
-_LEFT, _RIGHT, _GAP = 0.085, 0.99, 0.075
+_LEFT_IN, _RIGHT_IN, _GAP_IN = 0.61, 0.07, 0.54
 
 
 def _grid(number: int) -> tuple[int, int]:
@@ -38,10 +38,10 @@ def _grid(number: int) -> tuple[int, int]:
 
 def _place(figure: Figure, index: int, columns: int, bottom_in: float, height_in: float) -> Axes:
     """Axes in a column, placed in inches from below."""
-    height = figure.get_size_inches()[1]
-    each = (_RIGHT - _LEFT - _GAP * (columns - 1)) / columns
-    left = _LEFT + (index % columns) * (each + _GAP)
-    return figure.add_axes((left, bottom_in / height, each, height_in / height))
+    width, height = figure.get_size_inches()
+    each = (width - _LEFT_IN - _RIGHT_IN - _GAP_IN * (columns - 1)) / columns
+    left = _LEFT_IN + (index % columns) * (each + _GAP_IN)
+    return figure.add_axes((left / width, bottom_in / height, each / width, height_in / height))
 
 
 def _width(columns: int) -> float:

@@ -48,6 +48,9 @@ Array = NDArray[np.float64]
 USED = DETECTED + 1
 """Fate of a measurement that was used, beyond those of `cislunar.estimation.measurement`."""
 
+JUDGED_TOGETHER = 128
+"""Targets whose whole run is judged at a time, which keeps the memory of doing so small."""
+
 FATE_NAMES = ("not_tasked", "faint", "excluded", "occulted", "rejected", "used")
 """Names of the fates; "rejected" was out of the field of view, or the estimate had failed."""
 
@@ -203,19 +206,28 @@ class _Run:
         self.error[:, window] = estimation_errors(first, self.truth, estimates)
         self.sigma[:, window] = estimates.sigma
 
-    def bound(self, noise: Array, initial_sigma: Array) -> Array:
-        """Cramer-Rao bound at every step, shape (target, step, 12)."""
-        return cramer_rao_bound(
-            self.scene,
-            self.true_surfaces,
-            noise,
-            self.truth.translation,
-            self.truth.quaternion,
-            self.truth.angular_velocity,
-            self.used_by,
-            initial_sigma,
-            mu=self.mu,
-        )
+    def judge(self, noise: Array, initial_sigma: Array, bound: Array) -> TrackingMetrics:
+        """Metrics of the run; the Cramer-Rao bound at the recorded steps goes into `bound`."""
+        parts = []
+        for start in range(0, self.fate.shape[0], JUDGED_TOGETHER):
+            some = slice(start, start + JUDGED_TOGETHER)
+            least = cramer_rao_bound(
+                self.scene,
+                self.true_surfaces.of(some),
+                noise,
+                self.truth.translation[some],
+                self.truth.quaternion[some],
+                self.truth.angular_velocity[some],
+                self.used_by[some],
+                initial_sigma,
+                mu=self.mu,
+            )
+            used = self.fate[some] == USED
+            parts.append(
+                evaluate(self.error[some], self.sigma[some], used, self.settings.step_s, least)
+            )
+            bound[:, some] = least[:, self.settings.recorded].swapaxes(0, 1)
+        return TrackingMetrics(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def run_closed_loop(
@@ -302,11 +314,9 @@ def run_closed_loop(
             run.epoch(number)
             if progress is not None:
                 progress(s * n_epochs + number + 1, len(seeds) * n_epochs)
-        least = run.bound(truth.noise, initial.sigma)
-        metrics.append(evaluate(run.error, run.sigma, run.fate == USED, settings.step_s, least))
+        metrics.append(run.judge(truth.noise, initial.sigma, bound[s]))
         error[s] = run.error[:, recorded].swapaxes(0, 1)
         sigma[s] = run.sigma[:, recorded].swapaxes(0, 1)
-        bound[s] = least[:, recorded].swapaxes(0, 1)
         fate[s] = run.fate.T
         # Only the small records of a run are kept, so memory does not grow with the seeds.
         runs.append(
