@@ -155,6 +155,11 @@ DRAW = {
 """Figures drawn a second time."""
 
 
+def one_scenario(summary):
+    """Its cells of scenario A, which leave a single column of panels."""
+    return summary.isel(cell=np.flatnonzero(summary["scenario"].values == "A"))
+
+
 @pytest.fixture(scope="module")
 def figures(summary, compared):
     return {
@@ -164,11 +169,16 @@ def figures(summary, compared):
         "load": DRAW["load"](),
         "targets": against_targets_figure(summary),
         "interval": DRAW["interval"](),
+        "targets of one": against_targets_figure(one_scenario(summary)),
+        "interval of one": against_interval_figure(one_scenario(summary_of_cells())),
         "tasking": tasking_figure(compared, summary, VARIANTS, 60),
     }
 
 
-NAMES = ("counts", "selected", "intervals", "load", "targets", "interval", "tasking")
+NAMES = (
+    *("counts", "selected", "intervals", "load", "targets", "interval", "targets of one"),
+    *("interval of one", "tasking"),
+)
 
 
 def test_paper_cells_are_chosen_from_the_full_configuration():

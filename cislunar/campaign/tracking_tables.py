@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy.typing import NDArray
 
 from cislunar.campaign.statistics import log_interval, t_interval
 from cislunar.campaign.tracking_summary import (
@@ -28,6 +29,12 @@ PRACTICAL_UNITS = {
     "velocity": ("m s-1", 1000.0 * LENGTH_UNIT_KM / TIME_UNIT_S),
 }
 """Unit and factor of the errors; a small GRP of the attitude error is the angle in rad."""
+
+
+def _decades(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Decimal logarithms; those of zeros are infinite, and left out of means."""
+    with np.errstate(divide="ignore"):
+        return np.log10(values)
 
 
 def _quantities(summary: xr.Dataset) -> Iterator[tuple[str, str, str, float]]:
@@ -121,7 +128,7 @@ def reading_rows(summary: xr.Dataset) -> pd.DataFrame:
             before = factor * seed_values(summary, usual[0], name, part or None)
             after = factor * seed_values(summary, index, name, part or None)
             if name.startswith(_SPANS_DECADES):
-                before, after, name = np.log10(before), np.log10(after), f"log10_{name}"
+                before, after, name = _decades(before), _decades(after), f"log10_{name}"
             both = np.isfinite(before) & np.isfinite(after)
             interval = t_interval(after[both] - before[both])
             rows.append(
@@ -169,7 +176,7 @@ def estimator_rows(summary: xr.Dataset) -> pd.DataFrame:
             of_first = factor * seed_values(summary, usual[0], name, part or None)
             of_other = factor * seed_values(summary, index, name, part or None)
             if name.startswith(_SPANS_DECADES):
-                of_first, of_other, name = np.log10(of_first), np.log10(of_other), f"log10_{name}"
+                of_first, of_other, name = _decades(of_first), _decades(of_other), f"log10_{name}"
             both = np.isfinite(of_first) & np.isfinite(of_other)
             difference = t_interval(of_other[both] - of_first[both])
             pair = {"first": of_first[both], "other": of_other[both]}

@@ -155,12 +155,13 @@ def _legend(figure: Figure, architectures: Sequence[str]) -> None:
         Line2D([], [], label="hollow: position, translation", markerfacecolor="none", **plain),
         Line2D([], [], color=GRAY, linewidth=0.8, label="consistent filter (ANEES 1)"),
     ]
-    wide = figure.get_size_inches()[0] > 6.0
+    width, height = figure.get_size_inches()
+    narrow = {"fontsize": 5.6, "handlelength": 2.2, "columnspacing": 1.2} if width < 4.5 else {}
     figure.legend(
         handles=handles,
         loc="lower center",
-        ncols=3 if wide else 2,
-        bbox_to_anchor=(0.5, 0.06 / figure.get_size_inches()[1]),
+        ncols=3 if width > 6.0 else 2,
+        bbox_to_anchor=(0.5, 0.06 / height),
         borderaxespad=0.0,
-        handlelength=2.8,
+        **{"handlelength": 2.8} | narrow,
     )
