@@ -388,8 +388,9 @@ def test_two_snakemakes_make_cells_of_their_own(campaign, undisturbed):
 
 def test_numbers_do_not_depend_on_compilation(campaign, undisturbed, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(campaign.folder / "compiled"))
-    campaign.remove(LARGE)
-    resumed(campaign, LARGE)
+    # the proof of the optimum has a time limit, on which compilation must not count
+    campaign.remove("architecture/A/exact.nc", EXACT, LARGE)
+    resumed(campaign, EXACT, LARGE)
     assert list(campaign.folder.glob("compiled/**/*.nbi")), "nothing was compiled"
     assert_same(campaign, undisturbed)
 
