@@ -153,6 +153,18 @@ def test_progress_lines_come_at_intervals_with_the_time_left(monkeypatch, caplog
     assert len(lines) == 14
 
 
+def test_progress_does_not_take_the_first_item_for_the_pace(monkeypatch, caplog):
+    clock = Clock(monkeypatch)
+    caplog.set_level(logging.INFO, "cislunar")
+    report = progress_log("orbits", interval_s=5.0)
+    clock.now += 10.0  # with compilation
+    for done in range(1, 21):
+        report(done, 41)
+        clock.now += 1.0
+    assert caplog.messages[0] == "orbits: 1 of 41 (2 %), 0:10 elapsed, 6:40 left at most"
+    assert caplog.messages[1] == "orbits: 6 of 41 (15 %), 0:15 elapsed, 0:35 left"
+
+
 def test_progress_without_anything_done_does_not_divide_by_zero(monkeypatch, caplog):
     clock = Clock(monkeypatch)
     caplog.set_level(logging.INFO, "cislunar")

@@ -77,6 +77,15 @@ def test_every_block_of_a_tutorial_says_its_language():
             assert block.language in ("bash", "python", "yaml", "text", "csv"), (path, block)
 
 
+def test_the_configuration_in_the_tutorial_is_that_of_the_example():
+    example = (ROOT / "config/examples/own_study.yaml").read_text(encoding="utf-8")
+    shown = [
+        b.text for b in blocks(ROOT / "docs/tutorials/own_scenario.md") if b.language == "yaml"
+    ]
+    assert len(shown) == 2
+    assert all(text in example for text in shown)
+
+
 LINK = re.compile(r"\]\((?!https?:|#)([^)#\s]+)[^)]*\)")
 GENERATED = {"docs/results.md"}
 """What only a finished campaign makes."""
@@ -92,14 +101,13 @@ def test_links_lead_somewhere(path):
 
 
 @pytest.mark.workflow
-@pytest.mark.parametrize("path", [README, *TUTORIALS], ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [*filter(scripts, [README, *TUTORIALS])], ids=lambda path: path.stem
+)
 def test_document_runs(path, finished, tmp_path):
     """In a copy of a finished small campaign, so that only what a command asks for is made."""
-    chosen = scripts(path)
-    if not chosen:
-        pytest.skip(f"{path.name} has nothing to run")
     folder = tmp_path / "campaign"
     shutil.copytree(finished, folder, symlinks=True)
-    for language, text in chosen:
+    for language, text in scripts(path):
         output, code = execute(folder, language, text)
         assert code == 0, f"{text}\n{output[-3000:]}"

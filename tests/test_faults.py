@@ -251,7 +251,7 @@ def test_truncated_result(campaign, undisturbed):
     assert f"{leftover}: left by a job" in listed
     assert_kept(campaign, before)
     removed, _ = campaign.verify("--delete")
-    assert f"make anew with: snakemake --cores 2 {damaged}" in removed
+    assert f"as before: snakemake --cores 2 -- {damaged}" in removed
     assert not leftover.exists()
     assert_kept(campaign, before, SMALL, str(leftover.relative_to(campaign.results)))
     resumed(campaign, *ALL)

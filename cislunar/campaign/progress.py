@@ -29,6 +29,9 @@ def _clock(seconds: float) -> str:
 def progress_log(name: str, interval_s: float = 5.0) -> Progress:
     """A progress callback that logs at intervals: share done, elapsed time, time left.
 
+    The time left follows from the pace since the first item, which may have had to wait for
+    compilation; until there is a second one it is an upper limit.
+
     Parameters
     ----------
     name : str
@@ -43,21 +46,26 @@ def progress_log(name: str, interval_s: float = 5.0) -> Progress:
     """
     start = time.monotonic()
     last = start
+    first: tuple[int, float] | None = None
 
     def report(done: int, total: int) -> None:
-        nonlocal last
+        nonlocal first, last
         now = time.monotonic()
+        if first is None and done > 0:
+            first = done, now
         if now - last < interval_s and done < total:
             return
         last = now
         elapsed = now - start
-        left = elapsed * (total - done) / done if done else float("nan")
         share = 100.0 * done / total if total else 100.0
-        remaining = _clock(left) if done else "unknown"
+        remaining, at_most = "unknown left", name.endswith(("evaluations", "iterations"))
+        if first is not None:
+            counted, since = (0, start) if done == first[0] else first
+            left = (now - since) * (total - done) / (done - counted)
+            at_most = (at_most or counted == 0) and done < total
+            remaining = f"{_clock(left)} left{' at most' if at_most else ''}"
         logger.info(
-            "%s: %d of %d (%.0f %%), %s elapsed, %s left at most"
-            if name.endswith(("evaluations", "iterations"))
-            else "%s: %d of %d (%.0f %%), %s elapsed, %s left",
+            "%s: %d of %d (%.0f %%), %s elapsed, %s",
             name,
             done,
             total,

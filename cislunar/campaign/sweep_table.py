@@ -12,7 +12,7 @@ from cislunar.campaign.sweeps import SweepPoint
 from cislunar.campaign.tracking_tables import tracking_rows
 
 COLUMNS = (
-    *("sweep", "key", "value", "scenario", "architecture", "estimator", "variant"),
+    *("sweep", "key", "label", "value", "scenario", "architecture", "estimator", "variant"),
     *("observers", "targets", "interval_minutes", "quantity", "part", "unit"),
     *("mean", "low", "high", "smallest", "largest", "seeds"),
 )
@@ -98,7 +98,8 @@ def sweep_rows(
         places = zip(tracked["scenario"], tracked["variant"], strict=True)
         tracked["value"] = [value_of[place] for place in places]
         table = tracked if table.empty else pd.concat([table, tracked], ignore_index=True)
-    table = table.assign(sweep=name, key=sweep["key"]).reindex(columns=list(COLUMNS))
+    label = sweep.get("label", sweep["key"].removeprefix("settings."))
+    table = table.assign(sweep=name, key=sweep["key"], label=label).reindex(columns=list(COLUMNS))
     for column in ("observers", "targets", "interval_minutes", "seeds"):
         table[column] = table[column].astype("Int64")
     return table

@@ -107,7 +107,7 @@ def with_sweeps(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def variant_key(config: Mapping[str, Any], variant: str) -> str:
-    """The configuration key a variant comes from.
+    """The configuration key a variant comes from, or that of a sweep that varies no known key.
 
     Parameters
     ----------
@@ -119,12 +119,22 @@ def variant_key(config: Mapping[str, Any], variant: str) -> str:
     Returns
     -------
     str
-        Of its change, or of the values of its sweep.
+        Of its change, or of the values or the key of its sweep.
     """
-    for name in config["sweeps"]:
+    for name, sweep in config["sweeps"].items():
         if any(point.variant == variant for point in sweep_points(config, name)):
-            return f"sweeps.{name}.values"
+            known = _is_known(config["task2"], sweep["key"].removeprefix(TRACKING_KEYS))
+            return f"sweeps.{name}.{'values' if known else 'key'}"
     return f"task2.variants.cells.{variant}.change"
+
+
+def _is_known(settings: Any, key: str) -> bool:
+    """Whether there is an entry at a dotted key."""
+    for part in key.split("."):
+        if not isinstance(settings, Mapping) or part not in settings:
+            return False
+        settings = settings[part]
+    return True
 
 
 def swept_cells(config: Mapping[str, Any], name: str) -> list[Cell]:

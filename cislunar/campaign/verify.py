@@ -142,7 +142,8 @@ def _summary(damaged: list[tuple[Path, str]], deleted: bool) -> str:
         return "every result can be used"
     names = " ".join(str(path) for path, _ in damaged)
     if deleted:
-        return f"removed; make anew with: snakemake --cores 2 {names}"
+        options = "with --configfile or --config as before"
+        return f"removed; make anew, {options}: snakemake --cores 2 -- {names}"
     return "damaged; remove them with --delete, then make them anew with snakemake"
 
 

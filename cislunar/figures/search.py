@@ -26,6 +26,13 @@ from cislunar.figures.style import (
 COLUMNS = 3
 """Scenarios side by side."""
 
+_OTHER_RUNS = {
+    "linestyle": "none",
+    "marker": "o",
+    "markersize": 3.0,
+    "alpha": 0.55,
+    "markeredgewidth": 0,
+}
 _PAPER_MARKER = {"tpe": "o", "random": "s"}
 _LEFT_IN, _RIGHT_IN, _GAP_IN = 0.61, 0.07, 0.54
 
@@ -115,13 +122,9 @@ def _mark_optimizers(upper: Axes, lower: Axes, found: Mapping, coverage: pd.Data
             upper.plot(
                 architecture["run_satellites"].values,
                 architecture["run_J"].values,
-                linestyle="none",
-                marker=style.marker,
-                markersize=3.0,
                 color=style.color,
-                alpha=0.55,
-                markeredgewidth=0,
                 zorder=3,
+                **_OTHER_RUNS | {"marker": style.marker},
             )
         count = int(architecture["satellites"].sum())
         dot = {"linestyle": "none", "color": style.color, "zorder": 4} | style.marker_kwargs(5.0)
@@ -159,6 +162,8 @@ def _front_handles(architectures: Mapping, fronts: Mapping) -> list[Line2D]:
     ]
     for name in _present(architectures):
         handles.append(optimizer_style(name).legend_handle(line=False))
+    if any("run_J" in each for found in architectures.values() for each in found.values()):
+        handles.append(Line2D([], [], label="other runs", color=GRAY, **_OTHER_RUNS))
     for method in _paper_methods(list(fronts)):
         label = f"paper, {optimizer_style(method).label}"
         handles.append(Line2D([], [], label=label, **_paper_kwargs(method)))

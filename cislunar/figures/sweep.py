@@ -125,7 +125,8 @@ def _draw(axes: Axes, table: pd.DataFrame, quantity: Quantity, values: _Values) 
     if quantity.unit:
         chosen = chosen[chosen["unit"] == quantity.unit]
     reach = []
-    for name, own in chosen.groupby(chosen["estimator"].fillna(""), sort=False):
+    groups = chosen.groupby(chosen["estimator"].fillna(""), sort=False)
+    for index, (name, own) in enumerate(groups):
         look = estimator_style(name) if name else optimizer_style(str(own["architecture"].iloc[0]))
         ordered = own.set_index(own["value"].astype(str)).reindex(values.names)
         mean, low, high = (
@@ -133,7 +134,7 @@ def _draw(axes: Axes, table: pd.DataFrame, quantity: Quantity, values: _Values) 
         )
         order = np.argsort(values.places, kind="stable")
         axes.errorbar(
-            values.places[order],
+            _beside(values, index - 0.5 * (len(groups) - 1))[order],
             mean[order],
             yerr=np.nan_to_num([mean - low, high - mean])[:, order],
             color=look.color,
@@ -147,6 +148,14 @@ def _draw(axes: Axes, table: pd.DataFrame, quantity: Quantity, values: _Values) 
         single = ordered[["smallest", "largest"]].to_numpy(float).T * quantity.factor
         reach += [mean, np.fmax(low, single[0]), np.fmin(high, single[1])]
     _vertical_axis(axes, np.concatenate(reach), quantity)
+
+
+def _beside(values: _Values, number: float) -> Array:
+    """Places moved a little, so that the intervals of one estimator do not hide another's."""
+    low, high = values.places.min(), values.places.max()
+    if values.log:
+        return values.places * (high / low) ** (0.016 * number)
+    return values.places + 0.016 * number * (high - low)
 
 
 def _vertical_axis(axes: Axes, values: Array, quantity: Quantity) -> None:
@@ -183,12 +192,11 @@ def _value_axis(axes: Axes, values: _Values) -> None:
 
 
 def _below(figure: Figure, table: pd.DataFrame, values: _Values) -> None:
-    """The swept key, values that are no numbers, who observes, and the estimators."""
+    """What is swept, values that are no numbers, who observes, and the estimators."""
     height = figure.get_size_inches()[1]
     estimators = list(dict.fromkeys(table["estimator"].dropna()))
     architecture = str(table["architecture"].iloc[0])
-    key = str(table["key"].iloc[0]).removeprefix("settings.")
-    lines = [key]
+    lines = [str(table["label"].iloc[0])]
     if not values.numeric:
         lines += [
             f"{place:g}: {name}" for place, name in zip(values.places, values.names, strict=True)

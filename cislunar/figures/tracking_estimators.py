@@ -43,7 +43,7 @@ ROWS = (
         (Curve("final_attitude_error_90"), _bound("bound_attitude_90")), log=True),
     Row("attitude error over\nbound, median", (Curve("bound_ratio_median", "attitude"),),
         log=True, reference=1.0),
-    Row("attitude RMSE of the\nday, median, degree", (Curve("rmse_median", "attitude"),),
+    Row("attitude RMSE of the\nrun, median, degree", (Curve("rmse_median", "attitude"),),
         factor=PRACTICAL_UNITS["attitude"][1], log=True),
     Row("rotation diverged,\ntargets", (Curve("diverged_rotation"),)),
     Row("position RMSE,\nmedian, km", (Curve("rmse_median", "position", False),),

@@ -3,8 +3,6 @@
 import os
 import re
 
-from snakemake.exceptions import WorkflowError
-
 from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.configuration import check_campaign, load_schema, with_types
 from cislunar.campaign.preflight import check_inputs
@@ -32,7 +30,8 @@ try:
     STUDY = with_sweeps(config)
     TRACKED_COUNT = {name: tracked_count(STUDY, name) for name in STUDY["scenarios"]}
 except CislunarError as error:
-    raise WorkflowError(f"{error}\n(see config/README.md)") from None
+    # not an exception that Snakemake would wrap in lines of its own
+    raise SystemExit(f"error: {error}\n(see config/README.md)") from None
 
 RESULTS = config["results"].rstrip("/")
 SCENARIOS = list(config["scenarios"])
@@ -126,7 +125,7 @@ def tracking_settings(wildcards):
         available = TRACKED_COUNT[wildcards.scenario]
         check_cell(int(wildcards.n), int(wildcards.minutes), chosen, available)
     except CislunarError as error:
-        raise WorkflowError(str(error)) from None
+        raise SystemExit(f"error: {error}") from None
     return chosen
 
 

@@ -1,9 +1,13 @@
 """Sensor tasking and tracking: every cell, what they add up to, and TPE against exact tasking."""
 
+from cislunar.campaign.model_error import model_errors
 from cislunar.campaign.tracking_cells import campaign_cells
 
 CELLS = [results(cell.path) for cell in campaign_cells(TASK2)]
 COMPARED = TASK2["tasking_comparison"]
+WITH_ERRORS = [
+    error for error in model_errors(TASK2) if TASK2["variants"]["cells"][error.variant]["targets"]
+]
 
 
 # Long cells start first, so that no core is idle at the end: changed settings may search or take
@@ -259,7 +263,7 @@ rule task2:
     input:
         CELLS,
         rules.tracking_tables.output if CELLS else [],
-        rules.model_error_table.output if CELLS else [],
+        rules.model_error_table.output if WITH_ERRORS else [],
         rules.tasking_comparison.output if COMPARED["scenario"] else [],
         rules.tracking_claims.output if CELLS and OF_THE_PAPER else [],
         rules.photometry_table.output,
