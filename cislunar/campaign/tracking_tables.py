@@ -50,6 +50,12 @@ def _quantities(summary: xr.Dataset) -> Iterator[tuple[str, str, str, float]]:
         yield name, "", unit, 1.0
 
 
+def _largest_possible(name: str) -> float:
+    """Largest value a quantity may have; none is negative."""
+    is_share = name == "coverage" or name.endswith(("_share", "_fraction"))
+    return 1.0 if is_share else np.inf
+
+
 def _identity(summary: xr.Dataset, index: int) -> dict[str, str | int]:
     row = {key: str(summary[key].values[index]) for key in _LABELS}
     return row | {key: int(summary[key].values[index]) for key in _NUMBERS}
@@ -68,7 +74,8 @@ def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
     DataFrame
         For every cell and quantity, with every part of the state and unit: mean over the
         realizations with its 95 % confidence interval (Student's t; of the logarithm for ANEES
-        and error over bound, which span decades), smallest and largest. Quantity `rmse_*` appears
+        and error over bound, which span decades) as far as it is possible, smallest and largest.
+        Quantity `rmse_*` appears
         in the paper's units and in practical ones.
     """
     rows = []
@@ -85,8 +92,8 @@ def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
                     "part": part,
                     "unit": unit,
                     "mean": interval.mean,
-                    "low": interval.low,
-                    "high": interval.high,
+                    "low": np.maximum(interval.low, 0.0),
+                    "high": np.minimum(interval.high, _largest_possible(name)),
                     "smallest": finite.min() if finite.size else np.nan,
                     "largest": finite.max() if finite.size else np.nan,
                     "seeds": interval.count,
