@@ -170,7 +170,7 @@ def _vertical_axis(axes: Axes, values: Array, quantity: Quantity) -> None:
     else:
         margin = 0.08 * (high - low) or 0.5
         axes.set_ylim(low - margin, high + margin)
-        axes.yaxis.set_major_locator(MaxNLocator(4, integer=quantity.whole))
+        axes.yaxis.set_major_locator(MaxNLocator(4, integer=quantity.whole, min_n_ticks=1))
 
 
 def _value_axis(axes: Axes, values: _Values) -> None:
