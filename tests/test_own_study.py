@@ -308,11 +308,11 @@ def test_values_of_a_sweep_have_names_of_their_own(study):
 
 
 def _summary(cells, quantity="coverage"):
-    """Statistics of some cells with two seeds, every value the number of the cell."""
+    """Statistics of some cells with two seeds, every value an eighth of the cell's number."""
     shape = (len(cells), 2)
     data = {name: (("cell", "seed", "part"), np.ones((*shape, 4))) for name in PER_PART}
     data |= {name: (("cell", "seed"), np.ones(shape)) for name in PER_CELL}
-    whole = np.broadcast_to(np.arange(len(cells), dtype=float)[:, None, None], (*shape, 4))
+    whole = np.broadcast_to(np.arange(len(cells))[:, None, None] / 8.0, (*shape, 4))
     data[quantity] = (("cell", "seed", "part"), whole)
     fields = ("scenario", "architecture", "estimator", "variant", "targets", "interval_minutes")
     coords = {field: ("cell", [getattr(cell, field) for cell in cells]) for field in fields}
@@ -327,7 +327,7 @@ def test_the_table_of_a_sweep_has_every_value(study, tmp_path):
     assert tuple(table.columns) == COLUMNS
     covered = table[(table["quantity"] == "coverage") & (table["part"] == "attitude")]
     assert [*zip(covered["estimator"], covered["value"], covered["mean"], strict=True)] == [
-        (cell.estimator, value, k)
+        (cell.estimator, value, k / 8.0)
         for k, (cell, value) in enumerate(zip(cells, [0.02, 0.05, 0.2] * 2, strict=False))
     ]
     assert set(table["key"]) == {"settings.task2.sensor.magnitude_noise"}
@@ -373,7 +373,7 @@ def test_the_figure_of_a_sweep_shows_every_value(study, tmp_path, values, archit
     estimators = len(study["task2"]["estimators"])
     drawn = np.array([line.get_ydata() for line in lines if line.get_marker() not in ("_", "|")])
     np.testing.assert_allclose(
-        drawn[:estimators], 100.0 * np.arange(3 * estimators).reshape(estimators, 3)
+        drawn[:estimators], 12.5 * np.arange(3 * estimators).reshape(estimators, 3)
     )
     written = " ".join(text.get_text() for text in figure.texts)
     assert "noise of the magnitudes, mag" in written

@@ -85,6 +85,8 @@ def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
             values = factor * seed_values(summary, index, name, part or None)
             finite = values[np.isfinite(values)]
             interval = (log_interval if name.startswith(_SPANS_DECADES) else t_interval)(values)
+            # a mean of shares of 1 may round to a little more
+            largest = max(_largest_possible(name), interval.mean)
             rows.append(
                 identity
                 | {
@@ -93,7 +95,7 @@ def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
                     "unit": unit,
                     "mean": interval.mean,
                     "low": np.maximum(interval.low, 0.0),
-                    "high": np.minimum(interval.high, _largest_possible(name)),
+                    "high": np.minimum(interval.high, largest),
                     "smallest": finite.min() if finite.size else np.nan,
                     "largest": finite.max() if finite.size else np.nan,
                     "seeds": interval.count,
