@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from tracking_scene import make_problem
 
+from cislunar.campaign.markdown import markdown_table
 from cislunar.campaign.netcdf import write_text
 from cislunar.estimation.batch_settings import BatchSettings
 from cislunar.estimation.choice import estimator_named
@@ -118,11 +119,10 @@ def along(table: pd.DataFrame, estimator: str, name: str) -> pd.DataFrame:
     return table[same & (table["estimator"] == estimator)].sort_values(name)
 
 
-def exponent(rows: pd.DataFrame, name: str, quantity: str = "cpu_s") -> float:
-    """Slope of a quantity against a number, both logarithmic, over the upper half of the range."""
+def exponent(rows: pd.DataFrame, name: str) -> float:
+    """Slope of time against a number, both logarithmic, over the upper half of the range."""
     upper = rows.tail(max(3, (len(rows) + 1) // 2))
-    values = np.maximum(upper[quantity], 1e-9)
-    return float(np.polyfit(np.log(upper[name]), np.log(values), 1)[0])
+    return float(np.polyfit(np.log(upper[name]), np.log(upper["cpu_s"]), 1)[0])
 
 
 def draw(table: pd.DataFrame) -> None:
@@ -149,22 +149,22 @@ def draw(table: pd.DataFrame) -> None:
 
 
 def exponents_table(table: pd.DataFrame) -> str:
-    """Exponents of time and memory in Markdown."""
-    lines = ["| estimator | usual size, s | " + " | ".join(VARIED) + " |", "|---" * 6 + "|"]
+    """Exponents of time in Markdown."""
+    rows = []
     for estimator in table["estimator"].unique():
         usual = along(table, estimator, "targets").set_index("targets").loc[USUAL["targets"]]
         cells = [f"{exponent(along(table, estimator, name), name):.2f}" for name in VARIED]
-        lines.append(f"| {estimator} | {usual['cpu_s']:.2f} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+        rows.append([estimator, f"{usual['cpu_s']:.2f}", *cells])
+    return markdown_table(["estimator", "usual size, s", *VARIED], rows)
 
 
 def large_table(table: pd.DataFrame) -> str:
     """What the large campaign would take, in proportion to its length, in Markdown."""
-    lines = [
-        "| estimator | 2 h, measured, s | 2 h, measured, MB | 30 days, one core a realization, h | "
-        "30 days, memory of each job, GB |",
-        "|---" * 5 + "|",
+    header = [
+        *("estimator", "2 h, measured, s", "2 h, measured, MB"),
+        *("30 days, one core a realization, h", "30 days, memory of each job, GB"),
     ]
+    rows = []
     for estimator in table["estimator"].unique():
         own = table[table["estimator"] == estimator]
         row = own[(own[list(LARGE)] == list(LARGE.values())).all(axis=1)]
@@ -174,11 +174,9 @@ def large_table(table: pd.DataFrame) -> str:
         longer = LARGE_HOURS / LARGE["hours"]
         hours = measured["cpu_s"] * longer / 3600.0
         memory = measured["memory_mb"] / 1024.0 * longer
-        lines.append(
-            f"| {estimator} | {measured['cpu_s']:.1f} | {measured['memory_mb']} | {hours:.1f} | "
-            f"{memory:.0f} |"
-        )
-    return "\n".join(lines)
+        figures = (f"{measured['cpu_s']:.1f}", measured["memory_mb"], f"{hours:.1f}")
+        rows.append([estimator, *figures, f"{memory:.0f}"])
+    return markdown_table(header, rows)
 
 
 def describe(table: pd.DataFrame) -> None:
@@ -186,7 +184,7 @@ def describe(table: pd.DataFrame) -> None:
     text = DOCUMENT.read_text(encoding="utf-8")
     before, rest = text.split(BEGIN)
     after = rest.split(END)[1]
-    block = f"\n{exponents_table(table)}\n\n{large_table(table)}\n\n"
+    block = f"\n{exponents_table(table)}\n{large_table(table)}\n"
     write_text(f"{before}{BEGIN}{block}{END}{after}", DOCUMENT)
 
 
