@@ -19,17 +19,17 @@ from scipy.integrate import solve_ivp
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from reference_filter import ReferenceFilter
+from oracles.reference_filter import ReferenceFilter
 from tracking_scene import make_problem
 
 from cislunar.constants import MU
+from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import equations_of_motion
-from cislunar.estimation.batch import batch
-from cislunar.estimation.bundle import propagate_bundle
-from cislunar.estimation.choice import ESTIMATORS
-from cislunar.estimation.light_curve import cost, cost_and_derivatives
-from cislunar.estimation.measurement import DETECTED, Sensor, measure
-from cislunar.estimation.mukf import MultiplicativeUKF
+from cislunar.estimation.kalman.mukf import MultiplicativeUKF
+from cislunar.estimation.light_curves.batch import batch
+from cislunar.estimation.light_curves.light_curve import cost, cost_and_derivatives
+from cislunar.estimation.registry import ESTIMATORS
+from cislunar.observation.measurement import DETECTED, Sensor, measure
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.assignment import assign

@@ -23,10 +23,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from tracking_scene import make_problem
 
-from cislunar.campaign.markdown import markdown_table
-from cislunar.campaign.netcdf import write_text
-from cislunar.estimation.batch_settings import BatchSettings
-from cislunar.estimation.choice import estimator_named
+from cislunar.campaign.data.netcdf import write_text
+from cislunar.campaign.documents.markdown import markdown_table
+from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.estimation.registry import estimator_named
 from cislunar.figures.style import estimator_style, house_style, new_figure, save_figure
 from cislunar.tasking.closed_loop import run_closed_loop
 

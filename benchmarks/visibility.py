@@ -16,7 +16,7 @@ import numba
 import numpy as np
 
 from cislunar.constants import EPOCH_JD, MU, SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.ephemeris import interpolate_sun, sample_ephemeris
+from cislunar.ephemeris.bodies import interpolate_sun, sample_ephemeris
 from cislunar.orbits.families import observer_library
 from cislunar.targets.missions import load_missions
 from cislunar.targets.zero_velocity import sample_zero_velocity

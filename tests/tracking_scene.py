@@ -3,7 +3,7 @@
 import numpy as np
 
 from cislunar.constants import TIME_UNIT_S
-from cislunar.estimation.scene import make_scene, target_surfaces
+from cislunar.observation.scene import make_scene, target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.settings import LoopSettings

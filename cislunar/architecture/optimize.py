@@ -33,8 +33,8 @@ def optimize(
         Tables of one target set.
     method : str
         "tpe", "atpe" or "random" (`cislunar.architecture.hyperopt_search`), "exact" (multi-start
-        coordinate search; `cislunar.architecture.certificate.certify` proves its result), or
-        "published" (given families and counts, members free).
+        coordinate search, whose result `cislunar.architecture.optimality.certificate.certify`
+        proves), or "published" (given families and counts, members free).
     rng : numpy.random.Generator
         Source of randomness.
     n_slots : int

@@ -1,1 +1,1 @@
-"""Configuration, data sets and provenance of a campaign."""
+"""A campaign: settings, data sets, tables, verdicts and documents around the library."""

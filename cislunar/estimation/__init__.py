@@ -1,1 +1,1 @@
-"""Orbit and attitude estimation."""
+"""Orbit and attitude estimation: the role of an estimator and what its kinds share."""

@@ -10,8 +10,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.estimation.measurement import Sensor
-from cislunar.estimation.scene import Scene, TargetSurfaces
+from cislunar.observation.measurement import Sensor
+from cislunar.observation.scene import Scene, TargetSurfaces
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from cislunar.campaign.progress import progress_log
+from cislunar.campaign.data.progress import progress_log
 from cislunar.errors import ConfigurationError, InputFileError
 
 ORANGE = "#E69F00"

@@ -23,12 +23,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.choice import estimator_named
-from cislunar.estimation.cramer_rao import cramer_rao_bound
 from cislunar.estimation.estimator import Estimator, EstimatorFactory, InitialEstimate
-from cislunar.estimation.measurement import DETECTED, measure
-from cislunar.estimation.metrics import TrackingMetrics, evaluate
-from cislunar.estimation.scene import Scene, TargetSurfaces
+from cislunar.estimation.registry import estimator_named
+from cislunar.evaluation.cramer_rao import cramer_rao_bound
+from cislunar.evaluation.metrics import TrackingMetrics, evaluate
+from cislunar.observation.measurement import DETECTED, measure
+from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.tasking.assignment import IDLE, assign
 from cislunar.tasking.information import pair_information
 from cislunar.tasking.settings import LoopSettings
@@ -46,7 +46,7 @@ from cislunar.tasking.simulation import (
 Array = NDArray[np.float64]
 
 USED = DETECTED + 1
-"""Fate of a measurement that was used, beyond those of `cislunar.estimation.measurement`."""
+"""Fate of a measurement that was used, beyond those of `cislunar.observation.measurement`."""
 
 JUDGED_TOGETHER = 128
 """Targets whose whole run is judged at a time, which keeps the memory of doing so small."""
@@ -74,7 +74,7 @@ class LoopResult:
         (rad/s), position and velocity (nondimensional). NaN after the end of a failed estimate.
     bound : ndarray of float32, shape (seed, time, target, 12)
         Standard deviations of the posterior Cramer-Rao bound of the measurements used, as `sigma`;
-        see `cislunar.estimation.cramer_rao`.
+        see `cislunar.evaluation.cramer_rao`.
     fate : ndarray of uint8, shape (seed, step, target)
         Index into `FATE_NAMES`, at every step.
     metrics : TrackingMetrics
@@ -261,7 +261,7 @@ def run_closed_loop(
     settings : LoopSettings, optional
         The paper's, if omitted.
     estimator : EstimatorFactory or str
-        A factory, or one of `cislunar.estimation.choice.ESTIMATORS` without process noise; the
+        A factory, or one of `cislunar.estimation.registry.ESTIMATORS` without process noise; the
         paper's filter if omitted.
     initial : InitialEstimate, optional
         Estimates at the epoch, instead of the paper's attitude and angular velocity for all

@@ -14,26 +14,26 @@ from numpy.typing import NDArray
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Prediction
-from cislunar.estimation.measurement import (
-    Sensor,
-    direction_angles,
-    occulted,
-    outside_exclusion,
-    wrap_angle,
-)
-from cislunar.estimation.mukf_kernels import (
+from cislunar.estimation.kalman.mukf_kernels import (
     WEIGHTS,
     FilterConstants,
     make_workspace,
     predicted_measurements,
 )
-from cislunar.estimation.scene import Scene, TargetSurfaces
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import (
     information_gain,
     innovation_moments,
     unscented_weights,
 )
+from cislunar.observation.measurement import (
+    Sensor,
+    direction_angles,
+    occulted,
+    outside_exclusion,
+    wrap_angle,
+)
+from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.photometry.sphere import faintness_per_squared_range
 
 Array = NDArray[np.float64]

@@ -15,11 +15,11 @@ from cislunar.attitude.inertia import is_spherical
 from cislunar.attitude.quaternion import compose, multiply_components
 from cislunar.attitude.rigid_body import propagate_under_torque
 from cislunar.constants import MU
+from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.propagation import propagate
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.bundle import propagate_bundle
 from cislunar.estimation.estimator import Estimates, InitialEstimate
-from cislunar.estimation.scene import Scene, TargetSurfaces, constant_rate_attitude
+from cislunar.observation.scene import Scene, TargetSurfaces, constant_rate_attitude
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU
-from cislunar.geometry.exclusion import ExclusionAngles, directions_to_bodies, outside_exclusion
+from cislunar.observation.exclusion import ExclusionAngles, directions_to_bodies, outside_exclusion
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
 
 

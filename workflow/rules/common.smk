@@ -4,16 +4,16 @@ import os
 import re
 
 from cislunar.architecture.published import PUBLISHED
-from cislunar.campaign.configuration import check_campaign, load_schema, with_types
-from cislunar.campaign.preflight import check_inputs
-from cislunar.campaign.scenarios import (
+from cislunar.campaign.settings.configuration import check_campaign, load_schema, with_types
+from cislunar.campaign.settings.preflight import check_inputs
+from cislunar.campaign.settings.scenarios import (
     in_study,
     scenario_settings,
     shared_dataset,
     tracked_count,
 )
-from cislunar.campaign.sweeps import sweep_points, swept_cells, with_sweeps
-from cislunar.campaign.tracking_cells import (
+from cislunar.campaign.settings.sweeps import sweep_points, swept_cells, with_sweeps
+from cislunar.campaign.settings.cells import (
     cell_settings,
     check_cell,
     estimator_names,

@@ -1,7 +1,7 @@
 """Sensor tasking and tracking: every cell, what they add up to, and TPE against exact tasking."""
 
-from cislunar.campaign.model_error import model_errors
-from cislunar.campaign.tracking_cells import campaign_cells
+from cislunar.campaign.settings.model_error import model_errors
+from cislunar.campaign.settings.cells import campaign_cells
 
 CELLS = [results(cell.path) for cell in campaign_cells(TASK2)]
 COMPARED = TASK2["tasking_comparison"]

@@ -1,7 +1,7 @@
 """Figures of sensor tasking and tracking: the paper's, and both sweeps as a whole."""
 
-from cislunar.campaign.model_error import drawn_errors
-from cislunar.figures.tracking_choice import (
+from cislunar.campaign.settings.model_error import drawn_errors
+from cislunar.figures.tracking.choice import (
     figure_architectures,
     high_load_cells,
     interval_cells,

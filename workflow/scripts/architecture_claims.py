@@ -3,9 +3,14 @@
 from collections import defaultdict
 from pathlib import Path
 
-from cislunar.campaign.claims import claims_table, comparison_claims, cost_claims, library_claims
-from cislunar.campaign.netcdf import read_dataset, write_text
-from cislunar.campaign.progress import job
+from cislunar.campaign.claims.architecture import (
+    claims_table,
+    comparison_claims,
+    cost_claims,
+    library_claims,
+)
+from cislunar.campaign.data.netcdf import read_dataset, write_text
+from cislunar.campaign.data.progress import job
 
 with job(snakemake.log[0]):
     orbits = read_dataset(snakemake.input.orbits)

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from cislunar.campaign.netcdf import read_dataset, write_text
-from cislunar.campaign.progress import each, job
-from cislunar.campaign.tables import architecture_rows, near_optimal_rows
+from cislunar.campaign.architectures.tables import architecture_rows, near_optimal_rows
+from cislunar.campaign.data.netcdf import read_dataset, write_text
+from cislunar.campaign.data.progress import each, job
 
 with job(snakemake.log[0], snakemake.threads):
     orbits = read_dataset(snakemake.input.orbits)

@@ -1,10 +1,10 @@
 """Makes architecture/{scenario}/{method}.nc: the best of several searches, and their spread."""
 
 from cislunar.architecture.cost import CostFunction
-from cislunar.campaign.netcdf import read_dataset, write_dataset
-from cislunar.campaign.observability import architecture_tables
-from cislunar.campaign.optimization import best_run_dataset
-from cislunar.campaign.progress import job
+from cislunar.campaign.architectures.observability import architecture_tables
+from cislunar.campaign.architectures.optimization import best_run_dataset
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.progress import job
 
 with job(snakemake.log[0]):
     tables = architecture_tables(

@@ -1,9 +1,9 @@
 """Makes architecture/{scenario}/exact.nc: the best architecture, and the proof that it is."""
 
-from cislunar.campaign.exact import exact_dataset
-from cislunar.campaign.netcdf import read_dataset, write_dataset
-from cislunar.campaign.observability import architecture_tables
-from cislunar.campaign.progress import job
+from cislunar.campaign.architectures.exact import exact_dataset
+from cislunar.campaign.architectures.observability import architecture_tables
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.progress import job
 
 with job(snakemake.log[0], snakemake.threads):
     visibility = read_dataset(snakemake.input.visibility)

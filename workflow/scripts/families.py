@@ -1,8 +1,8 @@
 """Makes orbits/families.nc: the candidate observer orbits of all families."""
 
-from cislunar.campaign.inputs import families_dataset
-from cislunar.campaign.netcdf import write_dataset
-from cislunar.campaign.progress import job, progress_log
+from cislunar.campaign.data.inputs import families_dataset
+from cislunar.campaign.data.netcdf import write_dataset
+from cislunar.campaign.data.progress import job, progress_log
 
 with job(snakemake.log[0]):
     orbits = families_dataset(snakemake.params.settings, progress_log("families"))

@@ -3,9 +3,9 @@
 from collections import defaultdict
 from pathlib import Path
 
-from cislunar.campaign.netcdf import read_dataset
-from cislunar.campaign.progress import job
-from cislunar.figures.search import convergence_figure
+from cislunar.campaign.data.netcdf import read_dataset
+from cislunar.campaign.data.progress import job
+from cislunar.figures.search.search import convergence_figure
 from cislunar.figures.style import save_figure
 
 with job(snakemake.log[0]):

@@ -1,7 +1,7 @@
 """Makes figures/fig01_facet_geometry: the reflection geometry of one facet."""
 
-from cislunar.campaign.progress import job
-from cislunar.figures.facet import facet_geometry_figure
+from cislunar.campaign.data.progress import job
+from cislunar.figures.space.facet import facet_geometry_figure
 from cislunar.figures.style import save_figure
 
 with job(snakemake.log[0]):

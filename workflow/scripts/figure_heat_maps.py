@@ -1,10 +1,10 @@
 """Makes figures/fig05_target_counts, fig07_intervals: every target by number and by interval."""
 
-from cislunar.campaign.progress import each, job
-from cislunar.campaign.tracking_cells import Cell
-from cislunar.campaign.tracking_summary import read_cell_metrics
+from cislunar.campaign.data.progress import each, job
+from cislunar.campaign.settings.cells import Cell
+from cislunar.campaign.tracking.summary import read_cell_metrics
 from cislunar.figures.style import save_figure
-from cislunar.figures.tracking_heatmaps import intervals_figure, target_counts_figure
+from cislunar.figures.tracking.heatmaps import intervals_figure, target_counts_figure
 
 with job(snakemake.log[0]):
     files = each(snakemake.input, "cells")

@@ -1,10 +1,10 @@
 """Makes figures/fig08_intervals_high_load: many targets by interval, and one target's errors."""
 
-from cislunar.campaign.netcdf import read_dataset
-from cislunar.campaign.progress import each, job
-from cislunar.campaign.tracking_cells import Cell
+from cislunar.campaign.data.netcdf import read_dataset
+from cislunar.campaign.data.progress import each, job
+from cislunar.campaign.settings.cells import Cell
 from cislunar.figures.style import save_figure
-from cislunar.figures.tracking_high_load import high_load_figure
+from cislunar.figures.tracking.high_load import high_load_figure
 
 with job(snakemake.log[0]):
     found = zip(snakemake.params.cells, each(snakemake.input, "cells"), strict=True)

@@ -2,9 +2,9 @@
 
 import pandas as pd
 
-from cislunar.campaign.progress import job
-from cislunar.figures.model_error import model_error_figure
+from cislunar.campaign.data.progress import job
 from cislunar.figures.style import save_figure
+from cislunar.figures.tracking.model_error import model_error_figure
 
 with job(snakemake.log[0]):
     figure = model_error_figure(pd.read_csv(snakemake.input[0]))

@@ -1,8 +1,8 @@
 """Makes figures/fig02_orbit_library: the candidate observer orbits with the static targets."""
 
-from cislunar.campaign.netcdf import read_dataset
-from cislunar.campaign.progress import job
-from cislunar.figures.library import orbit_library_figure
+from cislunar.campaign.data.netcdf import read_dataset
+from cislunar.campaign.data.progress import job
+from cislunar.figures.space.library import orbit_library_figure
 from cislunar.figures.style import save_figure
 
 with job(snakemake.log[0]):

@@ -3,9 +3,9 @@
 from collections import defaultdict
 from pathlib import Path
 
-from cislunar.campaign.netcdf import read_dataset, write_text
-from cislunar.campaign.progress import job
-from cislunar.figures.orbits_page import orbits_page
+from cislunar.campaign.data.netcdf import read_dataset, write_text
+from cislunar.campaign.data.progress import job
+from cislunar.figures.space.orbits_page import orbits_page
 
 with job(snakemake.log[0]):
     architectures = defaultdict(dict)

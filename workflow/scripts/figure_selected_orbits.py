@@ -1,8 +1,8 @@
 """Makes figures/fig03_tpe_orbits, fig04_random_orbits, fig09_exact_orbits: the chosen orbits."""
 
-from cislunar.campaign.netcdf import read_dataset
-from cislunar.campaign.progress import job
-from cislunar.figures.architectures import selected_orbits_figure
+from cislunar.campaign.data.netcdf import read_dataset
+from cislunar.campaign.data.progress import job
+from cislunar.figures.space.architectures import selected_orbits_figure
 from cislunar.figures.style import save_figure
 
 with job(snakemake.log[0]):

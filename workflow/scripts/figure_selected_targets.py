@@ -1,10 +1,10 @@
 """Makes figures/fig06_selected_targets: errors and bounds of a few targets."""
 
-from cislunar.campaign.netcdf import read_dataset
-from cislunar.campaign.progress import job
-from cislunar.campaign.tracking_cells import Cell
+from cislunar.campaign.data.netcdf import read_dataset
+from cislunar.campaign.data.progress import job
+from cislunar.campaign.settings.cells import Cell
 from cislunar.figures.style import save_figure
-from cislunar.figures.tracking_errors import selected_targets_figure
+from cislunar.figures.tracking.errors import selected_targets_figure
 
 with job(snakemake.log[0]):
     (cell,) = snakemake.params.cell

@@ -2,9 +2,9 @@
 
 import pandas as pd
 
-from cislunar.campaign.progress import job
+from cislunar.campaign.data.progress import job
+from cislunar.figures.search.sweep import sweep_figure
 from cislunar.figures.style import save_figure
-from cislunar.figures.sweep import sweep_figure
 
 with job(snakemake.log[0]):
     figure = sweep_figure(pd.read_csv(snakemake.input[0]))

@@ -1,9 +1,9 @@
 """Makes figures/fig15_tasking_comparison: TPE, random search, greedy and exact tasking."""
 
-from cislunar.campaign.netcdf import read_dataset
-from cislunar.campaign.progress import job
+from cislunar.campaign.data.netcdf import read_dataset
+from cislunar.campaign.data.progress import job
 from cislunar.figures.style import save_figure
-from cislunar.figures.tracking_tasking import tasking_figure
+from cislunar.figures.tracking.tasking import tasking_figure
 
 with job(snakemake.log[0]):
     figure = tasking_figure(

@@ -1,9 +1,9 @@
 """Makes architecture/{scenario}/front.nc: best J and its coverage by number of satellites."""
 
-from cislunar.campaign.exact import front_dataset
-from cislunar.campaign.netcdf import read_dataset, write_dataset
-from cislunar.campaign.observability import architecture_tables
-from cislunar.campaign.progress import job, progress_log
+from cislunar.campaign.architectures.exact import front_dataset
+from cislunar.campaign.architectures.observability import architecture_tables
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.progress import job, progress_log
 
 with job(snakemake.log[0]):
     visibility = read_dataset(snakemake.input.visibility)

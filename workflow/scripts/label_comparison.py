@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from cislunar.campaign.netcdf import read_dataset, write_text
-from cislunar.campaign.progress import job
+from cislunar.campaign.data.netcdf import read_dataset, write_text
+from cislunar.campaign.data.progress import job
 
 with job(snakemake.log[0]):
     rows = []

@@ -1,9 +1,9 @@
 """Makes tables/model_error.csv: what a truth unlike the estimators' belief costs."""
 
-from cislunar.campaign.model_error import model_errors
-from cislunar.campaign.model_error_table import model_error_rows
-from cislunar.campaign.netcdf import read_dataset, write_text
-from cislunar.campaign.progress import job
+from cislunar.campaign.data.netcdf import read_dataset, write_text
+from cislunar.campaign.data.progress import job
+from cislunar.campaign.settings.model_error import model_errors
+from cislunar.campaign.tracking.model_error_table import model_error_rows
 
 with job(snakemake.log[0]):
     errors = model_errors(snakemake.params.settings["task2"])

@@ -1,8 +1,8 @@
 """Makes targets/static_{scenario}.nc: static targets from a table."""
 
-from cislunar.campaign.netcdf import write_dataset
-from cislunar.campaign.own_targets import own_static_dataset
-from cislunar.campaign.progress import job
+from cislunar.campaign.data.netcdf import write_dataset
+from cislunar.campaign.data.own_targets import own_static_dataset
+from cislunar.campaign.data.progress import job
 
 with job(snakemake.log[0]):
     scenario = snakemake.wildcards.scenario

@@ -2,8 +2,8 @@
 
 import pandas as pd
 
-from cislunar.campaign.netcdf import write_text
-from cislunar.campaign.progress import job
+from cislunar.campaign.data.netcdf import write_text
+from cislunar.campaign.data.progress import job
 
 with job(snakemake.log[0]):
     claims = pd.concat([pd.read_csv(path, dtype=str) for path in snakemake.input])

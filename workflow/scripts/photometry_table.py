@@ -1,8 +1,8 @@
 """Makes tables/photometry.csv: what the readings of the photometric equations do."""
 
-from cislunar.campaign.netcdf import write_text
-from cislunar.campaign.photometry_readings import photometry_table
-from cislunar.campaign.progress import job
+from cislunar.campaign.data.netcdf import write_text
+from cislunar.campaign.data.progress import job
+from cislunar.campaign.readings.photometry import photometry_table
 
 with job(snakemake.log[0]):
     params = snakemake.params

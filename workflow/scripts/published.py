@@ -1,9 +1,9 @@
 """Makes architecture/{scenario}/published.nc: the paper's architecture, members chosen by J."""
 
-from cislunar.campaign.exact import published_dataset
-from cislunar.campaign.netcdf import read_dataset, write_dataset
-from cislunar.campaign.observability import architecture_tables
-from cislunar.campaign.progress import job
+from cislunar.campaign.architectures.exact import published_dataset
+from cislunar.campaign.architectures.observability import architecture_tables
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.progress import job
 
 with job(snakemake.log[0]):
     visibility = read_dataset(snakemake.input.visibility)

@@ -1,8 +1,8 @@
 """Makes tables/readings.csv: J under each reading of the paper."""
 
-from cislunar.campaign.netcdf import read_dataset, write_text
-from cislunar.campaign.progress import job, progress_log
-from cislunar.campaign.readings import readings_table
+from cislunar.campaign.data.netcdf import read_dataset, write_text
+from cislunar.campaign.data.progress import job, progress_log
+from cislunar.campaign.readings.architecture import readings_table
 
 with job(snakemake.log[0], snakemake.threads):
     table = readings_table(

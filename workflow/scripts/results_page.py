@@ -2,9 +2,9 @@
 
 import pandas as pd
 
-from cislunar.campaign.netcdf import read_dataset, write_text
-from cislunar.campaign.progress import job
-from cislunar.campaign.results_page import results_page
+from cislunar.campaign.data.netcdf import read_dataset, write_text
+from cislunar.campaign.data.progress import job
+from cislunar.campaign.documents.results_page import results_page
 
 with job(snakemake.log[0]):
     tables = {

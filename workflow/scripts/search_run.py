@@ -1,9 +1,9 @@
 """Makes architecture/{scenario}/runs/{method}_{labels}_{run}.nc: one Hyperopt search."""
 
-from cislunar.campaign.netcdf import read_dataset, write_dataset
-from cislunar.campaign.observability import architecture_tables
-from cislunar.campaign.optimization import search_run_dataset
-from cislunar.campaign.progress import job
+from cislunar.campaign.architectures.observability import architecture_tables
+from cislunar.campaign.architectures.optimization import search_run_dataset
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.progress import job
 
 with job(snakemake.log[0]):
     visibility = read_dataset(snakemake.input.visibility)

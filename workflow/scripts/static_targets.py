@@ -1,8 +1,8 @@
 """Makes targets/static_{scenario}.nc: the sampled points clustered to static targets."""
 
-from cislunar.campaign.inputs import static_targets_dataset
-from cislunar.campaign.netcdf import read_dataset, write_dataset
-from cislunar.campaign.progress import job
+from cislunar.campaign.data.inputs import static_targets_dataset
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.progress import job
 
 with job(snakemake.log[0]):
     targets = static_targets_dataset(

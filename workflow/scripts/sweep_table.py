@@ -1,11 +1,11 @@
 """Makes tables/sweep_{sweep}.csv: what every value of a sweep gives."""
 
-from cislunar.campaign.netcdf import read_dataset, write_text
-from cislunar.campaign.progress import job
-from cislunar.campaign.sweep_table import architecture_values, sweep_rows
-from cislunar.campaign.sweeps import SweepPoint
-from cislunar.campaign.tracking_cells import Cell
-from cislunar.campaign.tracking_summary import read_cell_metrics, summary_dataset
+from cislunar.campaign.data.netcdf import read_dataset, write_text
+from cislunar.campaign.data.progress import job
+from cislunar.campaign.settings.cells import Cell
+from cislunar.campaign.settings.sweeps import SweepPoint
+from cislunar.campaign.tracking.summary import read_cell_metrics, summary_dataset
+from cislunar.campaign.tracking.sweep_table import architecture_values, sweep_rows
 
 with job(snakemake.log[0], snakemake.threads):
     read, params = snakemake.input, snakemake.params

@@ -1,9 +1,9 @@
 """Makes task2/tasking/{scenario}_{architecture}_nt{n}.nc: tasking methods on one cell."""
 
-from cislunar.campaign.netcdf import read_dataset, write_dataset
-from cislunar.campaign.progress import job, progress_log
-from cislunar.campaign.tasking_comparison import compared_dataset
-from cislunar.campaign.tracking_cells import Cell
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.progress import job, progress_log
+from cislunar.campaign.settings.cells import Cell
+from cislunar.campaign.tracking.tasking_comparison import compared_dataset
 
 with job(snakemake.log[0]):
     wildcards, params = snakemake.wildcards, snakemake.params

@@ -1,9 +1,9 @@
 """Makes task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}.nc: a cell, all seeds."""
 
-from cislunar.campaign.netcdf import read_dataset, write_dataset
-from cislunar.campaign.progress import job, progress_log
-from cislunar.campaign.tracking_cells import Cell
-from cislunar.campaign.tracking_dataset import cell_dataset
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.progress import job, progress_log
+from cislunar.campaign.settings.cells import Cell
+from cislunar.campaign.tracking.dataset import cell_dataset
 
 with job(snakemake.log[0]):
     wildcards = snakemake.wildcards

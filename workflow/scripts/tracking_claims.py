@@ -1,10 +1,10 @@
 """Makes tables/claims_tracking.csv: the paper's claims on tasking and tracking beside ours."""
 
-from cislunar.campaign.claims import claims_table
-from cislunar.campaign.netcdf import read_dataset, write_text
-from cislunar.campaign.progress import job
-from cislunar.campaign.tasking_claims import tasking_claims
-from cislunar.campaign.tracking_claims import tracking_claims
+from cislunar.campaign.claims.architecture import claims_table
+from cislunar.campaign.claims.target_counts import tracking_claims
+from cislunar.campaign.claims.tasking import tasking_claims
+from cislunar.campaign.data.netcdf import read_dataset, write_text
+from cislunar.campaign.data.progress import job
 
 with job(snakemake.log[0]):
     summary = read_dataset(snakemake.input.summary)

@@ -1,9 +1,9 @@
 """Makes task2/summary.nc: statistics over the targets of every cell, seed by seed."""
 
-from cislunar.campaign.netcdf import write_dataset
-from cislunar.campaign.progress import each, job
-from cislunar.campaign.tracking_cells import campaign_cells
-from cislunar.campaign.tracking_summary import read_cell_metrics, summary_dataset
+from cislunar.campaign.data.netcdf import write_dataset
+from cislunar.campaign.data.progress import each, job
+from cislunar.campaign.settings.cells import campaign_cells
+from cislunar.campaign.tracking.summary import read_cell_metrics, summary_dataset
 
 with job(snakemake.log[0]):
     settings = snakemake.params.settings

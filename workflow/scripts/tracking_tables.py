@@ -1,8 +1,8 @@
 """Makes tables/tracking.csv, readings_tracking.csv and estimators.csv: cells with intervals."""
 
-from cislunar.campaign.netcdf import read_dataset, write_text
-from cislunar.campaign.progress import job
-from cislunar.campaign.tracking_tables import estimator_rows, reading_rows, tracking_rows
+from cislunar.campaign.data.netcdf import read_dataset, write_text
+from cislunar.campaign.data.progress import job
+from cislunar.campaign.tracking.tables import estimator_rows, reading_rows, tracking_rows
 
 with job(snakemake.log[0]):
     summary = read_dataset(snakemake.input[0])

@@ -1,8 +1,8 @@
 """Makes visibility/{scenario}.nc: observations for every orbit, satellite count and target."""
 
-from cislunar.campaign.netcdf import read_dataset, write_dataset
-from cislunar.campaign.observability import visibility_dataset
-from cislunar.campaign.progress import job, progress_log
+from cislunar.campaign.architectures.observability import visibility_dataset
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.progress import job, progress_log
 
 with job(snakemake.log[0], snakemake.threads):
     counts = visibility_dataset(

@@ -1,0 +1,1 @@
+"""Proof of the largest J: relaxation, bounds, branch and bound."""

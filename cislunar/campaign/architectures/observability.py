@@ -1,0 +1,139 @@
+"""Data sets of visibility, and the cost tables read from them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from cislunar.architecture.coverage import Coverage, architecture_tracks, coverage
+from cislunar.architecture.tables import ArchitectureTables
+from cislunar.campaign.data.inputs import horizon, sun_at, visibility_settings
+from cislunar.campaign.data.netcdf import variable
+from cislunar.campaign.data.progress import Progress
+from cislunar.campaign.data.provenance import provenance
+from cislunar.visibility.counts import count_visibility
+
+
+def visibility_dataset(
+    orbits: xr.Dataset,
+    targets: xr.Dataset,
+    sun: xr.Dataset,
+    settings: Mapping[str, Any],
+    max_satellites: int,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Count the observations of a target set for every orbit and satellite count.
+
+    Parameters
+    ----------
+    orbits, targets, sun : xarray.Dataset
+        ``orbits/families.nc``, ``targets/static_{scenario}.nc``, ``ephemeris/sun.nc``.
+    settings : mapping
+        Configuration keys `epoch_jd`, `propagator` and `visibility`.
+    max_satellites : int
+        Largest number of satellites on one orbit.
+    progress : callable, optional
+        Called with (orbits done, orbits).
+
+    Returns
+    -------
+    xarray.Dataset
+        ``visibility/{scenario}.nc``.
+    """
+    chosen = visibility_settings(settings)
+    times = horizon(settings)
+    counts = count_visibility(
+        orbits["state"].values,
+        orbits["period"].values,
+        targets["position"].values,
+        times,
+        sun_at(sun, times),
+        chosen,
+        max_satellites=max_satellites,
+        progress=progress,
+    )
+    attributes = provenance("Observations of static targets", settings=dict(settings))
+    attributes.update(
+        diffuse_reflection_coefficient=float(chosen.diffuse_reflection_coefficient),
+        visibility_magnitude=float(chosen.limiting_magnitude),
+        n_steps=len(times),
+    )
+    return xr.Dataset(
+        {
+            "observations": variable(
+                ("orbit", "satellites", "target"),
+                counts.observations,
+                "1",
+                "times the target is observable, summed over satellites and times",
+            ),
+            "distance": variable(
+                ("orbit", "satellites"),
+                counts.distance,
+                "1",
+                "Earth plus Moon distance summed over satellites and times, nondimensional",
+            ),
+        },
+        coords={
+            "satellites": variable(
+                "satellites", np.arange(1, max_satellites + 1), "1", "satellites on the orbit"
+            )
+        },
+        attrs=attributes,
+    )
+
+
+def architecture_tables(visibility: xr.Dataset, orbits: xr.Dataset) -> ArchitectureTables:
+    """Cost tables from data sets.
+
+    Parameters
+    ----------
+    visibility, orbits : xarray.Dataset
+        ``visibility/{scenario}.nc`` and ``orbits/families.nc``.
+
+    Returns
+    -------
+    ArchitectureTables
+    """
+    return ArchitectureTables(
+        observations=visibility["observations"].values,
+        distance=visibility["distance"].values,
+        stability_index=orbits["stability_index"].values,
+        family=orbits["family"].values.astype(str),
+        n_steps=int(visibility.attrs["n_steps"]),
+    )
+
+
+def architecture_coverage(
+    orbit: np.ndarray,
+    satellites: np.ndarray,
+    orbits: xr.Dataset,
+    targets: xr.Dataset,
+    sun: xr.Dataset,
+    settings: Mapping[str, Any],
+) -> Coverage:
+    """Union coverage of one architecture.
+
+    Parameters
+    ----------
+    orbit, satellites : ndarray of int, shape (slot,)
+        The architecture.
+    orbits, targets, sun : xarray.Dataset
+        ``orbits/families.nc``, ``targets/static_{scenario}.nc``, ``ephemeris/sun.nc``.
+    settings : mapping
+        Configuration keys `propagator` and `visibility`.
+
+    Returns
+    -------
+    Coverage
+    """
+    chosen = visibility_settings(settings)
+    times = horizon(settings)
+    track = architecture_tracks(
+        orbits["state"].values[orbit],
+        orbits["period"].values[orbit],
+        satellites,
+        times,
+        propagator=chosen.propagator,
+    )
+    return coverage(track, targets["position"].values, times, sun_at(sun, times), chosen)

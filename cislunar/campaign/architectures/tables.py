@@ -1,0 +1,101 @@
+"""Tables of the campaign: the architectures of Paul & Fan, table 2, beside ours."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from cislunar.architecture.published import PUBLISHED
+from cislunar.campaign.architectures.observability import architecture_coverage
+from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+
+
+def architecture_rows(
+    scenario: str,
+    optimizer: str,
+    architecture: xr.Dataset,
+    orbits: xr.Dataset,
+    targets: xr.Dataset,
+    sun: xr.Dataset,
+    settings: Mapping[str, Any],
+) -> pd.DataFrame:
+    """Rows of ``tables/architecture.csv`` for one architecture, one for each slot.
+
+    Parameters
+    ----------
+    scenario, optimizer : str
+        Which architecture it is.
+    architecture, orbits, targets, sun : xarray.Dataset
+        Its data set and those it was made from.
+    settings : mapping
+        Configuration keys `propagator` and `visibility`.
+
+    Returns
+    -------
+    DataFrame
+        Family, member and satellites of each slot beside the paper's family and count, then what
+        the architecture reaches as a whole, repeated on each row. The slots of "published" are the
+        paper's, row by row; those of the other optimizers have no order to match.
+    """
+    orbit = architecture["orbit"].values
+    satellites = architecture["satellites"].values
+    covered = architecture_coverage(orbit, satellites, orbits, targets, sun, settings)
+    paper = PUBLISHED.get(scenario, ())
+    paper_at = [paper[slot] if slot < len(paper) else ("", "") for slot in range(len(orbit))]
+    return pd.DataFrame(
+        {
+            "scenario": scenario,
+            "optimizer": optimizer,
+            "slot": np.arange(1, len(orbit) + 1),
+            "family": orbits["family"].values[orbit],
+            "orbit": orbit,
+            "satellites": satellites,
+            "paper_family": [family for family, _ in paper_at],
+            "paper_satellites": [count for _, count in paper_at],
+            "period_days": orbits["period"].values[orbit] * TIME_UNIT_S / SECONDS_PER_DAY,
+            "jacobi": orbits["jacobi"].values[orbit],
+            "stability_index": orbits["stability_index"].values[orbit],
+            "total_satellites": int(satellites.sum()),
+            "J": float(architecture["J"]),
+            "union_coverage": covered.union_coverage,
+            "target_days": covered.target_days,
+            "never_seen": covered.never_seen,
+            "observers_per_covered_target_hour": covered.observers_per_covered,
+        }
+    )
+
+
+def near_optimal_rows(scenario: str, exact: xr.Dataset, orbits: xr.Dataset) -> pd.DataFrame:
+    """Rows of ``tables/near_optimal.csv``: every architecture close to the optimum.
+
+    Parameters
+    ----------
+    scenario : str
+        Scenario.
+    exact, orbits : xarray.Dataset
+        ``architecture/{scenario}/exact.nc`` and ``orbits/families.nc``.
+
+    Returns
+    -------
+    DataFrame
+        Rank, J, its share of the optimum, and the orbits with their satellites.
+    """
+    family = orbits["family"].values
+    rows = []
+    for rank in range(exact.sizes["near_optimal"]):
+        chosen = exact.isel(near_optimal=rank)
+        pairs = zip(chosen["near_orbit"].values, chosen["near_satellites"].values, strict=True)
+        value = float(chosen["near_J"])
+        rows.append(
+            {
+                "scenario": scenario,
+                "rank": rank + 1,
+                "J": value,
+                "share_of_optimum": value / float(exact["J"]),
+                "total_satellites": int(chosen["near_satellites"].sum()),
+                "orbits": "; ".join(f"{family[i]}[{i}] x {n}" for i, n in pairs),
+            }
+        )
+    return pd.DataFrame(rows)

@@ -1,0 +1,1 @@
+"""The paper's claims, with a verdict on each."""

@@ -1,0 +1,1 @@
+"""Data sets and tables on disk, where they come from, and the progress of making them."""

@@ -1,0 +1,284 @@
+"""Data sets the campaign starts from: ephemeris, orbit library, static targets."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from cislunar.campaign.data.netcdf import variable
+from cislunar.campaign.data.progress import Progress, logger, progress_log
+from cislunar.campaign.data.provenance import provenance
+from cislunar.ephemeris.bodies import interpolate_sun, sample_ephemeris
+from cislunar.observation.exclusion import ExclusionAngles
+from cislunar.orbits.families import CATALOGUE_EXTENT, Extent, OrbitSet, observer_library
+from cislunar.targets.clustering import cluster, distinct_points
+from cislunar.targets.missions import load_missions
+from cislunar.targets.zero_velocity import SamplingSettings, sample_zero_velocity
+from cislunar.visibility.counts import VisibilitySettings, observation_times
+
+AXES = ("x", "y", "z")
+COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
+
+
+def _label(dim: str, values, long_name: str) -> xr.Variable:
+    return variable(dim, list(values), "1", long_name)
+
+
+def sun_dataset(settings: Mapping[str, Any]) -> xr.Dataset:
+    """Sample the Sun and the rotating frame over the campaign's horizon.
+
+    Parameters
+    ----------
+    settings : mapping
+        Configuration keys `epoch_jd`, `ephemeris` and `visibility`.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``ephemeris/sun.nc``.
+    """
+    sampled = sample_ephemeris(
+        settings["epoch_jd"],
+        settings["visibility"]["duration_days"],
+        settings["ephemeris"]["step_minutes"],
+        settings["ephemeris"]["kernel"],
+    )
+    return xr.Dataset(
+        {
+            "sun_position": variable(
+                ("time", "axis"),
+                sampled.sun_position,
+                "1",
+                "Sun from the Earth-Moon barycenter, rotating frame, in units of length_unit_km",
+            ),
+            "moon_rotation": variable(
+                ("time", "axis", "axis_j2000"),
+                sampled.moon_rotation,
+                "1",
+                "rotation from J2000 to the rotating frame",
+            ),
+            "et": variable("time", sampled.et, "s", "TDB seconds past J2000"),
+        },
+        coords={
+            "time": variable("time", sampled.time_utc_jd, "d", "Julian date, UTC"),
+            "axis": _label("axis", AXES, "axis of the rotating frame"),
+            "axis_j2000": _label("axis_j2000", AXES, "axis of J2000"),
+        },
+        attrs=provenance("Sun and rotating frame from SPICE", settings=settings),
+    )
+
+
+def sun_at(sun: xr.Dataset, times: np.ndarray) -> np.ndarray:
+    """Sun at nondimensional times since the epoch.
+
+    Parameters
+    ----------
+    sun : xarray.Dataset
+        ``ephemeris/sun.nc``.
+    times : ndarray, shape (time,)
+        Nondimensional.
+
+    Returns
+    -------
+    ndarray, shape (time, 3)
+        Nondimensional, rotating frame.
+    """
+    elapsed = (sun["et"].values - sun["et"].values[0]) / sun.attrs["time_unit_s"]
+    return interpolate_sun(times, elapsed, sun["sun_position"].values)
+
+
+def families_dataset(settings: Mapping[str, Any], progress: Progress | None = None) -> xr.Dataset:
+    """Generate the candidate observer orbits.
+
+    Parameters
+    ----------
+    settings : mapping
+        Configuration key `orbits`.
+    progress : callable, optional
+        Called with (done, total).
+
+    Returns
+    -------
+    xarray.Dataset
+        ``orbits/families.nc``.
+    """
+    orbits = settings["orbits"]
+    physical = orbits["extent"] == "keep_out"
+    extent = Extent(**orbits["keep_out"]) if physical else CATALOGUE_EXTENT
+    members = {family: count for family, count in orbits["members"].items() if count > 0}
+    library = observer_library(members, extent, progress=progress)
+    return orbit_set_dataset(library, "orbit", "Candidate observer orbits", settings)
+
+
+def orbit_set_dataset(
+    orbits: OrbitSet, dim: str, title: str, settings: Mapping[str, Any]
+) -> xr.Dataset:
+    """A set of periodic orbits as a data set.
+
+    Parameters
+    ----------
+    orbits : OrbitSet
+        The orbits.
+    dim : str
+        Name of their dimension.
+    title : str
+        Title of the data set.
+    settings : mapping
+        Configuration slice, for provenance.
+
+    Returns
+    -------
+    xarray.Dataset
+    """
+    return xr.Dataset(
+        {
+            "family": _label(dim, [str(name) for name in orbits.family], "orbit family"),
+            "state": variable(
+                (dim, "component"),
+                orbits.state,
+                "1",
+                "epoch state at y = 0, nondimensional, rotating frame",
+            ),
+            "period": variable(dim, orbits.period, "1", "period in units of time_unit_s"),
+            "jacobi": variable(dim, orbits.jacobi, "1", "Jacobi constant"),
+            "stability_index": variable(dim, orbits.stability_index, "1", "stability index"),
+            "perilune_km": variable(
+                dim, orbits.perilune_km, "km", "least distance to the center of the Moon"
+            ),
+            "perigee_km": variable(
+                dim, orbits.perigee_km, "km", "least distance to the center of the Earth"
+            ),
+        },
+        coords={"component": _label("component", COMPONENTS, "component of the state")},
+        attrs=provenance(title, settings=settings),
+    )
+
+
+def zvs_points_dataset(missions_path: str | Path, settings: Mapping[str, Any]) -> xr.Dataset:
+    """Sample the region within the zero-velocity surface of every mission.
+
+    Parameters
+    ----------
+    missions_path : str or Path
+        Mission table.
+    settings : mapping
+        Configuration key `targets`.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``targets/zvs_points.nc``.
+    """
+    missions = load_missions(missions_path)
+    targets = settings["targets"]
+    sampling = SamplingSettings(
+        **{
+            key: tuple(value) if isinstance(value, list) else value
+            for key, value in targets.items()
+            if key not in ("missions", "seeding")
+        }
+    )
+    names = missions["mission"].tolist()
+    points = sample_zero_velocity(
+        missions["jacobi"].to_numpy(), sampling, names=names, progress=progress_log("missions")
+    )
+    logger.info("%d points within the surfaces of %d missions", len(points.position), len(names))
+    return xr.Dataset(
+        {
+            "position": variable(
+                ("point", "axis"), points.position, "1", "nondimensional, rotating frame"
+            ),
+            "mission": variable("point", points.mission, "1", "index into mission_name"),
+            "jacobi": variable("point", points.jacobi, "1", "Jacobi constant of the mission"),
+            "mission_name": _label("mission_index", names, "mission"),
+        },
+        coords={"axis": _label("axis", AXES, "axis of the rotating frame")},
+        attrs=provenance("Points sampled within zero-velocity surfaces", settings=settings)
+        | {"distinct_points": len(distinct_points(points.position)[0])},
+    )
+
+
+def static_targets_dataset(
+    points: xr.Dataset, scenario: str, targets: int, seeding: str, seed: int
+) -> xr.Dataset:
+    """Cluster the sampled points to the static targets of a scenario.
+
+    Parameters
+    ----------
+    points : xarray.Dataset
+        ``targets/zvs_points.nc``.
+    scenario : str
+        Name of the scenario.
+    targets : int
+        Number of targets.
+    seeding : str
+        Seeding of k-means.
+    seed : int
+        Seed of the seeding.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``targets/static_{scenario}.nc``.
+    """
+    clusters = cluster(
+        points["position"].values, targets, seed=seed, seeding=seeding, progress=progress_log
+    )
+    logger.info("inertia %.6g", clusters.inertia)
+    chosen = {"scenario": scenario, "targets": targets, "seeding": seeding}
+    return xr.Dataset(
+        {
+            "position": variable(
+                ("target", "axis"), clusters.center, "1", "nondimensional, rotating frame"
+            ),
+            "members": variable(
+                "target", clusters.members, "1", "number of sampled points in the cluster"
+            ),
+            "inertia": variable(
+                (), clusters.inertia, "1", "sum of squared distances of points to their target"
+            ),
+        },
+        coords={"axis": _label("axis", AXES, "axis of the rotating frame")},
+        attrs=provenance(f"Static targets of scenario {scenario}", settings=chosen, seed=seed),
+    )
+
+
+def visibility_settings(settings: Mapping[str, Any]) -> VisibilitySettings:
+    """Photometry and exclusion angles from the configuration.
+
+    Parameters
+    ----------
+    settings : mapping
+        Configuration keys `propagator` and `visibility`.
+
+    Returns
+    -------
+    VisibilitySettings
+    """
+    chosen = settings["visibility"]
+    angles = {f"{body}_deg": angle for body, angle in chosen["exclusion_deg"].items()}
+    return VisibilitySettings(
+        limiting_magnitude=chosen["limiting_magnitude"],
+        target_radius_m=chosen["target_radius_m"],
+        diffuse_reflection_coefficient=chosen["diffuse_reflection_coefficient"],
+        angles=ExclusionAngles(**angles),
+        propagator=settings["propagator"],
+    )
+
+
+def horizon(settings: Mapping[str, Any]) -> np.ndarray:
+    """Evaluation times of the architecture optimisation, nondimensional, shape (time,).
+
+    Parameters
+    ----------
+    settings : mapping
+        Configuration key `visibility`.
+
+    Returns
+    -------
+    ndarray
+    """
+    chosen = settings["visibility"]
+    return observation_times(chosen["duration_days"], chosen["step_hours"])

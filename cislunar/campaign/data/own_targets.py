@@ -1,0 +1,82 @@
+"""Data sets of targets from one's own tables."""
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from cislunar.campaign.data.inputs import AXES, COMPONENTS
+from cislunar.campaign.data.netcdf import variable
+from cislunar.campaign.data.provenance import provenance
+from cislunar.dynamics.cr3bp import jacobi_constant
+from cislunar.targets.tables import load_target_positions, load_target_states
+
+
+def own_tracked_dataset(path: str | Path) -> xr.Dataset:
+    """Moving targets of a table.
+
+    Parameters
+    ----------
+    path : str or Path
+        The table, see `cislunar.targets.tables`.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``orbits/tracked_{scenario}.nc``.
+    """
+    targets = load_target_states(path)
+    return xr.Dataset(
+        {
+            "name": variable("target", targets.name, "1", "name of the target"),
+            "family": variable("target", targets.family, "1", "class of the target"),
+            "state": variable(
+                ("target", "component"),
+                targets.state,
+                "1",
+                "state at the epoch, nondimensional, rotating frame",
+            ),
+            "period": variable(
+                "target",
+                targets.period,
+                "1",
+                "period in units of time_unit_s; 0 for a target that starts at its state",
+            ),
+            "jacobi": variable("target", jacobi_constant(targets.state), "1", "Jacobi constant"),
+        },
+        coords={"component": variable("component", list(COMPONENTS), "1", "component")},
+        attrs=provenance("Moving targets of a table", settings={"tracked": str(path)}),
+    )
+
+
+def own_static_dataset(path: str | Path, scenario: str) -> xr.Dataset:
+    """Static targets of a table.
+
+    Parameters
+    ----------
+    path : str or Path
+        The table, see `cislunar.targets.tables`.
+    scenario : str
+        Name of the scenario.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``targets/static_{scenario}.nc``.
+    """
+    targets = load_target_positions(path)
+    members = np.ones(len(targets), dtype=np.int64)
+    return xr.Dataset(
+        {
+            "name": variable("target", targets.name, "1", "name of the target"),
+            "position": variable(
+                ("target", "axis"), targets.position, "1", "nondimensional, rotating frame"
+            ),
+            "members": variable("target", members, "1", "points the target stands for"),
+        },
+        coords={"axis": variable("axis", list(AXES), "1", "axis of the rotating frame")},
+        attrs=provenance(
+            f"Static targets of scenario {scenario}",
+            settings={"scenario": scenario, "static_targets": str(path)},
+        ),
+    )

@@ -1,0 +1,1 @@
+"""Numbers of a finished campaign in README and docs."""

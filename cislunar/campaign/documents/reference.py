@@ -1,0 +1,120 @@
+"""Reference of every public function, class and constant, from the docstrings, as HTML.
+
+::
+
+    python -m cislunar.campaign.documents.reference
+
+writes it to ``docs/api``; ``--output FOLDER`` writes it elsewhere. Open ``index.html`` there; the
+pages can be searched and need no network.
+"""
+
+import argparse
+import inspect
+import re
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+PACKAGE = "cislunar"
+
+_NDARRAY = re.compile(
+    r"numpy\.ndarray\[tuple\[typing\.Any, \.\.\.\], numpy\.dtype\[(?:numpy\.)?(~?\w+)\]\]"
+)
+
+
+class _Named:
+    """An annotation that is shown as the text given."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+
+    def __repr__(self) -> str:
+        return self._text
+
+
+def short_annotation(annotation: Any) -> Any:
+    """An annotation under the name it is written with, arrays as ``ArrayLike`` and ``NDArray``.
+
+    Parameters
+    ----------
+    annotation : object
+        Of a parameter or of what is returned.
+
+    Returns
+    -------
+    object
+        What `inspect` shows shortly.
+    """
+    if annotation is inspect.Parameter.empty:
+        return annotation
+    text = inspect.formatannotation(annotation)
+    array_like = inspect.formatannotation(ArrayLike)
+    text = text.replace(f"{array_like[:-1]}, NoneType]", "ArrayLike | None")
+    text = text.replace(array_like, "ArrayLike")
+    return _Named(_NDARRAY.sub(r"NDArray[\1]", text))
+
+
+def _short(signature: inspect.Signature) -> inspect.Signature:
+    return signature.replace(
+        parameters=[
+            each.replace(annotation=short_annotation(each.annotation))
+            for each in signature.parameters.values()
+        ],
+        return_annotation=short_annotation(signature.return_annotation),
+    )
+
+
+def write_reference(folder: str | Path) -> None:
+    """Write the reference.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Destination; an older reference there is replaced.
+
+    Raises
+    ------
+    ImportError
+        If pdoc is missing: ``pip install -r environment.txt``.
+    """
+    import pdoc
+
+    folder = Path(folder)
+    shutil.rmtree(folder / PACKAGE, ignore_errors=True)
+    pdoc.render.configure(docformat="numpy", show_source=False)
+    show = pdoc.render_helpers.format_signature
+    pdoc.render.env.filters["format_signature"] = lambda signature, colon: show(
+        _short(signature), colon
+    )
+    pdoc.pdoc(PACKAGE, output_directory=folder)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        By default those of the process.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    parser = argparse.ArgumentParser(
+        prog="python -m cislunar.campaign.documents.reference",
+        description="Write the reference of the library as HTML.",
+    )
+    parser.add_argument("--output", default="docs/api", help="folder (default: docs/api)")
+    chosen = parser.parse_args(arguments)
+    write_reference(chosen.output)
+    print(Path(chosen.output) / "index.html")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,285 @@
+"""Numbers of a finished campaign into the documents: README, docs and the page of results.
+
+From the folder of the repository, after the campaign::
+
+    python -m cislunar.campaign.documents.update
+
+copies the tables the documents rest on from ``results/`` to ``docs/tables``, the page of results to
+``docs/results.md``, and makes every block between the lines ``<!-- begin generated: NAME -->`` and
+``<!-- end generated -->`` anew from these tables. ``--results FOLDER`` takes another results
+folder; ``--check`` changes nothing and fails where a document differs from its tables.
+"""
+
+import argparse
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+
+from cislunar.campaign.data.netcdf import write_text
+from cislunar.campaign.documents.blocks import BLOCKS
+from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
+from cislunar.campaign.documents.results_page import results_body, shown_quantities
+from cislunar.campaign.operation.run_times import run_times
+from cislunar.errors import CislunarError, InputFileError
+
+RESULTS_PAGE = "results.md"
+TABLES = (
+    "paper_vs_ours",
+    "architecture",
+    "label_comparison",
+    "readings_architecture",
+    "readings_tracking",
+    "tracking",
+    "model_error",
+    "photometry",
+    "run_times",
+)
+"""Tables of ``docs/tables``; the last comes from the benchmarks, the others from the campaign."""
+
+_THINNED = ("readings_tracking", "tracking")
+
+
+def read_tables(folder: str | Path) -> dict[str, pd.DataFrame]:
+    """The tables the documents rest on.
+
+    Parameters
+    ----------
+    folder : str or Path
+        ``docs/tables``.
+
+    Returns
+    -------
+    dict of str to DataFrame
+
+    Raises
+    ------
+    InputFileError
+        If one is missing.
+    """
+    return {name: _read(Path(folder) / f"{name}.csv") for name in TABLES}
+
+
+def _read(path: Path) -> pd.DataFrame:
+    if not path.is_file():
+        raise InputFileError(
+            f"{path}: no such table; run the whole campaign, then "
+            "python -m cislunar.campaign.documents.update"
+        )
+    texts = {"paper": str, "ours": str} if path.stem == "paper_vs_ours" else None
+    return pd.read_csv(path, dtype=texts)
+
+
+def campaign_tables(results: str | Path) -> dict[str, str]:
+    """The text of every table for the documents, from a finished campaign.
+
+    Parameters
+    ----------
+    results : str or Path
+        Results folder.
+
+    Returns
+    -------
+    dict of str to str
+        CSV by name; long tables hold only what the documents show.
+
+    Raises
+    ------
+    InputFileError
+        If one is missing.
+    """
+    results = Path(results)
+    found = {}
+    for name in TABLES[:-1]:
+        path = results / "tables" / f"{name}.csv"
+        table = _read(path)
+        if name in _THINNED:
+            found[name] = shown_quantities(table).to_csv(index=False)
+        else:
+            found[name] = path.read_text(encoding="utf-8")
+    found[TABLES[-1]] = run_times(results / "benchmarks").to_csv(index=False)
+    return found
+
+
+def documents(root: str | Path) -> list[Path]:
+    """Documents with generated blocks.
+
+    Parameters
+    ----------
+    root : str or Path
+        Folder of the repository.
+
+    Returns
+    -------
+    list of Path
+    """
+    root = Path(root)
+    every = [root / "README.md", root / "config/README.md", *sorted((root / "docs").rglob("*.md"))]
+    return [p for p in every if p.is_file() and generated_blocks(p.read_text(encoding="utf-8"))]
+
+
+def rule_graph(root: str | Path) -> str:
+    """The graph of the rules at the shipped configuration, as a Mermaid diagram.
+
+    Parameters
+    ----------
+    root : str or Path
+        Folder of the repository.
+
+    Returns
+    -------
+    str
+        Markdown; rules and their dependences in alphabetical order.
+
+    Raises
+    ------
+    InputFileError
+        If Snakemake cannot read the workflow.
+    """
+    command = [sys.executable, "-m", "snakemake", "--forceall", "--rulegraph", "mermaid-js"]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise InputFileError(f"{root}: snakemake --rulegraph failed: {done.stderr[-1000:]}")
+    names = dict(re.findall(r"^\s*(id\d+)\[(\w+)\]", done.stdout, flags=re.MULTILINE))
+    found = re.findall(r"^\s*(id\d+) --> (id\d+)", done.stdout, flags=re.MULTILINE)
+    edges = sorted((names[before], names[after]) for before, after in found)
+    # The last rule takes everything and would hide the rest.
+    lines = [f"    {before} --> {after}\n" for before, after in edges if after != "all"]
+    return f"```mermaid\nflowchart LR\n{''.join(lines)}```"
+
+
+def block_makers(
+    root: str | Path, tables: Mapping[str, pd.DataFrame]
+) -> dict[str, Callable[[], str]]:
+    """What makes each block.
+
+    Parameters
+    ----------
+    root : str or Path
+        Folder of the repository.
+    tables : mapping of str to DataFrame
+        From `read_tables`.
+
+    Returns
+    -------
+    dict of str to callable
+        Makes Markdown without arguments.
+    """
+    makers = {name: partial(make, tables) for name, make in BLOCKS.items()}
+    return makers | {"rule-graph": partial(rule_graph, root)}
+
+
+def outdated(root: str | Path) -> dict[Path, str]:
+    """Documents that differ from their tables.
+
+    Parameters
+    ----------
+    root : str or Path
+        Folder of the repository.
+
+    Returns
+    -------
+    dict of Path to str
+        What each of them should hold. The page of results stands for itself where its body differs
+        from the tables'; only the campaign can make it anew.
+
+    Raises
+    ------
+    InputFileError
+        If a table is missing or a block ill formed.
+    """
+    root = Path(root)
+    tables = read_tables(root / "docs/tables")
+    makers = block_makers(root, tables)
+    found = {}
+    for path in documents(root):
+        text = path.read_text(encoding="utf-8")
+        filled = fill_blocks(text, makers, str(path.relative_to(root)))
+        if filled != text:
+            found[path] = filled
+    page = root / "docs" / RESULTS_PAGE
+    text = page.read_text(encoding="utf-8") if page.is_file() else ""
+    if results_body(tables) not in text:
+        found[page] = text
+    return found
+
+
+def refresh(root: str | Path, results: str | Path) -> list[Path]:
+    """Bring the documents up to a finished campaign.
+
+    Parameters
+    ----------
+    root : str or Path
+        Folder of the repository.
+    results : str or Path
+        Results folder.
+
+    Returns
+    -------
+    list of Path
+        Documents that changed, tables aside.
+
+    Raises
+    ------
+    InputFileError
+        If the campaign is not finished; nothing is changed then.
+    """
+    root, results = Path(root), Path(results)
+    source = results / "tables" / RESULTS_PAGE
+    if not source.is_file():
+        raise InputFileError(f"{source}: no such file; run the whole campaign first")
+    for name, text in campaign_tables(results).items():
+        write_text(text, root / "docs/tables" / f"{name}.csv")
+    page = root / "docs" / RESULTS_PAGE
+    before = page.read_text(encoding="utf-8") if page.is_file() else None
+    write_text(source.read_text(encoding="utf-8"), page)
+    stale = outdated(root)
+    if page in stale:
+        raise InputFileError(f"{source} does not belong to the tables beside it; make it anew")
+    for path, text in stale.items():
+        write_text(text, path)
+    return [*stale, *([page] if before != page.read_text(encoding="utf-8") else [])]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command; its exit code is 1 where something is amiss.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        By default those of the process.
+
+    Returns
+    -------
+    int
+    """
+    parser = argparse.ArgumentParser(
+        prog="python -m cislunar.campaign.documents.update",
+        description="Fill the documents with the numbers of a finished campaign.",
+    )
+    parser.add_argument("--results", default="results", help="results folder (default: results)")
+    parser.add_argument("--root", default=".", help="folder of the repository (default: here)")
+    parser.add_argument(
+        "--check", action="store_true", help="change nothing; fail where a document is outdated"
+    )
+    chosen = parser.parse_args(arguments)
+    try:
+        if not chosen.check:
+            changed = refresh(chosen.root, chosen.results)
+            print("\n".join(map(str, changed)) or "nothing has changed")
+            return 0
+        stale = outdated(chosen.root)
+    except CislunarError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    for path in stale:
+        print(f"{path} differs from docs/tables", file=sys.stderr)
+    return int(bool(stale))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Running a campaign: damaged results, times, resources."""

@@ -1,0 +1,1 @@
+"""What each reading of the paper does."""

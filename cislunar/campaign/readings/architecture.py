@@ -1,0 +1,158 @@
+"""What each reading of the paper does to J: the chain of Task 1 rerun with one choice changed."""
+
+import copy
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from cislunar.architecture.coordinate_search import coordinate_search
+from cislunar.architecture.cost import CostFunction
+from cislunar.architecture.published import PUBLISHED, choose_members
+from cislunar.architecture.tables import ArchitectureTables
+from cislunar.campaign.architectures.observability import architecture_tables, visibility_dataset
+from cislunar.campaign.architectures.optimization import generator
+from cislunar.campaign.data.inputs import (
+    families_dataset,
+    static_targets_dataset,
+    zvs_points_dataset,
+)
+from cislunar.campaign.data.progress import Progress
+from cislunar.errors import ConfigurationError
+
+READINGS: dict[str, dict[str, Any]] = {
+    "as configured": {},
+    "C_d = 0.5": {"visibility.diffuse_reflection_coefficient": 0.5},
+    "C_d = 0.2": {"visibility.diffuse_reflection_coefficient": 0.2},
+    "targets around the Moon alone": {"targets.centers": ["moon"]},
+    "targets in the lobes of both bodies": {"targets.region": "bodies"},
+    "targets on a barycentric grid": {"targets.centers": ["barycenter"], "targets.region": "all"},
+    "targets within 500 000 km": {"targets.outer_radius_km": 500_000.0},
+    "another k-means seed": {"seed": 1},
+    "orbits as far as catalogs list them": {"orbits.extent": "catalog"},
+    "observers by DOP853 at 1e-13": {"propagator": "dop853"},
+}
+"""Changes to the configuration, by the name of the reading."""
+
+
+def changed(config: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A configuration with some keys set otherwise.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    changes : mapping
+        Values by dotted key.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    ConfigurationError
+        If a key does not exist.
+    """
+    result = copy.deepcopy(dict(config))
+    for key, value in changes.items():
+        *parents, last = key.split(".")
+        section = result
+        for parent in parents:
+            section = section.get(parent, {})
+        if last not in section:
+            raise ConfigurationError(f"configuration key {key!r} does not exist")
+        section[last] = value
+    return result
+
+
+def random_best(
+    tables: ArchitectureTables, rng: np.random.Generator, *, n_slots: int, draws: int
+) -> float:
+    """Largest J among uniformly random architectures.
+
+    Parameters
+    ----------
+    tables : ArchitectureTables
+        Tables of one target set.
+    rng : numpy.random.Generator
+        Source of the draws.
+    n_slots, draws : int
+        Orbits of an architecture and number of draws.
+
+    Returns
+    -------
+    float
+    """
+    cost = CostFunction(tables)
+    shape = (draws, n_slots)
+    orbit = rng.integers(0, tables.n_orbits, shape)
+    satellites = rng.integers(1, tables.max_satellites + 1, shape)
+    return max(cost(o, n).value for o, n in zip(orbit, satellites, strict=True))
+
+
+def readings_table(
+    config: Mapping[str, Any],
+    scenario: str,
+    orbits: xr.Dataset,
+    sun: xr.Dataset,
+    progress: Progress | None = None,
+) -> pd.DataFrame:
+    """J of one scenario under each reading.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    scenario : str
+        Scenario to rerun.
+    orbits, sun : xarray.Dataset
+        ``orbits/families.nc`` and ``ephemeris/sun.nc`` of the configuration as it is.
+    progress : callable, optional
+        Called with (readings done, readings).
+
+    Returns
+    -------
+    DataFrame
+        Reading, sampled points, J of the published families and counts (where the paper has the
+        scenario), best of random draws, and best of the coordinate search with its satellites.
+    """
+    rows = []
+    for done, (name, changes) in enumerate(READINGS.items()):
+        setting = changed(config, changes)
+        library = families_dataset(setting) if "orbits.extent" in changes else orbits
+        points = zvs_points_dataset(setting["targets"]["missions"], setting)
+        targets = static_targets_dataset(
+            points,
+            scenario,
+            setting["scenarios"][scenario]["targets"],
+            setting["targets"]["seeding"],
+            setting["seed"],
+        )
+        chosen = setting["architecture"]
+        visibility = visibility_dataset(library, targets, sun, setting, chosen["max_satellites"])
+        tables = architecture_tables(visibility, library)
+        rng = generator(config["seed"], scenario, "readings")
+        draws = chosen["max_evaluations"]
+        best = coordinate_search(tables, rng, n_slots=chosen["slots"], restarts=chosen["restarts"])
+        row = {
+            "scenario": scenario,
+            "reading": name,
+            "changes": "; ".join(f"{key} = {value}" for key, value in changes.items()),
+            "sampled_points": points.sizes["point"],
+            "J_random": random_best(tables, rng, n_slots=chosen["slots"], draws=draws),
+            "random_draws": draws,
+            "J_coordinate_search": best.cost.value,
+            "satellites_coordinate_search": best.n_satellites,
+        }
+        if scenario in PUBLISHED:
+            published = choose_members(
+                tables, PUBLISHED[scenario], rng=rng, restarts=chosen["restarts"]
+            )
+            row["J_published"] = published.cost.value
+        rows.append(row)
+        if progress is not None:
+            progress(done + 1, len(READINGS))
+    return pd.DataFrame(rows)

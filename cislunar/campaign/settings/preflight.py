@@ -1,0 +1,159 @@
+"""What a campaign is refused for before any job starts.
+
+Snakemake removes the files of a job before it runs it, so a job that fails costs the user the
+result of an earlier one. Faults that can be found beforehand are found here.
+"""
+
+import importlib.util
+import json
+import os
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cislunar.architecture.published import PUBLISHED
+from cislunar.campaign.settings.cells import MOST_STEPS
+from cislunar.campaign.settings.scenarios import in_study, scenario_settings, shared_dataset
+from cislunar.campaign.settings.sweeps import with_sweeps
+from cislunar.ephemeris.bodies import check_coverage
+from cislunar.errors import ConfigurationError
+from cislunar.targets.missions import load_missions
+from cislunar.targets.tables import load_target_positions
+
+
+def check_inputs(config: Mapping[str, Any]) -> None:
+    """Check the files and packages a configuration asks for, and what its optimizers need.
+
+    Parameters
+    ----------
+    config : mapping
+        A configuration that `cislunar.campaign.settings.configuration.check_campaign` accepts.
+
+    Raises
+    ------
+    InputFileError
+        If an ephemeris kernel is missing or does not cover the horizon, or a table of missions or
+        targets is missing or faulty.
+    ConfigurationError
+        If the horizon is no whole number of steps, a scenario has more targets than there are
+        sampled points, or an optimizer cannot run.
+    """
+    config = with_sweeps(in_study(config))
+    _check_horizon("visibility", config["visibility"])
+    load_missions(config["targets"]["missions"])
+    for scenario in config["scenarios"]:
+        settings = scenario_settings(config, scenario)
+        _check_horizon(f"scenarios.{scenario}.settings.visibility", settings["visibility"])
+        _check_static_targets(config, scenario, settings["targets"])
+    _check_ephemerides(config)
+    architecture = config["architecture"]
+    if "atpe" in architecture["optimizers"] and importlib.util.find_spec("lightgbm") is None:
+        raise ConfigurationError(
+            "configuration key 'architecture.optimizers': 'atpe' needs the package lightgbm: "
+            "pip install lightgbm, or leave it out"
+        )
+    if "published" in architecture["optimizers"]:
+        for scenario in config["scenarios"]:
+            _check_published(scenario, config["orbits"]["members"], architecture["max_satellites"])
+
+
+def _check_horizon(key: str, visibility: Mapping[str, Any]) -> None:
+    steps = visibility["duration_days"] * 24.0 / visibility["step_hours"]
+    if steps > MOST_STEPS or abs(steps - round(steps)) > 1e-9:
+        raise ConfigurationError(
+            f"configuration key '{key}.duration_days' = {visibility['duration_days']} is not "
+            f"a whole number of steps of visibility.step_hours = {visibility['step_hours']}, at "
+            f"most {MOST_STEPS:,}"
+        )
+
+
+def _check_static_targets(
+    config: Mapping[str, Any], scenario: str, sampling: Mapping[str, Any]
+) -> None:
+    """Table of a scenario's static targets, or of the missions they are sampled for."""
+    entry = config["scenarios"][scenario]
+    if "static_targets" in entry:
+        load_target_positions(entry["static_targets"])
+        return
+    if sampling["missions"] != config["targets"]["missions"]:
+        load_missions(sampling["missions"])
+    points = Path(config["results"]) / shared_dataset(config, scenario, "targets/zvs_points")
+    check_target_count(points, scenario, entry["targets"], sampling)
+
+
+def _check_ephemerides(config: Mapping[str, Any]) -> None:
+    """Kernel and span of every ephemeris, each once."""
+    distinct = {}
+    for each in [config, *(scenario_settings(config, name) for name in config["scenarios"])]:
+        span = each["epoch_jd"], each["visibility"]["duration_days"]
+        distinct[*span, each["ephemeris"]["step_minutes"], each["ephemeris"]["kernel"]] = None
+    for epoch_jd, days, minutes, kernel in distinct:
+        if days * 1440.0 / minutes > MOST_STEPS:
+            raise ConfigurationError(
+                f"configuration key 'ephemeris.step_minutes' = {minutes}: {days} days would take "
+                f"more than {MOST_STEPS:,} samples; make it longer"
+            )
+        check_coverage(epoch_jd, days, minutes, kernel)
+
+
+def _check_published(scenario: str, members: Mapping[str, int], max_satellites: int) -> None:
+    """Refuse a library that cannot hold the published architecture."""
+    slots = PUBLISHED.get(scenario, ())
+    for family, wanted in Counter(family for family, _ in slots).items():
+        if members.get(family, 0) < wanted:
+            raise ConfigurationError(
+                f"configuration key 'orbits.members.{family}' = {members.get(family, 0)}: the "
+                f"published architecture of scenario {scenario} needs {wanted}; raise it or take "
+                "'published' out of architecture.optimizers"
+            )
+    most = max((count for _, count in slots), default=1)
+    if most > max_satellites:
+        raise ConfigurationError(
+            f"configuration key 'architecture.max_satellites' = {max_satellites}: the published "
+            f"architecture of scenario {scenario} has {most} on one orbit; raise it or take "
+            "'published' out of architecture.optimizers"
+        )
+
+
+def check_target_count(
+    points: str | Path, scenario: str, count: int, targets: Mapping[str, Any]
+) -> None:
+    """Refuse more static targets than sampled points, if the points are there already.
+
+    Points sampled under other settings, or from a mission table changed since, are to be made
+    anew: they say nothing, and the check is left to the clustering.
+
+    Parameters
+    ----------
+    points : str or Path
+        ``targets/zvs_points.nc``.
+    scenario : str
+        Scenario the targets are for.
+    count : int
+        Number of targets.
+    targets : mapping
+        Configuration key `targets`.
+
+    Raises
+    ------
+    ConfigurationError
+        If there are fewer distinct points than targets.
+    """
+    points, missions = Path(points), Path(targets["missions"])
+    if not points.is_file() or os.path.getmtime(missions) > os.path.getmtime(points):
+        return
+    from netCDF4 import Dataset
+
+    try:
+        with Dataset(points) as dataset:
+            made_with = json.loads(dataset.getncattr("settings"))["targets"]
+            distinct = int(dataset.getncattr("distinct_points"))
+    except (OSError, AttributeError, KeyError, ValueError):
+        return  # damaged, or no file of ours: the job that reads it says so
+    if {**made_with, "seeding": None} == {**targets, "seeding": None} and count > distinct:
+        raise ConfigurationError(
+            f"configuration key 'scenarios.{scenario}.targets' = {count}: only {distinct} distinct "
+            f"points are in {points}; lower it or sample more finely (targets.angular_step_deg, "
+            "targets.radial_points)"
+        )

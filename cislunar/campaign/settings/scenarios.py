@@ -1,0 +1,184 @@
+"""The scenarios of a study: which take part, how each is set, and which files they share.
+
+A scenario is a set of static targets and all that is done with it. Its entry in the configuration
+key `scenarios` may set any key of `SECTIONS` otherwise than the campaign as a whole, and name
+tables of its own targets. Nothing here needs the compiled library, so that a configuration is
+checked at once.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from cislunar.campaign.settings.cells import CELL_KEYS, TRACKED_TARGETS, merged, variant_place
+from cislunar.targets.tables import load_target_states
+
+SECTIONS = ("epoch_jd", "ephemeris", "targets", "visibility", "task2")
+"""Keys of the configuration a scenario may set for itself; of `task2`, those of a cell."""
+
+COMPARISONS = (
+    ("architecture", "label_comparison"),
+    ("architecture", "readings"),
+    ("task2", "tasking_comparison"),
+)
+"""Parts of the configuration that rest on one scenario, and are left out without it."""
+
+
+def settings_schema(schema: Mapping[str, Any]) -> dict[str, Any]:
+    """Schema of what a scenario sets for itself: parts of the configuration, none required.
+
+    Parameters
+    ----------
+    schema : mapping
+        JSON schema of the configuration.
+
+    Returns
+    -------
+    dict
+    """
+    known = {key: _optional(schema["properties"][key]) for key in SECTIONS}
+    known["task2"]["properties"] = {key: known["task2"]["properties"][key] for key in CELL_KEYS}
+    return {"type": "object", "additionalProperties": False, "properties": known}
+
+
+def _optional(schema: Any) -> Any:
+    """A schema whose keys may all be left out."""
+    if not isinstance(schema, Mapping):
+        return schema
+    return {key: _optional(part) for key, part in schema.items() if key != "required"}
+
+
+def in_study(config: Mapping[str, Any]) -> dict[str, Any]:
+    """The configuration without the scenarios that are set to null and all that refers to them.
+
+    Parameters
+    ----------
+    config : mapping
+        A configuration of the right form.
+
+    Returns
+    -------
+    dict
+        The same if no scenario is null. Comparisons that rest on a scenario left out have null
+        for it.
+    """
+    absent = {name for name, entry in config["scenarios"].items() if entry is None}
+    if not absent:
+        return dict(config)
+
+    def kept(counts: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in counts.items() if name not in absent}
+
+    result = merged(config, {})
+    result["scenarios"] = kept(config["scenarios"])
+    task2 = result["task2"] = dict(config["task2"])
+    task2["target_counts"] = kept(task2["target_counts"])
+    task2["intervals"] = task2["intervals"] | {
+        "target_counts": kept(task2["intervals"]["target_counts"])
+    }
+    task2["other_architectures"] = {
+        name: kept(counts) for name, counts in task2["other_architectures"].items()
+    }
+    variants = task2["variants"]
+    cells = {n: v for n, v in variants["cells"].items() if variant_place(task2, n)[0] not in absent}
+    usual = None if variants["scenario"] in absent else variants["scenario"]
+    task2["variants"] = variants | {"scenario": usual, "cells": cells}
+    for section, key in COMPARISONS:
+        if result[section][key]["scenario"] in absent:
+            result[section] = result[section] | {key: result[section][key] | {"scenario": None}}
+    result["sweeps"] = {
+        name: sweep for name, sweep in config["sweeps"].items() if sweep["scenario"] not in absent
+    }
+    return result
+
+
+def scenario_settings(config: Mapping[str, Any], scenario: str) -> dict[str, Any]:
+    """The configuration as it holds for a scenario.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    scenario : str
+        Name of a scenario.
+
+    Returns
+    -------
+    dict
+        The keys `SECTIONS`; a section the scenario sets nothing of is that of the configuration.
+    """
+    own = config["scenarios"][scenario].get("settings", {})
+    return merged({key: config[key] for key in SECTIONS}, own)
+
+
+def tracked_count(config: Mapping[str, Any], scenario: str) -> int:
+    """Number of moving targets of a scenario.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    scenario : str
+        Name of a scenario.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    InputFileError
+        If the scenario's table of moving targets is missing or faulty.
+    """
+    table = config["scenarios"][scenario].get("tracked")
+    return TRACKED_TARGETS if table is None else len(load_target_states(table))
+
+
+def _ephemeris(settings: Mapping[str, Any], entry: Mapping[str, Any]) -> Any:
+    span = settings["visibility"]["duration_days"]
+    return settings["epoch_jd"], settings["ephemeris"], span
+
+
+def _points(settings: Mapping[str, Any], entry: Mapping[str, Any]) -> Any:
+    return {key: value for key, value in settings["targets"].items() if key != "seeding"}
+
+
+def _tracked(settings: Mapping[str, Any], entry: Mapping[str, Any]) -> Any:
+    return entry.get("tracked")
+
+
+SHARED = {
+    "ephemeris/sun": _ephemeris,
+    "targets/zvs_points": _points,
+    "orbits/tracked": _tracked,
+}
+"""Data sets that scenarios with the same settings share, with what decides that."""
+
+
+def shared_dataset(config: Mapping[str, Any], scenario: str, name: str) -> str:
+    """The data set a scenario shares with the others that have the same settings.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    scenario : str
+        Name of a scenario.
+    name : str
+        A key of `SHARED`.
+
+    Returns
+    -------
+    str
+        Path relative to the results folder: ``{name}.nc`` where the scenario agrees with the
+        campaign as a whole, else ``{name}_{scenario}.nc`` with the first scenario it agrees with.
+    """
+    decides = SHARED[name]
+
+    def of(other: str) -> Any:
+        return decides(scenario_settings(config, other), config["scenarios"][other])
+
+    wanted = of(scenario)
+    if wanted == decides(config, {}):
+        return f"{name}.nc"
+    first = next(other for other in config["scenarios"] if of(other) == wanted)
+    return f"{name}_{first}.nc"

@@ -1,0 +1,205 @@
+"""What ties the keys of sensor tasking and tracking to each other and to the scenarios."""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from cislunar.attitude.inertia import inertia_matrix
+from cislunar.campaign.settings.cells import (
+    MOST_STEPS,
+    campaign_cells,
+    cell_settings,
+    check_cell,
+    has_architecture,
+    is_multiple,
+    true_settings,
+    variant_place,
+)
+from cislunar.campaign.settings.scenarios import scenario_settings, tracked_count
+from cislunar.campaign.settings.sweeps import swept_cells, variant_key
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.light_curves.batch_settings import BatchSettings
+
+
+def check_tracking(config: Mapping[str, Any]) -> None:
+    """Check what ties the keys of `task2` to each other and to the rest.
+
+    The variants' own settings are checked like those of the configuration.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration, valid by its schema, with the scenarios and variants of its sweeps
+        (`cislunar.campaign.settings.sweeps.with_sweeps`).
+
+    Raises
+    ------
+    ConfigurationError
+        With a message that names the key.
+    InputFileError
+        If a scenario's table of moving targets is missing or faulty.
+    """
+    task2, scenarios = config["task2"], config["scenarios"]
+    _check_times("task2.", task2, config)
+    for key, scenario, _ in _target_counts(config):
+        _require_scenario(f"task2.{key}", scenario, scenarios)
+    _check_architectures(config)
+    settings = {name: scenario_settings(config, name) for name in scenarios}
+    for name, own in settings.items():
+        _check_times(f"scenarios.{name}.settings.task2.", own["task2"], own)
+    for name in task2["variants"]["cells"]:
+        own = settings[variant_place(task2, name)[0]]
+        changed = cell_settings(own["task2"], name)
+        _check_times(f"{variant_key(config, name)}: ", changed, own)
+    minutes = {
+        "interval_minutes": [task2["interval_minutes"]],
+        "intervals.minutes": task2["intervals"]["minutes"],
+    }
+    for key, values in minutes.items():
+        for value in values:
+            if not is_multiple(60.0 * value, task2["step_s"]):
+                raise ConfigurationError(
+                    f"configuration key 'task2.{key}': {value} min is no multiple of "
+                    f"'task2.step_s' = {task2['step_s']} s"
+                )
+    _check_counts(config)
+    if task2["tasking_comparison"]["scenario"] is not None:
+        _check_comparison(task2, settings[task2["tasking_comparison"]["scenario"]]["task2"])
+
+
+def _target_counts(config: Mapping[str, Any]) -> Iterator[tuple[str, str, list[int]]]:
+    """Every list of numbers of targets: its key within `task2`, and whose targets they are."""
+    task2 = config["task2"]
+    by_scenario = {
+        "target_counts": task2["target_counts"],
+        "intervals.target_counts": task2["intervals"]["target_counts"],
+    }
+    for name, counts in task2["other_architectures"].items():
+        by_scenario[f"other_architectures.{name}"] = counts
+    for key, counts in by_scenario.items():
+        for scenario, targets in counts.items():
+            yield f"{key}.{scenario}", scenario, targets
+
+
+def _check_counts(config: Mapping[str, Any]) -> None:
+    """Refuse more moving targets than a scenario has, and cells that cannot be run."""
+    task2, compared = config["task2"], config["task2"]["tasking_comparison"]
+    available = {name: tracked_count(config, name) for name in config["scenarios"]}
+    counts = [(f"task2.{key}", scenario, n) for key, scenario, n in _target_counts(config)]
+    for name, variant in task2["variants"]["cells"].items():
+        scenario, _ = variant_place(task2, name)
+        counts.append((f"task2.variants.cells.{name}.targets", scenario, variant["targets"]))
+    counts.append(("task2.tasking_comparison.targets", compared["scenario"], compared["targets"]))
+    for name, sweep in config["sweeps"].items():
+        counts.append((f"sweeps.{name}.targets", sweep["scenario"], sweep.get("targets", ())))
+    for key, scenario, targets in counts:
+        most = max(targets, default=0)
+        if scenario is not None and most > available[scenario]:
+            raise ConfigurationError(
+                f"configuration key '{key}': {most} targets, but scenario {scenario} has "
+                f"{available[scenario]} moving targets; lower it or add rows to its table"
+            )
+    cells = campaign_cells(task2) + [
+        c for name in config["sweeps"] for c in swept_cells(config, name)
+    ]
+    for cell in cells:
+        own = scenario_settings(config, cell.scenario)["task2"]
+        check_cell(
+            cell.targets,
+            cell.interval_minutes,
+            cell_settings(own, cell.variant),
+            available[cell.scenario],
+        )
+
+
+def _check_architectures(config: Mapping[str, Any]) -> None:
+    """Scenario and architecture of the variants and of the comparison of tasking methods."""
+    task2 = config["task2"]
+    variants, compared = task2["variants"], task2["tasking_comparison"]
+    places = {"variants": (variants["scenario"], variants["architecture"])}
+    places["tasking_comparison"] = (compared["scenario"], compared["architecture"])
+    for name in variants["cells"]:
+        places[f"variants.cells.{name}"] = variant_place(task2, name)
+    for key, (scenario, architecture) in places.items():
+        if scenario is None:
+            continue
+        _require_scenario(f"task2.{key}.scenario", scenario, config["scenarios"])
+        if not has_architecture(scenario, architecture):
+            raise ConfigurationError(
+                f"configuration key 'task2.{key}.architecture' = {architecture!r}: the paper has "
+                f"no architecture for scenario {scenario!r}"
+            )
+
+
+def _require_scenario(key: str, scenario: str, scenarios: Mapping[str, Any]) -> None:
+    if scenario not in scenarios:
+        raise ConfigurationError(
+            f"configuration key '{key}': scenario {scenario!r} is not among those of 'scenarios' "
+            f"({', '.join(scenarios)})"
+        )
+
+
+def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, Any]) -> None:
+    """Step, interval, duration, records and shape of a cell or variant."""
+    step, hours = settings["step_s"], settings["duration_hours"]
+    seconds = {
+        "duration_hours": 3600.0 * hours,
+        "record_minutes": 60.0 * settings["record_minutes"],
+    }
+    for key, value in seconds.items():
+        if not is_multiple(value, step):
+            raise ConfigurationError(
+                f"configuration key '{place}{key}' = {settings[key]} is no multiple of step_s = "
+                f"{step} s, from one to {MOST_STEPS:,} steps"
+            )
+    if not is_multiple(60.0 * config["task2"]["interval_minutes"], step):
+        raise ConfigurationError(
+            f"configuration key '{place}step_s' = {step} s does not divide "
+            f"'task2.interval_minutes' = {config['task2']['interval_minutes']}"
+        )
+    days = config["visibility"]["duration_days"]
+    if hours > 24.0 * days:
+        raise ConfigurationError(
+            f"configuration key '{place}duration_hours' = {hours} exceeds the ephemeris, which "
+            f"covers 'visibility.duration_days' = {days}"
+        )
+    try:
+        BatchSettings(**settings["batch"])
+    except ConfigurationError as error:
+        raise ConfigurationError(f"configuration key '{place}batch': {error}") from None
+    _check_body(f"{place}body", settings["body"])
+    _check_body(f"{place}truth.body", true_settings(settings)["body"])
+
+
+def _check_body(place: str, body: Mapping[str, Any]) -> None:
+    """Size and inertia of a body, believed or true."""
+    if body["shape"] == "icosahedron" and body["radius_m"] is None:
+        raise ConfigurationError(
+            f"configuration key '{place}.radius_m': an icosahedron has no size of its own; "
+            "give the radius of the sphere of equal area"
+        )
+    try:
+        inertia_matrix(1.0 if body["inertia"] is None else body["inertia"])
+    except ConfigurationError as error:
+        raise ConfigurationError(f"configuration key '{place}.inertia': {error}") from None
+
+
+def _check_comparison(task2: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
+    """Epochs and budgets of the comparison of tasking methods, as its scenario is set."""
+    compared = task2["tasking_comparison"]
+    if not compared["targets"]:
+        raise ConfigurationError(
+            "configuration key 'task2.tasking_comparison.targets' is empty: give at least one "
+            "number of targets"
+        )
+    n_epochs = math.ceil(60.0 * settings["duration_hours"] / task2["interval_minutes"] - 1e-9)
+    if max(compared["epochs"]) >= n_epochs:
+        raise ConfigurationError(
+            f"configuration key 'task2.tasking_comparison.epochs' = {compared['epochs']}: a run "
+            f"has {n_epochs} tasking epochs, counted from 0"
+        )
+    if min(compared["evaluations"]) > compared["tpe_evaluations"]:
+        raise ConfigurationError(
+            "configuration key 'task2.tasking_comparison.tpe_evaluations' = "
+            f"{compared['tpe_evaluations']} is below every entry of 'evaluations'"
+        )

@@ -1,0 +1,1 @@
+"""Cells of tasking and tracking: their data sets, statistics and tables."""

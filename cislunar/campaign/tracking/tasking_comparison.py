@@ -1,0 +1,186 @@
+"""Tasking methods on the same problems: information against evaluations and time.
+
+The problems are those a run with exact tasking meets: the information of all pairs at its epochs.
+Every budget is a search of its own with its own clock; searches of one run share their random
+numbers, so that a larger budget continues the smaller one.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from cislunar.campaign.architectures.optimization import generator
+from cislunar.campaign.data.netcdf import variable
+from cislunar.campaign.data.progress import Progress
+from cislunar.campaign.data.provenance import provenance
+from cislunar.campaign.settings.cells import Cell
+from cislunar.campaign.tracking.cell import run_cell
+from cislunar.tasking.assignment import assign
+
+Array = NDArray[np.float64]
+
+SEARCHES = ("tpe", "random")
+DIRECT = ("exact", "greedy")
+
+_TIMED_CALLS = 20
+
+
+def _timed(information: Array, method: str, **budget: Any) -> tuple[Any, float]:
+    start = time.perf_counter()
+    found = assign(information, method, **budget)
+    return found, time.perf_counter() - start
+
+
+def _direct(pairs: Sequence[Array]) -> dict[str, Array]:
+    """Information and time of the methods that do not search, shape (method, epoch)."""
+    information = np.empty((len(DIRECT), len(pairs)))
+    elapsed = np.empty_like(information)
+    for m, method in enumerate(DIRECT):
+        for e, matrix in enumerate(pairs):
+            timed = [_timed(matrix, method) for _ in range(_TIMED_CALLS)]
+            information[m, e] = timed[0][0].information
+            elapsed[m, e] = np.median([seconds for _, seconds in timed])
+    return {"information": information, "elapsed": elapsed}
+
+
+def compared_dataset(
+    cell: Cell,
+    architecture: xr.Dataset,
+    orbits: xr.Dataset,
+    tracked: xr.Dataset,
+    sun: xr.Dataset,
+    settings: Mapping[str, Any],
+    comparison: Mapping[str, Any],
+    *,
+    propagator: str,
+    seed: int,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Compare the tasking methods at some epochs of a cell.
+
+    Parameters
+    ----------
+    cell, architecture, orbits, tracked, sun, settings, propagator, seed
+        As for `cislunar.campaign.tracking.cell.run_cell`.
+    comparison : mapping
+        Configuration key `task2.tasking_comparison`.
+    progress : callable, optional
+        Called with (searches done, searches).
+
+    Returns
+    -------
+    xarray.Dataset
+        ``task2/tasking/{scenario}_{architecture}_nt{n}.nc``.
+    """
+    first = {**settings, "seeds": 1, "tasking": {**settings["tasking"], "method": "exact"}}
+    result, problem, _ = run_cell(
+        cell,
+        architecture,
+        orbits,
+        tracked,
+        sun,
+        first,
+        propagator=propagator,
+        seed=seed,
+        keep_information=True,
+    )
+    epochs = list(comparison["epochs"])
+    pairs = [result.pair_information[0, epoch] for epoch in epochs]
+    searched = _search_all(pairs, cell, comparison, seed, progress)
+    direct = _direct(pairs)
+    dims = ("search", "epoch", "run", "budget")
+    data = {
+        "direct_information": variable(
+            ("direct", "epoch"), direct["information"], "nat", "information of the tasking"
+        ),
+        "direct_elapsed": variable(
+            ("direct", "epoch"), direct["elapsed"], "s", "time of one assignment, median"
+        ),
+        "information": variable(dims, searched["information"], "nat", "information reached"),
+        "elapsed": variable(dims, searched["elapsed"], "s", "time of the search"),
+        "evaluations": variable(dims, searched["evaluations"], "1", "taskings tried"),
+        "history": variable(
+            ("search", "epoch", "run", "evaluation"),
+            searched["history"],
+            "nat",
+            "best information so far",
+        ),
+    }
+    coords = {
+        "search": variable("search", list(SEARCHES), "1", "method that searches"),
+        "direct": variable("direct", list(DIRECT), "1", "method that does not search"),
+        "epoch": variable("epoch", epochs, "1", "tasking epoch"),
+        "budget": variable("budget", sorted(comparison["evaluations"]), "1", "evaluations allowed"),
+        "observers": variable((), len(problem.observer_slot), "1", "observers"),
+        "targets": variable((), cell.targets, "1", "monitored targets"),
+    }
+    title = f"Tasking methods compared, scenario {cell.scenario}, {cell.architecture} architecture"
+    used = {**first, **cell._asdict(), "comparison": dict(comparison)}
+    return xr.Dataset(data, coords, provenance(title, settings=used, seed=seed))
+
+
+def _search_all(
+    pairs: Sequence[Array],
+    cell: Cell,
+    comparison: Mapping[str, Any],
+    seed: int,
+    progress: Progress | None,
+) -> dict[str, Array]:
+    """All searches: what they reach, when, and the course of the longest one."""
+    budgets, runs = sorted(comparison["evaluations"]), comparison["runs"]
+    shape = (len(SEARCHES), len(pairs), runs, len(budgets))
+    found = {
+        "information": np.full(shape, np.nan),
+        "elapsed": np.full(shape, np.nan),
+        "evaluations": np.zeros(shape, dtype=np.int32),
+        "history": np.full((*shape[:3], budgets[-1]), np.nan),
+    }
+    allowed = {"tpe": comparison["tpe_evaluations"], "random": budgets[-1]}
+    places = [
+        (m, e, r, b)
+        for m, method in enumerate(SEARCHES)
+        for e in range(len(pairs))
+        for r in range(runs)
+        for b, budget in enumerate(budgets)
+        if budget <= allowed[method]
+    ]
+    for done, (m, e, r, b) in enumerate(places, start=1):
+        rng = generator(seed, cell.scenario, cell.architecture, cell.targets, SEARCHES[m], e, r)
+        reached, seconds = _timed(
+            pairs[e],
+            SEARCHES[m],
+            rng=rng,
+            max_evaluations=budgets[b],
+            early_stop=comparison["early_stop"],
+        )
+        found["information"][m, e, r, b] = reached.information
+        found["elapsed"][m, e, r, b] = seconds
+        found["evaluations"][m, e, r, b] = reached.history.size
+        found["history"][m, e, r, : reached.history.size] = reached.history
+        if progress is not None:
+            progress(done, len(places))
+    return found
+
+
+def gather(compared: Sequence[xr.Dataset]) -> xr.Dataset:
+    """Put the compared cells into one data set.
+
+    Parameters
+    ----------
+    compared : sequence of xarray.Dataset
+        Data sets of `compared_dataset`.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``task2/tasking_comparison.nc``, with a dimension `cell`.
+    """
+    whole = xr.concat(list(compared), dim="cell", combine_attrs="drop_conflicts", join="exact")
+    # The cells differ in their number of targets, which is a variable of its own.
+    return whole.assign_attrs(
+        title="Tasking methods compared", settings=compared[0].attrs["settings"]
+    )

@@ -1,0 +1,1 @@
+"""Sun and Moon from SPICE, sampled once."""

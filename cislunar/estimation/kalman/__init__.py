@@ -1,0 +1,1 @@
+"""Recursive estimation: the paper's multiplicative unscented filter, and orbits by angles alone."""

@@ -1,0 +1,1 @@
+"""Batch estimation of attitude from whole light curves."""

@@ -1,0 +1,322 @@
+"""Orbit by an unscented filter on angles, attitude by least squares on the whole light curve.
+
+The attitude of a torque-free body is six constants, so nothing need be filtered: the light curve
+gathered so far is fitted anew, from several starts, whenever it has grown by a share. The modes
+found make a mixture of Gaussians whose mean and spread are the estimate (docs/attitude.md derives
+the method). The orbit is the translation half of the paper's filter.
+
+Assumptions and limitations
+---------------------------
+- No torque and no process noise on the attitude. A window with a fading memory forgets old data,
+  which helps against slow departures.
+- Lines of sight are taken from the translational estimate at the time of each measurement and are
+  not improved afterwards.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.attitude.inertia import is_spherical
+from cislunar.constants import MU
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.estimator import Estimates, EstimatorFactory, InitialEstimate, Prediction
+from cislunar.estimation.kalman.mukf import PROCESS_NOISE_PERIOD_S, Spread
+from cislunar.estimation.kalman.mukf_kernels import HEALTHY, N_COUNTERS
+from cislunar.estimation.kalman.translation_filter import WEIGHTS, TranslationConstants
+from cislunar.estimation.light_curves.batch_kernels import (
+    CONDITION,
+    POINTS,
+    ROWS,
+    advance_target,
+    predict_target,
+)
+from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
+from cislunar.estimation.light_curves.hypotheses import Hypotheses, mixture_points, prior_hypotheses
+from cislunar.estimation.light_curves.light_curve import COLUMNS, UNKNOWNS, Anchor, LightCurveModel
+from cislunar.observation.measurement import Sensor
+from cislunar.observation.scene import Scene, TargetSurfaces
+
+Array = NDArray[np.float64]
+
+_POINTS_PER_MODE = 2 * UNKNOWNS
+
+
+class BatchEstimator:
+    """Angles-only unscented filter for the orbit, multi-start least squares for the attitude.
+
+    An `Estimator`. A target whose translation becomes not finite, loses definiteness or runs into
+    a primary is marked in `failed` and returns NaN from then on; nothing is raised.
+
+    Parameters
+    ----------
+    scene : Scene
+        Observers, Sun and frames; index 0 is the epoch of the initial estimate.
+    surfaces : TargetSurfaces
+        Shapes and materials.
+    sensor : Sensor
+        Noise and limits.
+    initial : InitialEstimate
+        Estimates at the epoch.
+    rng : numpy.random.Generator
+        Of the starts; every target has a stream of its own.
+    settings : BatchSettings, optional
+        Multi-start with eight modes, if omitted.
+    process_noise : Spread, optional
+        Of the translation; none if omitted.
+    mu : float
+        Mass ratio.
+
+    Raises
+    ------
+    ConfigurationError
+        If an initial standard deviation is not positive, or there is process noise on attitude or
+        angular velocity.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        surfaces: TargetSurfaces,
+        sensor: Sensor,
+        initial: InitialEstimate,
+        rng: np.random.Generator,
+        *,
+        settings: BatchSettings | None = None,
+        process_noise: Spread | None = None,
+        mu: float = MU,
+    ) -> None:
+        if not np.all(initial.sigma > 0.0):
+            raise ConfigurationError(f"initial sigma {initial.sigma} must be positive throughout")
+        process = (Spread() if process_noise is None else process_noise).components()
+        if np.any(process[:6] > 0.0):
+            raise ConfigurationError(
+                "process_noise: attitude_deg and angular_velocity_deg_h must be 0 for the batch "
+                "estimator, which takes the rotation as free of noise; set window_hours and "
+                "memory_hours instead"
+            )
+        self._settings = BatchSettings() if settings is None else settings
+        self._scene = scene
+        self._limits = sensor.limits()
+        self._translation = np.array(initial.translation, dtype=float)
+        n_targets = self._translation.shape[0]
+        self._root = np.tile(np.diag(initial.sigma[6:]), (n_targets, 1, 1))
+        self._constants = TranslationConstants(
+            float(mu),
+            process[6:] ** 2 * (scene.step_s / PROCESS_NOISE_PERIOD_S),
+            self._limits.noise_variance[1:].copy(),
+            self._limits.half_field,
+            WEIGHTS,
+        )
+        self._models = [
+            _light_curve_model(j, surfaces, sensor, initial, self._settings)
+            for j in range(n_targets)
+        ]
+        self._hypotheses = [prior_hypotheses(self._settings.modes) for _ in range(n_targets)]
+        self._rngs = rng.spawn(n_targets)
+        self._points = [
+            _prior_points(*each) for each in zip(self._hypotheses, self._models, strict=True)
+        ]
+        self._data = [np.empty((0, COLUMNS)) for _ in range(n_targets)]
+        self._state = np.zeros((n_targets, 4), dtype=np.int64)
+        self._state[:, POINTS] = _POINTS_PER_MODE
+        self._counters = np.zeros((n_targets, N_COUNTERS), dtype=np.int64)
+        self._index = 0
+
+    @property
+    def failed(self) -> NDArray[np.uint8]:
+        """Per target, 0 or why its estimate came to an end."""
+        return self._state[:, CONDITION].astype(np.uint8)
+
+    @property
+    def counters(self) -> NDArray[np.int64]:
+        """Counts per target: updates, out of field, dark sigma points, Cholesky failures."""
+        return self._counters
+
+    @property
+    def hypotheses(self) -> list[Hypotheses]:
+        """Modes of every target, as of its last fit."""
+        return self._hypotheses
+
+    @property
+    def rows_held(self) -> NDArray[np.int64]:
+        """Per target, measurements (and non-detections) of its light curve that are kept."""
+        return self._state[:, ROWS].copy()
+
+    def light_curve(self, j: int) -> tuple[Array, LightCurveModel, Anchor]:
+        """What the attitude of target j is fitted to.
+
+        Parameters
+        ----------
+        j : int
+            Index of the target.
+
+        Returns
+        -------
+        data : ndarray, shape (n, 10)
+            The rows kept, as in `cislunar.estimation.light_curves.light_curve.cost`.
+        model : LightCurveModel
+        anchor : Anchor
+            What its best mode knows beyond them.
+        """
+        modes = self._hypotheses[j]
+        anchor = Anchor(modes.anchor_mean[0], modes.anchor_information[0], modes.anchor_offset[0])
+        return self._data[j][: self._state[j, ROWS]].copy(), self._models[j], anchor
+
+    def predict(self) -> Prediction:
+        """Estimates at the next measurement time; the estimator itself does not move on.
+
+        The joint root is that of the mixture's second moments, without correlation between
+        rotation and translation.
+        """
+        n_targets = self._translation.shape[0]
+        translation, root = self._translation.copy(), self._root.copy()
+        mean, joint = np.empty((n_targets, 4)), np.zeros((n_targets, 12, 12))
+        for j in range(n_targets):
+            if self._state[j, CONDITION] != HEALTHY:
+                translation[j] = np.nan
+                continue
+            count = self._state[j, POINTS]
+            quaternion, omega, weight = (part[:count] for part in self._points[j])
+            predict_target(
+                self._scene,
+                self._constants,
+                self._models[j],
+                translation[j],
+                root[j],
+                quaternion.copy(),
+                omega.copy(),
+                weight,
+                mean[j],
+                joint[j],
+            )
+        covariance = root @ np.swapaxes(root, 1, 2)
+        return Prediction(self._index + 1, translation, covariance, mean, joint)
+
+    def advance(self, measurements: Array, observer_of: NDArray[np.int64]) -> Estimates:
+        """Work through the next steps; see `Estimator.advance`."""
+        n_targets, n_steps = measurements.shape[:2]
+        out = Estimates(
+            np.empty((n_targets, n_steps, 4)),
+            np.empty((n_targets, n_steps, 3)),
+            np.empty((n_targets, n_steps, 6)),
+            np.empty((n_targets, n_steps, 12)),
+            np.empty((n_targets, n_steps), dtype=np.bool_),
+        )
+        window, memory = (
+            np.inf if hours is None else 3600.0 * hours
+            for hours in (self._settings.window_hours, self._settings.memory_hours)
+        )
+        settings = self._settings.search_settings()
+        for j in range(n_targets):
+            self._make_room(j, n_steps)
+            advance_target(
+                self._index + 1,
+                self._scene,
+                self._limits,
+                self._constants,
+                self._models[j],
+                settings,
+                float(self._settings.refit_growth),
+                window,
+                memory,
+                self._settings.use_non_detections,
+                int(observer_of[j]),
+                measurements[j],
+                self._translation[j],
+                self._root[j],
+                self._hypotheses[j],
+                self._points[j],
+                self._data[j],
+                self._state[j],
+                self._counters[j],
+                self._rngs[j],
+                tuple(part[j] for part in out),
+            )
+        self._index += n_steps
+        return out
+
+    def _make_room(self, j: int, rows: int) -> None:
+        """Room for more data of a target; doubled, so that copying stays cheap."""
+        held, needed = self._data[j].shape[0], int(self._state[j, ROWS]) + rows
+        if needed > held:
+            grown = np.empty((max(needed, 2 * held), COLUMNS))
+            grown[:held] = self._data[j]
+            self._data[j] = grown
+
+
+def _prior_points(hypotheses: Hypotheses, model: LightCurveModel) -> tuple[Array, Array, Array]:
+    """Attitude, rate and weight of the mixture's points at the epoch, with room for all modes."""
+    room = hypotheses.u.shape[0] * _POINTS_PER_MODE
+    points = np.zeros((room, 4)), np.zeros((room, 3)), np.zeros(room)
+    mixture_points(hypotheses, model, *points)
+    return points
+
+
+def _light_curve_model(
+    j: int,
+    surfaces: TargetSurfaces,
+    sensor: Sensor,
+    initial: InitialEstimate,
+    settings: BatchSettings,
+) -> LightCurveModel:
+    facets = slice(surfaces.first[j], surfaces.first[j + 1])
+    inertia = np.array(surfaces.inertia[j])
+    return LightCurveModel(
+        np.array(initial.quaternion[j], dtype=float),
+        np.array(initial.angular_velocity[j], dtype=float),
+        np.array(initial.sigma[:UNKNOWNS], dtype=float),
+        inertia,
+        np.linalg.inv(inertia),
+        is_spherical(inertia),
+        np.ascontiguousarray(surfaces.areas[facets]),
+        np.ascontiguousarray(surfaces.normals[facets]),
+        np.array(surfaces.material[j]),
+        bool(surfaces.irradiance_4pi),
+        bool(surfaces.fresnel_sqrt),
+        float((settings.magnitude_noise_factor * sensor.magnitude_noise) ** 2),
+        float(settings.magnitude_offset**2),
+        float(sensor.limiting_magnitude),
+    )
+
+
+def batch(
+    settings: BatchSettings | str = "default", *, process_noise: Spread | None = None
+) -> EstimatorFactory:
+    """Factory of the batch estimator for the tasking loop.
+
+    Parameters
+    ----------
+    settings : BatchSettings or str
+        Settings, or the name of one of the `PRESETS`.
+    process_noise : Spread, optional
+        As in `BatchEstimator`.
+
+    Returns
+    -------
+    EstimatorFactory
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such preset.
+    """
+    if isinstance(settings, str):
+        if settings not in PRESETS:
+            raise ConfigurationError(
+                f"batch preset {settings!r} is unknown: use one of {', '.join(PRESETS)}"
+            )
+        settings = PRESETS[settings]
+
+    def make(scene, surfaces, sensor, initial, rng, mu):
+        return BatchEstimator(
+            scene,
+            surfaces,
+            sensor,
+            initial,
+            rng,
+            settings=settings,
+            process_noise=process_noise,
+            mu=mu,
+        )
+
+    return make

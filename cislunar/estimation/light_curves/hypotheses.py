@@ -1,0 +1,394 @@
+"""The few modes of a light curve's posterior, and how they are found, kept and weighed.
+
+A light curve over a wide prior has several minima of its cost. A `Hypotheses` holds those worth
+keeping, each with its Gauss-Newton information H, so that the posterior is a mixture of Gaussians
+N(u_j, H_j^-1) with Laplace's weights (Tierney & Kadane 1986)
+
+    log w_j = -cost(u_j) - log(det H_j) / 2 + constant.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from cislunar.estimation.light_curves.levenberg_marquardt import refine, squared_distance
+from cislunar.estimation.light_curves.light_curve import (
+    UNKNOWNS,
+    Anchor,
+    anchor_cost,
+    cost,
+    cost_and_derivatives,
+    initial_state,
+)
+from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
+
+Array = NDArray[np.float64]
+
+FIRST_ROWS = 20
+"""Rows below which a light curve tells so little that all starts come from the prior."""
+
+SCREENING_ROWS = 96
+"""Rows of a light curve that starts are tried on before all are."""
+
+
+class Hypotheses(NamedTuple):
+    """Modes of one target, best first; only the first ``count[0]`` are live.
+
+    Attributes
+    ----------
+    u : ndarray, shape (mode, 6)
+        Their places.
+    root : ndarray, shape (mode, 6, 6)
+        Lower Cholesky factors of their information H.
+    weight : ndarray, shape (mode,)
+        Summing to 1 over the live ones.
+    anchor_mean, anchor_information, anchor_offset : ndarray
+        Of shapes (mode, 6), (mode, 6, 6) and (mode, 1): what each knows of data no longer kept,
+        see `cislunar.estimation.light_curves.light_curve.Anchor`.
+    count : ndarray of int, shape (2,)
+        Live modes, and searches made.
+    """
+
+    u: Array
+    root: Array
+    weight: Array
+    anchor_mean: Array
+    anchor_information: Array
+    anchor_offset: Array
+    count: NDArray[np.int64]
+
+
+def prior_hypotheses(modes: int) -> Hypotheses:
+    """The prior N(0, I) as the only mode.
+
+    Parameters
+    ----------
+    modes : int
+        Room for so many.
+
+    Returns
+    -------
+    Hypotheses
+    """
+    identity = np.tile(np.eye(UNKNOWNS), (modes, 1, 1))
+    weight = np.zeros(modes)
+    weight[0] = 1.0
+    return Hypotheses(
+        np.zeros((modes, UNKNOWNS)),
+        identity.copy(),
+        weight,
+        np.zeros((modes, UNKNOWNS)),
+        identity.copy(),
+        np.zeros((modes, 1)),
+        np.array([1, 0]),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _anchor(hypotheses, j):
+    return Anchor(
+        hypotheses.anchor_mean[j], hypotheses.anchor_information[j], hypotheses.anchor_offset[j]
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _draw_mode(hypotheses, rng):
+    """A live mode at random by weight."""
+    left = rng.random()
+    for j in range(hypotheses.count[0] - 1):
+        left -= hypotheses.weight[j]
+        if left < 0.0:
+            return j
+    return hypotheses.count[0] - 1
+
+
+@njit(cache=True, error_model="numpy")
+def _draw(hypotheses, settings, from_anchor, rng, root, u):
+    """Draw a point around a mode, or from what the mode began with; returns the mode."""
+    j = _draw_mode(hypotheses, rng)
+    for i in range(UNKNOWNS):
+        u[i] = rng.standard_normal()
+    if from_anchor:
+        root[:, :] = hypotheses.anchor_information[j]
+        cholesky(root)
+        solve_transposed(root, u)
+        u += hypotheses.anchor_mean[j]
+    else:
+        solve_transposed(hypotheses.root[j], u)
+        u *= settings.spread
+        u += hypotheses.u[j]
+    return j
+
+
+@njit(cache=True, error_model="numpy")
+def _lowest_of_pool(hypotheses, data, model, settings, starts, from_anchor, rng, points, origins):
+    """The `starts` draws of lowest cost out of a random pool, into `points` and `origins`.
+
+    Draws within the merging distance of a live mode are passed over: they lead nowhere new. Returns
+    the number of points found.
+    """
+    costs = np.full(starts, np.inf)
+    u, root = np.empty(UNKNOWNS), np.empty((UNKNOWNS, UNKNOWNS))
+    filled = 0
+    draws = settings.pool if data.shape[0] < FIRST_ROWS else settings.pool // 2
+    for _ in range(draws):
+        j = _draw(hypotheses, settings, from_anchor, rng, root, u)
+        if _is_known(u, hypotheses, settings.merge_distance):
+            continue
+        value = cost(u, data, _anchor(hypotheses, j), model, costs[starts - 1])
+        if not value < costs[starts - 1]:
+            continue
+        place = min(filled, starts - 1)
+        while place > 0 and value < costs[place - 1]:
+            costs[place] = costs[place - 1]
+            points[place] = points[place - 1]
+            origins[place] = origins[place - 1]
+            place -= 1
+        costs[place] = value
+        points[place] = u
+        origins[place] = j
+        filled = min(filled + 1, starts)
+    return filled
+
+
+@njit(cache=True, error_model="numpy")
+def _is_known(u, hypotheses, merge_distance):
+    """Whether a point lies within the merging distance of a live mode."""
+    for j in range(hypotheses.count[0]):
+        if squared_distance(u, hypotheses.u[j], hypotheses.root[j]) < merge_distance:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _pool(hypotheses, data, model, settings, starts, rng, points, origins):
+    """Starts out of a random pool, half from the prior and half from around the live modes.
+
+    A light curve still short takes all of them from the prior. Returns the number of starts.
+    """
+    near = 0 if data.shape[0] < FIRST_ROWS else starts // 2
+    drawn = 0
+    for from_anchor, wanted in ((True, starts - near), (False, near)):
+        if wanted > 0:
+            drawn += _lowest_of_pool(
+                hypotheses,
+                data,
+                model,
+                settings,
+                wanted,
+                from_anchor,
+                rng,
+                points[drawn:],
+                origins[drawn:],
+            )
+    return drawn
+
+
+@njit(cache=True, error_model="numpy")
+def _log_weight(value, information, root):
+    """Laplace's log weight of a minimum; -inf if it is none. `root` receives H's factor."""
+    root[:, :] = information
+    if not (np.isfinite(value) and cholesky(root)):
+        return -np.inf
+    log_det = 0.0
+    for i in range(UNKNOWNS):
+        log_det += np.log(root[i, i])
+    return -value - log_det
+
+
+@njit(cache=True, error_model="numpy")
+def _select(hypotheses, settings, found, roots, log_weights, origins):
+    """Replace the live modes by the best of the minima found."""
+    order = np.argsort(-log_weights)
+    best = log_weights[order[0]]
+    means = hypotheses.anchor_mean.copy()
+    informations = hypotheses.anchor_information.copy()
+    offsets = hypotheses.anchor_offset.copy()
+    kept, total = 0, 0.0
+    for candidate in order:
+        if kept == settings.modes or log_weights[candidate] < best - settings.drop:
+            break
+        new = True
+        for j in range(kept):
+            distance = squared_distance(found[candidate], hypotheses.u[j], hypotheses.root[j])
+            if distance < settings.merge_distance:
+                new = False
+                break
+        if not new:
+            continue
+        origin = origins[candidate]
+        hypotheses.u[kept] = found[candidate]
+        hypotheses.root[kept] = roots[candidate]
+        hypotheses.weight[kept] = np.exp(log_weights[candidate] - best)
+        hypotheses.anchor_mean[kept] = means[origin]
+        hypotheses.anchor_information[kept] = informations[origin]
+        hypotheses.anchor_offset[kept] = offsets[origin]
+        total += hypotheses.weight[kept]
+        kept += 1
+    hypotheses.weight[:kept] /= total
+    hypotheses.weight[kept:] = 0.0
+    hypotheses.count[0] = kept
+
+
+@njit(cache=True, error_model="numpy")
+def _thinned(data):
+    """Every so many rows of a long light curve, enough to find basins in."""
+    every = max(1, data.shape[0] // SCREENING_ROWS)
+    if every == 1:
+        return data
+    thin = np.empty(((data.shape[0] + every - 1) // every, data.shape[1]))
+    for i in range(thin.shape[0]):
+        thin[i] = data[i * every]
+    return thin
+
+
+@njit(cache=True, error_model="numpy")
+def search(hypotheses, data, model, settings, rng):
+    """Find the modes of the posterior given the whole light curve, starting from the live ones.
+
+    Compiled. Live modes are refined; so are the points of lowest cost out of a random pool, half
+    from the prior and half from around the live modes (all from the prior while the light curve is
+    short), on a thinned light curve first; what is found is sorted by weight, merged and thinned.
+
+    Parameters
+    ----------
+    hypotheses : Hypotheses
+        Updated.
+    data, model
+        As in `cislunar.estimation.light_curves.light_curve.cost`.
+    settings : SearchSettings
+    rng : numpy.random.Generator
+        Of the pool.
+    """
+    live = hypotheses.count[0]
+    starts = settings.first_starts if data.shape[0] < FIRST_ROWS else settings.starts
+    found, origins = np.empty((live + starts, UNKNOWNS)), np.empty(live + starts, np.int64)
+    thin, total = _thinned(data), live
+    if starts > 0:
+        total += _pool(hypotheses, thin, model, settings, starts, rng, found[live:], origins[live:])
+    roots, log_weights = np.empty((total, UNKNOWNS, UNKNOWNS)), np.empty(total)
+    information, distance = np.empty((UNKNOWNS, UNKNOWNS)), settings.merge_distance
+    kept, u = 0, np.empty(UNKNOWNS)
+    for i in range(total):
+        origin = i if i < live else origins[i]
+        u[:] = hypotheses.u[i] if i < live else found[i]
+        anchor = _anchor(hypotheses, origin)
+        iterations = settings.warm_iterations if i < live else settings.iterations
+        known = kept if i >= live else 0
+        value = 0.0
+        if i >= live and thin.shape[0] < data.shape[0]:
+            value = refine(
+                u,
+                thin,
+                anchor,
+                model,
+                iterations,
+                information,
+                found[:known],
+                roots[:known],
+                distance,
+            )
+        if value < np.inf:
+            value = refine(
+                u,
+                data,
+                anchor,
+                model,
+                iterations,
+                information,
+                found[:known],
+                roots[:known],
+                distance,
+            )
+        log_weight = _log_weight(value, information, roots[kept])
+        if log_weight > -np.inf:
+            found[kept], origins[kept], log_weights[kept] = u, origin, log_weight
+            kept += 1
+    if kept > 0:
+        _select(
+            hypotheses, settings, found[:kept], roots[:kept], log_weights[:kept], origins[:kept]
+        )
+    hypotheses.count[1] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def condense(hypotheses, data, model, memory):
+    """Put part of a light curve into the anchors, so that it need not be kept (compiled).
+
+    Around each live mode the data's cost is replaced by its second-order expansion. What an anchor
+    holds beyond the prior N(0, I) then fades by a factor, its cost at the mode kept.
+
+    Parameters
+    ----------
+    hypotheses : Hypotheses
+        Updated.
+    data : ndarray, shape (n, COLUMNS)
+        The part to let go; may be empty.
+    model : LightCurveModel
+    memory : float
+        The factor; 1 to forget nothing.
+    """
+    gradient, root = np.empty(UNKNOWNS), np.empty((UNKNOWNS, UNKNOWNS))
+    information = np.empty((UNKNOWNS, UNKNOWNS))
+    for j in range(hypotheses.count[0]):
+        u, anchor = hypotheses.u[j], _anchor(hypotheses, j)
+        value = cost_and_derivatives(u, data, anchor, model, gradient, information)
+        # the minimum of the expansion of anchor and data about u
+        root[:, :] = information
+        if not (np.isfinite(value) and cholesky(root)):
+            hypotheses.anchor_offset[j, 0] = np.inf  # it cannot answer for the data let go
+            continue
+        step = -gradient
+        solve_lower(root, step)
+        solve_transposed(root, step)
+        mean = u + step
+        # with Lambda = I + m (H - I) and Lambda mean' = m H mean; m = 1 changes nothing
+        pull = memory * (information @ mean)
+        anchor.information[:, :] = memory * information
+        for i in range(UNKNOWNS):
+            anchor.information[i, i] += 1.0 - memory
+        root[:, :] = anchor.information
+        cholesky(root)
+        solve_lower(root, pull)
+        solve_transposed(root, pull)
+        anchor.mean[:] = pull
+        anchor.offset[0] += value - anchor_cost(u, anchor)
+
+
+@njit(cache=True, error_model="numpy")
+def mixture_points(hypotheses, model, quaternion, omega, weight):
+    """Equally weighted points of every live mode with its mean and covariance (compiled).
+
+    The points ``u_j +- sqrt(6) L_j e_i`` with ``L_j L_j^T = H_j^-1``, as attitude and rate at the
+    epoch.
+
+    Parameters
+    ----------
+    hypotheses : Hypotheses
+    model : LightCurveModel
+    quaternion, omega, weight : ndarray, shapes (12 mode, 4), (12 mode, 3), (12 mode,)
+        Receive attitude, angular velocity and weight of the points.
+
+    Returns
+    -------
+    int
+        Number of points.
+    """
+    from_u = np.empty(UNKNOWNS)
+    column = np.empty(UNKNOWNS)
+    reach = np.sqrt(float(UNKNOWNS))
+    number = 0
+    for j in range(hypotheses.count[0]):
+        for i in range(UNKNOWNS):
+            column[:] = 0.0
+            column[i] = reach
+            solve_transposed(hypotheses.root[j], column)
+            for sign in (1.0, -1.0):
+                for c in range(UNKNOWNS):
+                    from_u[c] = hypotheses.u[j, c] + sign * column[c]
+                initial_state(from_u, model, quaternion[number], omega[number])
+                weight[number] = hypotheses.weight[j] / (2 * UNKNOWNS)
+                number += 1
+    return number

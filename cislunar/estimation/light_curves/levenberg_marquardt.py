@@ -1,0 +1,107 @@
+"""Damped Gauss-Newton steps on the cost of a light curve, compiled.
+
+With g the gradient and H = Lambda + sum a a^T / R the Gauss-Newton Hessian, a step solves
+``(H + lambda diag H) s = -g`` (Levenberg 1944, Marquardt 1963). It is kept if the cost falls, and
+lambda is lowered; otherwise lambda is raised and the step tried again.
+"""
+
+import numpy as np
+from numba import njit
+
+from cislunar.estimation.light_curves.light_curve import UNKNOWNS, cost_and_derivatives
+from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
+
+INITIAL_DAMPING = 1e-2
+DAMPING_AFTER_SUCCESS = 0.2
+DAMPING_AFTER_FAILURE = 6.0
+LARGEST_FAILURES = 5
+SMALLEST_DECREASE = 0.02
+"""Decrease of the cost (half a chi squared) at which a minimum counts as found."""
+
+
+@njit(cache=True, error_model="numpy")
+def squared_distance(u, other, root):
+    """Squared Mahalanobis distance of two points (compiled).
+
+    Parameters
+    ----------
+    u, other : ndarray, shape (n,)
+        Points.
+    root : ndarray, shape (n, n)
+        Lower Cholesky factor L of the information at `other`.
+
+    Returns
+    -------
+    float
+        ``|L^T (u - other)|^2``.
+    """
+    total = 0.0
+    for i in range(u.shape[0]):
+        along = 0.0
+        for k in range(i, u.shape[0]):
+            along += root[k, i] * (u[k] - other[k])
+        total += along * along
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def refine(u, data, anchor, model, max_iterations, information, known, known_roots, merge_distance):
+    """Lower the cost from a start (compiled).
+
+    Parameters
+    ----------
+    u : ndarray, shape (6,)
+        Start; receives the best point found.
+    data, anchor, model
+        As in `cislunar.estimation.light_curves.light_curve.cost`.
+    max_iterations : int
+        Steps that lower the cost.
+    information : ndarray, shape (6, 6)
+        Receives H at the best point.
+    known, known_roots : ndarray, shapes (m, 6) and (m, 6, 6)
+        Minima known already, and Cholesky factors of their information; may be empty.
+    merge_distance : float
+        The descent is given up within this squared Mahalanobis distance of one of them.
+
+    Returns
+    -------
+    float
+        Cost there; inf if the start led to a known minimum.
+    """
+    gradient, trial_gradient = np.empty(UNKNOWNS), np.empty(UNKNOWNS)
+    trial_information, damped = np.empty((UNKNOWNS, UNKNOWNS)), np.empty((UNKNOWNS, UNKNOWNS))
+    step, trial = np.empty(UNKNOWNS), np.empty(UNKNOWNS)
+    best = cost_and_derivatives(u, data, anchor, model, gradient, information)
+    damping = INITIAL_DAMPING
+    for _ in range(max_iterations):
+        decrease = 0.0
+        for _ in range(LARGEST_FAILURES):
+            damped[:, :] = information
+            for i in range(UNKNOWNS):
+                damped[i, i] *= 1.0 + damping
+                step[i] = -gradient[i]
+            if cholesky(damped):
+                solve_lower(damped, step)
+                solve_transposed(damped, step)
+                for i in range(UNKNOWNS):
+                    trial[i] = u[i] + step[i]
+                value = cost_and_derivatives(
+                    trial, data, anchor, model, trial_gradient, trial_information
+                )
+                if value < best:
+                    decrease = best - value
+                    best = value
+                    break
+            damping *= DAMPING_AFTER_FAILURE
+        if decrease == 0.0:
+            break
+        u[:] = trial
+        gradient[:] = trial_gradient
+        information[:, :] = trial_information
+        for j in range(known.shape[0]):
+            if squared_distance(u, known[j], known_roots[j]) < merge_distance:
+                return np.inf
+        damping *= DAMPING_AFTER_SUCCESS
+        if decrease < SMALLEST_DECREASE:
+            break
+    return best

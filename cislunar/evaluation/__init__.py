@@ -1,0 +1,1 @@
+"""How good an estimate is, and how good it could be: metrics and the Cramer-Rao bound."""

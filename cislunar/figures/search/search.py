@@ -1,0 +1,327 @@
+"""Figures of the search: J by number of satellites, and J by number of evaluations."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+
+from cislunar.architecture.published import PUBLISHED_COST
+from cislunar.figures.space.scene import Array
+from cislunar.figures.style import (
+    BLACK,
+    GRAY,
+    PAGE_WIDTH_IN,
+    house_style,
+    new_figure,
+    optimizer_style,
+    panel_letter,
+)
+
+COLUMNS = 3
+"""Scenarios side by side."""
+
+_OTHER_RUNS = {
+    "linestyle": "none",
+    "marker": "o",
+    "markersize": 3.0,
+    "alpha": 0.55,
+    "markeredgewidth": 0,
+}
+_PAPER_MARKER = {"tpe": "o", "random": "s"}
+_LEFT_IN, _RIGHT_IN, _GAP_IN = 0.61, 0.07, 0.54
+
+
+def _grid(number: int) -> tuple[int, int]:
+    """Columns and rows of panels for a number of scenarios."""
+    columns = min(number, COLUMNS)
+    return columns, -(-number // columns)
+
+
+def _place(figure: Figure, index: int, columns: int, bottom_in: float, height_in: float) -> Axes:
+    """Axes in a column, placed in inches from below."""
+    width, height = figure.get_size_inches()
+    each = (width - _LEFT_IN - _RIGHT_IN - _GAP_IN * (columns - 1)) / columns
+    left = _LEFT_IN + (index % columns) * (each + _GAP_IN)
+    return figure.add_axes((left / width, bottom_in / height, each / width, height_in / height))
+
+
+def _width(columns: int) -> float:
+    """Width of the figure: a single scenario needs no full page."""
+    return PAGE_WIDTH_IN if columns > 1 else 0.62 * PAGE_WIDTH_IN
+
+
+@house_style()
+def satellite_front_figure(
+    fronts: Mapping[str, xr.Dataset],
+    architectures: Mapping[str, Mapping[str, xr.Dataset]],
+    coverage: pd.DataFrame,
+) -> Figure:
+    """Best J and its union coverage by prescribed number of satellites, a column per scenario.
+
+    Parameters
+    ----------
+    fronts : mapping of str to xarray.Dataset
+        ``architecture/{scenario}/front.nc`` by scenario.
+    architectures : mapping of str to mapping of str to xarray.Dataset
+        ``architecture/{scenario}/{optimizer}.nc`` by scenario and optimizer.
+    coverage : DataFrame
+        ``tables/architecture.csv``.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    columns, rows = _grid(len(fronts))
+    tall, legend_in, pair_in = 1.9, 0.5, 4.75
+    figure = new_figure(legend_in + pair_in * rows, _width(columns))
+    for index, (scenario, front) in enumerate(fronts.items()):
+        base = legend_in + pair_in * (rows - 1 - index // columns) + 0.42
+        upper = _place(figure, index, columns, base + tall + 0.3, tall)
+        lower = _place(figure, index, columns, base, tall)
+        upper.set_title(f"{panel_letter(index)} Scenario {scenario}", loc="left")
+        total = front["total"].values
+        upper.plot(total, front["J"].values, color=BLACK, linewidth=1.2, zorder=2)
+        lower.plot(total, front["union_coverage"].values, color=BLACK, linewidth=1.2, zorder=2)
+        lower.plot(total, front["target_days"].values, color=BLACK, linewidth=0.8, linestyle=":")
+        _mark_optimizers(upper, lower, architectures[scenario], _of(coverage, scenario))
+        for method, (value, count) in PUBLISHED_COST.get(scenario, {}).items():
+            upper.plot(count, value, **_paper_kwargs(method))
+        upper.set_yscale("log")
+        lower.set_ylim(0.0, 1.0)
+        lower.yaxis.set_major_formatter(PercentFormatter(xmax=1.0, symbol=""))
+        reach = (upper.get_xlim(), lower.get_xlim())
+        for axes in (upper, lower):
+            axes.set_xlim(min(r[0] for r in reach), max(r[1] for r in reach))
+            axes.xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True, steps=[1, 2, 5, 10]))
+        upper.tick_params(labelbottom=False)
+        lower.set_xlabel("number of satellites")
+        if index % columns == 0:
+            upper.set_ylabel("J, dimensionless")
+            lower.set_ylabel("share seen, %")
+    _legend(figure, _front_handles(architectures, fronts))
+    return figure
+
+
+def _of(coverage: pd.DataFrame, scenario: str) -> pd.DataFrame:
+    """One row for each optimizer of a scenario, indexed by optimizer."""
+    rows = coverage[coverage["scenario"].astype(str) == scenario]
+    return rows.drop_duplicates("optimizer").set_index("optimizer")
+
+
+def _mark_optimizers(upper: Axes, lower: Axes, found: Mapping, coverage: pd.DataFrame) -> None:
+    """The architecture of each optimizer, and faintly those of its other runs."""
+    for optimizer, architecture in found.items():
+        style = optimizer_style(optimizer)
+        if "run_J" in architecture:
+            upper.plot(
+                architecture["run_satellites"].values,
+                architecture["run_J"].values,
+                color=style.color,
+                zorder=3,
+                **_OTHER_RUNS | {"marker": style.marker},
+            )
+        count = int(architecture["satellites"].sum())
+        dot = {"linestyle": "none", "color": style.color, "zorder": 4} | style.marker_kwargs(5.0)
+        upper.plot(count, float(architecture["J"]), **dot)
+        if optimizer in coverage.index:
+            lower.plot(count, float(coverage.loc[optimizer, "union_coverage"]), **dot)
+
+
+def _paper_kwargs(method: str) -> dict:
+    return {
+        "linestyle": "none",
+        "marker": _PAPER_MARKER.get(method, "v"),
+        "markersize": 6.5,
+        "markerfacecolor": "none",
+        "markeredgecolor": BLACK,
+        "markeredgewidth": 1.1,
+        "zorder": 5,
+    }
+
+
+def _present(architectures: Mapping[str, Mapping]) -> list[str]:
+    """Optimizers of any scenario, in order of appearance."""
+    return list(dict.fromkeys(name for found in architectures.values() for name in found))
+
+
+def _paper_methods(scenarios: Sequence[str]) -> list[str]:
+    """Methods the paper gives J for in these scenarios."""
+    return list(dict.fromkeys(m for s in scenarios for m in PUBLISHED_COST.get(s, {})))
+
+
+def _front_handles(architectures: Mapping, fronts: Mapping) -> list[Line2D]:
+    handles = [
+        Line2D([], [], color=BLACK, linewidth=1.2, label="best J; target-hours it sees"),
+        Line2D([], [], color=BLACK, linewidth=0.8, linestyle=":", label="target-days it sees"),
+    ]
+    for name in _present(architectures):
+        handles.append(optimizer_style(name).legend_handle(line=False))
+    if any("run_J" in each for found in architectures.values() for each in found.values()):
+        handles.append(Line2D([], [], label="other runs", color=GRAY, **_OTHER_RUNS))
+    for method in _paper_methods(list(fronts)):
+        label = f"paper, {optimizer_style(method).label}"
+        handles.append(Line2D([], [], label=label, **_paper_kwargs(method)))
+    return handles
+
+
+def _legend(figure: Figure, handles: Sequence) -> None:
+    narrow = figure.get_size_inches()[0] < PAGE_WIDTH_IN
+    figure.legend(
+        handles=list(handles), loc="lower center", ncols=2 if narrow else 4, handlelength=2.6
+    )
+
+
+@house_style()
+def convergence_figure(
+    runs: Mapping[str, Mapping[str, Sequence[xr.Dataset]]],
+    architectures: Mapping[str, Mapping[str, xr.Dataset]],
+) -> Figure:
+    """Best J so far by number of evaluations for every optimizer, a panel per scenario.
+
+    A search with several runs is drawn as their median with the range over the runs; a run that
+    has stopped keeps its last value. Triangles mark where the early stop ends a run.
+
+    Parameters
+    ----------
+    runs : mapping of str to mapping of str to sequence of xarray.Dataset
+        ``architecture/{scenario}/runs/*.nc`` by scenario and method.
+    architectures : mapping of str to mapping of str to xarray.Dataset
+        ``architecture/{scenario}/{optimizer}.nc`` by scenario and optimizer.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    columns, rows = _grid(len(architectures))
+    legend_in, row_in = 0.62, 2.95
+    figure = new_figure(legend_in + row_in * rows, _width(columns))
+    for index, (scenario, found) in enumerate(architectures.items()):
+        base = legend_in + row_in * (rows - 1 - index // columns) + 0.42
+        axes = _place(figure, index, columns, base, row_in - 0.7)
+        axes.set_title(f"{panel_letter(index)} Scenario {scenario}", loc="left")
+        for optimizer, architecture in found.items():
+            if optimizer in runs.get(scenario, {}):
+                stops = architecture["run_evaluations"].values
+                _spread(axes, optimizer, runs[scenario][optimizer], stops)
+            elif optimizer == "published":
+                _level(axes, optimizer, float(architecture["J"]))
+            else:
+                _climb(axes, optimizer, architecture)
+        for method, (value, _) in PUBLISHED_COST.get(scenario, {}).items():
+            axes.axhline(value, color=GRAY, linewidth=0.9, linestyle=_paper_line(method), zorder=1)
+        axes.set(xscale="log", yscale="log", xlabel="evaluations of J")
+        if index % columns == 0:
+            axes.set_ylabel("best J so far, dimensionless")
+    _legend(figure, _convergence_handles(runs, architectures))
+    return figure
+
+
+def _paper_line(method: str) -> str:
+    return "-" if method == "tpe" else "--"
+
+
+def best_so_far(histories: Sequence[Array]) -> Array:
+    """Running best of every run, all as long as the longest.
+
+    Parameters
+    ----------
+    histories : sequence of ndarray
+        J of each evaluation of each run.
+
+    Returns
+    -------
+    ndarray, shape (run, evaluation)
+        A run that has ended keeps its last value; zero (a repeated orbit) counts as no value.
+    """
+    longest = max(len(history) for history in histories)
+    best = np.full((len(histories), longest), np.nan)
+    for row, history in zip(best, histories, strict=True):
+        running = np.maximum.accumulate(history)
+        row[: len(running)] = np.where(running > 0.0, running, np.nan)
+        row[len(running) :] = row[len(running) - 1]
+    return best
+
+
+def _thinned(length: int) -> Array:
+    """Evaluations worth a point on a logarithmic axis, from zero."""
+    steps = np.unique(np.geomspace(1, length, 600).round().astype(int)) if length > 1 else [1]
+    return np.asarray(steps) - 1
+
+
+def _spread(axes: Axes, optimizer: str, found: Sequence[xr.Dataset], stops) -> None:
+    """Median and range of the runs of a search, with their early stops."""
+    style = optimizer_style(optimizer)
+    best = best_so_far([run["J_history"].values for run in found])
+    at = _thinned(best.shape[1])
+    some = at[np.all(np.isfinite(best[:, at]), axis=0)]
+    axes.fill_between(
+        some + 1,
+        best[:, some].min(axis=0),
+        best[:, some].max(axis=0),
+        color=style.color,
+        alpha=0.2,
+        linewidth=0,
+        step="post",
+    )
+    middle = np.median(best[:, some], axis=0)
+    stepped = {"color": style.color, "linestyle": style.line, "drawstyle": "steps-post"}
+    axes.plot(some + 1, middle, zorder=3, **stepped)
+    for row, stop in zip(best, stops, strict=True):
+        axes.plot(stop, row[stop - 1], **_stop_kwargs(style.color))
+
+
+def _stop_kwargs(color: str) -> dict:
+    return {
+        "linestyle": "none",
+        "marker": "v",
+        "markersize": 3.6,
+        "color": color,
+        "markeredgecolor": BLACK,
+        "markeredgewidth": 0.3,
+        "zorder": 4,
+    }
+
+
+def _climb(axes: Axes, optimizer: str, architecture: xr.Dataset) -> None:
+    """History of one search, and the bound proven for it."""
+    style = optimizer_style(optimizer)
+    best = best_so_far([architecture["J_history"].values])[0]
+    at = _thinned(len(best))
+    stepped = {"color": style.color, "linestyle": style.line, "drawstyle": "steps-post"}
+    axes.plot(at + 1, best[at], zorder=3, **stepped)
+    axes.plot(
+        len(best),
+        float(architecture["J"]),
+        linestyle="none",
+        color=style.color,
+        zorder=5,
+        **style.marker_kwargs(5.0),
+    )
+    if "bound" in architecture:
+        axes.axhline(float(architecture["bound"]), color=BLACK, linewidth=0.8, zorder=1)
+
+
+def _level(axes: Axes, optimizer: str, value: float) -> None:
+    style = optimizer_style(optimizer)
+    axes.axhline(value, color=style.color, linestyle=style.line, linewidth=1.2, zorder=2)
+
+
+def _convergence_handles(runs: Mapping, architectures: Mapping) -> Iterator:
+    """Legend of the optimizers, the band, the stops, the bound and the paper's values."""
+    for name in _present(architectures):
+        style = optimizer_style(name)
+        yield Line2D([], [], color=style.color, linestyle=style.line, label=style.label)
+    if any(runs.values()):
+        yield Patch(facecolor=GRAY, alpha=0.35, label="range over runs (line: median)")
+        yield Line2D([], [], label="early stop of a run", **_stop_kwargs(GRAY))
+    if any("bound" in found for each in architectures.values() for found in each.values()):
+        yield Line2D([], [], color=BLACK, linewidth=0.8, label="proven upper bound")
+    for method in _paper_methods(list(architectures)):
+        label = f"paper, {optimizer_style(method).label}"
+        yield Line2D([], [], color=GRAY, linewidth=0.9, linestyle=_paper_line(method), label=label)

@@ -1,0 +1,1 @@
+"""Figures of orbits, architectures and targets in space."""

@@ -1,0 +1,366 @@
+"""A page in three dimensions: orbit library, architectures, static and moving targets.
+
+The page needs nothing but a browser with WebGL: plotly.js is within it. Axes are those of the
+rotating frame in kilometers, at equal scales; Earth and Moon have their true size. The time slider
+moves the targets and the satellites through one day from the epoch.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import plotly.graph_objects as go
+import xarray as xr
+from plotly.colors import sample_colorscale
+from plotly.io import to_html
+
+from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, SECONDS_PER_DAY
+from cislunar.figures.space.orbit_tracks import (
+    orbit_track_km,
+    satellite_tracks_km,
+    target_tracks_km,
+)
+from cislunar.figures.space.orbits_page_layout import PageParts, page_layout
+from cislunar.figures.space.scene import Array, bodies, thousands
+from cislunar.figures.style import FAMILY_STYLE, optimizer_style
+
+DIV_ID = "orbits"
+"""Identifier of the plot's element in the page."""
+
+LIBRARY_SAMPLES = 97
+CHOSEN_SAMPLES = 241
+FRAME_HOURS = np.arange(0.0, 24.01, 0.5)
+"""Times of the slider, h since the epoch."""
+PATH_HOURS = np.arange(0.0, 24.01, 1.0 / 6.0)
+
+_HOVER_ORBIT = (
+    "<b>%{fullData.name}</b>, orbit %{customdata[0]:.0f}<br>stability index %{customdata[1]:.4~g}"
+    "<br>period %{customdata[2]:.2f} d<br>Jacobi constant %{customdata[3]:.4f}"
+    "<br>perilune %{customdata[4]:,.0f} km from the center of the Moon<extra></extra>"
+)
+
+
+class _Layer(NamedTuple):
+    """Traces that are switched together, and what moves in them."""
+
+    traces: list[go.Scatter3d]
+    moving: dict[int, Array]
+    """Positions by number of the trace, shape (n_times, n_points, 3), km."""
+
+
+def orbits_page(
+    orbits: xr.Dataset,
+    tracked: xr.Dataset,
+    targets: Mapping[str, xr.Dataset],
+    architectures: Mapping[str, Mapping[str, xr.Dataset]],
+) -> str:
+    """The interactive page of orbits, architectures and targets.
+
+    Parameters
+    ----------
+    orbits : xarray.Dataset
+        ``orbits/families.nc``.
+    tracked : xarray.Dataset
+        ``orbits/tracked.nc``.
+    targets : mapping of str to xarray.Dataset
+        ``targets/static_{scenario}.nc`` by scenario.
+    architectures : mapping of str to mapping of str to xarray.Dataset
+        ``architecture/{scenario}/{optimizer}.nc`` by scenario and optimizer.
+
+    Returns
+    -------
+    str
+        HTML; the same data sets give the same text.
+    """
+    layers = {
+        "bodies": _Layer(_body_traces(orbits), {}),
+        "library": _Layer(_library_traces(orbits), {}),
+        "moving": _moving_layer(tracked),
+    }
+    scenario_layers, choices = {}, {}
+    for scenario, found in architectures.items():
+        scenario_layers[scenario] = f"targets {scenario}"
+        layers[f"targets {scenario}"] = _static_layer(scenario, targets[scenario], orbits)
+        for optimizer, architecture in found.items():
+            name = f"{scenario}, {optimizer_style(optimizer).label}"
+            layers[name] = _architecture_layer(name, optimizer, orbits, architecture)
+            choices[name] = scenario
+    traces, indices, moving = [], {}, {}
+    for name, layer in layers.items():
+        first = len(traces)
+        traces += layer.traces
+        indices[name] = list(range(first, len(traces)))
+        moving |= {first + number: track for number, track in layer.moving.items()}
+    figure = go.Figure(data=traces, frames=_frames(moving))
+    parts = _parts(orbits, indices, choices, scenario_layers, _bounds(traces))
+    figure.update_layout(page_layout(parts))
+    _show_first(figure, indices, choices, scenario_layers)
+    return _page(figure)
+
+
+def _bounds(traces: Sequence[go.Scatter3d | go.Surface]) -> Array:
+    """Least and greatest coordinates of all traces, shape (3, 2), km."""
+    points = [np.asarray(trace[axis], dtype=float).ravel() for trace in traces for axis in "xyz"]
+    every = [np.concatenate(points[k::3]) for k in range(3)]
+    return np.array([(np.nanmin(along), np.nanmax(along)) for along in every])
+
+
+def _parts(orbits, indices, choices, scenario_layers, bounds_km: Array) -> PageParts:
+    return PageParts(
+        choices={
+            name: (indices[name], indices[scenario_layers[scenario]])
+            for name, scenario in choices.items()
+        },
+        library=indices["library"],
+        hours=FRAME_HOURS,
+        color_range=_color_range(orbits),
+        colors=[(share, _color(share)) for share in np.linspace(0.0, 1.0, 9).tolist()],
+        moon_km=(1.0 - float(orbits.attrs["mu"])) * float(orbits.attrs["length_unit_km"]),
+        bounds_km=bounds_km,
+    )
+
+
+def _xyz(points: Array) -> dict[str, np.ndarray]:
+    """Coordinates of points, km, to a tenth of a kilometer or better."""
+    return {axis: points[..., k].astype(np.float32) for k, axis in enumerate("xyz")}
+
+
+def _joined(tracks: Sequence[Array]) -> Array:
+    """Tracks one behind the other, with a gap after each."""
+    gap = np.full((1, 3), np.nan)
+    return np.concatenate([part for track in tracks for part in (track, gap)])
+
+
+def _body_traces(orbits: xr.Dataset) -> list[go.Surface | go.Scatter3d]:
+    """Earth and Moon in true size, and their names."""
+    unit = float(orbits.attrs["length_unit_km"])
+    across, down = np.linspace(0.0, 2.0 * np.pi, 41), np.linspace(0.0, np.pi, 21)
+    sphere = np.stack(
+        (
+            np.outer(np.cos(across), np.sin(down)),
+            np.outer(np.sin(across), np.sin(down)),
+            np.outer(np.ones_like(across), np.cos(down)),
+        ),
+        axis=-1,
+    )
+    traces, places = [], []
+    for (name, (place, color)), radius in zip(
+        bodies(float(orbits.attrs["mu"])).items(), (EARTH_RADIUS_KM, MOON_RADIUS_KM), strict=True
+    ):
+        traces.append(
+            go.Surface(
+                **_xyz(place * unit + radius * sphere),
+                name=name,
+                colorscale=[(0.0, color), (1.0, color)],
+                showscale=False,
+                hovertemplate=f"{name}, radius {thousands(radius)} km<extra></extra>",
+            )
+        )
+        places.append(place * unit)
+    labels = go.Scatter3d(
+        **_xyz(np.array(places)),
+        mode="text",
+        text=[trace.name for trace in traces],
+        textposition="bottom center",
+        textfont={"size": 13},
+        hoverinfo="skip",
+        showlegend=False,
+    )
+    return [*traces, labels]
+
+
+def _orbit_data(orbits: xr.Dataset, index: int) -> list[float]:
+    """What is told of an orbit: row, stability index, period in days, Jacobi constant, perilune."""
+    days = float(orbits["period"].values[index]) * float(orbits.attrs["time_unit_s"])
+    return [
+        index,
+        float(orbits["stability_index"].values[index]),
+        days / SECONDS_PER_DAY,
+        float(orbits["jacobi"].values[index]),
+        float(orbits["perilune_km"].values[index]),
+    ]
+
+
+def _told(orbits: xr.Dataset, members: Sequence[int], samples: int) -> np.ndarray:
+    """The data of each orbit once for each point of its track and the gap behind it."""
+    data = np.array([_orbit_data(orbits, index) for index in members], dtype=np.float32)
+    return np.repeat(data, samples + 1, axis=0)
+
+
+def _library_traces(orbits: xr.Dataset) -> list[go.Scatter3d]:
+    """Every candidate orbit, a trace for each family, and a second one for its legend entry.
+
+    The legend cannot show a trace whose color varies; its entry has that of the median index.
+    """
+    family = orbits["family"].values.astype(str)
+    highest = _color_range(orbits)[1]
+    traces = []
+    for name in dict.fromkeys(family.tolist()):
+        members = np.flatnonzero(family == name).tolist()
+        told = _told(orbits, members, LIBRARY_SAMPLES)
+        tracks = [orbit_track_km(orbits, index, LIBRARY_SAMPLES) for index in members]
+        index = np.log10(told[:, 1])
+        shared = {"mode": "lines", "legendgroup": name, "name": _family_label(name)}
+        entry = go.Scatter3d(
+            x=[None], y=[None], z=[None],
+            line={"color": _color(float(np.median(index)) / highest), "width": 3},
+            legendgrouptitle={"text": "Orbit library"} if not traces else None,
+            **shared | {"name": f"{_family_label(name)} ({len(members)})"},
+        )  # fmt: skip
+        orbit = go.Scatter3d(
+            **_xyz(_joined(tracks)),
+            line={"color": index, "coloraxis": "coloraxis", "width": 1.5},
+            opacity=0.7,
+            customdata=told,
+            hovertemplate=_HOVER_ORBIT,
+            showlegend=False,
+            **shared,
+        )
+        traces += [entry, orbit]
+    return traces
+
+
+def _color_range(orbits: xr.Dataset) -> tuple[float, float]:
+    """Decimal logarithms of the stability index, whole decades from 1."""
+    return 0.0, float(np.ceil(max(np.log10(orbits["stability_index"].values.max()), 1.0)))
+
+
+def _color(share: float) -> str:
+    """Color at a share of the range: stable is dark, unstable light, all visible on white."""
+    return sample_colorscale("Plasma", [0.85 * min(max(share, 0.0), 1.0)])[0]
+
+
+def _family_label(family: str) -> str:
+    return FAMILY_STYLE[family].label if family in FAMILY_STYLE else family.replace("_", " ")
+
+
+def _moving_layer(tracked: xr.Dataset) -> _Layer:
+    """The moving targets with their paths over the day."""
+    names = tracked["family"].values.astype(str)
+    track = target_tracks_km(tracked, FRAME_HOURS)
+    paths = target_tracks_km(tracked, PATH_HOURS)
+    path = go.Scatter3d(
+        **_xyz(_joined(list(np.swapaxes(paths, 0, 1)))),
+        mode="lines",
+        name="their paths over the day",
+        line={"color": "#444444", "width": 1},
+        opacity=0.6,
+        hoverinfo="skip",
+        legendgroup="paths",
+        visible="legendonly",
+    )
+    points = go.Scatter3d(
+        **_xyz(track[0]),
+        mode="markers",
+        name=f"moving targets ({len(names)})",
+        legendgrouptitle={"text": "Targets"},
+        marker={"color": "#111111", "size": 3, "symbol": "diamond"},
+        text=[f"{name}, moving target {k}" for k, name in enumerate(names.tolist())],
+        hovertemplate="%{text}<br>x, y, z = %{x:,.0f}, %{y:,.0f}, %{z:,.0f} km<extra></extra>",
+        legendgroup="moving targets",
+    )
+    return _Layer([points, path], {0: track})
+
+
+def _static_layer(scenario: str, targets: xr.Dataset, orbits: xr.Dataset) -> _Layer:
+    """The static targets of one scenario."""
+    points = targets["position"].values * float(orbits.attrs["length_unit_km"])
+    trace = go.Scatter3d(
+        **_xyz(points),
+        mode="markers",
+        name=f"static targets of {scenario} ({thousands(len(points))})",
+        legendgroup=f"static targets {scenario}",
+        marker={"color": "#5B7C99", "size": 2 if len(points) < 1000 else 1.2},
+        opacity=0.6,
+        hovertemplate=(
+            f"static target of scenario {scenario}"
+            "<br>x, y, z = %{x:,.0f}, %{y:,.0f}, %{z:,.0f} km<extra></extra>"
+        ),
+        visible=False,
+    )
+    return _Layer([trace], {})
+
+
+def _architecture_layer(
+    name: str, optimizer: str, orbits: xr.Dataset, architecture: xr.Dataset
+) -> _Layer:
+    """Chosen orbits and their satellites."""
+    color = optimizer_style(optimizer).color
+    chosen = list(
+        zip(
+            architecture["orbit"].values.tolist(),
+            architecture["satellites"].values.tolist(),
+            strict=True,
+        )
+    )
+    members = [orbit for orbit, _ in chosen]
+    families = orbits["family"].values.astype(str)[members]
+    lines = go.Scatter3d(
+        **_xyz(_joined([orbit_track_km(orbits, index, CHOSEN_SAMPLES) for index in members])),
+        mode="lines",
+        name="chosen orbits",
+        legendgroup=f"architecture {name}",
+        legendgrouptitle={"text": f"Scenario {name}"},
+        line={"color": color, "width": 5},
+        customdata=_told(orbits, members, CHOSEN_SAMPLES),
+        text=np.repeat([_family_label(f) for f in families], CHOSEN_SAMPLES + 1).tolist(),
+        hovertemplate=_HOVER_ORBIT.replace("%{fullData.name}", "%{text}"),
+        visible=False,
+    )
+    track = np.concatenate(
+        [satellite_tracks_km(orbits, orbit, count, FRAME_HOURS) for orbit, count in chosen], axis=1
+    )
+    told = [
+        f"satellite {k + 1} of {count} on orbit {orbit}, {_family_label(family)}"
+        for (orbit, count), family in zip(chosen, families, strict=True)
+        for k in range(count)
+    ]
+    satellites = go.Scatter3d(
+        **_xyz(track[0]),
+        mode="markers",
+        name=f"satellites ({len(told)})",
+        legendgroup=f"architecture {name}",
+        marker={"color": color, "size": 5, "line": {"color": "white", "width": 1}},
+        text=told,
+        hovertemplate="%{text}<extra></extra>",
+        visible=False,
+    )
+    return _Layer([lines, satellites], {1: track})
+
+
+def _frames(moving: Mapping[int, Array]) -> list[go.Frame]:
+    """Positions of everything that moves, a frame for each time."""
+    return [
+        go.Frame(
+            name=f"{hour:.1f}",
+            data=[go.Scatter3d(**_xyz(track[k])) for track in moving.values()],
+            traces=list(moving),
+        )
+        for k, hour in enumerate(FRAME_HOURS)
+    ]
+
+
+def _show_first(figure: go.Figure, indices, choices, scenario_layers) -> None:
+    """Make the first architecture and its targets visible."""
+    for name, scenario in list(choices.items())[:1]:
+        for number in (*indices[name], *indices[scenario_layers[scenario]]):
+            figure.data[number].visible = True
+
+
+def _page(figure: go.Figure) -> str:
+    config: dict[str, Any] = {"responsive": True, "displaylogo": False, "scrollZoom": True}
+    plot = to_html(
+        figure,
+        config=config,
+        auto_play=False,
+        include_plotlyjs=True,
+        full_html=False,
+        default_height="100vh",
+        div_id=DIV_ID,
+    )
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        "<title>Cislunar orbits, architectures and targets</title>\n"
+        "<style>html, body { margin: 0; font-family: sans-serif; }</style>\n</head>\n<body>\n"
+        f"{plot}\n</body>\n</html>\n"
+    )

@@ -1,0 +1,170 @@
+"""Which tracking cells the figures show, from the configuration.
+
+The paper shows a few of its cells; those that the configuration has are taken, and the nearest
+thing to them where it has none. Nothing here needs matplotlib or the compiled library, so that a
+workflow can ask at once.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from cislunar.campaign.settings.cells import Cell, sweep_cells, variant_cells
+
+PREFERRED_ARCHITECTURE = "tpe"
+"""The paper tracks with the architectures of its own optimizer."""
+
+PAPER_FEW, PAPER_MANY = (20, 30, 50), (100,)
+"""Numbers of targets of the two columns of the paper's figure 5."""
+
+
+def figure_architectures(task2: Mapping[str, Any]) -> list[str]:
+    """Architectures the figures of single cells are drawn for.
+
+    Parameters
+    ----------
+    task2 : mapping
+        Configuration key `task2`.
+
+    Returns
+    -------
+    list of str
+        Those of both sweeps, the preferred one first.
+    """
+    return sorted(task2["architectures"], key=lambda name: name != PREFERRED_ARCHITECTURE)
+
+
+def _cells(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
+    """Cells of the sweeps of an architecture with the first estimator."""
+    estimator = task2["estimators"][0]
+    return [
+        cell
+        for cell in sweep_cells(task2)
+        if cell.architecture == architecture and cell.estimator == estimator
+    ]
+
+
+def _by_targets(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
+    """Sweep over the number of targets in the first scenario, in rising order."""
+    cells = [c for c in _cells(task2, architecture) if c.interval_minutes == _usual(task2)]
+    scenario = next((s for s in task2["target_counts"] if any(c.scenario == s for c in cells)), "")
+    counts = set(task2["target_counts"].get(scenario, ()))
+    found = [c for c in cells if c.scenario == scenario and c.targets in counts]
+    return sorted(found, key=lambda cell: cell.targets)
+
+
+def _usual(task2: Mapping[str, Any]) -> int:
+    return int(task2["interval_minutes"])
+
+
+def target_count_cells(task2: Mapping[str, Any], architecture: str) -> list[list[Cell]]:
+    """Cells of the heat maps by number of targets.
+
+    Parameters
+    ----------
+    task2 : mapping
+        Configuration key `task2`.
+    architecture : str
+        Whose observers track.
+
+    Returns
+    -------
+    list of list of Cell
+        A list for each column of panels, rising in the number of targets: the paper's few and
+        many; without any of them, up to three of the fewest and the most.
+    """
+    cells = _by_targets(task2, architecture)
+    columns = [[c for c in cells if c.targets in counts] for counts in (PAPER_FEW, PAPER_MANY)]
+    if not any(columns):
+        columns = [cells[:3], cells[3:][-1:]]
+    return [column for column in columns if column]
+
+
+def selected_cell(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
+    """The cell whose selected targets are shown: the fewest targets of the first scenario.
+
+    Parameters
+    ----------
+    task2, architecture
+        As for `target_count_cells`.
+
+    Returns
+    -------
+    list of Cell
+        One cell, or none.
+    """
+    return _by_targets(task2, architecture)[:1]
+
+
+def _by_interval(task2: Mapping[str, Any], architecture: str) -> dict[str, dict[int, list[Cell]]]:
+    """Cells of the interval sweep, by scenario and number of targets, in rising order."""
+    minutes = set(task2["intervals"]["minutes"])
+    found: dict[str, dict[int, list[Cell]]] = {}
+    for scenario, counts in task2["intervals"]["target_counts"].items():
+        for n in sorted(counts):
+            cells = [
+                cell
+                for cell in _cells(task2, architecture)
+                if (cell.scenario, cell.targets) == (scenario, n)
+                and cell.interval_minutes in minutes
+            ]
+            if cells:
+                ordered = sorted(cells, key=lambda cell: cell.interval_minutes)
+                found.setdefault(scenario, {})[n] = ordered
+    return found
+
+
+def interval_cells(task2: Mapping[str, Any], architecture: str) -> list[list[Cell]]:
+    """Cells of the heat maps by tasking interval.
+
+    Parameters
+    ----------
+    task2, architecture
+        As for `target_count_cells`.
+
+    Returns
+    -------
+    list of list of Cell
+        A list for each scenario, with its fewest targets, rising in the interval.
+    """
+    return [found[min(found)] for found in _by_interval(task2, architecture).values()]
+
+
+def high_load_cells(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
+    """Cells of the interval sweep with many targets for the observers.
+
+    Parameters
+    ----------
+    task2, architecture
+        As for `target_count_cells`.
+
+    Returns
+    -------
+    list of Cell
+        Of the first scenario with several numbers of targets (of the first scenario, if none has),
+        those with the most, rising in the interval.
+    """
+    found = _by_interval(task2, architecture)
+    several = [cells for cells in found.values() if len(cells) > 1]
+    chosen = (several or list(found.values()))[:1]
+    return [cell for cells in chosen for cell in cells[max(cells)]]
+
+
+def tasking_variants(task2: Mapping[str, Any]) -> dict[str, str]:
+    """Variants that change how targets are assigned.
+
+    Parameters
+    ----------
+    task2 : mapping
+        Configuration key `task2`.
+
+    Returns
+    -------
+    dict
+        Name of the variant, empty for the usual settings, to the method; only those with cells.
+    """
+    changed = {
+        cell.variant: task2["variants"]["cells"][cell.variant]["change"]["tasking"]["method"]
+        for cell in variant_cells(task2)
+        if "method" in task2["variants"]["cells"][cell.variant]["change"].get("tasking", {})
+    }
+    return {"": task2["tasking"]["method"]} | changed

@@ -1,0 +1,288 @@
+"""Tasking methods compared: information, evaluations, time, and what they do to tracking."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+
+from cislunar.campaign.tracking.statistics import log_interval, t_interval
+from cislunar.campaign.tracking.summary import cell_index, seed_values
+from cislunar.figures.axes import log_ticks, place
+from cislunar.figures.space.scene import Array
+from cislunar.figures.style import (
+    BLACK,
+    BLUE,
+    DASH_DOT,
+    DASHED,
+    DOTTED,
+    GRAY,
+    GREEN,
+    ORANGE,
+    SOLID,
+    VERMILION,
+    SeriesStyle,
+    house_style,
+    new_figure,
+    panel_letter,
+)
+
+METHODS: Mapping[str, SeriesStyle] = {
+    "exact": SeriesStyle("exact", GREEN, DASH_DOT, "*"),
+    "greedy": SeriesStyle("greedy", ORANGE, DOTTED, "^"),
+    "tpe": SeriesStyle("TPE", BLUE, SOLID, "o"),
+    "random": SeriesStyle("random", VERMILION, DASHED, "s"),
+}
+"""How each tasking method is drawn."""
+
+_LEFT, _RIGHT, _GAP = 0.62, 0.12, 0.52
+_PANEL_IN, _STEP_IN = 1.3, 1.98
+_HEAD, _FOOT = 0.36, 0.42
+_WIDTH_IN = 7.2
+
+
+class Outcome(NamedTuple):
+    """A statistic of tracking."""
+
+    label: str
+    quantity: str
+    part: str | None
+    factor: float
+    log: bool
+
+
+OUTCOMES = (
+    Outcome("attitude within 3\N{GREEK SMALL LETTER SIGMA},\n% of time", "coverage", "attitude",
+            100.0, False),
+    Outcome("attitude RMSE,\nGRP, nondim.", "rmse_median", "attitude", 1.0, True),
+    Outcome("position RMSE,\nnondim.", "rmse_median", "position", 1.0, True),
+)  # fmt: skip
+
+
+def method_style(method: str) -> SeriesStyle:
+    """How a tasking method is drawn; one without a style of its own is gray."""
+    return METHODS.get(method, SeriesStyle(method, GRAY, SOLID, "v"))
+
+
+@house_style()
+def tasking_figure(
+    compared: xr.Dataset, summary: xr.Dataset, variants: Mapping[str, str], interval_minutes: int
+) -> Figure:
+    """Information against evaluations and time, and tracking with each method.
+
+    Parameters
+    ----------
+    compared : xarray.Dataset
+        ``task2/tasking_comparison.nc``.
+    summary : xarray.Dataset
+        ``task2/summary.nc``.
+    variants : mapping of str to str
+        Method by the name of the variant (empty: the usual settings), see `tasking_variants`.
+    interval_minutes : int
+        Time between tasking epochs, for the titles.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    cells, epochs = compared.sizes["cell"], compared.sizes["epoch"]
+    tracked = _tracked_cells(summary, variants)
+    rows = epochs + 1 + bool(tracked)
+    figure = new_figure(_HEAD + rows * _STEP_IN + _FOOT - 0.3, _WIDTH_IN)
+    for column in range(cells):
+        here = compared.isel(cell=column)
+        targets, observers = int(here["targets"]), int(np.ravel(compared["observers"])[0])
+        for row in range(epochs):
+            axes = _panel(figure, row, column, cells)
+            _against_evaluations(axes, here.isel(epoch=row))
+            hour = int(compared["epoch"].values[row]) * interval_minutes / 60.0
+            title = f"$n_T$ = {targets}, {observers} observers, {hour:g} h"
+            axes.set_title(
+                f"{panel_letter(row * cells + column)} {title}", loc="left", fontsize=7.5
+            )
+            axes.set_ylabel("information, nat" if column == 0 else "")
+        axes = _panel(figure, epochs, column, cells)
+        _against_time(axes, here)
+        name = panel_letter(epochs * cells + column)
+        axes.set_title(f"{name} $n_T$ = {targets}, all epochs", loc="left", fontsize=7.5)
+        axes.set_ylabel("information, % of exact" if column == 0 else "")
+    if tracked:
+        for column, outcome in enumerate(OUTCOMES):
+            axes = _panel(figure, epochs + 1, column, len(OUTCOMES), gap=0.92)
+            _tracking(axes, summary, tracked, outcome)
+            name = panel_letter((epochs + 1) * cells + column)
+            axes.set_title(f"{name} tracking", loc="left", fontsize=7.5)
+    _legend(figure, compared, tracked, summary)
+    return figure
+
+
+def _panel(figure: Figure, row: int, column: int, columns: int, *, gap: float = _GAP) -> Axes:
+    width, height = figure.get_size_inches()
+    each = (width - _LEFT - _RIGHT - gap * (columns - 1)) / columns
+    bottom = height - _HEAD - row * _STEP_IN - _PANEL_IN
+    return place(figure, _LEFT + column * (each + gap), bottom, each, _PANEL_IN)
+
+
+def _against_evaluations(axes: Axes, problem: xr.Dataset) -> None:
+    """Best information so far of the searches: median and range; the others as levels."""
+    levels = []
+    for method in problem["direct"].values.astype(str):
+        value = float(problem["direct_information"].sel(direct=method))
+        look = method_style(method)
+        axes.axhline(value, color=look.color, linestyle=look.line, linewidth=1.2, zorder=3)
+        levels.append(value)
+    for method in problem["search"].values.astype(str):
+        look = method_style(method)
+        history = problem["history"].sel(search=method).values
+        at = np.flatnonzero(np.isfinite(history).any(axis=0))
+        if at.size == 0:
+            continue
+        best = held(history[:, : at[-1] + 1])
+        x = np.arange(1, best.shape[1] + 1)
+        axes.fill_between(x, best.min(axis=0), best.max(axis=0), color=look.color, alpha=0.2,
+                          linewidth=0, step="post")  # fmt: skip
+        axes.plot(x, np.median(best, axis=0), color=look.color, linestyle=look.line,
+                  drawstyle="steps-post", zorder=4)  # fmt: skip
+        levels.append(float(best[:, 0].min()))
+    low, high = min(levels), max(levels)
+    margin = 0.06 * (high - low) or 0.05 * abs(high) or 1.0
+    axes.set_ylim(low - margin, high + margin)
+    axes.set(xscale="log", xlabel="evaluations")
+    axes.xaxis.labelpad = 1.0
+    axes.yaxis.set_major_locator(MaxNLocator(5))
+
+
+def held(history: Array) -> Array:
+    """Best value so far of every run; a run that has ended keeps its last value.
+
+    Parameters
+    ----------
+    history : ndarray, shape (run, evaluation)
+        NaN after the end of a run.
+
+    Returns
+    -------
+    ndarray, same shape
+    """
+    return np.maximum.accumulate(np.where(np.isfinite(history), history, -np.inf), axis=1)
+
+
+def _against_time(axes: Axes, here: xr.Dataset) -> None:
+    """Share of the exact information against the time of the computation, budget by budget."""
+    exact = here["direct_information"].sel(direct="exact")
+    for method in here["search"].values.astype(str):
+        look = method_style(method)
+        share = (100.0 * here["information"].sel(search=method) / exact).transpose("budget", ...)
+        seconds = here["elapsed"].sel(search=method).transpose("budget", ...)
+        budgets = share.sizes["budget"]
+        pairs = [(seconds.values[b].ravel(), share.values[b].ravel()) for b in range(budgets)]
+        points = np.array([(np.median(t), np.median(v)) for t, v in pairs if np.isfinite(v).all()])
+        if points.size:
+            axes.plot(*points.T, color=look.color, linestyle=look.line, **look.marker_kwargs(4.0))
+    for method in here["direct"].values.astype(str):
+        look = method_style(method)
+        share = float((100.0 * here["direct_information"].sel(direct=method) / exact).median())
+        seconds = float(here["direct_elapsed"].sel(direct=method).median())
+        kwargs = look.marker_kwargs(5.5)
+        axes.plot(seconds, share, color=look.color, linestyle="none", zorder=5, **kwargs)
+    axes.set(xscale="log", xlabel="time of one tasking, s")
+    axes.xaxis.set_major_locator(LogLocator(numticks=7))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.xaxis.labelpad = 1.0
+    axes.margins(x=0.1, y=0.12)
+
+
+def _tracked_cells(summary: xr.Dataset, variants: Mapping[str, str]) -> dict[str, Array]:
+    """Cells tracked with each method, those of the usual settings where another was tried."""
+    changed = {
+        method: cell_index(summary, variant=name) for name, method in variants.items() if name
+    }
+    found = {method: index for method, index in changed.items() if index.size}
+    if not found:
+        return {}
+    every = np.concatenate(list(found.values()))
+    labels = {key: summary[key].values[every[0]] for key in ("scenario", "architecture")}
+    usual = cell_index(
+        summary,
+        variant="",
+        estimator=summary["estimator"].values[every[0]],
+        interval_minutes=summary["interval_minutes"].values[every[0]],
+        **labels,
+    )
+    targets = summary["targets"].values
+    usual = usual[np.isin(targets[usual], targets[every])]
+    found[variants.get("", "exact")] = usual
+    return {name: found[name] for name in sorted(found, key=_rank)}
+
+
+def _rank(method: str) -> tuple[int, str]:
+    known = list(METHODS)
+    return (known.index(method) if method in known else len(known), method)
+
+
+def _counts(summary: xr.Dataset, tracked: Mapping[str, Array]) -> list[int]:
+    """Numbers of targets of the tracked cells."""
+    return sorted({int(n) for index in tracked.values() for n in summary["targets"].values[index]})
+
+
+def _tracking(
+    axes: Axes, summary: xr.Dataset, tracked: Mapping[str, Array], outcome: Outcome
+) -> None:
+    """A statistic of tracking with each method, mean and interval over seeds."""
+    counts, singles = _counts(summary, tracked), []
+    for place_of, (method, index) in enumerate(tracked.items()):
+        look = method_style(method)
+        for cell in index:
+            rank = counts.index(int(summary["targets"].values[cell]))
+            values = outcome.factor * seed_values(summary, cell, outcome.quantity, outcome.part)
+            singles.append(values)
+            middle, low, high, _ = (log_interval if outcome.log else t_interval)(values)
+            axes.errorbar(
+                place_of + 0.22 * (rank - 0.5 * (len(counts) - 1)),
+                middle,
+                yerr=np.nan_to_num([[middle - low], [high - middle]]),
+                color=look.color,
+                elinewidth=0.9,
+                capsize=2.0,
+                linestyle="none",
+                **look._replace(filled=rank == 0).marker_kwargs(4.5),
+            )
+    axes.set_xticks(range(len(tracked)), [method_style(m).label for m in tracked])
+    axes.set_xlim(-0.6, len(tracked) - 0.4)
+    axes.grid(False, axis="x")
+    axes.set_xlabel("tasking method", labelpad=1.0)
+    axes.set_ylabel(outcome.label)
+    values = np.concatenate(singles)
+    low, high = np.nanmin(values), np.nanmax(values)
+    if outcome.log and low > 0.0:
+        axes.set(yscale="log", ylim=(low / 1.3, high * 1.3))
+        log_ticks(axes.yaxis, low / 1.3, high * 1.3)
+    else:
+        margin = 0.1 * (high - low) or 0.5
+        axes.set_ylim(low - margin, high + margin)
+
+
+def _legend(
+    figure: Figure, compared: xr.Dataset, tracked: Mapping[str, Array], summary: xr.Dataset
+) -> None:
+    methods = {str(m) for key in ("direct", "search") for m in compared[key].values} | set(tracked)
+    handles: list = [method_style(m).legend_handle() for m in sorted(methods, key=_rank)]
+    handles.append(Patch(facecolor=GRAY, alpha=0.35, label="range over runs (line: median)"))
+    plain = {"color": BLACK, "linestyle": "none", "marker": "o", "markersize": 4.0}
+    for rank, count in enumerate(_counts(summary, tracked)):
+        face = {} if rank == 0 else {"markerfacecolor": "none"}
+        handles.append(Line2D([], [], label=f"$n_T$ = {count}", **plain, **face))
+    figure.legend(
+        handles=handles,
+        loc="lower center",
+        ncols=len(handles),
+        bbox_to_anchor=(0.5, 0.06 / figure.get_size_inches()[1]),
+        borderaxespad=0.0,
+        handlelength=2.4,
+        columnspacing=1.2,
+    )

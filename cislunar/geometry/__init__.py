@@ -1,1 +1,0 @@
-"""Frames and angles between bodies."""

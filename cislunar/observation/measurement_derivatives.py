@@ -1,0 +1,119 @@
+"""Derivatives of a measurement by the states of a target, in closed form.
+
+Rows follow (magnitude, right ascension, declination), columns (small turn of the attitude, angular
+velocity, position, velocity), with the units of the error state of the filters.
+"""
+
+import numpy as np
+from numba import njit
+
+from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.observation.measurement import rotate
+from cislunar.photometry.facet_derivatives import facet_magnitude_derivatives
+
+_METRES = 1000.0 * LENGTH_UNIT_KM
+
+
+@njit(cache=True, error_model="numpy")
+def _rotate_back(axes, x, y, z):
+    """Product of a transposed 3 x 3 matrix and a vector."""
+    return (
+        axes[0, 0] * x + axes[1, 0] * y + axes[2, 0] * z,
+        axes[0, 1] * x + axes[1, 1] * y + axes[2, 1] * z,
+        axes[0, 2] * x + axes[1, 2] * y + axes[2, 2] * z,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _across(ux, uy, uz, gx, gy, gz):
+    """The part of a vector g across the unit vector u."""
+    along = ux * gx + uy * gy + uz * gz
+    return gx - along * ux, gy - along * uy, gz - along * uz
+
+
+@njit(cache=True, error_model="numpy")
+def _angle_rows(dx, dy, dz, axes, rows):
+    """Derivatives of right ascension and declination by position, into rows 1 and 2."""
+    bx, by, bz = rotate(axes, dx, dy, dz)
+    flat2 = bx * bx + by * by
+    flat = np.sqrt(flat2)
+    squared = flat2 + bz * bz
+    rows[1, 3], rows[1, 4], rows[1, 5] = _rotate_back(axes, -by / flat2, bx / flat2, 0.0)
+    scale = -bz / (flat * squared)
+    rows[2, 3], rows[2, 4], rows[2, 5] = _rotate_back(axes, scale * bx, scale * by, flat / squared)
+
+
+@njit(cache=True, error_model="numpy")
+def _magnitude_row(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j, rows):
+    """Derivatives of the magnitude by attitude and position, into row 0.
+
+    The observer's direction V = -d/r and the Sun's L = s/|s| turn by (I - V V^T)/r and
+    (I - L L^T)/|s| with the position, both backwards; the range adds (5 / ln 10) d/r^2.
+    """
+    distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+    to_sun = np.sqrt(sx * sx + sy * sy + sz * sz)
+    vx, vy, vz = rotate(to_inertial, -dx / distance, -dy / distance, -dz / distance)
+    lx, ly, lz = rotate(to_inertial, sx / to_sun, sy / to_sun, sz / to_sun)
+    first = surfaces.first[j]
+    last = surfaces.first[j + 1]
+    _, turn, by_sun, by_view, by_log_range = facet_magnitude_derivatives(
+        (quaternion[0], quaternion[1], quaternion[2], quaternion[3]),
+        (lx, ly, lz),
+        (vx, vy, vz),
+        distance * _METRES,
+        surfaces.areas[first:last],
+        surfaces.normals[first:last],
+        surfaces.material[j],
+        surfaces.irradiance_4pi,
+        surfaces.fresnel_sqrt,
+    )
+    rows[0, 0], rows[0, 1], rows[0, 2] = turn
+    ax, ay, az = _across(vx, vy, vz, by_view[0], by_view[1], by_view[2])
+    bx, by, bz = _across(lx, ly, lz, by_sun[0], by_sun[1], by_sun[2])
+    inward = 1.0 / distance
+    sunward = 1.0 / to_sun
+    rows[0, 3], rows[0, 4], rows[0, 5] = _rotate_back(
+        to_inertial,
+        -inward * (ax + by_log_range * vx) - sunward * bx,
+        -inward * (ay + by_log_range * vy) - sunward * by,
+        -inward * (az + by_log_range * vz) - sunward * bz,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def measurement_rows(state, quaternion, observer, k, j, scene, surfaces, rows):
+    """Derivatives of a measurement by attitude and position, in closed form (compiled).
+
+    Parameters
+    ----------
+    state : ndarray, shape (6,)
+        Position and velocity, nondimensional, rotating frame.
+    quaternion : ndarray, shape (4,)
+        Inertial to body.
+    observer, k, j : int
+        Indices of the observer, the time and the target.
+    scene, surfaces : Scene, TargetSurfaces
+    rows : ndarray, shape (3, 6)
+        Receives the derivatives of magnitude, right ascension and declination (mag, rad, rad) by a
+        small turn of the body (rad, body frame) and by position (nondimensional, rotating frame).
+    """
+    x, y, z = state[0], state[1], state[2]
+    dx = x - scene.observer_position[observer, k, 0]
+    dy = y - scene.observer_position[observer, k, 1]
+    dz = z - scene.observer_position[observer, k, 2]
+    sun = scene.sun_position[k]
+    rows[1:, :3] = 0.0
+    _angle_rows(dx, dy, dz, scene.observer_axes[k], rows)
+    _magnitude_row(
+        dx,
+        dy,
+        dz,
+        sun[0] - x,
+        sun[1] - y,
+        sun[2] - z,
+        scene.frame_axes[k],
+        quaternion,
+        surfaces,
+        j,
+        rows,
+    )

@@ -1,0 +1,439 @@
+"""Data files, progress, provenance, and what a configuration is refused for."""
+
+import copy
+import json
+import logging
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+
+from cislunar.architecture.cost import CostFunction
+from cislunar.architecture.tables import ArchitectureTables
+from cislunar.campaign.architectures.optimization import (
+    best_run_dataset,
+    generator,
+    search_run_dataset,
+)
+from cislunar.campaign.data import progress
+from cislunar.campaign.data.netcdf import read_dataset, variable, write_dataset, write_text
+from cislunar.campaign.data.progress import job, progress_log
+from cislunar.campaign.data.provenance import provenance
+from cislunar.campaign.settings.cells import merged
+from cislunar.campaign.settings.configuration import check_campaign, load_schema
+from cislunar.errors import ConfigurationError, InputFileError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def small_dataset(value=1.0, size=2000):
+    """A data set large enough to be compressed."""
+    return xr.Dataset(
+        {
+            "field": variable("x", value * np.arange(size), "km", "a field"),
+            "name": variable((), "halo", "1", "a name"),
+        },
+        attrs={"title": "test"},
+    )
+
+
+def test_dataset_comes_back_as_it_was_written(tmp_path):
+    path = tmp_path / "deep" / "er" / "file.nc"
+    write_dataset(small_dataset(), path)
+    xr.testing.assert_identical(read_dataset(path), small_dataset())
+    assert [each.name for each in path.parent.iterdir()] == ["file.nc"]
+
+
+@pytest.mark.parametrize("lacking", ["units", "long_name"])
+def test_variable_without_unit_or_description_is_refused(tmp_path, lacking):
+    dataset = small_dataset()
+    del dataset["field"].attrs[lacking]
+    with pytest.raises(ValueError, match=rf"variable field of file\.nc lacks {lacking}"):
+        write_dataset(dataset, tmp_path / "file.nc")
+    assert not any(tmp_path.iterdir())
+
+
+def test_coordinates_are_held_to_the_same_rule(tmp_path):
+    dataset = small_dataset().assign_coords(x=np.arange(2000))
+    with pytest.raises(ValueError, match="variable x"):
+        write_dataset(dataset, tmp_path / "file.nc")
+
+
+def break_after_writing(monkeypatch, error):
+    """Let the NetCDF library fail with half the file on disk."""
+
+    def write_half(self, path, **_):
+        Path(path).write_bytes(b"\x89HDF half a file")
+        raise error
+
+    monkeypatch.setattr(xr.Dataset, "to_netcdf", write_half)
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), RuntimeError("HDF")])
+def test_failed_write_leaves_the_old_file(tmp_path, monkeypatch, error):
+    path = tmp_path / "file.nc"
+    write_dataset(small_dataset(), path)
+    before = path.read_bytes()
+    break_after_writing(monkeypatch, error)
+    with pytest.raises(InputFileError, match=r"cannot write .*file\.nc: (No space|HDF)"):
+        write_dataset(small_dataset(2.0), path)
+    assert path.read_bytes() == before
+    assert [each.name for each in tmp_path.iterdir()] == ["file.nc"]
+
+
+def test_interrupted_write_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "file.nc"
+    write_dataset(small_dataset(), path)
+    before = path.read_bytes()
+    break_after_writing(monkeypatch, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        write_dataset(small_dataset(2.0), path)
+    assert path.read_bytes() == before
+    assert [each.name for each in tmp_path.iterdir()] == ["file.nc"]
+
+
+def test_failed_move_leaves_the_old_text(tmp_path, monkeypatch):
+    path = tmp_path / "table.csv"
+    write_text("old\n", path)
+
+    def refuse(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(InputFileError, match=r"cannot write .*table\.csv: Permission denied"):
+        write_text("new\n", path)
+    assert path.read_text() == "old\n"
+    assert [each.name for each in tmp_path.iterdir()] == ["table.csv"]
+
+
+@pytest.mark.parametrize(
+    "write", [lambda p: write_text("a", p), lambda p: write_dataset(small_dataset(), p)]
+)
+def test_folder_that_is_a_file_is_named(tmp_path, write):
+    (tmp_path / "results").write_text("not a folder")
+    with pytest.raises(InputFileError, match=r"cannot write .*results/x"):
+        write(tmp_path / "results" / "x")
+    assert (tmp_path / "results").read_text() == "not a folder"
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.999])
+def test_truncated_file_is_named(tmp_path, share):
+    path = tmp_path / "file.nc"
+    write_dataset(small_dataset(), path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(InputFileError, match=r"file\.nc cannot be read .* delete it and run"):
+        read_dataset(path)
+
+
+def test_missing_file_is_named(tmp_path):
+    with pytest.raises(InputFileError, match=r"nowhere\.nc: no such file"):
+        read_dataset(tmp_path / "nowhere.nc")
+
+
+class Clock:
+    """A clock that the test sets."""
+
+    def __init__(self, monkeypatch):
+        self.now = 100.0
+        monkeypatch.setattr(progress.time, "monotonic", lambda: self.now)
+
+
+def test_progress_lines_come_at_intervals_with_the_time_left(monkeypatch, caplog):
+    clock = Clock(monkeypatch)
+    caplog.set_level(logging.INFO, "cislunar")
+    report = progress_log("orbits", interval_s=5.0)
+    for done in range(1, 41):
+        clock.now += 2.0
+        report(done, 40)
+    lines = [record.getMessage() for record in caplog.records]
+    # 80 s in all, a line at the first call 5 s after the one before: every third, and the last.
+    assert lines[0] == "orbits: 3 of 40 (8 %), 0:06 elapsed, 1:14 left"
+    assert lines[-1] == "orbits: 40 of 40 (100 %), 1:20 elapsed, 0:00 left"
+    assert len(lines) == 14
+
+
+def test_progress_does_not_take_the_first_item_for_the_pace(monkeypatch, caplog):
+    clock = Clock(monkeypatch)
+    caplog.set_level(logging.INFO, "cislunar")
+    report = progress_log("orbits", interval_s=5.0)
+    clock.now += 10.0  # with compilation
+    for done in range(1, 21):
+        report(done, 41)
+        clock.now += 1.0
+    assert caplog.messages[0] == "orbits: 1 of 41 (2 %), 0:10 elapsed, 6:40 left at most"
+    assert caplog.messages[1] == "orbits: 6 of 41 (15 %), 0:15 elapsed, 0:35 left"
+
+
+def test_progress_without_anything_done_does_not_divide_by_zero(monkeypatch, caplog):
+    clock = Clock(monkeypatch)
+    caplog.set_level(logging.INFO, "cislunar")
+    report = progress_log("orbits", interval_s=5.0)
+    clock.now += 4000.0
+    report(0, 7)
+    assert caplog.messages == ["orbits: 0 of 7 (0 %), 1:06:40 elapsed, unknown left"]
+
+
+def test_job_logs_to_its_file_and_the_terminal(tmp_path, capfd):
+    log = tmp_path / "logs" / "stage" / "job.log"
+    with job(log):
+        progress.logger.info("halfway")
+    assert re.search(r"halfway\n.* done in 0:00\n", log.read_text())
+    assert "halfway" in capfd.readouterr().err
+    assert progress.logger.handlers == []
+
+
+def test_job_ends_with_the_message_of_an_expected_error(tmp_path, capfd):
+    log = tmp_path / "job.log"
+    with pytest.raises(SystemExit) as stopped, job(log):
+        raise InputFileError("missions.csv, row 7: no Jacobi constant")
+    assert stopped.value.code == 1
+    for text in (log.read_text(), capfd.readouterr().err):
+        assert "error: missions.csv, row 7: no Jacobi constant" in text
+        assert "Traceback" not in text
+    assert progress.logger.handlers == []
+
+
+def test_job_keeps_the_traceback_of_an_unexpected_error(tmp_path):
+    log = tmp_path / "job.log"
+    with pytest.raises(ZeroDivisionError), job(log):
+        raise ZeroDivisionError("division by zero")
+    assert "ZeroDivisionError" in log.read_text()
+
+
+def test_provenance_is_the_same_for_the_same_inputs():
+    settings = {"b": [1, 2], "a": {"y": 1.5, "x": "halo"}}
+    turned = {"a": {"x": "halo", "y": 1.5}, "b": [1, 2]}
+    first = provenance("title", settings=settings, seed=3)
+    assert first == provenance("title", settings=turned, seed=3)
+    assert json.loads(first["settings"]) == settings
+    assert first["seed"] == 3
+    assert {"title", "source", "mu", "length_unit_km", "time_unit_s"} <= set(first)
+
+
+def test_same_data_give_the_same_file(tmp_path):
+    for name in ("a.nc", "b.nc"):
+        write_dataset(
+            small_dataset().assign_attrs(provenance("t", settings={"k": 1})), tmp_path / name
+        )
+    assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
+
+
+def test_jobs_draw_independent_random_numbers():
+    same = generator(1, "A", "tpe", 0).random(4)
+    np.testing.assert_array_equal(same, generator(1, "A", "tpe", 0).random(4))
+    others = [(2, "A", "tpe", 0), (1, "At", "pe", 0), (1, "A", "tpe", 1), (1, "A", "tpe0")]
+    for other in others:
+        assert not np.array_equal(same, generator(*other).random(4))
+
+
+def random_runs(early_stop):
+    """Three random searches over small tables, and the cost."""
+    rng = np.random.default_rng(2)
+    tables = ArchitectureTables(
+        rng.integers(0, 30, (12, 3, 8)).astype(np.uint16),
+        rng.uniform(1.0, 3.0, (12, 1)) * np.arange(1, 4),
+        1.0 + rng.exponential(2.0, 12),
+        np.repeat(["Halo_L1_N", "Lyap_L2"], 6),
+        10,
+    )
+    visibility = xr.Dataset(
+        attrs={"diffuse_reflection_coefficient": 1.0, "visibility_magnitude": 18.0, "n_steps": 10}
+    )
+    runs = [
+        search_run_dataset(
+            tables, visibility, scenario="A", method="random", labels="family_position", run=run,
+            seed=7, slots=4, max_evaluations=150, early_stop=early_stop,
+        )
+        for run in range(3)
+    ]  # fmt: skip
+    return runs, CostFunction(tables)
+
+
+def test_best_of_runs_under_the_early_stop(tmp_path):
+    patience = 12
+    runs, cost = random_runs(patience)
+    assert all(run.sizes["evaluation"] == 150 for run in runs)
+    best = best_run_dataset(runs, patience, cost)
+    for i, run in enumerate(runs):
+        history = run["J_history"].values
+        stop = next(k for k in range(patience, 150) if history[: k + 1].argmax() <= k - patience)
+        assert best["run_evaluations"][i] == stop + 1
+        reached = history[: stop + 1].max()
+        assert best["run_J"][i] == reached
+        assert best["full_J"][i] == history.max()
+        k = int(history[: stop + 1].argmax())
+        assert best["run_satellites"][i] == run["trial_satellites"][k].sum()
+        np.testing.assert_array_equal(best["run_orbit"][i], run["trial_orbit"][k])
+        np.testing.assert_array_equal(best["run_J_history"][i, : stop + 1], history[: stop + 1])
+    assert np.any(best["run_J"] < best["full_J"])
+    assert float(best["J"]) == pytest.approx(float(best["run_J"].max()), rel=1e-13)
+    assert best["J_history"].max() == best["run_J"].max()
+    assert cost(best["orbit"].values, best["satellites"].values).value == float(best["J"])
+    lambdas = [float(best[f"lambda_{k}"]) for k in range(1, 7)]
+    assert abs(np.prod(lambdas)) == pytest.approx(float(best["J"]), rel=1e-13)
+    write_dataset(best, tmp_path / "random.nc")
+
+
+@pytest.fixture(scope="module")
+def schema():
+    return load_schema(ROOT / "workflow/schemas/config.schema.yaml")
+
+
+@pytest.fixture
+def config(tmp_path):
+    """The configuration of the full campaign, writing to a folder of the test."""
+    with open(ROOT / "config/config.yaml", encoding="utf-8") as file:
+        settings = yaml.safe_load(file)
+    return settings | {"results": str(tmp_path / "results")}
+
+
+def with_change(config, key, value):
+    """The configuration with one key, given by its path, set to a value."""
+    changed = copy.deepcopy(config)
+    *path, last = key.split(".")
+    inner = changed
+    for part in path:
+        inner = inner[part]
+    inner[last] = value
+    return changed
+
+
+def refusal(config, schema):
+    """The message a configuration is refused with."""
+    with pytest.raises(ConfigurationError) as refused:
+        check_campaign(config, schema)
+    return str(refused.value)
+
+
+def test_full_configuration_is_accepted(config, schema):
+    check_campaign(config, schema)
+    assert not Path(config["results"]).exists()
+
+
+@pytest.mark.parametrize(
+    "key, value, message",
+    [
+        ("visibilty", {}, "unknown configuration key 'visibilty': did you mean 'visibility'?"),
+        (
+            "visibility.limiting_magnitud",
+            18,
+            "unknown configuration key 'visibility.limiting_magnitud': "
+            "did you mean 'limiting_magnitude'?",
+        ),
+        (
+            "orbits.members.Halo_L2",
+            3,
+            "unknown configuration key 'orbits.members.Halo_L2': did you mean 'Halo_L2_",
+        ),
+        ("orbits.members.Vertical", 3, "orbits.members.Vertical': known keys: Butterfly_N"),
+        ("visibility.step_hours", "one", "'visibility.step_hours' = 'one'"),
+        ("visibility.step_hours", 0, "'visibility.step_hours' = 0"),
+        ("seed", 1.5, "'seed' = 1.5"),
+        ("seed", True, "'seed' = True"),
+        ("scenarios.A.targets", 0, "'scenarios.A.targets' = 0"),
+        ("scenarios.A.targets", "100", "'scenarios.A.targets' = '100'"),
+        ("scenarios.a_b", {"targets": 3}, "'a_b'"),
+        ("propagator", "euler", "'propagator' = 'euler'"),
+        ("architecture.slots", 0, "'architecture.slots' = 0"),
+        ("architecture.slots", 303, "'architecture.slots' = 303 exceeds the 302 orbits"),
+        ("architecture.optimizers", ["annealing"], "annealing"),
+        ("architecture.labels", "colour", "'architecture.labels' = 'colour'"),
+        ("architecture.label_comparison.scenario", "D", "'architecture.label_comparison.scenario'"),
+        ("architecture.front.fewest", 9, "'architecture.front'"),
+        ("architecture.front.most", 101, "'architecture.front'"),
+    ],
+)
+def test_faulty_key_is_named(config, schema, key, value, message):
+    assert message in refusal(with_change(config, key, value), schema)
+
+
+def test_missing_key_is_named(config, schema):
+    del config["visibility"]["exclusion_deg"]["moon"]
+    message = "configuration key 'visibility.exclusion_deg.moon' is missing"
+    assert refusal(config, schema) == message
+
+
+def test_every_fault_is_reported_at_once(config, schema):
+    faulty = with_change(with_change(config, "seed", -1), "epoch_jdd", 1)
+    message = refusal(faulty, schema)
+    assert "'seed' = -1" in message
+    assert "did you mean 'epoch_jd'?" in message
+
+
+def test_results_that_are_a_file_are_refused(config, schema, tmp_path):
+    (tmp_path / "file").write_text("")
+    for place in ("file", "file/inside"):
+        message = refusal(config | {"results": str(tmp_path / place)}, schema)
+        assert f"configuration key 'results' = '{tmp_path / place}'" in message
+
+
+def test_results_that_cannot_be_written_are_refused(config, schema, tmp_path, monkeypatch):
+    closed = tmp_path / "closed"
+    closed.mkdir()
+    access = os.access
+    # The superuser may write anywhere, so permissions are played.
+    monkeypatch.setattr(os, "access", lambda p, mode: Path(p) != closed and access(p, mode))
+    message = refusal(config | {"results": str(closed / "new")}, schema)
+    assert (
+        f"'results' = '{closed / 'new'}': {closed} is not a folder that can be written" in message
+    )
+
+
+def test_missing_schema_is_named(tmp_path):
+    with pytest.raises(InputFileError, match="no such file"):
+        load_schema(tmp_path / "schema.yaml")
+
+
+def explained_keys():
+    """Keys with a row in config/README.md; a part in capitals or braces is any name."""
+    keys = set()
+    for line in (ROOT / "config/README.md").read_text(encoding="utf-8").splitlines():
+        if line.startswith("| `"):
+            names = re.findall(r"`([^`]+)`", line.split("|")[1])
+            parent = names[0].rpartition(".")[0]
+            keys |= {parent + name if name.startswith(".") else name for name in names}
+    return keys
+
+
+def leaves(mapping, prefix=""):
+    """Paths of the innermost keys; what a variant or a scenario changes is explained elsewhere."""
+    for key, value in mapping.items():
+        if isinstance(value, dict) and value and key not in ("change", "settings"):
+            yield from leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}"
+
+
+def is_any(part):
+    """Whether a part of a row stands for any name."""
+    return part.isupper() or part.startswith("{")
+
+
+def explains(row, key):
+    """Whether a row explains a key."""
+    parts, wanted = row.split("."), key.split(".")
+    alike = (r == k or is_any(r) for r, k in zip(parts, wanted, strict=False))
+    return len(parts) == len(wanted) and all(alike)
+
+
+def all_keys(config):
+    """Keys of the configuration, with those that only a study of one's own has."""
+    own = (ROOT / "config/examples/own_study.yaml").read_text(encoding="utf-8")
+    study = merged(config, yaml.safe_load(own))
+    return list(leaves(merged(study, {"scenarios": {"E": {"static_targets": "table.csv"}}})))
+
+
+def test_every_key_is_explained(config):
+    rows = explained_keys()
+    keys = all_keys(config)
+    assert [key for key in keys if not any(explains(row, key) for row in rows)] == []
+
+
+def test_only_keys_are_explained(config):
+    keys = all_keys(config)
+    assert [row for row in explained_keys() if not any(explains(row, key) for key in keys)] == []

@@ -1,0 +1,106 @@
+"""What sets both estimators side by side, tables to figures, from made-up realizations."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from test_tracking_claims import make_summary
+
+from cislunar.campaign.documents.estimator_blocks import (
+    aware_tasking_block,
+    batch_settings_block,
+    estimators_block,
+    headline_block,
+    model_errors_block,
+)
+from cislunar.campaign.tracking.tables import estimator_rows, reading_rows, tracking_rows
+from cislunar.figures.tracking.estimators import (
+    estimators_against_interval_figure,
+    estimators_against_targets_figure,
+)
+
+
+def _labeled(summary, **labels):
+    every = {key: ("cell", [value] * summary.sizes["cell"]) for key, value in labels.items()}
+    return summary.assign_coords(every)
+
+
+@pytest.fixture(scope="module")
+def summary():
+    """The filter loses ten targets in every cell, the batch estimator one."""
+    bound = {"bound_ratio_median": (1.0,) * 4, "bound_attitude_median": 0.4,
+             "bound_attitude_90": 2.0, "final_attitude_error_90": 3.0}  # fmt: skip
+    filtered = make_summary(lambda *cell: bound | {"diverged_rotation": 10.0})
+    fitted = make_summary(lambda *cell: bound | {"diverged_rotation": 1.0})
+    aware = make_summary(lambda *cell: bound | {"diverged_rotation": 3.0})
+    return xr.concat(
+        [
+            filtered,
+            _labeled(fitted, estimator="batch"),
+            _labeled(aware, estimator="batch", variant="full-information"),
+            _labeled(aware, estimator="batch", variant="accurate"),
+        ],
+        "cell",
+    )
+
+
+@pytest.fixture(scope="module")
+def tables(summary):
+    return {"tracking": tracking_rows(summary), "readings_tracking": reading_rows(summary)}
+
+
+def test_the_difference_is_the_other_less_the_first(summary):
+    rows = estimator_rows(summary)
+    lost = rows[(rows["quantity"] == "diverged_rotation") & (rows["variant"] == "")]
+    assert set(lost["first_estimator"]) == {"mukf"} and set(lost["other_estimator"]) == {"batch"}
+    np.testing.assert_allclose(lost["difference"], -9.0)
+    np.testing.assert_allclose(lost["first_largest"], 10.1)
+    assert rows[rows["variant"] != ""].empty  # the filter has no such cells
+
+
+def test_blocks_tell_both_estimators_and_mark_what_is_missing(tables):
+    lines = estimators_block(tables).splitlines()
+    assert any(line.startswith("| 50 | filter of the paper |") and "10.0 (10)" in line
+               for line in lines)  # fmt: skip
+    assert any(line.startswith("| 50 | batch |") and "1.0 (1)" in line for line in lines)
+    assert not any(line.startswith("| 202 |") for line in lines)
+    assert "| 50 | 10.0 | 1.0 |" in headline_block(tables)
+    settings = batch_settings_block(tables)
+    assert "| `accurate` | 50 |" in settings and "single-start" not in settings
+
+
+def test_attitude_in_the_tasking_is_told_as_a_difference(tables):
+    block = aware_tasking_block(tables)
+    line = next(part for part in block.splitlines() if "| 50 | batch |" in part)
+    assert line.startswith("| `full-information` |") and "+2.0 [" in line
+
+
+def test_model_errors_stand_beside_their_remedies():
+    common = {"scenario": "A", "architecture": "published", "targets": 50, "interval_minutes": 60,
+              "kind": "material.rms_slope", "size": 25.0, "size_unit": "%", "part": ""}  # fmt: skip
+    cells = [("mukf", "slope-25", "", 0.4), ("batch", "slope-25", "", 0.6),
+             ("batch", "slope-25-wide", "batch.magnitude_noise_factor = 4", 0.9)]  # fmt: skip
+    rows = [
+        common | {"estimator": estimator, "variant": variant, "also": also,
+                  "quantity": quantity, "mean": coverage if quantity == "coverage" else 2.0}
+        for estimator, variant, also, coverage in cells
+        for quantity in ("coverage", "diverged_rotation", "final_attitude_error_median")
+    ]  # fmt: skip
+    block = model_errors_block({"model_error": pd.DataFrame(rows)})
+    line = block.splitlines()[-1]
+    assert "0.400, 2.0, 2.0°" in line and "0.600, 2.0, 2.0°" in line
+    assert "0.900, 2.0, 2.0° (`slope-25-wide`)" in line
+
+
+@pytest.mark.parametrize(
+    "draw", [estimators_against_targets_figure, estimators_against_interval_figure]
+)
+def test_figures_hold_both_estimators_and_the_bound(summary, draw):
+    figure = draw(summary)
+    texts = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert texts == {"filter of the paper (MUKF)", "multi-hypothesis batch", "Cramér-Rao bound"}
+    lost = next(axes for axes in figure.axes if "diverged" in axes.get_ylabel())
+    heights = {round(float(np.mean(line.get_ydata())), 3)
+               for line in lost.lines if len(line.get_xdata()) > 1}  # fmt: skip
+    assert {10.0, 1.0} <= heights
+    assert draw(summary.isel(cell=summary["estimator"].values == "mukf")) is not None

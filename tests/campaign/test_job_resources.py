@@ -1,0 +1,67 @@
+"""Memory and time asked of a cluster follow from the benchmarks of a campaign."""
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+
+from cislunar.campaign.operation.job_resources import (
+    BEGIN,
+    benchmark_patterns,
+    measured_resources,
+    requested,
+    with_requests,
+)
+from cislunar.errors import InputFileError
+
+ROOT = Path(__file__).resolve().parents[2]
+RULES = ROOT / "workflow/rules"
+PROFILE = (ROOT / "profiles/slurm/config.yaml").read_text(encoding="utf-8")
+MEASURED = ROOT / "profiles/slurm/measured.csv"
+
+
+def test_profile_asks_for_what_was_measured():
+    assert with_requests(PROFILE, pd.read_csv(MEASURED)) == PROFILE
+
+
+def test_profile_names_rules_that_there_are():
+    text = "\n".join(path.read_text(encoding="utf-8") for path in RULES.glob("*.smk"))
+    profile = yaml.safe_load(PROFILE)
+    for rule in [*profile["set-resources"], *profile["set-threads"]]:
+        assert re.search(rf"^(rule {rule}|use rule \w+ as {rule} with):$", text, re.MULTILINE), rule
+
+
+@pytest.mark.parametrize(
+    ("job", "rules"),
+    [
+        ("visibility/C", {"visibility"}),
+        ("architecture/A/tpe_stability_rank_3", {"search_run"}),
+        ("architecture/A/exact", {"exact"}),
+        ("task2/A/tpe/mukf/nt20_dt60", {"tracking_cell_small", "tracking_cell_large"}),
+        ("task2/A/tpe/batch/nt20_dt60_step-30s", {"tracking_cell_variant"}),
+        ("task2/tasking/A_published_nt20", {"tasking_comparison_cell"}),
+    ],
+)
+def test_benchmarks_belong_to_the_rule_that_wrote_them(job, rules):
+    found = {rule for rule, path in benchmark_patterns(RULES).items() if re.fullmatch(path, job)}
+    assert found == rules
+
+
+def test_requests_are_rounded_up(tmp_path):
+    folder = tmp_path / "visibility"
+    folder.mkdir()
+    for name, seconds, megabytes in (("A", 10.0, 300.0), ("B", 100.0, 126.0)):
+        (folder / f"{name}.tsv").write_text(f"s\tmax_rss\n{seconds}\t{megabytes}\n")
+    measured = measured_resources(tmp_path, RULES)
+    assert measured.values.tolist() == [["visibility", 2, 300.0, 100.0]]
+    # twice 300 MB, four times 100 s
+    assert yaml.safe_load(requested(measured)) == {
+        "set-resources": {"visibility": {"mem_mb": 750, "runtime": 10}}
+    }
+
+
+def test_profile_without_its_marks_is_refused():
+    with pytest.raises(InputFileError, match="lacks the line"):
+        with_requests(PROFILE.replace(BEGIN, ""), pd.read_csv(MEASURED))

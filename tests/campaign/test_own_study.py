@@ -1,0 +1,442 @@
+"""Scenarios of one's own: what they set for themselves, their tables of targets, their sweeps."""
+
+import copy
+import json
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+import yaml
+from campaign_folder import ROOT, copy_workflow, snakemake
+
+from cislunar.campaign.data.netcdf import read_dataset
+from cislunar.campaign.data.own_targets import own_static_dataset, own_tracked_dataset
+from cislunar.campaign.settings.cells import campaign_cells, cell_settings, merged, variant_cells
+from cislunar.campaign.settings.configuration import check_campaign, load_schema, with_types
+from cislunar.campaign.settings.preflight import check_inputs
+from cislunar.campaign.settings.scenarios import (
+    SECTIONS,
+    in_study,
+    scenario_settings,
+    shared_dataset,
+    tracked_count,
+)
+from cislunar.campaign.settings.sweeps import sweep_points, swept_cells, with_sweeps
+from cislunar.campaign.tracking.summary import PER_CELL, PER_PART
+from cislunar.campaign.tracking.sweep_table import COLUMNS, plotted_values, sweep_rows
+from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.figures.search.sweep import sweep_figure
+from cislunar.targets.tables import load_target_positions, load_target_states
+from cislunar.tasking.simulation import epoch_states
+
+SCHEMA = load_schema(ROOT / "workflow/schemas/config.schema.yaml")
+
+
+def _yaml(name):
+    return yaml.safe_load((ROOT / "config" / name).read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def paper(tmp_path):
+    """The configuration of the full campaign."""
+    return _yaml("config.yaml") | {"results": str(tmp_path)}
+
+
+@pytest.fixture
+def study(paper, monkeypatch):
+    """The example, read from the repository's root as its command does."""
+    monkeypatch.chdir(ROOT)
+    return merged(paper, _yaml("examples/own_study.yaml") | {"results": paper["results"]})
+
+
+def with_change(config, key, value):
+    """The configuration with one key, given by its path, set to a value."""
+    changed = copy.deepcopy(config)
+    *path, last = key.split(".")
+    inner = changed
+    for part in path:
+        inner = inner[part]
+    inner[last] = value
+    return changed
+
+
+# What a scenario sets for itself
+
+
+def test_the_papers_scenarios_are_set_as_the_campaign(paper):
+    for scenario in "ABC":
+        own = scenario_settings(paper, scenario)
+        assert own == {key: paper[key] for key in SECTIONS}
+        for name in ("ephemeris/sun", "targets/zvs_points", "orbits/tracked"):
+            assert shared_dataset(paper, scenario, name) == f"{name}.nc"
+    assert with_sweeps(in_study(paper)) == paper
+
+
+def test_a_scenario_keeps_what_it_does_not_set(study):
+    own = scenario_settings(study, "D")
+    assert own["visibility"]["exclusion_deg"] == {"sun": 40, "moon": 8, "earth": 20}
+    assert own["visibility"]["target_radius_m"] == study["visibility"]["target_radius_m"]
+    assert own["task2"]["material"]["diffuse_albedo"] == 0.3
+    assert own["task2"]["material"]["specular_weight"] == 0.5
+    assert own["ephemeris"]["step_minutes"] == study["ephemeris"]["step_minutes"]
+    assert study["visibility"]["exclusion_deg"] == {"sun": 35, "moon": 5, "earth": 15}
+    assert cell_settings(own["task2"])["sensor"]["magnitude_noise"] == 0.05
+
+
+def test_scenarios_with_the_same_settings_share_their_data(study):
+    whole = with_sweeps(study | {"scenarios": {"A": {"targets": 9}, "D": study["scenarios"]["D"]}})
+    whole["scenarios"]["E"] = {"targets": 5, "settings": {"targets": {"seeding": "random"}}}
+    for name in ("ephemeris/sun", "targets/zvs_points", "orbits/tracked"):
+        assert shared_dataset(whole, "A", name) == f"{name}.nc"
+        assert shared_dataset(whole, "E", name) == f"{name}.nc"
+        assert shared_dataset(whole, "D", name) == f"{name}_D.nc"
+        assert shared_dataset(whole, "D-limit-17", name) == f"{name}_D.nc"
+    longer = merged(
+        whole, {"scenarios": {"A": {"settings": {"visibility": {"duration_days": 31}}}}}
+    )
+    assert shared_dataset(longer, "A", "ephemeris/sun") == "ephemeris/sun_A.nc"
+    assert shared_dataset(longer, "A", "targets/zvs_points") == "targets/zvs_points.nc"
+
+
+def test_what_refers_to_a_scenario_left_out_is_left_out(paper):
+    changed = merged(paper, {"scenarios": {"A": None}})
+    check_campaign(changed, SCHEMA)
+    left = in_study(changed)
+    assert list(left["scenarios"]) == ["B", "C"]
+    assert {cell.scenario for cell in campaign_cells(left["task2"])} == {"B", "C"}
+    assert variant_cells(left["task2"]) == []
+    for section, key in (("architecture", "readings"), ("task2", "tasking_comparison")):
+        assert left[section][key]["scenario"] is None
+    assert paper["scenarios"]["A"] == {"targets": 100}
+    with pytest.raises(ConfigurationError, match="'scenarios': every scenario is null"):
+        check_campaign(merged(paper, {"scenarios": dict.fromkeys("ABC")}), SCHEMA)
+
+
+def test_a_variant_may_name_its_own_scenario(study):
+    cell = {"scenario": "D", "architecture": "exact", "targets": [6], "change": {"seeds": 1}}
+    changed = with_change(study, "task2.variants.cells.few", cell)
+    check_campaign(changed, SCHEMA)
+    assert [cell.path for cell in variant_cells(in_study(changed)["task2"])][:1] == [
+        f"task2/D/exact/{study['task2']['estimators'][0]}/nt6_dt60_few.nc"
+    ]
+
+
+def test_the_example_is_accepted(study):
+    check_campaign(study, SCHEMA)
+    check_inputs(study)
+    assert tracked_count(study, "D") == 12
+    typed = with_types({"scenarios": {"D": {"settings": {"epoch_jd": "2461465.5"}}}}, SCHEMA)
+    assert typed["scenarios"]["D"]["settings"]["epoch_jd"] == 2461465.5
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("scenarios.D.settings.visibility.limiting_magnitud", 18, "did you mean 'limiting_magn"),
+        ("scenarios.D.settings.seed", 1, "unknown configuration key 'scenarios.D.settings.seed'"),
+        ("scenarios.D.settings.task2.estimators", ["mukf"], "scenarios.D.settings.task2.estimat"),
+        ("scenarios.D.settings.task2.step_s", 70, "'scenarios.D.settings.task2.duration_hours'"),
+        ("scenarios.D.settings.visibility.duration_days", 0.2, "exceeds the ephemeris"),
+        ("scenarios.D.static_targets", "some.csv", "'scenarios.D': give either targets"),
+        ("scenarios.D.tracked", "nowhere.csv", "nowhere.csv: no such file"),
+        ("task2.target_counts.D", [13], "'task2.target_counts.D': 13 targets, but scenario D has"),
+        ("sweeps.noise.targets", [13], "'sweeps.noise.targets': 13 targets"),
+        ("sweeps.noise.targets", [], "'sweeps.noise.targets' is empty"),
+        ("sweeps.noise.scenario", "E", "'sweeps.noise.scenario' = 'E' is none of"),
+        ("sweeps.noise.key", "settings.task2.sensor.noise", "'sweeps.noise.key': unknown"),
+        ("sweeps.noise.values", [0.1, 0], "'sweeps.noise.values': configuration key 'sensor.mag"),
+        ("sweeps.noise.values", ["a b", "a-b"], "would be called 'noise-a-b'"),
+        ("sweeps.limit.key", "visibility.limiting_magnitude", "scenarios.D-limit-17.visibility'"),
+        ("sweeps.limit.architecture", "published", "'sweeps.limit.architecture' = 'published'"),
+    ],
+)
+def test_faults_of_a_study_are_one_line_that_names_the_key(study, key, value, message):
+    with pytest.raises((ConfigurationError, InputFileError)) as refused:
+        check_campaign(with_change(study, key, value), SCHEMA)
+    assert message in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("targets.missions", "nowhere.csv", "nowhere.csv: no such file"),
+        ("ephemeris.kernel", "nowhere.bsp", "nowhere.bsp: no such file"),
+        ("ephemeris.kernel", "config/config.yaml", "config/config.yaml: not a"),
+        ("epoch_jd", 2461500.5, "de421_2027.bsp: covers 2027-02-28T00:01 to 2027-04-11"),
+        ("visibility.step_hours", 7, "'scenarios.D.settings.visibility.duration_days' = 10"),
+    ],
+)
+def test_faulty_files_of_a_scenario_are_found_before_anything_runs(study, key, value, message):
+    changed = with_change(study, f"scenarios.D.settings.{key}", value)
+    with pytest.raises((ConfigurationError, InputFileError), match=re.escape(message)) as refused:
+        check_inputs(changed)
+    assert "\n" not in str(refused.value)
+
+
+def test_epoch_outside_the_kernel_of_the_campaign_is_named(paper, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    with pytest.raises(InputFileError, match=r"de421\.bsp: covers 1899.*change epoch_jd"):
+        check_inputs(paper | {"epoch_jd": 2480000.5})
+
+
+# Tables of targets
+
+HEADER = "id,x,y,z,vx,vy,vz"
+GOOD = "one,0.5,0.1,0,0.1,0.2,0"
+
+
+def table(tmp_path, *rows):
+    path = tmp_path / "targets.csv"
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def test_both_units_give_the_same_states(tmp_path):
+    plain = load_target_states(table(tmp_path, HEADER + ",period,family", GOOD + ",2.5,halo"))
+    speed = LENGTH_UNIT_KM / TIME_UNIT_S
+    scaled = [0.5 * LENGTH_UNIT_KM, 0.1 * LENGTH_UNIT_KM, 0.0, 0.1 * speed, 0.2 * speed, 0.0]
+    row = ",".join(map(repr, [*scaled, 2.5 * TIME_UNIT_S / 86400.0]))
+    header = "x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s,period_days,id,note"
+    practical = load_target_states(table(tmp_path, header, f'{row},one,"a, note"'))
+    np.testing.assert_allclose(practical.state, plain.state, rtol=1e-15)
+    np.testing.assert_allclose(plain.state, [[0.5, 0.1, 0.0, 0.1, 0.2, 0.0]])
+    assert practical.period[0] == pytest.approx(2.5, rel=1e-15)
+    assert plain.period[0] == 2.5
+    assert (plain.name, plain.family) == (["one"], ["halo"])
+    assert (practical.name, practical.family) == (["one"], ["own"])
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([], "row 1: no column id"),
+        ([HEADER], "holds no target"),
+        (["x,y,z,vx,vy,vz", "0.5,0,0,0,0,0"], "row 1: no column id"),
+        (["id,x,y,z,vx,vy", "one,0.5,0,0,0,0"], "needs the columns vx, vy, vz (nondimensional)"),
+        (["id,x,y,z_km,vx,vy,vz", "one,0.5,0,0,0,0,0"], "needs the columns x, y, z (nondim"),
+        (["id,x,y,z,x_km,y_km,z_km,vx,vy,vz", "one,.5,0,0,2,0,0,0,0,0"], "both x, y, z and x_km"),
+        ([HEADER + ",x", GOOD + ",1"], "row 1: column x occurs twice"),
+        ([HEADER, GOOD, GOOD], "row 3, target 'one': the id is taken already in row 2"),
+        ([HEADER, ",0.5,0.1,0,0.1,0.2,0"], "row 2: the target has no id"),
+        ([HEADER, "one,0.5,nan,0,0.1,0.2,0"], "row 2, target 'one': y = 'nan' must be a finite"),
+        ([HEADER, "one,0.5,0.1,0,0.1,fast,0"], "row 2, target 'one': vy = 'fast' must be a fin"),
+        ([HEADER, "one,0.5,0.1,0,0.1,,0"], "vy = '' must be a finite number"),
+        ([HEADER, "one,0.5,0.1"], "row 2: 3 fields where the header has 7"),
+        ([HEADER, GOOD, "", "two,0.99,0.001,0,0,0,0"], "row 4, target 'two': lies inside the Moon"),
+        ([HEADER, "one,-0.01,0,0.01,0,0,0"], "lies inside the Earth"),
+        ([HEADER + ",period", GOOD + ",-1"], "period = -1 must not be negative"),
+    ],
+)
+def test_faulty_tables_of_targets_are_one_line_that_names_the_place(tmp_path, rows, message):
+    path = table(tmp_path, *rows)
+    with pytest.raises(InputFileError) as refused:
+        load_target_states(path)
+    assert message in str(refused.value)
+    assert str(refused.value).startswith(str(path))
+    assert "\n" not in str(refused.value)
+
+
+def test_what_is_no_table_is_refused(tmp_path):
+    with pytest.raises(InputFileError, match=r"nowhere\.csv: no such file"):
+        load_target_positions(tmp_path / "nowhere.csv")
+    with pytest.raises(InputFileError, match="cannot be read as a table in UTF-8"):
+        load_target_positions(tmp_path)
+    binary = tmp_path / "binary.csv"
+    binary.write_bytes(b"\xff\xfe\x00id")
+    with pytest.raises(InputFileError, match="cannot be read as a table in UTF-8"):
+        load_target_positions(binary)
+
+
+def test_targets_without_a_period_start_at_their_states(tmp_path):
+    rows = ["one,0.5,0.1,0,0.1,0.2,0,", "two,0.6,0.1,0,0.1,0.2,0,1.5"]
+    tracked = own_tracked_dataset(table(tmp_path, HEADER + ",period", *rows))
+    start = epoch_states(tracked["state"].values, tracked["period"].values, seed=4)
+    np.testing.assert_array_equal(start[0], tracked["state"].values[0])
+    assert np.abs(start[1] - tracked["state"].values[1]).max() > 1e-3
+
+
+def test_static_targets_need_no_velocities(tmp_path):
+    static = own_static_dataset(table(tmp_path, "id,x,y,z", "one,0.5,0.1,0", "two,1.2,0,0.3"), "D")
+    np.testing.assert_array_equal(static["position"], [[0.5, 0.1, 0.0], [1.2, 0.0, 0.3]])
+    assert list(static["name"].values) == ["one", "two"]
+
+
+# Sweeps
+
+
+def test_a_sweep_of_the_tracking_makes_variants(study):
+    points = sweep_points(study, "noise")
+    assert [point.variant for point in points] == [f"noise-{v}" for v in (0.02, 0.05, 0.2)]
+    assert {point.scenario for point in points} == {"D"}
+    whole = with_sweeps(in_study(study))
+    own = scenario_settings(whole, "D")["task2"]
+    changed = cell_settings(own, "noise-0.2")
+    assert changed["sensor"] == own["sensor"] | {"magnitude_noise": 0.2}
+    assert campaign_cells(whole["task2"]) == campaign_cells(in_study(study)["task2"])
+    estimators = study["task2"]["estimators"]
+    paths = [cell.path for cell in swept_cells(study, "noise")]
+    assert paths[0] == f"task2/D/exact/{estimators[0]}/nt12_dt60_noise-0.02.nc"
+    assert len(set(paths)) == 3 * len(estimators)
+
+
+def test_a_sweep_of_the_optimization_makes_scenarios(study):
+    whole = with_sweeps(in_study(study))
+    names = [f"D-limit-{value}" for value in (17, 18.5, 20)]
+    assert list(whole["scenarios"]) == ["D", *names]
+    for value, name in zip((17, 18.5, 20), names, strict=True):
+        own = scenario_settings(whole, name)
+        assert own["visibility"]["limiting_magnitude"] == value
+        del own["visibility"]["limiting_magnitude"]
+        usual = scenario_settings(whole, "D")
+        del usual["visibility"]["limiting_magnitude"]
+        assert own == usual
+    assert swept_cells(study, "limit") == []
+    tracking = with_change(study, "sweeps.limit.targets", [12])
+    assert swept_cells(tracking, "limit")[0].path.startswith("task2/D-limit-17/exact/")
+
+
+def test_values_of_a_sweep_have_names_of_their_own(study):
+    values = [-1, 1, 1e-5, 0.5, True, "config/some missions.csv"]
+    changed = with_change(study, "sweeps.noise.values", values)
+    assert [point.variant.removeprefix("noise-") for point in sweep_points(changed, "noise")] == [
+        *("m1", "1", "1em05", "0.5", "true", "config-some-missions.csv")
+    ]
+
+
+def _summary(cells, quantity="coverage"):
+    """Statistics of some cells with two seeds, every value an eighth of the cell's number."""
+    shape = (len(cells), 2)
+    data = {name: (("cell", "seed", "part"), np.ones((*shape, 4))) for name in PER_PART}
+    data |= {name: (("cell", "seed"), np.ones(shape)) for name in PER_CELL}
+    whole = np.broadcast_to(np.arange(len(cells))[:, None, None] / 8.0, (*shape, 4))
+    data[quantity] = (("cell", "seed", "part"), whole)
+    fields = ("scenario", "architecture", "estimator", "variant", "targets", "interval_minutes")
+    coords = {field: ("cell", [getattr(cell, field) for cell in cells]) for field in fields}
+    coords["observers"] = ("cell", [7] * len(cells))
+    coords["part_unit"] = ("part", ["1", "rad s-1", "1", "1"])
+    return xr.Dataset(data, coords=coords)
+
+
+def test_the_table_of_a_sweep_has_every_value(study, tmp_path):
+    cells, points = swept_cells(study, "noise"), sweep_points(study, "noise")
+    table = sweep_rows("noise", study["sweeps"]["noise"], points, [], _summary(cells))
+    assert tuple(table.columns) == COLUMNS
+    covered = table[(table["quantity"] == "coverage") & (table["part"] == "attitude")]
+    assert [*zip(covered["estimator"], covered["value"], covered["mean"], strict=True)] == [
+        (cell.estimator, value, k / 8.0)
+        for k, (cell, value) in enumerate(zip(cells, [0.02, 0.05, 0.2] * 2, strict=False))
+    ]
+    assert set(table["key"]) == {"settings.task2.sensor.magnitude_noise"}
+
+
+def test_the_table_of_a_sweep_of_architectures_has_what_they_reach(study, tmp_path):
+    points = sweep_points(study, "limit")
+    reached = [{"J": 1e-3 * k, "satellites": 10.0 + k} for k in range(3)]
+    table = sweep_rows("limit", study["sweeps"]["limit"], points, reached, None)
+    table.to_csv(tmp_path / "table.csv", index=False)
+    read = pd.read_csv(tmp_path / "table.csv")
+    assert list(read[read["quantity"] == "J"]["mean"]) == [0.0, 1e-3, 2e-3]
+    assert list(read[read["quantity"] == "J"]["observers"]) == [10, 11, 12]
+    assert read["targets"].isna().all()
+    names, numbers = plotted_values(read)
+    assert names == ["17.0", "18.5", "20.0"]
+    np.testing.assert_array_equal(numbers, [17.0, 18.5, 20.0])
+    assert plotted_values(pd.DataFrame({"value": [True, False]}))[1] is None
+
+
+REACHED = {"J": 1e-3, "satellites": 10.0, "union_coverage": 0.5, "static_never_seen": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("values", "architectures", "log"),
+    [
+        ([0.02, 0.05, 0.2], [], True),
+        ([17, 18.5, 20], [REACHED] * 3, False),
+        (["config/missions.csv", "b.csv", "c.csv"], [REACHED] * 3, False),
+    ],
+)
+def test_the_figure_of_a_sweep_shows_every_value(study, tmp_path, values, architectures, log):
+    changed = with_change(study, "sweeps.noise.values", values)
+    cells, points = swept_cells(changed, "noise"), sweep_points(changed, "noise")
+    sweep = changed["sweeps"]["noise"]
+    table = sweep_rows("noise", sweep, points, architectures, _summary(cells))
+    table.to_csv(tmp_path / "table.csv", index=False)
+    figure = sweep_figure(pd.read_csv(tmp_path / "table.csv"))
+    assert len(figure.axes) == 4 * (1 + bool(architectures))
+    tracked = figure.axes[-4]
+    assert tracked.get_xscale() == ("log" if log else "linear")
+    lines = [line for line in tracked.lines if len(line.get_xdata()) == len(values)]
+    estimators = len(study["task2"]["estimators"])
+    drawn = np.array([line.get_ydata() for line in lines if line.get_marker() not in ("_", "|")])
+    np.testing.assert_allclose(
+        drawn[:estimators], 12.5 * np.arange(3 * estimators).reshape(estimators, 3)
+    )
+    written = " ".join(text.get_text() for text in figure.texts)
+    assert "noise of the magnitudes, mag" in written
+    assert ("1: config/missions.csv" in written) == isinstance(values[0], str)
+
+
+# The example by its own command
+
+SMALLER = {
+    "orbits": {"members": dict.fromkeys(_yaml("config.yaml")["orbits"]["members"], 1)},
+    "scenarios": {"D": {"targets": 8, "settings": {"task2": {"seeds": 1, "duration_hours": 2}}}},
+    "architecture": {"certificate": {"time_limit_s": 1}},
+    "task2": {"estimators": ["mukf"]},
+    "sweeps": {"limit": {"values": [17, 20], "targets": [3]}},
+}
+
+
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory):
+    """A copy of the workflow, with a configuration smaller than the example."""
+    folder = copy_workflow(tmp_path_factory.mktemp("own"))
+    (folder / "smaller.yaml").write_text(yaml.safe_dump(SMALLER), encoding="utf-8")
+    return folder
+
+
+OWN = ("--configfile", "config/examples/own_study.yaml")
+
+
+@pytest.mark.workflow
+def test_dry_run_of_the_example(copied):
+    output, code = snakemake(copied, "--dry-run", "--cores", "2", *OWN)
+    assert code == 0, output[-3000:]
+    jobs = {name: int(n) for name, n in re.findall(r"^(\w+) +(\d+)$", output, flags=re.MULTILINE)}
+    # D and the three values of its sweep over the limiting magnitude
+    assert jobs["static_targets"] == jobs["visibility"] == jobs["exact"] == 4
+    assert jobs["own_tracked_targets"] == jobs["ephemeris_of_scenario"] == 1
+    assert jobs["zvs_points_of_scenario"] == 1
+    assert jobs["sweep_table"] == jobs["sweep_figure"] == 2
+    assert not {"ephemeris", "tracked_targets", "zvs_points", "published", "readings"} & set(jobs)
+    assert not {"paper_vs_ours", "tasking_comparison", "tracking_claims"} & set(jobs)
+
+
+@pytest.mark.workflow
+def test_a_sweep_runs_from_its_own_tables_to_its_own(copied):
+    results = copied / "results/own_study"
+    wanted = "results/own_study/tables/sweep_limit.csv"
+    output, code = snakemake(copied, "--cores", "2", *OWN, "smaller.yaml", "--", wanted)
+    assert code == 0, output[-6000:]
+    table = pd.read_csv(results / "tables/sweep_limit.csv")
+    reached = table[table["quantity"] == "J"].set_index("value")["mean"]
+    assert reached[20] > reached[17] > 0.0
+    assert set(table.loc[table["targets"] == 3, "scenario"]) == {"D-limit-17", "D-limit-20"}
+    for folder, names in (("ephemeris", ["sun_D.nc"]), ("orbits", ["families.nc", "tracked_D.nc"])):
+        assert sorted(path.name for path in (results / folder).iterdir()) == names
+    static = [read_dataset(results / f"targets/static_D-limit-{limit}.nc") for limit in (17, 20)]
+    np.testing.assert_array_equal(static[0]["position"], static[1]["position"])
+    cell = read_dataset(results / "task2/D-limit-20/exact/mukf/nt3_dt60.nc")
+    used = json.loads(cell.attrs["settings"])
+    assert used["sensor"]["magnitude_noise"] == 0.05
+    assert used["material"]["diffuse_albedo"] == 0.3
+    assert set(cell["family"].values) <= {"L1 halo", "L2 halo", "DRO", "resonant", "transfer"}
+    # the estimate starts within its own spread of the state that the table gives
+    named = load_target_states(copied / "config/examples/targets.csv")
+    error = cell["error"].isel(seed=0, time=0, component=slice(6, 9)).values
+    assert np.abs(error).max() * LENGTH_UNIT_KM < 500.0
+    assert cell["target_id"].max() < len(named)

@@ -1,0 +1,128 @@
+"""Faults that are refused before any job starts."""
+
+import copy
+import importlib.util
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+
+from cislunar.architecture.published import PUBLISHED
+from cislunar.campaign.data.netcdf import variable, write_dataset
+from cislunar.campaign.data.provenance import provenance
+from cislunar.campaign.settings.preflight import check_inputs, check_target_count
+from cislunar.errors import ConfigurationError, InputFileError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def config():
+    """The configuration of the full campaign, wherever the tests are started."""
+    settings = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
+    settings["targets"]["missions"] = str(ROOT / settings["targets"]["missions"])
+    return settings
+
+
+def with_change(config, key, value):
+    """The configuration with one key, given by its path, set to a value."""
+    changed = copy.deepcopy(config)
+    *path, last = key.split(".")
+    inner = changed
+    for part in path:
+        inner = inner[part]
+    inner[last] = value
+    return changed
+
+
+def test_full_configuration_is_accepted(config):
+    check_inputs(config)
+
+
+@pytest.mark.parametrize("text", ["", "none", "-1", "nan"])
+def test_mission_without_a_possible_jacobi_constant_is_named(config, tmp_path, text):
+    table = tmp_path / "missions.csv"
+    table.write_text(f"mission,jacobi\nGateway,3.05\nLost Probe,{text}\n", encoding="utf-8")
+    with pytest.raises(InputFileError, match=r"missions\.csv, row 3, mission 'Lost Probe'"):
+        check_inputs(with_change(config, "targets.missions", str(table)))
+
+
+def test_missing_mission_table_is_named(config, tmp_path):
+    with pytest.raises(InputFileError, match=r"nowhere\.csv: no such file"):
+        check_inputs(with_change(config, "targets.missions", str(tmp_path / "nowhere.csv")))
+
+
+def test_missing_kernel_is_named(config, tmp_path):
+    with pytest.raises(InputFileError, match=r"de440\.bsp: no such file"):
+        check_inputs(with_change(config, "ephemeris.kernel", str(tmp_path / "de440.bsp")))
+
+
+def test_horizon_that_is_no_whole_number_of_steps_is_named(config):
+    with pytest.raises(ConfigurationError, match=r"'visibility\.duration_days' = 30 .*= 7"):
+        check_inputs(with_change(config, "visibility.step_hours", 7))
+
+
+def test_atpe_without_its_package_is_named(config, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ConfigurationError, match=r"architecture\.optimizers.*lightgbm"):
+        check_inputs(with_change(config, "architecture.optimizers", ["atpe"]))
+
+
+def test_family_too_small_for_the_published_architecture_is_named(config):
+    assert [family for family, _ in PUBLISHED["A"]].count("Halo_L2_S") == 4
+    small = with_change(config, "orbits.members.Halo_L2_S", 3)
+    with pytest.raises(ConfigurationError, match=r"Halo_L2_S' = 3.*scenario A needs 4"):
+        check_inputs(small)
+    check_inputs(with_change(small, "architecture.optimizers", ["exact", "tpe"]))
+    del small["orbits"]["members"]["Halo_L2_S"]
+    with pytest.raises(ConfigurationError, match=r"Halo_L2_S' = 0"):
+        check_inputs(small)
+
+
+def test_too_few_satellites_for_the_published_architecture_are_named(config):
+    few = with_change(config, "architecture.max_satellites", 8)
+    with pytest.raises(ConfigurationError, match=r"max_satellites' = 8.*scenario C has 10"):
+        check_inputs(few)
+    check_inputs(with_change(few, "scenarios", {"A": {"targets": 100}}))
+
+
+@pytest.fixture
+def points(config, tmp_path):
+    """A file of sampled points, newer than the mission table."""
+    path = tmp_path / "zvs_points.nc"
+    dataset = xr.Dataset(
+        {"position": variable(("point", "axis"), np.zeros((50, 3)), "1", "points")},
+        attrs=provenance("points", settings={"targets": config["targets"]})
+        | {"distinct_points": 40},
+    )
+    write_dataset(dataset, path)
+    return path
+
+
+def test_more_targets_than_points_are_refused(config, points):
+    check_target_count(points, "A", 40, config["targets"])
+    with pytest.raises(ConfigurationError, match=r"'scenarios\.A\.targets' = 41: only 40"):
+        check_target_count(points, "A", 41, config["targets"])
+
+
+def test_points_that_will_be_made_anew_are_not_judged(config, points, tmp_path):
+    finer = config["targets"] | {"angular_step_deg": 1}
+    check_target_count(points, "A", 41, finer)
+    check_target_count(tmp_path / "none_yet.nc", "A", 41, config["targets"])
+    table = tmp_path / "missions.csv"
+    table.write_text("mission,jacobi\nGateway,3.05\n", encoding="utf-8")
+    os.utime(table, (points.stat().st_mtime + 10,) * 2)
+    check_target_count(points, "A", 41, config["targets"] | {"missions": str(table)})
+
+
+def test_other_seeding_keeps_the_points(config, points):
+    with pytest.raises(ConfigurationError, match="only 40"):
+        check_target_count(points, "A", 41, config["targets"] | {"seeding": "random"})
+
+
+def test_damaged_points_are_left_to_the_job(config, points):
+    points.write_bytes(points.read_bytes()[:100])
+    check_target_count(points, "A", 41, config["targets"])

@@ -1,0 +1,657 @@
+"""Cells of the tracking campaign: configuration, refusals, data sets."""
+
+import copy
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.settings.cells import (
+    TRACKED_TARGETS,
+    Cell,
+    campaign_cells,
+    cell_settings,
+    check_cell,
+    estimator_names,
+    merged,
+    mesh_file,
+    sweep_cells,
+    true_settings,
+    variant_cells,
+)
+from cislunar.campaign.settings.configuration import check_campaign, load_schema, with_types
+from cislunar.campaign.tracking.cell import (
+    body_facets,
+    loop_settings,
+    realization_seeds,
+    truth_model,
+)
+from cislunar.campaign.tracking.dataset import cell_dataset
+from cislunar.campaign.tracking.summary import (
+    read_cell_metrics,
+    seed_statistics,
+    summary_dataset,
+)
+from cislunar.campaign.tracking.tables import reading_rows, tracking_rows
+from cislunar.campaign.tracking.tasking_comparison import compared_dataset, gather
+from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.estimation.kalman.mukf import INITIAL_SPREAD
+from cislunar.orbits import tracked as tracked_orbits
+from cislunar.photometry.shapes import icosahedron
+from cislunar.tasking.closed_loop import LoopSettings
+from cislunar.tasking.simulation import INITIAL_RATE_DEG_H
+
+ROOT = Path(__file__).resolve().parents[2]
+SCHEMA = load_schema(ROOT / "workflow/schemas/config.schema.yaml")
+PAPER_COUNTS = {
+    "A": [20, 25, 30, 50, 75, 100, 125, 150, 175, 202],
+    "B": [33, 50, 75, 100, 125, 150, 175, 202],
+    "C": [43, 50, 75, 100, 125, 150, 175, 202],
+}
+
+
+def _yaml(name):
+    return yaml.safe_load((ROOT / "config" / name).read_text())
+
+
+@pytest.fixture
+def config(tmp_path):
+    return _yaml("config.yaml") | {"results": str(tmp_path)}
+
+
+def _set(config, path, value):
+    *above, last = path.split(".")
+    for key in above:
+        config = config[key]
+    config[last] = value
+
+
+def test_the_sweeps_are_the_papers(config):
+    cells = sweep_cells(config["task2"])
+    for architecture in ("published", "tpe"):
+        for scenario, counts in PAPER_COUNTS.items():
+            own = [c for c in cells if (c.architecture, c.scenario) == (architecture, scenario)]
+            assert sorted({c.targets for c in own if c.interval_minutes == 60}) == counts
+        intervals = {
+            (c.scenario, c.targets, c.interval_minutes)
+            for c in cells
+            if c.architecture == architecture and c.interval_minutes != 60
+        }
+        wanted = {("A", 20), ("B", 33), ("A", 50)}
+        assert intervals == {(*cell, t) for cell in wanted for t in (30, 120, 180, 240)}
+    assert len(set(cells)) == len(cells)
+
+
+def test_default_settings_are_those_of_the_library(config):
+    """The library's defaults are the paper's; the configuration must not drift from them."""
+    made = loop_settings(cell_settings(config["task2"]), 60)
+    default = LoopSettings(record_every=10)
+    assert made.sensor == default.sensor
+    assert made.initial == INITIAL_SPREAD
+    assert made.tasking.radius_m == pytest.approx(1.0, rel=1e-12)
+    for key in ("step_s", "duration_hours", "method", "max_evaluations", "early_stop"):
+        assert getattr(made, key) == getattr(default, key), key
+    assert made.record_every == default.record_every
+    assert made.tasking.track_gate == default.tasking.track_gate
+    coefficient = default.tasking.diffuse_reflection_coefficient
+    assert made.tasking.diffuse_reflection_coefficient == coefficient
+
+
+def test_number_of_tracked_targets_is_that_of_the_orbits():
+    parts = [
+        *tracked_orbits.HALO_COUNTS.values(),
+        len(tracked_orbits.NRHO_RESONANCES),
+        tracked_orbits.RETROGRADE_COUNT,
+        *tracked_orbits.RESONANT_COUNTS.values(),
+        len(tracked_orbits.POLAR_ORBITS),
+    ]
+    assert sum(parts) == TRACKED_TARGETS
+
+
+@pytest.mark.parametrize("name", ["quick.yaml", "paper_tpe.yaml"])
+def test_the_other_configurations_are_valid(config, name, tmp_path):
+    whole = merged(config, _yaml(name)) | {"results": str(tmp_path)}
+    check_campaign(whole, SCHEMA)
+    assert len(campaign_cells(whole["task2"])) > 0
+
+
+def test_all_cells_have_paths_of_their_own_and_variants_their_counterpart(config):
+    cells = campaign_cells(config["task2"])
+    assert len({cell.path for cell in cells}) == len(cells)
+    assert all(cell._replace(variant="") in cells for cell in cells)
+    assert Cell("A", "tpe", "mukf", 50, 60).path == "task2/A/tpe/mukf/nt50_dt60.nc"
+    assert Cell("A", "tpe", "mukf", 50, 60, "fresnel").path.endswith("nt50_dt60_fresnel.nc")
+
+
+def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
+    config["scenarios"]["D"] = {"targets": 10}
+    config["task2"]["target_counts"]["D"] = [20]
+    check_campaign(config, SCHEMA)
+    found = {c.architecture for c in sweep_cells(config["task2"]) if c.scenario == "D"}
+    assert found == {"tpe"}
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("task2.sensor.magnitude_noise", 0),
+        ("task2.sensor.angle_noise_arcsec", -3),
+        ("task2.sensor.field_of_view_deg", 0),
+        ("task2.initial_sigma.position_km", 0),
+        ("task2.process_noise.attitude_deg", -0.1),
+        ("task2.seeds", 0),
+        ("task2.step_s", 0),
+        ("task2.target_counts.A", [20, 203]),
+        ("task2.tasking.method", "best"),
+        ("task2.photometry.irradiance", "r^2"),
+        ("task2.material.rms_slope", 0),
+        ("task2.body.shape", "teapot"),
+        ("task2.estimators", []),
+        ("task2.record_minutes", 1.5),
+        ("task2.duration_hours", 24.0001),
+        ("task2.duration_hours", 24 * 31),
+        ("task2.interval_minutes", 61),
+        ("task2.target_counts.D", [20]),
+        ("task2.variants.scenario", "D"),
+        ("task2.tasking_comparison.epochs", [24]),
+        ("task2.tasking_comparison.tpe_evaluations", 10),
+        ("task2.tasking_comparison.targets", []),
+        ("task2.body.radius_m", None),
+        ("task2.body.stretch", [1, 1]),
+        ("task2.body.stretch", [1, 1, 0]),
+        ("task2.body.inertia", [1, 1, 3]),
+        ("task2.body.inertia", [1, 2]),
+        ("task2.truth.material", {"rms_slope": 0}),
+        ("task2.truth.sensor", {"magnitude_noise": -0.1}),
+        ("task2.truth.angular_acceleration_deg_h2", 0.1),
+    ],
+)
+def test_impossible_values_name_the_key(config, key, value):
+    _set(config, key, value)
+    if key == "task2.interval_minutes":
+        config["task2"]["step_s"] = 40
+        config["task2"]["duration_hours"] = 24
+    with pytest.raises(ConfigurationError, match=re.escape(key)):
+        check_campaign(config, SCHEMA)
+
+
+def test_unknown_keys_are_refused_with_a_suggestion(config):
+    config["task2"]["taskng"] = config["task2"].pop("tasking")
+    with pytest.raises(ConfigurationError, match=r"'task2\.taskng'.*did you mean 'tasking'"):
+        check_campaign(config, SCHEMA)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"tasking": {"metod": "tpe"}}, "did you mean 'method'"),
+        ({"architectures": ["tpe"]}, "architectures"),
+        ({"sensor": {"magnitude_noise": 0}}, "sensor.magnitude_noise"),
+        ({"step_s": 7}, "multiple of step_s"),
+        ({"step_s": 24, "record_minutes": 6}, None),
+        ({"truth": {"sensors": {"magnitude_noise": 0.2}}}, "truth.sensors'.*did you mean 'sensor'"),
+        ({"truth": {"sensor": {"field_of_view_deg": 2}}}, "truth.sensor.field_of_view_deg"),
+        ({"truth": {"material": {"rms_slop": 0.3}}}, "truth.material.rms_slop"),
+        ({"truth": {"body": {"inertia": [1, 1, 3]}}}, "truth.body.inertia': principal moments"),
+        ({"truth": {"body": {"radius_m": None}}}, "truth.body.radius_m': an icosahedron"),
+    ],
+)
+def test_changes_of_a_variant_are_checked_like_settings(config, change, message):
+    cells = config["task2"]["variants"]["cells"]
+    cells["other"] = {"targets": [20], "change": change}
+    if message is None:
+        check_campaign(config, SCHEMA)
+        assert cell_settings(config["task2"], "other")["step_s"] == 24
+        return
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        check_campaign(config, SCHEMA)
+    assert "task2.variants.cells.other.change" in str(caught.value)
+
+
+def test_truth_is_the_belief_unless_said_otherwise(config):
+    believed = cell_settings(config["task2"])
+    true = true_settings(believed)
+    for key in ("material", "body", "sensor"):
+        assert true[key] == believed[key]
+    assert true["angular_acceleration_deg_h2"] == [0, 0, 0]
+    model = truth_model(believed, 3)
+    loop = loop_settings(believed, 60)
+    np.testing.assert_array_equal(model.noise, loop.sensor.noise)
+    np.testing.assert_array_equal(model.surfaces.areas, np.tile(icosahedron(1.0).areas, 3))
+    np.testing.assert_array_equal(model.surfaces.inertia, np.tile(np.eye(3), (3, 1, 1)))
+    assert not model.angular_acceleration.any()
+
+
+def test_truth_changes_alone(config):
+    """Noise, surface, shape, inertia and torque of the truth; the settings of the loop stay."""
+    usual = loop_settings(cell_settings(config["task2"]), 60)
+    change = {
+        "material": {"rms_slope": 0.4},
+        "body": {"stretch": [1, 1, 1.2], "inertia": [1, 1, 1.2]},
+        "sensor": {"magnitude_noise": 0.2},
+        "angular_acceleration_deg_h2": [0, 0, 0.1],
+    }
+    config["task2"]["truth"] = change
+    check_campaign(config, SCHEMA)
+    settings = cell_settings(config["task2"])
+    assert loop_settings(settings, 60) == usual
+    model = truth_model(settings, 2)
+    assert model.noise[0] == 0.2
+    np.testing.assert_array_equal(model.noise[1:], usual.sensor.noise[1:])
+    np.testing.assert_allclose(model.surfaces.material[:, 3], 0.4)
+    np.testing.assert_allclose(model.surfaces.inertia[1], np.diag([1, 1, 1.2]))
+    # stretched, and scaled back to the surface of the sphere
+    assert model.surfaces.areas.sum() == pytest.approx(2 * 4.0 * np.pi)
+    assert np.ptp(model.surfaces.areas) > 0.05
+    assert model.angular_acceleration[2] == pytest.approx(np.deg2rad(0.1) / 3600.0**2)
+    # half a day of 0.1 deg/h^2 turns by 0.1 * 12^2 / 2 = 7.2 deg
+    seconds = 43_200.0
+    turned = np.rad2deg(0.5 * model.angular_acceleration[2] * seconds**2)
+    assert turned == pytest.approx(7.2)
+
+
+def test_torques_of_the_variants_turn_by_what_their_names_say(config):
+    for name, degrees in (("torque-5", 5.0), ("torque-30", 30.0)):
+        settings = cell_settings(config["task2"], name)
+        pushed = np.array(true_settings(settings)["angular_acceleration_deg_h2"])
+        assert 0.5 * np.linalg.norm(pushed) * 24.0**2 == pytest.approx(degrees, rel=1e-3)
+        spin = np.array(INITIAL_RATE_DEG_H)
+        cosine = pushed @ spin / np.linalg.norm(pushed) / np.linalg.norm(spin)
+        assert cosine == pytest.approx(1.0)
+
+
+def test_a_variant_names_its_estimators(config):
+    task2 = config["task2"]
+    task2["estimators"] = ["mukf", "other"]
+    task2["variants"]["cells"] = {
+        "plain": {"targets": [20], "change": {"step_s": 30}},
+        "both": {"targets": [20], "estimators": ["other", "mukf"], "change": {"step_s": 30}},
+        "foreign": {"targets": [20], "estimators": ["third"], "change": {"step_s": 30}},
+    }
+    found = [(cell.variant, cell.estimator) for cell in variant_cells(task2)]
+    assert found == [
+        ("plain", "mukf"), ("both", "other"), ("both", "mukf"), ("foreign", "third"),
+    ]  # fmt: skip
+    assert estimator_names(task2) == ["mukf", "other", "third"]
+    plain = {cell for cell in campaign_cells(task2) if not cell.variant and cell.targets == 20}
+    assert Cell("A", "published", "third", 20, 60) in plain
+
+
+def test_a_change_leaves_the_other_settings_alone(config):
+    before = copy.deepcopy(config["task2"])
+    changed = cell_settings(config["task2"], "irradiance")
+    usual = cell_settings(config["task2"])
+    assert config["task2"] == before
+    differing = [key for key in usual if usual[key] != changed[key]]
+    assert differing == ["photometry"]
+    assert changed["photometry"] == {"irradiance": "1/r^2", "fresnel": "sqrt"}
+    with pytest.raises(ConfigurationError, match=r"nothing.*task2\.variants\.cells"):
+        cell_settings(config["task2"], "nothing")
+
+
+def test_cells_asked_for_by_name_are_checked(config):
+    settings = cell_settings(config["task2"])
+    check_cell(202, 240, settings)
+    with pytest.raises(ConfigurationError, match=r"n_T = 203 .*202"):
+        check_cell(203, 60, settings)
+    with pytest.raises(ConfigurationError, match=r"dt7.*task2\.step_s"):
+        check_cell(20, 7, settings | {"step_s": 50})
+
+
+def test_seeds_do_not_depend_on_their_number():
+    assert realization_seeds(5, 10)[:3] == realization_seeds(5, 3)
+    assert len({*realization_seeds(5, 50), *realization_seeds(6, 50)}) == 100
+
+
+# A tiny campaign: three observers on two halos, five targets, three hours.
+
+ORBITS = np.array(
+    [
+        [0.920026, 0.0, 0.501040, 0.898841],
+        [0.817843, 0.0, 0.505839, 2.962608],
+        [1.145831, 0.154015, -0.220793, 3.159410],
+        [1.125424, -0.181700, -0.225458, 2.960571],
+        [0.847229, 0.171882, 0.263971, 2.598230],
+    ]
+)
+
+
+def _orbits(rows, dim):
+    state = np.zeros((len(rows), 6))
+    state[:, 0], state[:, 2], state[:, 4] = rows[:, 0], rows[:, 1], rows[:, 2]
+    return xr.Dataset(
+        {
+            "state": ((dim, "component"), state),
+            "period": (dim, rows[:, 3]),
+            "family": (dim, [f"Orbit_{k}" for k in range(len(rows))]),
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def sources():
+    elapsed = np.arange(0.0, 86_401.0, 600.0)
+    angle = -elapsed / TIME_UNIT_S + 3.0
+    sun = 389.0 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=-1)
+    return {
+        "architecture": xr.Dataset(
+            {"orbit": ("slot", [2, 3]), "satellites": ("slot", [2, 1])},
+        ),
+        "orbits": _orbits(ORBITS, "orbit"),
+        "tracked": _orbits(ORBITS, "target"),
+        "sun": xr.Dataset(
+            {"sun_position": (("time", "axis"), sun), "et": ("time", elapsed)},
+            attrs={"time_unit_s": TIME_UNIT_S},
+        ),
+    }
+
+
+def _small(**changes):
+    settings = cell_settings(_yaml("config.yaml")["task2"])
+    base = {"seeds": 2, "duration_hours": 3, "sensor": {"limiting_magnitude": 22}}
+    return merged(merged(settings, base), changes)
+
+
+def _cell(sources, targets=4, minutes=60, variant="", **changes):
+    cell = Cell("A", "tpe", "mukf", targets, minutes, variant)
+    return cell_dataset(cell, **sources, settings=_small(**changes), propagator="dop853", seed=3)
+
+
+@pytest.fixture(scope="module")
+def tracked_cell(sources):
+    return _cell(sources)
+
+
+def test_a_cell_holds_what_is_promised(tracked_cell):
+    sizes = {"seed": 2, "epoch": 3, "observer": 3, "time": 18, "step": 180, "target": 4}
+    assert dict(tracked_cell.sizes) == sizes | {"component": 12, "part": 4}
+    dims = {
+        "assignment": ("seed", "epoch", "observer"),
+        "information": ("seed", "epoch"),
+        "valid": ("seed", "time", "target"),
+        "error": ("seed", "time", "target", "component"),
+        "sigma": ("seed", "time", "target", "component"),
+        "coverage": ("seed", "target", "component"),
+        "anees": ("seed", "target", "component"),
+        "rmse": ("seed", "target", "component"),
+        "bound": ("seed", "time", "target", "component"),
+        "bound_ratio": ("seed", "target", "part"),
+        "bound_attitude": ("seed", "target"),
+        "status": ("seed", "target"),
+    }
+    for name, wanted in dims.items():
+        assert tracked_cell[name].dims == wanted, name
+    assert tracked_cell["error"].dtype == np.float32
+    meanings = tracked_cell["status"].attrs["flag_meanings"].split()
+    assert meanings == ["tracked", "never_observed", "diverged"]
+    assert tracked_cell["time"].values[-1] == 3 * 3600.0
+    np.testing.assert_array_equal(tracked_cell["epoch"], [0.0, 3600.0, 7200.0])
+    np.testing.assert_array_equal(tracked_cell["observer_slot"], [0, 0, 1])
+    used = tracked_cell["fate"].attrs["flag_meanings"].split().index("used")
+    updates = (tracked_cell["fate"].values == used).sum(axis=1)
+    np.testing.assert_array_equal(tracked_cell["updates"], updates)
+    at = np.searchsorted(tracked_cell["step"].values, tracked_cell["time"].values)
+    np.testing.assert_array_equal(tracked_cell["valid"], tracked_cell["fate"].values[:, at] == used)
+
+
+def test_metrics_agree_with_the_stored_histories(sources):
+    full = _cell(sources, record_minutes=1)
+    error, sigma = full["error"].values.astype(float), full["sigma"].values.astype(float)
+    np.testing.assert_allclose(
+        full["coverage"], (np.abs(error) <= 3.0 * sigma).mean(axis=1), atol=1e-6
+    )
+    np.testing.assert_allclose(full["rmse"], np.sqrt((error**2).mean(axis=1)), rtol=1e-5)
+
+
+def test_a_rerun_writes_the_same_bytes(sources, tracked_cell, tmp_path):
+    for name, data in (("first", tracked_cell), ("second", _cell(sources))):
+        write_dataset(data, tmp_path / f"{name}.nc")
+    first, second = (tmp_path / f"{name}.nc" for name in ("first", "second"))
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_cells_share_targets_truth_and_noise(sources, tracked_cell):
+    """A larger set holds the smaller one; before the first update their errors are the same."""
+    larger = _cell(sources, targets=5)
+    np.testing.assert_array_equal(larger["target_id"][:4], tracked_cell["target_id"])
+    fine, larger = _cell(sources, record_minutes=1), _cell(sources, targets=5, record_minutes=1)
+    unseen = (fine["fate"].values[:, 0] < 5) & (larger["fate"].values[:, 0, :4] < 5)
+    assert unseen.any()
+    np.testing.assert_array_equal(
+        fine["error"].values[:, 0][unseen], larger["error"].values[:, 0, :4][unseen]
+    )
+
+
+def test_a_cell_tracks_a_truth_unknown_to_its_estimator(sources, tracked_cell):
+    """Same tasking at the start, other errors; the file tells the truth."""
+    told = {"sensor": {"magnitude_noise": 0.3}, "material": {"rms_slope": 0.4}}
+    other = _cell(sources, truth=told)
+    np.testing.assert_array_equal(other["assignment"][:, 0], tracked_cell["assignment"][:, 0])
+    assert (other["error"].values != tracked_cell["error"].values).any()
+    settings = json.loads(other.attrs["settings"])
+    assert settings["truth"] == told
+    assert settings["material"]["rms_slope"] == 0.3
+    turned = _cell(sources, truth={"body": {"inertia": [1, 1, 1.2]}})
+    moved = turned["error"].values[..., :6] != tracked_cell["error"].values[..., :6]
+    assert moved.any(axis=(1, 3)).all()
+
+
+def test_surplus_observers_stay_idle(sources):
+    crowded = _cell(sources, targets=1)
+    assert ((crowded["assignment"].values >= 0).sum(axis=-1) <= 1).all()
+    assert set(np.unique(crowded["assignment"])) <= {-1, 0}
+
+
+def test_an_architecture_without_observers_is_refused(sources):
+    empty = sources["architecture"].assign(satellites=("slot", [0, 0]))
+    with pytest.raises(ConfigurationError, match=r"architecture/A/tpe\.nc has no observers"):
+        _cell(sources | {"architecture": empty})
+    foreign = sources["architecture"].assign(orbit=("slot", [0, 9]))
+    with pytest.raises(ConfigurationError, match=r"architecture/A/tpe\.nc .*orbit 9"):
+        _cell(sources | {"architecture": foreign})
+
+
+def test_a_missing_architecture_names_the_file(tmp_path):
+    with pytest.raises(InputFileError, match=r"nowhere\.nc: no such file"):
+        read_dataset(tmp_path / "nowhere.nc")
+
+
+def test_impossible_cells_are_refused(sources):
+    with pytest.raises(ConfigurationError, match="n_T = 203"):
+        _cell(sources, targets=203)
+    with pytest.raises(ConfigurationError, match=r"n_T = 6 .*there are 5 targets"):
+        _cell(sources, targets=6)
+    with pytest.raises(ConfigurationError, match="dt7"):
+        _cell(sources, minutes=7, step_s=50)
+
+
+def test_body_from_a_mesh_file_sets_the_tasking_sphere(tmp_path):
+    corners = ["1 1 1", "1 -1 -1", "-1 1 -1", "-1 -1 1"]
+    faces = ["1 2 3", "1 4 2", "1 3 4", "2 4 3"]
+    lines = [f"v {c}" for c in corners] + [f"f {f}" for f in faces]
+    path = tmp_path / "tetrahedron.obj"
+    path.write_text("\n".join(lines))
+    body = {"shape": str(path), "radius_m": None, "metres_per_unit": 0.5, "stretch": [1, 1, 1]}
+    area = 4.0 * np.sqrt(3.0) / 4.0 * (0.5 * np.sqrt(8.0)) ** 2
+    assert body_facets(body).total_area == pytest.approx(area)
+    settings = _small(body=body)
+    radius = loop_settings(settings, 60).tasking.radius_m
+    assert radius == pytest.approx(np.sqrt(area / (4.0 * np.pi)))
+    assert mesh_file(settings) == [str(path)]
+    assert mesh_file(_small()) == []
+    assert mesh_file(_small(truth={"body": body})) == [str(path)]
+    assert mesh_file(_small(body=body, truth={"body": body})) == [str(path)]
+    assert body_facets(body | {"stretch": [2, 2, 2]}).total_area == pytest.approx(4.0 * area)
+
+
+def test_statistics_are_over_the_observed_targets(tracked_cell):
+    doctored = tracked_cell.copy(deep=True)
+    doctored["status"].values[:] = [[0, 1, 2, 0], [0, 0, 2, 2]]
+    doctored["status_rotation"].values[:] = doctored["status"].values
+    doctored["status_translation"].values[:] = [[0, 1, 0, 0], [0, 0, 2, 0]]
+    found = seed_statistics(doctored)
+    seen = doctored["coverage"].values[0, [0, 2, 3], 6:9]
+    assert found["coverage"][0, 2] == pytest.approx(seen.mean())
+    assert found["rmse_median"][1, 3] == pytest.approx(np.median(doctored["rmse"].values[1, :, 9:]))
+    np.testing.assert_array_equal(found["never_observed"], [1, 0])
+    families = doctored["family"].values.astype("U20")
+    families[2] = "Polar_mission"
+    lunar = seed_statistics(doctored.assign_coords(family=("target", families)))
+    kept = doctored["anees"].values[0, [0, 3], 6:9]
+    assert lunar["anees_mean_periodic"][0, 2] == pytest.approx(kept.mean())
+    assert found["anees_mean_periodic"][0, 2] != pytest.approx(kept.mean())
+    np.testing.assert_array_equal(lunar["diverged_translation_lunar"], [0, 1])
+    np.testing.assert_array_equal(found["diverged_translation_lunar"], [0, 0])
+    np.testing.assert_array_equal(found["diverged_rotation"], [1, 2])
+    np.testing.assert_array_equal(found["diverged_rotation_only"], [1, 1])
+    np.testing.assert_allclose(found["diverged_rotation_share"], [1 / 3, 1 / 2])
+    np.testing.assert_allclose(found["tracked_share"], [0.5, 0.5])
+    np.testing.assert_allclose(
+        found["valid_fraction"], tracked_cell["updates"].values.mean(axis=1) / 180
+    )
+
+
+def test_a_cell_where_nothing_is_seen_has_no_averages(sources):
+    blind = _cell(sources, sensor={"limiting_magnitude": 5})
+    found = seed_statistics(blind)
+    assert np.isnan(found["rmse_median"]).all()
+    np.testing.assert_array_equal(found["never_observed"], [4, 4])
+    np.testing.assert_array_equal(found["diverged_rotation_share"], [0, 0])
+
+
+@pytest.fixture(scope="module")
+def summary(sources, tracked_cell, tmp_path_factory):
+    path = tmp_path_factory.mktemp("cells")
+    cells = [
+        (Cell("A", "tpe", "mukf", 4, 60), tracked_cell),
+        (Cell("A", "tpe", "mukf", 4, 60, "one-seed"), _cell(sources, seeds=1, minutes=60)),
+    ]
+    read = []
+    for k, (cell, data) in enumerate(cells):
+        write_dataset(data, path / f"{k}.nc")
+        read.append((cell, read_cell_metrics(path / f"{k}.nc")))
+    return summary_dataset(read, {"task2": {}}, seed=3)
+
+
+def test_summary_and_tables(summary, tracked_cell):
+    assert summary.sizes == {"cell": 2, "seed": 2, "part": 4}
+    assert np.isnan(summary["coverage"].values[1, 1]).all()
+    table = tracking_rows(summary)
+    row = table[
+        (table.quantity == "rmse_median") & (table.part == "position") & (table.unit == "km")
+        & (table.variant == "")
+    ].iloc[0]  # fmt: skip
+    km = LENGTH_UNIT_KM * seed_statistics(tracked_cell)["rmse_median"][:, 2]
+    assert row["mean"] == pytest.approx(km.mean())
+    # two values: the interval is their half-distance times t(0.975, 1) = 12.7062
+    assert row["high"] - row["mean"] == pytest.approx(12.7062 * np.ptp(km) / 2, rel=1e-4)
+    assert (row["smallest"], row["largest"]) == pytest.approx((km.min(), km.max()))
+    assert set(table[table.variant == "one-seed"]["seeds"]) == {1}
+    # of two values an interval is wide; it keeps to what is possible
+    assert (table["low"].dropna() >= 0.0).all()
+    assert table.loc[table.quantity == "coverage", "high"].max() == 1.0
+
+
+def test_error_over_bound_is_that_of_the_histories(sources):
+    """The final hours are here all three, every step of them recorded."""
+    cell = _cell(sources, seeds=1, record_minutes=1)
+    error, least = (cell[name].values.astype(float) for name in ("error", "bound"))
+    observed = cell["updates"].values > 0
+    for p in range(4):
+        part = slice(3 * p, 3 * p + 3)
+        squared = [(each[..., part] ** 2).sum(axis=(1, 3)) for each in (error, least)]
+        expected = np.where(observed, np.sqrt(squared[0] / squared[1]), np.nan)
+        np.testing.assert_allclose(cell["bound_ratio"].values[..., p], expected, rtol=1e-5)
+
+
+def test_error_over_bound_stands_in_the_tables(summary, tracked_cell):
+    table = tracking_rows(summary)
+    own = table[(table.variant == "") & table.quantity.isin(["bound_ratio_90", "anees_mean"])]
+    assert len(own) == 8 and set(own.unit) == {"1"}
+    assert np.all(tracked_cell["bound"].values > 0.0)
+    ratio = tracked_cell["bound_ratio"].values
+    observed = tracked_cell["updates"].values > 0
+    np.testing.assert_array_equal(np.isfinite(ratio).all(axis=2), observed)
+    medians = np.median(ratio[0][observed[0]], axis=0)
+    np.testing.assert_allclose(summary["bound_ratio_median"].values[0, 0], medians)
+    degrees = np.percentile(tracked_cell["bound_attitude"].values[1][observed[1]], 90.0)
+    assert summary["bound_attitude_90"].values[0, 1] == pytest.approx(degrees)
+    assert (table.quantity == "bound_attitude_median").sum() == 2
+
+
+def test_a_cell_without_the_bound_is_refused(tracked_cell, tmp_path):
+    write_dataset(tracked_cell.drop_vars(["bound_ratio", "bound_attitude"]), tmp_path / "old.nc")
+    with pytest.raises(InputFileError, match=r"old\.nc lacks bound_ratio, .*earlier version"):
+        read_cell_metrics(tmp_path / "old.nc")
+
+
+def test_variants_are_compared_seed_by_seed(summary):
+    readings = reading_rows(summary)
+    assert set(readings.variant) == {"one-seed"}
+    # the same settings and the same seed: no difference at all
+    finite = readings.dropna(subset=["difference"])
+    assert len(finite) > 20
+    np.testing.assert_array_equal(finite["difference"], 0.0)
+
+
+def test_a_file_that_is_no_cell_is_refused(tmp_path):
+    path = tmp_path / "other.nc"
+    xr.Dataset({"a": ("x", [1.0])}).to_netcdf(path)
+    with pytest.raises(InputFileError, match=r"other\.nc lacks coverage"):
+        read_cell_metrics(path)
+
+
+def test_tasking_methods_are_compared_on_the_same_problems(sources):
+    comparison = {
+        "epochs": [0, 2],
+        "runs": 2,
+        "evaluations": [20, 5],
+        "tpe_evaluations": 5,
+        "early_stop": 100,
+    }
+    settings = _small()
+    cells = [
+        compared_dataset(
+            Cell("A", "tpe", "mukf", n, 60),
+            **sources,
+            settings=settings,
+            comparison=comparison,
+            propagator="dop853",
+            seed=3,
+        )
+        for n in (4, 5)
+    ]
+    whole = gather(cells)
+    assert whole["information"].dims == ("cell", "search", "epoch", "run", "budget")
+    best = whole["direct_information"].sel(direct="exact").values[:, None, :, None, None]
+    assert np.nanmax(whole["information"].values - best) <= 1e-9
+    random = whole.sel(search="random")
+    np.testing.assert_array_equal(random["evaluations"].values[..., 1], 20)
+    # a larger budget continues the smaller one
+    np.testing.assert_allclose(
+        random["information"].values[..., 0], random["history"].values[..., 4], rtol=1e-12
+    )
+    tpe = whole.sel(search="tpe")
+    assert np.isnan(tpe["information"].values[..., 1]).all()
+    assert np.isfinite(tpe["information"].values[..., 0]).all()
+    assert (tpe["elapsed"].values[..., 0] > 0.0).all()
+
+
+def test_settings_from_the_command_line_get_their_types(config):
+    """Snakemake hands nested values of --config over as strings."""
+    task2 = {"seeds": "3", "step_s": "30", "body": {"radius_m": "null"}, "estimators": ["mukf"]}
+    task2 |= {"target_counts": {"A": ["20", "30"]}, "tasking": {"track_gate": "false"}}
+    typed = with_types(merged(config, {"task2": task2}), SCHEMA)["task2"]
+    assert (typed["seeds"], typed["step_s"], typed["body"]["radius_m"]) == (3, 30, None)
+    assert typed["target_counts"]["A"] == [20, 30]
+    assert typed["tasking"]["track_gate"] is False
+    assert typed["photometry"] == config["task2"]["photometry"]
+    wrong = with_types(merged(config, {"task2": {"seeds": "many"}}), SCHEMA)
+    with pytest.raises(ConfigurationError, match=r"task2\.seeds"):
+        check_campaign(wrong, SCHEMA)

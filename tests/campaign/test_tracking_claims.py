@@ -1,0 +1,297 @@
+"""Verdicts on the paper's claims about tracking, from made-up realizations."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy import stats
+
+from cislunar.campaign.claims.architecture import BEYOND, NOT_REPRODUCED, PARTLY, REPRODUCED
+from cislunar.campaign.claims.estimators import estimator_claims
+from cislunar.campaign.claims.target_counts import tracking_claims
+from cislunar.campaign.claims.tasking import tasking_claims
+from cislunar.campaign.claims.verdicts import SATISFACTORY, Sweeps, range_finding, unsatisfactory
+from cislunar.campaign.tracking.statistics import log_interval, slopes, t_interval
+from cislunar.campaign.tracking.summary import PARTS, PER_CELL, PER_PART, cell_index
+
+SEEDS = 8
+GOOD = {
+    "coverage": (0.95, 0.95, 0.99, 0.99),
+    "anees_median": (1.0,) * 4,
+    "anees_mean": (2.0, 2.0, 1.1, 1.1),
+    "anees_mean_periodic": (1.5, 1.5, 1.0, 1.0),
+    "rmse_median": (0.02, 1e-5, 1e-5, 1e-5),
+    "rmse_90": (0.05, 2e-5, 2e-5, 2e-5),
+    "final_attitude_error_median": 0.5,
+    "tracked_share": 0.9,
+    "never_observed": 1.0,
+    "diverged_rotation": 2.0,
+    "diverged_rotation_only": 2.0,
+}
+COUNTS = {"A": (20, 50, 100), "B": (33, 50, 100), "C": (43, 50, 100)}
+INTERVALS = {("A", 20), ("B", 33), ("A", 50)}
+
+
+def _spread(value, width=0.01):
+    """Realizations about a value with a known, small spread."""
+    return np.asarray(value) * (1.0 + width * np.linspace(-1.0, 1.0, SEEDS))
+
+
+def make_summary(change=lambda *cell: {}, architectures=("published",)):
+    """A summary of the paper's sweeps; `change` gives the values that differ in a cell."""
+    cells = []
+    for architecture in architectures:
+        for scenario, counts in COUNTS.items():
+            cells += [(scenario, architecture, n, 60) for n in counts]
+        cells += [
+            (scenario, architecture, n, minutes)
+            for scenario, n in sorted(INTERVALS)
+            for minutes in (30, 120, 180, 240)
+        ]
+    values = {name: np.zeros((len(cells), SEEDS, len(PARTS))) for name in PER_PART}
+    values |= {name: np.zeros((len(cells), SEEDS)) for name in PER_CELL}
+    for k, cell in enumerate(cells):
+        for name, value in (GOOD | change(*cell)).items():
+            for p in range(len(PARTS)) if name in PER_PART else (None,):
+                where = (k, slice(None)) if p is None else (k, slice(None), p)
+                one = value if p is None else value[p]
+                values[name][where] = one if name.startswith("never") else _spread(one)
+    columns = list(zip(*cells, strict=True))
+    coords = {
+        "scenario": ("cell", list(columns[0])),
+        "architecture": ("cell", list(columns[1])),
+        "estimator": ("cell", ["mukf"] * len(cells)),
+        "variant": ("cell", [""] * len(cells)),
+        "targets": ("cell", list(columns[2])),
+        "interval_minutes": ("cell", list(columns[3])),
+        "observers": ("cell", [20] * len(cells)),
+        "part": list(PARTS),
+        "part_unit": ("part", ["1"] * 4),
+    }
+    dims = ("cell", "seed", "part")
+    return xr.Dataset({n: (dims[: v.ndim], v) for n, v in values.items()}, coords)
+
+
+def _verdict(claims, *words):
+    found = [c for c in claims if all(word in c.claim for word in words)]
+    assert len(found) == 1, [c.claim for c in found]
+    return found[0].verdict
+
+
+def _worse(name, part, factor, scenario, n=None, minutes=None):
+    """Change one part of one quantity in some cells."""
+
+    def change(scen, _, targets, interval):
+        if scen != scenario or n not in (None, targets) or minutes not in (None, interval):
+            return {}
+        value = list(GOOD[name])
+        value[PARTS.index(part)] *= factor
+        return {name: tuple(value)}
+
+    return change
+
+
+def test_every_claim_of_the_section_has_a_row_with_a_rule():
+    claims = tracking_claims(make_summary())
+    assert len(claims) >= 30
+    assert len({c.claim for c in claims}) == len(claims)
+    assert all(c.how and c.ours and c.where and c.paper and c.verdict for c in claims)
+    for scenario in "ABC":
+        assert _verdict(claims, "translation stays", f"scenario {scenario}") == REPRODUCED
+        assert _verdict(claims, "by as many observers", f"scenario {scenario}") == REPRODUCED
+
+
+def test_nothing_tracked_nothing_claimed():
+    summary = make_summary()
+    exact = summary.isel(cell=cell_index(summary, scenario="C"))
+    claims = tracking_claims(exact)
+    assert not any("scenario A" in c.claim or "scenario B" in c.claim for c in claims)
+
+
+@pytest.mark.parametrize(
+    ("counts", "paper", "verdict"),
+    [([0, 1, 3], 2, REPRODUCED), ([0, 1, 1], 2, PARTLY), ([4, 5, 6], 2, NOT_REPRODUCED)],
+)
+def test_counts_are_judged_by_their_range(counts, paper, verdict):
+    assert range_finding(np.array(counts, dtype=float), paper).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("quantity", "part", "factor"),
+    [
+        ("coverage", "position", 0.97),
+        ("anees_mean", "velocity", 3.0),
+        ("anees_mean", "position", 0.6),
+    ],
+)
+def test_translation_that_is_not_satisfactory_is_named(quantity, part, factor):
+    change = _worse(quantity, part, factor, "A", 100)
+    summary = make_summary(change)
+    sweeps = Sweeps(summary, "A", "published")
+    failing = unsatisfactory(sweeps, sweeps.by_targets())
+    assert len(failing) == 1 and failing[0].startswith("100 targets") and part in failing[0]
+    claims = tracking_claims(summary)
+    assert _verdict(claims, "translation stays", "scenario A") == PARTLY
+    assert _verdict(claims, "translation stays", "scenario B") == REPRODUCED
+    assert SATISFACTORY in next(c.how for c in claims if "translation stays" in c.claim)
+
+
+def test_low_lunar_orbits_are_told_apart():
+    summary = make_summary(_worse("anees_mean", "position", 20.0, "A", 100))
+    row = next(c for c in tracking_claims(summary) if "translation stays" in c.claim)
+    assert "satisfactory in 2 of 3 cells" in row.ours
+    assert "of targets on periodic orbits alone in 3" in row.ours
+
+
+def test_diverged_translation_counts_against_it():
+    summary = make_summary(
+        lambda s, a, n, t: {"diverged_translation_share": 0.05} if s == "C" else {}
+    )
+    assert _verdict(tracking_claims(summary), "translation stays", "scenario C") == NOT_REPRODUCED
+
+
+@pytest.mark.parametrize(
+    ("exponent", "verdict"), [(0.5, REPRODUCED), (0.0, None), (-0.5, NOT_REPRODUCED)]
+)
+def test_trends_of_rotation_need_an_interval_beyond_zero(exponent, verdict):
+    def change(scenario, _, targets, minutes):
+        rmse = 0.02 * (targets / 20.0) ** exponent
+        return {"rmse_median": (rmse, 1e-5, 1e-5, 1e-5), "diverged_rotation": 100.0 * rmse}
+
+    claims = tracking_claims(make_summary(change))
+    for words in (("attitude RMSE rises",), ("more frequent", "(count)")):
+        found = _verdict(claims, *words, "scenario B")
+        assert found == verdict if verdict else found != REPRODUCED
+    # constant coverage does not fall
+    assert _verdict(claims, "coverage falls", "scenario B") != REPRODUCED
+
+
+def test_noise_over_seeds_forbids_a_trend():
+    summary = make_summary(
+        lambda s, a, n, t: {"diverged_rotation": float(n) / 50.0} if s == "A" else {}
+    )
+    claims = tracking_claims(summary)
+    assert _verdict(claims, "more frequent", "(count)", "scenario A") == REPRODUCED
+    noisy = summary.copy(deep=True)
+    rng = np.random.default_rng(0)
+    noisy["diverged_rotation"].values += rng.normal(0.0, 20.0, noisy["diverged_rotation"].shape)
+    claims = tracking_claims(noisy)
+    assert _verdict(claims, "more frequent", "(count)", "scenario A") != REPRODUCED
+
+
+def test_tasking_intervals_modest_noticeable_and_flat():
+    def change(scenario, _, targets, minutes):
+        growth = 1.0 + 0.1 * np.log2(minutes / 30.0)
+        rotation = growth if scenario == "B" else 1.0
+        return {
+            "rmse_median": (0.02 * rotation, 1e-5, 1e-5 * growth, 1e-5),
+            "coverage": (0.95 / rotation, 0.95, 0.99, 0.99),
+            "anees_median": (rotation, 1.0, 1.0, 1.0),
+            "diverged_rotation": 3.0 * rotation,
+        }
+
+    claims = tracking_claims(make_summary(change))
+    assert _verdict(claims, "translation against", "scenario A") == REPRODUCED
+    assert _verdict(claims, "translation against", "scenario B") == REPRODUCED
+    assert _verdict(claims, "rotation against", "20 targets") == REPRODUCED
+    assert _verdict(claims, "rotation from the shortest", "scenario B") == REPRODUCED
+    assert _verdict(claims, "attitude divergence from", "scenario B") == REPRODUCED
+    assert _verdict(claims, "rotation against", "50 targets") == NOT_REPRODUCED
+    assert _verdict(claims, "rotational divergences over") == REPRODUCED
+    flat = tracking_claims(make_summary())
+    assert _verdict(flat, "translation against", "scenario A") == PARTLY
+    assert _verdict(flat, "rotation from the shortest", "scenario B") == NOT_REPRODUCED
+
+
+def test_improvement_at_three_hours():
+    def change(scenario, _, targets, minutes):
+        value = 0.5 if minutes == 180 else 1.0
+        return {"anees_median": (value, value, 1.0, 1.0)}
+
+    assert _verdict(tracking_claims(make_summary(change)), "3 h") == REPRODUCED
+
+
+def test_the_published_architecture_decides():
+    def change(scenario, architecture, targets, minutes):
+        return {"never_observed": 9.0 if architecture == "tpe" else 1.0}
+
+    claims = tracking_claims(make_summary(change, ("published", "tpe")))
+    row = next(c for c in claims if "never observed" in c.claim)
+    assert row.verdict == REPRODUCED
+    assert "published: mean 1" in row.ours and "tpe: mean 9" in row.ours
+    claims = tracking_claims(make_summary(change, ("tpe",)))
+    assert _verdict(claims, "never observed") == NOT_REPRODUCED
+
+
+def test_other_architectures_are_put_beside():
+    summary = make_summary(architectures=("published", "tpe", "exact"))
+    rows = [c for c in tracking_claims(summary) if "by each architecture" in c.claim]
+    assert {c.claim for c in rows} >= {
+        f"tracking of {n} targets by each architecture, scenario {s}"
+        for s, counts in COUNTS.items()
+        for n in counts
+    }
+    assert all("exact (" in c.ours and "tpe (" in c.ours for c in rows)
+
+
+def _comparison(share):
+    shape = (1, 2, 1, 4, 2)
+    information = np.full(shape, 10.0 * share) * (1.0 + 1e-3 * np.arange(4))[:, None]
+    information[:, 0, :, :, 1] = np.nan
+    direct = np.array([[[10.0], [9.9]]])
+    return xr.Dataset(
+        {
+            "information": (("cell", "search", "epoch", "run", "budget"), information),
+            "elapsed": (("cell", "search", "epoch", "run", "budget"), np.ones(shape)),
+            "direct_information": (("cell", "direct", "epoch"), direct),
+            "direct_elapsed": (("cell", "direct", "epoch"), np.full((1, 2, 1), 1e-5)),
+        },
+        {
+            "search": ["tpe", "random"],
+            "direct": ["exact", "greedy"],
+            "budget": [100, 5000],
+            "targets": ("cell", [20]),
+            "observers": ("cell", [20]),
+        },
+    )
+
+
+@pytest.mark.parametrize(
+    ("share", "verdict"), [(0.99, REPRODUCED), (0.92, PARTLY), (0.6, NOT_REPRODUCED)]
+)
+def test_tpe_is_judged_at_its_largest_budget_against_the_optimum(share, verdict):
+    summary = make_summary()
+    claims = tasking_claims(_comparison(share), summary)
+    assert _verdict(claims, "near-optimal") == verdict
+    assert "after 100 evaluations" in next(c.ours for c in claims if "near-optimal" in c.claim)
+    assert "0.9900" in next(c.ours for c in claims if "other methods" in c.claim)
+
+
+def test_intervals_are_those_of_scipy():
+    values = np.random.default_rng(1).normal(3.0, 1.0, 12)
+    found = t_interval([*values, np.nan])
+    low, high = stats.t.interval(0.95, 11, values.mean(), stats.sem(values))
+    assert (found.mean, found.low, found.high) == pytest.approx((values.mean(), low, high))
+    assert found.count == 12 and found.above_zero and not found.below_zero
+    single = t_interval([2.0])
+    assert single.mean == 2.0 and np.isnan(single.low) and not single.above_zero
+    assert np.isnan(t_interval([]).mean)
+    geometric = log_interval(np.exp(values))
+    assert geometric.low == pytest.approx(np.exp(low))
+    assert log_interval([0.0, np.nan]).count == 0
+
+
+def test_slopes_are_per_doubling_and_skip_gaps():
+    x = np.array([20, 40, 80])
+    values = [[1.0, 3.0, 5.0], [0.0, np.nan, 2.0], [np.nan, np.nan, 1.0]]
+    np.testing.assert_allclose(slopes(x, values), [2.0, 1.0, np.nan])
+
+
+def test_both_estimators_are_compared_on_the_same_realizations():
+    filtered = make_summary()
+    fitted = make_summary(lambda *cell: {"diverged_rotation": 0.0})
+    fitted = fitted.assign_coords(estimator=("cell", ["batch"] * fitted.sizes["cell"]))
+    claims = estimator_claims(xr.concat([filtered, fitted], "cell"))
+    counted = [c for c in claims if "scenario A, published, 50 targets" in c.claim]
+    assert len(counted) == 1 and counted[0].verdict == BEYOND
+    assert "diverged 0.0 [0.0, 0.0] and " in counted[0].ours
+    assert not estimator_claims(filtered)

@@ -1,0 +1,261 @@
+"""The batch estimator in the closed loop, beside the paper's filter on the same truth and noise."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from tracking_scene import make_problem
+
+from cislunar.constants import MU
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.estimator import Prediction
+from cislunar.estimation.kalman.mukf import MultiplicativeUKF, Spread
+from cislunar.estimation.kalman.translation_filter import INSIDE_PRIMARY
+from cislunar.estimation.light_curves.batch import BatchEstimator, batch
+from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
+from cislunar.estimation.registry import ESTIMATORS, estimator_named
+from cislunar.observation.measurement import DETECTED, Sensor, measure
+from cislunar.observation.scene import target_surfaces
+from cislunar.photometry.materials import Material
+from cislunar.photometry.shapes import icosahedron
+from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.information import TaskingModel
+from cislunar.tasking.simulation import draw_truth, initial_estimate
+
+CONFIG = Path(__file__).parents[2] / "config/config.yaml"
+SENSOR = Sensor(limiting_magnitude=24.0)
+
+
+def _measured(hours=6.0, n_targets=5, sensor=SENSOR, inertia=1.0, seed=3):
+    """Every target measured by one observer for a while."""
+    scene, surfaces, epoch, ids, loop = make_problem(5, n_targets, duration_hours=hours)
+    surfaces = target_surfaces(icosahedron(), Material(), n_targets, inertia=inertia)
+    initial = initial_estimate(epoch, loop.initial.components())
+    truth = draw_truth(initial, scene, sensor.noise, seed, ids, inertia=surfaces.inertia)
+    observer_of = np.arange(n_targets) % 5
+    measurements, fate = measure(
+        1, loop.n_steps, scene, surfaces, sensor, observer_of, truth.translation,
+        truth.quaternion, truth.noise,
+    )  # fmt: skip
+    return scene, surfaces, initial, truth, observer_of, measurements, fate
+
+
+def _batch(scene, surfaces, initial, sensor=SENSOR, seed=0, **settings):
+    return BatchEstimator(
+        scene, surfaces, sensor, initial, np.random.default_rng(seed),
+        settings=BatchSettings(**settings),
+    )  # fmt: skip
+
+
+def _in_intervals(estimator, measurements, observer_of, steps=60):
+    """Estimates at the end of each interval."""
+    parts = [
+        estimator.advance(measurements[:, i : i + steps], observer_of)
+        for i in range(0, measurements.shape[1], steps)
+    ]
+    return [np.concatenate(pieces, axis=1) for pieces in zip(*parts, strict=True)]
+
+
+def test_translation_is_that_of_the_paper_s_filter_on_angles():
+    """Twelve states without the magnitude and six are the same filter of the orbit."""
+    scene, surfaces, initial, _, observer_of, measurements, _ = _measured(hours=2.0)
+    theirs = MultiplicativeUKF(scene, surfaces, SENSOR, initial, use_magnitude=False)
+    twelve = theirs.advance(measurements, observer_of)
+    six = _batch(scene, surfaces, initial).advance(measurements, observer_of)
+    np.testing.assert_array_equal(six.used, twelve.used)
+    sigma = twelve.sigma[..., 6:]
+    np.testing.assert_allclose(six.sigma[..., 6:], sigma, rtol=1e-6)
+    assert np.max(np.abs(six.translation - twelve.translation) / sigma) < 1e-5
+
+
+def test_without_measurements_the_prior_is_propagated():
+    """The spread of the attitude grows as that of the rate times the time."""
+    scene, surfaces, initial, _, observer_of, measurements, _ = _measured(hours=1.0)
+    out = _batch(scene, surfaces, initial).advance(np.full_like(measurements, np.nan), observer_of)
+    np.testing.assert_allclose(out.sigma[0, 0, :3], initial.sigma[:3], rtol=0.02)
+    np.testing.assert_allclose(out.sigma[0, -1, 3:6], initial.sigma[3:6], rtol=1e-9)
+    expected = np.hypot(initial.sigma[0], 3600.0 * initial.sigma[3])
+    np.testing.assert_allclose(out.sigma[0, -1, :3], expected, rtol=0.05)
+    assert not out.used.any()
+
+
+@pytest.mark.parametrize("inertia", [1.0, (1.0, 1.2, 0.9)])
+def test_errors_keep_within_their_bounds(inertia):
+    """Six hours of light for five targets and three seeds; a tumbling body as a spherical one."""
+    inside = []
+    for seed in range(3):
+        scene, surfaces, initial, truth, observer_of, measured, fate = _measured(
+            inertia=inertia, seed=seed
+        )
+        estimator = _batch(scene, surfaces, initial)
+        quaternion, omega, _, sigma, _ = _in_intervals(estimator, measured, observer_of)
+        seen = (fate == DETECTED).sum(axis=1) > 100
+        error = omega[seen, -1] - truth.angular_velocity[seen, -1]
+        inside.append(np.abs(error) <= 3.0 * sigma[seen, -1, 3:6])
+        propagated = np.hypot(initial.sigma[:3], 6.0 * 3600.0 * initial.sigma[3:6])
+        assert np.all(sigma[seen, -1, :3] < 0.5 * propagated)
+        alignment = np.abs(np.sum(quaternion[seen, -1] * truth.quaternion[seen, -1], axis=-1))
+        angle = 2.0 * np.arccos(np.minimum(alignment, 1.0))
+        inside.append(
+            angle[:, None] <= 3.0 * np.sqrt(3.0) * sigma[seen, -1, :3].max(axis=1)[:, None]
+        )
+    assert np.concatenate([each.ravel() for each in inside]).mean() >= 0.95
+
+
+def test_many_starts_are_right_where_one_start_is_lost():
+    """The guard of the method: errors over their bound, over several seeds."""
+    lost = {}
+    for name in ("single-start", "default"):
+        problem = make_problem(4, 8, duration_hours=12.0, sensor=SENSOR)
+        result = run_closed_loop(*problem[:4], range(4), problem[4], estimator=batch(name))
+        ratio = np.abs(result.error[..., -1, :, :3] / result.sigma[..., -1, :, :3])
+        observed = result.valid.any(axis=1)
+        lost[name] = (ratio.max(axis=-1)[observed] > 3.0).mean()
+    assert lost["default"] <= 0.06
+    assert lost["single-start"] >= lost["default"] + 0.1
+
+
+def test_a_window_keeps_little_and_loses_little():
+    scene, surfaces, initial, _, observer_of, measured, fate = _measured(hours=8.0)
+    whole = _batch(scene, surfaces, initial)
+    short = _batch(scene, surfaces, initial, window_hours=2.0)
+    _, omega, *_, sigma, _ = _in_intervals(whole, measured, observer_of)
+    _, near, *_, spread, _ = _in_intervals(short, measured, observer_of)
+    seen = (fate == DETECTED).sum(axis=1) > 200
+    assert short.rows_held.max() <= 121 < whole.rows_held.max()
+    np.testing.assert_allclose(spread[seen, -1, 3:6], sigma[seen, -1, 3:6], rtol=0.25)
+    assert np.max(np.abs(near - omega)[seen, -1] / sigma[seen, -1, 3:6]) < 1.5
+
+
+def test_non_detections_are_told_from_obstruction():
+    """Only a target in clear view counts as fainter than the limit."""
+    faint = Sensor(limiting_magnitude=13.0)
+    scene, surfaces, initial, _, observer_of, measured, fate = _measured(hours=2.0, sensor=faint)
+    assert (fate == 1).any()
+    estimator = _batch(scene, surfaces, initial, sensor=faint, use_non_detections=True)
+    estimator.advance(measured, observer_of)
+    expected = (fate == DETECTED).sum(axis=1) + (fate == 1).sum(axis=1)
+    np.testing.assert_allclose(estimator.rows_held, expected, atol=2)
+    plain = _batch(scene, surfaces, initial, sensor=faint)
+    plain.advance(measured, observer_of)
+    np.testing.assert_array_equal(plain.rows_held, (fate == DETECTED).sum(axis=1))
+
+
+def test_same_generator_same_estimates_and_targets_do_not_disturb_each_other():
+    scene, surfaces, initial, _, observer_of, measured, _ = _measured(hours=2.0)
+    runs = [
+        _batch(scene, surfaces, initial, seed=5).advance(measured, observer_of) for _ in range(2)
+    ]
+    np.testing.assert_array_equal(runs[0].quaternion, runs[1].quaternion)
+    others = measured.copy()
+    others[0] = np.nan
+    alone = _batch(scene, surfaces, initial, seed=5).advance(others, observer_of)
+    np.testing.assert_array_equal(alone.quaternion[1:], runs[0].quaternion[1:])
+
+
+def test_prediction_is_the_next_step():
+    scene, surfaces, initial, _, observer_of, measured, _ = _measured(hours=2.0)
+    estimator = _batch(scene, surfaces, initial)
+    estimator.advance(measured[:, :60], observer_of)
+    predicted: Prediction = estimator.predict()
+    following = estimator.advance(np.full((5, 1, 3), np.nan), observer_of)
+    np.testing.assert_array_equal(predicted.translation, following.translation[:, 0])
+    np.testing.assert_array_equal(predicted.quaternion, following.quaternion[:, 0])
+    deviations = np.sqrt(np.einsum("jab,jab->ja", predicted.root, predicted.root))
+    np.testing.assert_allclose(deviations, following.sigma[:, 0], rtol=1e-9)
+
+
+def test_an_estimate_inside_the_moon_ends_and_the_others_go_on():
+    scene, surfaces, initial, _, observer_of, measured, _ = _measured(hours=1.0)
+    initial.translation[1] = [1.0 - MU, 0.001, 0.0, 0.0, 0.0, 0.0]
+    estimator = _batch(scene, surfaces, initial)
+    out = estimator.advance(measured, observer_of)
+    assert estimator.failed[1] == INSIDE_PRIMARY
+    assert np.isnan(out.quaternion[1]).all() and np.isfinite(out.quaternion[0]).all()
+    assert np.isnan(estimator.predict().translation[1]).all()
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_every_estimator_runs_in_the_loop_by_name(name):
+    problem = make_problem(3, 4, duration_hours=2.0, tasking=TaskingModel(states="full"))
+    result = run_closed_loop(*problem[:4], [0], problem[4], estimator=name)
+    assert np.isfinite(result.error).all()
+
+
+def test_an_unknown_name_is_refused():
+    with pytest.raises(ConfigurationError, match="'ekf' is unknown: use one of mukf, batch"):
+        estimator_named("ekf")
+    with pytest.raises(ConfigurationError, match="preset 'best' is unknown"):
+        batch("best")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "match"),
+    [
+        ({"modes": 0}, "modes"),
+        ({"starts": -1}, "starts"),
+        ({"pool": 2}, "pool"),
+        ({"refit_growth": -0.1}, "refit_growth"),
+        ({"window_hours": 0.0}, "window_hours"),
+        ({"memory_hours": 3.0}, "needs window_hours"),
+        ({"magnitude_offset": 0.1, "window_hours": 3.0}, "exclude each other"),
+        ({"magnitude_noise_factor": 0.0}, "magnitude_noise_factor"),
+        ({"magnitude_offset": np.nan}, "magnitude_offset"),
+    ],
+)
+def test_impossible_settings_are_refused(wrong, match):
+    with pytest.raises(ConfigurationError, match=match):
+        BatchSettings(**wrong)
+
+
+def test_noise_on_the_rotation_is_refused():
+    scene, surfaces, epoch, _, loop = make_problem(2, 2, duration_hours=1.0)
+    initial = initial_estimate(epoch, loop.initial.components())
+    make = batch(process_noise=Spread(attitude_deg=0.1))
+    with pytest.raises(ConfigurationError, match="window_hours"):
+        make(scene, surfaces, loop.sensor, initial, np.random.default_rng(0), 0.0121)
+
+
+def test_presets_are_those_of_the_configuration():
+    config = yaml.safe_load(CONFIG.read_text())["task2"]
+    assert BatchSettings(**config["batch"]) == PRESETS["default"]
+    for name in ("accurate", "single-start"):
+        change = config["variants"]["cells"][name]["change"]["batch"]
+        assert BatchSettings(**{**config["batch"], **change}) == PRESETS[name]
+
+
+def test_later_measurements_do_not_change_earlier_estimates():
+    scene, surfaces, initial, _, observer_of, measured, _ = _measured(hours=2.0)
+    whole = _batch(scene, surfaces, initial).advance(measured, observer_of)
+    cut = measured.copy()
+    cut[:, 70:] = np.nan
+    half = _batch(scene, surfaces, initial).advance(cut, observer_of)
+    np.testing.assert_array_equal(half.quaternion[:, :70], whole.quaternion[:, :70])
+    np.testing.assert_array_equal(half.sigma[:, :70], whole.sigma[:, :70])
+
+
+def test_a_growing_light_curve_is_fitted_within_an_interval():
+    scene, surfaces, initial, _, observer_of, measured, fate = _measured(hours=2.0)
+    seen = (fate == DETECTED).all(axis=1)
+    assert seen.any()
+    current = _batch(scene, surfaces, initial).advance(measured, observer_of)
+    hourly = _batch(scene, surfaces, initial, refit_growth=0.0).advance(measured, observer_of)
+    before, after = (np.linalg.norm(e.sigma[seen, 60, :3], axis=-1) for e in (hourly, current))
+    assert np.all(after < before) and np.median(after) < 0.8 * np.median(before)
+
+
+def test_the_bound_is_reached_in_the_median():
+    """Thirty targets, seen for twelve hours by one observer or another."""
+    problem = make_problem(5, 10, duration_hours=12.0, sensor=SENSOR)
+    found = {
+        name: run_closed_loop(*problem[:4], range(3), problem[4], estimator=name)
+        for name in ESTIMATORS
+    }
+    ratio = {
+        name: np.nanmedian(result.metrics.bound_ratio[..., 0]) for name, result in found.items()
+    }
+    assert 0.75 <= ratio["batch"] <= 1.25
+    result = found["batch"]
+    claimed = result.sigma[:, -1, :, :3] / result.bound[:, -1, :, :3]
+    assert 0.9 <= np.nanmedian(claimed) <= 1.3

@@ -1,0 +1,408 @@
+"""Cost, derivatives and modes of a light curve against plain NumPy and finite differences."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import approx_fprime, minimize
+from scipy.stats import norm
+
+from cislunar.attitude import grp
+from cislunar.attitude.quaternion import compose, rotation_vector
+from cislunar.attitude.rigid_body import propagate_torque_free
+from cislunar.attitude.sensitivity import propagate_with_sensitivity
+from cislunar.estimation.light_curves.batch_settings import SearchSettings
+from cislunar.estimation.light_curves.hypotheses import (
+    condense,
+    mixture_points,
+    prior_hypotheses,
+    search,
+)
+from cislunar.estimation.light_curves.levenberg_marquardt import refine
+from cislunar.estimation.light_curves.light_curve import (
+    COLUMNS,
+    DETECTED,
+    MAGNITUDE,
+    OTHER_CAUSES,
+    RANGE,
+    SUN,
+    TIME,
+    VIEW,
+    Anchor,
+    LightCurveModel,
+    cost,
+    cost_and_derivatives,
+    fainter_than_limit,
+)
+from cislunar.estimation.light_curves.mixture import (
+    mixture_moments,
+    step_points,
+    weighted_deviations,
+)
+from cislunar.photometry.facets import apparent_magnitude
+from cislunar.photometry.materials import Material
+from cislunar.photometry.shapes import icosahedron
+
+FACETS = icosahedron()
+RATE = np.deg2rad([-44.7, -6.7, -8.5]) / 3600.0
+SIGMA = np.repeat([np.deg2rad(5.0), np.deg2rad(2.4) / 3600.0], 3)
+INERTIAS = {"spherical": np.eye(3), "triaxial": np.diag([1.0, 1.3, 0.8])}
+
+
+def _model(inertia="spherical", offset=0.0, limit=18.0):
+    matrix = INERTIAS[inertia]
+    return LightCurveModel(
+        np.array([0.1, -0.2, 0.3, np.sqrt(0.86)]), RATE, SIGMA, matrix, np.linalg.inv(matrix),
+        inertia == "spherical", FACETS.areas, FACETS.normals, Material().as_array(), True, True,
+        0.01, offset**2, limit,
+    )  # fmt: skip
+
+
+def _anchor():
+    return Anchor(np.zeros(6), np.eye(6), np.zeros(1))
+
+
+def _magnitudes(u, data, model):
+    """Model magnitudes by the library's array functions, without any kernel of this estimator."""
+    p0 = SIGMA[:3] * u[:3]
+    start = compose(grp.to_quaternion(p0), model.quaternion)
+    attitudes, _ = propagate_torque_free(
+        start, model.omega + SIGMA[3:] * u[3:], data[:, TIME], model.inertia
+    )
+    return apparent_magnitude(attitudes, data[:, SUN], data[:, VIEW], data[:, RANGE], FACETS)
+
+
+def _light_curve(u, model, hours=(0.0, 6.0), n=120, noise=0.1, seed=0):
+    rng = np.random.default_rng(seed)
+    data = np.empty((n, COLUMNS))
+    data[:, TIME] = 3600.0 * np.linspace(hours[0] + 0.02, hours[1], n)
+    angle = data[:, TIME] / 3.0e4
+    zeros = np.zeros(n)
+    data[:, SUN] = np.stack([np.cos(0.1 * angle), np.sin(0.1 * angle), zeros], -1)
+    data[:, VIEW] = np.stack([np.cos(1.0 + angle), np.sin(1.0 + angle), zeros + 0.3], -1)
+    data[:, VIEW] /= np.linalg.norm(data[:, VIEW], axis=1)[:, None]
+    data[:, RANGE] = 8.0e7
+    data[:, DETECTED] = 1.0
+    data[:, MAGNITUDE] = _magnitudes(u, data, model) + noise * rng.standard_normal(n)
+    return data
+
+
+TRUE = np.array([0.4, -0.8, 0.6, 0.3, -0.5, 0.9])
+
+
+@pytest.mark.parametrize("inertia", INERTIAS)
+def test_cost_is_prior_and_chi_squared(inertia):
+    model = _model(inertia)
+    data = _light_curve(TRUE, model)
+    u = np.array([0.2, 0.1, -0.3, 0.5, 0.0, -0.7])
+    residuals = data[:, MAGNITUDE] - _magnitudes(u, data, model)
+    expected = 0.5 * u @ u + 0.5 * np.sum(residuals**2) / 0.01
+    assert cost(u, data, _anchor(), model, np.inf) == pytest.approx(expected, rel=1e-6)
+
+
+def test_common_offset_is_marginalized():
+    """Against the dense covariance R I + s^2 1 1^T."""
+    model = _model(offset=0.3)
+    data = _light_curve(TRUE, model, n=40)
+    u = np.zeros(6)
+    residuals = data[:, MAGNITUDE] - _magnitudes(u, data, model)
+    covariance = 0.01 * np.eye(40) + 0.09
+    expected = 0.5 * residuals @ np.linalg.solve(covariance, residuals)
+    assert cost(u, data, _anchor(), model, np.inf) == pytest.approx(expected, rel=1e-9)
+
+
+def test_non_detections_cost_the_probability_of_being_fainter():
+    model = _model(limit=15.0)
+    data = _light_curve(TRUE, model, n=30)
+    data[::3, DETECTED] = 0.0
+    u = 0.3 * np.ones(6)
+    h = _magnitudes(u, data, model)
+    seen = data[:, DETECTED] == 1.0
+    expected = 0.5 * u @ u + 0.5 * np.sum((data[seen, MAGNITUDE] - h[seen]) ** 2) / 0.01
+    unseen = norm.cdf((h[~seen] - 15.0) / 0.1)
+    expected -= np.log(OTHER_CAUSES + (1.0 - OTHER_CAUSES) * unseen).sum()
+    assert cost(u, data, _anchor(), model, np.inf) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("z", [-200.0, -4.0, -2.0, 0.0, 3.0, 40.0])
+def test_non_detection_derivatives(z):
+    def expected(x):
+        return -np.log(OTHER_CAUSES + (1.0 - OTHER_CAUSES) * norm.cdf(x))
+
+    value, slope, curvature = fainter_than_limit(z)
+    assert value == pytest.approx(expected(z), rel=1e-12, abs=1e-15)
+    h = 1e-4
+    assert slope == pytest.approx((expected(z + h) - expected(z - h)) / (2.0 * h), abs=1e-7)
+    second = (fainter_than_limit(z + h)[1] - fainter_than_limit(z - h)[1]) / (2.0 * h)
+    assert curvature == pytest.approx(max(second, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("inertia", INERTIAS)
+@pytest.mark.parametrize("case", ["plain", "offset", "non-detections"])
+def test_gradient_against_differences(inertia, case):
+    model = _model(inertia, offset=0.2 if case == "offset" else 0.0, limit=14.0)
+    data = _light_curve(TRUE, model)
+    if case == "non-detections":
+        data[::4, DETECTED] = 0.0
+    u = np.array([0.3, -0.7, 0.5, 0.2, -0.4, 0.8])
+    gradient, information = np.empty(6), np.empty((6, 6))
+    value = cost_and_derivatives(u, data, _anchor(), model, gradient, information)
+    assert value == pytest.approx(cost(u, data, _anchor(), model, np.inf), rel=1e-12)
+    step = 1e-6
+    differences = [
+        (cost(u + step * e, data, _anchor(), model, np.inf)
+         - cost(u - step * e, data, _anchor(), model, np.inf)) / (2.0 * step)
+        for e in np.eye(6)
+    ]  # fmt: skip
+    np.testing.assert_allclose(gradient, differences, rtol=2e-5, atol=2e-5 * np.abs(gradient).max())
+
+
+@pytest.mark.parametrize("inertia", INERTIAS)
+def test_information_is_that_of_the_jacobian(inertia):
+    model = _model(inertia)
+    data = _light_curve(TRUE, model)
+    gradient, information = np.empty(6), np.empty((6, 6))
+    cost_and_derivatives(TRUE, data, _anchor(), model, gradient, information)
+    jacobian = approx_fprime(TRUE, lambda u: _magnitudes(u, data, model), 1e-6)
+    np.testing.assert_allclose(information, np.eye(6) + jacobian.T @ jacobian / 0.01, rtol=2e-3)
+
+
+def test_information_with_an_offset_is_that_of_the_dense_covariance():
+    model = _model(offset=0.3)
+    data = _light_curve(TRUE, model, n=40)
+    gradient, information = np.empty(6), np.empty((6, 6))
+    cost_and_derivatives(TRUE, data, _anchor(), model, gradient, information)
+    jacobian = approx_fprime(TRUE, lambda u: _magnitudes(u, data, model), 1e-6)
+    expected = np.eye(6) + jacobian.T @ np.linalg.solve(0.01 * np.eye(40) + 0.09, jacobian)
+    np.testing.assert_allclose(information, expected, rtol=2e-3, atol=1e-3 * expected.max())
+
+
+def test_information_of_non_detections_weighs_rows_by_their_curvature():
+    model = _model()
+    data = _light_curve(TRUE, model, n=60)
+    limit = float(np.median(_magnitudes(TRUE, data, model)[::3]))
+    model = model._replace(limiting_magnitude=limit)
+    data[::3, DETECTED] = 0.0
+    gradient, information = np.empty(6), np.empty((6, 6))
+    cost_and_derivatives(TRUE, data, _anchor(), model, gradient, information)
+    jacobian = approx_fprime(TRUE, lambda u: _magnitudes(u, data, model), 1e-6)
+    excess = (_magnitudes(TRUE, data, model) - limit) / 0.1
+    curvature = np.array([fainter_than_limit(z)[2] for z in excess])
+    weight = np.where(data[:, DETECTED] == 1.0, 1.0, curvature) / 0.01
+    assert np.ptp(curvature[::3]) > 0.1  # otherwise nothing is told apart
+    expected = np.eye(6) + jacobian.T @ (weight[:, None] * jacobian)
+    np.testing.assert_allclose(information, expected, rtol=2e-3, atol=1e-3 * expected.max())
+
+
+def test_giving_up_early_never_lowers_the_cost():
+    model = _model()
+    data = _light_curve(TRUE, model)
+    u = -TRUE
+    whole = cost(u, data, _anchor(), model, np.inf)
+    partial = cost(u, data, _anchor(), model, 0.1 * whole)
+    assert 0.1 * whole < partial <= whole
+
+
+def test_sensitivity_of_a_triaxial_body_against_scipy():
+    inertia = INERTIAS["triaxial"]
+    moments = np.diag(inertia)
+    rate = np.array([0.8, -0.5, 0.3])
+
+    def motion(_, y):
+        q, w = y[:4], y[4:]
+        turn = compose(np.r_[0.5 * w, 0.0], q)
+        return np.r_[turn, -np.cross(w, moments * w) / moments]
+
+    def end(w0):
+        start = np.r_[0.0, 0.0, 0.0, 1.0, w0]
+        return solve_ivp(motion, (0.0, 9.0), start, rtol=1e-12, atol=1e-12).y[:, -1]
+
+    q, w, sensitivity = np.array([0.0, 0.0, 0.0, 1.0]), rate.copy(), np.zeros((6, 3))
+    sensitivity[3:] = np.eye(3)
+    propagate_with_sensitivity(q, w, sensitivity, 9.0, inertia, np.linalg.inv(inertia), True)
+    reference = end(rate)
+    np.testing.assert_allclose(q, reference[:4] / np.linalg.norm(reference[:4]), atol=1e-6)
+    np.testing.assert_allclose(w, reference[4:], atol=1e-6)
+    for c in range(3):
+        step = 1e-5 * np.eye(3)[c]
+        above, below = end(rate + step), end(rate - step)
+        turn = rotation_vector(compose(above[:4], below[:4] * [-1, -1, -1, 1])) / 2e-5
+        np.testing.assert_allclose(sensitivity[:3, c], turn, atol=1e-4)
+        np.testing.assert_allclose(sensitivity[3:, c], (above[4:] - below[4:]) / 2e-5, atol=1e-4)
+
+
+def test_levenberg_marquardt_finds_the_minimum_scipy_finds():
+    model = _model()
+    data = _light_curve(TRUE, model)
+    u, information = TRUE + 0.1, np.empty((6, 6))
+    none = np.empty((0, 6)), np.empty((0, 6, 6))
+    value = refine(u, data, _anchor(), model, 50, information, *none, 0.0)
+    found = minimize(lambda v: cost(v, data, _anchor(), model, np.inf), u, method="BFGS")
+    assert value == pytest.approx(found.fun, abs=0.02)
+    whitened = np.linalg.cholesky(information).T @ (u - found.x)
+    assert np.linalg.norm(whitened) < 0.3
+
+
+SEARCH = SearchSettings(8, 4, 8, 64, 3, 8, 3.0, 2.0, 12.0)
+
+
+def _many_minima(true=TRUE):
+    """A few magnitudes and a prior of 60 degrees leave several minima."""
+    wide = np.repeat([np.deg2rad(60.0), np.deg2rad(2.4) / 3600.0], 3)
+    return _model()._replace(sigma=wide), _light_curve(true, _model(), hours=(0.0, 2.0), n=8)
+
+
+def _lowest(model, data, settings, searches=4):
+    """Lowest cost among the modes found."""
+    modes, rng = prior_hypotheses(settings.modes), np.random.default_rng(5)
+    for _ in range(searches):
+        search(modes, data, model, settings, rng)
+    live = modes.u[: modes.count[0]]
+    return min(cost(u, data, _anchor(), model, np.inf) for u in live)
+
+
+def test_search_finds_the_global_minimum_where_one_start_does_not():
+    """Brute force: the lowest of many local searches by SciPy from random starts."""
+    one = SEARCH._replace(modes=1, starts=0, first_starts=0, pool=0)
+    missed = []
+    for number in range(4):
+        # turned by some ten prior deviations of the usual prior, so that the start is far off
+        true = 8.0 * np.random.default_rng(number).standard_normal(6) * np.repeat([1.0, 0.1], 3)
+        model, data = _many_minima(true)
+        starts = np.random.default_rng(1).standard_normal((40, 6))
+        best = min(
+            minimize(lambda v, d=data, m=model: cost(v, d, _anchor(), m, np.inf), s).fun
+            for s in starts
+        )
+        assert _lowest(model, data, SEARCH) <= best + 0.05
+        missed.append(_lowest(model, data, one) > best + 0.3)
+    assert any(missed)
+
+
+def test_weights_are_those_of_laplace():
+    model, data = _many_minima()
+    modes = prior_hypotheses(8)
+    for _ in range(3):
+        search(modes, data, model, SEARCH, np.random.default_rng(2))
+    live = modes.count[0]
+    assert live > 1
+    gradient, information = np.empty(6), np.empty((6, 6))
+    logs = []
+    for u, root in zip(modes.u[:live], modes.root[:live], strict=True):
+        value = cost_and_derivatives(u, data, _anchor(), model, gradient, information)
+        np.testing.assert_allclose(root @ root.T, information, rtol=1e-9)
+        logs.append(-value - 0.5 * np.linalg.slogdet(information)[1])
+    expected = np.exp(np.array(logs) - max(logs))
+    np.testing.assert_allclose(modes.weight[:live], expected / expected.sum(), rtol=1e-9)
+    assert np.all(np.diff(modes.weight[:live]) <= 0.0)
+
+
+def test_search_is_reproducible_and_keeps_no_twins():
+    model, data = _many_minima()
+    found = []
+    for _ in range(2):
+        modes = prior_hypotheses(8)
+        search(modes, data, model, SEARCH, np.random.default_rng(2))
+        found.append(modes)
+    np.testing.assert_array_equal(found[0].u, found[1].u)
+    live = modes.count[0]
+    assert live > 1  # eight magnitudes and a wide prior leave several
+    for j in range(live):
+        for i in range(j):
+            between = modes.root[i].T @ (modes.u[j] - modes.u[i])
+            assert between @ between >= SEARCH.merge_distance
+
+
+def test_condensed_data_leave_the_cost_near_a_mode():
+    model = _model()
+    data = _light_curve(TRUE, model, n=200)
+    modes = prior_hypotheses(2)
+    for _ in range(3):
+        search(modes, data, model, SEARCH, np.random.default_rng(4))
+    u = modes.u[0].copy()
+    nearby = u + np.linalg.solve(modes.root[0].T, 0.5 * np.ones(6))
+    before = [cost(v, data, _anchor(), model, np.inf) for v in (u, nearby)]
+    condense(modes, data[:150], model, 1.0)
+    anchor = Anchor(modes.anchor_mean[0], modes.anchor_information[0], modes.anchor_offset[0])
+    after = [cost(v, data[150:], anchor, model, np.inf) for v in (u, nearby)]
+    assert after[0] == pytest.approx(before[0], abs=1e-8)
+    assert after[1] == pytest.approx(before[1], abs=0.25)
+
+
+def test_condensed_modes_keep_their_own_past_when_their_order_changes():
+    model, data = _many_minima()
+    modes = prior_hypotheses(8)
+    for _ in range(3):
+        search(modes, data, model, SEARCH, np.random.default_rng(2))
+    live = modes.count[0]
+    assert live > 1
+    places = modes.u[:live].copy()
+    condense(modes, data, model, 1.0)
+    pasts = [
+        Anchor(modes.anchor_mean[j].copy(), modes.anchor_information[j].copy(), offset.copy())
+        for j, offset in enumerate(modes.anchor_offset[:live])
+    ]
+    # what comes later speaks for the least likely mode
+    own_units = places[live - 1] * model.sigma / SIGMA
+    later = _light_curve(own_units, model, hours=(2.0, 3.0), n=20, noise=0.0)
+    whole = cost(places[-1], np.vstack([data, later]), _anchor(), model, np.inf)
+    assert cost(places[-1], later, pasts[-1], model, np.inf) == pytest.approx(whole, rel=1e-9)
+    alone = SEARCH._replace(starts=0, first_starts=0)
+    search(modes, later, model, alone, np.random.default_rng(3))
+    origins = []
+    for j in range(modes.count[0]):
+        origin = int(np.argmin([np.abs(p.mean - modes.anchor_mean[j]).max() for p in pasts]))
+        np.testing.assert_array_equal(modes.anchor_mean[j], pasts[origin].mean)
+        np.testing.assert_array_equal(modes.anchor_information[j], pasts[origin].information)
+        np.testing.assert_array_equal(modes.anchor_offset[j], pasts[origin].offset)
+        u, none = places[origin].copy(), (np.empty((0, 6)), np.empty((0, 6, 6)))
+        refine(u, later, pasts[origin], model, alone.warm_iterations, np.empty((6, 6)), *none, 0.0)
+        np.testing.assert_allclose(modes.u[j], u, atol=1e-9)
+        origins.append(origin)
+    assert origins[0] != 0
+
+
+@pytest.mark.parametrize("inertia", INERTIAS)
+def test_points_carry_mean_and_covariance(inertia):
+    """A narrow mixture, against the linear propagation of its covariance by random draws."""
+    model = _model(inertia)
+    modes = prior_hypotheses(1)
+    modes.u[0], modes.root[0] = TRUE, 20.0 * np.eye(6)
+    q, w, weight = np.zeros((12, 4)), np.zeros((12, 3)), np.zeros(12)
+    assert mixture_points(modes, model, q, w, weight) == 12
+    inverse = np.linalg.inv(model.inertia)
+    step_points(q, w, 7200.0, model.inertia, inverse, model.spherical, np.empty((6, 3)))
+    mean_q, mean_w = np.empty(4), np.empty(3)
+    differences, sigma = np.empty((12, 6)), np.empty(6)
+    mixture_moments(q, w, weight, mean_q, mean_w, differences)
+    weighted_deviations(differences, weight, sigma)
+    draws = TRUE + np.random.default_rng(0).standard_normal((4000, 6)) / 20.0
+    ends = [
+        propagate_torque_free(
+            compose(grp.to_quaternion(SIGMA[:3] * u[:3]), model.quaternion),
+            model.omega + SIGMA[3:] * u[3:], [7200.0], model.inertia,
+        )
+        for u in draws
+    ]  # fmt: skip
+    errors = grp.from_quaternion(
+        compose(np.array([e[0][0] for e in ends]), mean_q * [-1, -1, -1, 1])
+    )
+    np.testing.assert_allclose(errors.std(axis=0), sigma[:3], rtol=0.05)
+    np.testing.assert_allclose(errors.mean(axis=0) / sigma[:3], 0.0, atol=0.08)
+    rates = np.array([e[1][0] for e in ends])
+    np.testing.assert_allclose(rates.std(axis=0), sigma[3:], rtol=0.05)
+
+
+def test_a_fading_memory_returns_to_the_prior():
+    model = _model()
+    data = _light_curve(TRUE, model, n=100)
+    modes = prior_hypotheses(1)
+    search(modes, data, model, SEARCH, np.random.default_rng(4))
+    u = modes.u[0].copy()
+    before = cost(u, data, _anchor(), model, np.inf)
+    condense(modes, data, model, 0.5)
+    anchor = Anchor(modes.anchor_mean[0], modes.anchor_information[0], modes.anchor_offset[0])
+    assert cost(u, data[:0], anchor, model, np.inf) == pytest.approx(before, rel=1e-9)
+    for _ in range(60):
+        condense(modes, data[:0], model, 0.5)
+    np.testing.assert_allclose(modes.anchor_mean[0], 0.0, atol=1e-9)
+    np.testing.assert_allclose(modes.anchor_information[0], np.eye(6), atol=1e-9)

@@ -1,0 +1,411 @@
+"""The posterior Cramer-Rao bound against brute force, closed forms and the filter itself."""
+
+import numpy as np
+import pytest
+from tracking_scene import make_problem
+
+from cislunar.attitude import grp
+from cislunar.attitude.quaternion import compose, from_rotation_vector
+from cislunar.attitude.rigid_body import propagate_torque_free
+from cislunar.attitude.transition import rigid_transition, spherical_transition
+from cislunar.dynamics.propagation import propagate, propagate_stm
+from cislunar.dynamics.runge_kutta import step_dop853
+from cislunar.errors import ConfigurationError
+from cislunar.evaluation.cramer_rao import cramer_rao_bound
+from cislunar.evaluation.metrics import bound_ratio, evaluate
+from cislunar.observation.measurement import Sensor, direction_angles, target_magnitude
+from cislunar.observation.measurement_derivatives import measurement_rows
+from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.simulation import Truth, TruthModel, draw_truth, initial_estimate
+
+BRIGHT = Sensor(limiting_magnitude=25.0)
+UNEVEN = (1.0, 1.8, 2.3)
+"""Principal moments of a body whose angular velocity changes."""
+
+
+class Problem:
+    """Truth, observers and settings of a short run; every target is seen at every third step."""
+
+    def __init__(self, n_targets=3, hours=3.0, inertia=1.0):
+        made = make_problem(3, n_targets, duration_hours=hours, sensor=BRIGHT)
+        self.scene, self.surfaces, epoch, ids, self.loop = made
+        self.inertia = inertia
+        self.surfaces = self.bodies(np.tile(inertia * np.eye(3), (n_targets, 1, 1)))
+        self.sigma = self.loop.initial.components()
+        initial = initial_estimate(epoch, self.sigma)
+        self.truth = draw_truth(initial, self.scene, BRIGHT.noise, 4, ids)
+        if inertia != 1.0:
+            self.truth = self._tumbling()
+        step = np.arange(self.loop.n_steps)
+        self.observer = np.where(step % 3 == 1, (step // 30) % 3, -1) * np.ones((n_targets, 1), int)
+
+    def bodies(self, inertia):
+        """The targets' surfaces with other inertia."""
+        return self.surfaces._replace(inertia=inertia)
+
+    def _tumbling(self) -> Truth:
+        truth = self.truth
+        moved = [
+            propagate_torque_free(q[0], w, self.loop.elapsed_s, self.inertia)
+            for q, w in zip(truth.quaternion, truth.angular_velocity[:, 0], strict=True)
+        ]
+        quaternion, rate = (np.array(each) for each in zip(*moved, strict=True))
+        return truth._replace(quaternion=quaternion, angular_velocity=rate)
+
+    def bound(self, observer=None, sigma=None, surfaces=None, noise=BRIGHT.noise, **changes):
+        return cramer_rao_bound(
+            self.scene,
+            self.surfaces if surfaces is None else surfaces,
+            noise,
+            self.truth.translation,
+            self.truth.quaternion,
+            self.truth.angular_velocity,
+            self.observer if observer is None else observer,
+            self.sigma if sigma is None else sigma,
+            **changes,
+        )
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return Problem()
+
+
+@pytest.fixture(scope="module")
+def tumbling():
+    return Problem(inertia=UNEVEN)
+
+
+# The full nonlinear model, from the initial state on.
+
+
+def _moved(problem, j, change):
+    """Attitudes, rates and translations at all times of target j, started elsewhere."""
+    truth = problem.truth
+    start = compose(grp.to_quaternion(change[:3]), truth.quaternion[j, 0])
+    rate = truth.angular_velocity[j, 0] + change[3:6]
+    elapsed = problem.loop.elapsed_s
+    attitude, rates = propagate_torque_free(start, rate, elapsed, problem.inertia)
+    state = truth.translation[j, 0] + change[6:]
+    times = problem.scene.step * np.arange(elapsed.size)
+    return attitude, rates, propagate(state, times, method="dop853")
+
+
+def _measured(scene, surfaces, j, observer, k, quaternion, state):
+    d = state[:3] - scene.observer_position[observer, k]
+    s = scene.sun_position[k] - state[:3]
+    magnitude = target_magnitude(
+        *d, *s, scene.frame_axes[k], tuple(quaternion), surfaces, j
+    )  # fmt: skip
+    return np.array([magnitude, *direction_angles(*d, scene.observer_axes[k])])
+
+
+def _all_measured(problem, j, change):
+    """Measurements of target j, one row each, and its state at the end as an error vector."""
+    attitude, rates, states = _moved(problem, j, change)
+    rows = [
+        _measured(problem.scene, problem.surfaces, j, observer, k, attitude[k], states[k])
+        for k, observer in enumerate(problem.observer[j], start=1)
+        if observer >= 0
+    ]
+    true = problem.truth.quaternion[j, -1] * np.array([-1.0, -1.0, -1.0, 1.0])
+    turn = grp.from_quaternion(compose(attitude[-1], true))
+    return np.array(rows), np.concatenate([turn, rates[-1], states[-1]])
+
+
+def _brute_force(problem, j):
+    """Final bound by the information form and central differences of the model."""
+    steps = np.repeat([1e-6, 1e-10, 1e-8, 1e-7], 3)
+    rows, transition = [], []
+    for c in range(12):
+        change = np.zeros(12)
+        change[c] = steps[c]
+        (up, up_end), (down, down_end) = (_all_measured(problem, j, s * change) for s in (1, -1))
+        rows.append((up - down) / (2.0 * steps[c]))
+        transition.append((up_end - down_end) / (2.0 * steps[c]))
+    h = np.stack(rows, axis=-1).reshape(-1, 12)
+    weight = np.tile(BRIGHT.noise**-2, h.shape[0] // 3)
+    scale = problem.sigma  # information in units of the initial uncertainty
+    information = np.eye(12) + (h * scale).T @ (weight[:, None] * (h * scale))
+    phi = np.stack(transition, axis=-1) * scale
+    return np.sqrt(np.diag(phi @ np.linalg.solve(information, phi.T)))
+
+
+@pytest.mark.parametrize("j", [0, 1, 2])
+def test_bound_is_that_of_the_whole_nonlinear_model(problem, j):
+    np.testing.assert_allclose(problem.bound()[j, -1], _brute_force(problem, j), rtol=2e-4)
+
+
+@pytest.mark.parametrize("j", [0, 2])
+def test_bound_of_a_body_whose_rate_changes(tumbling, j):
+    least = tumbling.bound()[j, -1]
+    np.testing.assert_allclose(least, _brute_force(tumbling, j), rtol=2e-4)
+    sphere = tumbling.bodies(np.tile(np.eye(3), (3, 1, 1)))
+    assert np.abs(least[:6] / tumbling.bound(surfaces=sphere)[j, -1, :6] - 1.0).max() > 0.02
+
+
+def test_inertia_may_differ_between_targets(tumbling):
+    spheres = tumbling.bodies(np.tile(np.eye(3), (3, 1, 1)))
+    mixed = tumbling.bodies(np.array([np.diag(UNEVEN), np.eye(3), np.diag(UNEVEN)]))
+    least = tumbling.bound(surfaces=mixed)
+    np.testing.assert_array_equal(least[[0, 2]], tumbling.bound()[[0, 2]])
+    np.testing.assert_array_equal(least[1], tumbling.bound(surfaces=spheres)[1])
+
+
+# Its parts.
+
+
+def test_measurement_rows_are_the_derivatives_of_the_measurement(problem):
+    scene, surfaces, truth = problem.scene, problem.surfaces, problem.truth
+    rows = np.empty((3, 6))
+    for j, k, observer in ((0, 5, 0), (1, 40, 1), (2, 77, 2), (0, 150, 2)):
+        q, state = truth.quaternion[j, k], truth.translation[j, k]
+        measurement_rows(state, q, observer, k, j, scene, surfaces, rows)
+        expected = np.empty((3, 6))
+        for c in range(6):
+            ends = []
+            for sign in (1.0, -1.0):
+                change = np.zeros(6)
+                change[c] = sign * (1e-6 if c < 3 else 1e-5)
+                turned = compose(from_rotation_vector(change[:3]), q)
+                moved = state[:3] + change[3:]
+                ends.append(_measured(scene, surfaces, j, observer, k, turned, moved))
+            expected[:, c] = (ends[0] - ends[1]) / (2.0 * abs(change[c]))
+        for row, wanted in zip(rows, expected, strict=True):
+            np.testing.assert_allclose(row, wanted, rtol=1e-5, atol=1e-7 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        [0.920026, 0.0, 0.0, 0.0, 0.501040, 0.0],
+        [1.0, 0.0, 0.004782, 1.6, 0.0, 0.0],  # 100 km above the Moon's pole
+    ],
+)
+def test_one_step_gives_the_transition_matrix_of_the_translation(problem, state):
+    stepped = step_dop853(np.concatenate([state, np.eye(6).ravel()]), problem.scene.step, 0.01215)
+    end, stm = propagate_stm(state, problem.scene.step, mu=0.01215)
+    np.testing.assert_allclose(stepped[:6], end, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(stepped[6:].reshape(6, 6), stm, rtol=1e-10, atol=1e-11)
+
+
+@pytest.mark.parametrize("rate", [1e-4, 0.01])
+def test_transition_of_a_rigid_body(rate):
+    """Integrated like the closed form for a sphere; by differences of the motion for any other."""
+    omega, dt = rate * np.array([0.6, -0.5, 0.7]), 60.0
+    closed, integrated = np.empty((6, 6)), np.empty((6, 6))
+    spherical_transition(omega, dt, closed)
+    rigid_transition(omega, dt, np.eye(3), np.eye(3), integrated)
+    unit = np.repeat([1.0, 1.0 / dt], 3)  # an angular velocity counts by the turn it makes
+    np.testing.assert_allclose(integrated * unit, closed * unit, rtol=0, atol=3e-7)
+
+    inertia = np.diag(UNEVEN)
+    rigid_transition(omega, dt, inertia, np.linalg.inv(inertia), integrated)
+    still = np.array([0.0, 0.0, 0.0, 1.0])
+    (true,), _ = propagate_torque_free(still, omega, [dt], UNEVEN)
+    back = true * np.array([-1.0, -1.0, -1.0, 1.0])
+    expected = np.empty((6, 6))
+    for c in range(6):
+        ends = []
+        for sign in (1.0, -1.0):
+            change = np.zeros(6)
+            change[c] = sign * 1e-4 * unit[c]
+            start = from_rotation_vector(change[:3])
+            (q,), (w,) = propagate_torque_free(start, omega + change[3:], [dt], UNEVEN)
+            ends.append(np.concatenate([grp.from_quaternion(compose(q, back)), w]))
+        expected[:, c] = (ends[0] - ends[1]) / (2.0 * abs(change[c]))
+    scale = np.outer(1.0 / unit, unit)
+    np.testing.assert_allclose(integrated * scale, expected * scale, rtol=0, atol=3e-7)
+
+
+# Closed forms.
+
+
+def test_without_measurements_the_initial_uncertainty_spreads(problem):
+    """A body of spherical inertia: the rate keeps its uncertainty, the turn gains t J w."""
+    never = np.full_like(problem.observer, -1)
+    least = problem.bound(never)
+    duration = problem.loop.elapsed_s[-1]
+    for j in range(3):
+        turn = np.empty((6, 6))
+        spherical_transition(problem.truth.angular_velocity[j, 0], duration, turn)
+        expected = np.sqrt((turn**2) @ problem.sigma[:6] ** 2)
+        np.testing.assert_allclose(least[j, -1, :6], expected, rtol=1e-9)
+        _, stm = propagate_stm(problem.truth.translation[j, 0], duration * problem.scene.step / 60)
+        expected = np.sqrt((stm**2) @ problem.sigma[6:] ** 2)
+        np.testing.assert_allclose(least[j, -1, 6:], expected, rtol=1e-6)
+
+
+def test_linear_case_in_closed_form(problem):
+    """One direction, position known far better than range: the mean of n + 1 measurements.
+
+    With rates and velocities known beforehand, nothing moves but along known paths, and the
+    components of position across the line of sight are averages.
+    """
+    sigma = problem.sigma.copy()
+    sigma[3:6] *= 1e-9
+    sigma[9:] *= 1e-9
+    sigma[:3] *= 1e-6
+    for count in (1, 4, 9):
+        observer = np.full_like(problem.observer, -1)
+        observer[:, :count] = 1
+        least = problem.bound(observer, sigma)
+        for j in range(3):
+            d = problem.truth.translation[j, count, :3] - problem.scene.observer_position[1, count]
+            axes = problem.scene.observer_axes[count]
+            b = axes @ d
+            declination = np.arcsin(b[2] / np.linalg.norm(b))
+            noise = np.array([BRIGHT.noise[1] * np.cos(declination), BRIGHT.noise[2]])
+            across = np.linalg.norm(d) * noise
+            expected = (count / across**2 + 1.0 / sigma[6] ** 2) ** -0.5
+            variance = (sigma[6] ** 2 + (expected**2).sum()) ** 0.5  # range stays as it was
+            got = np.sqrt((least[j, count - 1, 6:9] ** 2).sum())
+            assert got == pytest.approx(variance, rel=2e-3)
+
+
+def test_process_noise_adds_its_variance_at_every_step(problem):
+    never = np.full_like(problem.observer, -1)
+    variance = np.zeros(12)
+    variance[3:6] = (0.1 * problem.sigma[3]) ** 2
+    least = problem.bound(never, process_variance=variance)
+    steps = np.arange(1, problem.loop.n_steps + 1)
+    expected = np.sqrt(problem.sigma[3] ** 2 + steps * variance[3])
+    np.testing.assert_allclose(least[1, :, 3:6], expected[:, None] * np.ones(3), rtol=1e-9)
+
+
+def test_vanishing_process_noise_changes_nothing(problem):
+    """The recursion from step to step and the sum over all measurements are the same bound."""
+    tiny = problem.bound(process_variance=1e-30 * problem.sigma**2)
+    np.testing.assert_allclose(tiny, problem.bound(), rtol=1e-6)
+
+
+# What a bound must do.
+
+
+def test_more_measurements_never_raise_the_bound(problem):
+    every = problem.bound(np.where(problem.observer < 0, 0, problem.observer))
+    some = problem.bound()
+    none = problem.bound(np.full_like(problem.observer, -1))
+    assert np.all(every <= some * (1 + 1e-9)) and np.all(some <= none * (1 + 1e-9))
+    assert np.all(every[:, -1] < 0.98 * none[:, -1])
+
+
+def test_bound_does_not_depend_on_units(problem):
+    """Ten times the noise and the initial uncertainty: all is linear, so ten times the bound."""
+    ten = problem.bound(sigma=10.0 * problem.sigma, noise=10.0 * BRIGHT.noise)
+    np.testing.assert_allclose(ten, 10.0 * problem.bound(), rtol=1e-9)
+
+
+def test_turned_magnitudes_are_the_same_in_any_unit_of_area(problem):
+    """A body of another size is brighter, but its light curve is no more telling."""
+    larger = problem.surfaces._replace(areas=7.0 * problem.surfaces.areas)
+    np.testing.assert_allclose(problem.bound(surfaces=larger), problem.bound(), rtol=1e-9)
+
+
+def test_bound_ends_where_the_truth_enters_a_primary(problem):
+    translation = problem.truth.translation.copy()
+    translation[1, 100:, :3] = [0.9878, 0.0, 0.001]
+    lost = Problem.__new__(Problem)
+    lost.__dict__ = vars(problem) | {"truth": problem.truth._replace(translation=translation)}
+    least = lost.bound()
+    assert np.all(np.isnan(least[1, 99:])) and np.all(np.isfinite(least[1, :98]))
+    np.testing.assert_array_equal(least[[0, 2]], problem.bound()[[0, 2]])
+
+
+def test_a_consistent_estimator_does_not_beat_the_bound():
+    """Well observed positions, over targets and realizations; the filter is near the bound."""
+    scene, surfaces, epoch, ids, loop = make_problem(5, 5, duration_hours=6.0, sensor=BRIGHT)
+    result = run_closed_loop(scene, surfaces, epoch, ids, range(8), loop)
+    error = (result.error[:, -60:] ** 2).astype(float)
+    least = (result.bound[:, -60:] ** 2).astype(float)
+    observed = result.valid.mean(axis=1) > 0.3
+    assert observed.sum() >= 30
+    for part, above in ((slice(6, 9), 1.5), (slice(9, 12), 1.5), (slice(0, 3), np.inf)):
+        squared = (error[..., part].sum(axis=3) / least[..., part].sum(axis=3)).mean(axis=1)
+        ratio = np.sqrt(squared[observed].mean())
+        assert 0.85 < ratio < above, (part, ratio)
+
+
+def test_the_loop_records_the_bound_of_the_measurements_used():
+    scene, surfaces, epoch, ids, loop = make_problem(
+        2, 3, duration_hours=3.0, sensor=BRIGHT, record_every=7
+    )
+    result = run_closed_loop(scene, surfaces, epoch, ids, (5,), loop)
+    assert result.bound.shape == result.sigma.shape and result.bound.dtype == np.float32
+    sigma = loop.initial.components()
+    truth = draw_truth(initial_estimate(epoch, sigma), scene, BRIGHT.noise, 5, ids)
+    seen_from = np.full(result.valid.shape[1:], -1)
+    for number, start in enumerate(loop.epochs):
+        for observer, j in enumerate(result.assignment[0, number]):
+            if j >= 0:
+                window = slice(start, start + loop.steps_per_interval)
+                used = result.valid[0, window, j]
+                seen_from[window, j] = np.where(used, observer, -1)
+    least = cramer_rao_bound(
+        scene,
+        surfaces,
+        BRIGHT.noise,
+        truth.translation,
+        truth.quaternion,
+        truth.angular_velocity,
+        seen_from.T,
+        sigma,
+    )
+    expected = least[:, loop.recorded].swapaxes(0, 1).astype(np.float32)
+    np.testing.assert_array_equal(result.bound[0], expected)
+
+
+def test_bound_is_that_of_what_the_targets_truly_are():
+    """Twice the true noise raises the bound where the same measurements are used."""
+    scene, surfaces, epoch, ids, loop = make_problem(3, 3, duration_hours=2.0, sensor=BRIGHT)
+    found = []
+    for factor in (1.0, 2.0):
+        model = TruthModel(surfaces, factor * BRIGHT.noise, np.zeros(3))
+        found.append(run_closed_loop(scene, surfaces, epoch, ids, (5,), loop, truth=model))
+    same = (found[0].valid == found[1].valid).all(axis=1)[0] & found[0].valid.any(axis=1)[0]
+    assert same.any()
+    near, far = (each.bound[0, -1][same] for each in found)
+    assert np.all(near < far) and np.all(far < 2.0 * near)
+
+
+# The metric.
+
+
+def test_error_over_bound():
+    rng = np.random.default_rng(3)
+    least = np.repeat([0.1, 1e-5, 1e-3, 2.0], 3) * np.ones((3, 4000, 12))
+    error = least * rng.standard_normal(least.shape) * np.repeat([1.0, 2.0, 3.0, 4.0], 3)
+    error[1, 2000:] = np.nan
+    ratio = bound_ratio(error, least, [True, True, False])
+    np.testing.assert_allclose(ratio[:2], np.tile([1.0, 2.0, 3.0, 4.0], (2, 1)), rtol=0.05)
+    assert np.all(np.isnan(ratio[2]))
+    error[0], least[1] = np.nan, np.nan
+    assert np.all(np.isnan(bound_ratio(error, least, [True, True, True])[:2]))
+
+
+def test_only_the_final_hours_count():
+    error, least = np.full((1, 144, 12), 100.0), np.full((1, 144, 12), 1.0)
+    error[:, -24:], least[:, -24:] = 0.02, 0.01
+    used = np.ones((1, 144), dtype=bool)
+    found = evaluate(error, least, used, 600.0, least)
+    np.testing.assert_allclose(found.bound_ratio, 2.0, rtol=1e-12)
+    assert found.bound_attitude_deg[0] == pytest.approx(np.rad2deg(0.01 * np.sqrt(3.0)))
+    assert np.all(np.isnan(evaluate(error, least, used, 600.0).bound_ratio))
+
+
+# What is refused.
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"observer": np.zeros((3, 4), dtype=int)}, "observer"),
+        ({"sigma": np.zeros(12)}, "sigma"),
+        ({"process_variance": -np.ones(12)}, "process_variance"),
+        ({"process_variance": np.ones(3)}, "process_variance"),
+        ({"noise": (0.1, -1.0, 1e-5)}, "noise"),
+    ],
+)
+def test_impossible_inputs_are_named(problem, changes, message):
+    with pytest.raises(ConfigurationError, match=message):
+        problem.bound(**changes)

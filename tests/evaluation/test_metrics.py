@@ -1,0 +1,94 @@
+import numpy as np
+import pytest
+
+from cislunar.attitude import grp
+from cislunar.attitude.quaternion import from_rotation_vector
+from cislunar.evaluation import metrics
+from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED, TRACKED
+
+STEP_S = 600.0
+N_STEPS = 144
+
+
+@pytest.fixture
+def consistent():
+    rng = np.random.default_rng(2)
+    sigma = rng.uniform(0.5, 2.0, size=(4, 20_000, 12))
+    return sigma * rng.standard_normal(sigma.shape), sigma
+
+
+def test_a_consistent_filter_scores_as_a_gaussian(consistent):
+    error, sigma = consistent
+    np.testing.assert_allclose(metrics.coverage(error, sigma), 0.9973, atol=0.002)
+    np.testing.assert_allclose(metrics.anees(error, sigma), 1.0, atol=0.06)
+    np.testing.assert_allclose(metrics.rmse(error), 1.3229, rtol=0.03)  # rms of U(0.5, 2)
+
+
+def test_an_overconfident_filter_scores_the_square_of_its_overconfidence(consistent):
+    error, sigma = consistent
+    np.testing.assert_allclose(metrics.anees(error, sigma / 3.0), 9.0, rtol=0.06)
+    np.testing.assert_allclose(metrics.coverage(error, sigma / 3.0), 0.6827, atol=0.02)
+
+
+def test_a_failed_estimate_is_not_covered_and_ends_its_averages():
+    error = np.ones((1, 10, 12))
+    sigma = np.ones((1, 10, 12))
+    error[0, 4:] = np.nan
+    sigma[0, 4:] = np.nan
+    assert np.all(metrics.coverage(error, sigma) == 0.4)
+    assert np.all(metrics.anees(error, sigma) == 1.0)
+    assert np.all(metrics.rmse(error) == 1.0)
+    lost = np.full((1, 10, 12), np.nan)
+    assert np.all(np.isnan(metrics.rmse(lost)))
+
+
+def _run(rotation_outside, translation_outside, observed):
+    """One target whose errors leave the bounds for a share of the final four hours."""
+    error, sigma = np.zeros((1, N_STEPS, 12)), np.ones((1, N_STEPS, 12))
+    final = round(4.0 * 3600.0 / STEP_S)
+    for part, share in ((slice(0, 6), rotation_outside), (slice(6, 12), translation_outside)):
+        error[:, N_STEPS - round(share * final) :, part] = 5.0
+    used = np.zeros((1, N_STEPS), dtype=bool)
+    used[0, 3] = observed
+    return metrics.evaluate(error, sigma, used, STEP_S)
+
+
+@pytest.mark.parametrize(
+    ("rotation", "translation", "observed", "expected"),
+    [
+        (0.0, 0.0, True, (TRACKED, TRACKED, TRACKED)),
+        (0.4, 0.4, True, (TRACKED, TRACKED, TRACKED)),
+        (0.6, 0.0, True, (DIVERGED, DIVERGED, TRACKED)),
+        (0.0, 0.6, True, (DIVERGED, TRACKED, DIVERGED)),
+        (1.0, 1.0, False, (NEVER_OBSERVED, NEVER_OBSERVED, NEVER_OBSERVED)),
+    ],
+)
+def test_status(rotation, translation, observed, expected):
+    result = _run(rotation, translation, observed)
+    got = (result.status, result.status_rotation, result.status_translation)
+    assert tuple(int(status[0]) for status in got) == expected
+    assert result.status.dtype == np.uint8
+
+
+def test_only_the_final_hours_decide():
+    error, sigma = np.zeros((1, N_STEPS, 12)), np.ones((1, N_STEPS, 12))
+    error[:, : N_STEPS - 24] = 100.0
+    used = np.ones((1, N_STEPS), dtype=bool)
+    assert metrics.evaluate(error, sigma, used, STEP_S).status[0] == TRACKED
+
+
+def test_attitude_angle_inverts_the_grp():
+    angles = np.array([0.0, 1e-9, 0.3, 60.0, 179.0])
+    axis = np.array([0.6, 0.0, 0.8])
+    quaternions = [from_rotation_vector(np.deg2rad(angle) * axis) for angle in angles]
+    error = np.array([grp.from_quaternion(q) for q in quaternions])
+    np.testing.assert_allclose(metrics.attitude_angle_deg(error), angles, rtol=1e-12, atol=1e-15)
+
+
+def test_final_attitude_error_is_the_rms_angle():
+    error, sigma = np.zeros((2, N_STEPS, 12)), np.ones((2, N_STEPS, 12))
+    p = grp.from_quaternion(from_rotation_vector(np.array([0.0, np.deg2rad(20.0), 0.0])))
+    error[0, -24::2, :3] = p
+    used = np.ones((2, N_STEPS), dtype=bool)
+    final = metrics.evaluate(error, sigma, used, STEP_S).final_attitude_error_deg
+    np.testing.assert_allclose(final, [20.0 / np.sqrt(2.0), 0.0], rtol=1e-12)

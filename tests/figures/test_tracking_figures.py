@@ -1,0 +1,436 @@
+"""Figures of tracking: the cells they show, what is marked, units on the axes, the same bytes."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+from matplotlib.collections import QuadMesh
+
+from cislunar.campaign.settings.cells import Cell, merged
+from cislunar.campaign.tracking.statistics import log_interval, t_interval
+from cislunar.campaign.tracking.summary import summary_dataset
+from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED, TRACKED
+from cislunar.figures import style
+from cislunar.figures.axes import nice_ticks, spaced, tick_names
+from cislunar.figures.labels import family_text, interval_text
+from cislunar.figures.tracking.choice import (
+    figure_architectures,
+    high_load_cells,
+    interval_cells,
+    selected_cell,
+    target_count_cells,
+    tasking_variants,
+)
+from cislunar.figures.tracking.errors import (
+    part_scale,
+    representative_target,
+    selected_targets,
+    selected_targets_figure,
+)
+from cislunar.figures.tracking.heatmaps import (
+    block_rows,
+    intervals_figure,
+    scales,
+    target_counts_figure,
+)
+from cislunar.figures.tracking.high_load import high_load_figure
+from cislunar.figures.tracking.sweeps import against_interval_figure, against_targets_figure
+from cislunar.figures.tracking.tasking import held, tasking_figure
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+SEEDS, STEPS, RECORDS = 3, 24, 12
+SIZES = np.repeat([0.1, 1e-5, 1e-5, 1e-4], 3)
+"""Typical error of each component."""
+
+
+def task2(*files):
+    """Key `task2` of the configuration, with further files over it."""
+    config = {}
+    for name in ("config.yaml", *files):
+        with open(CONFIG / name, encoding="utf-8") as file:
+            config = merged(config, yaml.safe_load(file))
+    return config["task2"]
+
+
+def cell_data(targets, seed=0):
+    """A stand-in for a tracking cell: target 0 never observed, target 1 with lost rotation."""
+    rng = np.random.default_rng([seed, targets])
+    dims, status = ("seed", "target", "component"), ("seed", "target")
+    shape = (SEEDS, targets)
+    time = (SEEDS, RECORDS, targets, 12)
+    sigma = SIZES * np.geomspace(1.0, 0.02, RECORDS)[:, None, None] * np.ones(time)
+    error = sigma * rng.normal(size=time)
+    rotation = np.full(shape, TRACKED, dtype=np.uint8)
+    rotation[:, 0], rotation[:, 1] = NEVER_OBSERVED, DIVERGED
+    translation = np.where(rotation == DIVERGED, TRACKED, rotation)
+    error[:, :, 1, :6] *= 40.0
+    data = {
+        "error": (("seed", "time", "target", "component"), error),
+        "sigma": (("seed", "time", "target", "component"), sigma),
+        "bound": (("seed", "time", "target", "component"), 0.5 * sigma),
+        "bound_ratio": (("seed", "target", "part"), rng.lognormal(1.0, 0.3, (*shape, 4))),
+        "bound_attitude": (status, rng.uniform(0.1, 0.5, shape)),
+        "coverage": (dims, rng.uniform(0.3, 1.0, (*shape, 12))),
+        "anees": (dims, rng.lognormal(0.0, 1.0, (*shape, 12))),
+        "rmse": (dims, SIZES * rng.lognormal(0.0, 0.5, (*shape, 12))),
+        "status": (status, rotation),
+        "status_rotation": (status, rotation),
+        "status_translation": (status, translation),
+        "final_attitude_error": (status, rng.uniform(0.5, 5.0, shape)),
+        "fate": (("seed", "step", "target"), rng.integers(0, 2, (SEEDS, STEPS, targets))),
+        "information": (("seed", "epoch"), rng.uniform(5.0, 9.0, (SEEDS, 2))),
+        "updates": (status, rng.integers(1, STEPS, shape)),
+        **{
+            name: (status, np.zeros(shape, dtype=int))
+            for name in ("out_of_field", "dark_sigma_points", "cholesky_failures", "failed")
+        },
+        "assignment": (("seed", "epoch", "observer"), np.zeros((SEEDS, 2, 4), dtype=int)),
+    }
+    coords = {
+        "time": 600.0 * np.arange(1, RECORDS + 1),
+        "step": 300 * np.arange(1, STEPS + 1),
+        "target_id": ("target", np.arange(targets) + 40),
+        "family": ("target", ["Halo_L2_N", "DRO", "Polar_KPLO_insertion"] * (targets // 3)),
+    }
+    cell = xr.Dataset(data, coords)
+    cell["fate"].attrs["flag_meanings"] = "not_tasked used"
+    return cell
+
+
+def cells(scenario, counts, minutes=(60,), architecture="tpe"):
+    return {
+        Cell(scenario, architecture, "mukf", n, m): cell_data(n, m) for n in counts for m in minutes
+    }
+
+
+def summary_of_cells():
+    found = cells("A", (6, 12), (30, 60, 240)) | cells("B", (9,), (30, 60), "published")
+    found |= cells("A", (6, 12), (30, 60, 240), "published")
+    for method in ("tpe", "greedy"):
+        cell = Cell("A", "published", "mukf", 6, 60, method)
+        found[cell] = cell_data(6, 7)
+    return summary_dataset(list(found.items()), {}, 1)
+
+
+@pytest.fixture(scope="module")
+def summary():
+    return summary_of_cells()
+
+
+@pytest.fixture(scope="module")
+def compared():
+    rng = np.random.default_rng(5)
+    history = np.maximum.accumulate(rng.uniform(1.0, 8.0, (2, 2, 2, 2, 50)), axis=-1)
+    history[:, 0, ..., 20:] = np.nan
+    information = np.stack([history[..., 9], history[..., 49]], axis=-1)
+    dims = ("cell", "search", "epoch", "run")
+    return xr.Dataset(
+        {
+            "history": ((*dims, "evaluation"), history),
+            "information": ((*dims, "budget"), information),
+            "elapsed": ((*dims, "budget"), rng.uniform(1e-3, 1e-1, information.shape)),
+            "direct_information": (("cell", "direct", "epoch"), np.full((2, 2, 2), 9.0)),
+            "direct_elapsed": (("cell", "direct", "epoch"), np.full((2, 2, 2), 1e-4)),
+        },
+        {
+            "search": ["tpe", "random"],
+            "direct": ["exact", "greedy"],
+            "epoch": [0, 12],
+            "budget": [10, 50],
+            "targets": ("cell", [6, 12]),
+            "observers": 4,
+        },
+    )
+
+
+VARIANTS = {"": "exact", "tpe": "tpe", "greedy": "greedy"}
+DRAW = {
+    "counts": lambda: target_counts_figure([cells("A", (6, 9, 12)), cells("A", (30,))]),
+    "load": lambda: high_load_figure(cells("A", (12,), (30, 60, 240))),
+    "interval": lambda: against_interval_figure(summary_of_cells()),
+}
+"""Figures drawn a second time."""
+
+
+def one_scenario(summary):
+    """Its cells of scenario A, which leave a single column of panels."""
+    return summary.isel(cell=np.flatnonzero(summary["scenario"].values == "A"))
+
+
+@pytest.fixture(scope="module")
+def figures(summary, compared):
+    return {
+        "counts": DRAW["counts"](),
+        "selected": selected_targets_figure(*next(iter(cells("A", (6,)).items()))),
+        "intervals": intervals_figure([cells("A", (6,), (30, 60, 240)), cells("B", (9,), (30,))]),
+        "load": DRAW["load"](),
+        "targets": against_targets_figure(summary),
+        "interval": DRAW["interval"](),
+        "targets of one": against_targets_figure(one_scenario(summary)),
+        "interval of one": against_interval_figure(one_scenario(summary_of_cells())),
+        "tasking": tasking_figure(compared, summary, VARIANTS, 60),
+    }
+
+
+NAMES = (
+    *("counts", "selected", "intervals", "load", "targets", "interval", "targets of one"),
+    *("interval of one", "tasking"),
+)
+
+
+def test_paper_cells_are_chosen_from_the_full_configuration():
+    settings = task2()
+    columns = target_count_cells(settings, "tpe")
+    assert [[c.targets for c in column] for column in columns] == [[20, 30, 50], [100]]
+    found = {c[:3] + c[4:] for column in columns for c in column}
+    assert found == {("A", "tpe", "mukf", settings["interval_minutes"], "")}
+    assert selected_cell(settings, "published") == [Cell("A", "published", "mukf", 20, 60)]
+    intervals = interval_cells(settings, "tpe")
+    assert [(c[0].scenario, c[0].targets) for c in intervals] == [("A", 20), ("B", 33)]
+    assert [c.interval_minutes for c in intervals[0]] == [30, 60, 120, 180, 240]
+    load = high_load_cells(settings, "tpe")
+    assert [(c.scenario, c.targets, c.interval_minutes) for c in load] == [
+        ("A", 50, minutes) for minutes in (30, 60, 120, 180, 240)
+    ]
+    assert figure_architectures(settings)[0] == "tpe"
+
+
+def test_small_configuration_has_its_own_cells():
+    settings = task2("quick.yaml")
+    assert [[c.targets for c in column] for column in target_count_cells(settings, "tpe")] == [
+        [20, 30]
+    ]
+    assert {c.targets for c in high_load_cells(settings, "tpe")} == {20}
+    variants = tasking_variants(settings)
+    assert variants == {"": "exact", "tpe": "tpe", "greedy": "greedy"}
+
+
+def test_other_counts_and_missing_cells():
+    settings = task2()
+    settings["target_counts"] = {"C": [90, 45, 60, 70, 80]}
+    columns = target_count_cells(settings, "tpe")
+    assert [[c.targets for c in column] for column in columns] == [[45, 60, 70], [90]]
+    settings["intervals"]["target_counts"] = {"A": [], "B": []}
+    assert interval_cells(settings, "tpe") == high_load_cells(settings, "tpe") == []
+    assert target_count_cells(settings, "unheard-of") == []
+    assert selected_cell(settings, "unheard-of") == []
+    settings["variants"]["cells"] = {}
+    assert tasking_variants(settings) == {"": "exact"}
+
+
+def test_rows_of_the_heat_maps():
+    blocks = [cell_data(6), cell_data(9)]
+    rows = block_rows(blocks, "anees")
+    assert rows.edges == [0, 6, 15]
+    np.testing.assert_array_equal(np.flatnonzero(rows.unseen), [0, 6])
+    np.testing.assert_array_equal(np.flatnonzero(rows.diverged[0]), [1, 7])
+    assert not rows.diverged[1].any()
+    assert np.isnan(rows.values[rows.unseen]).all()
+    np.testing.assert_allclose(rows.values[8], np.log10(blocks[1]["anees"].values[0, 2]))
+
+
+def test_heat_map_shows_the_data(figures):
+    """Coverage of the single block of the second column, in percent."""
+    axes = next(a for a in figures["counts"].axes if a.get_title(loc="left").startswith("(b)"))
+    mesh = next(each for each in axes.collections if isinstance(each, QuadMesh))
+    expected = 100.0 * cell_data(30, 60)["coverage"].values[0]
+    drawn = mesh.get_array()
+    np.testing.assert_array_equal(drawn.mask.all(axis=1), np.arange(30) == 0)
+    np.testing.assert_allclose(drawn[1:], expected[1:])
+
+
+def test_colors_of_the_parts_hold_their_decades():
+    rows = block_rows([cell_data(30)], "rmse")
+    for scale in scales("rmse", [rows]):
+        values = rows.values[1:, scale.columns]
+        low, high = np.percentile(values, (1.0, 99.0))
+        assert low / 3.4 < scale.norm.vmin <= low
+        assert high <= scale.norm.vmax < max(3.4 * high, 3.4 * scale.norm.vmin)
+        for end in (scale.norm.vmin, scale.norm.vmax):
+            assert f"{end:.6e}"[0] in "13" and set(f"{end:.6e}"[2:8]) == {"0"}
+        outside = values.min() < scale.norm.vmin, values.max() > scale.norm.vmax
+        ends = {"neither": (0, 0), "min": (1, 0), "max": (0, 1), "both": (1, 1)}
+        assert ends[scale.extend] == outside
+    (balanced,) = scales("anees", [block_rows([cell_data(30)], "anees")])
+    assert balanced.norm.vmin == -balanced.norm.vmax
+
+
+def test_colors_without_any_observed_target():
+    cell = cell_data(3)
+    cell["status"][:] = NEVER_OBSERVED
+    for measure in ("coverage", "anees", "rmse"):
+        assert scales(measure, [block_rows([cell], measure)])
+
+
+def test_selected_targets_are_drawn_with_the_bound_where_there_is_one(figures):
+    cell, data = next(iter(cells("A", (6,)).items()))
+    figures = figures["selected"], selected_targets_figure(cell, data.drop_vars("bound"))
+    names = [[text.get_text() for text in each.legends[0].get_texts()] for each in figures]
+    assert names[0][2].endswith("Cramér-Rao bound") and len(names[0]) == len(names[1]) + 1
+    panels = [figure.axes[0].lines for figure in figures]
+    assert len(panels[0]) == len(panels[1]) + 2
+    target = next(iter(selected_targets(data)))
+    drawn = [line.get_ydata() for line in panels[0]]
+    least = 3.0 * data["bound"].values[0, :, target, 0]
+    assert any(np.allclose(each, least) for each in drawn)
+
+
+def test_targets_selected_by_rule():
+    cell = cell_data(12)
+    final = cell["final_attitude_error"].values[0]
+    tracked = np.arange(2, 12)[np.argsort(final[2:])]
+    chosen = selected_targets(cell)
+    assert chosen == {
+        int(tracked[0]): "best attitude",
+        int(tracked[4]): "median attitude",
+        1: "rotation diverged",
+        0: "never observed",
+    }
+    cell["status"][:] = TRACKED
+    order = np.argsort(final)
+    assert list(selected_targets(cell)) == [order[0], order[5], order[11], order[10]]
+    cell["status"][:] = DIVERGED
+    cell["status_translation"][:] = DIVERGED
+    assert selected_targets(cell) == {0: "all diverged"}
+
+
+def test_representative_target_is_the_median_of_those_tracked_in_both():
+    first, second = cell_data(6), cell_data(6)
+    factors = np.array([9.0, 9.0, 1.0, 5.0, 2.0, 3.0])
+    second["rmse"] = first["rmse"] * xr.DataArray(factors, dims="target")
+    second["status"][:, 3] = DIVERGED
+    assert representative_target(first, second) == 4
+    second["status"][:] = DIVERGED
+    assert representative_target(first, second) is None
+    figure = high_load_figure(
+        {Cell("A", "tpe", "mukf", 6, m): data for m, data in ((30, first), (60, second))}
+    )
+    assert any("no target is tracked" in text.get_text() for text in figure.texts)
+
+
+def test_axis_of_errors_holds_them():
+    error, sigma = np.array([[1e-3], [2e-6], [np.nan]]), np.array([[1e-5], [1e-6], [1e-6]])
+    scale = part_scale([error], [sigma])
+    assert scale.reach > 1e-3
+    assert 3e-6 <= scale.linear < 3e-5
+
+
+def test_sweep_shows_means_over_the_seeds(figures, summary):
+    """TPE in scenario A at 6 targets: coverage of attitude, and geometric mean of its RMSE."""
+    index = int(
+        np.flatnonzero(
+            (summary["scenario"] == "A")
+            & (summary["architecture"] == "tpe")
+            & (summary["targets"] == 6)
+            & (summary["interval_minutes"] == 60)
+        )[0]
+    )
+    coverage = t_interval(100.0 * summary["coverage"].values[index, :, 0])
+    rmse = log_interval(summary["rmse_median"].values[index, :, 0])
+    for label, expected in (("within", coverage), ("attitude RMSE", rmse)):
+        axes = next(a for a in figures["targets"].axes if a.get_ylabel().startswith(label))
+        heights = [line.get_ydata()[0] for line in axes.lines if len(line.get_ydata())]
+        assert np.isclose(heights, expected.mean, rtol=1e-12).any()
+        ends = [
+            segment[:, 1]
+            for each in axes.collections
+            for segment in getattr(each, "get_segments", list)()
+        ]
+        assert any(np.allclose(e, [expected.low, expected.high], rtol=1e-9) for e in ends)
+
+
+def test_interval_figure_has_the_cells_that_were_swept(figures):
+    titles = [a.get_title(loc="left") for a in figures["interval"].axes]
+    assert [title for title in titles if title] == [
+        "(a) scenario A, $n_T$ = 6",
+        "(b) scenario A, $n_T$ = 12",
+        "(c) scenario B, $n_T$ = 9",
+    ]
+
+
+def test_tasking_levels_and_methods(figures):
+    first = figures["tasking"].axes[0]
+    levels = [line.get_ydata() for line in first.lines if len(line.get_xdata()) == 2]
+    assert sum(np.array_equal(level, [9.0, 9.0]) for level in levels) == 2
+    last = figures["tasking"].axes[-1]
+    assert [tick.get_text() for tick in last.get_xticklabels()] == ["exact", "greedy", "TPE"]
+
+
+def test_tasking_figure_without_other_methods(compared, summary):
+    figure = tasking_figure(compared, summary, {"": "exact"}, 60)
+    assert len(figure.axes) == 2 * 3
+
+
+def test_best_value_is_held_to_the_end():
+    history = np.array([[1.0, 3.0, np.nan, np.nan], [2.0, 2.0, 4.0, 5.0]])
+    np.testing.assert_array_equal(held(history), [[1.0, 3.0, 3.0, 3.0], [2.0, 2.0, 4.0, 5.0]])
+
+
+UNITS = re.compile(
+    r"nondim\.$|rad/s$|% of time$|, degree$|^degree$|^km$|targets$|\$n_T\$$|, h$|dimensionless$"
+    r"|one row each$|share of time, %$|consistent\)$|, nat$|evaluations$|% of exact$|, s$|method$"
+)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_axes_carry_their_unit(figures, name):
+    figure = figures[name]
+    axes = [a for each in figure.axes for a in (each, *each.child_axes)]
+    labels = [label for a in axes for label in (a.get_xlabel(), a.get_ylabel()) if label]
+    assert len(labels) >= 3
+    assert all(UNITS.search(label) for label in labels), labels
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_text_leaves_the_figure_or_covers_another(figures, name):
+    figure = figures[name]
+    renderer = figure.canvas.get_renderer()
+    figure.draw(renderer)
+    axes = [a for each in figure.axes for a in (each, *each.child_axes)]
+    titles = [*figure.texts]
+    labels = []
+    for each in axes:
+        titles += [each.title, each._left_title, *each.texts]
+        labels += [each.xaxis.label, each.yaxis.label]
+    boxes = [t.get_window_extent(renderer) for t in (*titles, *labels) if t.get_text()]
+    boxes += [legend.get_window_extent(renderer) for legend in figure.legends]
+    page = figure.bbox.padded(0.5)
+    for box in boxes:
+        assert box.x0 >= page.x0 and box.x1 <= page.x1 and box.y0 >= page.y0 and box.y1 <= page.y1
+    for index, box in enumerate(boxes):
+        assert not any(box.padded(-0.5).overlaps(other) for other in boxes[:index])
+
+
+@pytest.mark.parametrize("name", ["counts", "load", "interval"])
+def test_drawing_and_saving_twice_gives_the_same_bytes(figures, name, tmp_path, monkeypatch):
+    monkeypatch.setattr(style, "RASTER_DPI", 40)
+    for turn, figure in (("first", figures[name]), ("second", DRAW[name]())):
+        style.save_figure(figure, *(tmp_path / f"{turn}.{kind}" for kind in ("png", "pdf")))
+    for kind, head in (("png", b"\x89PNG"), ("pdf", b"%PDF")):
+        written = (tmp_path / f"first.{kind}").read_bytes()
+        assert written == (tmp_path / f"second.{kind}").read_bytes()
+        assert written.startswith(head)
+
+
+def test_ticks():
+    np.testing.assert_array_equal(spaced(np.array([20.0, 100.0, 20.0])), [20.0, 100.0])
+    counts = np.array([20, 25, 30, 50, 75, 100, 125, 150, 175, 202.0])
+    shown = spaced(counts)
+    assert set(shown) <= set(counts) and shown[0] == 20 and shown[-1] == 202
+    assert np.all(np.diff(np.log(shown)) / np.log(202 / 20) >= 0.13)
+    for low, high in ((0.02, 0.09), (1e-6, 3e-5), (0.5, 900.0), (1.1, 2.9)):
+        ticks = nice_ticks(low, high)
+        assert 2 <= ticks.size <= 5 and ticks.min() >= low and ticks.max() <= high
+    assert tick_names(np.array([0.5, 20.0])) == ["0.5", "20"]
+    names = ["$10^{-5}$", r"$1.5\times10^{-5}$", r"$3\times10^{-5}$"]
+    assert tick_names(np.array([1e-5, 1.5e-5, 3e-5])) == names
+
+
+def test_names():
+    assert [interval_text(m) for m in (30, 60, 90, 240)] == ["30 min", "1 h", "90 min", "4 h"]
+    assert family_text("Polar_Chandrayaan-1_first_maneuver") == "polar, Chandrayaan-1"
+    assert family_text("Halo_L1_S") == "L1 halo S"
+    assert family_text("Some_other") == "Some other"

@@ -1,0 +1,168 @@
+"""Truth that differs from what the estimator believes: rigid bodies, torque, surfaces, noise."""
+
+import numpy as np
+import pytest
+from tracking_scene import make_problem
+
+from cislunar.attitude.rigid_body import propagate_torque_free, propagate_under_torque
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.kalman.mukf import mukf
+from cislunar.observation.measurement import Sensor
+from cislunar.observation.scene import target_surfaces
+from cislunar.photometry.materials import Material
+from cislunar.photometry.shapes import icosahedron
+from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.simulation import TruthModel, draw_truth, initial_estimate
+
+BRIGHT = Sensor(limiting_magnitude=22.0)
+INERTIA = np.diag([1.0, 1.3, 1.6])
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return make_problem(4, 5, duration_hours=4.0, sensor=BRIGHT)
+
+
+def _truth(problem, **given):
+    scene, _, epoch, ids, loop = problem
+    initial = initial_estimate(epoch, loop.initial.components())
+    return draw_truth(initial, scene, BRIGHT.noise, 3, ids, **given)
+
+
+def test_spherical_bodies_keep_their_rate(problem):
+    truth = _truth(problem)
+    assert truth.angular_velocity.shape == (5, 241, 3)
+    assert np.ptp(truth.angular_velocity, axis=1).max() == 0.0
+    stated = _truth(problem, inertia=np.tile(7.0 * np.eye(3), (5, 1, 1)))
+    np.testing.assert_array_equal(stated.quaternion, truth.quaternion)
+
+
+def test_each_target_turns_by_its_own_inertia(problem):
+    plain = _truth(problem)
+    bodies = np.array([np.eye(3), INERTIA, INERTIA, np.eye(3), np.eye(3)])
+    truth = _truth(problem, inertia=bodies)
+    times = 60.0 * np.arange(241)
+    for j, spherical in enumerate([True, False, False, True, True]):
+        q, w = propagate_torque_free(
+            plain.quaternion[j, 0], plain.angular_velocity[j, 0], times, bodies[j]
+        )
+        np.testing.assert_allclose(truth.quaternion[j], q, atol=1e-12)
+        np.testing.assert_allclose(truth.angular_velocity[j], w, rtol=1e-12)
+        assert (np.ptp(w, axis=0).max() == 0.0) == spherical
+    np.testing.assert_array_equal(truth.translation, plain.translation)
+    np.testing.assert_array_equal(truth.noise, plain.noise)
+
+
+def test_torque_acts_on_every_target(problem):
+    plain = _truth(problem)
+    acceleration = np.array([1e-10, -2e-10, 3e-10])
+    truth = _truth(problem, angular_acceleration=acceleration)
+    elapsed = 60.0 * np.arange(241)
+    gained = truth.angular_velocity - plain.angular_velocity
+    np.testing.assert_allclose(gained[2], np.outer(elapsed, acceleration), atol=1e-17)
+    start = (plain.quaternion[2, 0], plain.angular_velocity[2, 0])
+    q, _ = propagate_under_torque(*start, elapsed, 1.0, acceleration)
+    np.testing.assert_allclose(truth.quaternion[2], q, atol=1e-12)
+
+
+def _loop(problem, truth=None, factory="mukf"):
+    scene, surfaces, epoch, ids, loop = problem
+    return run_closed_loop(scene, surfaces, epoch, ids, [0], loop, truth=truth, estimator=factory)
+
+
+class Witness:
+    """Keeps what the estimators were made with and what they were handed."""
+
+    def __init__(self):
+        self.surfaces, self.sensors, self.measurements, self.used = [], [], [], []
+
+    def __call__(self, scene, surfaces, sensor, initial, rng, mu):
+        self.surfaces.append(surfaces)
+        self.sensors.append(sensor)
+        made = mukf()(scene, surfaces, sensor, initial, rng, mu)
+        advance = made.advance
+
+        def watched(measurements, observer_of):
+            self.measurements.append(measurements)
+            estimates = advance(measurements, observer_of)
+            self.used.append(estimates.used)
+            return estimates
+
+        made.advance = watched
+        return made
+
+
+def test_truth_changes_the_measurements_and_not_the_belief(problem):
+    surfaces = problem[1]
+    rough = Material(rms_slope=0.45)
+    other = TruthModel(target_surfaces(icosahedron(), rough, 5), BRIGHT.noise, np.zeros(3))
+    before, after = Witness(), Witness()
+    usual, changed = _loop(problem, None, before), _loop(problem, other, after)
+    assert after.surfaces[0] is surfaces
+    assert after.sensors[0] == BRIGHT
+    np.testing.assert_array_equal(changed.assignment[0, 0], usual.assignment[0, 0])
+    first, second = before.measurements[0], after.measurements[0]
+    both = np.isfinite(first[..., 0]) & np.isfinite(second[..., 0])
+    assert both.sum() > 50
+    assert np.abs(first - second)[both][:, 0].max() > 0.05
+    np.testing.assert_array_equal(first[both][:, 1:], second[both][:, 1:])
+    assert usual.error.tobytes() != changed.error.tobytes()
+
+
+def test_believing_the_truth_is_the_default(problem):
+    surfaces = problem[1]
+    stated = TruthModel(surfaces, BRIGHT.noise, np.zeros(3))
+    usual, same = _loop(problem), _loop(problem, stated)
+    for name in ("error", "sigma", "fate"):
+        assert getattr(usual, name).tobytes() == getattr(same, name).tobytes()
+
+
+def test_noise_is_the_same_random_numbers_scaled(problem):
+    surfaces = problem[1]
+    doubled = TruthModel(surfaces, BRIGHT.noise * [2.0, 1.0, 1.0], np.zeros(3))
+    silent = TruthModel(surfaces, BRIGHT.noise * [0.0, 1.0, 1.0], np.zeros(3))
+    found = []
+    for truth in (None, doubled, silent):
+        witness = Witness()
+        _loop(problem, truth, witness)
+        found.append(witness.measurements[0])
+    usual, loud, exact = found
+    seen = np.isfinite(usual + loud + exact).all(axis=-1)
+    assert seen.sum() > 50
+    error = (usual - exact)[seen][:, 0]
+    np.testing.assert_allclose((loud - exact)[seen][:, 0], 2.0 * error, atol=1e-12)
+    assert error.std() == pytest.approx(0.1, rel=0.2)
+
+
+def test_a_torque_unknown_to_the_filter_costs_attitude(problem):
+    """0.6 deg/h^2 along the mean spin axis: 5 deg in four hours."""
+    surfaces = problem[1]
+    spin = initial_estimate(problem[2], np.ones(12)).angular_velocity[0]
+    acceleration = np.deg2rad(0.6) / 3600.0**2 * spin / np.linalg.norm(spin)
+    pushed = TruthModel(surfaces, BRIGHT.noise, acceleration)
+    usual, changed = _loop(problem), _loop(problem, pushed)
+    coverage = [each.metrics.coverage[..., :6].mean() for each in (usual, changed)]
+    assert coverage[1] < coverage[0]
+
+
+def test_a_filter_that_knows_the_inertia_is_better_than_one_that_does_not(problem):
+    scene, _, epoch, ids, loop = problem
+    true = target_surfaces(icosahedron(), Material(), 5, inertia=INERTIA)
+    truth = TruthModel(true, BRIGHT.noise, np.zeros(3))
+    informed = _loop((scene, true, epoch, ids, loop), truth)
+    misled = _loop(problem, truth)
+    last = [np.rad2deg(np.abs(each.error[0, -60:, :, :3])).mean() for each in (informed, misled)]
+    assert last[0] < last[1]
+    assert not informed.failed.any()
+
+
+def test_truth_of_another_number_of_targets_is_refused(problem):
+    fewer = TruthModel(target_surfaces(icosahedron(), Material(), 4), BRIGHT.noise, np.zeros(3))
+    with pytest.raises(ConfigurationError, match=r"truth\.surfaces"):
+        _loop(problem, fewer)
+
+
+@pytest.mark.parametrize("inertia", [[1.0, 1.0, 3.0], np.ones((4, 3, 3))])
+def test_impossible_inertia_of_targets_is_refused(inertia):
+    with pytest.raises(ConfigurationError, match="inertia"):
+        target_surfaces(icosahedron(), Material(), 5, inertia=inertia)

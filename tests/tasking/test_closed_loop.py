@@ -1,0 +1,270 @@
+import numpy as np
+import pytest
+from tracking_scene import make_problem
+
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.kalman.mukf_kernels import CHOLESKY_FAILURES, UPDATES
+from cislunar.evaluation.metrics import NEVER_OBSERVED, evaluate
+from cislunar.observation.measurement import Sensor
+from cislunar.observation.scene import make_scene, target_surfaces
+from cislunar.photometry.materials import Material
+from cislunar.photometry.shapes import icosahedron, icosphere
+from cislunar.tasking.closed_loop import FATE_NAMES, USED, run_closed_loop
+from cislunar.tasking.information import TaskingModel
+from cislunar.tasking.settings import LoopSettings
+from cislunar.tasking.simulation import (
+    draw_truth,
+    epoch_states,
+    initial_estimate,
+    monitored_targets,
+)
+
+BRIGHT = Sensor(limiting_magnitude=22.0)
+
+
+def _run(seeds=(0,), n_observers=4, n_targets=5, **settings):
+    settings = {"duration_hours": 6.0, "sensor": BRIGHT} | settings
+    scene, surfaces, epoch, ids, loop = make_problem(n_observers, n_targets, **settings)
+    return run_closed_loop(scene, surfaces, epoch, ids, seeds, loop)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return _run(seeds=(0, 1), keep_information=True)
+
+
+def test_shapes_and_ranges(result):
+    assert result.assignment.shape == (2, 6, 4)
+    assert result.error.shape == result.sigma.shape == (2, 360, 5, 12)
+    assert result.error.dtype == np.float32
+    assert result.valid.shape == (2, 360, 5)
+    assert result.pair_information.shape == (2, 6, 4, 5)
+    assert result.metrics.coverage.shape == (2, 5, 12)
+    assert result.elapsed_s[0] == 60.0
+    assert result.elapsed_s[-1] == 6 * 3600.0
+    assert result.fate.max() < len(FATE_NAMES)
+    assert result.counters[..., CHOLESKY_FAILURES].sum() == 0
+    np.testing.assert_array_equal(result.counters[..., UPDATES], result.valid.sum(axis=1))
+    assert not result.failed.any()
+
+
+def test_targets_judged_a_few_at_a_time_are_judged_the_same(result, monkeypatch):
+    monkeypatch.setattr("cislunar.tasking.closed_loop.JUDGED_TOGETHER", 2)
+    other = _run(seeds=(0, 1))
+    np.testing.assert_array_equal(other.bound, result.bound)
+    for ours, theirs in zip(other.metrics, result.metrics, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+        assert ours.dtype == theirs.dtype
+
+
+def test_surfaces_of_some_targets_are_theirs():
+    shapes = [icosahedron(), icosphere(1), icosahedron()]
+    surfaces = target_surfaces(shapes, [Material(), Material(rms_slope=0.2), Material()], 3)
+    some = surfaces.of(slice(1, 9))
+    np.testing.assert_array_equal(some.first, [0, 80, 100])
+    np.testing.assert_array_equal(some.areas, surfaces.areas[20:])
+    np.testing.assert_array_equal(some.normals, surfaces.normals[20:])
+    np.testing.assert_array_equal(some.material, surfaces.material[1:])
+
+
+def test_only_assigned_targets_are_measured(result):
+    for s in range(2):
+        for e in range(6):
+            tasked = set(result.assignment[s, e]) - {-1}
+            window = result.fate[s, 60 * e : 60 * (e + 1)]
+            assert set(np.flatnonzero((window != 0).any(axis=0))) == tasked
+            assert all((window[:, j] != 0).all() for j in tasked)
+
+
+def test_information_is_that_of_the_assigned_pairs_and_the_best_there_is(result):
+    for s in range(2):
+        for e in range(6):
+            pairs = result.pair_information[s, e]
+            chosen = result.assignment[s, e]
+            busy = np.flatnonzero(chosen >= 0)
+            assert result.information[s, e] == pytest.approx(pairs[busy, chosen[busy]].sum())
+            assert result.information[s, e] >= pairs.max()
+
+
+def test_estimates_improve_and_stay_consistent(result):
+    """Position: hundreds of observations of 3 arcsec; attitude: at least not lost at once."""
+    observed = result.metrics.status != NEVER_OBSERVED
+    assert observed.sum() >= 6
+    position_km = 384_400.0 * np.linalg.norm(result.error[..., 6:9], axis=-1)
+    final = np.median(position_km[:, -30:], axis=1)[observed]
+    assert np.median(final) < 5.0
+    assert result.metrics.coverage[observed][:, 6:].mean() > 0.95
+    assert 0.3 < np.nanmedian(result.metrics.anees[observed][:, 6:]) < 2.0
+
+
+def test_metrics_are_those_of_the_recorded_errors(result):
+    error = result.error[0].swapaxes(0, 1).astype(float)
+    sigma = result.sigma[0].swapaxes(0, 1).astype(float)
+    again = evaluate(error, sigma, result.valid[0].T, 60.0)
+    np.testing.assert_allclose(result.metrics.anees[0], again.anees, rtol=1e-4)
+    np.testing.assert_allclose(result.metrics.rmse[0], again.rmse, rtol=1e-5)
+    np.testing.assert_array_equal(result.metrics.status[0], again.status)
+
+
+def test_a_rerun_gives_the_same_bytes_and_seeds_do_not_touch_each_other(result):
+    again = _run(seeds=(1,))
+    assert again.error[0].tobytes() == result.error[1].tobytes()
+    assert again.sigma[0].tobytes() == result.sigma[1].tobytes()
+    assert again.fate[0].tobytes() == result.fate[1].tobytes()
+    assert result.error[0].tobytes() != result.error[1].tobytes()
+
+
+def test_thinning_keeps_the_metrics_and_the_last_state(result):
+    thin = _run(seeds=(0,), record_every=50)
+    assert thin.elapsed_s[-1] == result.elapsed_s[-1]
+    assert thin.error.shape[1] == 8
+    steps = np.rint(thin.elapsed_s / 60.0).astype(int) - 1
+    np.testing.assert_array_equal(thin.error[0], result.error[0, steps])
+    np.testing.assert_array_equal(thin.metrics.anees[0], result.metrics.anees[0])
+
+
+@pytest.mark.parametrize("method", ["greedy", "random", "tpe"])
+def test_other_methods_run_and_gain_less(result, method):
+    other = _run(seeds=(0,), method=method, max_evaluations=12, early_stop=12, duration_hours=2.0)
+    assert other.information[0, 0] <= result.information[0, 0] + 1e-9
+    assert np.all(other.evaluations == (1 if method == "greedy" else 12))
+
+
+def test_surplus_observers_are_idle():
+    crowded = _run(n_observers=6, n_targets=2, duration_hours=1.0)
+    assert np.all((crowded.assignment >= 0).sum(axis=-1) <= 2)
+
+
+def test_full_information_and_process_noise_are_settings():
+    model = TaskingModel(states="full", measurements=60)
+    changed = _run(tasking=model, duration_hours=1.0)
+    assert changed.information[0, 0] > _run(duration_hours=1.0).information[0, 0]
+
+
+def test_the_last_interval_may_be_short():
+    result = _run(duration_hours=2.5, interval_minutes=60.0)
+    assert result.assignment.shape[1] == 3
+    assert np.all(np.isfinite(result.error))
+
+
+def test_progress_counts_the_epochs_of_all_seeds():
+    calls = []
+    scene, surfaces, epoch, ids, loop = make_problem(2, 2, duration_hours=2.0)
+    run_closed_loop(
+        scene, surfaces, epoch, ids, (3, 4), loop, progress=lambda *args: calls.append(args)
+    )
+    assert calls == [(1, 4), (2, 4), (3, 4), (4, 4)]
+
+
+def test_cells_share_the_truth_of_the_targets_they_share():
+    scene, _, epoch, _, loop = make_problem(2, 5, duration_hours=1.0)
+    sigma = loop.initial.components()
+    some = np.array([4, 1])
+    whole = draw_truth(initial_estimate(epoch, sigma), scene, BRIGHT.noise, 7, np.arange(5))
+    part = draw_truth(initial_estimate(epoch[some], sigma), scene, BRIGHT.noise, 7, some)
+    for name in whole._fields:
+        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[some], name)
+
+
+def test_truth_is_drawn_from_the_initial_distribution():
+    scene, _, epoch, _, loop = make_problem(1, 1, duration_hours=1.0)
+    n = 600
+    sigma = loop.initial.components()
+    initial = initial_estimate(np.tile(epoch[0], (n, 1)), sigma)
+    truth = draw_truth(initial, scene, BRIGHT.noise, 0, np.arange(n))
+    error = truth.translation[:, 0] - initial.translation
+    np.testing.assert_allclose(error.std(axis=0), sigma[6:], rtol=0.1)
+    rates = truth.angular_velocity[:, 0] - initial.angular_velocity
+    np.testing.assert_allclose(rates.std(axis=0), sigma[3:6], rtol=0.1)
+    np.testing.assert_allclose(truth.noise.std(axis=(0, 1)), BRIGHT.noise, rtol=0.03)
+    # small angles: the vector part is half the rotation vector
+    np.testing.assert_allclose(2.0 * truth.quaternion[:, 0, :3].std(axis=0), sigma[:3], rtol=0.1)
+
+
+def test_monitored_sets_grow_by_addition():
+    large = monitored_targets(202, 202, seed=1)
+    assert sorted(large) == list(range(202))
+    for n in (20, 50, 100):
+        np.testing.assert_array_equal(monitored_targets(202, n, seed=1), large[:n])
+    assert not np.array_equal(large, monitored_targets(202, 202, seed=2))
+    for n in (0, 203):
+        with pytest.raises(ConfigurationError, match="n_T"):
+            monitored_targets(202, n, seed=1)
+
+
+def test_epoch_states_lie_on_the_orbits():
+    """A period later than the start is the start; phases depend on seed and target alone."""
+    state = np.array([[0.920026, 0.0, 0.0, 0.0, 0.501040, 0.0]] * 3)
+    period = np.full(3, 0.898841)
+    states = epoch_states(state, period, seed=4)
+    np.testing.assert_array_equal(epoch_states(state[:2], period[:2], seed=4), states[:2])
+    radius = np.linalg.norm(states[:, :2] - [0.98785, 0.0], axis=1)
+    assert np.all(np.abs(radius - 0.07) < 0.01)
+    assert np.ptp(states[:, 1]) > 0.01
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("interval_minutes", 0.75),
+        ("interval_minutes", 0.0),
+        ("duration_hours", -1.0),
+        ("step_s", np.nan),
+        ("method", "best"),
+        ("record_every", 0),
+        ("max_evaluations", 0),
+    ],
+)
+def test_impossible_settings_name_the_key(key, value):
+    with pytest.raises(ConfigurationError, match=key):
+        LoopSettings(**{key: value})
+
+
+def test_inconsistent_problems_are_refused():
+    scene, surfaces, epoch, ids, loop = make_problem(2, 3, duration_hours=1.0)
+    with pytest.raises(ConfigurationError, match="seeds"):
+        run_closed_loop(scene, surfaces, epoch, ids, [], loop)
+    with pytest.raises(ConfigurationError, match="duration_hours"):
+        run_closed_loop(scene, surfaces, epoch, ids, [0], LoopSettings(duration_hours=2.0))
+    with pytest.raises(ConfigurationError, match="epoch_state"):
+        run_closed_loop(scene, surfaces, epoch[:2], ids, [0], loop)
+    with pytest.raises(ConfigurationError, match="target_ids"):
+        run_closed_loop(scene, surfaces, epoch, np.array([1, 1, 2]), [0], loop)
+
+
+def test_a_failing_target_never_ends_the_run():
+    """A target that falls on the Moon is lost alone: its estimate ends, the others go on."""
+    scene, surfaces, epoch, ids, loop = make_problem(3, 3, duration_hours=6.0, sensor=BRIGHT)
+    epoch = epoch.copy()
+    epoch[1] = [0.98785, 0.0, 0.03, 0.0, 0.0, -0.8]
+    result = run_closed_loop(scene, surfaces, epoch, ids, [0], loop)
+    assert result.failed[0].tolist()[1] != 0
+    assert result.failed[0, [0, 2]].tolist() == [0, 0]
+    assert np.all(np.isnan(result.error[0, -1, 1]))
+    assert np.all(np.isfinite(result.error[0, :, [0, 2]]))
+    assert not np.any(result.assignment[0, -1] == 1)
+    assert result.metrics.coverage[0, 1].max() < 1.0
+
+
+def test_measurements_are_what_separates_observed_from_never_observed():
+    """Nothing brighter than magnitude 5 is ever seen: every target coasts, none diverges."""
+    blind = _run(sensor=Sensor(limiting_magnitude=5.0), duration_hours=1.0)
+    assert np.all(blind.metrics.status == NEVER_OBSERVED)
+    assert np.all(blind.assignment == -1)
+    assert not np.any(blind.fate == USED)
+
+
+def test_surfaces_follow_the_targets():
+    """A mirror-dark target is never observed, though tasking takes it for a sphere."""
+    scene, _, epoch, ids, loop = make_problem(4, 2, duration_hours=2.0, sensor=BRIGHT)
+    black = Material(diffuse_weight=0.0, specular_weight=0.0)
+    surfaces = target_surfaces(icosahedron(), [black, Material()], 2)
+    result = run_closed_loop(scene, surfaces, epoch, ids, [0], loop)
+    assert not result.valid[0, :, 0].any()
+    assert (result.assignment == 0).any()
+    assert (result.fate[0, :, 0] == FATE_NAMES.index("faint")).any()
+
+
+def test_observers_are_needed():
+    with pytest.raises(ConfigurationError, match="observers"):
+        make_scene(np.empty((0, 5, 3)), np.ones((5, 3)), 60.0)

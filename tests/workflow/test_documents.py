@@ -1,0 +1,277 @@
+"""Numbers in the documents come from tables: blocks filled, outdated ones found, none typed."""
+
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from campaign_folder import ROOT
+from test_docs import BLOCK
+
+from cislunar.campaign.claims.architecture import BEYOND, NOT_REPRODUCED, PARTLY, REPRODUCED
+from cislunar.campaign.documents import update as documents
+from cislunar.campaign.documents.blocks import BLOCKS, files_block, readings_tracking_block
+from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks, markdown_table
+from cislunar.campaign.documents.results_page import (
+    TRACKED,
+    results_body,
+    results_page,
+    shown_quantities,
+    verdict_counts,
+)
+from cislunar.campaign.operation.run_times import run_times
+from cislunar.campaign.readings.photometry import RETURNED, photometry_table
+from cislunar.errors import InputFileError
+
+MATERIAL = {
+    "diffuse_weight": 0.5,
+    "specular_weight": 0.5,
+    "diffuse_albedo": 0.5,
+    "rms_slope": 0.3,
+    "normal_reflectance": 0.5,
+}
+
+
+def cell_rows(values, **more):
+    """Every quantity of the lists of cells, and one that they do not show."""
+    cell = {"scenario": "A", "architecture": "tpe", "estimator": "mukf", "targets": 20}
+    rows = [
+        cell | {"variant": None, "interval_minutes": 60, "quantity": quantity, "part": part or None}
+        | {"unit": unit} | values | more
+        for quantity, part, unit, _ in [*TRACKED.values(), ("failed", "", "1", "")]
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def small_tables():
+    """Tables as the campaign writes them, with few rows."""
+    claims = [
+        ("section 3", "orbits", "302", "302", "equal", REPRODUCED),
+        ("section 5.1", "J | A", "1.5e-4", "7e-5", "within a factor 10", PARTLY),
+        ("section 5.1", "satellites", "20", "44", "equal", NOT_REPRODUCED),
+        ("-", "optimum", "-", "1e-3", "bound", BEYOND),
+    ]
+    reading = {"usual": 1.0, "changed": 2.0, "difference": 1.0, "low": 0.5, "high": 1.5, "seeds": 9}
+    return {
+        "paper_vs_ours": pd.DataFrame(
+            claims, columns=["where", "claim", "paper", "ours", "how", "verdict"]
+        ),
+        "architecture": pd.DataFrame(
+            {
+                "scenario": "A", "optimizer": "tpe", "family": ["Halo_L1_N", "Lyap_L3"],
+                "satellites": [1, 4], "total_satellites": 5, "J": 1.5e-4,
+                "union_coverage": 0.5, "never_seen": 2,
+            }
+        ),
+        "label_comparison": pd.DataFrame({"labels": "index", "J": [1e-5, 2e-5, 4e-5]}),
+        "readings_architecture": pd.DataFrame(
+            {"reading": ["as configured"], "J_published": [1.5e-4], "J_random": [1e-5],
+             "J_coordinate_search": [1e-3]}
+        ),
+        "readings_tracking": pd.concat(
+            [
+                cell_rows(reading, variant="process-noise"),
+                cell_rows(reading | {"low": -0.5}, variant="fresnel"),
+            ]
+        ),
+        "tracking": cell_rows({"mean": 0.25, "low": 0.2, "high": 0.3}),
+        "model_error": pd.DataFrame({"variant": ["torque"]}),
+        "photometry": photometry_table(MATERIAL, 18.0, 1),
+        "run_times": pd.DataFrame(
+            {"jobs": ["searches by TPE", "all"], "count": 4, "total_s": [1200.0, 2400.0],
+             "median_s": 300.0, "longest_s": 400.0, "largest_mb": 350.0}
+        ),
+    }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def tables():
+    return small_tables()
+
+
+@pytest.fixture
+def campaign(tables, tmp_path):
+    """A repository and the results of its campaign."""
+    results = tmp_path / "results"
+    (results / "tables").mkdir(parents=True)
+    for name in documents.TABLES[:-1]:
+        tables[name].to_csv(results / f"tables/{name}.csv", index=False)
+    page = results_page(read_back(results, tables), [], {"seed": 1})
+    (results / "tables/results.md").write_text(page, encoding="utf-8")
+    (results / "benchmarks/architecture/A").mkdir(parents=True)
+    line = "s\th:m:s\tmax_rss\n90.0\t0:01:30\t200.5\n"
+    (results / "benchmarks/architecture/A/tpe_index_0.tsv").write_text(line, encoding="utf-8")
+    root = tmp_path / "root"
+    (root / "docs").mkdir(parents=True)
+    text = "# Title\n\n<!-- begin generated: {} -->\nold\n<!-- end generated -->\n\nend\n"
+    (root / "README.md").write_text(text.format("verdicts"), encoding="utf-8")
+    (root / "docs/more.md").write_text(text.format("files"), encoding="utf-8")
+    return root, results
+
+
+def read_back(results, tables):
+    """Tables as they come back from CSV."""
+    return {
+        name: pd.read_csv(results / f"tables/{name}.csv", dtype=str if "paper" in name else None)
+        for name in tables
+        if name != "run_times"
+    }
+
+
+def test_markdown_tables_keep_their_columns():
+    text = markdown_table(["a", "b"], [("x|y", 1), ("two\nlines", 2)])
+    assert text.splitlines() == [
+        "| a | b |", "| --- | --- |", "| x\\|y | 1 |", "| two lines | 2 |",
+    ]  # fmt: skip
+
+
+def test_blocks_are_replaced_and_nothing_else():
+    text = "a\n<!-- begin generated: one -->\nold\n<!-- end generated -->\nb\n"
+    filled = fill_blocks(text, {"one": lambda: "new\n"}, "x.md")
+    assert filled == "a\n<!-- begin generated: one -->\n\nnew\n\n<!-- end generated -->\nb\n"
+    assert fill_blocks(filled, {"one": lambda: "new"}, "x.md") == filled
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("<!-- begin generated: other -->\n<!-- end generated -->\n", "no such generated block"),
+        ("<!-- begin generated: one -->\nno end\n", "x.md: a generated block lacks its line"),
+    ],
+)
+def test_ill_formed_blocks_are_refused(text, message):
+    with pytest.raises(InputFileError, match=message):
+        fill_blocks(text, {"one": str}, "x.md")
+
+
+def test_every_claim_and_every_verdict_is_on_the_page(tables):
+    page = results_body(tables)
+    for row in tables["paper_vs_ours"].itertuples():
+        assert row.claim.replace("|", "\\|") in page
+    assert "| all | 1 | 1 | 1 | 1 |" in verdict_counts(tables["paper_vs_ours"])
+    order = [page.index(heading) for heading in ("## Section 3", "## Section 5.1", "of our own\n")]
+    assert order == sorted(order)
+    assert "0.25 [0.20, 0.30]" in page
+    assert "Halo L1 N (1), Lyap L3 (4)" in page
+
+
+def test_page_tells_version_revision_and_settings(tables):
+    dataset = pd.DataFrame({"x": [1]}).to_xarray()
+    dataset.attrs = {"source": "cislunar 9.9", "git_revision": "abc+", "seed": 7}
+    page = results_page(tables, [dataset, dataset], {"seed": 7, "task2": {"seeds": 3}})
+    assert "Made by cislunar 9.9, revision abc+, seed 7." in page
+    assert "task2:\n  seeds: 3\n" in page
+
+
+def test_only_sure_differences_are_marked(tables):
+    lines = readings_tracking_block(tables).splitlines()
+    sure = next(line for line in lines if "process-noise" in line)
+    unsure = next(line for line in lines if "fresnel" in line)
+    assert "2.00*" in sure
+    assert "*" not in unsure
+    assert lines[2].startswith("| as configured | 20 | 1.000 |")
+
+
+def test_times_of_the_readme_are_those_of_the_benchmarks(tables):
+    # Twenty minutes of searches on two cores.
+    assert "| `figures/fig03_tpe_orbits.png` | 10 min |" in files_block(tables)
+
+
+def test_benchmarks_are_added_up(tmp_path):
+    for name, seconds in (("visibility/A", 10), ("visibility/B", 20), ("odd/one", 5)):
+        path = tmp_path / f"{name}.tsv"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(f"s\tmax_rss\n{seconds}\t100\n", encoding="utf-8")
+    table = run_times(tmp_path).set_index("jobs")
+    assert table.loc["visibility", ["count", "total_s", "longest_s"]].tolist() == [2, 30, 20]
+    assert table.loc["others", "count"] == 1
+    assert table.loc["all", "total_s"] == 35
+
+
+def test_a_diffuse_facet_returns_its_albedo():
+    table = photometry_table(MATERIAL | {"specular_weight": 0.0}, 18.0, 1)
+    share = table.loc[table["quantity"] == RETURNED, "value"]
+    np.testing.assert_allclose(share, 0.5 * 0.5, rtol=1e-3)
+
+
+def test_documents_are_brought_up_to_the_campaign(campaign):
+    root, results = campaign
+    changed = documents.refresh(root, results)
+    assert {path.name for path in changed} == {"README.md", "more.md", "results.md"}
+    readme = (root / "README.md").read_text(encoding="utf-8")
+    assert "Of 3 numbers and claims of the paper, 1 reproduced, 1 partly reproduced and" in readme
+    assert readme.endswith("\n\nend\n") and "old" not in readme
+    assert documents.refresh(root, results) == []
+    assert documents.main(["--check", "--root", str(root)]) == 0
+    # Long tables are kept as far as they are shown.
+    kept = pd.read_csv(root / "docs/tables/tracking.csv")
+    assert len(kept) == len(TRACKED) == len(shown_quantities(kept))
+
+
+@pytest.mark.parametrize("name, old, new", [
+    ("README.md", "1 partly", "2 partly"), ("docs/results.md", "302 | 302", "302 | 301"),
+])  # fmt: skip
+def test_a_number_changed_by_hand_is_found(campaign, capsys, name, old, new):
+    root, results = campaign
+    documents.refresh(root, results)
+    path = root / name
+    path.write_text(path.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
+    assert documents.main(["--check", "--root", str(root)]) == 1
+    assert name in capsys.readouterr().err
+
+
+def test_an_unfinished_campaign_changes_nothing(campaign, capsys):
+    root, results = campaign
+    (results / "tables/tracking.csv").unlink()
+    before = (root / "README.md").read_text(encoding="utf-8")
+    assert documents.main(["--root", str(root), "--results", str(results)]) == 1
+    assert "tracking.csv: no such table; run the whole campaign" in capsys.readouterr().err
+    assert (root / "README.md").read_text(encoding="utf-8") == before
+    assert not (root / "docs/tables").exists()
+
+
+def test_blocks_of_the_repository_are_known():
+    found = [
+        name
+        for path in documents.documents(ROOT)
+        for name in generated_blocks(path.read_text(encoding="utf-8"))
+    ]
+    assert set(found) <= {*BLOCKS, "rule-graph"}
+    assert {"verdicts", "files", "readings-tracking", "labels", "photometry"} <= set(found)
+
+
+@pytest.mark.skipif(
+    not (ROOT / "docs/tables").is_dir(), reason="no finished campaign has filled docs/tables yet"
+)
+def test_documents_of_the_repository_are_those_of_their_tables():
+    assert not documents.outdated(ROOT)
+
+
+@pytest.mark.skipif(
+    not (ROOT / "results/tables/results.md").is_file(), reason="no finished campaign in results/"
+)
+def test_tables_of_the_documents_are_those_of_the_campaign():
+    for name, text in documents.campaign_tables(ROOT / "results").items():
+        if name == "run_times":  # times differ from run to run
+            continue
+        kept = (ROOT / f"docs/tables/{name}.csv").read_text(encoding="utf-8")
+        assert kept == text, (
+            f"docs/tables/{name}.csv: run python -m cislunar.campaign.documents.update"
+        )
+
+
+@pytest.mark.workflow
+def test_small_campaign_fills_the_documents(finished, tmp_path):
+    folder = tmp_path / "campaign"
+    shutil.copytree(finished, folder, symlinks=True)
+    shutil.copytree(ROOT / "docs", folder / "docs")
+    shutil.copy(ROOT / "README.md", folder)
+    documents.refresh(folder, folder / "results/quick")
+    text = (folder / "docs/workflow.md").read_text(encoding="utf-8")
+    assert "    families --> visibility\n" in text
+    assert not documents.outdated(folder)
+    # No block of Markdown has lost its end.
+    for path in documents.documents(folder):
+        assert path.read_text(encoding="utf-8").count("```") == 2 * len(
+            BLOCK.findall(path.read_text(encoding="utf-8"))
+        )
