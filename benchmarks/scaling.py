@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from tracking_scene import make_problem
 
 from cislunar.campaign.data.netcdf import write_text
-from cislunar.campaign.documents.markdown import markdown_table
+from cislunar.campaign.documents.markdown import markdown_table, replace_between
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.registry import estimator_named
 from cislunar.figures.style import estimator_style, house_style, new_figure, save_figure
@@ -182,10 +182,8 @@ def large_table(table: pd.DataFrame) -> str:
 def describe(table: pd.DataFrame) -> None:
     """Put the figures into the document."""
     text = DOCUMENT.read_text(encoding="utf-8")
-    before, rest = text.split(BEGIN)
-    after = rest.split(END)[1]
     block = f"\n{exponents_table(table)}\n{large_table(table)}\n"
-    write_text(f"{before}{BEGIN}{block}{END}{after}", DOCUMENT)
+    write_text(replace_between(text, BEGIN, END, block, str(DOCUMENT)), DOCUMENT)
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ from cislunar.campaign.documents.results_page import (
     shown_quantities,
     verdict_counts,
 )
-from cislunar.campaign.operation.run_times import run_times
+from cislunar.campaign.documents.run_times import run_times
 from cislunar.campaign.readings.photometry import RETURNED, photometry_table
 from cislunar.errors import InputFileError
 
@@ -98,9 +98,9 @@ def campaign(tables, tmp_path):
         tables[name].to_csv(results / f"tables/{name}.csv", index=False)
     page = results_page(read_back(results, tables), [], {"seed": 1})
     (results / "tables/results.md").write_text(page, encoding="utf-8")
-    (results / "benchmarks/architecture/A").mkdir(parents=True)
+    (results / "benchmarks/search_run/tpe").mkdir(parents=True)
     line = "s\th:m:s\tmax_rss\n90.0\t0:01:30\t200.5\n"
-    (results / "benchmarks/architecture/A/tpe_index_0.tsv").write_text(line, encoding="utf-8")
+    (results / "benchmarks/search_run/tpe/A_index_0.tsv").write_text(line, encoding="utf-8")
     root = tmp_path / "root"
     (root / "docs").mkdir(parents=True)
     text = "# Title\n\n<!-- begin generated: {} -->\nold\n<!-- end generated -->\n\nend\n"

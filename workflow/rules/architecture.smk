@@ -7,7 +7,7 @@ rule search_run:
     log:
         log_of("architecture/{scenario}/{method}_{labels}_{run}"),
     benchmark:
-        benchmark_of("architecture/{scenario}/{method}_{labels}_{run}")
+        benchmark_of("search_run/{method}/{scenario}_{labels}_{run}")
     priority: 10
     conda:
         "../envs/cislunar.yaml"
@@ -54,7 +54,7 @@ rule exact:
     log:
         log_of("architecture/{scenario}/exact"),
     benchmark:
-        benchmark_of("architecture/{scenario}/exact")
+        benchmark_of("exact/{scenario}")
     conda:
         "../envs/cislunar.yaml"
     threads: ALL_CORES
@@ -78,7 +78,7 @@ rule published:
     log:
         log_of("architecture/{scenario}/published"),
     benchmark:
-        benchmark_of("architecture/{scenario}/published")
+        benchmark_of("published/{scenario}")
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -101,7 +101,7 @@ rule front:
     log:
         log_of("architecture/{scenario}/front"),
     benchmark:
-        benchmark_of("architecture/{scenario}/front")
+        benchmark_of("front/{scenario}")
     priority: 5
     conda:
         "../envs/cislunar.yaml"

@@ -92,7 +92,7 @@ def log_of(path):
 
 
 def benchmark_of(path):
-    """The file with a job's time and memory."""
+    """The file with a job's time and memory; its path begins with the name of the rule."""
     return f"{RESULTS}/benchmarks/{path}.tsv"
 
 

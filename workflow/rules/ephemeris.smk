@@ -4,7 +4,7 @@ rule ephemeris:
     log:
         log_of("ephemeris/sun"),
     benchmark:
-        benchmark_of("ephemeris/sun")
+        benchmark_of("ephemeris")
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -21,7 +21,7 @@ use rule ephemeris as ephemeris_of_scenario with:
     log:
         log_of("ephemeris/sun_{scenario}"),
     benchmark:
-        benchmark_of("ephemeris/sun_{scenario}")
+        benchmark_of("ephemeris_of_scenario/{scenario}")
     params:
         settings=settings_of("epoch_jd", "ephemeris", "visibility"),
     message:

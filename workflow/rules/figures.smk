@@ -20,7 +20,7 @@ rule orbit_library_figure:
     log:
         log_of("figures/orbit_library"),
     benchmark:
-        benchmark_of("figures/orbit_library")
+        benchmark_of("orbit_library_figure")
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -40,7 +40,7 @@ rule facet_geometry_figure:
     log:
         log_of("figures/facet_geometry"),
     benchmark:
-        benchmark_of("figures/facet_geometry")
+        benchmark_of("facet_geometry_figure")
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -64,7 +64,7 @@ rule tpe_orbits_figure:
     log:
         log_of("figures/tpe_orbits"),
     benchmark:
-        benchmark_of("figures/tpe_orbits")
+        benchmark_of("tpe_orbits_figure")
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -90,7 +90,7 @@ rule random_orbits_figure:
     log:
         log_of("figures/random_orbits"),
     benchmark:
-        benchmark_of("figures/random_orbits")
+        benchmark_of("random_orbits_figure")
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -116,7 +116,7 @@ rule exact_orbits_figure:
     log:
         log_of("figures/exact_orbits"),
     benchmark:
-        benchmark_of("figures/exact_orbits")
+        benchmark_of("exact_orbits_figure")
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -142,7 +142,7 @@ rule satellite_front_figure:
     log:
         log_of("figures/satellite_front"),
     benchmark:
-        benchmark_of("figures/satellite_front")
+        benchmark_of("satellite_front_figure")
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -171,7 +171,7 @@ rule convergence_figure:
     log:
         log_of("figures/convergence"),
     benchmark:
-        benchmark_of("figures/convergence")
+        benchmark_of("convergence_figure")
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -193,7 +193,7 @@ rule family_map_figure:
     log:
         log_of("figures/family_map"),
     benchmark:
-        benchmark_of("figures/family_map")
+        benchmark_of("family_map_figure")
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -217,7 +217,7 @@ rule orbits_page:
     log:
         log_of("figures/orbits_page"),
     benchmark:
-        benchmark_of("figures/orbits_page")
+        benchmark_of("orbits_page")
     conda:
         "../envs/cislunar.yaml"
     params:

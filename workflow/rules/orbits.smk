@@ -4,7 +4,7 @@ rule families:
     log:
         log_of("orbits/families"),
     benchmark:
-        benchmark_of("orbits/families")
+        benchmark_of("families")
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -21,7 +21,7 @@ rule tracked_targets:
     log:
         log_of("orbits/tracked"),
     benchmark:
-        benchmark_of("orbits/tracked")
+        benchmark_of("tracked_targets")
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -38,7 +38,7 @@ rule own_tracked_targets:
     log:
         log_of("orbits/tracked_{scenario}"),
     benchmark:
-        benchmark_of("orbits/tracked_{scenario}")
+        benchmark_of("own_tracked_targets/{scenario}")
     wildcard_constraints:
         scenario=any_of(name for name, entry in STUDY["scenarios"].items() if "tracked" in entry),
     conda:

@@ -28,7 +28,7 @@ rule sweep_table:
     log:
         log_of("tables/sweep_{sweep}"),
     benchmark:
-        benchmark_of("tables/sweep_{sweep}")
+        benchmark_of("sweep_table/{sweep}")
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -59,7 +59,7 @@ rule sweep_figure:
     log:
         log_of("figures/sweep_{sweep}"),
     benchmark:
-        benchmark_of("figures/sweep_{sweep}")
+        benchmark_of("sweep_figure/{sweep}")
     conda:
         "../envs/cislunar.yaml"
     message:

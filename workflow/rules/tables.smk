@@ -21,7 +21,7 @@ rule architecture_table:
     log:
         log_of("tables/architecture"),
     benchmark:
-        benchmark_of("tables/architecture")
+        benchmark_of("architecture_table")
     conda:
         "../envs/cislunar.yaml"
     threads: ALL_CORES
@@ -74,7 +74,7 @@ rule readings:
     log:
         log_of("tables/readings_architecture"),
     benchmark:
-        benchmark_of("tables/readings_architecture")
+        benchmark_of("readings")
     conda:
         "../envs/cislunar.yaml"
     threads: ALL_CORES

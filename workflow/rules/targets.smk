@@ -6,7 +6,7 @@ rule zvs_points:
     log:
         log_of("targets/zvs_points"),
     benchmark:
-        benchmark_of("targets/zvs_points")
+        benchmark_of("zvs_points")
     priority: 100
     conda:
         "../envs/cislunar.yaml"
@@ -26,7 +26,7 @@ use rule zvs_points as zvs_points_of_scenario with:
     log:
         log_of("targets/zvs_points_{scenario}"),
     benchmark:
-        benchmark_of("targets/zvs_points_{scenario}")
+        benchmark_of("zvs_points_of_scenario/{scenario}")
     params:
         settings=settings_of("targets"),
 
@@ -39,7 +39,7 @@ rule static_targets:
     log:
         log_of("targets/static_{scenario}"),
     benchmark:
-        benchmark_of("targets/static_{scenario}")
+        benchmark_of("static_targets/{scenario}")
     wildcard_constraints:
         scenario=any_of(SAMPLED),
     priority: 50
@@ -63,7 +63,7 @@ rule own_static_targets:
     log:
         log_of("targets/static_{scenario}"),
     benchmark:
-        benchmark_of("targets/static_{scenario}")
+        benchmark_of("own_static_targets/{scenario}")
     wildcard_constraints:
         scenario=any_of(OWN_STATIC),
     conda:

@@ -5,6 +5,7 @@ from cislunar.campaign.settings.cells import campaign_cells
 
 CELLS = [results(cell.path) for cell in campaign_cells(TASK2)]
 COMPARED = TASK2["tasking_comparison"]
+CELL = "{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"
 WITH_ERRORS = [
     error for error in model_errors(TASK2) if TASK2["variants"]["cells"][error.variant]["targets"]
 ]
@@ -24,7 +25,7 @@ rule tracking_cell_variant:
     log:
         log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}_{variant}"),
     benchmark:
-        benchmark_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}_{variant}")
+        benchmark_of("tracking_cell_variant/" + CELL + "_{variant}")
     priority: 4
     conda:
         "../envs/cislunar.yaml"
@@ -48,7 +49,7 @@ use rule tracking_cell_variant as tracking_cell_large with:
     log:
         log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"),
     benchmark:
-        benchmark_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}")
+        benchmark_of("tracking_cell_large/" + CELL)
     priority: 3
     message:
         "Tracking {wildcards.n} targets, tasking every {wildcards.minutes} min "
@@ -58,6 +59,8 @@ use rule tracking_cell_variant as tracking_cell_large with:
 use rule tracking_cell_large as tracking_cell_small with:
     output:
         results("task2/{scenario}/{architecture}/{estimator}/nt{n,[1-9][0-9]?}_dt{minutes}.nc"),
+    benchmark:
+        benchmark_of("tracking_cell_small/" + CELL)
     priority: 2
 
 
@@ -69,7 +72,7 @@ rule tracking_summary:
     log:
         log_of("task2/summary"),
     benchmark:
-        benchmark_of("task2/summary")
+        benchmark_of("tracking_summary")
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -143,7 +146,7 @@ rule tasking_comparison_cell:
     log:
         log_of("task2/tasking/{scenario}_{architecture}_nt{n}"),
     benchmark:
-        benchmark_of("task2/tasking/{scenario}_{architecture}_nt{n}")
+        benchmark_of("tasking_comparison_cell/{scenario}_{architecture}_nt{n}")
     priority: 6
     conda:
         "../envs/cislunar.yaml"

@@ -40,7 +40,7 @@ rule target_counts_figure:
     log:
         log_of("figures/target_counts{of}"),
     benchmark:
-        benchmark_of("figures/target_counts{of}")
+        benchmark_of("target_counts_figure/figure{of}")
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -65,7 +65,7 @@ rule selected_targets_figure:
     log:
         log_of("figures/selected_targets{of}"),
     benchmark:
-        benchmark_of("figures/selected_targets{of}")
+        benchmark_of("selected_targets_figure/figure{of}")
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -91,7 +91,7 @@ use rule target_counts_figure as intervals_figure with:
     log:
         log_of("figures/intervals{of}"),
     benchmark:
-        benchmark_of("figures/intervals{of}")
+        benchmark_of("intervals_figure/figure{of}")
     params:
         along="interval",
         columns=lambda wildcards: [list(map(tuple, c)) for c in INTERVAL_COLUMNS[wildcards.of]],
@@ -112,7 +112,7 @@ rule high_load_figure:
     log:
         log_of("figures/intervals_high_load{of}"),
     benchmark:
-        benchmark_of("figures/intervals_high_load{of}")
+        benchmark_of("high_load_figure/figure{of}")
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -136,7 +136,7 @@ rule against_targets_figure:
     log:
         log_of("figures/tracking_against_targets"),
     benchmark:
-        benchmark_of("figures/tracking_against_targets")
+        benchmark_of("against_targets_figure")
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -158,7 +158,7 @@ use rule against_targets_figure as against_interval_figure with:
     log:
         log_of("figures/tracking_against_interval"),
     benchmark:
-        benchmark_of("figures/tracking_against_interval")
+        benchmark_of("against_interval_figure")
     params:
         along="interval",
     message:
@@ -176,7 +176,7 @@ use rule against_targets_figure as estimators_against_targets_figure with:
     log:
         log_of("figures/estimators_against_targets"),
     benchmark:
-        benchmark_of("figures/estimators_against_targets")
+        benchmark_of("estimators_against_targets_figure")
     params:
         along="targets, estimators",
     message:
@@ -194,7 +194,7 @@ use rule against_targets_figure as estimators_against_interval_figure with:
     log:
         log_of("figures/estimators_against_interval"),
     benchmark:
-        benchmark_of("figures/estimators_against_interval")
+        benchmark_of("estimators_against_interval_figure")
     params:
         along="interval, estimators",
     message:
@@ -215,7 +215,7 @@ rule tasking_figure:
     log:
         log_of("figures/tasking_comparison"),
     benchmark:
-        benchmark_of("figures/tasking_comparison")
+        benchmark_of("tasking_figure")
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -240,7 +240,7 @@ rule model_error_figure:
     log:
         log_of("figures/model_error"),
     benchmark:
-        benchmark_of("figures/model_error")
+        benchmark_of("model_error_figure")
     conda:
         "../envs/cislunar.yaml"
     message:

@@ -1,15 +1,12 @@
-"""Tables in Markdown, and blocks of a document that are made from tables."""
+"""Tables in Markdown, and parts of a document that are made from tables."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from cislunar.errors import InputFileError
 
-_BLOCK = re.compile(
-    r"^<!-- begin generated: (?P<name>[\w-]+) -->\n(?P<body>.*?)^<!-- end generated -->$",
-    flags=re.MULTILINE | re.DOTALL,
-)
-_BEGIN = "<!-- begin generated:"
+_BEGIN, _END = "<!-- begin generated: {} -->\n", "<!-- end generated -->\n"
+_NAME = re.compile(r"^<!-- begin generated: ([\w-]+) -->$", flags=re.MULTILINE)
 
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -35,19 +32,39 @@ def _cell(value: object) -> str:
     return str(value).replace("|", "\\|").replace("\n", " ")
 
 
-def generated_blocks(text: str) -> list[str]:
-    """Names of the generated blocks of a document, in order.
+def replace_between(text: str, begin: str, end: str, body: str, document: str) -> str:
+    """Put a text between two marks of a document.
 
     Parameters
     ----------
     text : str
         The document.
+    begin, end : str
+        The marks, whole lines.
+    body : str
+        What stands between them from now on.
+    document : str
+        Name of the document, for messages.
 
     Returns
     -------
-    list of str
+    str
+
+    Raises
+    ------
+    InputFileError
+        If a mark is missing.
     """
-    return [match["name"] for match in _BLOCK.finditer(text)]
+    before, opened, rest = text.partition(begin)
+    _, closed, after = rest.partition(end)
+    if not (opened and closed):
+        raise InputFileError(f"{document} lacks the line {(end if opened else begin).strip()!r}")
+    return before + begin + body + end + after
+
+
+def generated_blocks(text: str) -> list[str]:
+    """Names of the generated blocks of a document, in order."""
+    return _NAME.findall(text)
 
 
 def fill_blocks(text: str, blocks: Mapping[str, Callable[[], str]], document: str) -> str:
@@ -74,18 +91,16 @@ def fill_blocks(text: str, blocks: Mapping[str, Callable[[], str]], document: st
     InputFileError
         If a block has an unknown name or no end.
     """
-    if text.count(_BEGIN) != len(generated_blocks(text)):
+    names = generated_blocks(text)
+    if not text.count(_BEGIN.partition("{")[0]) == len(names) == text.count(_END):
         raise InputFileError(
-            f"{document}: a generated block lacks its line '<!-- end generated -->' or is ill named"
+            f"{document}: a generated block lacks its line {_END.strip()!r} or is ill named"
         )
-
-    def filled(match: re.Match) -> str:
-        name = match["name"]
+    for name in names:
         if name not in blocks:
             raise InputFileError(
                 f"{document}: no such generated block: {name!r}; there are {', '.join(blocks)}"
             )
         body = blocks[name]().strip("\n")
-        return f"{_BEGIN} {name} -->\n\n{body}\n\n<!-- end generated -->"
-
-    return _BLOCK.sub(filled, text)
+        text = replace_between(text, _BEGIN.format(name), _END, f"\n{body}\n\n", document)
+    return text

@@ -24,7 +24,7 @@ from cislunar.campaign.data.netcdf import write_text
 from cislunar.campaign.documents.blocks import BLOCKS
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
 from cislunar.campaign.documents.results_page import results_body, shown_quantities
-from cislunar.campaign.operation.run_times import run_times
+from cislunar.campaign.documents.run_times import run_times
 from cislunar.errors import CislunarError, InputFileError
 
 RESULTS_PAGE = "results.md"

@@ -9,15 +9,15 @@ writes them to ``profiles/slurm/measured.csv``, and puts twice the memory and fo
 
 import argparse
 import math
-import re
 import sys
 from pathlib import Path
 
 import pandas as pd
 
 from cislunar.campaign.data.netcdf import write_text
-from cislunar.campaign.operation.run_times import job_times
-from cislunar.errors import CislunarError, InputFileError
+from cislunar.campaign.documents.markdown import replace_between
+from cislunar.campaign.documents.run_times import job_times
+from cislunar.errors import CislunarError
 
 MEMORY_FACTOR, TIME_FACTOR = 2.0, 4.0
 MEMORY_STEP_MB, TIME_STEP_MIN = 250, 5
@@ -25,74 +25,26 @@ MEMORY_STEP_MB, TIME_STEP_MIN = 250, 5
 
 BEGIN, END = "# begin: from measured.csv\n", "# end: from measured.csv\n"
 
-_RULE = re.compile(r"^(?:use rule (\w+) as (\w+) with|rule (\w+)):$", re.MULTILINE)
-_BENCHMARK = re.compile(r'benchmark_of\("([^"]+)"\)')
 
-
-def benchmark_patterns(rules: str | Path) -> dict[str, str]:
-    """Which benchmark files belong to which rule.
-
-    Parameters
-    ----------
-    rules : str or Path
-        Folder of the rules.
-
-    Returns
-    -------
-    dict of str to str
-        Regular expression of the path without ending, by rule; rules that are used under another
-        name lend it their benchmark. Rules without one are left out.
-    """
-    found: dict[str, str] = {}
-    for path in sorted(Path(rules).glob("*.smk")):
-        text = path.read_text(encoding="utf-8")
-        heads = list(_RULE.finditer(text))
-        ends = [*(head.start() for head in heads[1:]), len(text)]
-        for head, end in zip(heads, ends, strict=False):
-            base, new, plain = head.groups()
-            name = plain or new
-            own = _BENCHMARK.search(text, head.end(), end)
-            if own:
-                found[name] = _expression(own[1])
-            elif base in found:
-                found[name] = found[base]
-    return found
-
-
-def _expression(pattern: str) -> str:
-    """Regular expression of a path with wildcards."""
-    numbers = {"n", "minutes", "run"}
-    parts = re.split(r"\{(\w+)\}", pattern)
-    for i in range(1, len(parts), 2):
-        parts[i] = r"\d+" if parts[i] in numbers else "[^/]+"
-    for i in range(0, len(parts), 2):
-        parts[i] = re.escape(parts[i])
-    return "".join(parts)
-
-
-def measured_resources(benchmarks: str | Path, rules: str | Path) -> pd.DataFrame:
+def measured_resources(benchmarks: str | Path) -> pd.DataFrame:
     """Largest memory and longest time of the jobs of each rule.
 
     Parameters
     ----------
     benchmarks : str or Path
         ``results/benchmarks``.
-    rules : str or Path
-        Folder of the rules.
 
     Returns
     -------
     DataFrame
-        Columns rule, jobs, largest_mb, longest_s; rules without a job are left out.
+        Columns rule, jobs, largest_mb, longest_s.
     """
-    jobs = job_times(benchmarks)
-    rows = []
-    for rule, expression in benchmark_patterns(rules).items():
-        own = jobs[jobs["job"].str.fullmatch(expression)]
-        if len(own):
-            rows.append((rule, len(own), own["megabytes"].max(), own["seconds"].max()))
-    table = pd.DataFrame(rows, columns=["rule", "jobs", "largest_mb", "longest_s"])
-    return table.sort_values("rule").round(1)
+    measured = (
+        job_times(benchmarks)
+        .groupby("rule")
+        .agg(jobs=("job", "size"), largest_mb=("megabytes", "max"), longest_s=("seconds", "max"))
+    )
+    return measured.reset_index().round(1)
 
 
 def requested(measured: pd.DataFrame) -> str:
@@ -135,10 +87,7 @@ def with_requests(profile: str, measured: pd.DataFrame) -> str:
     InputFileError
         If the lines that enclose the requests are missing.
     """
-    if BEGIN not in profile or END not in profile:
-        raise InputFileError(f"the profile lacks the line {BEGIN.strip()!r} or {END.strip()!r}")
-    before, after = profile.split(BEGIN)[0], profile.split(END)[1]
-    return before + BEGIN + requested(measured) + END + after
+    return replace_between(profile, BEGIN, END, requested(measured), "the profile")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -159,7 +108,7 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     folder = Path("profiles/slurm")
     try:
-        measured = measured_resources(Path(chosen.results) / "benchmarks", "workflow/rules")
+        measured = measured_resources(Path(chosen.results) / "benchmarks")
         profile = (folder / "config.yaml").read_text(encoding="utf-8")
         write_text(with_requests(profile, measured), folder / "config.yaml")
         write_text(measured.to_csv(index=False), folder / "measured.csv")
