@@ -22,9 +22,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from oracles.reference_filter import ReferenceFilter
 from tracking_scene import make_problem
 
-from cislunar.constants import MU
 from cislunar.dynamics.bundle import propagate_bundle
-from cislunar.dynamics.cr3bp import equations_of_motion
+from cislunar.dynamics.cr3bp import EARTH_MOON, equations_of_motion
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.light_curve import cost, cost_and_derivatives
@@ -97,7 +96,7 @@ def light_curve_times() -> None:
         1, loop.n_steps, scene, surfaces, SENSOR, np.arange(5), truth.translation,
         truth.quaternion, truth.noise,
     )  # fmt: skip
-    estimator = batch()(scene, surfaces, SENSOR, initial, np.random.default_rng(0), MU)
+    estimator = batch()(scene, surfaces, SENSOR, initial, np.random.default_rng(0), EARTH_MOON)
     estimator.advance(measured, np.arange(5))
     j = int(np.argmax((fate == DETECTED).sum(axis=1)))
     data, model, anchor = estimator.light_curve(j)
@@ -130,7 +129,7 @@ def propagation_times() -> None:
     _, _, epoch, _, loop = make_problem(1, 1)
     step = loop.step_s / 375_190.3
     points = np.repeat(epoch, 25, axis=0)
-    ours = best_time(lambda: propagate_bundle(points, step, 1000, MU)) / 1000
+    ours = best_time(lambda: propagate_bundle(points, step, 1000)) / 1000
 
     def scipy_day():
         for point in points:
@@ -152,7 +151,7 @@ def tasking_times(n_observers: int, n_targets: int) -> None:
     prediction = MultiplicativeUKF(scene, surfaces, SENSOR, initial).predict()
 
     def pairs():
-        return pair_information(prediction, scene, surfaces, SENSOR, TaskingModel(), MU)
+        return pair_information(prediction, scene, surfaces, SENSOR, TaskingModel(), EARTH_MOON)
 
     matrix = pairs()
     line = f"tasking, {n_observers} observers, {n_targets} targets: "

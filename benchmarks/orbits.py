@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from cislunar.constants import MU
-from cislunar.dynamics.cr3bp import equations_of_motion, hessian
+from cislunar.dynamics.cr3bp import EARTH_MOON, equations_of_motion, variational_matrix
 from cislunar.dynamics.propagation import propagate, propagate_stm
 from cislunar.orbits import branches, continuation, corrector
 from cislunar.orbits.families import family_members, observer_library, spaced_members
@@ -35,18 +35,13 @@ def best_time(task: Callable[[], object], repeats: int = REPEATS) -> float:
     return min(times)
 
 
-def propagate_stm_scipy(state, duration, *, mu=MU, rtol=1e-13, atol=1e-13):
+def propagate_stm_scipy(state, duration, *, forces=EARTH_MOON, rtol=1e-13, atol=1e-13):
     """`propagate_stm` on scipy's DOP853, the derivatives in numpy."""
-    matrix = np.zeros((6, 6))
-    matrix[:3, 3:] = np.eye(3)
-    matrix[3, 4], matrix[4, 3] = 2.0, -2.0
 
     def derivative(_, y):
-        uxx, uyy, uzz, uxy, uxz, uyz = hessian.py_func(y[0], y[1], y[2], mu)
-        matrix[3:, :3] = [[uxx, uxy, uxz], [uxy, uyy, uyz], [uxz, uyz, uzz]]
         slope = np.empty(42)
-        slope[:6] = equations_of_motion(y[:6], mu)
-        slope[6:] = (matrix @ y[6:].reshape(6, 6)).ravel()
+        slope[:6] = equations_of_motion(y[:6], forces.mu)
+        slope[6:] = (variational_matrix(y[:6], forces.mu) @ y[6:].reshape(6, 6)).ravel()
         return slope
 
     start = np.concatenate([np.asarray(state, dtype=float), np.eye(6).ravel()])

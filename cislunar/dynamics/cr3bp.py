@@ -5,35 +5,63 @@ Everything is nondimensional and in the rotating barycentric frame: x from the E
 primaries. A state is ``(x, y, z, vx, vy, vz)``.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from cislunar.constants import MU
+from cislunar.dynamics import forces
+from cislunar.dynamics.forces import implements
 from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, inline="always")
-def acceleration(x, y, z, vx, vy, mu):
-    """Rotating-frame acceleration of one particle, as scalars (compiled).
+class CR3BP(NamedTuple):
+    """The force model of two primaries on circular orbits, in their rotating frame.
 
-    Parameters
+    Attributes
     ----------
-    x, y, z : float
-        Position, nondimensional, rotating frame.
-    vx, vy : float
-        In-plane velocity, nondimensional, rotating frame.
     mu : float
         Mass ratio.
-
-    Returns
-    -------
-    ax, ay, az : float
-        Equations 1-3 of Paul & Fan.
     """
+
+    mu: float = MU
+
+
+EARTH_MOON = CR3BP()
+"""The Earth-Moon system of the paper."""
+
+
+@njit(cache=True, inline="always")
+def primary_positions(mu):
+    """Places of the Earth and of the Moon, nondimensional, rotating frame (compiled)."""
+    return (-mu, 0.0, 0.0), (1.0 - mu, 0.0, 0.0)
+
+
+class Hessian(NamedTuple):
+    """Second derivatives of the pseudo-potential U at a point."""
+
+    xx: float
+    yy: float
+    zz: float
+    xy: float
+    xz: float
+    yz: float
+
+
+@implements(forces.at, CR3BP)
+def _at(forces, t):
+    return forces
+
+
+@implements(forces.acceleration, CR3BP)
+def _acceleration(field, x, y, z, vx, vy, vz):
+    """Equations 1-3 of Paul & Fan."""
+    mu = field.mu
     x_earth = x + mu
     x_moon = x_earth - 1.0
     yz2 = y * y + z * z
@@ -48,22 +76,10 @@ def acceleration(x, y, z, vx, vy, mu):
     return ax, ay, az
 
 
-@njit(cache=True, inline="always")
-def hessian(x, y, z, mu):
-    """Second derivatives of the pseudo-potential at one point, as scalars (compiled).
-
-    Parameters
-    ----------
-    x, y, z : float
-        Position, nondimensional, rotating frame.
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    uxx, uyy, uzz, uxy, uxz, uyz : float
-        Entries of the symmetric matrix of second derivatives of U.
-    """
+@implements(forces.partials, CR3BP)
+def hessian(field, x, y, z, vx, vy, vz):
+    """Second derivatives of the pseudo-potential."""
+    mu = field.mu
     x_earth = x + mu
     x_moon = x_earth - 1.0
     yz2 = y * y + z * z
@@ -79,7 +95,17 @@ def hessian(x, y, z, mu):
     uxx = 1.0 - pull + earth5 * x_earth * x_earth + moon5 * x_moon * x_moon
     uyy = 1.0 - pull + both5 * y * y
     uzz = -pull + both5 * z * z
-    return uxx, uyy, uzz, mixed * y, mixed * z, both5 * y * z
+    return Hessian(uxx, uyy, uzz, mixed * y, mixed * z, both5 * y * z)
+
+
+@implements(forces.acceleration_change, Hessian)
+def _acceleration_change(u, dx, dy, dz, dvx, dvy, dvz):
+    """Rows of [U_rr, 2J] with J = [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]."""
+    return (
+        u.xx * dx + u.xy * dy + u.xz * dz + 2.0 * dvy,
+        u.xy * dx + u.yy * dy + u.yz * dz - 2.0 * dvx,
+        u.xz * dx + u.yz * dy + u.zz * dz,
+    )
 
 
 def primary_distances(position: ArrayLike, mu: float = MU) -> tuple[Array, Array]:
@@ -188,7 +214,7 @@ def variational_matrix(state: ArrayLike, mu: float = MU) -> Array:
         ``[[0, I], [U_rr, 2 J]]`` with ``J = [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]``.
     """
     s = np.asarray(state, dtype=float)
-    uxx, uyy, uzz, uxy, uxz, uyz = hessian(s[0], s[1], s[2], mu)
+    uxx, uyy, uzz, uxy, uxz, uyz = hessian(CR3BP(mu), *s)
     matrix = np.zeros((6, 6))
     matrix[:3, 3:] = np.eye(3)
     matrix[3:, :3] = [[uxx, uxy, uxz], [uxy, uyy, uyz], [uxz, uyz, uzz]]

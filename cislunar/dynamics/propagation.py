@@ -1,27 +1,18 @@
-"""Propagation of states and state transition matrices in the CR3BP."""
+"""Propagation of states and state transition matrices under any force model."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import MU
 from cislunar.dynamics import runge_kutta
-from cislunar.dynamics.cr3bp import primary_distances
-from cislunar.dynamics.runge_kutta import step_dop853
+from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON, primary_positions
 from cislunar.errors import ConfigurationError, ConvergenceError
-
-__all__ = [
-    "closest_approaches",
-    "propagate",
-    "propagate_periodic",
-    "propagate_stm",
-    "step_dop853",
-]
 
 Array = NDArray[np.float64]
 
-METHODS = {"dopri5": runge_kutta.DOPRI5, "dop853": runge_kutta.DOP853_METHOD}
+METHODS = {"dopri5": runge_kutta.DOPRI5, "dop853": runge_kutta.DOP853}
 DEFAULT_TOLERANCE = {"dopri5": 1e-10, "dop853": 1e-13}
-_NO_TRACKING = np.empty(0)
+_NOWHERE = np.empty(0)
 
 
 def _method_and_tolerances(
@@ -46,22 +37,22 @@ def _state_vector(state: ArrayLike) -> Array:
     return vector
 
 
-def _integrate(method, y0, times, mu, rtol, atol, closest=_NO_TRACKING) -> Array:
-    """Run the compiled integrator and turn its status into an exception."""
-    out = np.empty((times.size, y0.size))
-    status, reached = runge_kutta.integrate(method, y0, times, float(mu), rtol, atol, out, closest)
+def _integrate(method, forces, start, y0, times, rtol, atol, centres=_NOWHERE) -> tuple:
+    """Solution and least distances; the compiled integrator's status becomes an exception."""
+    out, closest = np.empty((times.size, y0.size)), np.empty(centres.size)
+    status, reached = runge_kutta.integrate(
+        method, forces, float(start), y0, times, rtol, atol, out, centres, closest
+    )
     if status == runge_kutta.OK:
-        return out
-    d, r = primary_distances(y0[:6], mu)
+        return out, closest
     reason = (
-        "the step size underflowed (the trajectory runs into the centre of a primary)"
+        "the step size underflowed (the trajectory runs into the centre of a body)"
         if status == runge_kutta.STEP_UNDERFLOW
         else f"more than {runge_kutta.MAX_STEPS} steps were needed"
     )
     raise ConvergenceError(
-        f"propagation from {y0[:6].tolist()} (distances {d:.6g} to the Earth, {r:.6g} to the Moon) "
-        f"stopped at t = {reached:.12g} of {times[-1]:.12g}: {reason}; shorten the propagation or "
-        "move the initial state"
+        f"propagation from {y0[:6].tolist()} stopped at t = {reached:.12g} of {times[-1]:.12g}: "
+        f"{reason}; shorten the propagation or move the initial state"
     )
 
 
@@ -69,12 +60,13 @@ def propagate(
     state: ArrayLike,
     times: ArrayLike,
     *,
-    mu: float = MU,
+    forces: tuple = EARTH_MOON,
+    start: float = 0.0,
     method: str = "dopri5",
     rtol: float | None = None,
     atol: float | None = None,
 ) -> Array:
-    """Propagate one state from time 0 and return it at the wanted times.
+    """Propagate one state and return it at the wanted times.
 
     Steps adapt to the tolerances, not to the wanted times, which are served by the pair's
     continuous extension (4th order for Dormand-Prince 5(4), 7th for DOP853).
@@ -82,11 +74,13 @@ def propagate(
     Parameters
     ----------
     state : array_like, shape (6,)
-        State at time 0, nondimensional, rotating frame.
+        State at `start`, nondimensional, frame of the force model.
     times : array_like, shape (m,)
-        Nondimensional times in any order; negative ones are reached backwards.
-    mu : float
-        Mass ratio.
+        Nondimensional times since `start` in any order; negative ones are reached backwards.
+    forces : NamedTuple
+        A force model, see `cislunar.dynamics.forces`.
+    start : float
+        Time of `state`, nondimensional, since the epoch.
     method : {"dopri5", "dop853"}
         Dormand-Prince 5(4) (Paul & Fan, table 1) or DOP853.
     rtol, atol : float, optional
@@ -114,7 +108,7 @@ def propagate(
         chosen = np.flatnonzero(times >= 0.0 if forward else times < 0.0)
         if chosen.size:
             order = chosen[np.argsort(times[chosen] if forward else -times[chosen])]
-            out[order] = _integrate(code, y0, times[order], mu, rtol, atol)
+            out[order] = _integrate(code, forces, start, y0, times[order], rtol, atol)[0]
     return out
 
 
@@ -128,7 +122,7 @@ def propagate_periodic(
     rtol: float | None = None,
     atol: float | None = None,
 ) -> Array:
-    """State of a periodic orbit at any times, from one period of propagation.
+    """State of a periodic orbit of the CR3BP at any times, from one period of propagation.
 
     Times are wrapped to half a period either side of the epoch, so that the error of an unstable
     orbit never grows over more than half a period however long the campaign.
@@ -141,7 +135,9 @@ def propagate_periodic(
         Period, nondimensional.
     times : array_like, shape (m,)
         Any nondimensional times.
-    mu, method, rtol, atol
+    mu : float
+        Mass ratio.
+    method, rtol, atol
         As in `propagate`.
 
     Returns
@@ -160,14 +156,15 @@ def propagate_periodic(
         raise ConfigurationError(f"period = {period} must be positive")
     times = np.asarray(times, dtype=float)
     wrapped = times - period * np.round(times / period)
-    return propagate(state, wrapped, mu=mu, method=method, rtol=rtol, atol=atol)
+    return propagate(state, wrapped, forces=CR3BP(mu), method=method, rtol=rtol, atol=atol)
 
 
 def propagate_stm(
     state: ArrayLike,
     duration: float,
     *,
-    mu: float = MU,
+    forces: tuple = EARTH_MOON,
+    start: float = 0.0,
     rtol: float = 1e-13,
     atol: float = 1e-13,
 ) -> tuple[Array, Array]:
@@ -176,11 +173,13 @@ def propagate_stm(
     Parameters
     ----------
     state : array_like, shape (6,)
-        State at time 0, nondimensional, rotating frame.
+        State at `start`, nondimensional, frame of the force model.
     duration : float
         Nondimensional, either sign.
-    mu : float
-        Mass ratio.
+    forces : NamedTuple
+        A force model, see `cislunar.dynamics.forces`.
+    start : float
+        Time of `state`, nondimensional, since the epoch.
     rtol, atol : float
         Tolerances, applied to all 42 entries.
 
@@ -198,7 +197,7 @@ def propagate_stm(
     """
     code, rtol, atol = _method_and_tolerances("dop853", rtol, atol)
     y0 = np.concatenate([_state_vector(state), np.eye(6).ravel()])
-    end = _integrate(code, y0, np.array([float(duration)]), mu, rtol, atol)[0]
+    (end,), _ = _integrate(code, forces, start, y0, np.array([float(duration)]), rtol, atol)
     return end[:6], end[6:].reshape(6, 6)
 
 
@@ -210,14 +209,14 @@ def closest_approaches(
     rtol: float = 1e-12,
     atol: float = 1e-12,
 ) -> tuple[float, float]:
-    """Least distances to the Earth and to the Moon along a trajectory.
+    """Least distances to the Earth and to the Moon along a trajectory in the CR3BP.
 
     Minima within a step are found on the continuous extension of DOP853.
 
     Parameters
     ----------
     state : array_like, shape (6,)
-        State at time 0, nondimensional, rotating frame.
+        Nondimensional, rotating frame.
     duration : float
         Nondimensional, positive.
     mu : float
@@ -240,6 +239,7 @@ def closest_approaches(
     if not duration > 0.0:
         raise ConfigurationError(f"duration = {duration} must be positive")
     code, rtol, atol = _method_and_tolerances("dop853", rtol, atol)
-    closest = np.empty(2)
-    _integrate(code, _state_vector(state), np.array([float(duration)]), mu, rtol, atol, closest)
+    centres = np.array(primary_positions(mu))[:, 0]
+    start, times = _state_vector(state), np.array([float(duration)])
+    _, closest = _integrate(code, CR3BP(mu), 0.0, start, times, rtol, atol, centres)
     return float(closest[0]), float(closest[1])

@@ -1,9 +1,7 @@
-"""Adaptive Runge-Kutta kernels for the CR3BP, compiled.
+"""Adaptive Runge-Kutta kernels with dense output, compiled, and fixed steps by the same stages.
 
-Two embedded pairs with dense output: Dormand-Prince 5(4), the propagator of Paul & Fan
-(table 1), and DOP853 (Dormand-Prince 8(5,3)) for periodic orbits and their monodromy. The
-tableaus are those of `scipy.integrate.RK45` and `scipy.integrate.DOP853`; step-size control
-follows Hairer, Norsett & Wanner, "Solving Ordinary Differential Equations I", section II.4.
+The pairs are those of `cislunar.dynamics.tableau`; step-size control follows Hairer, Norsett &
+Wanner, "Solving Ordinary Differential Equations I", section II.4.
 
 A vector of 6 entries is a state; one of 42 is a state followed by the state transition matrix
 (STM), row by row, whose variational equations are integrated along with it.
@@ -11,56 +9,52 @@ A vector of 6 entries is a state; one of 42 is a state followed by the state tra
 
 import numpy as np
 from numba import njit
-from scipy.integrate import DOP853, RK45
 
-from cislunar.dynamics.cr3bp import acceleration, hessian
+from cislunar.dynamics.forces import acceleration, acceleration_change, at, partials
+from cislunar.dynamics.tableau import (
+    A5,
+    A8,
+    C5,
+    C8,
+    DENSE5,
+    DENSE8,
+    ERROR5,
+    ERROR8_3,
+    ERROR8_5,
+    FIRST8,
+    STAGES5,
+    STAGES8,
+)
 
-DOPRI5, DOP853_METHOD = 0, 1
+DOPRI5, DOP853 = 0, 1
 OK, STEP_UNDERFLOW, TOO_MANY_STEPS = 0, 1, 2
 MAX_STEPS = 2_000_000
 
-_A5 = np.zeros((6, 6))
-_A5[:, :5] = RK45.A
-_B5 = np.ascontiguousarray(RK45.B)
-_E5 = np.ascontiguousarray(RK45.E)
-_P5 = np.ascontiguousarray(RK45.P)
-
-_A8 = np.zeros((16, 16))
-_A8[:12, :12] = DOP853.A
-_A8[12, :12] = DOP853.B
-_A8[13:] = DOP853.A_EXTRA
-# First nonzero column after column 0, row by row: the columns between are all zero.
-_FIRST8 = np.array([1 + np.argmax(np.append(row[1:], 1.0) != 0.0) for row in _A8])
-_ERR3 = np.ascontiguousarray(DOP853.E3)
-_ERR5 = np.ascontiguousarray(DOP853.E5)
-_D8 = np.ascontiguousarray(DOP853.D)
-
 
 @njit(cache=True, error_model="numpy")
-def derivative(y, dy, mu):
+def _derivative(forces, t, y, dy):
     """Time derivative of a state (6) or of a state and its STM (42), written into `dy`."""
+    field = at(forces, t)
     dy[0] = y[3]
     dy[1] = y[4]
     dy[2] = y[5]
-    dy[3], dy[4], dy[5] = acceleration(y[0], y[1], y[2], y[3], y[4], mu)
+    dy[3], dy[4], dy[5] = acceleration(field, y[0], y[1], y[2], y[3], y[4], y[5])
     if y.size == 6:
         return
-    uxx, uyy, uzz, uxy, uxz, uyz = hessian(y[0], y[1], y[2], mu)
-    # dPhi/dt = A Phi with A = [[0, I], [U_rr, 2J]]: three copied rows, three short products.
-    for j in range(6, 12):
-        px, py, pz = y[j], y[j + 6], y[j + 12]
+    u = partials(field, y[0], y[1], y[2], y[3], y[4], y[5])
+    for j in range(6, 12):  # the STM column by column
         vx, vy, vz = y[j + 18], y[j + 24], y[j + 30]
         dy[j] = vx
         dy[j + 6] = vy
         dy[j + 12] = vz
-        dy[j + 18] = uxx * px + uxy * py + uxz * pz + 2.0 * vy
-        dy[j + 24] = uxy * px + uyy * py + uyz * pz - 2.0 * vx
-        dy[j + 30] = uxz * px + uyz * py + uzz * pz
+        dy[j + 18], dy[j + 24], dy[j + 30] = acceleration_change(
+            u, y[j], y[j + 6], y[j + 12], vx, vy, vz
+        )
 
 
 @njit(cache=True, error_model="numpy")
-def _stage(y, h, slopes, row, first, count, work, mu):
-    """Slope of one stage: f(y + h sum_j row[j] slopes[j]) into slopes[count].
+def _stage(forces, t, y, h, slopes, row, first, count, work):
+    """Slope at time t of y + h sum_j row[j] slopes[j], into slopes[count].
 
     Coefficients from 1 to `first` - 1 are zero and skipped.
     """
@@ -79,7 +73,7 @@ def _stage(y, h, slopes, row, first, count, work, mu):
             y4 += c * slopes[j, 4]
             y5 += c * slopes[j, 5]
         work[0], work[1], work[2], work[3], work[4], work[5] = y0, y1, y2, y3, y4, y5
-        ax, ay, az = acceleration(y0, y1, y2, y3, y4, mu)
+        ax, ay, az = acceleration(at(forces, t), y0, y1, y2, y3, y4, y5)
         slope = slopes[count]
         slope[0], slope[1], slope[2], slope[3], slope[4], slope[5] = y3, y4, y5, ax, ay, az
         return
@@ -90,56 +84,41 @@ def _stage(y, h, slopes, row, first, count, work, mu):
         c = h * row[j]
         for i in range(n):
             work[i] += c * slopes[j, i]
-    derivative(work, slopes[count], mu)
+    _derivative(forces, t, work, slopes[count])
 
 
 @njit(cache=True, error_model="numpy")
-def try_step(method, y, h, slopes, y_new, mu, rtol, atol):
-    """Take one trial step.
+def _step(method, forces, t, y, h, slopes, y_new):
+    """All stages of a step; slopes[0] must hold f(y), the row after the last receives f(y_new)."""
+    if method == DOPRI5:
+        for s in range(1, STAGES5 + 1):
+            _stage(forces, t + C5[s] * h, y, h, slopes, A5[s], 1, s, y_new)
+    else:
+        for s in range(1, STAGES8 + 1):
+            _stage(forces, t + C8[s] * h, y, h, slopes, A8[s], FIRST8[s], s, y_new)
 
-    Parameters
-    ----------
-    method : int
-        `DOPRI5` or `DOP853_METHOD`.
-    y : ndarray, shape (n,)
-        Start, n = 6 or 42.
-    h : float
-        Step, either sign.
-    slopes : ndarray, shape (16, n)
-        Stage slopes; row 0 must hold f(y) and the row after the last stage receives f(y_new).
-    y_new : ndarray, shape (n,)
-        Receives the end.
-    mu, rtol, atol : float
-        Mass ratio and tolerances.
 
-    Returns
-    -------
-    float
-        Error norm; the step is acceptable below 1.
-    """
+@njit(cache=True, error_model="numpy")
+def _error_norm(method, y, y_new, h, slopes, rtol, atol):
+    """Error of a step against the tolerances; it is acceptable below 1."""
     n = y.size
     if method == DOPRI5:
-        for s in range(1, 6):
-            _stage(y, h, slopes, _A5[s], 1, s, y_new, mu)
-        _stage(y, h, slopes, _B5, 1, 6, y_new, mu)
         total = 0.0
         for i in range(n):
             e = 0.0
-            for j in range(7):
-                e += _E5[j] * slopes[j, i]
+            for j in range(STAGES5 + 1):
+                e += ERROR5[j] * slopes[j, i]
             e *= h / (atol + rtol * max(abs(y[i]), abs(y_new[i])))
             total += e * e
         return np.sqrt(total / n)
-    for s in range(1, 13):
-        _stage(y, h, slopes, _A8[s], _FIRST8[s], s, y_new, mu)
     total3 = 0.0
     total5 = 0.0
     for i in range(n):
         e3 = 0.0
         e5 = 0.0
-        for j in range(12):
-            e3 += _ERR3[j] * slopes[j, i]
-            e5 += _ERR5[j] * slopes[j, i]
+        for j in range(STAGES8):
+            e3 += ERROR8_3[j] * slopes[j, i]
+            e5 += ERROR8_5[j] * slopes[j, i]
         scale = 1.0 / (atol + rtol * max(abs(y[i]), abs(y_new[i])))
         e3 *= scale
         e5 *= scale
@@ -151,19 +130,19 @@ def try_step(method, y, h, slopes, y_new, mu, rtol, atol):
 
 
 @njit(cache=True, error_model="numpy")
-def prepare_dense(method, y, y_new, h, slopes, dense, work, mu):
+def _prepare_dense(method, forces, t, y, y_new, h, slopes, dense, work):
     """Coefficients of the continuous extension over an accepted step, into `dense` (7, n)."""
     n = y.size
     if method == DOPRI5:
         for p in range(4):
             for i in range(n):
                 c = 0.0
-                for j in range(7):
-                    c += _P5[j, p] * slopes[j, i]
+                for j in range(STAGES5 + 1):
+                    c += DENSE5[j, p] * slopes[j, i]
                 dense[p, i] = h * c
         return
-    for s in range(13, 16):
-        _stage(y, h, slopes, _A8[s], _FIRST8[s], s, work, mu)
+    for s in range(STAGES8 + 1, 16):
+        _stage(forces, t + C8[s] * h, y, h, slopes, A8[s], FIRST8[s], s, work)
     for i in range(n):
         delta = y_new[i] - y[i]
         dense[0, i] = delta
@@ -173,12 +152,12 @@ def prepare_dense(method, y, y_new, h, slopes, dense, work, mu):
         for i in range(n):
             c = 0.0
             for j in range(16):
-                c += _D8[p, j] * slopes[j, i]
+                c += DENSE8[p, j] * slopes[j, i]
             dense[3 + p, i] = h * c
 
 
 @njit(cache=True, error_model="numpy")
-def evaluate_dense(method, y, dense, fraction, out):
+def _evaluate_dense(method, y, dense, fraction, out):
     """Continuous extension at a fraction (0 to 1) of the step, into `out` (n,)."""
     rest = 1.0 - fraction
     for i in range(y.size):
@@ -195,7 +174,7 @@ def evaluate_dense(method, y, dense, fraction, out):
 
 
 @njit(cache=True, error_model="numpy")
-def initial_step(method, y, slope, span, mu, rtol, atol, work, work_slope):
+def _initial_step(method, forces, t, y, slope, span, rtol, atol, work, work_slope):
     """First step size, always positive (Hairer, Norsett & Wanner, section II.4)."""
     n = y.size
     d0 = 0.0
@@ -211,7 +190,7 @@ def initial_step(method, y, slope, span, mu, rtol, atol, work, work_slope):
     direction = 1.0 if span > 0 else -1.0
     for i in range(n):
         work[i] = y[i] + h0 * direction * slope[i]
-    derivative(work, work_slope, mu)
+    _derivative(forces, t + h0 * direction, work, work_slope)
     d2 = 0.0
     for i in range(n):
         d2 += ((work_slope[i] - slope[i]) / (atol + abs(y[i]) * rtol)) ** 2
@@ -223,69 +202,73 @@ def initial_step(method, y, slope, span, mu, rtol, atol, work, work_slope):
 
 
 @njit(cache=True, error_model="numpy")
-def _close_in(method, y, dense, primary_x, point):
+def _close_in(method, y, dense, centre, point):
     """Bisect a step for the least distance to a primary; `point` is left there."""
     low = 0.0
     high = 1.0
     for _ in range(45):
         middle = 0.5 * (low + high)
-        evaluate_dense(method, y, dense, middle, point)
-        if _radial_rate(point, primary_x) < 0.0:
+        _evaluate_dense(method, y, dense, middle, point)
+        if _radial_rate(point, centre) < 0.0:
             low = middle
         else:
             high = middle
 
 
 @njit(cache=True, error_model="numpy")
-def _radial_rate(y, primary_x):
-    return (y[0] - primary_x) * y[3] + y[1] * y[4] + y[2] * y[5]
+def _radial_rate(y, centre):
+    return (y[0] - centre) * y[3] + y[1] * y[4] + y[2] * y[5]
 
 
 @njit(cache=True, error_model="numpy")
-def _distance(y, primary_x):
-    return np.sqrt((y[0] - primary_x) ** 2 + y[1] * y[1] + y[2] * y[2])
+def _distance(y, centre):
+    return np.sqrt((y[0] - centre) ** 2 + y[1] * y[1] + y[2] * y[2])
 
 
 @njit(cache=True, error_model="numpy")
-def integrate(method, y0, times, mu, rtol, atol, out, closest):
-    """Integrate from time 0 and evaluate the continuous extension at the wanted times.
+def integrate(method, forces, start, y0, times, rtol, atol, out, centres, closest):
+    """Integrate and evaluate the continuous extension at the wanted times (compiled).
 
     Parameters
     ----------
     method : int
-        `DOPRI5` or `DOP853_METHOD`.
+        `DOPRI5` or `DOP853`.
+    forces : NamedTuple
+        A force model, see `cislunar.dynamics.forces`.
+    start : float
+        Time of `y0`, nondimensional, since the epoch.
     y0 : ndarray, shape (n,)
-        Start at time 0, n = 6 or 42.
+        Start, n = 6 or 42.
     times : ndarray, shape (m,)
-        Monotone and all of one sign (or zero); the last is where the integration ends.
-    mu, rtol, atol : float
-        Mass ratio and tolerances.
+        Since `start`; monotone and all of one sign (or zero). The last is where the integration
+        ends.
+    rtol, atol : float
+        Tolerances.
     out : ndarray, shape (m, n)
         Receives the solution.
-    closest : ndarray, shape (2,) or (0,)
-        If it has two entries, receives the least distances to the Earth and to the Moon
-        (forward integration only).
+    centres : ndarray, shape (k,)
+        Places on the x axis to which the least distance is wanted (forward integration only).
+    closest : ndarray, shape (k,)
+        Receives the least distances.
 
     Returns
     -------
     status : int
         `OK`, `STEP_UNDERFLOW` or `TOO_MANY_STEPS`.
     t : float
-        Time reached.
+        Time reached, since `start`.
     """
     n = y0.size
-    last = 12 if method == DOP853_METHOD else 6
-    exponent = -0.125 if method == DOP853_METHOD else -0.2
+    last = STAGES8 if method == DOP853 else STAGES5
+    exponent = -0.125 if method == DOP853 else -0.2
     y = y0.copy()
     y_new = np.empty(n)
     work = np.empty(n)
     slopes = np.empty((16, n))
     dense = np.empty((7, n))
-    derivative(y, slopes[0], mu)
-    track = closest.size == 2
-    if track:
-        closest[0] = _distance(y, -mu)
-        closest[1] = _distance(y, 1.0 - mu)
+    _derivative(forces, start, y, slopes[0])
+    for k in range(centres.size):
+        closest[k] = _distance(y, centres[k])
     m = times.size
     done = 0
     while done < m and times[done] == 0.0:
@@ -296,7 +279,7 @@ def integrate(method, y0, times, mu, rtol, atol, out, closest):
     end = times[m - 1]
     direction = 1.0 if end > 0.0 else -1.0
     t = 0.0
-    h = initial_step(method, y, slopes[0], end, mu, rtol, atol, work, slopes[1])
+    h = _initial_step(method, forces, start, y, slopes[0], end, rtol, atol, work, slopes[1])
     rejected = False
     for _ in range(MAX_STEPS):
         remaining = abs(end - t)
@@ -304,34 +287,34 @@ def integrate(method, y0, times, mu, rtol, atol, out, closest):
         # Written so that a NaN (a step into the centre of a primary) also counts as underflow.
         if not h > 4e-16 * max(abs(t), 1e-3):
             return STEP_UNDERFLOW, t
-        error = try_step(method, y, h * direction, slopes, y_new, mu, rtol, atol)
+        step = h * direction
+        _step(method, forces, start + t, y, step, slopes, y_new)
+        error = _error_norm(method, y, y_new, step, slopes, rtol, atol)
         if not error < 1.0:
             h *= max(0.2, 0.9 * error**exponent) if np.isfinite(error) else 0.2
             rejected = True
             continue
-        t_new = end if h == remaining else t + h * direction
+        t_new = end if h == remaining else t + step
         wanted = done < m and (t_new - times[done]) * direction >= 0.0
         ready = False
         if wanted and times[done] != t_new:
-            prepare_dense(method, y, y_new, h * direction, slopes, dense, work, mu)
+            _prepare_dense(method, forces, start + t, y, y_new, step, slopes, dense, work)
             ready = True
         while done < m and (t_new - times[done]) * direction >= 0.0:
             if times[done] == t_new:
                 out[done] = y_new
             else:
-                fraction = (times[done] - t) / (h * direction)
-                evaluate_dense(method, y, dense, fraction, out[done])
+                _evaluate_dense(method, y, dense, (times[done] - t) / step, out[done])
             done += 1
-        if track:
-            for k in range(2):
-                centre = -mu if k == 0 else 1.0 - mu
-                closest[k] = min(closest[k], _distance(y_new, centre))
-                if _radial_rate(y, centre) < 0.0 and _radial_rate(y_new, centre) > 0.0:
-                    if not ready:
-                        prepare_dense(method, y, y_new, h * direction, slopes, dense, work, mu)
-                        ready = True
-                    _close_in(method, y, dense, centre, work)
-                    closest[k] = min(closest[k], _distance(work, centre))
+        for k in range(centres.size):
+            centre = centres[k]
+            closest[k] = min(closest[k], _distance(y_new, centre))
+            if _radial_rate(y, centre) < 0.0 and _radial_rate(y_new, centre) > 0.0:
+                if not ready:
+                    _prepare_dense(method, forces, start + t, y, y_new, step, slopes, dense, work)
+                    ready = True
+                _close_in(method, y, dense, centre, work)
+                closest[k] = min(closest[k], _distance(work, centre))
         if done == m:
             return OK, t_new
         factor = 10.0 if error == 0.0 else min(10.0, max(0.2, 0.9 * error**exponent))
@@ -344,25 +327,26 @@ def integrate(method, y0, times, mu, rtol, atol, out, closest):
 
 
 @njit(cache=True, error_model="numpy")
-def step_dop853(state, dt, mu):
-    """One DOP853 step of fixed size, without error control.
+def step_dop853(forces, t, state, dt):
+    """One DOP853 step of fixed size, without error control (compiled).
 
     Parameters
     ----------
+    forces : NamedTuple
+        A force model, see `cislunar.dynamics.forces`.
+    t : float
+        Time at the start of the step, nondimensional, since the epoch.
     state : ndarray, shape (6,) or (42,)
-        Nondimensional, rotating frame; 42 entries carry the STM row by row.
+        Nondimensional, frame of the force model; 42 entries carry the STM row by row.
     dt : float
         Step, nondimensional.
-    mu : float
-        Mass ratio.
 
     Returns
     -------
     ndarray, same shape
     """
-    slopes = np.empty((13, state.size))
+    slopes = np.empty((STAGES8 + 1, state.size))
     y_new = np.empty(state.size)
-    derivative(state, slopes[0], mu)
-    for s in range(1, 13):
-        _stage(state, dt, slopes, _A8[s], _FIRST8[s], s, y_new, mu)
+    _derivative(forces, t, state, slopes[0])
+    _step(DOP853, forces, t, state, dt, slopes, y_new)
     return y_new

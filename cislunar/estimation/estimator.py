@@ -128,7 +128,7 @@ class EstimatorFactory(Protocol):
         sensor: Sensor,
         initial: InitialEstimate,
         rng: np.random.Generator,
-        mu: float,
+        forces: tuple,
     ) -> Estimator:
         """The generator is the estimator's own; one that draws nothing ignores it."""
         ...

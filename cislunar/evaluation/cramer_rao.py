@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude.inertia import is_spherical
 from cislunar.attitude.transition import rigid_transition, spherical_transition
-from cislunar.constants import MU
+from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.runge_kutta import step_dop853
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import cholesky
@@ -138,7 +138,7 @@ def _bound_of_target(
     observer,
     root,
     process_variance,
-    mu,
+    forces,
     out,
 ):
     """Bound of target j at all steps, (step, 12), into `out` (compiled)."""
@@ -158,7 +158,7 @@ def _bound_of_target(
     out[:, :] = np.nan
     for step in range(out.shape[0]):
         motion[:6] = translation[step]
-        motion = step_dop853(motion, scene.step, mu)
+        motion = step_dop853(forces, step * scene.step, motion, scene.step)
         if spherical:
             spherical_transition(omega[step], scene.step_s, step_turn)
         else:
@@ -171,7 +171,7 @@ def _bound_of_target(
                     total += step_turn[a, c] * turn[c, b]
                 product[a, b] = total
         turn[:, :] = product
-        if not _outside_primaries(translation[step + 1], mu):
+        if not _outside_primaries(translation[step + 1], forces.mu):
             return
         if noisy and not _move_reference(turn, motion[6:], root, carried, process_variance):
             return
@@ -209,7 +209,7 @@ def _bounds(
     observer,
     sigma,
     process_variance,
-    mu,
+    forces,
     out,
 ):
     """Bounds of all targets (compiled); see `cramer_rao_bound`."""
@@ -227,7 +227,7 @@ def _bounds(
             observer[j],
             np.diag(sigma),
             process_variance,
-            mu,
+            forces,
             out[j],
         )
 
@@ -243,7 +243,7 @@ def cramer_rao_bound(
     sigma: ArrayLike,
     *,
     process_variance: ArrayLike | None = None,
-    mu: float = MU,
+    forces: tuple = EARTH_MOON,
 ) -> Array:
     """Posterior Cramer-Rao bound of all targets at every step of a run.
 
@@ -267,8 +267,8 @@ def cramer_rao_bound(
         Standard deviations at the epoch, see `cislunar.estimation.estimator.InitialEstimate`.
     process_variance : array_like, shape (12,), optional
         Added to the covariance's diagonal at each step; none, if omitted.
-    mu : float
-        Mass ratio.
+    forces : NamedTuple
+        Force model, see `cislunar.dynamics.forces`.
 
     Returns
     -------
@@ -316,7 +316,7 @@ def cramer_rao_bound(
         seen_from,
         deviations,
         process,
-        float(mu),
+        forces,
         out,
     )
     return out

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import MU
-from cislunar.dynamics.cr3bp import equations_of_motion, jacobi_constant
+from cislunar.dynamics.cr3bp import CR3BP, equations_of_motion, jacobi_constant
 from cislunar.dynamics.propagation import propagate_stm
 from cislunar.errors import ConvergenceError
 
@@ -87,7 +87,7 @@ def shoot(crossing: ArrayLike, mu: float = MU) -> HalfOrbit:
         If the trajectory collides with a primary.
     """
     u = np.array(crossing, dtype=float)
-    end, stm = propagate_stm(crossing_state(u), u[HALF_PERIOD], mu=mu)
+    end, stm = propagate_stm(crossing_state(u), u[HALF_PERIOD], forces=CR3BP(mu))
     jacobian = np.empty((3, 4))
     jacobian[:, :3] = stm[np.ix_(_CROSSED, _START)]
     jacobian[:, 3] = equations_of_motion(end, mu)[_CROSSED]

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import MU
-from cislunar.dynamics.cr3bp import primary_distances
+from cislunar.dynamics.cr3bp import CR3BP, primary_distances
 from cislunar.dynamics.propagation import propagate, propagate_stm
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ def farthest_state(state: ArrayLike, period: float, mu: float = MU) -> Array:
     """
     times = period * (np.arange(_SAMPLES) / _SAMPLES - 0.5)
     times = np.append(0.0, times[times != 0.0])
-    states = propagate(state, times, mu=mu, method="dop853")
+    states = propagate(state, times, forces=CR3BP(mu), method="dop853")
     nearest = np.minimum(*primary_distances(states, mu))
     return states[np.argmax(nearest)]
 
@@ -65,7 +65,7 @@ def monodromy(state: ArrayLike, period: float, mu: float = MU) -> Array:
     ConvergenceError
         If the propagation fails.
     """
-    return propagate_stm(farthest_state(state, period, mu), period, mu=mu)[1]
+    return propagate_stm(farthest_state(state, period, mu), period, forces=CR3BP(mu))[1]
 
 
 def stability_index(state: ArrayLike, period: float, mu: float = MU) -> float:

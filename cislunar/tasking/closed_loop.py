@@ -9,8 +9,8 @@ Assumptions and limitations
 - An observer whose best pairing brings no information stays idle until the next epoch.
 - The paper judges information "at" the epoch; here it is that of the first measurement after it,
   from the covariance predicted to that time.
-- The truth has the filter's own translational dynamics, and its reflection model in form. Shapes,
-  materials, inertia, noise and torque may differ (`cislunar.tasking.simulation.TruthModel`).
+- The truth has the filter's reflection model in form. Shapes, materials, inertia, noise, torque and
+  force model may differ (`cislunar.tasking.simulation.TruthModel`).
 - The Cramer-Rao bound is that of an estimator that knows the truth's model, without process noise,
   whatever the estimator of the run supposes.
 """
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.constants import MU
+from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimator, EstimatorFactory, InitialEstimate
 from cislunar.estimation.registry import estimator_named
@@ -142,13 +142,13 @@ class _Run:
         settings: LoopSettings,
         estimator: Estimator,
         truth: Truth,
-        true_surfaces: TargetSurfaces,
+        model: TruthModel,
         seed: int,
-        mu: float,
+        forces: tuple,
     ) -> None:
         self.scene, self.surfaces, self.settings = scene, surfaces, settings
-        self.estimator, self.truth, self.seed, self.mu = estimator, truth, seed, mu
-        self.true_surfaces = true_surfaces
+        self.estimator, self.truth, self.seed = estimator, truth, seed
+        self.model, self.forces = model, forces
         n_targets, n_steps = truth.translation.shape[0], settings.n_steps
         n_observers, n_epochs = scene.observer_position.shape[0], settings.epochs.size
         self.error = np.empty((n_targets, n_steps, 12))
@@ -170,7 +170,7 @@ class _Run:
             self.surfaces,
             settings.sensor,
             settings.tasking,
-            self.mu,
+            self.forces,
         )
         tasking = assign(
             pairs,
@@ -190,13 +190,13 @@ class _Run:
             first,
             stop - start,
             self.scene,
-            self.true_surfaces,
+            self.model.surfaces,
             settings.sensor,
             observer_of,
             self.truth.translation,
             self.truth.quaternion,
             self.truth.noise,
-            self.mu,
+            self.model.forces.mu,
         )
         estimates = self.estimator.advance(measurements, observer_of)
         fate[estimates.used] = USED
@@ -206,21 +206,21 @@ class _Run:
         self.error[:, window] = estimation_errors(first, self.truth, estimates)
         self.sigma[:, window] = estimates.sigma
 
-    def judge(self, noise: Array, initial_sigma: Array, bound: Array) -> TrackingMetrics:
+    def judge(self, initial_sigma: Array, bound: Array) -> TrackingMetrics:
         """Metrics of the run; the Cramer-Rao bound at the recorded steps goes into `bound`."""
         parts = []
         for start in range(0, self.fate.shape[0], JUDGED_TOGETHER):
             some = slice(start, start + JUDGED_TOGETHER)
             least = cramer_rao_bound(
                 self.scene,
-                self.true_surfaces.of(some),
-                noise,
+                self.model.surfaces.of(some),
+                self.model.noise,
                 self.truth.translation[some],
                 self.truth.quaternion[some],
                 self.truth.angular_velocity[some],
                 self.used_by[some],
                 initial_sigma,
-                mu=self.mu,
+                forces=self.model.forces,
             )
             used = self.fate[some] == USED
             parts.append(
@@ -241,7 +241,7 @@ def run_closed_loop(
     estimator: EstimatorFactory | str = "mukf",
     initial: InitialEstimate | None = None,
     truth: TruthModel | None = None,
-    mu: float = MU,
+    forces: tuple = EARTH_MOON,
     progress: Callable[[int, int], None] | None = None,
 ) -> LoopResult:
     """Run all seeds of one cell.
@@ -267,10 +267,10 @@ def run_closed_loop(
         Estimates at the epoch, instead of the paper's attitude and angular velocity for all
         targets, with `epoch_state` and ``settings.initial``.
     truth : TruthModel, optional
-        What the targets truly are and how noisy the measurements; as believed, without torque, if
-        omitted. Neither estimator nor tasking knows it.
-    mu : float
-        Mass ratio.
+        What the targets truly are, how they move and how noisy the measurements; as believed,
+        without torque, if omitted. Neither estimator nor tasking knows it.
+    forces : NamedTuple
+        Force model the estimator believes in, see `cislunar.dynamics.forces`.
     progress : callable, optional
         Called with (epochs done, epochs in all seeds).
 
@@ -289,7 +289,7 @@ def run_closed_loop(
     if initial is None:
         initial = initial_estimate(epoch_state, settings.initial.components())
     if truth is None:
-        truth = TruthModel(surfaces, settings.sensor.noise, np.zeros(3))
+        truth = TruthModel(surfaces, settings.sensor.noise, np.zeros(3), forces)
     _require_consistency(scene, surfaces, truth, initial, ids, seeds, settings)
     recorded = settings.recorded
     n_epochs, n_targets = settings.epochs.size, ids.size
@@ -304,17 +304,17 @@ def run_closed_loop(
             truth.noise,
             seed,
             ids,
-            mu,
+            forces=truth.forces,
             inertia=truth.surfaces.inertia,
             angular_acceleration=truth.angular_acceleration,
         )
-        own = factory(scene, surfaces, settings.sensor, initial, stream(ESTIMATOR, seed), mu)
-        run = _Run(scene, surfaces, settings, own, motion, truth.surfaces, seed, mu)
+        own = factory(scene, surfaces, settings.sensor, initial, stream(ESTIMATOR, seed), forces)
+        run = _Run(scene, surfaces, settings, own, motion, truth, seed, forces)
         for number in range(n_epochs):
             run.epoch(number)
             if progress is not None:
                 progress(s * n_epochs + number + 1, len(seeds) * n_epochs)
-        metrics.append(run.judge(truth.noise, initial.sigma, bound[s]))
+        metrics.append(run.judge(initial.sigma, bound[s]))
         error[s] = run.error[:, recorded].swapaxes(0, 1)
         sigma[s] = run.sigma[:, recorded].swapaxes(0, 1)
         fate[s] = run.fate.T

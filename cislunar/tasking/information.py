@@ -181,7 +181,7 @@ def _fill(
         for o in range(out.shape[0]):
             observer = scene.observer_position[o, index]
             x, y, z = points[0, 0], points[0, 1], points[0, 2]
-            if not _sphere_visible(observer, x, y, z, sun, faintness, limits, constants.mu):
+            if not _sphere_visible(observer, x, y, z, sun, faintness, limits, constants.forces.mu):
                 continue
             declination = _direction_differences(points, observer, axes, differences)
             innovation_moments(differences, angle_noise, weights, shift, cross, even)
@@ -222,7 +222,7 @@ def pair_information(
     surfaces: TargetSurfaces,
     sensor: Sensor,
     model: TaskingModel,
-    mu: float,
+    forces: tuple,
 ) -> Array:
     """Mutual information of every pair, nats.
 
@@ -237,8 +237,8 @@ def pair_information(
         As for the filter. The surfaces matter to ``states="full"`` only.
     model : TaskingModel
         Settings.
-    mu : float
-        Mass ratio.
+    forces : NamedTuple
+        Force model, see `cislunar.dynamics.forces`.
 
     Returns
     -------
@@ -258,7 +258,7 @@ def pair_information(
     unused = np.empty((n_targets, 0)), np.empty((n_targets, 0, 0))
     limits = sensor.limits()
     constants = FilterConstants(
-        float(mu),
+        forces,
         np.zeros(12),
         limits.noise_variance / model.measurements,
         limits.half_field,

@@ -16,6 +16,7 @@ from cislunar.attitude.quaternion import compose, multiply_components
 from cislunar.attitude.rigid_body import propagate_under_torque
 from cislunar.constants import MU
 from cislunar.dynamics.bundle import propagate_bundle
+from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON
 from cislunar.dynamics.propagation import propagate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimates, InitialEstimate
@@ -87,7 +88,7 @@ def epoch_states(state: ArrayLike, period: ArrayLike, seed: int, mu: float = MU)
     times = fractions * periods
     return np.array(
         [
-            propagate(one, [time], mu=mu, method="dop853")[0]
+            propagate(one, [time], forces=CR3BP(mu), method="dop853")[0]
             for one, time in zip(states, times, strict=True)
         ]
     )
@@ -104,11 +105,14 @@ class TruthModel(NamedTuple):
         Standard deviations of the measurements: mag, rad, rad.
     angular_acceleration : ndarray, shape (3,)
         That which a torque constant in the body frame gives every target, rad/s^2.
+    forces : NamedTuple
+        Force model of the translation, see `cislunar.dynamics.forces`.
     """
 
     surfaces: TargetSurfaces
     noise: Array
     angular_acceleration: Array
+    forces: tuple = EARTH_MOON
 
 
 class Truth(NamedTuple):
@@ -173,8 +177,8 @@ def draw_truth(
     noise: ArrayLike,
     seed: int,
     target_ids: ArrayLike,
-    mu: float = MU,
     *,
+    forces: tuple = EARTH_MOON,
     inertia: ArrayLike | None = None,
     angular_acceleration: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Truth:
@@ -192,8 +196,8 @@ def draw_truth(
         Of this realisation.
     target_ids : array_like of int, shape (target,)
         Identity of each target, which with the seed selects its random numbers.
-    mu : float
-        Mass ratio.
+    forces : NamedTuple
+        Force model, see `cislunar.dynamics.forces`.
     inertia : array_like, shape (target, 3, 3), optional
         Inertia matrices, body frame; spherical if omitted.
     angular_acceleration : array_like, shape (3,)
@@ -218,7 +222,9 @@ def draw_truth(
     ]
     draws = [stream(_MEASUREMENT, seed, j).standard_normal((n_times, 3)) for j in ids]
     return Truth(
-        propagate_bundle(initial.translation + error[:, 6:], scene.step, n_times - 1, mu),
+        propagate_bundle(
+            initial.translation + error[:, 6:], scene.step, n_times - 1, forces=forces
+        ),
         np.array([attitude for attitude, _ in rotations]),
         np.array([rate for _, rate in rotations]),
         np.array(draws) * np.asarray(noise, dtype=float),

@@ -8,6 +8,7 @@ from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose, from_rotation_vector
 from cislunar.attitude.rigid_body import propagate_torque_free
 from cislunar.attitude.transition import rigid_transition, spherical_transition
+from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.propagation import propagate, propagate_stm
 from cislunar.dynamics.runge_kutta import step_dop853
 from cislunar.errors import ConfigurationError
@@ -183,8 +184,9 @@ def test_measurement_rows_are_the_derivatives_of_the_measurement(problem):
     ],
 )
 def test_one_step_gives_the_transition_matrix_of_the_translation(problem, state):
-    stepped = step_dop853(np.concatenate([state, np.eye(6).ravel()]), problem.scene.step, 0.01215)
-    end, stm = propagate_stm(state, problem.scene.step, mu=0.01215)
+    forces, step = CR3BP(0.01215), problem.scene.step
+    stepped = step_dop853(forces, 0.0, np.concatenate([state, np.eye(6).ravel()]), step)
+    end, stm = propagate_stm(state, step, forces=forces)
     np.testing.assert_allclose(stepped[:6], end, rtol=0, atol=1e-12)
     np.testing.assert_allclose(stepped[6:].reshape(6, 6), stm, rtol=1e-10, atol=1e-11)
 

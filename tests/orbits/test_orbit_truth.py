@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from cislunar.dynamics.cr3bp import equations_of_motion, variational_matrix
+from cislunar.dynamics.cr3bp import CR3BP, equations_of_motion, variational_matrix
 from cislunar.dynamics.propagation import propagate
 from cislunar.orbits.branches import (
     dragonfly_seed,
@@ -130,7 +130,7 @@ def oblique_apolune(half, low):
     """State of a dragonfly where y = 0 at apolune, between `low` and `low` + 0.2 periods."""
 
     def at(time):
-        return propagate(half.state, [time], mu=CATALOGUE_MU, method="dop853")[0]
+        return propagate(half.state, [time], forces=CR3BP(CATALOGUE_MU), method="dop853")[0]
 
     bracket = low * half.period, (low + 0.2) * half.period
     return at(brentq(lambda time: at(time)[1], *bracket, xtol=1e-14))

@@ -18,7 +18,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
+from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimates, EstimatorFactory, InitialEstimate, Prediction
 from cislunar.estimation.kalman.attitude_spread import rigid_bodies
@@ -122,6 +123,7 @@ def _advance(
                     root[j],
                     bodies,
                     j,
+                    (k - 1) * scene.step,
                     scene.step_s,
                     scene.step,
                     constants,
@@ -162,8 +164,8 @@ def _advance(
 
 
 @njit(cache=True, error_model="numpy")
-def _predict_all(scene, bodies, constants, quaternion, omega, translation, root, failed):
-    """One step of all healthy targets (compiled)."""
+def _predict_all(t, scene, bodies, constants, quaternion, omega, translation, root, failed):
+    """One step of all healthy targets from time t (compiled)."""
     work = make_workspace(3)
     for j in range(failed.shape[0]):
         if failed[j] == HEALTHY:
@@ -174,6 +176,7 @@ def _predict_all(scene, bodies, constants, quaternion, omega, translation, root,
                 root[j],
                 bodies,
                 j,
+                t,
                 scene.step_s,
                 scene.step,
                 constants,
@@ -203,8 +206,8 @@ class MultiplicativeUKF:
         Standard deviations that accumulate in `PROCESS_NOISE_PERIOD_S`; none by default.
     use_magnitude : bool
         False filters on the angles alone.
-    mu : float
-        Mass ratio.
+    forces : NamedTuple
+        Force model, see `cislunar.dynamics.forces`.
 
     Raises
     ------
@@ -221,7 +224,7 @@ class MultiplicativeUKF:
         *,
         process_noise: Spread | None = None,
         use_magnitude: bool = True,
-        mu: float = MU,
+        forces: tuple = EARTH_MOON,
     ) -> None:
         if not np.all(initial.sigma > 0.0):
             raise ConfigurationError(f"initial sigma {initial.sigma} must be positive throughout")
@@ -239,7 +242,7 @@ class MultiplicativeUKF:
         self._index = 0
         limits = sensor.limits()
         self._constants = FilterConstants(
-            float(mu),
+            forces,
             process**2 * (scene.step_s / PROCESS_NOISE_PERIOD_S),
             limits.noise_variance,
             limits.half_field,
@@ -267,7 +270,7 @@ class MultiplicativeUKF:
         quaternion, omega = self._quaternion.copy(), self._omega.copy()
         translation, root = self._translation.copy(), self._root.copy()
         failed = self._failed.copy()
-        world = (self._scene, self._bodies, self._constants)
+        world = (self._index * self._scene.step, self._scene, self._bodies, self._constants)
         _predict_all(*world, quaternion, omega, translation, root, failed)
         covariance = root[:, 6:] @ np.swapaxes(root[:, 6:], 1, 2)
         return Prediction(self._index + 1, translation, covariance, quaternion, root)
@@ -315,7 +318,7 @@ def mukf(*, process_noise: Spread | None = None, use_magnitude: bool = True) -> 
     EstimatorFactory
     """
 
-    def make(scene, surfaces, sensor, initial, rng, mu):
+    def make(scene, surfaces, sensor, initial, rng, forces):
         del rng  # the filter draws nothing
         return MultiplicativeUKF(
             scene,
@@ -324,7 +327,7 @@ def mukf(*, process_noise: Spread | None = None, use_magnitude: bool = True) -> 
             initial,
             process_noise=process_noise,
             use_magnitude=use_magnitude,
-            mu=mu,
+            forces=forces,
         )
 
     return make

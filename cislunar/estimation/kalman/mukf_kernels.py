@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
-from cislunar.dynamics.bundle import STAGES, step_bundle
+from cislunar.dynamics.bundle import step_bundle
+from cislunar.dynamics.tableau import STAGES8
 from cislunar.estimation.kalman.attitude_spread import general_differences, spherical_differences
 from cislunar.estimation.kalman.translation_filter import (
     HEALTHY,
@@ -51,8 +52,8 @@ class FilterConstants(NamedTuple):
 
     Attributes
     ----------
-    mu : float
-        Mass ratio.
+    forces : NamedTuple
+        Force model, see `cislunar.dynamics.forces`.
     process_variance : ndarray, shape (12,)
         Added to the covariance's diagonal at each step.
     noise_variance : ndarray, shape (3,)
@@ -65,7 +66,7 @@ class FilterConstants(NamedTuple):
         For 12 states.
     """
 
-    mu: float
+    forces: tuple
     process_variance: Array
     noise_variance: Array
     half_field: float
@@ -95,7 +96,7 @@ def make_workspace(measured):
     """Scratch arrays for `measured` measurement components, 2 or 3 (compiled)."""
     return Workspace(
         np.empty((6, POINTS)),
-        np.empty((STAGES, 6, POINTS)),
+        np.empty((STAGES8, 6, POINTS)),
         np.empty((6, POINTS)),
         np.empty((POINTS - 1, SIZE)),
         np.empty(SIZE),
@@ -156,7 +157,7 @@ def condition(quaternion, translation, mu):
 
 
 @njit(cache=True, error_model="numpy")
-def predict(quaternion, omega, translation, root, bodies, j, step_s, step, constants, work):
+def predict(quaternion, omega, translation, root, bodies, j, t, step_s, step, constants, work):
     """Carry one target's estimate over a step (compiled).
 
     Parameters
@@ -169,6 +170,8 @@ def predict(quaternion, omega, translation, root, bodies, j, step_s, step, const
         Of all targets.
     j : int
         Index of the target.
+    t : float
+        Time at the start of the step, nondimensional, since the epoch.
     step_s, step : float
         The step in seconds and nondimensional.
     constants : FilterConstants
@@ -187,7 +190,7 @@ def predict(quaternion, omega, translation, root, bodies, j, step_s, step, const
     spread = constants.weights.spread
     bundle, differences = work.bundle, work.differences
     spread_translation(translation, root, spread, bundle)
-    step_bundle(bundle, step, constants.mu, work.slopes, work.stage)
+    step_bundle(constants.forces, t, bundle, step, work.slopes, work.stage)
     if bodies.spherical[j]:
         turn = rotation_vector_components(omega[0] * step_s, omega[1] * step_s, omega[2] * step_s)
         spherical_differences(omega, root, spread, step_s, turn, differences)
@@ -207,7 +210,7 @@ def predict(quaternion, omega, translation, root, bodies, j, step_s, step, const
     for c in range(6):
         translation[c] = bundle[c, 0]
     _apply(quaternion, omega, translation, work.shift)
-    health = condition(quaternion, translation, constants.mu)
+    health = condition(quaternion, translation, constants.forces.mu)
     if health != HEALTHY:
         return health
     if not cholesky(work.covariance):

@@ -11,7 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.dynamics.bundle import STAGES, step_bundle
+from cislunar.dynamics.bundle import step_bundle
+from cislunar.dynamics.tableau import STAGES8
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import (
     UnscentedWeights,
@@ -45,8 +46,8 @@ class TranslationConstants(NamedTuple):
 
     Attributes
     ----------
-    mu : float
-        Mass ratio.
+    forces : NamedTuple
+        Force model, see `cislunar.dynamics.forces`.
     process_variance : ndarray, shape (6,)
         Added to the covariance's diagonal at each step.
     noise_variance : ndarray, shape (2,)
@@ -57,7 +58,7 @@ class TranslationConstants(NamedTuple):
         For six states.
     """
 
-    mu: float
+    forces: tuple
     process_variance: Array
     noise_variance: Array
     half_field: float
@@ -86,7 +87,7 @@ def make_workspace():
     """Scratch arrays (compiled)."""
     return Workspace(
         np.empty((SIZE, POINTS)),
-        np.empty((STAGES, SIZE, POINTS)),
+        np.empty((STAGES8, SIZE, POINTS)),
         np.empty((SIZE, POINTS)),
         np.empty((POINTS - 1, SIZE)),
         np.empty(SIZE),
@@ -127,7 +128,7 @@ def _spread(translation, root, spread, bundle):
 
 
 @njit(cache=True, error_model="numpy")
-def predict_translation(translation, root, step, constants, work):
+def predict_translation(translation, root, t, step, constants, work):
     """Carry one target's translation over a step (compiled).
 
     Parameters
@@ -136,8 +137,8 @@ def predict_translation(translation, root, step, constants, work):
         Mean, nondimensional, rotating frame; updated in place.
     root : ndarray, shape (6, 6)
         Lower Cholesky factor of the covariance; updated in place.
-    step : float
-        Nondimensional.
+    t, step : float
+        Time at the start, since the epoch, and step; nondimensional.
     constants : TranslationConstants
     work : Workspace
 
@@ -148,7 +149,7 @@ def predict_translation(translation, root, step, constants, work):
     """
     weights, bundle, differences = constants.weights, work.bundle, work.differences
     _spread(translation, root, weights.spread, bundle)
-    step_bundle(bundle, step, constants.mu, work.slopes, work.stage)
+    step_bundle(constants.forces, t, bundle, step, work.slopes, work.stage)
     for c in range(SIZE):
         center = bundle[c, 0]
         for i in range(POINTS - 1):
@@ -157,7 +158,7 @@ def predict_translation(translation, root, step, constants, work):
     for c in range(SIZE):
         work.covariance[c, c] += constants.process_variance[c]
         translation[c] = bundle[c, 0] + work.shift[c]
-    health = translation_condition(translation, constants.mu)
+    health = translation_condition(translation, constants.forces.mu)
     if health != HEALTHY:
         return health
     if not cholesky(work.covariance):

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.attitude.inertia import is_spherical
-from cislunar.constants import MU
+from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimates, EstimatorFactory, InitialEstimate, Prediction
 from cislunar.estimation.kalman.mukf import PROCESS_NOISE_PERIOD_S, Spread
@@ -63,8 +63,8 @@ class BatchEstimator:
         Multi-start with eight modes, if omitted.
     process_noise : Spread, optional
         Of the translation; none if omitted.
-    mu : float
-        Mass ratio.
+    forces : NamedTuple
+        Force model, see `cislunar.dynamics.forces`.
 
     Raises
     ------
@@ -83,7 +83,7 @@ class BatchEstimator:
         *,
         settings: BatchSettings | None = None,
         process_noise: Spread | None = None,
-        mu: float = MU,
+        forces: tuple = EARTH_MOON,
     ) -> None:
         if not np.all(initial.sigma > 0.0):
             raise ConfigurationError(f"initial sigma {initial.sigma} must be positive throughout")
@@ -101,7 +101,7 @@ class BatchEstimator:
         n_targets = self._translation.shape[0]
         self._root = np.tile(np.diag(initial.sigma[6:]), (n_targets, 1, 1))
         self._constants = TranslationConstants(
-            float(mu),
+            forces,
             process[6:] ** 2 * (scene.step_s / PROCESS_NOISE_PERIOD_S),
             self._limits.noise_variance[1:].copy(),
             self._limits.half_field,
@@ -178,6 +178,7 @@ class BatchEstimator:
             count = self._state[j, POINTS]
             quaternion, omega, weight = (part[:count] for part in self._points[j])
             predict_target(
+                self._index * self._scene.step,
                 self._scene,
                 self._constants,
                 self._models[j],
@@ -307,7 +308,7 @@ def batch(
             )
         settings = PRESETS[settings]
 
-    def make(scene, surfaces, sensor, initial, rng, mu):
+    def make(scene, surfaces, sensor, initial, rng, forces):
         return BatchEstimator(
             scene,
             surfaces,
@@ -316,7 +317,7 @@ def batch(
             rng,
             settings=settings,
             process_noise=process_noise,
-            mu=mu,
+            forces=forces,
         )
 
     return make

@@ -129,7 +129,9 @@ def advance_target(
     for i in range(n_steps):
         k = first + i
         if state[CONDITION] == HEALTHY:
-            state[CONDITION] = predict_translation(translation, root, scene.step, constants, work)
+            state[CONDITION] = predict_translation(
+                translation, root, (k - 1) * scene.step, scene.step, constants, work
+            )
             if state[CONDITION] == LOST_DEFINITENESS:
                 counters[CHOLESKY_FAILURES] += 1
         used[i] = False
@@ -166,7 +168,7 @@ def advance_target(
             if used[i] or (
                 use_non_detections
                 and not detected
-                and _in_clear_view(translation, place, sun, limits, constants.mu)
+                and _in_clear_view(translation, place, sun, limits, constants.forces.mu)
             ):
                 row = data[state[ROWS]]
                 row[TIME], row[MAGNITUDE] = k * scene.step_s, magnitude
@@ -236,10 +238,10 @@ def _forget(hypotheses, data, model, state, before, memory):
 
 @njit(cache=True, error_model="numpy")
 def predict_target(
-    scene, constants, model, translation, root, quaternion, omega, weight, mean, joint
+    t, scene, constants, model, translation, root, quaternion, omega, weight, mean, joint
 ):
-    """Carry copies of one target's estimate over a step; fills the joint root (compiled)."""
-    health = predict_translation(translation, root, scene.step, constants, make_workspace())
+    """Carry copies of a target's estimate over a step from time t; fills the joint root."""
+    health = predict_translation(translation, root, t, scene.step, constants, make_workspace())
     joint[:, :] = 0.0
     if health != HEALTHY:
         translation[:] = np.nan

@@ -5,6 +5,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import SECONDS_PER_DAY
+from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.propagation import propagate, propagate_periodic
 
 Array = NDArray[np.float64]
@@ -118,9 +119,9 @@ def target_tracks_km(tracked: xr.Dataset, hours: ArrayLike) -> Array:
     ndarray, shape (n_times, n_targets, 3)
         Rotating frame, km.
     """
-    times, mu = _nondimensional(tracked, hours), float(tracked.attrs["mu"])
+    times, forces = _nondimensional(tracked, hours), CR3BP(float(tracked.attrs["mu"]))
     # Some are not periodic, so all are propagated.
-    tracks = [propagate(state, times, mu=mu)[:, :3] for state in tracked["state"].values]
+    tracks = [propagate(state, times, forces=forces)[:, :3] for state in tracked["state"].values]
     return np.stack(tracks, axis=1) * float(tracked.attrs["length_unit_km"])
 
 
