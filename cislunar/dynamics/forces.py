@@ -46,8 +46,8 @@ def implements(function: Callable, model: type) -> Callable:
     function : callable
         `at`, `acceleration`, `partials` or `acceleration_change`.
     model : type
-        A NamedTuple class. It must be importable by its module's name, since compiled kernels
-        are cached by it.
+        A NamedTuple class. Kernels are cached on disk by its name, so it has to be importable in
+        every process that shares the cache.
     """
 
     def register(body: Callable) -> Callable:
