@@ -94,13 +94,13 @@ def against_direct(n_targets: int, n_satellites: int, rng: np.random.Generator) 
     tables.distance[chosen] = real.distance
     tables.stability_index[chosen] = orbits.stability_index
     cost = CostFunction(tables)
-    value = cost(chosen, satellites).value
+    value = cost.value(chosen, satellites)
     # Other orbits every time, so that the rows do not wait in the cache.
     tried = [
         (rng.choice(N_ORBITS, N_SLOTS, replace=False), rng.integers(1, 11, N_SLOTS))
         for _ in range(2000)
     ]
-    each = min(seconds(lambda: [cost(*way) for way in tried]) for _ in range(3)) / len(tried)
+    each = min(seconds(lambda: [cost.value(*way) for way in tried]) for _ in range(3)) / len(tried)
     start = perf_counter()
     expected = direct_cost(orbits, satellites, target, times, sun)
     direct = perf_counter() - start
@@ -117,10 +117,10 @@ def against_direct(n_targets: int, n_satellites: int, rng: np.random.Generator) 
 def search_times(rng: np.random.Generator) -> None:
     """Time restarts of the coordinate search."""
     for scenario, n_targets in (("B", 2000), ("C", 10_000)):
-        tables = made_up_tables(n_targets, rng)
-        coordinate_search(tables, rng, n_slots=N_SLOTS, restarts=1)
+        cost = CostFunction(made_up_tables(n_targets, rng))
+        coordinate_search(cost, rng, n_slots=N_SLOTS, restarts=1)
         start = perf_counter()
-        coordinate_search(tables, rng, n_slots=N_SLOTS, restarts=3)
+        coordinate_search(cost, rng, n_slots=N_SLOTS, restarts=3)
         each = (perf_counter() - start) / 3
         print(f"coordinate search, size of scenario {scenario}: {each:.2f} s a restart")
 

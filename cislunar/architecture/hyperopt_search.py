@@ -8,10 +8,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.cost import CostFunction
+from cislunar.architecture.objective import Objective
 from cislunar.architecture.result import SearchResult
 from cislunar.architecture.search_space import build_space
-from cislunar.architecture.tables import ArchitectureTables
 from cislunar.errors import ConfigurationError
 
 HYPEROPT_METHODS = ("tpe", "atpe", "random")
@@ -42,7 +41,7 @@ def stopping_evaluation(history: NDArray[np.float64], patience: int) -> int:
     Parameters
     ----------
     history : ndarray, shape (evaluation,)
-        J of each evaluation.
+        Value of each evaluation.
     patience : int
         Evaluations without improvement after which the search stops.
 
@@ -59,7 +58,7 @@ def stopping_evaluation(history: NDArray[np.float64], patience: int) -> int:
 
 
 def hyperopt_search(
-    tables: ArchitectureTables,
+    objective: Objective,
     *,
     method: str,
     rng: np.random.Generator,
@@ -69,12 +68,12 @@ def hyperopt_search(
     early_stop: int | None = 500,
     progress: Callable[[int, int], None] | None = None,
 ) -> SearchResult:
-    """Search for the architecture with the largest J.
+    """Search for the architecture of largest value.
 
     Parameters
     ----------
-    tables : ArchitectureTables
-        Tables of one target set.
+    objective : Objective
+        What makes an architecture better.
     method : str
         "tpe", "random", or "atpe" (needs lightgbm).
     rng : numpy.random.Generator
@@ -105,14 +104,13 @@ def hyperopt_search(
         raise ConfigurationError(
             f"optimizer {method!r} is not known: use one of {list(HYPEROPT_METHODS)}"
         )
-    space, decode = build_space(tables, n_slots=n_slots, labels=labels)
-    cost = CostFunction(tables)
+    space, decode = build_space(objective, n_slots=n_slots, labels=labels)
     tried: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
     history: list[float] = []
 
     def loss(sample: dict) -> dict:
         orbit, satellites = decode(sample)
-        value = cost(orbit, satellites).value
+        value = objective.value(orbit, satellites)
         tried.append((orbit, satellites))
         history.append(value)
         if progress is not None:
@@ -146,4 +144,4 @@ def hyperopt_search(
     allowed = len(history)
     if early_stop is not None:
         allowed = stopping_evaluation(np.array(history), early_stop)
-    return SearchResult.from_trials(cost, tried[:allowed], history[:allowed])
+    return SearchResult.from_trials(objective, tried[:allowed], history[:allowed])

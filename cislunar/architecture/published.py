@@ -9,9 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cislunar.architecture.cost import CostFunction
+from cislunar.architecture.objective import Objective
 from cislunar.architecture.result import SearchResult
-from cislunar.architecture.tables import ArchitectureTables
 from cislunar.errors import ConfigurationError
 
 PUBLISHED: dict[str, tuple[tuple[str, int], ...]] = {
@@ -63,22 +62,22 @@ PUBLISHED_COST: dict[str, dict[str, tuple[float, int]]] = {
 
 
 def choose_members(
-    tables: ArchitectureTables,
+    objective: Objective,
     slots: tuple[tuple[str, int], ...],
     *,
     rng: np.random.Generator,
     restarts: int = 20,
     progress: Callable[[int, int], None] | None = None,
 ) -> SearchResult:
-    """Choose the member of each family so that J is largest, counts being given.
+    """Choose the member of each family so that the value is largest, counts being given.
 
     Coordinate search from random members: one slot after another takes its best free member
     until none improves.
 
     Parameters
     ----------
-    tables : ArchitectureTables
-        Tables of one target set.
+    objective : Objective
+        What makes an architecture better.
     slots : tuple of (str, int)
         Family and number of satellites of each slot.
     rng : numpy.random.Generator
@@ -99,26 +98,25 @@ def choose_members(
         If a family has fewer members in the tables than it has slots, or a count is too large.
     """
     satellites = np.array([count for _, count in slots], dtype=np.int64)
-    if satellites.max() > tables.max_satellites:
+    if satellites.max() > objective.max_satellites:
         raise ConfigurationError(
             f"a published slot has {satellites.max()} satellites, the tables stop at "
-            f"max_satellites = {tables.max_satellites}"
+            f"max_satellites = {objective.max_satellites}"
         )
     members = {}
     for family in dict.fromkeys(name for name, _ in slots):  # a set has no fixed order
-        members[family] = np.flatnonzero(tables.family == family)
+        members[family] = np.flatnonzero(objective.family == family)
         wanted = sum(name == family for name, _ in slots)
         if len(members[family]) < wanted:
             raise ConfigurationError(
                 f"orbit family {family} has {len(members[family])} members in the library, "
                 f"the published architecture needs {wanted}: raise orbits.members"
             )
-    cost = CostFunction(tables)
     tried: list[tuple[np.ndarray, np.ndarray]] = []
     history: list[float] = []
 
     def judge(orbit: np.ndarray) -> float:
-        value = cost(orbit, satellites).value
+        value = objective.value(orbit, satellites)
         tried.append((orbit.copy(), satellites))
         history.append(value)
         return value
@@ -140,7 +138,7 @@ def choose_members(
                         orbit, best, improved = trial, value, True
         if progress is not None:
             progress(restart + 1, restarts)
-    return SearchResult.from_trials(cost, tried, history, keep_slots=True)
+    return SearchResult.from_trials(objective, tried, history, keep_slots=True)
 
 
 def _random_members(slots, members, rng) -> np.ndarray:

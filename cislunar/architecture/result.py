@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.cost import CostFactors, CostFunction
+from cislunar.architecture.objective import Objective
 
 
 @dataclass(frozen=True)
@@ -19,23 +19,23 @@ class SearchResult:
         Indices into the orbit library.
     satellites : ndarray of int64, shape (slot,)
         Satellites on each of those orbits.
-    cost : CostFactors
-        J and its factors.
+    value : float
+        Its value.
     history : ndarray, shape (evaluation,)
-        J of each evaluation, in order.
+        Value of each evaluation, in order.
     satellites_history : ndarray of int64, shape (evaluation,)
         Total number of satellites of each evaluation.
-    orbit_trials, satellites_trials : ndarray of int64, shape (evaluation, slot), or None
-        The architecture of each evaluation, where the optimiser keeps it.
+    orbit_trials, satellites_trials : ndarray of int64, shape (evaluation, slot)
+        The architecture of each evaluation.
     """
 
     orbit: NDArray[np.int64]
     satellites: NDArray[np.int64]
-    cost: CostFactors
+    value: float
     history: NDArray[np.float64]
     satellites_history: NDArray[np.int64]
-    orbit_trials: NDArray[np.int64] | None = None
-    satellites_trials: NDArray[np.int64] | None = None
+    orbit_trials: NDArray[np.int64]
+    satellites_trials: NDArray[np.int64]
 
     @property
     def n_satellites(self) -> int:
@@ -45,35 +45,22 @@ class SearchResult:
     @classmethod
     def from_trials(
         cls,
-        cost: CostFunction,
+        objective: Objective,
         tried: Sequence[tuple[NDArray[np.int64], NDArray[np.int64]]],
         history: Sequence[float],
         *,
         keep_slots: bool = False,
     ) -> "SearchResult":
-        """Pick the best of the architectures tried.
+        """Pick the best of the architectures tried, whose values are the history.
 
-        Parameters
-        ----------
-        cost : CostFunction
-            The cost they were judged by.
-        tried : sequence of (orbit, satellites)
-            Architectures in the order of evaluation.
-        history : sequence of float
-            Their J.
-        keep_slots : bool
-            Leave the slots in their order instead of sorting them by orbit.
-
-        Returns
-        -------
-        SearchResult
+        The slots are sorted by orbit, or left in their order.
         """
         orbit, satellites = tried[int(np.argmax(history))]
         order = np.arange(len(orbit)) if keep_slots else np.argsort(orbit, kind="stable")
         return cls(
             orbit=orbit[order],
             satellites=satellites[order],
-            cost=cost(orbit[order], satellites[order]),
+            value=objective.value(orbit[order], satellites[order]),
             history=np.asarray(history, dtype=float),
             satellites_history=np.array([n.sum() for _, n in tried], dtype=np.int64),
             orbit_trials=np.array([o for o, _ in tried], dtype=np.int64),

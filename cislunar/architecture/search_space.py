@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.tables import ArchitectureTables
+from cislunar.architecture.objective import Objective
 from cislunar.errors import ConfigurationError
 
 Architecture = tuple[NDArray[np.int64], NDArray[np.int64]]
@@ -47,13 +47,13 @@ def _integer(value: float, low: int, high: int) -> int:
 
 
 def build_space(
-    tables: ArchitectureTables, *, n_slots: int = 10, labels: str = "stability_rank"
+    objective: Objective, *, n_slots: int = 10, labels: str = "stability_rank"
 ) -> tuple[dict[str, Any], Callable[[Mapping[str, Any]], Architecture]]:
     """Hyperopt search space of an architecture, and its decoder.
 
     Parameters
     ----------
-    tables : ArchitectureTables
+    objective : Objective
         Gives the orbits, their families and stability indices, and the largest count.
     n_slots : int
         Number of orbits to choose (Paul & Fan: exactly 10).
@@ -74,37 +74,37 @@ def build_space(
     """
     from hyperopt import hp
 
-    if not 1 <= n_slots <= tables.n_orbits:
+    if not 1 <= n_slots <= objective.n_orbits:
         raise ConfigurationError(
-            f"slots = {n_slots} must lie in 1 .. {tables.n_orbits}, the number of orbits"
+            f"slots = {n_slots} must lie in 1 .. {objective.n_orbits}, the number of orbits"
         )
     if labels not in LABELS:
         raise ConfigurationError(f"labels = {labels!r} is not known: use one of {list(LABELS)}")
     slots = range(n_slots)
     space: dict[str, Any] = {
-        f"satellites_{i}": _integers(f"satellites_{i}", 1, tables.max_satellites) for i in slots
+        f"satellites_{i}": _integers(f"satellites_{i}", 1, objective.max_satellites) for i in slots
     }
-    ranges = _family_ranges(tables.family)
-    by_stability = np.argsort(tables.stability_index, kind="stable")
+    ranges = _family_ranges(objective.family)
+    by_stability = np.argsort(objective.stability_index, kind="stable")
     for i in slots:
         if labels == "family_position":
             space[f"family_{i}"] = hp.randint(f"family_{i}", len(ranges))
             space[f"position_{i}"] = hp.uniform(f"position_{i}", 0.0, 1.0)
         elif labels == "categorical":
-            space[f"orbit_{i}"] = hp.randint(f"orbit_{i}", tables.n_orbits)
+            space[f"orbit_{i}"] = hp.randint(f"orbit_{i}", objective.n_orbits)
         else:
-            space[f"orbit_{i}"] = _integers(f"orbit_{i}", 0, tables.n_orbits - 1)
+            space[f"orbit_{i}"] = _integers(f"orbit_{i}", 0, objective.n_orbits - 1)
 
     def decode_orbit(sample: Mapping[str, Any], i: int) -> int:
         if labels == "family_position":
             start, members = ranges[int(sample[f"family_{i}"])]
             return start + _integer(sample[f"position_{i}"] * members, 0, members - 1)
-        index = _integer(sample[f"orbit_{i}"], 0, tables.n_orbits - 1)
+        index = _integer(sample[f"orbit_{i}"], 0, objective.n_orbits - 1)
         return int(by_stability[index]) if labels == "stability_rank" else index
 
     def decode(sample: Mapping[str, Any]) -> Architecture:
         orbit = np.array([decode_orbit(sample, i) for i in slots], dtype=np.int64)
-        counts = [_integer(sample[f"satellites_{i}"], 1, tables.max_satellites) for i in slots]
+        counts = [_integer(sample[f"satellites_{i}"], 1, objective.max_satellites) for i in slots]
         return orbit, np.array(counts, dtype=np.int64)
 
     return space, decode

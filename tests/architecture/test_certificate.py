@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cislunar.architecture.coordinate_search import coordinate_search
+from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.optimality.certificate import certify
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.errors import ConfigurationError
@@ -62,21 +63,15 @@ CASES = [
 @pytest.mark.parametrize("settings, n_slots, epsilon, n_groups", CASES)
 def test_certificate_lists_what_enumeration_finds(settings, n_slots, epsilon, n_groups):
     tables = random_tables(**settings)
+    cost = CostFunction(tables, n_groups=n_groups)
     evaluated = enumerate_all(tables, n_slots)
     best = max(cost for cost, _ in evaluated.values())
     # architectures within rounding of the boundary may fall on either side
     inside = {k for k, (cost, _) in evaluated.items() if cost >= (1 - epsilon) * best * (1 + 1e-12)}
     beside = {k for k, (cost, _) in evaluated.items() if cost >= (1 - epsilon) * best * (1 - 1e-12)}
-    proof = certify(
-        tables,
-        np.random.default_rng(0),
-        n_slots=n_slots,
-        epsilon=epsilon,
-        n_groups=n_groups,
-        restarts=1,
-    )
+    proof = certify(cost, np.random.default_rng(0), n_slots=n_slots, epsilon=epsilon, restarts=1)
     assert proof.proven and proof.gap == 0.0
-    assert proof.cost == pytest.approx(best, rel=1e-12)
+    assert proof.value == pytest.approx(best, rel=1e-12)
     assert inside <= listed(proof) <= beside
 
 
@@ -92,52 +87,48 @@ def test_cases_reach_negative_log_sums_and_several_satellites():
 
 def test_threads_do_not_change_nodes_or_list():
     tables = random_tables(30, n_orbits=30, counts=2, n_targets=30, most=50, unstable=0.05)
+    cost = CostFunction(tables, n_groups=2)
     one, two = (
-        certify(
-            tables,
-            np.random.default_rng(0),
-            n_slots=6,
-            epsilon=0.15,
-            n_groups=2,
-            threads=threads,
-        )
+        certify(cost, np.random.default_rng(0), n_slots=6, epsilon=0.15, threads=threads)
         for threads in (1, 2)
     )
     assert one.proven and one.nodes == two.nodes > 200
-    assert len(one.near_cost) > 50
+    assert len(one.near_value) > 50
     assert np.array_equal(one.near_orbit, two.near_orbit)
     assert np.array_equal(one.near_satellites, two.near_satellites)
-    assert np.array_equal(one.near_cost, two.near_cost)
+    assert np.array_equal(one.near_value, two.near_value)
 
 
 def test_time_limit_gives_an_honest_bound():
     tables = random_tables(17, n_orbits=10, counts=2, n_targets=40, most=200)
-    best = max(cost for cost, _ in enumerate_all(tables, 4).values())
-    proof = certify(tables, np.random.default_rng(0), n_slots=4, restarts=1, time_limit=0.0)
+    best = max(value for value, _ in enumerate_all(tables, 4).values())
+    cost = CostFunction(tables)
+    proof = certify(cost, np.random.default_rng(0), n_slots=4, restarts=1, time_limit=0.0)
     assert not proof.proven
-    assert best <= proof.bound and proof.gap == proof.bound / proof.cost - 1.0
+    assert best <= proof.bound and proof.gap == proof.bound / proof.value - 1.0
 
 
 def test_poor_incumbent_does_not_change_the_result():
     tables = random_tables(31, n_orbits=9, counts=2, n_targets=20, most=50)
+    cost = CostFunction(tables, n_groups=4)
     poor = (np.array([0, 1, 2]), np.array([2, 2, 2]))
-    climbed = coordinate_search(tables, np.random.default_rng(0), n_slots=3, starts=[poor])
-    settings = {"n_slots": 3, "epsilon": 0.1, "restarts": 0, "n_groups": 4}
-    first = certify(tables, np.random.default_rng(0), incumbent=poor, **settings)
-    again = certify(tables, np.random.default_rng(1), n_slots=3, epsilon=0.1, n_groups=4)
-    assert first.cost == again.cost == pytest.approx(climbed.cost.value, rel=1e-12)
+    climbed = coordinate_search(cost, np.random.default_rng(0), n_slots=3, starts=[poor])
+    settings = {"n_slots": 3, "epsilon": 0.1, "restarts": 0}
+    first = certify(cost, np.random.default_rng(0), incumbent=poor, **settings)
+    again = certify(cost, np.random.default_rng(1), n_slots=3, epsilon=0.1)
+    assert first.value == again.value == pytest.approx(climbed.value, rel=1e-12)
     assert np.array_equal(first.near_orbit, again.near_orbit)
 
 
 def test_nothing_to_see_is_proven_at_zero():
     tables = random_tables(0, most=0)
-    proof = certify(tables, np.random.default_rng(0), n_slots=3)
-    assert proof.proven and proof.cost == 0.0 and proof.gap == 0.0
+    proof = certify(CostFunction(tables), np.random.default_rng(0), n_slots=3)
+    assert proof.proven and proof.value == 0.0 and proof.gap == 0.0
 
 
 def test_settings_out_of_range_are_named():
-    tables = random_tables(0)
+    cost = CostFunction(random_tables(0))
     with pytest.raises(ConfigurationError, match="epsilon"):
-        certify(tables, np.random.default_rng(0), n_slots=3, epsilon=1.0)
+        certify(cost, np.random.default_rng(0), n_slots=3, epsilon=1.0)
     with pytest.raises(ConfigurationError, match="n_slots"):
-        certify(tables, np.random.default_rng(0), n_slots=8)
+        certify(cost, np.random.default_rng(0), n_slots=8)

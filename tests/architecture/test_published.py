@@ -18,16 +18,17 @@ from cislunar.orbits.families import FAMILIES
 LIBRARY = np.repeat(["Halo_L2_S", "Halo_L3_N", "Lyap_L3"], [4, 3, 2])
 
 
-def make_tables(seed, counts=3):
-    """Random tables of nine orbits in three families."""
+def make_objective(seed, counts=3):
+    """J over random tables of nine orbits in three families."""
     rng = np.random.default_rng(seed)
-    return ArchitectureTables(
+    tables = ArchitectureTables(
         observations=rng.integers(0, 20, (9, counts, 6)).astype(np.uint16),
         distance=rng.uniform(1.0, 3.0, (9, 1)) * np.arange(1, counts + 1),
         stability_index=1.0 + rng.exponential(2.0, 9),
         family=LIBRARY,
         n_steps=10,
     )
+    return CostFunction(tables)
 
 
 def test_table_2_row_by_row():
@@ -65,13 +66,12 @@ def test_tpe_is_published_above_random():
         assert value["tpe"][0] > value["random"][0]
 
 
-def best_by_enumeration(tables, slots):
+def best_by_enumeration(objective, slots):
     """Largest J over all choices of distinct members."""
-    cost = CostFunction(tables)
     choices = [np.flatnonzero(family == LIBRARY) for family, _ in slots]
     counts = [count for _, count in slots]
     return max(
-        cost(orbit, counts).value
+        objective.value(orbit, counts)
         for orbit in itertools.product(*choices)
         if len(set(orbit)) == len(orbit)
     )
@@ -79,10 +79,10 @@ def best_by_enumeration(tables, slots):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_members_are_the_best(seed):
-    tables = make_tables(seed)
+    objective = make_objective(seed)
     slots = (("Halo_L2_S", 3), ("Lyap_L3", 1), ("Halo_L2_S", 1), ("Halo_L3_N", 2))
-    found = choose_members(tables, slots, rng=np.random.default_rng(seed), restarts=8)
-    assert found.cost.value == pytest.approx(best_by_enumeration(tables, slots), rel=1e-12)
+    found = choose_members(objective, slots, rng=np.random.default_rng(seed), restarts=8)
+    assert found.value == pytest.approx(best_by_enumeration(objective, slots), rel=1e-12)
     assert len(set(found.orbit)) == len(slots)
     chosen = tuple(zip(LIBRARY[found.orbit], found.satellites, strict=True))
     assert chosen == slots  # slot by slot
@@ -91,21 +91,21 @@ def test_members_are_the_best(seed):
 
 def test_a_family_can_be_used_up():
     slots = (("Lyap_L3", 1), ("Lyap_L3", 2), ("Halo_L3_N", 1))
-    tables = make_tables(11)
-    found = choose_members(tables, slots, rng=np.random.default_rng(0))
+    objective = make_objective(11)
+    found = choose_members(objective, slots, rng=np.random.default_rng(0))
     assert set(found.orbit[:2]) == {7, 8}
-    assert found.cost.value == pytest.approx(best_by_enumeration(tables, slots), rel=1e-12)
+    assert found.value == pytest.approx(best_by_enumeration(objective, slots), rel=1e-12)
 
 
 def test_history_ends_with_the_best_and_progress_is_told():
     calls = []
     slots = (("Halo_L2_S", 3), ("Halo_L3_N", 2))
     found = choose_members(
-        make_tables(1), slots, rng=np.random.default_rng(0), restarts=3,
+        make_objective(1), slots, rng=np.random.default_rng(0), restarts=3,
         progress=lambda done, total: calls.append((done, total)),
     )  # fmt: skip
     assert calls == [(1, 3), (2, 3), (3, 3)]
-    assert found.history.max() == pytest.approx(found.cost.value, rel=1e-13)
+    assert found.history.max() == pytest.approx(found.value, rel=1e-13)
     assert np.all(found.satellites_history == 5)
 
 
@@ -114,12 +114,12 @@ def test_too_small_a_family_is_refused():
     with pytest.raises(
         ConfigurationError, match=r"Lyap_L3 has 2 members.*needs 3.*orbits\.members"
     ):
-        choose_members(make_tables(0), slots, rng=np.random.default_rng(0))
+        choose_members(make_objective(0), slots, rng=np.random.default_rng(0))
 
 
 def test_too_many_satellites_are_refused():
     with pytest.raises(ConfigurationError, match="max_satellites = 3"):
-        choose_members(make_tables(0), (("Lyap_L3", 4),), rng=np.random.default_rng(0))
+        choose_members(make_objective(0), (("Lyap_L3", 4),), rng=np.random.default_rng(0))
 
 
 SCRIPT = """
@@ -127,9 +127,9 @@ import sys
 sys.path.insert(0, {folder!r})
 import numpy as np
 from cislunar.architecture.published import choose_members
-from test_published import make_tables
+from test_published import make_objective
 slots = (("Halo_L2_S", 3), ("Lyap_L3", 1), ("Halo_L2_S", 1), ("Halo_L3_N", 2))
-found = choose_members(make_tables(3), slots, rng=np.random.default_rng(0), restarts=2)
+found = choose_members(make_objective(3), slots, rng=np.random.default_rng(0), restarts=2)
 print(found.history.tolist())
 """
 

@@ -14,15 +14,12 @@ import yaml
 
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.tables import ArchitectureTables
-from cislunar.campaign.architectures.optimization import (
-    best_run_dataset,
-    generator,
-    search_run_dataset,
-)
+from cislunar.campaign.architectures.search_runs import best_run_dataset, search_run_dataset
 from cislunar.campaign.data import progress
 from cislunar.campaign.data.netcdf import read_dataset, variable, write_dataset, write_text
 from cislunar.campaign.data.progress import job, progress_log
 from cislunar.campaign.data.provenance import provenance
+from cislunar.campaign.data.seeds import generator
 from cislunar.campaign.settings.cells import merged
 from cislunar.campaign.settings.configuration import check_campaign, load_schema
 from cislunar.errors import ConfigurationError, InputFileError
@@ -241,17 +238,18 @@ def random_runs(early_stop):
         np.repeat(["Halo_L1_N", "Lyap_L2"], 6),
         10,
     )
+    cost = CostFunction(tables)
     visibility = xr.Dataset(
         attrs={"diffuse_reflection_coefficient": 1.0, "visibility_magnitude": 18.0, "n_steps": 10}
     )
     runs = [
         search_run_dataset(
-            tables, visibility, scenario="A", method="random", labels="family_position", run=run,
+            cost, visibility, scenario="A", method="random", labels="family_position", run=run,
             seed=7, slots=4, max_evaluations=150, early_stop=early_stop,
         )
         for run in range(3)
     ]  # fmt: skip
-    return runs, CostFunction(tables)
+    return runs, cost
 
 
 def test_best_of_runs_under_the_early_stop(tmp_path):
@@ -273,7 +271,7 @@ def test_best_of_runs_under_the_early_stop(tmp_path):
     assert np.any(best["run_J"] < best["full_J"])
     assert float(best["J"]) == pytest.approx(float(best["run_J"].max()), rel=1e-13)
     assert best["J_history"].max() == best["run_J"].max()
-    assert cost(best["orbit"].values, best["satellites"].values).value == float(best["J"])
+    assert cost.value(best["orbit"].values, best["satellites"].values) == float(best["J"])
     lambdas = [float(best[f"lambda_{k}"]) for k in range(1, 7)]
     assert abs(np.prod(lambdas)) == pytest.approx(float(best["J"]), rel=1e-13)
     write_dataset(best, tmp_path / "random.nc")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from cislunar.campaign.architectures.tables import architecture_rows, near_optimal_rows
+from cislunar.campaign.architectures.table2 import architecture_rows, near_optimal_rows
 from cislunar.campaign.data.netcdf import read_dataset, write_text
 from cislunar.campaign.data.progress import each, job
 

@@ -1,7 +1,7 @@
 """Makes architecture/{scenario}/front.nc: best J and its coverage by number of satellites."""
 
 from cislunar.campaign.architectures.exact import front_dataset
-from cislunar.campaign.architectures.observability import architecture_tables
+from cislunar.campaign.architectures.visibility import cost_function
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
 from cislunar.campaign.data.progress import job, progress_log
 
@@ -9,7 +9,7 @@ with job(snakemake.log[0]):
     visibility = read_dataset(snakemake.input.visibility)
     orbits = read_dataset(snakemake.input.orbits)
     front = front_dataset(
-        architecture_tables(visibility, orbits),
+        cost_function(visibility, orbits),
         visibility,
         orbits,
         read_dataset(snakemake.input.targets),

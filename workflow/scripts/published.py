@@ -1,14 +1,14 @@
 """Makes architecture/{scenario}/published.nc: the paper's architecture, members chosen by J."""
 
-from cislunar.campaign.architectures.exact import published_dataset
-from cislunar.campaign.architectures.observability import architecture_tables
+from cislunar.campaign.architectures.published import published_dataset
+from cislunar.campaign.architectures.visibility import cost_function
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
 from cislunar.campaign.data.progress import job
 
 with job(snakemake.log[0]):
     visibility = read_dataset(snakemake.input.visibility)
     published = published_dataset(
-        architecture_tables(visibility, read_dataset(snakemake.input.orbits)),
+        cost_function(visibility, read_dataset(snakemake.input.orbits)),
         visibility,
         scenario=snakemake.wildcards.scenario,
         seed=snakemake.params.seed,

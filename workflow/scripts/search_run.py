@@ -1,14 +1,14 @@
 """Makes architecture/{scenario}/runs/{method}_{labels}_{run}.nc: one Hyperopt search."""
 
-from cislunar.campaign.architectures.observability import architecture_tables
-from cislunar.campaign.architectures.optimization import search_run_dataset
+from cislunar.campaign.architectures.search_runs import search_run_dataset
+from cislunar.campaign.architectures.visibility import cost_function
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
 from cislunar.campaign.data.progress import job
 
 with job(snakemake.log[0]):
     visibility = read_dataset(snakemake.input.visibility)
     run = search_run_dataset(
-        architecture_tables(visibility, read_dataset(snakemake.input.orbits)),
+        cost_function(visibility, read_dataset(snakemake.input.orbits)),
         visibility,
         scenario=snakemake.wildcards.scenario,
         method=snakemake.wildcards.method,

@@ -1,6 +1,6 @@
 """Makes visibility/{scenario}.nc: observations for every orbit, satellite count and target."""
 
-from cislunar.campaign.architectures.observability import visibility_dataset
+from cislunar.campaign.architectures.visibility import visibility_dataset
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
 from cislunar.campaign.data.progress import job, progress_log
 

@@ -1,4 +1,4 @@
-"""Branch and bound over one level: every architecture of N satellites with J >= a threshold.
+"""Branch and bound over one level: every architecture of N satellites of value >= a threshold.
 
 The tree is spread, breadth first, into subtrees that are searched depth first and independently
 of one another against a fixed threshold, so that nodes and results do not depend on the threads.
@@ -10,12 +10,12 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from threading import Event
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.optimality.node import Stack, bound_node, empty_stack, search
-from cislunar.architecture.optimality.relaxation import Level
+from cislunar.architecture.optimality.node import Stack, empty_stack, search
 
 _SUBTREES = 64
 _CHUNK = 200  # nodes between two looks at the clock
@@ -31,17 +31,17 @@ class LevelOutcome:
     nodes : int
         Nodes bounded.
     orbit, satellites : ndarray of int, shape (found, slot)
-        Architectures of J >= threshold.
-    cost : ndarray, shape (found,)
-        Their J.
+        Architectures of value >= threshold.
+    value : ndarray, shape (found,)
+        Their values.
     open_bound : float
-        Upper bound on J over what was not searched; 0 when everything was.
+        Upper bound on the value over what was not searched; 0 when everything was.
     """
 
     nodes: int
     orbit: NDArray[np.int64]
     satellites: NDArray[np.int64]
-    cost: NDArray[np.float64]
+    value: NDArray[np.float64]
     open_bound: float
 
 
@@ -54,15 +54,15 @@ class _Subtree:
     nodes: int = 0
     found: list = field(default_factory=list)
 
-    def run(self, level: Level, arrays: tuple, threshold: float, budget: int) -> None:
+    def run(self, relaxation: Any, threshold: float, budget: int) -> None:
         """Search at most ``budget`` nodes."""
         found = (
-            np.empty((_FOUND, level.n_slots), np.int64),
-            np.empty((_FOUND, level.n_slots), np.int64),
+            np.empty((_FOUND, relaxation.n_slots), np.int64),
+            np.empty((_FOUND, relaxation.n_slots), np.int64),
             np.empty(_FOUND),
         )
         self.top, nodes, n_found = search(
-            level, arrays, threshold, self.stack, self.top, budget, found
+            relaxation, threshold, self.stack, self.top, budget, found
         )
         self.nodes += nodes
         if n_found:
@@ -73,52 +73,51 @@ class _Subtree:
         """Share of the tree still to search."""
         return float(self.stack.share[: self.top].sum())
 
-    def row(self, at: int, level: Level, rows: int) -> "_Subtree":
+    def row(self, at: int, relaxation: Any, rows: int) -> "_Subtree":
         """A subtree of one waiting node, with room for ``rows``."""
-        stack = empty_stack(level, rows)
+        stack = empty_stack(relaxation, rows)
         for target, source in zip(stack, self.stack, strict=True):
             target[0] = source[at]
         return _Subtree(stack, 1)
 
 
-def _root(level: Level) -> _Subtree:
-    stack = empty_stack(level, 2)
-    ratio = level.stability / level.distance
-    # a cone a little wider than the ratios, so that rounding cannot put a sum outside it
-    stack.cone[0] = ratio.min() * (1.0 - 1e-9), ratio.max() * (1.0 + 1e-9)
-    stack.highest[0] = level.observed.shape[1] - 1
+def _root(relaxation: Any) -> _Subtree:
+    stack = empty_stack(relaxation, 2)
+    stack.interval[0] = relaxation.interval
+    stack.highest[0] = relaxation.counts - 1
     stack.share[0] = 1.0
     return _Subtree(stack, 1)
 
 
-def _spread(level: Level, arrays: tuple, threshold: float, expired: Callable[[], bool]):
+def compile_search(relaxation: Any) -> None:
+    """Compile what `search_level` calls, without searching."""
+    _Subtree(empty_stack(relaxation, 1), 0).run(relaxation, 1.0, 0)
+
+
+def _spread(relaxation: Any, threshold: float, expired: Callable[[], bool]):
     """Branch the largest shares until there are enough subtrees."""
     closed = []
-    waiting = [(-1.0, 0, _root(level))]
+    waiting = [(-1.0, 0, _root(relaxation))]
     serial = 1
     while waiting and len(waiting) < _SUBTREES and not expired():
         _, _, tree = heapq.heappop(waiting)
-        tree.run(level, arrays, threshold, 1)
+        tree.run(relaxation, threshold, 1)
         closed.append(tree)
         for at in range(tree.top):
-            child = tree.row(at, level, 2)
+            child = tree.row(at, relaxation, 2)
             heapq.heappush(waiting, (-child.share, serial, child))
             serial += 1
         tree.top = 0
     return closed, [tree for _, _, tree in sorted(waiting, key=lambda entry: entry[:2])]
 
 
-def _depth(level: Level) -> int:
-    """Most nodes a depth-first stack can hold: one per branching on a path."""
-    n_orbits, counts = level.observed.shape
-    return n_orbits + level.n_slots * counts + 128
-
-
-def _finish(tree: _Subtree, level, arrays, threshold, expired) -> _Subtree:
+def _finish(tree: _Subtree, relaxation, threshold, expired) -> _Subtree:
     """Search a subtree to its end or until time has expired."""
-    deep = tree.row(0, level, _depth(level))
+    # one row per branching on a path
+    rows = relaxation.n_orbits + relaxation.n_slots * relaxation.counts + 128
+    deep = tree.row(0, relaxation, rows)
     while deep.top > 0 and not expired():
-        deep.run(level, arrays, threshold, _CHUNK)
+        deep.run(relaxation, threshold, _CHUNK)
         tree.top = deep.top
         tree.stack.share[0] = deep.share
         tree.nodes, tree.found = deep.nodes, deep.found
@@ -126,24 +125,21 @@ def _finish(tree: _Subtree, level, arrays, threshold, expired) -> _Subtree:
 
 
 def search_level(
-    level: Level,
-    arrays: tuple,
+    relaxation: Any,
     threshold: float,
     *,
     threads: int = 2,
     deadline: float = np.inf,
     progress: Callable[[float], None] | None = None,
 ) -> LevelOutcome:
-    """Find every architecture of a level with J >= threshold.
+    """Find every architecture of a level with value >= threshold.
 
     Parameters
     ----------
-    level : Level
-        Relaxation data.
-    arrays : tuple
-        Exact tables, see `cislunar.architecture.compiled_cost.table_arrays`.
+    relaxation : object
+        Relaxation of the level, as `cislunar.architecture.optimality.node` asks.
     threshold : float
-        The J to reach.
+        The value to reach.
     threads : int
         Subtrees searched at once.
     deadline : float
@@ -160,9 +156,9 @@ def search_level(
     def expired() -> bool:
         return stopped.is_set() or time.monotonic() >= deadline
 
-    closed, waiting = _spread(level, arrays, threshold, expired)
+    closed, waiting = _spread(relaxation, threshold, expired)
     with ThreadPoolExecutor(threads) as pool:
-        jobs = [pool.submit(_finish, tree, level, arrays, threshold, expired) for tree in waiting]
+        jobs = [pool.submit(_finish, tree, relaxation, threshold, expired) for tree in waiting]
         try:
             pending = set(jobs)
             while pending:
@@ -178,41 +174,42 @@ def search_level(
         finished = [job.result() for job in jobs]
     trees = closed + finished
     parts = [part for tree in trees for part in tree.found]
-    slots = np.zeros((0, level.n_slots), np.int64)
+    slots = np.zeros((0, relaxation.n_slots), np.int64)
     return LevelOutcome(
         nodes=sum(tree.nodes for tree in trees),
         orbit=np.concatenate([slots] + [part[0] for part in parts]),
         satellites=np.concatenate([slots] + [part[1] for part in parts]),
-        cost=np.concatenate([np.zeros(0)] + [part[2] for part in parts]),
-        open_bound=_open_bound(level, threshold, finished),
+        value=np.concatenate([np.zeros(0)] + [part[2] for part in parts]),
+        open_bound=_open_bound(relaxation, threshold, finished),
     )
 
 
-def _open_bound(level: Level, threshold: float, trees: list[_Subtree]) -> float:
-    """Upper bound on J over the nodes still waiting; 0 without any."""
+def _open_bound(relaxation: Any, threshold: float, trees: list[_Subtree]) -> float:
+    """Upper bound on the value over the nodes still waiting; 0 without any."""
     highest = 0.0
     for tree in trees:
         for at in range(tree.top):
             highest = max(highest, threshold)
-            if not _refuted(level, highest, tree, at):
-                highest = _node_bound(level, highest, tree, at)
+            if not _refuted(relaxation, highest, tree, at):
+                highest = _node_bound(relaxation, highest, tree, at)
     return highest
 
 
-def _refuted(level: Level, threshold: float, tree: _Subtree, at: int) -> bool:
+def _refuted(relaxation: Any, threshold: float, tree: _Subtree, at: int) -> bool:
     # on a copy: fixings for a higher threshold do not hold for the lower one
-    copy = tree.row(at, level, 1)
-    return bound_node(level, threshold, copy.stack, 0)[0] <= 0.0
+    copy = tree.row(at, relaxation, 2)
+    copy.run(relaxation, threshold, 1)
+    return copy.top == 0 and not copy.found
 
 
-def _node_bound(level: Level, low: float, tree: _Subtree, at: int) -> float:
+def _node_bound(relaxation: Any, low: float, tree: _Subtree, at: int) -> float:
     """A threshold above ``low`` that the relaxation refutes, to 0.1 %."""
     high = 1.1 * low
-    while not _refuted(level, high, tree, at):
+    while not _refuted(relaxation, high, tree, at):
         low, high = high, 2.0 * high
     while high > 1.001 * low:
         middle = np.sqrt(low * high)
-        if _refuted(level, middle, tree, at):
+        if _refuted(relaxation, middle, tree, at):
             high = middle
         else:
             low = middle

@@ -1,10 +1,8 @@
-"""Proof that an architecture has the largest J of all orbits and satellite counts.
+"""Proof that an architecture has the largest value of all orbits and satellite counts.
 
-J = |v s| / (N S d c) is bounded level by level, one total number of satellites N at a time. A level
-is refuted by four scalars, or searched by a branch and bound whose nodes are bounded by a concave
-relaxation (`cislunar.architecture.optimality.relaxation`). Everything with J >= (1 - epsilon) J* is
-found on the way. The log-sum s may be negative when orbits hold several satellites; those
-architectures are bounded apart.
+The value is bounded level by level, one total number of satellites at a time. A level is refuted by
+its own bound, or searched by a branch and bound whose nodes are bounded by the objective's
+relaxation. Everything with value >= (1 - epsilon) x best is found on the way.
 
 The proof is computer-assisted, in double precision: nodes are pruned against the threshold less
 one part in 1e9, not by interval arithmetic.
@@ -17,32 +15,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.compiled_cost import architecture_cost, table_arrays
 from cislunar.architecture.coordinate_search import coordinate_search
-from cislunar.architecture.optimality.branch_and_bound import search_level
-from cislunar.architecture.optimality.total_count_bound import LevelFactory
-from cislunar.architecture.tables import ArchitectureTables
+from cislunar.architecture.objective import Level, Objective
+from cislunar.architecture.optimality.branch_and_bound import compile_search, search_level
 from cislunar.errors import ConfigurationError
 
-_TOLERANCE = 1e-6  # least relative gap between the threshold and J*
+_TOLERANCE = 1e-6  # least relative gap between the threshold and the best
 _ROUNDING = 1e-9
 _PROGRESS_STEPS = 1000
 
 
 @dataclass(frozen=True)
-class CountSummary:
-    """How the architectures of one total number of satellites were dealt with.
+class LevelSummary:
+    """How the architectures of one level were dealt with.
 
     Attributes
     ----------
-    n_satellites : int
-        Total number of satellites.
-    negative : bool
-        Whether these are the architectures with a negative log-sum.
-    scalar_bound : float
-        Upper bound on J from four scalars.
+    level : Level
+        Total number of satellites, part and first bound.
     bound : float
-        Upper bound on J after the search.
+        Upper bound on the value after the search.
     nodes : int
         Nodes of the tree; 0 when not searched.
     n_found : int
@@ -51,9 +43,7 @@ class CountSummary:
         Time spent.
     """
 
-    n_satellites: int
-    negative: bool
-    scalar_bound: float
+    level: Level
     bound: float
     nodes: int
     n_found: int
@@ -62,28 +52,28 @@ class CountSummary:
 
 @dataclass(frozen=True)
 class Certificate:
-    """What is proven about the largest J.
+    """What is proven about the largest value.
 
     Attributes
     ----------
     proven : bool
-        True when no architecture beats `cost` (to one part in 1e6) and the list is complete.
+        True when no architecture beats `value` (to one part in 1e6) and the list is complete.
     orbit, satellites : ndarray of int, shape (slot,)
         Best architecture.
-    cost : float
-        Its J.
+    value : float
+        Its value.
     bound : float
-        Upper bound on J over all architectures.
+        Upper bound on the value over all architectures.
     gap : float
-        bound / cost - 1.
+        bound / value - 1.
     epsilon : float
         Relative distance from the best within which architectures are listed.
     near_orbit, near_satellites : ndarray of int, shape (found, slot)
-        Architectures with J >= (1 - epsilon) cost, best first.
-    near_cost : ndarray, shape (found,)
-        Their J.
-    counts : tuple of CountSummary
-        The levels that four scalars did not refute.
+        Architectures with value >= (1 - epsilon) best, best first.
+    near_value : ndarray, shape (found,)
+        Their values.
+    levels : tuple of LevelSummary
+        The levels that their first bound did not refute.
     seconds : float
         Time of the whole proof.
     """
@@ -91,20 +81,20 @@ class Certificate:
     proven: bool
     orbit: NDArray[np.int64]
     satellites: NDArray[np.int64]
-    cost: float
+    value: float
     bound: float
     gap: float
     epsilon: float
     near_orbit: NDArray[np.int64]
     near_satellites: NDArray[np.int64]
-    near_cost: NDArray[np.float64]
-    counts: tuple[CountSummary, ...]
+    near_value: NDArray[np.float64]
+    levels: tuple[LevelSummary, ...]
     seconds: float
 
     @property
     def nodes(self) -> int:
         """Nodes bounded over all levels."""
-        return sum(count.nodes for count in self.counts)
+        return sum(level.nodes for level in self.levels)
 
 
 @dataclass
@@ -113,37 +103,41 @@ class _Best:
 
     orbit: NDArray[np.int64]
     satellites: NDArray[np.int64]
-    cost: NDArray[np.float64]
+    value: NDArray[np.float64]
 
-    def add(self, orbit: NDArray, satellites: NDArray, cost: NDArray) -> None:
+    def add(self, orbit: NDArray, satellites: NDArray, value: NDArray) -> None:
         """Merge, drop repeats, best first (ties by orbit and count)."""
         orbit = np.concatenate([self.orbit, orbit])
         satellites = np.concatenate([self.satellites, satellites])
-        cost = np.concatenate([self.cost, cost])
+        value = np.concatenate([self.value, value])
         keys = np.hstack([orbit, satellites])
         first = np.unique(keys, axis=0, return_index=True)[1]
-        order = first[np.argsort(-cost[first], kind="stable")]
-        self.orbit, self.satellites, self.cost = orbit[order], satellites[order], cost[order]
+        order = first[np.argsort(-value[first], kind="stable")]
+        self.orbit, self.satellites, self.value = orbit[order], satellites[order], value[order]
+
+    def threshold(self, margin: float) -> float:
+        """The value to reach; positive, so that a best of 0 is proven like any other."""
+        return margin * (1.0 - _ROUNDING) * max(float(self.value[0]), 1e-300)
 
 
 def certify(
-    tables: ArchitectureTables,
+    objective: Objective,
     rng: np.random.Generator,
     *,
     n_slots: int = 10,
     incumbent: tuple[NDArray, NDArray] | None = None,
     epsilon: float = 0.01,
-    n_groups: int = 100,
     restarts: int = 10,
     threads: int = 2,
     time_limit: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Certificate:
-    """Prove the largest J over every choice of distinct orbits and satellite counts.
+    """Prove the largest value over every choice of distinct orbits and satellite counts.
 
     Parameters
     ----------
-    tables : ArchitectureTables
+    objective : Objective
+        Not negative, and with `Objective.levels`.
     rng : numpy.random.Generator
         Source of the starts of the coordinate search that supplies the first incumbent.
     n_slots : int
@@ -151,16 +145,14 @@ def certify(
     incumbent : (orbit, satellites), optional
         A good architecture to begin with.
     epsilon : float
-        Architectures with J >= (1 - epsilon) J* are listed. The list and the time grow quickly
-        with it.
-    n_groups : int
-        Most target groups of the relaxation: more give fewer, slower nodes.
+        Architectures with value >= (1 - epsilon) x best are listed. The list and the time grow
+        quickly with it.
     restarts : int
         Restarts of the coordinate search.
     threads : int
         Subtrees searched at once; the outcome does not depend on it.
     time_limit : float, optional
-        Seconds after which the bound reached is reported; compilation does not count.
+        Seconds of the tree after which the bound reached is reported; compilation does not count.
     progress : callable, optional
         Called with (done, total) in thousandths of the tree of each level.
 
@@ -175,79 +167,50 @@ def certify(
     """
     if not 0.0 <= epsilon < 1.0:
         raise ConfigurationError(f"epsilon = {epsilon}: must lie in [0, 1)")
-    if n_groups < 1 or threads < 1:
-        raise ConfigurationError("n_groups and threads must be at least 1")
-    if time_limit is not None:
-        _compile(tables, n_slots)
+    if threads < 1:
+        raise ConfigurationError(f"threads = {threads}: must be at least 1")
     began = time.monotonic()
-    deadline = np.inf if time_limit is None else began + time_limit
-    best = _incumbent(tables, rng, n_slots, incumbent, restarts)
-    factory = LevelFactory(tables, n_slots, n_groups)
+    starts = [] if incumbent is None else [incumbent]
+    found = coordinate_search(objective, rng, n_slots=n_slots, restarts=restarts, starts=starts)
+    best = _Best(found.orbit[None], found.satellites[None], np.array([found.value]))
+    levels = objective.levels(n_slots)
     margin = 1.0 - max(epsilon, _TOLERANCE)
-    counts = _search_counts(factory, best, margin, threads, deadline, progress)
-    cost = float(best.cost[0])
-    bound = max([cost] + [count.bound for count in counts if count.bound > margin * cost])
-    near = best.cost >= (1.0 - epsilon) * cost
+    deadline = np.inf
+    if time_limit is not None:
+        compile_search(levels[0].relaxation())
+        deadline = time.monotonic() + time_limit
+    searched = _search_levels(levels, best, margin, threads, deadline, progress)
+    value = float(best.value[0])
+    bound = max([value] + [level.bound for level in searched if level.bound > margin * value])
+    near = best.value >= (1.0 - epsilon) * value
     return Certificate(
-        proven=bound <= cost,
+        proven=bound <= value,
         orbit=best.orbit[0],
         satellites=best.satellites[0],
-        cost=cost,
+        value=value,
         bound=bound,
-        gap=bound / cost - 1.0 if cost > 0.0 else (0.0 if bound <= cost else np.inf),
+        gap=bound / value - 1.0 if value > 0.0 else (0.0 if bound <= value else np.inf),
         epsilon=epsilon,
         near_orbit=best.orbit[near],
         near_satellites=best.satellites[near],
-        near_cost=best.cost[near],
-        counts=tuple(counts),
+        near_value=best.value[near],
+        levels=tuple(searched),
         seconds=time.monotonic() - began,
     )
 
 
-def _compile(tables: ArchitectureTables, n_slots: int) -> None:
-    """Prove a corner of the problem, so that a time limit is not spent on compiling kernels."""
-    orbits = slice(n_slots + 2)
-    corner = ArchitectureTables(
-        observations=np.ascontiguousarray(tables.observations[orbits, :2, :20]),
-        distance=np.ascontiguousarray(tables.distance[orbits, :2]),
-        stability_index=tables.stability_index[orbits],
-        family=tables.family[orbits],
-        n_steps=tables.n_steps,
-    )
-    certify(corner, np.random.default_rng(0), n_slots=n_slots, restarts=1)
-
-
-def _incumbent(tables, rng, n_slots, incumbent, restarts) -> _Best:
-    starts = [] if incumbent is None else [incumbent]
-    found = coordinate_search(tables, rng, n_slots=n_slots, restarts=restarts, starts=starts)
-    # the cost by the same sums as the tree's, so that equals compare equal
-    cost = architecture_cost(table_arrays(tables), found.orbit, found.satellites)
-    return _Best(found.orbit[None], found.satellites[None], np.array([cost]))
-
-
-def _threshold(best: _Best, margin: float) -> float:
-    """The J to reach; positive, so that a best J of 0 is proven like any other."""
-    return margin * (1.0 - _ROUNDING) * max(float(best.cost[0]), 1e-300)
-
-
-def _search_counts(factory, best, margin, threads, deadline, progress) -> list[CountSummary]:
-    """Deal with every level the scalar bounds leave open, most satellites first.
+def _search_levels(levels, best, margin, threads, deadline, progress) -> list[LevelSummary]:
+    """Deal with every level that its bound leaves open, most satellites first.
 
     The levels with many satellites are the quick ones; a time limit is then spent on the rest.
     """
-    bounds = factory.bounds()
-    levels = [
-        (int(n), negative, float(scalar))
-        for n, *pair in zip(bounds.satellites, bounds.seen, bounds.rarely_seen, strict=True)
-        for negative, scalar in zip((False, True), pair, strict=True)
-    ]
-    wanted = [level for level in reversed(levels) if level[2] >= _threshold(best, margin)]
-    counts = []
-    for done, (n, negative, scalar) in enumerate(wanted):
+    wanted = [level for level in reversed(levels) if level.bound >= best.threshold(margin)]
+    summaries = []
+    for done, level in enumerate(wanted):
         began = time.monotonic()
-        threshold = _threshold(best, margin)
-        if scalar < threshold:  # a better architecture was found since
-            counts.append(CountSummary(n, negative, scalar, scalar, 0, 0, 0.0))
+        threshold = best.threshold(margin)
+        if level.bound < threshold:  # a better architecture was found since
+            summaries.append(LevelSummary(level, level.bound, 0, 0, 0.0))
             continue
 
         def report(share: float, done: int = done) -> None:
@@ -255,19 +218,12 @@ def _search_counts(factory, best, margin, threads, deadline, progress) -> list[C
                 progress(int(_PROGRESS_STEPS * (done + share)), _PROGRESS_STEPS * len(wanted))
 
         outcome = search_level(
-            factory.level(n, negative),
-            factory.arrays,
-            threshold,
-            threads=threads,
-            deadline=deadline,
-            progress=report,
+            level.relaxation(), threshold, threads=threads, deadline=deadline, progress=report
         )
-        best.add(outcome.orbit, outcome.satellites, outcome.cost)
-        bound = min(scalar, max([outcome.open_bound, *outcome.cost]))
-        bound = float(max(bound, min(scalar, threshold)))
+        best.add(outcome.orbit, outcome.satellites, outcome.value)
+        bound = min(level.bound, max([outcome.open_bound, *outcome.value]))
+        bound = float(max(bound, min(level.bound, threshold)))
         seconds = time.monotonic() - began
-        counts.append(
-            CountSummary(n, negative, scalar, bound, outcome.nodes, outcome.cost.size, seconds)
-        )
+        summaries.append(LevelSummary(level, bound, outcome.nodes, outcome.value.size, seconds))
         report(1.0)
-    return counts
+    return summaries

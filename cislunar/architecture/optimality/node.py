@@ -1,21 +1,34 @@
 """One node of the architecture branch and bound: bound, fix, branch.
 
-A node is a set of architectures: a cone of S/d and, for every orbit, a range of excess satellites
-(empty = left out) and whether it must be chosen. Nodes live in the rows of a stack of arrays.
+A node is a set of architectures: for every orbit a range of excess satellites (empty = left out)
+and whether it must be chosen, and an interval of one parameter that the bound may need. Nodes live
+in the rows of a stack of arrays.
+
+What is bounded is a relaxation of the objective, any object with
+
+* ``n_slots``, ``excess``, ``n_orbits``, ``counts``, ``interval``: orbits to choose, satellites
+  beyond one per orbit to hand out, candidate orbits, different counts, root interval (two floats);
+* ``relax(threshold, stack, top)``: bound, offset, score, split. An architecture of the node that
+  beats the threshold has offset + sum of its scores > 0, with the scores by (orbit not left out,
+  count); bound is the most that this sum can be, so that a bound <= 0 refutes the node. A split
+  inside the interval asks for two parts of it; 0 leaves the branching to the orbits. The
+  maximiser, as architectures with weights, goes into the row of the stack;
+* ``value(orbit, satellites)``: the objective itself.
+
+`search` is interpreted for such an object. A named tuple of arrays is compiled with it when the
+library overloads `relax` and `value` for its type, and says so (``compiled = True``).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.architecture.compiled_cost import exact_cost
 from cislunar.architecture.optimality.knapsack import conditional_bests
-from cislunar.architecture.optimality.relaxation import MAX_VERTICES, Level, relax
 
-_WIDE_CONE = 0.4  # ln(r1/r0) above which the cone is halved before anything else
-_NARROW_CONE = 0.01  # and below which it is left alone
+MAX_VERTICES = 32
+_CLOSED, _LEAF, _BRANCHED = 0, 1, 2
 
 
 class Stack(NamedTuple):
@@ -23,8 +36,8 @@ class Stack(NamedTuple):
 
     Attributes
     ----------
-    cone : ndarray, shape (node, 2)
-        Least and largest S/d.
+    interval : ndarray, shape (node, 2)
+        Least and largest value of the relaxation's parameter.
     lowest, highest : ndarray of int16, shape (node, orbit)
         Range of excess satellites; lowest > highest leaves the orbit out.
     forced : ndarray of bool, shape (node, orbit)
@@ -39,7 +52,7 @@ class Stack(NamedTuple):
         Number of them.
     """
 
-    cone: NDArray[np.float64]
+    interval: NDArray[np.float64]
     lowest: NDArray[np.int16]
     highest: NDArray[np.int16]
     forced: NDArray[np.bool_]
@@ -50,24 +63,35 @@ class Stack(NamedTuple):
     vertices: NDArray[np.int64]
 
 
-def empty_stack(level: Level, rows: int) -> Stack:
+def empty_stack(relaxation: Any, rows: int) -> Stack:
     """Stack with room for ``rows`` nodes."""
-    n_orbits = level.observed.shape[0]
+    slots = (rows, MAX_VERTICES, relaxation.n_slots)
     return Stack(
-        cone=np.zeros((rows, 2)),
-        lowest=np.zeros((rows, n_orbits), np.int16),
-        highest=np.zeros((rows, n_orbits), np.int16),
-        forced=np.zeros((rows, n_orbits), np.bool_),
+        interval=np.zeros((rows, 2)),
+        lowest=np.zeros((rows, relaxation.n_orbits), np.int16),
+        highest=np.zeros((rows, relaxation.n_orbits), np.int16),
+        forced=np.zeros((rows, relaxation.n_orbits), np.bool_),
         share=np.zeros(rows),
-        orbits=np.zeros((rows, MAX_VERTICES, level.n_slots), np.int16),
-        extras=np.zeros((rows, MAX_VERTICES, level.n_slots), np.int16),
+        orbits=np.zeros(slots, np.int16),
+        extras=np.zeros(slots, np.int16),
         weight=np.zeros((rows, MAX_VERTICES)),
         vertices=np.zeros(rows, np.int64),
     )
 
 
+def relax(relaxation, threshold, stack, top):
+    """Bound, offset, score and split of a node; overloaded for compiled relaxations."""
+    return relaxation.relax(threshold, stack, top)
+
+
+def value(relaxation, orbit, satellites):
+    """The objective; overloaded for compiled relaxations."""
+    return relaxation.value(orbit, satellites)
+
+
 @njit(cache=True, nogil=True)
-def _active(lowest, highest):
+def active_orbits(lowest, highest):
+    """Indices of the orbits that are not left out."""
     count = 0
     for i in range(lowest.size):
         if lowest[i] <= highest[i]:
@@ -82,66 +106,32 @@ def _active(lowest, highest):
 
 
 @njit(cache=True, nogil=True)
-def _fix(level, bound_offset, score, active, lowest, highest, forced):
-    """Drop counts and force orbits that the bound decides; False when nothing is left.
-
-    ``lowest``, ``highest`` and ``forced`` are the node's own rows and are updated.
-    """
+def _fix(stack, top, n_slots, excess, offset, score):
+    """Drop counts and force orbits that the bound decides; False when nothing is left."""
+    lowest, highest, forced = stack.lowest[top], stack.highest[top], stack.forced[top]
+    active = active_orbits(lowest, highest)
     low, high, must = lowest[active], highest[active], forced[active]
-    taken, left_out = conditional_bests(score, low, high, must, level.n_slots, level.excess)
+    taken, left_out = conditional_bests(score, low, high, must, n_slots, excess)
     n_forced = 0
     for a in range(active.size):
         i = active[a]
-        while lowest[i] <= highest[i] and bound_offset + taken[a, lowest[i]] <= 0.0:
+        while lowest[i] <= highest[i] and offset + taken[a, lowest[i]] <= 0.0:
             lowest[i] += 1
-        while lowest[i] <= highest[i] and bound_offset + taken[a, highest[i]] <= 0.0:
+        while lowest[i] <= highest[i] and offset + taken[a, highest[i]] <= 0.0:
             highest[i] -= 1
         if lowest[i] > highest[i]:
             if forced[i]:
                 return False
-        elif bound_offset + left_out[a] <= 0.0:
+        elif offset + left_out[a] <= 0.0:
             forced[i] = True
         if forced[i]:
             n_forced += 1
-    return n_forced <= level.n_slots
-
-
-@njit(cache=True, nogil=True)
-def bound_node(level, threshold, stack, top):
-    """Upper bound on H over a node, with the fixings it allows made in the node's row.
-
-    Returns
-    -------
-    bound : float
-        <= 0 when nothing in the node beats the threshold.
-    mean : ndarray, shape (3 + group,)
-        Maximiser of the relaxation.
-    """
-    lowest, highest, forced = stack.lowest[top], stack.highest[top], stack.forced[top]
-    active = _active(lowest, highest)
-    bound, score, offset, n, mean = relax(
-        level,
-        threshold,
-        stack.cone[top, 0],
-        stack.cone[top, 1],
-        active,
-        lowest[active].astype(np.int64),
-        highest[active].astype(np.int64),
-        forced[active],
-        stack.orbits[top],
-        stack.extras[top],
-        stack.weight[top],
-        stack.vertices[top],
-    )
-    stack.vertices[top] = n
-    if bound > 0.0 and not _fix(level, offset, score, active, lowest, highest, forced):
-        bound = -np.inf
-    return bound, mean
+    return n_forced <= n_slots
 
 
 @njit(cache=True, nogil=True)
 def _copy(stack, source, target):
-    stack.cone[target] = stack.cone[source]
+    stack.interval[target] = stack.interval[source]
     stack.lowest[target] = stack.lowest[source]
     stack.highest[target] = stack.highest[source]
     stack.forced[target] = stack.forced[source]
@@ -216,35 +206,13 @@ def _count_to_branch(stack, top, usage, excess):
 
 
 @njit(cache=True, nogil=True)
-def _cone_split(level, threshold, stack, top, mean, bound):
-    """Where to split the cone, or 0 when branching on the orbits does more."""
-    r0, r1 = stack.cone[top]
-    width = np.log(r1 / r0)
-    if width > _WIDE_CONE:
-        return np.sqrt(r0 * r1)
-    if width < _NARROW_CONE:
-        return 0.0
-    root = np.sqrt(level.satellites * level.scale * threshold)
-    loss = root * (
-        np.sqrt(mean[1] * mean[2])
-        - (mean[1] + np.sqrt(r0 * r1) * mean[2]) / (np.sqrt(r0) + np.sqrt(r1))
-    )
-    if loss < 0.5 * bound:
-        return 0.0
-    margin = 0.2 * width
-    at = np.log(mean[1] / mean[2])
-    return np.exp(min(max(at, np.log(r0) + margin), np.log(r1) - margin))
-
-
-@njit(cache=True, nogil=True)
-def _branch(level, threshold, stack, top, mean, bound):
+def _branch(stack, top, split):
     """Replace the node at ``top`` by its two children, at ``top`` and ``top + 1``."""
     stack.share[top] *= 0.5
     _copy(stack, top, top + 1)
-    split = _cone_split(level, threshold, stack, top, mean, bound)
     if split > 0.0:
-        stack.cone[top, 1] = split
-        stack.cone[top + 1, 0] = split
+        stack.interval[top, 1] = split
+        stack.interval[top + 1, 0] = split
         return
     usage, excess = _usage(stack, top, stack.lowest.shape[1])
     orbit = _orbit_to_branch(stack, top, usage)
@@ -261,43 +229,91 @@ def _branch(level, threshold, stack, top, mean, bound):
 
 
 @njit(cache=True, nogil=True)
-def _settle(level, stack, top, chosen, satellites):
+def _settle(stack, top, n_slots, excess, chosen, satellites):
     """Whether the node is one architecture; then ``chosen`` and ``satellites`` hold it."""
     lowest, highest, forced = stack.lowest[top], stack.highest[top], stack.forced[top]
-    if _active(lowest, highest).size == level.n_slots:
+    if active_orbits(lowest, highest).size == n_slots:
         for i in range(lowest.size):
             forced[i] = lowest[i] <= highest[i]
-    slot, excess = 0, 0
+    slot, used = 0, 0
     for i in range(lowest.size):
         if forced[i]:
-            if slot == level.n_slots or lowest[i] != highest[i]:
+            if slot == n_slots or lowest[i] != highest[i]:
                 return False
             chosen[slot] = i
             satellites[slot] = lowest[i] + 1
-            excess += lowest[i]
+            used += lowest[i]
             slot += 1
-    return slot == level.n_slots and excess == level.excess
+    return slot == n_slots and used == excess
 
 
 @njit(cache=True, nogil=True)
-def search(level, arrays, threshold, stack, top, budget, found):
+def _advance(stack, top, n_slots, excess, offset, score, split, chosen, satellites):
+    """Fix what the bound decides, then close the node, find it settled, or branch."""
+    if not _fix(stack, top, n_slots, excess, offset, score):
+        return _CLOSED
+    if _settle(stack, top, n_slots, excess, chosen, satellites):
+        return _LEAF
+    _branch(stack, top, split)
+    _keep_feasible(stack, top)
+    _keep_feasible(stack, top + 1)
+    return _BRANCHED
+
+
+@njit(cache=True, nogil=True)
+def _search(relaxation, threshold, stack, top, budget, found):
+    """See `search`."""
+    found_orbit, found_satellites, found_value = found
+    chosen = np.empty(relaxation.n_slots, np.int64)
+    satellites = np.empty(relaxation.n_slots, np.int64)
+    nodes, n_found = 0, 0
+    while top > 0 and nodes < budget and n_found < found_value.size:
+        nodes += 1
+        bound, offset, score, split = relax(relaxation, threshold, stack, top - 1)
+        state = _CLOSED
+        if bound > 0.0:
+            state = _advance(
+                stack, top - 1, relaxation.n_slots, relaxation.excess, offset, score, split,
+                chosen, satellites,
+            )  # fmt: skip
+        if state == _BRANCHED:
+            top += 1
+            continue
+        top -= 1
+        if state == _LEAF:
+            reached = value(relaxation, chosen, satellites)
+            if reached >= threshold:
+                found_orbit[n_found] = chosen
+                found_satellites[n_found] = satellites
+                found_value[n_found] = reached
+                n_found += 1
+    return top, nodes, n_found
+
+
+def search(
+    relaxation: Any,
+    threshold: float,
+    stack: Stack,
+    top: int,
+    budget: int,
+    found: tuple[NDArray, NDArray, NDArray],
+) -> tuple[int, int, int]:
     """Depth-first search until the stack is empty or the budget of nodes spent.
 
     Parameters
     ----------
-    level : Level
-    arrays : tuple
-        Exact tables: observations, observed, distance, stability, n_steps.
+    relaxation : object
+        As the head of this module says.
     threshold : float
-        The J to reach.
+        The value to reach.
     stack : Stack
     top : int
         Number of nodes on the stack.
     budget : int
         Most nodes to bound.
     found : tuple of ndarray
-        Orbits (found, slot), satellites (found, slot), J (found,); filled with the architectures
-        of J >= threshold.
+        Orbits (found, slot), satellites (found, slot), value (found,); filled with the
+        architectures of value >= threshold.
 
     Returns
     -------
@@ -305,31 +321,5 @@ def search(level, arrays, threshold, stack, top, budget, found):
         Nodes left, nodes bounded, architectures found. The search also stops when ``found`` is
         full.
     """
-    observations, observed, distance, stability, n_steps = arrays
-    found_orbit, found_satellites, found_cost = found
-    chosen = np.empty(level.n_slots, np.int64)
-    satellites = np.empty(level.n_slots, np.int64)
-    nodes, n_found = 0, 0
-    while top > 0 and nodes < budget and n_found < found_cost.size:
-        nodes += 1
-        here = top - 1
-        bound, mean = bound_node(level, threshold, stack, here)
-        if bound <= 0.0:
-            top -= 1
-            continue
-        if _settle(level, stack, here, chosen, satellites):
-            cost = exact_cost(
-                observations, observed, distance, stability, n_steps, chosen, satellites
-            )
-            if cost >= threshold:
-                found_orbit[n_found] = chosen
-                found_satellites[n_found] = satellites
-                found_cost[n_found] = cost
-                n_found += 1
-            top -= 1
-            continue
-        _branch(level, threshold, stack, here, mean, bound)
-        _keep_feasible(stack, here)
-        _keep_feasible(stack, here + 1)
-        top += 1
-    return top, nodes, n_found
+    run = _search if getattr(relaxation, "compiled", False) else _search.py_func
+    return run(relaxation, threshold, stack, top, budget, found)

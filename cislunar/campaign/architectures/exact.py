@@ -1,4 +1,4 @@
-"""Data sets of architectures that need no sampling: proven, published, by number of satellites."""
+"""Data sets of the best architectures found: proven over all, and by number of satellites."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,26 +6,22 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from cislunar.architecture.coordinate_search import satellite_front
+from cislunar.architecture.coordinate_search import coordinate_search, satellite_front
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.optimality.certificate import certify
-from cislunar.architecture.optimize import optimize
-from cislunar.architecture.published import PUBLISHED
-from cislunar.architecture.tables import ArchitectureTables
-from cislunar.campaign.architectures.observability import architecture_coverage
-from cislunar.campaign.architectures.optimization import (
+from cislunar.campaign.architectures.variables import (
     architecture_attributes,
     architecture_variables,
-    generator,
+    dimensionless,
     history_variables,
 )
-from cislunar.campaign.data.netcdf import variable
+from cislunar.campaign.architectures.visibility import architecture_coverage
 from cislunar.campaign.data.progress import Progress, logger, progress_log
-from cislunar.errors import ConfigurationError
+from cislunar.campaign.data.seeds import generator
 
 
 def exact_dataset(
-    tables: ArchitectureTables,
+    cost: CostFunction,
     visibility: xr.Dataset,
     *,
     scenario: str,
@@ -39,8 +35,8 @@ def exact_dataset(
 
     Parameters
     ----------
-    tables : ArchitectureTables
-        Tables of the scenario.
+    cost : CostFunction
+        J on the scenario's tables.
     visibility : xarray.Dataset
         ``visibility/{scenario}.nc``, for its attributes.
     scenario : str
@@ -58,17 +54,12 @@ def exact_dataset(
         ``architecture/{scenario}/exact.nc``.
     """
     rng = generator(seed, scenario, "exact")
-    found = optimize(
-        tables,
-        method="exact",
-        rng=rng,
-        n_slots=slots,
-        restarts=restarts,
-        progress=progress_log("restarts"),
+    found = coordinate_search(
+        cost, rng, n_slots=slots, restarts=restarts, progress=progress_log("restarts")
     )
-    logger.info("J = %.6e with %d satellites", found.cost.value, found.n_satellites)
+    logger.info("J = %.6e with %d satellites", found.value, found.n_satellites)
     proof = certify(
-        tables,
+        cost,
         rng,
         n_slots=slots,
         incumbent=(found.orbit, found.satellites),
@@ -80,15 +71,14 @@ def exact_dataset(
     )
     logger.info(
         "J = %.6e is %s; gap %.3g, %d nodes, %.1f s, %d architectures within %g of it",
-        proof.cost,
+        proof.value,
         "proven optimal" if proof.proven else "not proven optimal",
         proof.gap,
         proof.nodes,
         proof.seconds,
-        len(proof.near_cost),
+        len(proof.near_value),
         certificate["within"],
     )
-    cost = CostFunction(tables)(proof.orbit, proof.satellites)
     attributes = architecture_attributes(
         visibility,
         f"Scenario {scenario}, best architecture with its certificate",
@@ -97,84 +87,24 @@ def exact_dataset(
     )
     # The time of the proof is no result: as an attribute it leaves the variables reproducible.
     attributes |= {"proven": int(proof.proven), "certificate_seconds": proof.seconds}
+    near_slot = ("near_optimal", "slot")
     return xr.Dataset(
         architecture_variables(proof.orbit, proof.satellites, cost)
-        | history_variables(found.history, found.satellites_history)
-        | _certificate_variables(proof),
+        | history_variables(*found.evaluation_history())
+        | dimensionless(
+            bound=((), proof.bound, "upper bound on J over all architectures"),
+            gap=((), proof.gap, "bound / J - 1"),
+            nodes=((), proof.nodes, "nodes of the branch and bound"),
+            near_J=("near_optimal", proof.near_value, "J of near-optimal architectures"),
+            near_orbit=(near_slot, proof.near_orbit, "index into orbits/families.nc"),
+            near_satellites=(near_slot, proof.near_satellites, "satellites on the orbit"),
+        ),
         attrs=attributes,
     )
 
 
-def _certificate_variables(proof) -> dict[str, xr.Variable]:
-    """Bound, nodes and near-optimal architectures of a certificate."""
-    return {
-        "bound": variable((), proof.bound, "1", "upper bound on J over all architectures"),
-        "gap": variable((), proof.gap, "1", "bound / J - 1"),
-        "nodes": variable((), proof.nodes, "1", "nodes of the branch and bound"),
-        "near_J": variable("near_optimal", proof.near_cost, "1", "J of near-optimal architectures"),
-        "near_orbit": variable(
-            ("near_optimal", "slot"), proof.near_orbit, "1", "index into orbits/families.nc"
-        ),
-        "near_satellites": variable(
-            ("near_optimal", "slot"), proof.near_satellites, "1", "satellites on the orbit"
-        ),
-    }
-
-
-def published_dataset(
-    tables: ArchitectureTables, visibility: xr.Dataset, *, scenario: str, seed: int, restarts: int
-) -> xr.Dataset:
-    """The paper's families and counts, with the members that serve J best.
-
-    Parameters
-    ----------
-    tables : ArchitectureTables
-        Tables of the scenario.
-    visibility : xarray.Dataset
-        ``visibility/{scenario}.nc``, for its attributes.
-    scenario : str
-        Scenario; the paper has A, B and C.
-    seed, restarts : int
-        Seed of the campaign and number of starts.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``architecture/{scenario}/published.nc``.
-
-    Raises
-    ------
-    ConfigurationError
-        If the paper has no such scenario.
-    """
-    if scenario not in PUBLISHED:
-        raise ConfigurationError(
-            f"scenario {scenario} is not in the paper, which has {', '.join(PUBLISHED)}: there is "
-            "no published architecture to evaluate"
-        )
-    result = optimize(
-        tables,
-        method="published",
-        rng=generator(seed, scenario, "published"),
-        published=PUBLISHED[scenario],
-        restarts=restarts,
-        progress=progress_log("restarts"),
-    )
-    logger.info("J = %.4e with %d satellites", result.cost.value, result.n_satellites)
-    return xr.Dataset(
-        architecture_variables(result.orbit, result.satellites, result.cost)
-        | history_variables(result.history, result.satellites_history),
-        attrs=architecture_attributes(
-            visibility,
-            f"Scenario {scenario}, published families and counts",
-            {"restarts": restarts, "slots": [list(slot) for slot in PUBLISHED[scenario]]},
-            seed,
-        ),
-    )
-
-
 def front_dataset(
-    tables: ArchitectureTables,
+    cost: CostFunction,
     visibility: xr.Dataset,
     orbits: xr.Dataset,
     targets: xr.Dataset,
@@ -191,8 +121,8 @@ def front_dataset(
 
     Parameters
     ----------
-    tables : ArchitectureTables
-        Tables of the scenario.
+    cost : CostFunction
+        J on the scenario's tables.
     visibility, orbits, targets, sun : xarray.Dataset
         Data sets of the scenario.
     scenario : str
@@ -213,7 +143,7 @@ def front_dataset(
     """
     totals = list(range(front["fewest"], front["most"] + 1))
     found = satellite_front(
-        tables,
+        cost,
         totals,
         generator(seed, scenario, "front"),
         n_slots=slots,
@@ -224,33 +154,27 @@ def front_dataset(
         architecture_coverage(each.orbit, each.satellites, orbits, targets, sun, settings)
         for each in found
     ]
+    slots_of_all = ("total", "slot")
     return xr.Dataset(
-        {
-            "J": variable("total", [each.cost.value for each in found], "1", "best J found"),
-            "orbit": variable(
-                ("total", "slot"), np.array([each.orbit for each in found]), "1", "orbit index"
-            ),
-            "satellites": variable(
-                ("total", "slot"),
+        dimensionless(
+            J=("total", [each.value for each in found], "best J found"),
+            orbit=(slots_of_all, np.array([each.orbit for each in found]), "orbit index"),
+            satellites=(
+                slots_of_all,
                 np.array([each.satellites for each in found]),
-                "1",
                 "satellites on the orbit",
             ),
-            "union_coverage": variable(
-                "total", [c.union_coverage for c in covered], "1", "share of target-hours seen"
+            union_coverage=(
+                "total", [c.union_coverage for c in covered], "share of target-hours seen"
             ),
-            "target_days": variable(
-                "total", [c.target_days for c in covered], "1", "share of target-days seen"
-            ),
-            "never_seen": variable(
-                "total", [c.never_seen for c in covered], "1", "targets never seen"
-            ),
-        },
-        coords={"total": variable("total", totals, "1", "satellites in all")},
+            target_days=("total", [c.target_days for c in covered], "share of target-days seen"),
+            never_seen=("total", [c.never_seen for c in covered], "targets never seen"),
+        ),
+        coords=dimensionless(total=("total", totals, "satellites in all")),
         attrs=architecture_attributes(
             visibility,
             f"Scenario {scenario}, best J by number of satellites",
             {"slots": slots, "front": dict(front), **settings},
             seed,
         ),
-    )
+    )  # fmt: skip

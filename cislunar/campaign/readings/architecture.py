@@ -9,17 +9,16 @@ import pandas as pd
 import xarray as xr
 
 from cislunar.architecture.coordinate_search import coordinate_search
-from cislunar.architecture.cost import CostFunction
+from cislunar.architecture.objective import Objective
 from cislunar.architecture.published import PUBLISHED, choose_members
-from cislunar.architecture.tables import ArchitectureTables
-from cislunar.campaign.architectures.observability import architecture_tables, visibility_dataset
-from cislunar.campaign.architectures.optimization import generator
+from cislunar.campaign.architectures.visibility import cost_function, visibility_dataset
 from cislunar.campaign.data.inputs import (
     families_dataset,
     static_targets_dataset,
     zvs_points_dataset,
 )
 from cislunar.campaign.data.progress import Progress
+from cislunar.campaign.data.seeds import generator
 from cislunar.errors import ConfigurationError
 
 READINGS: dict[str, dict[str, Any]] = {
@@ -69,28 +68,13 @@ def changed(config: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
 
 
 def random_best(
-    tables: ArchitectureTables, rng: np.random.Generator, *, n_slots: int, draws: int
+    objective: Objective, rng: np.random.Generator, *, n_slots: int, draws: int
 ) -> float:
-    """Largest J among uniformly random architectures.
-
-    Parameters
-    ----------
-    tables : ArchitectureTables
-        Tables of one target set.
-    rng : numpy.random.Generator
-        Source of the draws.
-    n_slots, draws : int
-        Orbits of an architecture and number of draws.
-
-    Returns
-    -------
-    float
-    """
-    cost = CostFunction(tables)
+    """Largest value among so many uniformly random architectures."""
     shape = (draws, n_slots)
-    orbit = rng.integers(0, tables.n_orbits, shape)
-    satellites = rng.integers(1, tables.max_satellites + 1, shape)
-    return max(cost(o, n).value for o, n in zip(orbit, satellites, strict=True))
+    orbit = rng.integers(0, objective.n_orbits, shape)
+    satellites = rng.integers(1, objective.max_satellites + 1, shape)
+    return max(objective.value(o, n) for o, n in zip(orbit, satellites, strict=True))
 
 
 def readings_table(
@@ -133,25 +117,25 @@ def readings_table(
         )
         chosen = setting["architecture"]
         visibility = visibility_dataset(library, targets, sun, setting, chosen["max_satellites"])
-        tables = architecture_tables(visibility, library)
+        cost = cost_function(visibility, library)
         rng = generator(config["seed"], scenario, "readings")
         draws = chosen["max_evaluations"]
-        best = coordinate_search(tables, rng, n_slots=chosen["slots"], restarts=chosen["restarts"])
+        best = coordinate_search(cost, rng, n_slots=chosen["slots"], restarts=chosen["restarts"])
         row = {
             "scenario": scenario,
             "reading": name,
             "changes": "; ".join(f"{key} = {value}" for key, value in changes.items()),
             "sampled_points": points.sizes["point"],
-            "J_random": random_best(tables, rng, n_slots=chosen["slots"], draws=draws),
+            "J_random": random_best(cost, rng, n_slots=chosen["slots"], draws=draws),
             "random_draws": draws,
-            "J_coordinate_search": best.cost.value,
+            "J_coordinate_search": best.value,
             "satellites_coordinate_search": best.n_satellites,
         }
         if scenario in PUBLISHED:
             published = choose_members(
-                tables, PUBLISHED[scenario], rng=rng, restarts=chosen["restarts"]
+                cost, PUBLISHED[scenario], rng=rng, restarts=chosen["restarts"]
             )
-            row["J_published"] = published.cost.value
+            row["J_published"] = published.value
         rows.append(row)
         if progress is not None:
             progress(done + 1, len(READINGS))

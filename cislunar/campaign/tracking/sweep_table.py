@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from cislunar.campaign.architectures.observability import architecture_coverage
+from cislunar.campaign.architectures.visibility import architecture_coverage
 from cislunar.campaign.settings.sweeps import SweepPoint
 from cislunar.campaign.tracking.tables import tracking_rows
 

@@ -13,10 +13,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.campaign.architectures.optimization import generator
 from cislunar.campaign.data.netcdf import variable
 from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.provenance import provenance
+from cislunar.campaign.data.seeds import generator
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import run_cell
 from cislunar.tasking.assignment import assign

@@ -17,26 +17,27 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.extending import overload
 from numpy.typing import NDArray
 
-from cislunar.architecture.compiled_cost import log_envelope
+from cislunar.architecture.cost_kernels import CostArrays, architecture_cost, log_envelope
 from cislunar.architecture.optimality.knapsack import NO_CHOICE, best_choice
+from cislunar.architecture.optimality.node import MAX_VERTICES, active_orbits, relax, value
 
 _LOG10_E = np.log10(np.e)
 _MAX_CUTS = 40  # tangents tried before the bound is taken as it is
 _MAX_STEPS = 12  # exchanges between vertices before the next tangent
-MAX_VERTICES = 32
+_WIDE_CONE = 0.4  # ln(r1/r0) above which the cone is halved before anything else
+_NARROW_CONE = 0.01  # and below which it is left alone
 
 
-class Level(NamedTuple):
+class CostRelaxation(NamedTuple):
     """The linear pieces of J for one total number of satellites and one sign of the log-sum.
 
     Attributes
     ----------
-    n_slots, excess : int
-        Number of orbits S, and satellites beyond one per orbit.
-    satellites : float
-        N = S + excess.
+    n_slots, excess, n_orbits, counts, interval
+        As `cislunar.architecture.optimality.node` asks; the parameter is S/d, its interval a cone.
     observed, stability, distance : ndarray, shape (orbit, count)
         v, S and d of each (orbit, excess satellites).
     cover : ndarray, shape (orbit, count, group)
@@ -45,34 +46,30 @@ class Level(NamedTuple):
         Targets in each group.
     constant : float
         Added to the log-sum. With no groups it is the whole bound on |s|.
-    scale : float
-        Targets x steps.
+    arrays : CostArrays
+        J itself.
     """
 
     n_slots: int
     excess: int
-    satellites: float
+    n_orbits: int
+    counts: int
+    interval: tuple[float, float]
     observed: NDArray[np.float64]
     stability: NDArray[np.float64]
     distance: NDArray[np.float64]
     cover: NDArray[np.float64]
     mass: NDArray[np.float64]
     constant: float
-    scale: float
+    arrays: CostArrays
+
+    compiled = True
 
 
 @njit(cache=True, nogil=True)
-def tangent(point, mass, constant, slope):
-    """Log-sum bound, its slopes and theta at a point (v, S, d, y of the groups).
-
-    Returns
-    -------
-    logs : float
-        Sum of the envelope over the groups; ``slope`` is filled with its gradient.
-    theta : float
-        sqrt(s / v): makes the bound on sqrt(v s) tight at the point.
-    offset : float
-        Log-sum of the tangent plane at y = 0.
+def _tangent(point, mass, constant, slope):
+    """Log-sum bound, theta and log-sum of the tangent plane at y = 0, at a point (v, S, d, y of the
+    groups); ``slope`` is filled. theta = sqrt(s / v) makes the bound on sqrt(v s) tight there.
     """
     logs = constant
     offset = constant
@@ -106,7 +103,7 @@ def _scores(level, active, lowest, highest, theta, slope, price, ratio, score):
 
 
 @njit(cache=True, nogil=True)
-def vertex_point(level, orbit, extra, point):
+def _vertex_point(level, orbit, extra, point):
     """Fill (v, S, d, y of the groups) of one architecture."""
     point[:] = 0.0
     for k in range(orbit.size):
@@ -133,7 +130,7 @@ def _exchange(level, points, weight, n, price, ratio, slope, tolerance):
     mean = np.zeros(points.shape[1])
     for k in range(n):
         mean += weight[k] * points[k]
-    logs, theta, _ = tangent(mean, level.mass, level.constant, slope)
+    logs, theta, _ = _tangent(mean, level.mass, level.constant, slope)
     value = _value(mean, logs, price, ratio)
     trial = np.empty_like(mean)
     move = np.empty_like(mean)
@@ -156,13 +153,13 @@ def _exchange(level, points, weight, n, price, ratio, slope, tolerance):
         step = min(weight[worst], _newton_step(level, mean, move, theta, slope, high - low))
         for _ in range(30):
             trial[:] = mean + step * move
-            logs, trial_theta, _ = tangent(trial, level.mass, level.constant, slope)
+            logs, trial_theta, _ = _tangent(trial, level.mass, level.constant, slope)
             trial_value = _value(trial, logs, price, ratio)
             if trial_value >= value:
                 break
             step *= 0.5
         else:
-            tangent(mean, level.mass, level.constant, slope)
+            _tangent(mean, level.mass, level.constant, slope)
             break
         weight[best] += step
         weight[worst] -= step
@@ -193,47 +190,24 @@ def _newton_step(level, mean, move, theta, slope, rise):
 
 
 @njit(cache=True, nogil=True)
-def chord(level, threshold, r0, r1):
-    """Price and ratio with sqrt(N c T) sqrt(S d) >= price (S + ratio d) in the cone."""
-    root = np.sqrt(level.satellites * level.scale * threshold)
-    return root / (np.sqrt(r0) + np.sqrt(r1)), np.sqrt(r0 * r1)
+def _root(level, threshold):
+    """sqrt(N c T)."""
+    return np.sqrt((level.n_slots + level.excess) * level.arrays.scale * threshold)
 
 
 @njit(cache=True, nogil=True)
-def relax(level, threshold, r0, r1, active, lowest, highest, forced, orbits, extras, weight, n):
+def _decompose(level, threshold, r0, r1, active, lowest, highest, forced, stack, top):
     """Upper bound on H over the choices of a node, by simplicial decomposition.
 
-    Parameters
-    ----------
-    level : Level
-    threshold : float
-        The J to beat.
-    r0, r1 : float
-        Cone of S/d.
-    active : ndarray of int, shape (active,)
-        Orbits still allowed; ``lowest``, ``highest`` (excess satellites) and ``forced`` are
-        aligned with it.
-    orbits, extras : ndarray of int, shape (vertex, slot)
-        Vertices to start from; updated.
-    weight : ndarray, shape (vertex,)
-        Their weights; updated.
-    n : int
-        Number of vertices to start from, 0 for none.
-
-    Returns
-    -------
-    bound : float
-        Upper bound on H; <= 0 proves that nothing here beats the threshold.
-    score : ndarray, shape (active, count)
-        Scores of the tangent that gave the bound.
-    offset : float
-        bound = offset + best choice by the scores.
-    n : int
-        Number of vertices.
-    mean : ndarray, shape (3 + group,)
-        The maximiser: v, S, d, y of the groups.
+    ``active`` holds the orbits still allowed; ``lowest``, ``highest`` and ``forced`` are aligned
+    with it. The vertices in the stack's row are started from and updated. Returns the bound, the
+    scores (active, count) and the offset of the tangent that gave it, and the maximiser (v, S, d,
+    y of the groups).
     """
-    price, ratio = chord(level, threshold, r0, r1)
+    orbits, extras, weight = stack.orbits[top], stack.extras[top], stack.weight[top]
+    n = stack.vertices[top]
+    # sqrt(N c T) sqrt(S d) >= price (S + ratio d) in the cone
+    price, ratio = _root(level, threshold) / (np.sqrt(r0) + np.sqrt(r1)), np.sqrt(r0 * r1)
     n_groups = level.mass.size
     slope = np.empty(n_groups)
     points = np.empty((MAX_VERTICES, 3 + n_groups))
@@ -242,20 +216,21 @@ def relax(level, threshold, r0, r1, active, lowest, highest, forced, orbits, ext
     position = np.empty(level.n_slots, np.int64)
     extra = np.empty(level.n_slots, np.int64)
     for k in range(n):
-        vertex_point(level, orbits[k], extras[k], points[k])
+        _vertex_point(level, orbits[k], extras[k], points[k])
     mean = _typical_point(level, active, lowest)
     value, bound, best_offset, tolerance = -np.inf, np.inf, 0.0, 0.0
     for _ in range(_MAX_CUTS):
         if n > 0:
             value, mean = _exchange(level, points, weight, n, price, ratio, slope, tolerance)
-        _, theta, offset = tangent(mean, level.mass, level.constant, slope)
+        _, theta, offset = _tangent(mean, level.mass, level.constant, slope)
         offset *= 0.5 / theta
         _scores(level, active, lowest, highest, theta, slope, price, ratio, score)
         choice = best_choice(
             score, lowest, highest, forced, level.n_slots, level.excess, position, extra
         )
         if choice <= 0.5 * NO_CHOICE:
-            return -np.inf, best_score, 0.0, n, mean
+            bound = -np.inf
+            break
         if offset + choice < bound:
             bound, best_offset = offset + choice, offset
             best_score[:] = score
@@ -264,8 +239,9 @@ def relax(level, threshold, r0, r1, active, lowest, highest, forced, orbits, ext
             break
         tolerance = 0.1 * gap if n > 0 else 0.0
         n = _add_vertex(orbits, extras, weight, points, n, active, position, extra)
-        vertex_point(level, orbits[n - 1], extras[n - 1], points[n - 1])
-    return bound, best_score, best_offset, n, mean
+        _vertex_point(level, orbits[n - 1], extras[n - 1], points[n - 1])
+    stack.vertices[top] = n
+    return bound, best_score, best_offset, mean
 
 
 @njit(cache=True, nogil=True)
@@ -304,3 +280,62 @@ def _add_vertex(orbits, extras, weight, points, n, active, position, extra):
         extras[kept, k] = extra[k]
     weight[kept] = 1.0 if kept == 0 else 0.0
     return kept + 1
+
+
+@njit(cache=True, nogil=True)
+def _cone_split(level, threshold, r0, r1, mean, bound):
+    """Where to split the cone, or 0 when branching on the orbits does more."""
+    width = np.log(r1 / r0)
+    if width > _WIDE_CONE:
+        return np.sqrt(r0 * r1)
+    if width < _NARROW_CONE:
+        return 0.0
+    loss = _root(level, threshold) * (
+        np.sqrt(mean[1] * mean[2])
+        - (mean[1] + np.sqrt(r0 * r1) * mean[2]) / (np.sqrt(r0) + np.sqrt(r1))
+    )
+    if loss < 0.5 * bound:
+        return 0.0
+    margin = 0.2 * width
+    at = np.log(mean[1] / mean[2])
+    return np.exp(min(max(at, np.log(r0) + margin), np.log(r1) - margin))
+
+
+@njit(cache=True, nogil=True)
+def _relax(level, threshold, stack, top):
+    """Bound on H over a node, as `cislunar.architecture.optimality.node` asks."""
+    r0, r1 = stack.interval[top]
+    lowest, highest = stack.lowest[top], stack.highest[top]
+    active = active_orbits(lowest, highest)
+    bound, score, offset, mean = _decompose(
+        level,
+        threshold,
+        r0,
+        r1,
+        active,
+        lowest[active].astype(np.int64),
+        highest[active].astype(np.int64),
+        stack.forced[top][active],
+        stack,
+        top,
+    )
+    split = _cone_split(level, threshold, r0, r1, mean, bound) if bound > 0.0 else 0.0
+    return bound, offset, score, split
+
+
+def _is_cost(relaxation) -> bool:
+    return getattr(relaxation, "instance_class", None) is CostRelaxation
+
+
+@overload(relax)
+def _compiled_relax(relaxation, threshold, stack, top):
+    if _is_cost(relaxation):
+        return lambda relaxation, threshold, stack, top: _relax(relaxation, threshold, stack, top)
+
+
+@overload(value)
+def _compiled_value(relaxation, orbit, satellites):
+    if _is_cost(relaxation):
+        return lambda relaxation, orbit, satellites: architecture_cost(
+            relaxation.arrays, orbit, satellites
+        )

@@ -1,4 +1,4 @@
-"""Data sets of visibility, and the cost tables read from them."""
+"""Data sets of visibility, and the cost and the coverage of architectures from them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.coverage import Coverage, architecture_tracks, coverage
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.campaign.data.inputs import horizon, sun_at, visibility_settings
@@ -83,25 +84,16 @@ def visibility_dataset(
     )
 
 
-def architecture_tables(visibility: xr.Dataset, orbits: xr.Dataset) -> ArchitectureTables:
-    """Cost tables from data sets.
-
-    Parameters
-    ----------
-    visibility, orbits : xarray.Dataset
-        ``visibility/{scenario}.nc`` and ``orbits/families.nc``.
-
-    Returns
-    -------
-    ArchitectureTables
-    """
-    return ArchitectureTables(
+def cost_function(visibility: xr.Dataset, orbits: xr.Dataset) -> CostFunction:
+    """J on the tables of ``visibility/{scenario}.nc`` and ``orbits/families.nc``."""
+    tables = ArchitectureTables(
         observations=visibility["observations"].values,
         distance=visibility["distance"].values,
         stability_index=orbits["stability_index"].values,
         family=orbits["family"].values.astype(str),
         n_steps=int(visibility.attrs["n_steps"]),
     )
+    return CostFunction(tables)
 
 
 def architecture_coverage(

@@ -1,4 +1,4 @@
-"""Tables of the campaign: the architectures of Paul & Fan, table 2, beside ours."""
+"""Table 2 of Paul & Fan beside our architectures, and those close to the optimum."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,7 +8,7 @@ import pandas as pd
 import xarray as xr
 
 from cislunar.architecture.published import PUBLISHED
-from cislunar.campaign.architectures.observability import architecture_coverage
+from cislunar.campaign.architectures.visibility import architecture_coverage
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 
 
@@ -83,19 +83,18 @@ def near_optimal_rows(scenario: str, exact: xr.Dataset, orbits: xr.Dataset) -> p
         Rank, J, its share of the optimum, and the orbits with their satellites.
     """
     family = orbits["family"].values
-    rows = []
-    for rank in range(exact.sizes["near_optimal"]):
-        chosen = exact.isel(near_optimal=rank)
-        pairs = zip(chosen["near_orbit"].values, chosen["near_satellites"].values, strict=True)
-        value = float(chosen["near_J"])
-        rows.append(
-            {
-                "scenario": scenario,
-                "rank": rank + 1,
-                "J": value,
-                "share_of_optimum": value / float(exact["J"]),
-                "total_satellites": int(chosen["near_satellites"].sum()),
-                "orbits": "; ".join(f"{family[i]}[{i}] x {n}" for i, n in pairs),
-            }
-        )
-    return pd.DataFrame(rows)
+    orbit, satellites = exact["near_orbit"].values, exact["near_satellites"].values
+    value = exact["near_J"].values
+    return pd.DataFrame(
+        {
+            "scenario": scenario,
+            "rank": np.arange(1, len(value) + 1),
+            "J": value,
+            "share_of_optimum": value / float(exact["J"]),
+            "total_satellites": satellites.sum(axis=1),
+            "orbits": [
+                "; ".join(f"{family[i]}[{i}] x {n}" for i, n in zip(*pair, strict=True))
+                for pair in zip(orbit, satellites, strict=True)
+            ],
+        }
+    )

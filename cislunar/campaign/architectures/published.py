@@ -1,0 +1,65 @@
+"""Data set of the paper's own architectures."""
+
+import xarray as xr
+
+from cislunar.architecture.cost import CostFunction
+from cislunar.architecture.published import PUBLISHED, choose_members
+from cislunar.campaign.architectures.variables import (
+    architecture_attributes,
+    architecture_variables,
+    history_variables,
+)
+from cislunar.campaign.data.progress import logger, progress_log
+from cislunar.campaign.data.seeds import generator
+from cislunar.errors import ConfigurationError
+
+
+def published_dataset(
+    cost: CostFunction, visibility: xr.Dataset, *, scenario: str, seed: int, restarts: int
+) -> xr.Dataset:
+    """The paper's families and counts, with the members that serve J best.
+
+    Parameters
+    ----------
+    cost : CostFunction
+        J on the scenario's tables.
+    visibility : xarray.Dataset
+        ``visibility/{scenario}.nc``, for its attributes.
+    scenario : str
+        Scenario; the paper has A, B and C.
+    seed, restarts : int
+        Seed of the campaign and number of starts.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``architecture/{scenario}/published.nc``.
+
+    Raises
+    ------
+    ConfigurationError
+        If the paper has no such scenario.
+    """
+    if scenario not in PUBLISHED:
+        raise ConfigurationError(
+            f"scenario {scenario} is not in the paper, which has {', '.join(PUBLISHED)}: there is "
+            "no published architecture to evaluate"
+        )
+    result = choose_members(
+        cost,
+        PUBLISHED[scenario],
+        rng=generator(seed, scenario, "published"),
+        restarts=restarts,
+        progress=progress_log("restarts"),
+    )
+    logger.info("J = %.4e with %d satellites", result.value, result.n_satellites)
+    return xr.Dataset(
+        architecture_variables(result.orbit, result.satellites, cost)
+        | history_variables(result.history, result.satellites_history),
+        attrs=architecture_attributes(
+            visibility,
+            f"Scenario {scenario}, published families and counts",
+            {"restarts": restarts, "slots": [list(slot) for slot in PUBLISHED[scenario]]},
+            seed,
+        ),
+    )

@@ -1,0 +1,167 @@
+"""Data sets of sampling searches: one run, and the best of several."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from cislunar.architecture.cost import CostFunction
+from cislunar.architecture.hyperopt_search import hyperopt_search, stopping_evaluation
+from cislunar.campaign.architectures.variables import (
+    architecture_attributes,
+    architecture_variables,
+    dimensionless,
+    history_variables,
+)
+from cislunar.campaign.data.progress import logger, progress_log
+from cislunar.campaign.data.seeds import generator
+
+
+def search_run_dataset(
+    cost: CostFunction,
+    visibility: xr.Dataset,
+    *,
+    scenario: str,
+    method: str,
+    labels: str,
+    run: int,
+    seed: int,
+    slots: int,
+    max_evaluations: int,
+    early_stop: int,
+) -> xr.Dataset:
+    """One Hyperopt search, every trial kept.
+
+    Random search runs to the full number of evaluations; its early stop is a prefix of that.
+
+    Parameters
+    ----------
+    cost : CostFunction
+        J on the scenario's tables.
+    visibility : xarray.Dataset
+        ``visibility/{scenario}.nc``, for its attributes.
+    scenario, method, labels : str
+        Scenario, Hyperopt method and kind of labels.
+    run, seed : int
+        Number of the run and seed of the campaign.
+    slots, max_evaluations, early_stop : int
+        Settings of the search.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``architecture/{scenario}/runs/{method}_{labels}_{run}.nc``.
+    """
+    result = hyperopt_search(
+        cost,
+        method=method,
+        rng=generator(seed, scenario, method, labels, run),
+        n_slots=slots,
+        labels=labels,
+        max_evaluations=max_evaluations,
+        early_stop=None if method == "random" else early_stop,
+        progress=progress_log(f"{method} evaluations"),
+    )
+    logger.info("J = %.4e with %d satellites", result.value, result.n_satellites)
+    settings = {
+        "method": method,
+        "labels": labels,
+        "run": run,
+        "slots": slots,
+        "max_evaluations": max_evaluations,
+        "early_stop": early_stop,
+    }
+    return xr.Dataset(
+        architecture_variables(result.orbit, result.satellites, cost)
+        | history_variables(result.history, result.satellites_history)
+        | dimensionless(
+            trial_orbit=(
+                ("evaluation", "slot"),
+                result.orbit_trials.astype(np.int32),
+                "orbit of each slot in each evaluation",
+            ),
+            trial_satellites=(
+                ("evaluation", "slot"),
+                result.satellites_trials.astype(np.int16),
+                "satellites of each slot in each evaluation",
+            ),
+        ),
+        attrs=architecture_attributes(
+            visibility, f"Scenario {scenario}, {method} search", settings, seed
+        ),
+    )
+
+
+def _stopped(run: xr.Dataset, early_stop: int) -> tuple[int, int]:
+    """Evaluations an early stop allows, and the best of them."""
+    history = run["J_history"].values
+    allowed = stopping_evaluation(history, early_stop)
+    return allowed, int(np.argmax(history[:allowed]))
+
+
+def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunction) -> xr.Dataset:
+    """The best of several searches under the early stop, with the spread over all of them.
+
+    Parameters
+    ----------
+    runs : sequence of xarray.Dataset
+        Data sets of `search_run_dataset`.
+    early_stop : int
+        Evaluations without improvement after which a search stops.
+    cost : CostFunction
+        J on the scenario's tables.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``architecture/{scenario}/{method}.nc``: the best run in the main variables; ``run_*`` for
+        each run under the early stop, ``full_*`` for all its evaluations.
+    """
+
+    def of_runs(name: str, where: Sequence[int]) -> np.ndarray:
+        return np.array([each[name].values[i] for each, i in zip(runs, where, strict=True)])
+
+    stops = [_stopped(run, early_stop) for run in runs]
+    at_stop = [best for _, best in stops]
+    reached = of_runs("J_history", at_stop)
+    chosen = int(np.argmax(reached))
+    run, (allowed, best) = runs[chosen], stops[chosen]
+    order = np.argsort(run["trial_orbit"].values[best], kind="stable")
+    orbit = run["trial_orbit"].values[best][order].astype(np.int64)
+    satellites = run["trial_satellites"].values[best][order].astype(np.int64)
+    longest = max(allowed for allowed, _ in stops)
+    histories = np.full((len(runs), longest), np.nan)
+    for row, (each, (count, _)) in enumerate(zip(runs, stops, strict=True)):
+        histories[row, :count] = each["J_history"].values[:count]
+    full = [int(np.argmax(each["J_history"].values)) for each in runs]
+    data = architecture_variables(orbit, satellites, cost)
+    data |= history_variables(
+        run["J_history"].values[:allowed], run["satellites_history"].values[:allowed]
+    )
+    data |= dimensionless(
+        run_J=("run", reached, "J reached by each run under the early stop"),
+        run_orbit=(
+            ("run", "slot"), of_runs("trial_orbit", at_stop), "orbits of the best of each run"
+        ),
+        run_satellites=(
+            "run", of_runs("satellites_history", at_stop), "satellites of the best of each run"
+        ),
+        run_evaluations=(
+            "run", [allowed for allowed, _ in stops], "evaluations until the early stop"
+        ),
+        run_J_history=(
+            ("run", "run_evaluation"), histories, "J of each evaluation of each run"
+        ),
+        full_J=(
+            "run",
+            of_runs("J_history", full),
+            "J reached over all evaluations made, early stop or not",
+        ),
+        full_satellites=(
+            "run", of_runs("satellites_history", full), "satellites of that architecture"
+        ),
+        full_evaluations=("run", [each.sizes["evaluation"] for each in runs], "evaluations made"),
+    )  # fmt: skip
+    attributes = dict(runs[chosen].attrs)
+    attributes["title"] = f"{attributes['title']}, the best of {len(runs)}"
+    return xr.Dataset(data, attrs=attributes)
