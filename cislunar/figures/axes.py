@@ -1,12 +1,19 @@
-"""Placing axes and labelling logarithmic ones, for the figures of tracking."""
+"""Placing panels, reach and ticks of their axes, titles and legends, in inches from below left."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
+from numpy.typing import ArrayLike, NDArray
 
-from cislunar.figures.space.scene import Array
+from cislunar.figures.style import panel_letter
+
+Array = NDArray[np.float64]
 
 _LEAST_SPACING = 0.13
 """Least distance of two tick labels, as a share of the axis."""
@@ -20,6 +27,122 @@ def place(
     return figure.add_axes(
         (left_in / width, bottom_in / height, width_in / width, height_in / height)
     )
+
+
+class Grid(NamedTuple):
+    """Panels of equal size in rows and columns.
+
+    Attributes
+    ----------
+    rows, columns : int
+    width, height : float
+        Of a panel, inches.
+    left, foot : float
+        Of the lower left panel, inches.
+    gap, between : float
+        From panel to panel in a row and in a column, inches.
+    """
+
+    rows: int
+    columns: int
+    width: float
+    height: float
+    left: float
+    foot: float
+    gap: float = 0.0
+    between: float = 0.0
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of all panels, inches."""
+        return (
+            self.columns * self.width + (self.columns - 1) * self.gap,
+            self.rows * self.height + (self.rows - 1) * self.between,
+        )
+
+    def corner(self, row: int, column: int) -> tuple[float, float]:
+        """Lower left corner of a panel, inches; rows count from above."""
+        top = self.foot + self.size[1]
+        return (
+            self.left + column * (self.width + self.gap),
+            top - (row + 1) * self.height - row * self.between,
+        )
+
+    def place(self, figure: Figure, row: int, column: int) -> Axes:
+        """Axes of a panel."""
+        return place(figure, *self.corner(row, column), self.width, self.height)
+
+
+def panel_title(axes: Axes, number: int, text: str, **more: Any) -> None:
+    """Title of a panel with its letter, at the left."""
+    axes.set_title(f"{panel_letter(number)} {text}", loc="left", **more)
+
+
+def title_above(figure: Figure, text: str) -> None:
+    """Title of the whole figure, in its upper left corner."""
+    width, height = figure.get_size_inches()
+    figure.text(0.14 / width, 1.0 - 0.07 / height, text, va="top", fontsize=8.5)
+
+
+def legend_below(
+    figure: Figure, handles: Sequence[Artist], bottom_in: float, ncols: int | None = None, **more
+) -> None:
+    """Legend in the middle, so high above the lower edge; in one row unless told."""
+    figure.legend(
+        handles=handles,
+        loc="lower center",
+        ncols=ncols or len(handles),
+        bbox_to_anchor=(0.5, bottom_in / figure.get_size_inches()[1]),
+        borderaxespad=0.0,
+        **more,
+    )
+
+
+def reach(
+    values: ArrayLike, *, log: bool, share: float = 0.08, least: float = 1.15
+) -> tuple[float, float]:
+    """Ends of an axis that holds some values.
+
+    Parameters
+    ----------
+    values : array_like
+        Those that are not finite, or on a logarithmic axis not positive, do not count.
+    log : bool
+        Whether the axis is logarithmic.
+    share : float
+        Margin on either side, as a share of what lies between the outermost values.
+    least : float
+        Least margin of a logarithmic axis, as a factor.
+
+    Returns
+    -------
+    low, high : float
+        From 0.1 to 1 with a margin if no value counts.
+    """
+    values = np.ravel(values)
+    values = values[np.isfinite(values) & ((values > 0.0) | (not log))]
+    low, high = (values.min(), values.max()) if values.size else (0.1, 1.0)
+    if log:
+        margin = max((high / low) ** share, least)
+        return low / margin, high * margin
+    margin = share * (high - low) or 0.5
+    return low - margin, high + margin
+
+
+def set_vertical(axes: Axes, limits: tuple[float, float], *, log: bool) -> None:
+    """Ends of the vertical axis, with labelled ticks where it is logarithmic."""
+    if log:
+        axes.set_yscale("log")
+    axes.set_ylim(*limits)
+    if log:
+        log_ticks(axes.yaxis, *limits)
+
+
+def fixed_ticks(axis: Axis, ticks: ArrayLike, names: Sequence[str] | None = None) -> None:
+    """Ticks at some places, named by their numbers unless told; minor ones have no names."""
+    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_major_formatter(FixedFormatter(names or [f"{tick:g}" for tick in ticks]))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def nice_ticks(low: float, high: float) -> Array:
@@ -63,19 +186,9 @@ def tick_names(ticks: Array) -> list[str]:
 
 
 def log_ticks(axis: Axis, low: float, high: float) -> None:
-    """Put labelled ticks on a logarithmic axis.
-
-    Parameters
-    ----------
-    axis : matplotlib.axis.Axis
-        The axis.
-    low, high : float
-        Its ends.
-    """
+    """Labelled ticks on a logarithmic axis from one end to the other."""
     ticks = nice_ticks(low, high)
-    axis.set_major_locator(FixedLocator(ticks))
-    axis.set_major_formatter(FixedFormatter(tick_names(ticks)))
-    axis.set_minor_formatter(NullFormatter())
+    fixed_ticks(axis, ticks, tick_names(ticks))
 
 
 def spaced(values: Array, least: float = _LEAST_SPACING) -> Array:

@@ -171,34 +171,19 @@ def family_style(family: str) -> SeriesStyle:
         ) from None
 
 
+def style_or_gray(styles: Mapping[str, SeriesStyle], name: str) -> SeriesStyle:
+    """How a series is drawn; one without a style of its own is gray."""
+    return styles.get(name, SeriesStyle(name, GRAY, SOLID, "v"))
+
+
 def optimizer_style(optimizer: str) -> SeriesStyle:
-    """How an optimizer is drawn; one without a style of its own is gray.
-
-    Parameters
-    ----------
-    optimizer : str
-        Name of the optimizer.
-
-    Returns
-    -------
-    SeriesStyle
-    """
-    return OPTIMIZER_STYLE.get(optimizer, SeriesStyle(optimizer, GRAY, SOLID, "v"))
+    """How an optimizer is drawn."""
+    return style_or_gray(OPTIMIZER_STYLE, optimizer)
 
 
 def estimator_style(estimator: str) -> SeriesStyle:
-    """How an estimator is drawn; one without a style of its own is gray.
-
-    Parameters
-    ----------
-    estimator : str
-        Name of the estimator.
-
-    Returns
-    -------
-    SeriesStyle
-    """
-    return ESTIMATOR_STYLE.get(estimator, SeriesStyle(estimator, GRAY, DASH_DOT, "v"))
+    """How an estimator is drawn."""
+    return style_or_gray(ESTIMATOR_STYLE, estimator)
 
 
 @contextmanager
@@ -211,17 +196,7 @@ def house_style() -> Iterator[None]:
 
 
 def new_figure(height_in: float, width_in: float = PAGE_WIDTH_IN) -> Figure:
-    """An empty figure outside pyplot's registry.
-
-    Parameters
-    ----------
-    height_in, width_in : float
-        Size, inches.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """An empty figure outside pyplot's registry, its size in inches."""
     figure = Figure(figsize=(width_in, height_in), facecolor="white")
     FigureCanvasAgg(figure)
     return figure

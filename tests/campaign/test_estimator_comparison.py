@@ -14,10 +14,7 @@ from cislunar.campaign.documents.estimator_blocks import (
     model_errors_block,
 )
 from cislunar.campaign.tracking.tables import estimator_rows, reading_rows, tracking_rows
-from cislunar.figures.tracking.estimators import (
-    estimators_against_interval_figure,
-    estimators_against_targets_figure,
-)
+from cislunar.figures.tracking.trends import against_interval_figure, against_targets_figure
 
 
 def _labeled(summary, **labels):
@@ -92,15 +89,13 @@ def test_model_errors_stand_beside_their_remedies():
     assert "0.900, 2.0, 2.0° (`slope-25-wide`)" in line
 
 
-@pytest.mark.parametrize(
-    "draw", [estimators_against_targets_figure, estimators_against_interval_figure]
-)
+@pytest.mark.parametrize("draw", [against_targets_figure, against_interval_figure])
 def test_figures_hold_both_estimators_and_the_bound(summary, draw):
-    figure = draw(summary)
+    figure = draw(summary, "estimator")
     texts = {text.get_text() for text in figure.legends[0].get_texts()}
     assert texts == {"filter of the paper (MUKF)", "multi-hypothesis batch", "Cramér-Rao bound"}
     lost = next(axes for axes in figure.axes if "diverged" in axes.get_ylabel())
     heights = {round(float(np.mean(line.get_ydata())), 3)
                for line in lost.lines if len(line.get_xdata()) > 1}  # fmt: skip
     assert {10.0, 1.0} <= heights
-    assert draw(summary.isel(cell=summary["estimator"].values == "mukf")) is not None
+    assert draw(summary.isel(cell=summary["estimator"].values == "mukf"), "estimator") is not None

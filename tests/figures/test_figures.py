@@ -11,11 +11,16 @@ from cislunar.architecture.published import PUBLISHED_COST
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.figures import style
-from cislunar.figures.search.search import best_so_far, convergence_figure, satellite_front_figure
-from cislunar.figures.space import scene
+from cislunar.figures.search.optimizers import (
+    best_so_far,
+    convergence_figure,
+    satellite_front_figure,
+)
 from cislunar.figures.space.architectures import selected_orbits_figure
+from cislunar.figures.space.earth_moon import bodies
 from cislunar.figures.space.facet import arc_between, direction, facet_geometry_figure, half_vector
 from cislunar.figures.space.library import family_map_figure, orbit_library_figure
+from cislunar.figures.space.orbit_tracks import orbit_curve, satellite_tracks
 from cislunar.orbits.families import FAMILIES
 
 LENGTH_AXIS = re.compile(r"^[xyz], nondimensional\s\(384\N{THIN SPACE}400 km\)$")
@@ -230,7 +235,7 @@ def test_every_family_looks_different_without_color():
 
 
 def test_earth_is_blue_and_moon_black_where_they_belong():
-    places = scene.bodies(MU)
+    places = bodies(MU)
     np.testing.assert_array_equal(places["Earth"][0], [-MU, 0.0, 0.0])
     np.testing.assert_array_equal(places["Moon"][0], [1.0 - MU, 0.0, 0.0])
     assert (places["Earth"][1], places["Moon"][1]) == (style.BLUE, style.BLACK)
@@ -243,12 +248,12 @@ def test_curve_of_a_two_body_circle():
     orbits = orbit_rows([("Lyap_L1", (radius, 0.0, 0.0, 0.0, speed, 0.0), 1.0)])
     orbits.attrs["mu"] = 0.0
     orbits["period"] = ("orbit", [2.0 * np.pi / (radius ** (-1.5) - 1.0)])
-    curve = scene.orbit_curve(orbits, 0, samples=101)
+    curve = orbit_curve(orbits, 0, samples=101)
     np.testing.assert_allclose(np.linalg.norm(curve, axis=1), radius, rtol=2e-6)
     np.testing.assert_array_equal(curve[0], curve[-1])
     steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
     np.testing.assert_allclose(steps, 2.0 * radius * np.sin(np.pi / 100), rtol=1e-4)
-    placed = scene.satellite_positions(orbits, 0, 4)
+    placed = satellite_tracks(orbits, 0, 4)
     np.testing.assert_allclose(
         placed, radius * np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]), atol=1e-8
     )

@@ -13,7 +13,7 @@ from cislunar.dynamics.propagation import propagate
 from cislunar.figures.space.orbit_tracks import (
     evenly_seen,
     orbit_track_km,
-    satellite_tracks_km,
+    satellite_tracks,
     target_tracks_km,
 )
 from cislunar.figures.space.orbits_page import DIV_ID, FRAME_HOURS, orbits_page
@@ -79,7 +79,7 @@ def test_track_closes_and_stays_out_of_the_moon(orbits):
 
 def test_satellites_and_targets_move_as_propagated(orbits, tracked):
     period_h = float(orbits["period"][50]) * float(orbits.attrs["time_unit_s"]) / 3600.0
-    tracks = satellite_tracks_km(orbits, 50, 4, [0.0, period_h / 4.0])
+    tracks = LENGTH_UNIT_KM * satellite_tracks(orbits, 50, 4, [0.0, period_h / 4.0])
     assert tracks[0, 0] == pytest.approx(orbits["state"].values[50, :3] * LENGTH_UNIT_KM)
     # A quarter of a period later each is where the next one was.
     assert tracks[1, :3] == pytest.approx(tracks[0, 1:], abs=0.5)

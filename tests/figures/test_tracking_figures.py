@@ -37,8 +37,8 @@ from cislunar.figures.tracking.heatmaps import (
     target_counts_figure,
 )
 from cislunar.figures.tracking.high_load import high_load_figure
-from cislunar.figures.tracking.sweeps import against_interval_figure, against_targets_figure
 from cislunar.figures.tracking.tasking import held, tasking_figure
+from cislunar.figures.tracking.trends import against_interval_figure, against_targets_figure
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 SEEDS, STEPS, RECORDS = 3, 24, 12

@@ -141,10 +141,11 @@ rule against_targets_figure:
         "../envs/cislunar.yaml"
     params:
         along="targets",
+        by="architecture",
     message:
         "Drawing tracking against the number of targets"
     script:
-        "../scripts/figure_tracking_sweep.py"
+        "../scripts/figure_trends.py"
 
 
 use rule against_targets_figure as against_interval_figure with:
@@ -161,6 +162,7 @@ use rule against_targets_figure as against_interval_figure with:
         benchmark_of("against_interval_figure")
     params:
         along="interval",
+        by="architecture",
     message:
         "Drawing tracking against the tasking interval"
 
@@ -178,7 +180,8 @@ use rule against_targets_figure as estimators_against_targets_figure with:
     benchmark:
         benchmark_of("estimators_against_targets_figure")
     params:
-        along="targets, estimators",
+        along="targets",
+        by="estimator",
     message:
         "Drawing both estimators against the number of targets"
 
@@ -196,7 +199,8 @@ use rule against_targets_figure as estimators_against_interval_figure with:
     benchmark:
         benchmark_of("estimators_against_interval_figure")
     params:
-        along="interval, estimators",
+        along="interval",
+        by="estimator",
     message:
         "Drawing both estimators against the tasking interval"
 

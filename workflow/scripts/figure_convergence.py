@@ -5,7 +5,7 @@ from pathlib import Path
 
 from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.data.progress import job
-from cislunar.figures.search.search import convergence_figure
+from cislunar.figures.search.optimizers import convergence_figure
 from cislunar.figures.style import save_figure
 
 with job(snakemake.log[0]):

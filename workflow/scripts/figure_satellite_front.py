@@ -7,7 +7,7 @@ import pandas as pd
 
 from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.data.progress import job
-from cislunar.figures.search.search import satellite_front_figure
+from cislunar.figures.search.optimizers import satellite_front_figure
 from cislunar.figures.style import save_figure
 
 with job(snakemake.log[0]):

@@ -6,18 +6,26 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
 from cislunar.campaign.tracking.sweep_table import plotted_values
-from cislunar.figures.axes import log_ticks, place, spaced
-from cislunar.figures.space.scene import Array
+from cislunar.figures.axes import (
+    Array,
+    Grid,
+    fixed_ticks,
+    legend_below,
+    panel_title,
+    reach,
+    set_vertical,
+    spaced,
+)
+from cislunar.figures.panels import draw_means
 from cislunar.figures.style import (
     PAGE_WIDTH_IN,
     estimator_style,
     house_style,
     new_figure,
     optimizer_style,
-    panel_letter,
 )
 
 _LEFT, _RIGHT, _GAP = 0.48, 0.12, 0.46
@@ -98,20 +106,17 @@ def sweep_figure(table: pd.DataFrame) -> Figure:
         for n in counts
     ]
     rows = [row for row in rows if not row[2].empty]
-    rows_in = len(rows) * (_ROW_IN + _BETWEEN_IN) - _BETWEEN_IN
     foot = _FOOT + (0.0 if values.numeric else _LINE_IN * len(values.names))
-    figure = new_figure(_HEAD + rows_in + foot)
     width_in = (PAGE_WIDTH_IN - _LEFT - _RIGHT - (_COLUMNS - 1) * _GAP) / _COLUMNS
+    grid = Grid(len(rows), _COLUMNS, width_in, _ROW_IN, _LEFT, foot, _GAP, _BETWEEN_IN)
+    figure = new_figure(_HEAD + grid.size[1] + foot)
     for number, (heading, quantities, own) in enumerate(rows):
-        bottom = foot + rows_in - (number + 1) * _ROW_IN - number * _BETWEEN_IN
         for column, quantity in enumerate(quantities):
-            left = _LEFT + column * (width_in + _GAP)
-            axes = place(figure, left, bottom, width_in, _ROW_IN)
+            axes = grid.place(figure, number, column)
             _draw(axes, own, quantity, values)
-            letter = panel_letter(number * _COLUMNS + column)
-            axes.set_title(f"{letter} {quantity.title}", loc="left", pad=4, fontsize=7.0)
+            panel_title(axes, number * _COLUMNS + column, quantity.title, pad=4, fontsize=7.0)
             _value_axis(axes, values)
-        top = (bottom + _ROW_IN + 0.35) / figure.get_size_inches()[1]
+        top = (grid.corner(number, 0)[1] + _ROW_IN + 0.35) / figure.get_size_inches()[1]
         figure.text(_LEFT / PAGE_WIDTH_IN, top, heading, va="bottom")
     _below(figure, table, values)
     return figure
@@ -124,30 +129,25 @@ def _draw(axes: Axes, table: pd.DataFrame, quantity: Quantity, values: _Values) 
         chosen = chosen[chosen["part"] == quantity.part]
     if quantity.unit:
         chosen = chosen[chosen["unit"] == quantity.unit]
-    reach = []
+    held = [np.empty(0)]
     groups = chosen.groupby(chosen["estimator"].fillna(""), sort=False)
     for index, (name, own) in enumerate(groups):
         look = estimator_style(name) if name else optimizer_style(str(own["architecture"].iloc[0]))
-        ordered = own.set_index(own["value"].astype(str)).reindex(values.names)
-        mean, low, high = (
-            quantity.factor * ordered[key].to_numpy(float) for key in ("mean", "low", "high")
-        )
+        if not values.numeric:
+            look = look._replace(line="none")
         order = np.argsort(values.places, kind="stable")
-        axes.errorbar(
-            _beside(values, index - 0.5 * (len(groups) - 1))[order],
-            mean[order],
-            yerr=np.nan_to_num([mean - low, high - mean])[:, order],
-            color=look.color,
-            linestyle=look.line if values.numeric else "none",
-            linewidth=0.9,
-            elinewidth=0.7,
-            capsize=1.4,
-            capthick=0.7,
-            **look.marker_kwargs(3.2),
+        ordered = own.set_index(own["value"].astype(str)).reindex(np.array(values.names)[order])
+        mean, low, high, smallest, largest = (
+            quantity.factor * ordered[key].to_numpy(float)
+            for key in ("mean", "low", "high", "smallest", "largest")
         )
-        single = ordered[["smallest", "largest"]].to_numpy(float).T * quantity.factor
-        reach += [mean, np.fmax(low, single[0]), np.fmin(high, single[1])]
-    _vertical_axis(axes, np.concatenate(reach), quantity)
+        at = _beside(values, index - 0.5 * (len(groups) - 1))[order]
+        draw_means(axes, at, (mean, low, high), look)
+        # an interval of few seeds may leave the panel
+        held += [mean, np.fmax(low, smallest), np.fmin(high, largest)]
+    set_vertical(axes, reach(np.concatenate(held), log=quantity.log), log=quantity.log)
+    if not quantity.log:
+        axes.yaxis.set_major_locator(MaxNLocator(4, integer=quantity.whole, min_n_ticks=1))
 
 
 def _beside(values: _Values, number: float) -> Array:
@@ -158,36 +158,12 @@ def _beside(values: _Values, number: float) -> Array:
     return values.places + 0.016 * number * (high - low)
 
 
-def _vertical_axis(axes: Axes, values: Array, quantity: Quantity) -> None:
-    """Holds the values; an interval of few seeds may leave it."""
-    values = values[np.isfinite(values) & ((values > 0.0) | (not quantity.log))]
-    low, high = (values.min(), values.max()) if values.size else (0.1, 1.0)
-    if quantity.log:
-        margin = max((high / low) ** 0.08, 1.15)
-        axes.set_yscale("log")
-        axes.set_ylim(low / margin, high * margin)
-        log_ticks(axes.yaxis, low / margin, high * margin)
-    else:
-        margin = 0.08 * (high - low) or 0.5
-        axes.set_ylim(low - margin, high + margin)
-        axes.yaxis.set_major_locator(MaxNLocator(4, integer=quantity.whole, min_n_ticks=1))
-
-
 def _value_axis(axes: Axes, values: _Values) -> None:
     """The swept values."""
-    low, high = values.places.min(), values.places.max()
     if values.log:
         axes.set_xscale("log")
-        margin = (high / low) ** 0.07
-        axes.set_xlim(low / margin, high * margin)
-        ticks = spaced(values.places, 0.2)
-    else:
-        margin = 0.08 * (high - low) or 0.5
-        axes.set_xlim(low - margin, high + margin)
-        ticks = np.unique(values.places)
-    axes.xaxis.set_major_locator(FixedLocator(ticks))
-    axes.xaxis.set_major_formatter(FixedFormatter([f"{tick:g}" for tick in ticks]))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlim(*reach(values.places, log=values.log, share=0.07 if values.log else 0.08))
+    fixed_ticks(axes.xaxis, spaced(values.places, 0.2) if values.log else np.unique(values.places))
     axes.tick_params(axis="x", which="minor", bottom=False)
 
 
@@ -206,11 +182,4 @@ def _below(figure: Figure, table: pd.DataFrame, values: _Values) -> None:
     handles = [estimator_style(name).legend_handle() for name in estimators]
     if table["targets"].isna().any():
         handles.insert(0, optimizer_style(architecture).legend_handle())
-    figure.legend(
-        handles=handles,
-        loc="lower center",
-        ncols=len(handles),
-        bbox_to_anchor=(0.5, 0.1 / height),
-        borderaxespad=0.0,
-        handlelength=2.8,
-    )
+    legend_below(figure, handles, 0.1, handlelength=2.8)

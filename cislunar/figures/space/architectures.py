@@ -9,18 +9,17 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cislunar.constants import SECONDS_PER_DAY
-from cislunar.figures.space.scene import (
-    Array,
+from cislunar.figures.axes import Array
+from cislunar.figures.space.earth_moon import (
     around_moon,
     body_handles,
     draw_bodies,
     limits,
-    orbit_curve,
-    satellite_positions,
     space_axes,
     stays_around_moon,
     thousands,
 )
+from cislunar.figures.space.orbit_tracks import orbit_curve, satellite_tracks
 from cislunar.figures.style import family_style, house_style, new_figure, panel_letter
 
 ROW_HEIGHT_IN = 3.0
@@ -83,8 +82,9 @@ def selected_orbits_figure(
         close = [each for each in drawn if stays_around_moon(each.curve, mu)]
         for left, bounds, within in ((-0.025, whole, drawn), (0.345, near, close)):
             place = (left, top - 0.92 * height, 0.38, 0.86 * height)
-            axes = figure.add_axes(place, projection="3d", computed_zorder=False)
-            space_axes(axes, bounds, float(orbits.attrs["length_unit_km"]), zoom=0.88, lines=2)
+            axes = space_axes(
+                figure, place, bounds, float(orbits.attrs["length_unit_km"]), zoom=0.88
+            )
             _draw(axes, within)
             draw_bodies(axes, mu, _SPACE, bounds)
         figure.legend(
@@ -110,7 +110,7 @@ def _scene(orbits: xr.Dataset, architecture: xr.Dataset) -> list[_ChosenOrbit]:
         _ChosenOrbit(
             str(orbits["family"].values[index]),
             orbit_curve(orbits, int(index)),
-            satellite_positions(orbits, int(index), int(count)),
+            satellite_tracks(orbits, int(index), int(count)),
         )
         for index, count in zip(
             architecture["orbit"].values, architecture["satellites"].values, strict=True

@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
-from numpy.typing import NDArray
 
+from cislunar.figures.axes import Array
 from cislunar.figures.style import (
     BLACK,
     BLUE,
@@ -16,8 +16,6 @@ from cislunar.figures.style import (
     house_style,
     new_figure,
 )
-
-Array = NDArray[np.float64]
 
 _SUN = "#B87F00"
 """The orange of the palette, darker, for type."""

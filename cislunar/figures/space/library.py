@@ -9,19 +9,19 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cislunar.constants import SECONDS_PER_DAY
-from cislunar.figures.space.scene import (
+from cislunar.figures.axes import Array, panel_title
+from cislunar.figures.space.earth_moon import (
     AXES,
-    Array,
     around_moon,
     body_handles,
     draw_bodies,
     limits,
-    orbit_curve,
     plane_axes,
     space_axes,
     stays_around_moon,
     thousands,
 )
+from cislunar.figures.space.orbit_tracks import orbit_curve
 from cislunar.figures.style import (
     FAMILY_STYLE,
     GRAY,
@@ -80,8 +80,7 @@ def orbit_library_figure(orbits: xr.Dataset, targets: xr.Dataset) -> Figure:
     figure = new_figure(7.1)
     for column, view in enumerate((whole, near)):
         place = (-0.02 + 0.49 * column, 0.49, 0.53, 0.47)
-        axes = figure.add_axes(place, projection="3d", computed_zorder=False)
-        space_axes(axes, view.bounds, unit, zoom=0.92, lines=2)
+        axes = space_axes(figure, place, view.bounds, unit, zoom=0.92)
         _draw(axes, view, points, _SPACE, mu)
         title = f"{panel_letter(column)} {view.title}"
         figure.text(0.02 + 0.5 * column, 0.965, title, fontsize=8.5, va="top")
@@ -180,7 +179,7 @@ def family_map_figure(orbits: xr.Dataset) -> Figure:
         if y_name == _STABILITY:
             axes.set_yscale("log")
             axes.axhline(1.0, color=GRAY, linewidth=0.8, zorder=1)
-        axes.set_title(f"{panel_letter(number)} {title}", loc="left")
+        panel_title(axes, number, title)
     figure.legend(
         handles=[family_style(name).legend_handle() for name in families_present(orbits)],
         loc="lower center",

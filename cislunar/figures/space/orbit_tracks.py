@@ -1,17 +1,15 @@
-"""Tracks of orbits, satellites and moving targets, in kilometers and thinned for a page."""
+"""Curves of orbits, and tracks of satellites and moving targets."""
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.propagation import propagate, propagate_periodic
-
-Array = NDArray[np.float64]
+from cislunar.figures.axes import Array
 
 _SECONDS_PER_HOUR = SECONDS_PER_DAY / 24.0
-_FINE = 1024
 
 
 def evenly_seen(curve: ArrayLike, samples: int) -> Array:
@@ -45,6 +43,31 @@ def evenly_seen(curve: ArrayLike, samples: int) -> Array:
     return np.interp(np.linspace(0.0, passed[-1], samples), passed, np.arange(len(passed)))
 
 
+def orbit_curve(orbits: xr.Dataset, index: int, samples: int = 241) -> Array:
+    """One period of an orbit, at equal steps of arc length.
+
+    Parameters
+    ----------
+    orbits : xarray.Dataset
+        ``orbits/families.nc``.
+    index : int
+        Row of the orbit.
+    samples : int
+        Points; the last is the first.
+
+    Returns
+    -------
+    ndarray, shape (samples, 3)
+        Nondimensional, rotating frame.
+    """
+    times = np.linspace(-0.5, 0.5, 2049) * float(orbits["period"].values[index])
+    once = _positions(orbits, index, times[:-1])
+    fine = np.vstack((once, once[:1]))
+    arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))))
+    at = np.linspace(0.0, arc[-1], samples)
+    return np.column_stack([np.interp(at, arc, fine[:, axis]) for axis in range(3)])
+
+
 def orbit_track_km(orbits: xr.Dataset, index: int, samples: int) -> Array:
     """One period of an orbit in few points, each of them exact.
 
@@ -62,17 +85,17 @@ def orbit_track_km(orbits: xr.Dataset, index: int, samples: int) -> Array:
     ndarray, shape (samples, 3)
         Rotating frame, km.
     """
-    state, period = orbits["state"].values[index], float(orbits["period"].values[index])
-    mu = float(orbits.attrs["mu"])
-    times = np.linspace(-0.5, 0.5, _FINE + 1) * period
-    fine = propagate_periodic(state, period, times, mu=mu)[:, :3]
-    at = np.interp(evenly_seen(fine, samples), np.arange(_FINE + 1), times)
-    track = propagate_periodic(state, period, at, mu=mu)[:, :3]
+    times = np.linspace(-0.5, 0.5, 1025) * float(orbits["period"].values[index])
+    fine = _positions(orbits, index, times)
+    at = np.interp(evenly_seen(fine, samples), np.arange(len(times)), times)
+    track = _positions(orbits, index, at)
     track[-1] = track[0]
     return track * float(orbits.attrs["length_unit_km"])
 
 
-def satellite_tracks_km(orbits: xr.Dataset, index: int, satellites: int, hours: ArrayLike) -> Array:
+def satellite_tracks(
+    orbits: xr.Dataset, index: int, satellites: int, hours: ArrayLike = 0.0
+) -> Array:
     """Satellites of an orbit, equally spaced in time, at some times.
 
     Parameters
@@ -83,25 +106,17 @@ def satellite_tracks_km(orbits: xr.Dataset, index: int, satellites: int, hours: 
         Row of the orbit.
     satellites : int
         Satellites on it.
-    hours : array_like, shape (n_times,)
+    hours : array_like, shape (...)
         Times since the epoch, h.
 
     Returns
     -------
-    ndarray, shape (n_times, satellites, 3)
-        Rotating frame, km.
+    ndarray, shape (..., satellites, 3)
+        Rotating frame, nondimensional.
     """
-    period = float(orbits["period"].values[index])
-    times = _nondimensional(orbits, hours)
-    phases = np.arange(satellites) * period / satellites
-    states = propagate_periodic(
-        orbits["state"].values[index],
-        period,
-        (times[:, None] + phases).ravel(),
-        mu=float(orbits.attrs["mu"]),
-    )
-    track = states[:, :3].reshape(len(times), satellites, 3)
-    return track * float(orbits.attrs["length_unit_km"])
+    phases = np.arange(satellites) * float(orbits["period"].values[index]) / satellites
+    times = _nondimensional(orbits, hours)[..., None] + phases
+    return _positions(orbits, index, times.ravel()).reshape(*times.shape, 3)
 
 
 def target_tracks_km(tracked: xr.Dataset, hours: ArrayLike) -> Array:
@@ -123,6 +138,12 @@ def target_tracks_km(tracked: xr.Dataset, hours: ArrayLike) -> Array:
     # Some are not periodic, so all are propagated.
     tracks = [propagate(state, times, forces=forces)[:, :3] for state in tracked["state"].values]
     return np.stack(tracks, axis=1) * float(tracked.attrs["length_unit_km"])
+
+
+def _positions(orbits: xr.Dataset, index: int, times: Array) -> Array:
+    """Positions on an orbit at some times, shape (n_times, 3), nondimensional."""
+    state, period = orbits["state"].values[index], float(orbits["period"].values[index])
+    return propagate_periodic(state, period, times, mu=float(orbits.attrs["mu"]))[:, :3]
 
 
 def _nondimensional(orbits: xr.Dataset, hours: ArrayLike) -> Array:

@@ -15,13 +15,14 @@ from plotly.colors import sample_colorscale
 from plotly.io import to_html
 
 from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, SECONDS_PER_DAY
+from cislunar.figures.axes import Array
+from cislunar.figures.space.earth_moon import bodies, thousands
 from cislunar.figures.space.orbit_tracks import (
     orbit_track_km,
-    satellite_tracks_km,
+    satellite_tracks,
     target_tracks_km,
 )
 from cislunar.figures.space.orbits_page_layout import PageParts, page_layout
-from cislunar.figures.space.scene import Array, bodies, thousands
 from cislunar.figures.style import FAMILY_STYLE, optimizer_style
 
 DIV_ID = "orbits"
@@ -77,14 +78,13 @@ def orbits_page(
         "library": _Layer(_library_traces(orbits), {}),
         "moving": _moving_layer(tracked),
     }
-    scenario_layers, choices = {}, {}
+    scenario_of = {}
     for scenario, found in architectures.items():
-        scenario_layers[scenario] = f"targets {scenario}"
         layers[f"targets {scenario}"] = _static_layer(scenario, targets[scenario], orbits)
         for optimizer, architecture in found.items():
             name = f"{scenario}, {optimizer_style(optimizer).label}"
             layers[name] = _architecture_layer(name, optimizer, orbits, architecture)
-            choices[name] = scenario
+            scenario_of[name] = scenario
     traces, indices, moving = [], {}, {}
     for name, layer in layers.items():
         first = len(traces)
@@ -92,9 +92,25 @@ def orbits_page(
         indices[name] = list(range(first, len(traces)))
         moving |= {first + number: track for number, track in layer.moving.items()}
     figure = go.Figure(data=traces, frames=_frames(moving))
-    parts = _parts(orbits, indices, choices, scenario_layers, _bounds(traces))
-    figure.update_layout(page_layout(parts))
-    _show_first(figure, indices, choices, scenario_layers)
+    choices = {
+        name: (indices[name], indices[f"targets {scenario}"])
+        for name, scenario in scenario_of.items()
+    }
+    figure.update_layout(
+        page_layout(
+            PageParts(
+                choices=choices,
+                library=indices["library"],
+                hours=FRAME_HOURS,
+                color_range=_color_range(orbits),
+                colors=[(share, _color(share)) for share in np.linspace(0.0, 1.0, 9).tolist()],
+                moon_km=(1.0 - float(orbits.attrs["mu"])) * float(orbits.attrs["length_unit_km"]),
+                bounds_km=_bounds(traces),
+            )
+        )
+    )
+    for number in [each for both in list(choices.values())[:1] for part in both for each in part]:
+        figure.data[number].visible = True
     return _page(figure)
 
 
@@ -103,21 +119,6 @@ def _bounds(traces: Sequence[go.Scatter3d | go.Surface]) -> Array:
     points = [np.asarray(trace[axis], dtype=float).ravel() for trace in traces for axis in "xyz"]
     every = [np.concatenate(points[k::3]) for k in range(3)]
     return np.array([(np.nanmin(along), np.nanmax(along)) for along in every])
-
-
-def _parts(orbits, indices, choices, scenario_layers, bounds_km: Array) -> PageParts:
-    return PageParts(
-        choices={
-            name: (indices[name], indices[scenario_layers[scenario]])
-            for name, scenario in choices.items()
-        },
-        library=indices["library"],
-        hours=FRAME_HOURS,
-        color_range=_color_range(orbits),
-        colors=[(share, _color(share)) for share in np.linspace(0.0, 1.0, 9).tolist()],
-        moon_km=(1.0 - float(orbits.attrs["mu"])) * float(orbits.attrs["length_unit_km"]),
-        bounds_km=bounds_km,
-    )
 
 
 def _xyz(points: Array) -> dict[str, np.ndarray]:
@@ -286,13 +287,8 @@ def _architecture_layer(
 ) -> _Layer:
     """Chosen orbits and their satellites."""
     color = optimizer_style(optimizer).color
-    chosen = list(
-        zip(
-            architecture["orbit"].values.tolist(),
-            architecture["satellites"].values.tolist(),
-            strict=True,
-        )
-    )
+    counts = architecture["satellites"].values.tolist()
+    chosen = list(zip(architecture["orbit"].values.tolist(), counts, strict=True))
     members = [orbit for orbit, _ in chosen]
     families = orbits["family"].values.astype(str)[members]
     lines = go.Scatter3d(
@@ -307,9 +303,8 @@ def _architecture_layer(
         hovertemplate=_HOVER_ORBIT.replace("%{fullData.name}", "%{text}"),
         visible=False,
     )
-    track = np.concatenate(
-        [satellite_tracks_km(orbits, orbit, count, FRAME_HOURS) for orbit, count in chosen], axis=1
-    )
+    tracks = [satellite_tracks(orbits, orbit, count, FRAME_HOURS) for orbit, count in chosen]
+    track = np.concatenate(tracks, axis=1) * float(orbits.attrs["length_unit_km"])
     told = [
         f"satellite {k + 1} of {count} on orbit {orbit}, {_family_label(family)}"
         for (orbit, count), family in zip(chosen, families, strict=True)
@@ -338,13 +333,6 @@ def _frames(moving: Mapping[int, Array]) -> list[go.Frame]:
         )
         for k, hour in enumerate(FRAME_HOURS)
     ]
-
-
-def _show_first(figure: go.Figure, indices, choices, scenario_layers) -> None:
-    """Make the first architecture and its targets visible."""
-    for name, scenario in list(choices.items())[:1]:
-        for number in (*indices[name], *indices[scenario_layers[scenario]]):
-            figure.data[number].visible = True
 
 
 def _page(figure: go.Figure) -> str:

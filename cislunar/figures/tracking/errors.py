@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.evaluation.metrics import BOUND_SIGMAS, DIVERGED, NEVER_OBSERVED, TRACKED
-from cislunar.figures.axes import place
+from cislunar.figures.axes import Array, Grid, fixed_ticks, legend_below, place, title_above
 from cislunar.figures.labels import (
     AXES,
     PARTS,
@@ -26,7 +26,6 @@ from cislunar.figures.labels import (
     realization_text,
     shown,
 )
-from cislunar.figures.space.scene import Array
 from cislunar.figures.style import (
     BLACK,
     DASHED,
@@ -142,12 +141,10 @@ class Scale(NamedTuple):
         axes.set_ylim(-self.reach, self.reach)
         top = int(np.floor(np.log10(0.6 * self.reach)))
         decades = 10.0 ** np.arange(int(np.ceil(np.log10(self.linear))), top)
-        axes.yaxis.set_major_locator(FixedLocator([-(10.0**top), 0.0, 10.0**top]))
         power = rf"10^{{{top}}}"
         names = [f"$-{power}$", "0", f"${power}$"]
-        axes.yaxis.set_major_formatter(FixedFormatter(names))
+        fixed_ticks(axes.yaxis, [-(10.0**top), 0.0, 10.0**top], names)
         axes.yaxis.set_minor_locator(FixedLocator([*-decades, *decades]))
-        axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def part_scale(errors: Sequence[Array], sigmas: Sequence[Array]) -> Scale:
@@ -170,7 +167,7 @@ def part_scale(errors: Sequence[Array], sigmas: Sequence[Array]) -> Scale:
     return Scale(float(min(narrow, 0.3 * reach)), float(1.8 * reach))
 
 
-def draw_error(axes: Axes, hours: Array, error: Array, sigma: Array, look: Look = SINGLE) -> None:
+def _draw_error(axes: Axes, hours: Array, error: Array, sigma: Array, look: Look = SINGLE) -> None:
     """One component of the error of a target, over its bounds."""
     bound = BOUND_SIGMAS * sigma
     if look.band is not None:
@@ -180,13 +177,13 @@ def draw_error(axes: Axes, hours: Array, error: Array, sigma: Array, look: Look 
     axes.plot(hours, error, color=look.line, linewidth=0.9, linestyle=look.dashes, zorder=4)
 
 
-def draw_least(axes: Axes, hours: Array, least: Array) -> None:
+def _draw_least(axes: Axes, hours: Array, least: Array) -> None:
     """Three times the Cramer-Rao bound of one component, either side of zero."""
     for side in (-BOUND_SIGMAS, BOUND_SIGMAS):
         axes.plot(hours, side * least, **_LEAST, zorder=3.5)
 
 
-def mark_measurements(axes: Axes, cell: xr.Dataset, target: int) -> None:
+def _mark_measurements(axes: Axes, cell: xr.Dataset, target: int) -> None:
     """A bar along the times at which a measurement of a target was used."""
     names = cell["fate"].attrs["flag_meanings"].split()
     used = shown(cell, "fate")[:, target] == names.index("used")
@@ -198,7 +195,7 @@ def mark_measurements(axes: Axes, cell: xr.Dataset, target: int) -> None:
     axes.set_xlim(0.0, ends[-1])
 
 
-def time_axis(axes: Axes, *, labeled: bool) -> None:
+def _time_axis(axes: Axes, *, labeled: bool) -> None:
     """Hours, labelled below the lowest panel alone."""
     axes.xaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 3, 6, 10], integer=True))
     axes.tick_params(length=2, pad=1.5, labelsize=6.5, which="major", labelbottom=labeled)
@@ -246,7 +243,7 @@ def selected_targets_figure(cell: Cell, data: xr.Dataset) -> Figure:
     figure = new_figure(head_in + rows_in + foot_in)
     width, height = figure.get_size_inches()
     each = (PAGE_WIDTH_IN - left_in - right_in - gap_in * (SELECTED - 1)) / SELECTED
-    figure.text(0.14 / width, 1.0 - 0.07 / height, _cell_title(cell, data), va="top", fontsize=8.5)
+    title_above(figure, _cell_title(cell, data))
     found = {target: _histories(data, target) for target in chosen}
     least = {target: _least(data, target) for target in chosen}
     ranges = [
@@ -267,12 +264,12 @@ def selected_targets_figure(cell: Cell, data: xr.Dataset) -> Figure:
             part, axis = divmod(component, 3)
             bottom = height - head_in - (component + 1) * _PANEL_IN - component * 0.06 - part * 0.08
             axes = place(figure, left, bottom, each, _PANEL_IN)
-            mark_measurements(axes, data, target)
-            draw_error(axes, hours, error[:, component], sigma[:, component])
+            _mark_measurements(axes, data, target)
+            _draw_error(axes, hours, error[:, component], sigma[:, component])
             if least[target].size:
-                draw_least(axes, hours, least[target][:, component])
+                _draw_least(axes, hours, least[target][:, component])
             ranges[part].apply(axes)
-            time_axis(axes, labeled=component == 11)
+            _time_axis(axes, labeled=component == 11)
             axes.tick_params(labelleft=column == 0)
             if column == 0 and axis == 1:
                 axes.set_ylabel(f"{PARTS[part].name} error,\n{PARTS[part].unit}", fontsize=7.0)
@@ -301,14 +298,7 @@ def _legend(figure: Figure, *, bound: bool) -> None:
     if bound:
         label = "3 \N{MULTIPLICATION SIGN} Cramér-Rao bound"
         handles.insert(2, Line2D([], [], **_LEAST, label=label))
-    place_in = (0.5, 0.07 / figure.get_size_inches()[1])
-    figure.legend(
-        handles=handles,
-        loc="lower center",
-        bbox_to_anchor=place_in,
-        ncols=len(handles),
-        borderaxespad=0.0,
-    )
+    legend_below(figure, handles, 0.07)
 
 
 class Compared(NamedTuple):
@@ -345,23 +335,22 @@ def draw_comparison(
     box : mapping
         `left`, `bottom`, `width` and `height` of all panels, inches.
     """
-    gap_in, between_in = 0.2, 0.1
-    each = (box["width"] - 2 * gap_in) / 3
-    tall = (box["height"] - 3 * between_in) / 4
+    gap, between = 0.2, 0.1
+    each, tall = (box["width"] - 2 * gap) / 3, (box["height"] - 3 * between) / 4
+    grid = Grid(4, 3, each, tall, box["left"], box["bottom"], gap, between)
     found = [_histories(item.data, target) for item in compared]
     for row, part in enumerate(PARTS):
-        bottom = box["bottom"] + box["height"] - (row + 1) * tall - row * between_in
         scale = part_scale(
             [e[:, part.columns] for _, e, _ in found], [s[:, part.columns] for _, _, s in found]
         )
         for axis in range(3):
-            axes = place(figure, box["left"] + axis * (each + gap_in), bottom, each, tall)
+            axes = grid.place(figure, row, axis)
             component = part.columns.start + axis
             for item, (hours, error, sigma) in zip(compared, found, strict=True):
-                draw_error(axes, hours, error[:, component], sigma[:, component], item.look)
+                _draw_error(axes, hours, error[:, component], sigma[:, component], item.look)
                 axes.set_xlim(0.0, hours[-1])
             scale.apply(axes)
-            time_axis(axes, labeled=row == 3)
+            _time_axis(axes, labeled=row == 3)
             axes.tick_params(labelleft=axis == 0)
             if row == 0:
                 axes.set_title(AXES[axis], fontsize=7.5, pad=2.5)

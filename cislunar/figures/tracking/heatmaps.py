@@ -11,11 +11,19 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED
-from cislunar.figures.axes import place, tick_names
+from cislunar.figures.axes import (
+    Array,
+    fixed_ticks,
+    legend_below,
+    panel_title,
+    place,
+    tick_names,
+    title_above,
+)
 from cislunar.figures.labels import (
     AXES,
     PARTS,
@@ -26,19 +34,12 @@ from cislunar.figures.labels import (
     realization_text,
     shown,
 )
-from cislunar.figures.space.scene import Array
-from cislunar.figures.style import (
-    BLACK,
-    VERMILION,
-    house_style,
-    new_figure,
-    panel_letter,
-)
+from cislunar.figures.style import BLACK, VERMILION, house_style, new_figure
 
 UNSEEN = "#B5B5B5"
 """Rows of targets that are never observed; in none of the color maps."""
 
-MAP_WIDTH_IN = 2.36
+_MAP_WIDTH_IN, _MAP_HEIGHT_IN = 2.36, 2.3
 _LEFT, _GAP, _BARS = 0.62, 0.52, 1.34
 _TITLE, _TICKS = 0.22, 0.44
 _HEAD, _LEGEND = 0.6, 0.3
@@ -168,20 +169,8 @@ def _half_decade(half: float) -> float:
     return float((3.0 if half % 2 else 1.0) * 10.0 ** (half // 2))
 
 
-def draw_map(axes: Axes, rows: Rows, colors: Sequence[Scale], labels: Sequence[str]) -> None:
-    """A heat map with its blocks, the targets never observed and those that diverged.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Where.
-    rows : Rows
-        What.
-    colors : sequence of Scale
-        Of `scales`.
-    labels : sequence of str
-        Of the blocks.
-    """
+def _draw_map(axes: Axes, rows: Rows, colors: Sequence[Scale], labels: Sequence[str]) -> None:
+    """A heat map with its labelled blocks, the targets never observed and those that diverged."""
     number, components = rows.values.shape
     lines = np.arange(number + 1)
     factor = 100.0 if colors[0].label.endswith("%") else 1.0
@@ -245,7 +234,7 @@ def _label_columns(axes: Axes) -> None:
         )
 
 
-def draw_bars(
+def _draw_bars(
     figure: Figure, left_in: float, bottom_in: float, height_in: float, colors: Sequence[Scale]
 ) -> None:
     """Color bars of a measure, one above the other."""
@@ -260,9 +249,7 @@ def draw_bars(
         bar.outline.set_linewidth(0.5)
         if several:
             ends = np.array([scale.norm.vmin, scale.norm.vmax])
-            bar.ax.yaxis.set_major_locator(FixedLocator(ends))
-            bar.ax.yaxis.set_major_formatter(FixedFormatter(tick_names(ends)))
-            bar.ax.yaxis.set_minor_formatter(NullFormatter())
+            fixed_ticks(bar.ax.yaxis, ends, tick_names(ends))
             bar.ax.set_title(scale.label, fontsize=6.0, loc="left", pad=6)
         else:
             bar.ax.yaxis.set_major_locator(MaxNLocator(5, integer=True))
@@ -281,14 +268,51 @@ def marks_legend(figure: Figure, maps: Sequence[Rows], bottom_in: float = 0.06) 
         if present
     ]
     handles.append(Line2D([], [], color=BLACK, linewidth=1.4, label="between cells"))
-    figure.legend(
-        handles=handles,
-        loc="lower center",
-        bbox_to_anchor=(0.5, bottom_in / figure.get_size_inches()[1]),
-        ncols=len(handles),
-        borderaxespad=0.0,
-        columnspacing=1.6,
-    )
+    legend_below(figure, handles, bottom_in, columnspacing=1.6)
+
+
+def draw_measure(
+    figure: Figure,
+    measure: str,
+    columns: Sequence[Mapping[Cell, xr.Dataset]],
+    panels: Mapping[float, tuple[int, str]],
+    box: tuple[float, float, float, float],
+    label_of: Callable[[Cell], str],
+) -> list[Rows]:
+    """Maps of a measure side by side with common colors, and their color bars.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        Where.
+    measure : str
+        As for `block_rows`.
+    columns : sequence of mapping of Cell to xarray.Dataset
+        Cells of every map.
+    panels : mapping of float to (int, str)
+        Number and title of every map by its left edge, inches.
+    box : tuple of float
+        Lower edge, width and height of a map, and what lies between the last one and the color
+        bars, inches.
+    label_of : callable
+        Name of a cell's block.
+
+    Returns
+    -------
+    list of Rows
+        The maps.
+    """
+    bottom, width, height, aside = box
+    maps = [block_rows(list(cells.values()), measure) for cells in columns]
+    colors = scales(measure, maps)
+    for cells, rows, (left, title) in zip(columns, maps, panels.items(), strict=True):
+        axes = place(figure, left, bottom, width, height)
+        panel_title(axes, *title, fontsize=8.0, pad=3.5)
+        _draw_map(axes, rows, colors, [label_of(cell) for cell in cells])
+        if cells is columns[0]:
+            axes.set_ylabel("targets, one row each", labelpad=6)
+    _draw_bars(figure, left + width + aside, bottom, height, colors)
+    return maps
 
 
 def _heat_maps(
@@ -296,32 +320,22 @@ def _heat_maps(
     headings: Sequence[str],
     title: str,
     label_of: Callable[[Cell], str],
-    map_height_in: float,
 ) -> Figure:
     """Every measure by every column of cells."""
-    width = _LEFT + len(columns) * MAP_WIDTH_IN + (len(columns) - 1) * _GAP + _BARS
-    step = _TITLE + map_height_in + _TICKS
+    width = _LEFT + len(columns) * _MAP_WIDTH_IN + (len(columns) - 1) * _GAP + _BARS
+    step = _TITLE + _MAP_HEIGHT_IN + _TICKS
     figure = new_figure(_HEAD + len(_MEASURES) * step + _LEGEND, max(width, _LEAST_WIDTH_IN))
     width, height = figure.get_size_inches()
-    figure.text(0.14 / width, 1.0 - 0.07 / height, title, va="top", fontsize=8.5)
-    maps = []
+    title_above(figure, title)
+    lefts = [_LEFT + index * (_MAP_WIDTH_IN + _GAP) for index in range(len(columns))]
+    for left, heading in zip(lefts, headings, strict=True):
+        above = (left / width, 1.0 - (_HEAD - 0.06) / height)
+        figure.text(*above, heading, fontsize=8.0, va="bottom")
     for row, (measure, name) in enumerate(_MEASURES.items()):
-        maps = [block_rows(list(cells.values()), measure) for cells in columns]
-        colors = scales(measure, maps)
-        bottom = height - _HEAD - row * step - _TITLE - map_height_in
-        for index, (cells, rows) in enumerate(zip(columns, maps, strict=True)):
-            left = _LEFT + index * (MAP_WIDTH_IN + _GAP)
-            axes = place(figure, left, bottom, MAP_WIDTH_IN, map_height_in)
-            letter = panel_letter(row * len(columns) + index)
-            axes.set_title(f"{letter} {name}", loc="left", fontsize=8.0, pad=3.5)
-            draw_map(axes, rows, colors, [label_of(cell) for cell in cells])
-            if index == 0:
-                axes.set_ylabel("targets, one row each", labelpad=6)
-            if row == 0:
-                above = (left / width, 1.0 - (_HEAD - 0.06) / height)
-                figure.text(*above, headings[index], fontsize=8.0, va="bottom")
-        bars = left + MAP_WIDTH_IN + 0.26
-        draw_bars(figure, bars, bottom, map_height_in, colors)
+        bottom = height - _HEAD - row * step - _TITLE - _MAP_HEIGHT_IN
+        panels = {left: (row * len(columns) + index, name) for index, left in enumerate(lefts)}
+        box = (bottom, _MAP_WIDTH_IN, _MAP_HEIGHT_IN, 0.26)
+        maps = draw_measure(figure, measure, columns, panels, box, label_of)
     marks_legend(figure, maps)
     return figure
 
@@ -347,7 +361,7 @@ def target_counts_figure(columns: Sequence[Mapping[Cell, xr.Dataset]]) -> Figure
     headings = [
         f"$n_T$ = {', '.join(str(cell.targets) for cell in cells)} targets" for cells in columns
     ]
-    return _heat_maps(columns, headings, title, lambda cell: f"$n_T$ = {cell.targets}", 2.3)
+    return _heat_maps(columns, headings, title, lambda cell: f"$n_T$ = {cell.targets}")
 
 
 @house_style()
@@ -357,7 +371,7 @@ def intervals_figure(columns: Sequence[Mapping[Cell, xr.Dataset]]) -> Figure:
     Parameters
     ----------
     columns : sequence of mapping of Cell to xarray.Dataset
-        The cells of every column of panels, without time histories.
+        As for `target_counts_figure`.
 
     Returns
     -------
@@ -372,4 +386,4 @@ def intervals_figure(columns: Sequence[Mapping[Cell, xr.Dataset]]) -> Figure:
         f"{capitalized(architecture_text(cell))};\nblocks by tasking interval $T_{{ST}}$; "
         f"{realization_text(data)}"
     )
-    return _heat_maps(columns, headings, title, lambda c: interval_text(c.interval_minutes), 2.3)
+    return _heat_maps(columns, headings, title, lambda c: interval_text(c.interval_minutes))

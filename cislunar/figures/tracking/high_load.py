@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from cislunar.campaign.settings.cells import Cell
-from cislunar.figures.axes import place
+from cislunar.figures.axes import legend_below, title_above
 from cislunar.figures.labels import (
     architecture_text,
     capitalized,
@@ -24,13 +24,7 @@ from cislunar.figures.tracking.errors import (
     draw_comparison,
     representative_target,
 )
-from cislunar.figures.tracking.heatmaps import (
-    block_rows,
-    draw_bars,
-    draw_map,
-    marks_legend,
-    scales,
-)
+from cislunar.figures.tracking.heatmaps import draw_measure, marks_legend
 
 _SHORT, _LONG = Look(BLUE, SKY), Look(VERMILION, None, (0, (3.0, 1.2)))
 _MAP_IN, _MAP_WIDTH_IN = 2.75, 2.05
@@ -58,7 +52,7 @@ def high_load_figure(cells: Mapping[Cell, xr.Dataset]) -> Figure:
         f"{capitalized(observers_text(first, first_data))} ({architecture_text(first)}),\n$n_T$ = "
         f"{first.targets}; {realization_text(first_data)}"
     )
-    figure.text(0.14 / width, 1.0 - 0.07 / height, title, va="top", fontsize=8.5)
+    title_above(figure, title)
     _maps(figure, cells)
     target = representative_target(first_data, last_data)
     ends = " against ".join(interval_text(cell.interval_minutes) for cell in (first, last))
@@ -83,18 +77,18 @@ def high_load_figure(cells: Mapping[Cell, xr.Dataset]) -> Figure:
 def _maps(figure: Figure, cells: Mapping[Cell, xr.Dataset]) -> None:
     """Panels (a) and (b), each with its color bars."""
     bottom = figure.get_size_inches()[1] - 0.62 - _MAP_IN
-    labels = [interval_text(cell.interval_minutes) for cell in cells]
-    places = (("anees", "(a) component-wise ANEES", 0.58), ("rmse", "(b) RMSE", 3.8))
     maps = []
-    for measure, name, left in places:
-        rows = block_rows(list(cells.values()), measure)
-        colors = scales(measure, [rows])
-        axes = place(figure, left, bottom, _MAP_WIDTH_IN, _MAP_IN)
-        axes.set_title(name, loc="left", fontsize=8.0, pad=3.5)
-        draw_map(axes, rows, colors, labels)
-        axes.set_ylabel("targets, one row each", labelpad=6)
-        draw_bars(figure, left + _MAP_WIDTH_IN + 0.24, bottom, _MAP_IN, colors)
-        maps.append(rows)
+    for number, (measure, name, left) in enumerate(
+        (("anees", "component-wise ANEES", 0.58), ("rmse", "RMSE", 3.8))
+    ):
+        maps += draw_measure(
+            figure,
+            measure,
+            [cells],
+            {left: (number, name)},
+            (bottom, _MAP_WIDTH_IN, _MAP_IN, 0.24),
+            lambda cell: interval_text(cell.interval_minutes),
+        )
     marks_legend(figure, maps, bottom_in=bottom - 0.66)
 
 
@@ -109,10 +103,4 @@ def _legend(figure: Figure, compared: list[Compared]) -> None:
         else:
             edge = {"edgecolor": item.look.line, "linewidth": 0.6}
             handles.append(Patch(facecolor=item.look.band, alpha=0.4, label=bounds, **edge))
-    figure.legend(
-        handles=handles,
-        loc="lower center",
-        bbox_to_anchor=(0.5, 0.07 / figure.get_size_inches()[1]),
-        ncols=4,
-        borderaxespad=0.0,
-    )
+    legend_below(figure, handles, 0.07)

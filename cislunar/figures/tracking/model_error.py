@@ -1,25 +1,22 @@
 """Tracking when the truth is not what the estimators believe, by kind and size of the error."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedFormatter, FixedLocator
 
 from cislunar.campaign.settings.model_error import NONE
 from cislunar.errors import InputFileError
-from cislunar.figures.axes import log_ticks, place
-from cislunar.figures.space.scene import Array
+from cislunar.figures.axes import Array, Grid, fixed_ticks, legend_below, reach
+from cislunar.figures.panels import Row, draw_means, draw_rows
 from cislunar.figures.style import (
     DOTTED,
     SeriesStyle,
     estimator_style,
     house_style,
     new_figure,
-    panel_letter,
 )
 
 _LEFT, _RIGHT, _GAP = 0.72, 0.12, 0.10
@@ -30,19 +27,10 @@ _TICK_SPACING = 0.24
 """Least distance of two tick labels, as a share of the axis."""
 
 
-class Row(NamedTuple):
-    """A row of panels: a quantity of the table, its label, and its axis."""
-
-    quantity: str
-    label: str
-    factor: float = 1.0
-    log: bool = False
-
-
 ROWS = (
-    Row("coverage", "attitude within\n3\N{GREEK SMALL LETTER SIGMA}, % of time", 100.0),
-    Row("final_attitude_error_median", "final attitude error,\nmedian, degree", log=True),
-    Row("diverged_rotation", "diverged in\nrotation, targets"),
+    Row("attitude within\n3\N{GREEK SMALL LETTER SIGMA}, % of time", ("coverage",), 100.0),
+    Row("final attitude error,\nmedian, degree", ("final_attitude_error_median",), log=True),
+    Row("diverged in\nrotation, targets", ("diverged_rotation",)),
 )
 
 KIND_LABELS = {
@@ -151,26 +139,19 @@ def model_error_figure(table: pd.DataFrame) -> Figure:
     panels_in = len(kinds) * (column_in + _GAP) - _GAP
     left_in = max(_LEFT, 0.5 * (_NARROWEST_IN - panels_in))
     width_in = max(_LEFT + panels_in + _RIGHT, _NARROWEST_IN)
-    rows_in = len(ROWS) * (_ROW_IN + _BETWEEN_IN) - _BETWEEN_IN
-    figure = new_figure(_HEAD + rows_in + _FOOT, width_in)
-    for number, row in enumerate(ROWS):
-        bottom = _FOOT + rows_in - (number + 1) * _ROW_IN - number * _BETWEEN_IN
-        drawn = []
-        for column, kind in enumerate(kinds):
-            left = left_in + column * (column_in + _GAP)
-            axes = place(figure, left, bottom, column_in, _ROW_IN)
-            _draw(axes, shown, kind, series, row)
-            axes.tick_params(labelbottom=number == len(ROWS) - 1, labelleft=column == 0)
-            if number == 0:
-                name = KIND_LABELS.get(kind, kind.split(".")[-1].replace("_", " "))
-                axes.set_title(f"{panel_letter(column)} {name}", loc="left", fontsize=7.0, pad=4)
-            if number == len(ROWS) - 1:
-                units = shown.loc[shown["kind"] == kind, "size_unit"]
-                axes.set_xlabel("degree" if units.iloc[0] == "degree" else "excess, %")
-            drawn.append(axes)
-        _share_y(drawn, shown, row)
-        drawn[0].set_ylabel(row.label, fontsize=7.5)
-        drawn[0].yaxis.set_label_coords(-0.42 / column_in, 0.5)
+    grid = Grid(len(ROWS), len(kinds), column_in, _ROW_IN, left_in, _FOOT, _GAP, _BETWEEN_IN)
+    figure = new_figure(_HEAD + grid.size[1] + _FOOT, width_in)
+    names = [KIND_LABELS.get(kind, kind.split(".")[-1].replace("_", " ")) for kind in kinds]
+
+    def draw(axes: Axes, row: Row, column: int) -> Array:
+        return _draw(axes, shown, kinds[column], series, row)
+
+    panels = draw_rows(figure, grid, ROWS, names, draw, fontsize=7.0, pad=4)
+    for first, *_ in panels:
+        first.yaxis.set_label_coords(-0.42 / column_in, 0.5)
+    for axes, kind in zip(panels[-1], kinds, strict=True):
+        units = shown.loc[shown["kind"] == kind, "size_unit"]
+        axes.set_xlabel("degree" if units.iloc[0] == "degree" else "excess, %")
     _legend(figure, shown, series)
     return figure
 
@@ -181,35 +162,24 @@ def _draw(
     kind: str,
     series: Sequence[tuple[str, bool, SeriesStyle]],
     row: Row,
-) -> None:
-    """Means with intervals of every estimator for one kind of error."""
+) -> Array:
+    """A quantity against the size of one kind of error; what the axis holds of it."""
     sizes = np.unique([0.0, *table.loc[table["kind"] == kind, "size"]])
-    reach = float(np.ptp(sizes)) or 1.0
+    held = [np.empty(0)]
+    (quantity,) = row.curves
     for index, (name, remedied, look) in enumerate(series):
-        found = curve(table, kind, name, row.quantity, remedied=remedied)
+        found = curve(table, kind, name, quantity, remedied=remedied)
         if found.empty:
             continue
-        aside = 0.03 * reach * (index - 0.5 * (len(series) - 1))
-        mean, low, high = (
-            row.factor * found[key].to_numpy(float) for key in ("mean", "low", "high")
-        )
-        axes.errorbar(
-            found["size"].to_numpy(float) + aside,
-            mean,
-            yerr=np.nan_to_num([mean - low, high - mean]),
-            color=look.color,
-            linestyle=look.line,
-            linewidth=0.9,
-            elinewidth=0.7,
-            capsize=1.4,
-            capthick=0.7,
-            zorder=3,
-            **look.marker_kwargs(3.2),
-        )
-    axes.set_xlim(sizes[0] - 0.1 * reach, sizes[-1] + 0.1 * reach)
+        aside = 0.03 * np.ptp(sizes) * (index - 0.5 * (len(series) - 1))
+        bounds = tuple(row.factor * found[key].to_numpy(float) for key in ("mean", "low", "high"))
+        draw_means(axes, found["size"].to_numpy(float) + aside, bounds, look, zorder=3)
+        # intervals of few seeds may leave the panel
+        held += bounds if found["seeds"].max() > 2 else bounds[:1]
+    axes.set_xlim(*reach(sizes, log=False, share=0.1))
     ticks = _ticks(sizes)
-    axes.xaxis.set_major_locator(FixedLocator(ticks))
-    axes.xaxis.set_major_formatter(FixedFormatter([_signed(tick) for tick in ticks]))
+    fixed_ticks(axes.xaxis, ticks, [_signed(tick) for tick in ticks])
+    return np.concatenate(held)
 
 
 def _signed(size: float) -> str:
@@ -227,45 +197,17 @@ def _ticks(sizes: Array) -> Array:
     return np.sort(kept)
 
 
-def _share_y(drawn: Sequence[Axes], table: pd.DataFrame, row: Row) -> None:
-    """One vertical axis for a row, that holds all means; intervals of few seeds may leave it."""
-    own = table[table["quantity"] == row.quantity]
-    values = row.factor * own["mean"].to_numpy(float)
-    spread = row.factor * own[["low", "high"]].to_numpy(float)
-    if own["seeds"].max() > 2:
-        values = np.concatenate([values, spread.ravel()])
-    values = values[np.isfinite(values) & ((values > 0.0) | (not row.log))]
-    low, high = (values.min(), values.max()) if values.size else (0.1, 1.0)
-    if row.log:
-        margin = max((high / low) ** 0.08, 1.15)
-        limits = low / margin, high * margin
-    else:
-        margin = 0.08 * (high - low) or 0.5
-        limits = low - margin, high + margin
-    for axes in drawn:
-        if row.log:
-            axes.set_yscale("log")
-        axes.set_ylim(*limits)
-        if row.log:
-            log_ticks(axes.yaxis, *limits)
-
-
 def _legend(
     figure: Figure, table: pd.DataFrame, series: Sequence[tuple[str, bool, SeriesStyle]]
 ) -> None:
     """Estimators, and which cell is drawn."""
     cell = table.iloc[0]
-    height = figure.get_size_inches()[1]
-    figure.legend(
-        handles=[look.legend_handle() for _, _, look in series],
-        loc="lower center",
-        ncols=len(series),
-        bbox_to_anchor=(0.5, 0.22 / height),
-        borderaxespad=0.0,
-        handlelength=2.8,
-    )
+    handles = [look.legend_handle() for _, _, look in series]
+    legend_below(figure, handles, 0.22, handlelength=2.8)
     text = (
         f"scenario {cell['scenario']}, {cell['architecture']} architecture, "
         f"{int(cell['targets'])} targets, tasking every {int(cell['interval_minutes'])} min"
     )
-    figure.text(0.5, 0.08 / height, text, ha="center", va="bottom", fontsize=7.0)
+    figure.text(
+        0.5, 0.08 / figure.get_size_inches()[1], text, ha="center", va="bottom", fontsize=7.0
+    )

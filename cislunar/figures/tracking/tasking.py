@@ -13,8 +13,8 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
 from cislunar.campaign.tracking.summary import cell_index, seed_values
-from cislunar.figures.axes import log_ticks, place
-from cislunar.figures.space.scene import Array
+from cislunar.figures.axes import Array, Grid, legend_below, panel_title, reach, set_vertical
+from cislunar.figures.panels import draw_means
 from cislunar.figures.style import (
     BLACK,
     BLUE,
@@ -24,12 +24,13 @@ from cislunar.figures.style import (
     GRAY,
     GREEN,
     ORANGE,
+    PAGE_WIDTH_IN,
     SOLID,
     VERMILION,
     SeriesStyle,
     house_style,
     new_figure,
-    panel_letter,
+    style_or_gray,
 )
 
 METHODS: Mapping[str, SeriesStyle] = {
@@ -40,10 +41,9 @@ METHODS: Mapping[str, SeriesStyle] = {
 }
 """How each tasking method is drawn."""
 
-_LEFT, _RIGHT, _GAP = 0.62, 0.12, 0.52
-_PANEL_IN, _STEP_IN = 1.3, 1.98
-_HEAD, _FOOT = 0.36, 0.42
-_WIDTH_IN = 7.2
+_LEFT, _RIGHT = 0.62, 0.12
+_PANEL_IN, _BETWEEN_IN = 1.3, 0.68
+_HEAD, _FOOT = 0.36, 0.8
 
 
 class Outcome(NamedTuple):
@@ -66,7 +66,7 @@ OUTCOMES = (
 
 def method_style(method: str) -> SeriesStyle:
     """How a tasking method is drawn; one without a style of its own is gray."""
-    return METHODS.get(method, SeriesStyle(method, GRAY, SOLID, "v"))
+    return style_or_gray(METHODS, method)
 
 
 @house_style()
@@ -93,39 +93,35 @@ def tasking_figure(
     cells, epochs = compared.sizes["cell"], compared.sizes["epoch"]
     tracked = _tracked_cells(summary, variants)
     rows = epochs + 1 + bool(tracked)
-    figure = new_figure(_HEAD + rows * _STEP_IN + _FOOT - 0.3, _WIDTH_IN)
+    grid = _grid(rows, cells, 0.52)
+    figure = new_figure(_HEAD + grid.size[1] + _FOOT)
     for column in range(cells):
         here = compared.isel(cell=column)
         targets, observers = int(here["targets"]), int(np.ravel(compared["observers"])[0])
         for row in range(epochs):
-            axes = _panel(figure, row, column, cells)
+            axes = grid.place(figure, row, column)
             _against_evaluations(axes, here.isel(epoch=row))
             hour = int(compared["epoch"].values[row]) * interval_minutes / 60.0
             title = f"$n_T$ = {targets}, {observers} observers, {hour:g} h"
-            axes.set_title(
-                f"{panel_letter(row * cells + column)} {title}", loc="left", fontsize=7.5
-            )
+            panel_title(axes, row * cells + column, title, fontsize=7.5)
             axes.set_ylabel("information, nat" if column == 0 else "")
-        axes = _panel(figure, epochs, column, cells)
+        axes = grid.place(figure, epochs, column)
         _against_time(axes, here)
-        name = panel_letter(epochs * cells + column)
-        axes.set_title(f"{name} $n_T$ = {targets}, all epochs", loc="left", fontsize=7.5)
+        panel_title(axes, epochs * cells + column, f"$n_T$ = {targets}, all epochs", fontsize=7.5)
         axes.set_ylabel("information, % of exact" if column == 0 else "")
     if tracked:
+        grid = _grid(rows, len(OUTCOMES), 0.92)
         for column, outcome in enumerate(OUTCOMES):
-            axes = _panel(figure, epochs + 1, column, len(OUTCOMES), gap=0.92)
+            axes = grid.place(figure, epochs + 1, column)
             _tracking(axes, summary, tracked, outcome)
-            name = panel_letter((epochs + 1) * cells + column)
-            axes.set_title(f"{name} tracking", loc="left", fontsize=7.5)
+            panel_title(axes, (epochs + 1) * cells + column, "tracking", fontsize=7.5)
     _legend(figure, compared, tracked, summary)
     return figure
 
 
-def _panel(figure: Figure, row: int, column: int, columns: int, *, gap: float = _GAP) -> Axes:
-    width, height = figure.get_size_inches()
-    each = (width - _LEFT - _RIGHT - gap * (columns - 1)) / columns
-    bottom = height - _HEAD - row * _STEP_IN - _PANEL_IN
-    return place(figure, _LEFT + column * (each + gap), bottom, each, _PANEL_IN)
+def _grid(rows: int, columns: int, gap: float) -> Grid:
+    width = (PAGE_WIDTH_IN - _LEFT - _RIGHT - gap * (columns - 1)) / columns
+    return Grid(rows, columns, width, _PANEL_IN, _LEFT, _FOOT, gap, _BETWEEN_IN)
 
 
 def _against_evaluations(axes: Axes, problem: xr.Dataset) -> None:
@@ -149,9 +145,7 @@ def _against_evaluations(axes: Axes, problem: xr.Dataset) -> None:
         axes.plot(x, np.median(best, axis=0), color=look.color, linestyle=look.line,
                   drawstyle="steps-post", zorder=4)  # fmt: skip
         levels.append(float(best[:, 0].min()))
-    low, high = min(levels), max(levels)
-    margin = 0.06 * (high - low) or 0.05 * abs(high) or 1.0
-    axes.set_ylim(low - margin, high + margin)
+    axes.set_ylim(*reach(levels, log=False, share=0.06))
     axes.set(xscale="log", xlabel="evaluations")
     axes.xaxis.labelpad = 1.0
     axes.yaxis.set_major_locator(MaxNLocator(5))
@@ -241,30 +235,20 @@ def _tracking(
             rank = counts.index(int(summary["targets"].values[cell]))
             values = outcome.factor * seed_values(summary, cell, outcome.quantity, outcome.part)
             singles.append(values)
-            middle, low, high, _ = (log_interval if outcome.log else t_interval)(values)
-            axes.errorbar(
-                place_of + 0.22 * (rank - 0.5 * (len(counts) - 1)),
-                middle,
-                yerr=np.nan_to_num([[middle - low], [high - middle]]),
-                color=look.color,
-                elinewidth=0.9,
-                capsize=2.0,
-                linestyle="none",
-                **look._replace(filled=rank == 0).marker_kwargs(4.5),
-            )
+            bounds = (log_interval if outcome.log else t_interval)(values)[:3]
+            look = look._replace(filled=rank == 0, line="none")
+            at = place_of + 0.22 * (rank - 0.5 * (len(counts) - 1))
+            size = {"elinewidth": 0.9, "capsize": 2.0} | look.marker_kwargs(4.5)
+            draw_means(axes, at, bounds, look, **size)
     axes.set_xticks(range(len(tracked)), [method_style(m).label for m in tracked])
     axes.set_xlim(-0.6, len(tracked) - 0.4)
     axes.grid(False, axis="x")
     axes.set_xlabel("tasking method", labelpad=1.0)
     axes.set_ylabel(outcome.label)
     values = np.concatenate(singles)
-    low, high = np.nanmin(values), np.nanmax(values)
-    if outcome.log and low > 0.0:
-        axes.set(yscale="log", ylim=(low / 1.3, high * 1.3))
-        log_ticks(axes.yaxis, low / 1.3, high * 1.3)
-    else:
-        margin = 0.1 * (high - low) or 0.5
-        axes.set_ylim(low - margin, high + margin)
+    log = outcome.log and np.nanmin(values) > 0.0
+    limits = reach(values, log=log, share=0.0 if log else 0.1, least=1.3)
+    set_vertical(axes, limits, log=log)
 
 
 def _legend(
@@ -277,12 +261,4 @@ def _legend(
     for rank, count in enumerate(_counts(summary, tracked)):
         face = {} if rank == 0 else {"markerfacecolor": "none"}
         handles.append(Line2D([], [], label=f"$n_T$ = {count}", **plain, **face))
-    figure.legend(
-        handles=handles,
-        loc="lower center",
-        ncols=len(handles),
-        bbox_to_anchor=(0.5, 0.06 / figure.get_size_inches()[1]),
-        borderaxespad=0.0,
-        handlelength=2.4,
-        columnspacing=1.2,
-    )
+    legend_below(figure, handles, 0.06, handlelength=2.4, columnspacing=1.2)

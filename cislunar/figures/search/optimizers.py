@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from cislunar.architecture.published import PUBLISHED_COST
-from cislunar.figures.space.scene import Array
+from cislunar.figures.axes import Array, Grid, panel_title
 from cislunar.figures.style import (
     BLACK,
     GRAY,
@@ -20,7 +20,6 @@ from cislunar.figures.style import (
     house_style,
     new_figure,
     optimizer_style,
-    panel_letter,
 )
 
 COLUMNS = 3
@@ -37,23 +36,15 @@ _PAPER_MARKER = {"tpe": "o", "random": "s"}
 _LEFT_IN, _RIGHT_IN, _GAP_IN = 0.61, 0.07, 0.54
 
 
-def _grid(number: int) -> tuple[int, int]:
-    """Columns and rows of panels for a number of scenarios."""
+def _layout(number: int, height_in: float, row_in: float, foot_in: float) -> tuple[Grid, Figure]:
+    """Panels for a number of scenarios, and their figure: a single one needs no full page."""
     columns = min(number, COLUMNS)
-    return columns, -(-number // columns)
-
-
-def _place(figure: Figure, index: int, columns: int, bottom_in: float, height_in: float) -> Axes:
-    """Axes in a column, placed in inches from below."""
-    width, height = figure.get_size_inches()
+    rows = -(-number // columns)
+    width = PAGE_WIDTH_IN if columns > 1 else 0.62 * PAGE_WIDTH_IN
     each = (width - _LEFT_IN - _RIGHT_IN - _GAP_IN * (columns - 1)) / columns
-    left = _LEFT_IN + (index % columns) * (each + _GAP_IN)
-    return figure.add_axes((left / width, bottom_in / height, each / width, height_in / height))
-
-
-def _width(columns: int) -> float:
-    """Width of the figure: a single scenario needs no full page."""
-    return PAGE_WIDTH_IN if columns > 1 else 0.62 * PAGE_WIDTH_IN
+    between = row_in - height_in
+    grid = Grid(rows, columns, each, height_in, _LEFT_IN, foot_in + 0.42, _GAP_IN, between)
+    return grid, new_figure(foot_in + row_in * rows, width)
 
 
 @house_style()
@@ -77,14 +68,13 @@ def satellite_front_figure(
     -------
     matplotlib.figure.Figure
     """
-    columns, rows = _grid(len(fronts))
-    tall, legend_in, pair_in = 1.9, 0.5, 4.75
-    figure = new_figure(legend_in + pair_in * rows, _width(columns))
+    tall = 1.9
+    below, figure = _layout(len(fronts), tall, 4.75, 0.5)
+    above = below._replace(foot=below.foot + tall + 0.3)
     for index, (scenario, front) in enumerate(fronts.items()):
-        base = legend_in + pair_in * (rows - 1 - index // columns) + 0.42
-        upper = _place(figure, index, columns, base + tall + 0.3, tall)
-        lower = _place(figure, index, columns, base, tall)
-        upper.set_title(f"{panel_letter(index)} Scenario {scenario}", loc="left")
+        row, column = divmod(index, below.columns)
+        upper, lower = (grid.place(figure, row, column) for grid in (above, below))
+        panel_title(upper, index, f"Scenario {scenario}")
         total = front["total"].values
         upper.plot(total, front["J"].values, color=BLACK, linewidth=1.2, zorder=2)
         lower.plot(total, front["union_coverage"].values, color=BLACK, linewidth=1.2, zorder=2)
@@ -101,7 +91,7 @@ def satellite_front_figure(
             axes.xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True, steps=[1, 2, 5, 10]))
         upper.tick_params(labelbottom=False)
         lower.set_xlabel("number of satellites")
-        if index % columns == 0:
+        if column == 0:
             upper.set_ylabel("J, dimensionless")
             lower.set_ylabel("share seen, %")
     _legend(figure, _front_handles(architectures, fronts))
@@ -198,13 +188,12 @@ def convergence_figure(
     -------
     matplotlib.figure.Figure
     """
-    columns, rows = _grid(len(architectures))
-    legend_in, row_in = 0.62, 2.95
-    figure = new_figure(legend_in + row_in * rows, _width(columns))
+    row_in = 2.95
+    grid, figure = _layout(len(architectures), row_in - 0.7, row_in, 0.62)
     for index, (scenario, found) in enumerate(architectures.items()):
-        base = legend_in + row_in * (rows - 1 - index // columns) + 0.42
-        axes = _place(figure, index, columns, base, row_in - 0.7)
-        axes.set_title(f"{panel_letter(index)} Scenario {scenario}", loc="left")
+        row, column = divmod(index, grid.columns)
+        axes = grid.place(figure, row, column)
+        panel_title(axes, index, f"Scenario {scenario}")
         for optimizer, architecture in found.items():
             if optimizer in runs.get(scenario, {}):
                 stops = architecture["run_evaluations"].values
@@ -216,7 +205,7 @@ def convergence_figure(
         for method, (value, _) in PUBLISHED_COST.get(scenario, {}).items():
             axes.axhline(value, color=GRAY, linewidth=0.9, linestyle=_paper_line(method), zorder=1)
         axes.set(xscale="log", yscale="log", xlabel="evaluations of J")
-        if index % columns == 0:
+        if column == 0:
             axes.set_ylabel("best J so far, dimensionless")
     _legend(figure, _convergence_handles(runs, architectures))
     return figure

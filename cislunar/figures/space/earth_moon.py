@@ -1,21 +1,18 @@
-"""The Earth-Moon scene: orbit curves, bodies and axes, in space and in projection."""
+"""The Earth-Moon system as drawn: bodies, bounds and axes, in space and in projection."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cislunar.dynamics.propagation import propagate_periodic
+from cislunar.figures.axes import Array
 from cislunar.figures.style import EARTH_COLOR, MOON_COLOR
 
-Array = NDArray[np.float64]
-
 AXES = ("x", "y", "z")
-_FINE = 2048
 _CLOSE = 0.6
 """An orbit that stays this near to the Moon counts as one around it, nondimensional."""
 
@@ -25,77 +22,9 @@ def thousands(value: float) -> str:
     return f"{value:,.0f}".replace(",", "\N{THIN SPACE}")
 
 
-def axis_label(axis: int, length_unit_km: float, *, lines: int = 1) -> str:
-    """Label of a coordinate axis with its unit.
-
-    Parameters
-    ----------
-    axis : int
-        0, 1 or 2 for x, y or z.
-    length_unit_km : float
-        Length unit, km.
-    lines : int
-        1, or 2 where there is little room.
-
-    Returns
-    -------
-    str
-    """
-    gap = " " if lines == 1 else "\n"
+def axis_label(axis: int, length_unit_km: float, gap: str = " ") -> str:
+    """Label of a coordinate axis, 0, 1 or 2 for x, y or z, with its unit behind a gap."""
     return f"{AXES[axis]}, nondimensional{gap}({thousands(length_unit_km)} km)"
-
-
-def orbit_curve(orbits: xr.Dataset, index: int, samples: int = 241) -> Array:
-    """One period of an orbit, at equal steps of arc length.
-
-    Parameters
-    ----------
-    orbits : xarray.Dataset
-        ``orbits/families.nc``.
-    index : int
-        Row of the orbit.
-    samples : int
-        Points; the last is the first.
-
-    Returns
-    -------
-    ndarray, shape (samples, 3)
-        Nondimensional, rotating frame.
-    """
-    period = float(orbits["period"].values[index])
-    times = np.linspace(-0.5, 0.5, _FINE + 1) * period
-    states = propagate_periodic(
-        orbits["state"].values[index], period, times[:-1], mu=float(orbits.attrs["mu"])
-    )
-    fine = np.vstack((states[:, :3], states[:1, :3]))
-    arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))))
-    at = np.linspace(0.0, arc[-1], samples)
-    return np.column_stack([np.interp(at, arc, fine[:, axis]) for axis in range(3)])
-
-
-def satellite_positions(orbits: xr.Dataset, index: int, satellites: int) -> Array:
-    """Satellites of an orbit at the epoch, equally spaced in time.
-
-    Parameters
-    ----------
-    orbits : xarray.Dataset
-        ``orbits/families.nc``.
-    index : int
-        Row of the orbit.
-    satellites : int
-        Satellites on it.
-
-    Returns
-    -------
-    ndarray, shape (satellites, 3)
-        Nondimensional, rotating frame.
-    """
-    period = float(orbits["period"].values[index])
-    phases = np.arange(satellites) * period / satellites
-    states = propagate_periodic(
-        orbits["state"].values[index], period, phases, mu=float(orbits.attrs["mu"])
-    )
-    return states[:, :3]
 
 
 def bodies(mu: float) -> Mapping[str, tuple[Array, str]]:
@@ -209,27 +138,30 @@ def around_moon(mu: float, curves: Sequence[Array]) -> Array:
 
 
 def space_axes(
-    axes, bounds: Array, length_unit_km: float, *, view=(22.0, -58.0), zoom=1.0, lines=1
-) -> None:
-    """Bounds, equal scales, light grid and labels of axes in space.
+    figure: Figure, place: tuple, bounds: Array, length_unit_km: float, *, zoom: float = 1.0
+) -> Axes:
+    """Axes in space, with equal scales, a light grid and labels in two lines.
 
     Parameters
     ----------
-    axes : mpl_toolkits.mplot3d.Axes3D
-        The axes.
+    figure : matplotlib.figure.Figure
+        Where.
+    place : tuple of float
+        Left and lower edge, width and height, as shares of the figure.
     bounds : ndarray, shape (3, 2)
         From `limits`.
     length_unit_km : float
         Length unit, km.
-    view : tuple of float
-        Elevation and azimuth of the eye, deg.
     zoom : float
         Size of the box within the axes.
-    lines : int
-        Lines of an axis label, 1 or 2.
+
+    Returns
+    -------
+    mpl_toolkits.mplot3d.Axes3D
     """
+    axes = figure.add_axes(place, projection="3d", computed_zorder=False)
     axes.set_proj_type("ortho")
-    axes.view_init(elev=view[0], azim=view[1])
+    axes.view_init(elev=22.0, azim=-58.0)
     axes.set(xlim=bounds[0], ylim=bounds[1], zlim=bounds[2])
     axes.set_box_aspect(np.diff(bounds, axis=1)[:, 0], zoom=zoom)
     axes.patch.set_visible(False)
@@ -239,10 +171,9 @@ def space_axes(
         axis.set_major_locator(_ticks())
         axis._axinfo["grid"].update(color="#DDDDDD", linewidth=0.4)
     axes.tick_params(pad=-2, labelsize=6.5)
-    name = [axis_label(axis, length_unit_km, lines=lines) for axis in range(3)]
-    pad = -2 if lines == 1 else -1
-    for put, text in zip((axes.set_xlabel, axes.set_ylabel, axes.set_zlabel), name, strict=True):
-        put(text, fontsize=7 if lines == 1 else 6.3, labelpad=pad, linespacing=1.0)
+    for axis, put in enumerate((axes.set_xlabel, axes.set_ylabel, axes.set_zlabel)):
+        put(axis_label(axis, length_unit_km, "\n"), fontsize=6.3, labelpad=-1, linespacing=1.0)
+    return axes
 
 
 def _ticks() -> MaxNLocator:

@@ -1,0 +1,117 @@
+"""Panels of statistics against a value, with confidence intervals over seeds."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from cislunar.figures.axes import Array, Grid, panel_title, reach, set_vertical
+from cislunar.figures.style import SeriesStyle
+
+
+class Row(NamedTuple):
+    """A row of panels, which share the vertical axis.
+
+    Attributes
+    ----------
+    label : str
+        Axis label, with the unit.
+    curves : tuple
+        What is drawn, as the figure reads it.
+    factor : float
+        From the unit of the data to that of the axis.
+    log : bool
+        Logarithmic axis; intervals are then those of the logarithm.
+    second : tuple of (str, float) or None
+        Label of the axis on the right, and the factor from the left one to it.
+    reference : float or None
+        Value to compare with.
+    """
+
+    label: str
+    curves: tuple
+    factor: float = 1.0
+    log: bool = False
+    second: tuple[str, float] | None = None
+    reference: float | None = None
+
+
+def draw_means(
+    axes: Axes,
+    at: ArrayLike,
+    bounds: tuple[ArrayLike, ArrayLike, ArrayLike],
+    look: SeriesStyle,
+    **more: Any,
+) -> None:
+    """Means with their intervals, joined by the line of the series.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Where.
+    at : array_like
+        Places on the horizontal axis.
+    bounds : tuple of array_like
+        Means, lower and upper ends; an end that is not a number is not drawn.
+    look : SeriesStyle
+        How the series is drawn.
+    **more
+        For ``errorbar``, beyond what is usual here.
+    """
+    mean, low, high = (np.atleast_1d(each) for each in bounds)
+    usual = {
+        "color": look.color, "linestyle": look.line, "linewidth": 0.9, "elinewidth": 0.7,
+        "capsize": 1.4, "capthick": 0.7, **look.marker_kwargs(3.2),
+    }  # fmt: skip
+    axes.errorbar(at, mean, yerr=np.nan_to_num([mean - low, high - mean]), **usual | more)
+
+
+def draw_rows(
+    figure: Figure,
+    grid: Grid,
+    rows: Sequence[Row],
+    titles: Sequence[str],
+    draw: Callable[[Axes, Row, int], Array],
+    **title_look: Any,
+) -> list[list[Axes]]:
+    """Rows of panels: vertical axes shared in a row, labels at the left and below alone.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        Where.
+    grid : Grid
+        Places of the panels.
+    rows : sequence of Row
+    titles : sequence of str
+        Of the columns.
+    draw : callable
+        Takes axes, row and number of the column; gives the values that the vertical axis holds.
+    **title_look
+        Type of the titles.
+
+    Returns
+    -------
+    list of list of matplotlib.axes.Axes
+        By row and column.
+    """
+    panels = []
+    for number, row in enumerate(rows):
+        drawn, values = [], [np.empty(0)]
+        for column, title in enumerate(titles):
+            axes = grid.place(figure, number, column)
+            values.append(np.ravel(draw(axes, row, column)))
+            axes.tick_params(labelbottom=number == len(rows) - 1, labelleft=column == 0)
+            if number == 0:
+                panel_title(axes, column, title, **title_look)
+            drawn.append(axes)
+        limits = reach(np.concatenate(values), log=row.log)
+        for axes in drawn:
+            set_vertical(axes, limits, log=row.log)
+        if drawn:
+            drawn[0].set_ylabel(row.label, fontsize=7.5)
+        panels.append(drawn)
+    return panels

@@ -1,0 +1,301 @@
+"""Statistics of tracking against the number of targets and the tasking interval.
+
+A column for each scenario (and number of targets), a row for each statistic over the targets, with
+confidence intervals over the seeds; compared are either the architectures or both estimators.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator
+
+from cislunar.campaign.claims.verdicts import usual_interval
+from cislunar.campaign.tracking.statistics import log_interval, t_interval
+from cislunar.campaign.tracking.summary import cell_index, seed_values
+from cislunar.campaign.tracking.tables import PRACTICAL_UNITS
+from cislunar.figures.axes import Array, Grid, fixed_ticks, legend_below, log_ticks, reach, spaced
+from cislunar.figures.panels import Row, draw_means, draw_rows
+from cislunar.figures.style import (
+    BLACK,
+    DOTTED,
+    ESTIMATOR_STYLE,
+    GRAY,
+    SeriesStyle,
+    house_style,
+    new_figure,
+    optimizer_style,
+)
+
+_LEFT, _RIGHT, _GAP = 1.0, 0.58, 0.14
+_ROW_IN, _BETWEEN_IN, _COLUMN_IN = 1.02, 0.16, 1.78
+_HEAD, _FOOT = 0.48, 1.02
+
+
+class Curve(NamedTuple):
+    """A quantity of ``task2/summary.nc``.
+
+    Attributes
+    ----------
+    quantity : str
+    part : str or None
+        Part of the state, for the quantities that have them.
+    filled : bool
+        Drawn with filled markers, or with hollow ones where a panel has two quantities.
+    only : str or None
+        The one series it is drawn for; None for all.
+    style : SeriesStyle or None
+        Its own look, instead of the series'.
+    """
+
+    quantity: str
+    part: str | None = None
+    filled: bool = True
+    only: str | None = None
+    style: SeriesStyle | None = None
+
+
+class _Column(NamedTuple):
+    """A column of panels: title, cells of the summary by series, small print under the title."""
+
+    title: str
+    cells: dict[str, Array]
+    note: str
+
+
+BOUND_STYLE = SeriesStyle("Cramér-Rao bound", BLACK, DOTTED, "x", filled=False)
+ESTIMATOR_STYLES = {
+    "mukf": ESTIMATOR_STYLE["mukf"]._replace(label="filter of the paper (MUKF)", filled=True),
+    "batch": ESTIMATOR_STYLE["batch"]._replace(label="multi-hypothesis batch"),
+}
+
+
+def _bound(quantity: str) -> Curve:
+    """The bound, which both estimators share: their measurements are all but the same."""
+    return Curve(quantity, only="batch", style=BOUND_STYLE)
+
+
+ROWS = {
+    "architecture": (
+        Row("within 3\N{GREEK SMALL LETTER SIGMA}, % of time",
+            (Curve("coverage", "attitude"), Curve("coverage", "position", False)), factor=100.0),
+        Row("median ANEES,\ndimensionless",
+            (Curve("anees_median", "attitude"), Curve("anees_median", "position", False)),
+            log=True, reference=1.0),
+        Row("attitude RMSE,\nGRP, nondim.", (Curve("rmse_median", "attitude"),), log=True,
+            second=("degree", PRACTICAL_UNITS["attitude"][1])),
+        Row("position RMSE,\nnondim.", (Curve("rmse_median", "position", False),), log=True,
+            second=("km", PRACTICAL_UNITS["position"][1])),
+        Row("final attitude\nerror, degree", (Curve("final_attitude_error_median"),), log=True),
+        Row("never observed,\ntargets", (Curve("never_observed"),)),
+        Row("diverged, % of\nobserved targets",
+            (Curve("diverged_rotation_share"), Curve("diverged_translation_share", None, False)),
+            factor=100.0),
+    ),
+    "estimator": (
+        Row("attitude within\n3\N{GREEK SMALL LETTER SIGMA}, % of time",
+            (Curve("coverage", "attitude"),), factor=100.0, reference=99.7),
+        Row("final attitude error,\nmedian, degree",
+            (Curve("final_attitude_error_median"), _bound("bound_attitude_median")), log=True),
+        Row("final attitude error,\n90th pct., degree",
+            (Curve("final_attitude_error_90"), _bound("bound_attitude_90")), log=True),
+        Row("attitude error over\nbound, median", (Curve("bound_ratio_median", "attitude"),),
+            log=True, reference=1.0),
+        Row("attitude RMSE of the\nrun, median, degree", (Curve("rmse_median", "attitude"),),
+            factor=PRACTICAL_UNITS["attitude"][1], log=True),
+        Row("rotation diverged,\ntargets", (Curve("diverged_rotation"),)),
+        Row("position RMSE,\nmedian, km", (Curve("rmse_median", "position", False),),
+            factor=PRACTICAL_UNITS["position"][1], log=True),
+    ),
+}  # fmt: skip
+"""What is shown of the series compared."""
+
+
+def _labels(summary: xr.Dataset, name: str) -> list[str]:
+    """Values of a label of the cells, in the order of the summary."""
+    return list(dict.fromkeys(summary[name].values.astype(str)))
+
+
+def _column(
+    summary: xr.Dataset, by: str, title: str, scenario: str, along: str, least: int, **wanted: int
+) -> _Column:
+    """Cells with the usual settings, for every series with at least so many values of a label."""
+    if by == "architecture":
+        common = {"estimator": _labels(summary, "estimator")[0]}
+        series = _labels(summary, by)
+    else:
+        here = summary["scenario"].values.astype(str) == scenario
+        common = {"architecture": str(summary["architecture"].values[here][0])}
+        series = [name for name in _labels(summary, by) if name in ESTIMATOR_STYLES]
+    found = {
+        name: cell_index(summary, scenario=scenario, variant="", **common, **{by: name}, **wanted)
+        for name in series
+    }
+    found = {n: at for n, at in found.items() if np.unique(summary[along].values[at]).size >= least}
+    counts = [
+        f"{optimizer_style(name).label.split()[0]} {int(summary['observers'].values[index[0]])}"
+        for name, index in found.items()
+    ]
+    seen = ", ".join(counts) if by == "architecture" else common["architecture"]
+    return _Column(title, found, f"observers: {seen}")
+
+
+@house_style()
+def against_targets_figure(summary: xr.Dataset, by: str = "architecture") -> Figure:
+    """Every statistic against the number of targets, a column for each scenario.
+
+    Parameters
+    ----------
+    summary : xarray.Dataset
+        ``task2/summary.nc``.
+    by : str
+        What is compared: ``architecture``, with the first estimator, or ``estimator``, both beside
+        the Cramer-Rao bound with each scenario's first architecture.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    usual = usual_interval(summary)
+    columns = [
+        _column(summary, by, f"scenario {name}", name, "targets", 1, interval_minutes=usual)
+        for name in _labels(summary, "scenario")
+    ]
+    targets = summary["targets"].values.astype(float)
+    return _figure(summary, by, columns, targets, "number of targets $n_T$")
+
+
+@house_style()
+def against_interval_figure(summary: xr.Dataset, by: str = "architecture") -> Figure:
+    """Every statistic against the tasking interval, a column for each scenario and target count.
+
+    Parameters
+    ----------
+    summary, by
+        As for `against_targets_figure`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    pairs = zip(summary["scenario"].values.astype(str), summary["targets"].values, strict=True)
+    columns = []
+    for scenario, targets in sorted(set(pairs)):
+        title = f"scenario {scenario}, $n_T$ = {int(targets)}"
+        wanted = {"targets": int(targets)}
+        columns.append(_column(summary, by, title, scenario, "interval_minutes", 2, **wanted))
+    hours = summary["interval_minutes"].values / 60.0
+    return _figure(summary, by, columns, hours, "tasking interval $T_{ST}$, h")
+
+
+def _figure(
+    summary: xr.Dataset, by: str, columns: Sequence[_Column], x: Array, x_label: str
+) -> Figure:
+    """All rows by all columns, with legend; `x` is the place of every cell of the summary."""
+    columns = [column for column in columns if column.cells]
+    names = _labels(summary, by)
+    if by == "architecture":
+        drawn = [name for name in names if any(name in column.cells for column in columns)]
+        styles = {name: optimizer_style(name) for name in drawn}
+    else:
+        styles = {name: ESTIMATOR_STYLES[name] for name in names if name in ESTIMATOR_STYLES}
+    rows = ROWS[by]
+    grid = Grid(
+        len(rows), max(len(columns), 1), _COLUMN_IN, _ROW_IN, _LEFT, _FOOT, _GAP, _BETWEEN_IN
+    )
+    width, height = grid.size
+    figure = new_figure(_HEAD + height + _FOOT, _LEFT + width + _RIGHT)
+
+    def draw(axes: Axes, row: Row, number: int) -> Array:
+        cells = columns[number].cells
+        held = []
+        for index, (name, look) in enumerate(styles.items()):
+            if name in cells:
+                at = x[cells[name]] * 1.018 ** (index - 0.5 * (len(styles) - 1))
+                held += _draw(axes, summary, cells[name], at, row, name, look)
+        if row.reference is not None:
+            axes.axhline(row.reference, color=GRAY, linewidth=0.8, zorder=1)
+        _x_axis(axes, np.concatenate([x[index] for index in cells.values()]))
+        return np.array(held)
+
+    titles = [column.title for column in columns]
+    panels = draw_rows(figure, grid, rows, titles, draw, pad=14)
+    for axes, column in zip(panels[0], columns, strict=True):
+        axes.annotate(column.note, (0.0, 1.0), xytext=(0, 4), fontsize=5.6,
+                      xycoords="axes fraction", textcoords="offset points")  # fmt: skip
+    for row, drawn in zip(rows, panels, strict=True):
+        for axes in drawn[:1]:
+            axes.yaxis.set_label_coords(-0.52 / _COLUMN_IN, 0.5)
+            if row.second is not None:
+                _second_axis(drawn[-1], *row.second)
+    for axes in panels[-1]:
+        axes.set_xlabel(x_label)
+    _legend(figure, by, styles)
+    return figure
+
+
+def _draw(
+    axes: Axes,
+    summary: xr.Dataset,
+    cells: Array,
+    at: Array,
+    row: Row,
+    name: str,
+    look: SeriesStyle,
+) -> list[float]:
+    """Means with intervals of one series; what the axis holds of them.
+
+    Ends beyond all single values, as those of few seeds are, do not count.
+    """
+    held = []
+    interval: Callable = log_interval if row.log else t_interval
+    for curve in row.curves:
+        if curve.only not in (None, name):
+            continue
+        single = [row.factor * seed_values(summary, c, curve.quantity, curve.part) for c in cells]
+        found = [interval(values) for values in single]
+        bounds = tuple(np.array([getattr(f, k) for f in found]) for k in ("mean", "low", "high"))
+        own = curve.style or look._replace(filled=curve.filled)
+        draw_means(axes, at, bounds, own, zorder=3)
+        for (mean, *ends, _), values in zip(found, single, strict=True):
+            counted = values[np.isfinite(values) & ((values > 0.0) | (not row.log))]
+            if counted.size:
+                held += [mean, *np.clip(ends, counted.min(), counted.max())]
+    return held
+
+
+def _second_axis(axes: Axes, label: str, factor: float) -> None:
+    """The same values in a practical unit, on the right."""
+    other = axes.secondary_yaxis("right", functions=(lambda v: factor * v, lambda v: v / factor))
+    low, high = axes.get_ylim()
+    log_ticks(other.yaxis, factor * low, factor * high)
+    other.set_ylabel(label, fontsize=7.5)
+
+
+def _x_axis(axes: Axes, values: Array) -> None:
+    """Logarithmic, ticks at the values of the sweep."""
+    axes.set_xscale("log")
+    axes.set_xlim(*reach(values, log=True, share=0.06, least=1.05 if np.ptp(values) else 1.4))
+    fixed_ticks(axes.xaxis, spaced(values))
+    axes.xaxis.set_minor_locator(FixedLocator(np.unique(values)))
+
+
+def _legend(figure: Figure, by: str, styles: Mapping[str, SeriesStyle]) -> None:
+    handles = [style.legend_handle() for style in styles.values()]
+    width = figure.get_size_inches()[0]
+    if by == "estimator":
+        handles.append(BOUND_STYLE.legend_handle())
+        legend_below(figure, handles, 0.1, 3 if width > 5.0 else 1, handlelength=2.8)
+        return
+    plain = {"color": BLACK, "linestyle": "none", "marker": "o", "markersize": 4.0}
+    handles += [
+        Line2D([], [], label="filled: attitude, rotation, all", **plain),
+        Line2D([], [], label="hollow: position, translation", markerfacecolor="none", **plain),
+        Line2D([], [], color=GRAY, linewidth=0.8, label="consistent filter (ANEES 1)"),
+    ]
+    narrow = {"fontsize": 5.6, "handlelength": 2.2, "columnspacing": 1.2} if width < 4.5 else {}
+    legend_below(figure, handles, 0.06, 3 if width > 6.0 else 2, **{"handlelength": 2.8} | narrow)
