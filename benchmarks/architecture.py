@@ -14,6 +14,7 @@ from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
+from visibility import plain
 
 from cislunar.architecture.coordinate_search import coordinate_search
 from cislunar.architecture.cost import CostFunction
@@ -23,7 +24,6 @@ from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.cr3bp import primary_distances
 from cislunar.orbits.families import OrbitSet, observer_library
 from cislunar.visibility.counts import VisibilitySettings, count_visibility, observation_times
-from cislunar.visibility.reference import visible
 
 N_ORBITS, MAX_SATELLITES, N_SLOTS, N_STEPS = 302, 10, 10, 721
 SETTINGS = VisibilitySettings()
@@ -59,15 +59,7 @@ def direct_cost(orbits: OrbitSet, satellites, target, times, sun) -> float:
         first = int(np.sum(satellites[:slot]))
         per_target = np.zeros(len(target))
         for path in tracks[first : first + n]:
-            per_target += visible(
-                path,
-                target,
-                sun,
-                angles=SETTINGS.angles,
-                limiting_magnitude=SETTINGS.limiting_magnitude,
-                radius_m=SETTINGS.target_radius_m,
-                diffuse_reflection_coefficient=SETTINGS.diffuse_reflection_coefficient,
-            ).sum(axis=0)
+            per_target += plain(path, target, sun, SETTINGS)
         observed += per_target.sum()
         logarithm += per_target / n
     scale = len(target) * len(times)

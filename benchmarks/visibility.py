@@ -15,15 +15,16 @@ from time import perf_counter, process_time
 import numba
 import numpy as np
 
-from cislunar.constants import EPOCH_JD, MU, SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.ephemeris.bodies import interpolate_sun, sample_ephemeris
+from cislunar.observation.exclusion import directions_to_bodies, outside_exclusion
 from cislunar.orbits.families import observer_library
+from cislunar.photometry.sphere import phase_angle, sphere_magnitude
 from cislunar.targets.missions import load_missions
 from cislunar.targets.zero_velocity import sample_zero_velocity
 from cislunar.visibility.counts import VisibilitySettings, observation_times, satellite_tracks
 from cislunar.visibility.kernel import count_observations
 from cislunar.visibility.phasing import distinct_phases
-from cislunar.visibility.reference import visible
 
 DAYS = 10.0
 MISSIONS = Path(__file__).parents[1] / "config" / "missions.csv"
@@ -54,16 +55,19 @@ def make_scene(n_orbits: int, n_targets: int):
 
 
 def plain(track, target, sun, settings: VisibilitySettings):
-    """Counts of one track in NumPy."""
-    return visible(
-        track,
-        target,
-        sun,
-        angles=settings.angles,
-        limiting_magnitude=settings.limiting_magnitude,
+    """Counts of one track in NumPy, as a researcher writes it."""
+    line = target - track[:, None]
+    magnitude = sphere_magnitude(
+        np.linalg.norm(line, axis=-1) * LENGTH_UNIT_KM * 1e3,
+        phase_angle(line, target - sun[:, None]),
         radius_m=settings.target_radius_m,
         diffuse_reflection_coefficient=settings.diffuse_reflection_coefficient,
-    ).sum(axis=0)
+    )
+    toward = directions_to_bodies(track[:, None], sun[:, None])
+    seen = (magnitude < settings.limiting_magnitude) & outside_exclusion(
+        line, toward, settings.angles
+    )
+    return seen.sum(axis=0)
 
 
 def main() -> None:

@@ -3,8 +3,7 @@
 The work is one test per (track, time, target): is the sphere bright enough, and does the line of
 sight keep clear of the Sun, Moon and Earth? The inner loop runs over targets in single precision
 so that it vectorises; it marks every pair within rounding of a threshold, and those are decided
-again in double precision. The counts are therefore those of the plain NumPy version,
-`cislunar.visibility.reference.visible`.
+again in double precision. The counts are therefore those of plain NumPy.
 
 The brightness test is Phi(alpha) > K r^2 (`faintness_per_squared_range`). With c = cos(alpha),
 Phi = pi max(c, 0) + (1 - |c|)^(3/2) k(|c|), where k is smooth: a short polynomial replaces the

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from oracles.visibility import visible
 
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.cost_kernels import log_sum, seen_per_satellite
@@ -14,10 +15,10 @@ from cislunar.errors import ConfigurationError
 from cislunar.observation.exclusion import ExclusionAngles
 from cislunar.orbits.families import concatenate, family_members
 from cislunar.visibility.counts import VisibilitySettings, count_visibility, observation_times
-from cislunar.visibility.reference import visible
 
 MOON = np.array([1.0 - MU, 0.0, 0.0])
 EARTH = np.array([-MU, 0.0, 0.0])
+PAPER = VisibilitySettings(18.0, 1.0, 1.0, ExclusionAngles(35.0, 5.0, 15.0))
 
 
 def paper_factors(orbits, times, target, sun, orbit, satellites):
@@ -29,10 +30,7 @@ def paper_factors(orbits, times, target, sun, orbit, satellites):
         for j in range(n):
             for t, here_sun in zip(times, sun, strict=True):
                 here = propagate_periodic(orbits.state[index], period, [t + j * period / n])[:, :3]
-                seen = visible(
-                    here, target, here_sun[None], angles=ExclusionAngles(35.0, 5.0, 15.0),
-                    limiting_magnitude=18.0, radius_m=1.0, diffuse_reflection_coefficient=1.0,
-                )[0]  # fmt: skip
+                seen = visible(here, target, here_sun[None], PAPER)[0]
                 for target_index in range(len(target)):
                     observations[i, target_index] += seen[target_index]
                 distance += math.dist(here[0], MOON) + math.dist(here[0], EARTH)

@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from oracles.visibility import visible
 
 from cislunar.architecture.coverage import architecture_tracks, coverage
 from cislunar.constants import TIME_UNIT_S
 from cislunar.observation.exclusion import ExclusionAngles
 from cislunar.orbits.families import family_members
 from cislunar.visibility.counts import VisibilitySettings, observation_times, satellite_tracks
-from cislunar.visibility.reference import visible
 
 SETTINGS = VisibilitySettings(limiting_magnitude=17.0)
 
@@ -26,11 +26,7 @@ def by_loops(track, target, times, sun, settings):
     seen = {}
     for k in range(len(times)):
         for s in range(len(track)):
-            row = visible(
-                track[s, k : k + 1], target, sun[k : k + 1], angles=settings.angles,
-                limiting_magnitude=settings.limiting_magnitude, radius_m=settings.target_radius_m,
-                diffuse_reflection_coefficient=settings.diffuse_reflection_coefficient,
-            )[0]  # fmt: skip
+            row = visible(track[s, k : k + 1], target, sun[k : k + 1], settings)[0]
             for j in np.flatnonzero(row):
                 seen[int(j), k] = seen.get((int(j), k), 0) + 1
     hours = times * TIME_UNIT_S / 3600.0

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from oracles.visibility import visible
 from tracking_scene import make_problem
 
 from cislunar.dynamics.cr3bp import EARTH_MOON
@@ -13,7 +14,7 @@ from cislunar.photometry.sphere import phase_angle, sphere_magnitude
 from cislunar.tasking.assignment import assign
 from cislunar.tasking.information import TaskingModel, pair_information
 from cislunar.tasking.simulation import initial_estimate
-from cislunar.visibility.reference import visible
+from cislunar.visibility.counts import VisibilitySettings
 
 LENGTH_M = 384_400_000.0
 
@@ -73,16 +74,14 @@ def test_only_observable_pairs_gain(problem):
     model = TaskingModel(diffuse_reflection_coefficient=0.05, track_gate=False)
     information = _information(problem, model)
     k = prediction.index
+    sphere = VisibilitySettings(sensor.limiting_magnitude, 1.0, 0.05, ExclusionAngles())
     expected = np.array(
         [
             visible(
                 scene.observer_position[o, k][None],
                 prediction.translation[:, :3],
                 scene.sun_position[k][None],
-                angles=ExclusionAngles(),
-                limiting_magnitude=sensor.limiting_magnitude,
-                radius_m=1.0,
-                diffuse_reflection_coefficient=0.05,
+                sphere,
             )[0]
             for o in range(9)
         ]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from oracles.visibility import visible
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -19,7 +20,6 @@ from cislunar.visibility.counts import (
 )
 from cislunar.visibility.kernel import count_observations, count_observers
 from cislunar.visibility.phasing import distinct_phases
-from cislunar.visibility.reference import visible
 
 SYNODIC_MONTH = 29.53 * 86_400.0 / TIME_UNIT_S
 UNIT_M = LENGTH_UNIT_KM * 1e3
@@ -31,19 +31,6 @@ def sun_at(times):
     """A Sun that goes round in the ecliptic, 5 degrees off the Moon's plane, once a month."""
     angle = -2.0 * np.pi * np.asarray(times) / SYNODIC_MONTH
     return 389.0 * np.stack([np.cos(angle), np.sin(angle), 0.09 * np.sin(angle + 1.0)], axis=-1)
-
-
-def reference(observer, target, sun, settings):
-    """`visible` under the same settings."""
-    return visible(
-        observer,
-        target,
-        sun,
-        angles=settings.angles,
-        limiting_magnitude=settings.limiting_magnitude,
-        radius_m=settings.target_radius_m,
-        diffuse_reflection_coefficient=settings.diffuse_reflection_coefficient,
-    )
 
 
 def observed(observer, target, sun, settings):
@@ -63,7 +50,7 @@ def test_every_pair_of_random_tracks(n_targets):
     observer = rng.normal(size=(40, 3)) * [1.0, 1.0, 0.5]
     target = np.vstack([MOON, rng.uniform(-1.4, 1.4, (n_targets - 1, 3))])
     sun = sun_at(rng.uniform(0.0, SYNODIC_MONTH, 40))
-    expected = reference(observer, target, sun, SETTINGS)
+    expected = visible(observer, target, sun, SETTINGS)
     np.testing.assert_array_equal(observed(observer, target, sun, SETTINGS), expected)
     counts = count_observations(
         observer[None, None], target, sun, SETTINGS.angles.cosines, SETTINGS.faintness, MU
@@ -83,7 +70,7 @@ def test_other_settings(settings):
     rng = np.random.default_rng(1)
     observer, target = 0.2 * rng.normal(size=(60, 3)), 0.2 * rng.normal(size=(300, 3))
     sun = sun_at(rng.uniform(0.0, SYNODIC_MONTH, 60))
-    expected = reference(observer, target, sun, settings)
+    expected = visible(observer, target, sun, settings)
     assert 0.02 < expected.mean() < 0.98
     np.testing.assert_array_equal(observed(observer, target, sun, settings), expected)
 
@@ -99,7 +86,7 @@ def test_targets_next_to_the_satellite(distance):
     for t in range(2):
         target = observer[t] + distance * direction
         here = slice(t, t + 1)
-        expected = reference(observer[here], target, sun[here], SETTINGS)
+        expected = visible(observer[here], target, sun[here], SETTINGS)
         assert 0.1 < expected.mean() < 0.95
         np.testing.assert_array_equal(
             observed(observer[here], target, sun[here], SETTINGS), expected
@@ -167,7 +154,7 @@ def test_observers_are_counted_by_satellite():
     track = rng.normal(size=(9, 12, 3))
     target = rng.normal(size=(150, 3))
     sun = sun_at(rng.uniform(0.0, SYNODIC_MONTH, 12))
-    expected = sum(reference(each, target, sun, SETTINGS).astype(int) for each in track)
+    expected = sum(visible(each, target, sun, SETTINGS).astype(int) for each in track)
     counts = count_observers(track, target, sun, SETTINGS.angles.cosines, SETTINGS.faintness, MU)
     assert expected.max() > 2
     np.testing.assert_array_equal(counts, expected)
@@ -242,7 +229,7 @@ def test_counts_are_those_of_satellites_flown_one_by_one(stable_orbits):
             for j in range(n):
                 start = fly(state[orbit], np.array([0.0, j * period[orbit] / n]))[-1]
                 path = fly(start, times)[:, :3]
-                seen += reference(path, target, sun, SETTINGS).sum(axis=0)
+                seen += visible(path, target, sun, SETTINGS).sum(axis=0)
                 distance += np.linalg.norm(path - EARTH, axis=1).sum()
                 distance += np.linalg.norm(path - MOON, axis=1).sum()
             np.testing.assert_array_equal(found.observations[orbit, n - 1], seen)
@@ -260,7 +247,7 @@ def test_library_orbits_over_the_papers_horizon(library):
     found = count_visibility(state, period, target, times, sun, SETTINGS, max_satellites=2)
     track = satellite_tracks(state, period, [0.0, 0.5], times)
     expected = np.array(
-        [[reference(path, target, sun, SETTINGS).sum(axis=0) for path in each] for each in track]
+        [[visible(path, target, sun, SETTINGS).sum(axis=0) for path in each] for each in track]
     )
     np.testing.assert_array_equal(found.observations[:, 0], expected[:, 0])
     np.testing.assert_array_equal(found.observations[:, 1], expected.sum(axis=1))
