@@ -16,7 +16,7 @@ import numba
 import numpy as np
 
 from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.ephemeris.bodies import interpolate_sun, sample_ephemeris
+from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
 from cislunar.observation.exclusion import directions_to_bodies, outside_exclusion
 from cislunar.orbits.families import observer_library
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude

@@ -4,14 +4,13 @@ Attitude and angular velocity obey ``dq/dt = [omega; 0] (x) q / 2`` and Euler's 
 ``I domega/dt = T - omega x (I omega)``, both in the body frame. Without torque T a body of
 spherical inertia keeps its angular velocity, so that its attitude is known in closed form
 (`propagate_spherical`); any other motion is integrated numerically (`propagate_torque_free`,
-`propagate_under_torque`; `torque_free_step` for the short steps of a filter). Angles are in rad,
-times in any unit.
+`propagate_under_torque`; `cislunar.attitude.short_steps` for the steps of estimators). Angles are
+in rad, times in any unit.
 """
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import DOP853
 
 from cislunar.attitude.inertia import inertia_matrix, is_spherical
 from cislunar.attitude.quaternion import (
@@ -21,15 +20,10 @@ from cislunar.attitude.quaternion import (
     rotate_components,
     rotation_vector_components,
 )
+from cislunar.dynamics.tableau import A8, ERROR8_3, ERROR8_5, STAGES8
 from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
-
-_A = np.zeros((13, 12))
-_A[:12] = DOP853.A
-_A[12] = DOP853.B
-_E3 = np.ascontiguousarray(DOP853.E3[:12])
-_E5 = np.ascontiguousarray(DOP853.E5[:12])
 
 
 @njit(cache=True)
@@ -102,17 +96,44 @@ def pull_back_gradient(omega, dt, gx, gy, gz):
 
 
 @njit(cache=True, error_model="numpy")
-def _euler(x, y, z, inertia, inverse_inertia):
-    """Angular acceleration of a torque-free body, as three scalars."""
-    hx = inertia[0, 0] * x + inertia[0, 1] * y + inertia[0, 2] * z
-    hy = inertia[1, 0] * x + inertia[1, 1] * y + inertia[1, 2] * z
-    hz = inertia[2, 0] * x + inertia[2, 1] * y + inertia[2, 2] * z
-    tx, ty, tz = hy * z - hz * y, hz * x - hx * z, hx * y - hy * x
+def spherical_transition(omega, dt, out):
+    """Transition matrix of a body of spherical inertia, exact (compiled).
+
+    Parameters
+    ----------
+    omega : ndarray, shape (3,)
+        Angular velocity, rad per unit of time, body frame.
+    dt : float
+        Step.
+    out : ndarray, shape (6, 6)
+        Receives the transition matrix of (small turn, angular velocity), see
+        `cislunar.attitude.short_steps.rigid_transition`.
+    """
+    out[:, :] = 0.0
+    for i in range(3):
+        a1, a2, a3, b1, b2, b3 = pull_back_gradient(
+            omega, dt, 1.0 * (i == 0), 1.0 * (i == 1), 1.0 * (i == 2)
+        )
+        out[i, 0], out[i, 1], out[i, 2] = a1, a2, a3
+        out[i, 3], out[i, 4], out[i, 5] = b1, b2, b3
+        out[3 + i, 3 + i] = 1.0
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def matrix_times(matrix, x, y, z):
+    """Product of a (3, 3) matrix and a vector, as three scalars (compiled)."""
     return (
-        inverse_inertia[0, 0] * tx + inverse_inertia[0, 1] * ty + inverse_inertia[0, 2] * tz,
-        inverse_inertia[1, 0] * tx + inverse_inertia[1, 1] * ty + inverse_inertia[1, 2] * tz,
-        inverse_inertia[2, 0] * tx + inverse_inertia[2, 1] * ty + inverse_inertia[2, 2] * tz,
+        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
+        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
+        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z,
     )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def angular_acceleration(x, y, z, inertia, inverse_inertia):
+    """Angular acceleration of a torque-free body, as three scalars (compiled)."""
+    hx, hy, hz = matrix_times(inertia, x, y, z)
+    return matrix_times(inverse_inertia, hy * z - hz * y, hz * x - hx * z, hx * y - hy * x)
 
 
 @njit(cache=True, error_model="numpy")
@@ -122,27 +143,27 @@ def _derivative(y, inertia, inverse_inertia, forced, dy):
     dy[0], dy[1], dy[2], dy[3] = multiply_components(
         0.5 * x, 0.5 * v, 0.5 * z, 0.0, y[0], y[1], y[2], y[3]
     )
-    ax, ay, az = _euler(x, v, z, inertia, inverse_inertia)
+    ax, ay, az = angular_acceleration(x, v, z, inertia, inverse_inertia)
     dy[4], dy[5], dy[6] = ax + forced[0], ay + forced[1], az + forced[2]
 
 
 @njit(cache=True, error_model="numpy")
 def _try_step(y, h, inertia, inverse_inertia, forced, slopes, y_new, tolerance):
     """One DOP853 trial step into `y_new`; returns the error norm (acceptable below 1)."""
-    for stage in range(1, 13):
+    for stage in range(1, STAGES8 + 1):
         for i in range(7):
             change = 0.0
             for j in range(stage):
-                change += _A[stage, j] * slopes[j, i]
+                change += A8[stage, j] * slopes[j, i]
             y_new[i] = y[i] + h * change
-        if stage < 12:
+        if stage < STAGES8:
             _derivative(y_new, inertia, inverse_inertia, forced, slopes[stage])
     total3, total5 = 0.0, 0.0
     for i in range(7):
         e3, e5 = 0.0, 0.0
-        for j in range(12):
-            e3 += _E3[j] * slopes[j, i]
-            e5 += _E5[j] * slopes[j, i]
+        for j in range(STAGES8):
+            e3 += ERROR8_3[j] * slopes[j, i]
+            e5 += ERROR8_5[j] * slopes[j, i]
         total3 += (e3 / tolerance) ** 2
         total5 += (e5 / tolerance) ** 2
     if total5 == 0.0:
@@ -197,7 +218,7 @@ def propagate_kernel(
     for i in range(3):
         y[4 + i] = omega[i] / rate if rate > 0.0 else 0.0
     y_new = np.empty(7)
-    slopes = np.empty((12, 7))
+    slopes = np.empty((STAGES8, 7))
     left = dt * rate  # time to go, in units of 1 / rate
     h = min(1.0, abs(left))
     while h > 0.0:
@@ -214,70 +235,6 @@ def propagate_kernel(
         q_out[i] = y[i]
     for i in range(3):
         omega_out[i] = y[4 + i] * rate if rate > 0.0 else 0.0
-
-
-TURN_PER_STEP = 0.03
-"""Largest turn of a step of `torque_free_step`, rad; the error is then below 1e-9 rad a step."""
-
-
-@njit(cache=True, error_model="numpy")
-def torque_free_step(w1, w2, w3, inertia, inverse_inertia, dt):
-    """Turn and rate of a torque-free body after a short time, by Runge-Kutta of order 4 (compiled).
-
-    The turn does not depend on the attitude, so a filter that spreads attitude and rate needs it
-    once for each rate. Long times are divided so that no step turns by more than `TURN_PER_STEP`.
-
-    Parameters
-    ----------
-    w1, w2, w3 : float
-        Angular velocity, rad per unit of time, body frame.
-    inertia, inverse_inertia : ndarray, shape (3, 3)
-        Inertia matrix in any unit, and its inverse.
-    dt : float
-        Elapsed time.
-
-    Returns
-    -------
-    q1, q2, q3, q4 : float
-        Unit quaternion of the turn: the attitude becomes ``turn (x) q``.
-    w1, w2, w3 : float
-        Angular velocity after it.
-    """
-    rate = np.sqrt(w1 * w1 + w2 * w2 + w3 * w3)
-    count = max(1, int(np.ceil(rate * abs(dt) / TURN_PER_STEP)))
-    h = dt / count
-    q1, q2, q3, q4 = 0.0, 0.0, 0.0, 1.0
-    for _ in range(count):
-        a1, a2, a3 = _euler(w1, w2, w3, inertia, inverse_inertia)
-        x1, x2, x3 = w1 + 0.5 * h * a1, w2 + 0.5 * h * a2, w3 + 0.5 * h * a3
-        b1, b2, b3 = _euler(x1, x2, x3, inertia, inverse_inertia)
-        y1, y2, y3 = w1 + 0.5 * h * b1, w2 + 0.5 * h * b2, w3 + 0.5 * h * b3
-        c1, c2, c3 = _euler(y1, y2, y3, inertia, inverse_inertia)
-        z1, z2, z3 = w1 + h * c1, w2 + h * c2, w3 + h * c3
-        d1, d2, d3 = _euler(z1, z2, z3, inertia, inverse_inertia)
-        k1, k2, k3, k4 = multiply_components(w1, w2, w3, 0.0, q1, q2, q3, q4)
-        s = 0.25 * h  # half a step of the equation dq/dt = [omega; 0] (x) q / 2
-        l1, l2, l3, l4 = multiply_components(
-            x1, x2, x3, 0.0, q1 + s * k1, q2 + s * k2, q3 + s * k3, q4 + s * k4
-        )
-        m1, m2, m3, m4 = multiply_components(
-            y1, y2, y3, 0.0, q1 + s * l1, q2 + s * l2, q3 + s * l3, q4 + s * l4
-        )
-        s = 0.5 * h
-        n1, n2, n3, n4 = multiply_components(
-            z1, z2, z3, 0.0, q1 + s * m1, q2 + s * m2, q3 + s * m3, q4 + s * m4
-        )
-        s = h / 12.0
-        q1 += s * (k1 + 2.0 * (l1 + m1) + n1)
-        q2 += s * (k2 + 2.0 * (l2 + m2) + n2)
-        q3 += s * (k3 + 2.0 * (l3 + m3) + n3)
-        q4 += s * (k4 + 2.0 * (l4 + m4) + n4)
-        s = h / 6.0
-        w1 += s * (a1 + 2.0 * (b1 + c1) + d1)
-        w2 += s * (a2 + 2.0 * (b2 + c2) + d2)
-        w3 += s * (a3 + 2.0 * (b3 + c3) + d3)
-    s = 1.0 / np.sqrt(q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
-    return s * q1, s * q2, s * q3, s * q4, w1, w2, w3
 
 
 @njit(cache=True)

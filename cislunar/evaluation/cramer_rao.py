@@ -30,7 +30,8 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude.inertia import is_spherical
-from cislunar.attitude.transition import rigid_transition, spherical_transition
+from cislunar.attitude.rigid_body import spherical_transition
+from cislunar.attitude.short_steps import rigid_transition
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.runge_kutta import step_dop853
 from cislunar.errors import ConfigurationError

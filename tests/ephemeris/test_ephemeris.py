@@ -5,14 +5,9 @@ import pytest
 import spiceypy
 
 from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.ephemeris.bodies import (
-    interpolate_sun,
-    kernel_path,
-    rotating_frame,
-    sample_ephemeris,
-    tai_minus_utc,
-    utc_to_tdb,
-)
+from cislunar.ephemeris.kernel import kernel_path
+from cislunar.ephemeris.sampling import interpolate_sun, rotating_frame, sample_ephemeris
+from cislunar.ephemeris.time_scales import tai_minus_utc, utc_to_tdb
 from cislunar.errors import ConfigurationError, InputFileError
 
 AU_KM = 149_597_870.7

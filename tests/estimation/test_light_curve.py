@@ -9,7 +9,7 @@ from scipy.stats import norm
 from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose, rotation_vector
 from cislunar.attitude.rigid_body import propagate_torque_free
-from cislunar.attitude.sensitivity import propagate_with_sensitivity
+from cislunar.attitude.short_steps import propagate_with_errors
 from cislunar.estimation.light_curves.batch_settings import SearchSettings
 from cislunar.estimation.light_curves.hypotheses import (
     condense,
@@ -218,7 +218,7 @@ def test_sensitivity_of_a_triaxial_body_against_scipy():
 
     q, w, sensitivity = np.array([0.0, 0.0, 0.0, 1.0]), rate.copy(), np.zeros((6, 3))
     sensitivity[3:] = np.eye(3)
-    propagate_with_sensitivity(q, w, sensitivity, 9.0, inertia, np.linalg.inv(inertia), True)
+    propagate_with_errors(q, w, sensitivity, 9.0, inertia, np.linalg.inv(inertia))
     reference = end(rate)
     np.testing.assert_allclose(q, reference[:4] / np.linalg.norm(reference[:4]), atol=1e-6)
     np.testing.assert_allclose(w, reference[4:], atol=1e-6)
@@ -370,7 +370,7 @@ def test_points_carry_mean_and_covariance(inertia):
     q, w, weight = np.zeros((12, 4)), np.zeros((12, 3)), np.zeros(12)
     assert mixture_points(modes, model, q, w, weight) == 12
     inverse = np.linalg.inv(model.inertia)
-    step_points(q, w, 7200.0, model.inertia, inverse, model.spherical, np.empty((6, 3)))
+    step_points(q, w, 7200.0, model.inertia, inverse, model.spherical)
     mean_q, mean_w = np.empty(4), np.empty(3)
     differences, sigma = np.empty((12, 6)), np.empty(6)
     mixture_moments(q, w, weight, mean_q, mean_w, differences)

@@ -6,8 +6,8 @@ from tracking_scene import make_problem
 
 from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose, from_rotation_vector
-from cislunar.attitude.rigid_body import propagate_torque_free
-from cislunar.attitude.transition import rigid_transition, spherical_transition
+from cislunar.attitude.rigid_body import propagate_torque_free, spherical_transition
+from cislunar.attitude.short_steps import rigid_transition
 from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.propagation import propagate, propagate_stm
 from cislunar.dynamics.runge_kutta import step_dop853

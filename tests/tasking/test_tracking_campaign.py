@@ -10,7 +10,7 @@ import pytest
 
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics.propagation import propagate_periodic
-from cislunar.ephemeris.bodies import interpolate_sun, sample_ephemeris
+from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
 from cislunar.estimation.kalman.mukf import mukf
 from cislunar.estimation.kalman.mukf_kernels import CHOLESKY_FAILURES
 from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED

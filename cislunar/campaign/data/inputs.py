@@ -10,7 +10,7 @@ import xarray as xr
 from cislunar.campaign.data.netcdf import variable
 from cislunar.campaign.data.progress import Progress, logger, progress_log
 from cislunar.campaign.data.provenance import provenance
-from cislunar.ephemeris.bodies import interpolate_sun, sample_ephemeris
+from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
 from cislunar.observation.exclusion import ExclusionAngles
 from cislunar.orbits.families import CATALOGUE_EXTENT, Extent, OrbitSet, observer_library
 from cislunar.targets.clustering import cluster, distinct_points

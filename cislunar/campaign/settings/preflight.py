@@ -16,7 +16,7 @@ from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.settings.cells import MOST_STEPS
 from cislunar.campaign.settings.scenarios import in_study, scenario_settings, shared_dataset
 from cislunar.campaign.settings.sweeps import with_sweeps
-from cislunar.ephemeris.bodies import check_coverage
+from cislunar.ephemeris.sampling import check_coverage
 from cislunar.errors import ConfigurationError
 from cislunar.targets.missions import load_missions
 from cislunar.targets.tables import load_target_positions

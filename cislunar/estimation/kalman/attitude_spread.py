@@ -23,7 +23,7 @@ from cislunar.attitude.grp import (
 )
 from cislunar.attitude.inertia import inertia_matrix, is_spherical
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
-from cislunar.attitude.rigid_body import torque_free_step
+from cislunar.attitude.short_steps import torque_free_step
 
 Array = NDArray[np.float64]
 

@@ -76,7 +76,7 @@ def _in_clear_view(translation, observer, sun, limits, mu):
 
 
 @njit(cache=True, error_model="numpy")
-def _refit(hypotheses, data, model, settings, rng, elapsed, quaternion, omega, weight, unused):
+def _refit(hypotheses, data, model, settings, rng, elapsed, quaternion, omega, weight):
     """Fit a light curve and lay out the mixture's points at a time; returns their number."""
     search(hypotheses, data, model, settings, rng)
     count = mixture_points(hypotheses, model, quaternion, omega, weight)
@@ -87,7 +87,6 @@ def _refit(hypotheses, data, model, settings, rng, elapsed, quaternion, omega, w
         model.inertia,
         model.inverse_inertia,
         model.spherical,
-        unused,
     )
     return count
 
@@ -124,7 +123,6 @@ def advance_target(
     out_quaternion, out_omega, out_translation, out_sigma, used = out
     work = make_workspace()
     differences = np.empty((weight.shape[0], UNKNOWNS))
-    unused = np.empty((6, 3))
     n_steps = measurements.shape[0]
     for i in range(n_steps):
         k = first + i
@@ -148,7 +146,6 @@ def advance_target(
             model.inertia,
             model.inverse_inertia,
             model.spherical,
-            unused,
         )
         if observer >= 0:
             place, sun = scene.observer_position[observer, k], scene.sun_position[k]
@@ -188,7 +185,6 @@ def advance_target(
                 quaternion,
                 omega,
                 weight,
-                unused,
             )
             state[FITTED] = state[ROWS]
         n = state[POINTS]
@@ -217,7 +213,6 @@ def advance_target(
                 quaternion,
                 omega,
                 weight,
-                unused,
             )
 
 
@@ -253,7 +248,6 @@ def predict_target(
         model.inertia,
         model.inverse_inertia,
         model.spherical,
-        np.empty((6, 3)),
     )
     differences = np.empty((weight.shape[0], UNKNOWNS))
     mean_omega = np.empty(3)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from cislunar.attitude.grp import GRP_A, GRP_F, pull_back_to_grp, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components, rotate_components
 from cislunar.attitude.rigid_body import propagate_spherical, pull_back_gradient
-from cislunar.attitude.sensitivity import propagate_with_sensitivity
+from cislunar.attitude.short_steps import propagate_with_errors
 from cislunar.photometry.facets import facet_magnitude, facet_magnitude_gradient
 
 Array = NDArray[np.float64]
@@ -177,7 +177,7 @@ def cost(u, data, anchor, model, stop_above):
     total = anchor_cost(u, anchor)
     start, omega = np.empty(4), np.empty(3)
     initial_state(u, model, start, omega)
-    q, rate, sensitivity = start.copy(), omega.copy(), np.empty((6, 3))
+    q, rate, no_errors = start.copy(), omega.copy(), np.empty((6, 0))
     now = 0.0
     squares, sums, count = 0.0, 0.0, 0
     inverse_noise = 1.0 / np.sqrt(model.noise_variance)
@@ -186,8 +186,8 @@ def cost(u, data, anchor, model, stop_above):
         if model.spherical:
             q = propagate_spherical(start, omega, row[TIME])
         else:
-            propagate_with_sensitivity(
-                q, rate, sensitivity, row[TIME] - now, model.inertia, model.inverse_inertia, False
+            propagate_with_errors(
+                q, rate, no_errors, row[TIME] - now, model.inertia, model.inverse_inertia
             )
             now = row[TIME]
         h = facet_magnitude(
@@ -265,8 +265,8 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
         if model.spherical:
             q = propagate_spherical(start, omega, t)
         else:
-            propagate_with_sensitivity(
-                q, rate, sensitivity, t - now, model.inertia, model.inverse_inertia, True
+            propagate_with_errors(
+                q, rate, sensitivity, t - now, model.inertia, model.inverse_inertia
             )
             now = t
         h, gx, gy, gz = facet_magnitude_gradient(

@@ -10,14 +10,14 @@ from cislunar.attitude.grp import (
     quaternion_from_grp_components,
 )
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
-from cislunar.attitude.sensitivity import propagate_with_sensitivity
+from cislunar.attitude.short_steps import propagate_with_errors
 
 RECENTERINGS = 2
 """Times the reference of the mean attitude is moved to the mean error about it."""
 
 
 @njit(cache=True, error_model="numpy")
-def step_points(quaternion, omega, dt, inertia, inverse_inertia, spherical, unused):
+def step_points(quaternion, omega, dt, inertia, inverse_inertia, spherical):
     """Carry attitudes and angular velocities of one body over a step, in place (compiled).
 
     Parameters
@@ -29,16 +29,15 @@ def step_points(quaternion, omega, dt, inertia, inverse_inertia, spherical, unus
     inertia, inverse_inertia : ndarray, shape (3, 3)
     spherical : bool
         Whether the angular velocity is constant; the step is then exact.
-    unused : ndarray, shape (6, 3)
-        Scratch.
     """
+    no_errors = np.empty((6, 0))
     for i in range(quaternion.shape[0]):
         q, w = quaternion[i], omega[i]
         if spherical:
             t1, t2, t3, t4 = rotation_vector_components(w[0] * dt, w[1] * dt, w[2] * dt)
             q[0], q[1], q[2], q[3] = multiply_components(t1, t2, t3, t4, q[0], q[1], q[2], q[3])
         else:
-            propagate_with_sensitivity(q, w, unused, dt, inertia, inverse_inertia, False)
+            propagate_with_errors(q, w, no_errors, dt, inertia, inverse_inertia)
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,0 +1,109 @@
+"""Ephemeris kernels of SPICE: their files, bodies and dates.
+
+`spiceypy` is imported inside the functions, and every kernel is unloaded again after use.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from importlib.resources import files
+from pathlib import Path
+
+from cislunar.ephemeris.time_scales import calendar_date
+from cislunar.errors import InputFileError
+
+DEFAULT_KERNEL = "de421"
+"""JPL DE421 (1899 to 2053), the file carried by the `skyfield-data` package."""
+
+# NAIF identifiers, and the names they go by in messages.
+SUN, EARTH_MOON_BARYCENTER, EARTH, MOON = 10, 3, 399, 301
+BODIES = {
+    SUN: "the Sun",
+    EARTH_MOON_BARYCENTER: "the Earth-Moon barycenter",
+    EARTH: "the Earth",
+    MOON: "the Moon",
+}
+
+
+def kernel_path(kernel: str | Path = DEFAULT_KERNEL) -> Path:
+    """File of an ephemeris kernel.
+
+    Parameters
+    ----------
+    kernel : str or Path
+        ``"de421"``, or the path of an SPK file of one's own (DE440, ...).
+
+    Returns
+    -------
+    Path
+        An existing file.
+
+    Raises
+    ------
+    InputFileError
+        If there is no such file.
+    """
+    if str(kernel) != DEFAULT_KERNEL:
+        path = Path(kernel)
+        with suppress(RuntimeError):  # of a user who is not there
+            path = path.expanduser()
+        mend = f"set the kernel to {DEFAULT_KERNEL!r} or to the path of an SPK (.bsp) file"
+    else:
+        # The file is located directly: the package's own accessor warns of the age of an unrelated
+        # table of Earth orientation.
+        try:
+            path = Path(str(files("skyfield_data").joinpath("data", "de421.bsp")))
+        except ModuleNotFoundError:
+            path = Path("skyfield_data/data/de421.bsp")
+        mend = "install the package skyfield-data, or set the kernel to the path of an SPK file"
+    if not path.is_file():
+        raise InputFileError(f"ephemeris kernel {path}: no such file; {mend}")
+    return path
+
+
+@contextmanager
+def loaded(path: Path) -> Iterator[None]:
+    """Hold a kernel loaded for the length of a block; a kernel the caller had loaded stays so."""
+    import spiceypy
+    from spiceypy.utils.exceptions import SpiceyError
+
+    try:
+        spiceypy.furnsh(str(path))
+    except SpiceyError as error:
+        raise InputFileError(
+            f"ephemeris kernel {path}: not a SPICE kernel ({error.short})"
+        ) from error
+    try:
+        yield
+    finally:
+        spiceypy.unload(str(path))
+
+
+def require_coverage(path: Path, start: float, stop: float) -> None:
+    """Refuse a kernel that lacks a body or does not cover a span of TDB seconds."""
+    import spiceypy
+    from spiceypy.utils.exceptions import SpiceyError
+
+    try:
+        held = set(spiceypy.spkobj(str(path)))
+    except SpiceyError as error:
+        raise InputFileError(f"ephemeris kernel {path}: not an SPK file ({error.short})") from error
+    missing = [name for body, name in BODIES.items() if body not in held]
+    if missing:
+        raise InputFileError(
+            f"ephemeris kernel {path}: holds nothing on {', '.join(missing)}; use a planetary "
+            "ephemeris such as DE421 or DE440"
+        )
+    common = None
+    for body in BODIES:
+        window = spiceypy.spkcov(str(path), body)
+        common = window if common is None else spiceypy.wnintd(common, window)
+    spans = [spiceypy.wnfetd(common, i) for i in range(spiceypy.wncard(common))]
+    if not any(first <= start and stop <= last for first, last in spans):
+        covered = (
+            ", ".join(f"{calendar_date(a)} to {calendar_date(b)}" for a, b in spans) or "no date"
+        )
+        raise InputFileError(
+            f"ephemeris kernel {path}: covers {covered} (TDB), not the dates wanted, "
+            f"{calendar_date(start)} to {calendar_date(stop)}; change epoch_jd or duration_days, "
+            "or give a kernel that covers them"
+        )
