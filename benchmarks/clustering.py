@@ -18,9 +18,9 @@ from sklearn.cluster import BisectingKMeans, KMeans, MiniBatchKMeans, kmeans_plu
 from threadpoolctl import threadpool_limits
 
 from cislunar.targets.audit import audit_centers
-from cislunar.targets.clustering import SEEDINGS, cluster, compare_seedings, distinct_points
+from cislunar.targets.clustering import DEFAULT_SEEDING, SEEDINGS, cluster, distinct_points
 from cislunar.targets.missions import load_missions
-from cislunar.targets.zero_velocity import sample_zero_velocity
+from cislunar.targets.sampling import sample_zero_velocity
 
 TABLE = Path(__file__).parents[1] / "config" / "missions.csv"
 
@@ -89,10 +89,14 @@ def main() -> None:
     )
     for n_clusters in arguments.targets:
         print(f"{n_clusters} clusters")
-        table = compare_seedings(sampled.position, n_clusters, seed=arguments.seed)
-        reference = table.loc["greedy k-means++", "inertia"]
+        found = {}
         for name in SEEDINGS:
-            report(name, table.loc[name, "seconds"], table.loc[name, "inertia"], reference)
+            began = perf_counter()
+            result = cluster(sampled.position, n_clusters, seed=arguments.seed, seeding=name)
+            found[name] = perf_counter() - began, result
+        reference = found[DEFAULT_SEEDING][1].inertia
+        for name, (seconds, result) in found.items():
+            report(name, seconds, result.inertia, reference)
         for name, method in ALTERNATIVES.items():
             if name == "elkan" and n_clusters * len(points) > 2e8:
                 continue
@@ -117,7 +121,7 @@ def main() -> None:
                 true_inertia(points, weight, center),
                 reference,
             )
-        result = cluster(sampled.position, n_clusters, seed=arguments.seed)
+        result = found[DEFAULT_SEEDING][1]
         audit = audit_centers(result.center, result.label, sampled.jacobi)
         print(
             f"  centers inside the Moon {audit.inside_moon.sum()}, inside the Earth "

@@ -12,16 +12,11 @@ on one thread; compilation is not counted.
 import argparse
 import multiprocessing
 import resource
-import sys
 from pathlib import Path
 from time import process_time
 
 import numpy as np
 import pandas as pd
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-
-from tracking_scene import make_problem
 
 from cislunar.campaign.data.netcdf import write_text
 from cislunar.campaign.documents.markdown import markdown_table, replace_between
@@ -29,6 +24,7 @@ from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.registry import estimator_named
 from cislunar.figures.style import estimator_style, house_style, new_figure, save_figure
 from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.demonstration import tracking_problem
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "docs/scaling.csv"
@@ -66,7 +62,7 @@ ESTIMATORS = {
 
 def run(estimator: str, targets: int, observers: int, seeds: int, hours: float) -> None:
     """One closed loop, recorded hourly."""
-    problem = make_problem(observers, targets, duration_hours=float(hours), record_every=60)
+    problem = tracking_problem(observers, targets, duration_hours=float(hours), record_every=60)
     run_closed_loop(*problem[:4], list(range(seeds)), problem[4], estimator=ESTIMATORS[estimator])
 
 

@@ -21,7 +21,7 @@ from cislunar.observation.exclusion import directions_to_bodies, outside_exclusi
 from cislunar.orbits.families import observer_library
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
 from cislunar.targets.missions import load_missions
-from cislunar.targets.zero_velocity import sample_zero_velocity
+from cislunar.targets.sampling import sample_zero_velocity
 from cislunar.visibility.counts import VisibilitySettings, observation_times, satellite_tracks
 from cislunar.visibility.kernel import count_observations
 from cislunar.visibility.phasing import distinct_phases

@@ -27,11 +27,9 @@ Assumptions and limitations
 import io
 from collections.abc import Callable
 from contextlib import redirect_stdout
-from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
@@ -227,50 +225,6 @@ def seed_centers(
         n_local_trials=1 if seeding == "k-means++" else None,
     )
     return start
-
-
-def compare_seedings(
-    position: ArrayLike,
-    n_clusters: int,
-    *,
-    seed: int,
-    seedings: tuple[str, ...] = SEEDINGS,
-    reference: str = "greedy k-means++",
-    progress: Callable[[int, int], None] | None = None,
-) -> pd.DataFrame:
-    """Time and inertia of the seedings, against the slow reference.
-
-    Parameters
-    ----------
-    position : array_like, shape (point, 3)
-        Points, nondimensional.
-    n_clusters : int
-        Number of clusters.
-    seed : int
-        Seed of every run.
-    seedings : tuple of str
-        Seedings to compare; the reference is added if it is not among them.
-    reference : str
-        Seeding to which the inertia is referred (scikit-learn's default).
-    progress : callable, optional
-        Called with (done, total).
-
-    Returns
-    -------
-    DataFrame
-        Indexed by seeding: `seconds`, `inertia`, `inertia_ratio` to the reference.
-    """
-    names = tuple(dict.fromkeys((*seedings, reference)))
-    rows = {}
-    for done, name in enumerate(names, start=1):
-        began = perf_counter()
-        result = cluster(position, n_clusters, seed=seed, seeding=name)
-        rows[name] = {"seconds": perf_counter() - began, "inertia": result.inertia}
-        if progress is not None:
-            progress(done, len(names))
-    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("seeding")
-    table["inertia_ratio"] = table["inertia"] / table.loc[reference, "inertia"]
-    return table
 
 
 def _require_count(n_clusters: int, distinct: int) -> None:

@@ -7,7 +7,6 @@ and a confidence of each value. Only the columns `mission` and `jacobi` are need
 kept for the record.
 """
 
-import csv
 from math import isfinite
 from pathlib import Path
 
@@ -16,6 +15,7 @@ import pandas as pd
 from cislunar.constants import LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
 from cislunar.dynamics.cr3bp import pseudo_potential
 from cislunar.errors import InputFileError
+from cislunar.targets.csv_lines import listed, read_lines
 
 REQUIRED_COLUMNS = ("mission", "jacobi")
 NUMERIC_COLUMNS = (
@@ -72,17 +72,19 @@ def load_missions(path: str | Path, mu: float = MU) -> pd.DataFrame:
         (the header is row 1) and the mission.
     """
     path = Path(path)
-    rows = _read(path)
+    header, rows = _read(path)
     highest = highest_lunar_jacobi(mu)
     first_seen: dict[str, int] = {}
     records = []
-    for line, row in rows:
-        name = (row["mission"] or "").strip()
+    for line, fields in rows:
+        record: dict[str, object] = dict.fromkeys(header, "")
+        record.update(zip(header, map(str.strip, fields), strict=False))
+        name = record["mission"]
         place = f"{path}, row {line}"
         if not name:
             raise InputFileError(f"{place}: the mission has no name; give it one")
         place = f"{place}, mission {name!r}"
-        if None in row:
+        if len(fields) > len(header):
             raise InputFileError(
                 f"{place}: more fields than the header; quote fields that contain commas"
             )
@@ -91,8 +93,6 @@ def load_missions(path: str | Path, mu: float = MU) -> pd.DataFrame:
                 f"{place}: the mission is already in row {first_seen[name]}; remove one of them"
             )
         first_seen[name] = line
-        record: dict[str, object] = {key: (value or "").strip() for key, value in row.items()}
-        record["mission"] = name
         record["jacobi"] = _jacobi(record["jacobi"], place, highest)
         for column in NUMERIC_COLUMNS:
             if column in record:
@@ -101,32 +101,24 @@ def load_missions(path: str | Path, mu: float = MU) -> pd.DataFrame:
     return pd.DataFrame.from_records(records)
 
 
-def _read(path: Path) -> list[tuple[int, dict]]:
-    """Rows of a table with the line each one ends on."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            rows = [(reader.line_num, row) for row in reader]
-            header = reader.fieldnames or []
-    except FileNotFoundError as error:
-        raise InputFileError(f"{path}: no such file; give the path of a mission table") from error
-    except (OSError, ValueError, csv.Error) as error:
-        raise InputFileError(f"{path}: cannot be read as a table in UTF-8 ({error})") from error
+def _read(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Header of a table, and its rows with the line each one ends on."""
+    lines = read_lines(path, "mission")
+    header = lines[0][1] if lines else []
     missing = [column for column in REQUIRED_COLUMNS if column not in header]
     if missing:
-        found = ", ".join(header)
-        found = found if found.isprintable() and len(found) < 200 else "no readable names"
         raise InputFileError(
-            f"{path}, row 1: no column {', '.join(missing)}; the header has {found}"
+            f"{path}, row 1: no column {', '.join(missing)}; the header has {listed(header)}"
         )
     twice = [column for column in REQUIRED_COLUMNS if header.count(column) > 1]
     if twice:
         raise InputFileError(
             f"{path}, row 1: the column {twice[0]} occurs twice; remove one of them"
         )
+    rows = [(number, fields) for number, fields in lines[1:] if fields]
     if not rows:
         raise InputFileError(f"{path}: holds no mission; add a row per mission")
-    return rows
+    return header, rows
 
 
 def _jacobi(text: object, place: str, highest: float) -> float:

@@ -18,7 +18,6 @@ target is at its state at the epoch; with one, it starts at a random point of it
 paper's targets do. Other columns are ignored.
 """
 
-import csv
 from math import isfinite
 from pathlib import Path
 from typing import NamedTuple
@@ -35,6 +34,7 @@ from cislunar.constants import (
     TIME_UNIT_S,
 )
 from cislunar.errors import InputFileError
+from cislunar.targets.csv_lines import listed, read_lines
 
 Array = NDArray[np.float64]
 
@@ -161,14 +161,7 @@ def load_target_positions(path: str | Path) -> TargetPositions:
 
 def _read(path: Path) -> tuple[list[str], list[tuple[str, dict[str, str]]]]:
     """Header of a table, and its rows with their place as it is named in messages."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file, skipinitialspace=True)
-            lines = [(reader.line_num, fields) for fields in reader]
-    except FileNotFoundError as error:
-        raise InputFileError(f"{path}: no such file; give the path of a target table") from error
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputFileError(f"{path}: cannot be read as a table in UTF-8 ({error})") from error
+    lines = read_lines(path, "target")
     header = [name.strip() for name in lines[0][1]] if lines else []
     twice = [name for name in header if name and header.count(name) > 1]
     if twice:
@@ -186,14 +179,10 @@ def _read(path: Path) -> tuple[list[str], list[tuple[str, dict[str, str]]]]:
         row = {name: field.strip() for name, field in zip(header, fields, strict=True)}
         rows.append((f"{place}, target {row['id']!r}" if row.get("id") else place, row))
     if "id" not in header:
-        raise InputFileError(f"{path}, row 1: no column id; the header has {_listed(header)}")
+        raise InputFileError(f"{path}, row 1: no column id; the header has {listed(header)}")
     if not rows:
         raise InputFileError(f"{path}: holds no target; add a row per target")
     return header, rows
-
-
-def _listed(header: list[str]) -> str:
-    return ", ".join(header) or "no columns"
 
 
 def _columns(
@@ -215,7 +204,7 @@ def _columns(
         )
     raise InputFileError(
         f"{path}, row 1: needs the columns {', '.join(plain)} (nondimensional) or "
-        f"{', '.join(practical)}; the header has {_listed(header)}"
+        f"{', '.join(practical)}; the header has {listed(header)}"
     )
 
 

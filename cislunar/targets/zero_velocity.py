@@ -1,8 +1,6 @@
-"""Equiangular sampling of the regions within zero-velocity surfaces (Paul & Fan, section 3).
+"""Where a Jacobi constant lets a mission go: parts of the region within a zero-velocity surface.
 
-A particle of Jacobi constant JC can be where 2U >= JC. The paper samples "in an equiangular manner
-within each zero-velocity surface" and says no more; the choices made here are settings of
-`SamplingSettings`, and the reasons are these.
+A particle of Jacobi constant JC can be where 2U >= JC.
 
 Region
     The surface splits space into components, and a mission can reach only its own. Since all
@@ -17,44 +15,14 @@ Membership
     there towards z = 0: the point hangs together with (x, 0, 0) on the axis, which belongs to the
     Earth, the Moon or the outside according to its place among L3, L1 and L2. Components merge
     when JC falls below that of L1 (Earth and Moon) and L2 (these and the outside).
-Outer cap
-    Below JC(L2) the region is unbounded, and below JC(L4) = 2.988 nothing in the plane is
-    forbidden, so points stay within `outer_radius_km` of the Earth-Moon barycenter. The paper gives
-    no cap. The default, 700 000 km, is *chosen* so that the published families and counts of
-    Scenario A come to about the published J = 1.51e-4 (best members, C_d = 1; 500 000 km gives
-    1.9e-4, 770 000 km 1.3e-4): that agreement confirms nothing.
-Centers
-    A grid centered on a body samples the component of that body alone (as far as it is part of the
-    region), so that the Moon's lobe and the Earth's are each resolved from within; a grid centered
-    elsewhere samples the whole region.
-    The default has both bodies: what both can reach is then sampled densely around each.
-Directions
-    A grid of longitude and latitude about the center with the same step in both, the poles
-    (along z) counted once. It is symmetric about the planes y = 0 and z = 0.
-Radii
-    Along each direction the stretch of the ray that lies in the region (or the stretches, where it
-    leaves and enters again) is found and divided into `radial_points` equal steps, with a point in
-    the middle of each. The points thus follow the surface without lying on it; a lobe of 3 700 km
-    around the Moon is resolved as well as a region of 500 000 km, and missions weigh about the
-    same. `radial_step_km` sets the length of the steps instead (at least one to a ray), and large
-    regions then outweigh small ones.
-Bodies
-    Points inside the Earth or the Moon are left out.
-Duplicates
-    Each mission is sampled on its own, so missions that share a Jacobi constant repeat its points
-    and weigh more in the clusters, as the paper describes. Within one mission, points that two
-    centers have in common (to 1e-9 of a unit) are kept once.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
+from cislunar.constants import MU
 from cislunar.dynamics.cr3bp import (
     libration_points,
     primary_distances,
@@ -63,88 +31,10 @@ from cislunar.dynamics.cr3bp import (
 )
 from cislunar.errors import ConfigurationError
 
-Array = NDArray[np.float64]
-
 REGIONS = ("moon", "earth", "bodies", "all")
-CENTERS = ("moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5")
 
 # Labels of `component`.
 OUTSIDE, EARTH, MOON = 0, 1, 2
-
-# Radii tried along each ray to find where it leaves the region: 1 per cent apart.
-_TRIAL_RATIO = 1.01
-_BISECTIONS = 40
-
-
-@dataclass(frozen=True)
-class SamplingSettings:
-    """How the region within a zero-velocity surface is sampled.
-
-    Attributes
-    ----------
-    centers : tuple of str
-        Centers of the angular grids: any of `CENTERS`.
-    region : str
-        One of `REGIONS`.
-    angular_step_deg : float
-        Step in longitude and in latitude, degrees; must divide 180.
-    radial_points : int
-        Points on each ray.
-    radial_step_km : float or None
-        Distance of the points on a ray, km, in place of `radial_points`.
-    outer_radius_km : float
-        Distance from the barycenter beyond which nothing is sampled, km.
-    """
-
-    centers: tuple[str, ...] = ("moon", "earth")
-    region: str = "moon"
-    angular_step_deg: float = 15.0
-    radial_points: int = 8
-    radial_step_km: float | None = None
-    outer_radius_km: float = 700_000.0
-
-    def __post_init__(self) -> None:
-        """Refuse impossible settings, naming the key."""
-        object.__setattr__(self, "centers", tuple(self.centers))
-        unknown = [name for name in self.centers if name not in CENTERS]
-        if unknown or not self.centers:
-            raise ConfigurationError(
-                f"centers: {unknown or 'none given'}; choose from {', '.join(CENTERS)}"
-            )
-        if self.region not in REGIONS:
-            raise ConfigurationError(f"region: {self.region!r} is not one of {', '.join(REGIONS)}")
-        step = self.angular_step_deg
-        if not 0.0 < step <= 90.0 or abs(180.0 / step - round(180.0 / step)) > 1e-9:
-            raise ConfigurationError(
-                f"angular_step_deg: {step} must be at most 90 degrees and divide 180"
-            )
-        if self.radial_points < 1:
-            raise ConfigurationError(f"radial_points: {self.radial_points} must be at least 1")
-        if self.radial_step_km is not None and not self.radial_step_km > 0.0:
-            raise ConfigurationError(f"radial_step_km: {self.radial_step_km} must be above 0")
-        if not self.outer_radius_km > LENGTH_UNIT_KM:
-            raise ConfigurationError(
-                f"outer_radius_km: {self.outer_radius_km} must exceed the Moon's distance, "
-                f"{LENGTH_UNIT_KM:.0f}"
-            )
-
-
-class SampledPoints(NamedTuple):
-    """Points sampled for a list of missions.
-
-    Attributes
-    ----------
-    position : ndarray, shape (point, 3)
-        Nondimensional, rotating frame.
-    mission : ndarray of int, shape (point,)
-        Index into the list of missions.
-    jacobi : ndarray, shape (point,)
-        Jacobi constant of the mission.
-    """
-
-    position: Array
-    mission: NDArray[np.int64]
-    jacobi: Array
 
 
 def component(position: ArrayLike, mu: float = MU) -> NDArray[np.int8]:
@@ -213,201 +103,8 @@ def reachable(
     )
 
 
-def equiangular_directions(step_deg: float) -> Array:
-    """Unit vectors on a grid of equal steps in longitude and latitude.
-
-    Parameters
-    ----------
-    step_deg : float
-        Step, degrees; divides 180.
-
-    Returns
-    -------
-    ndarray, shape (direction, 3)
-        South pole, then rings from south to north, then the north pole.
-    """
-    rings = round(180.0 / step_deg) - 1
-    around = round(360.0 / step_deg)
-    latitude = np.radians(step_deg) * (np.arange(rings) + 1) - 0.5 * np.pi
-    longitude = np.radians(step_deg) * np.arange(around)
-    lat, lon = (a.ravel() for a in np.meshgrid(latitude, longitude, indexing="ij"))
-    ring = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=-1)
-    pole = np.array([[0.0, 0.0, 1.0]])
-    return np.concatenate([-pole, ring, pole])
-
-
-def sample_region(jacobi: float, settings: SamplingSettings | None = None, mu: float = MU) -> Array:
-    """Points within the zero-velocity surface of one Jacobi constant.
-
-    Parameters
-    ----------
-    jacobi : float
-        Jacobi constant.
-    settings : SamplingSettings, optional
-        Default: `SamplingSettings()`.
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    ndarray, shape (point, 3)
-        Nondimensional, rotating frame; center by center, direction by direction, outwards. Empty
-        if no point of the grids belongs to the region.
-    """
-    s = settings or SamplingSettings()
-    directions = equiangular_directions(s.angular_step_deg)
-    parts = []
-    for name in s.centers:
-        center, inner = _center(name, mu)
-
-        def inside(position: Array, name: str = name) -> NDArray[np.bool_]:
-            return _inside(position, jacobi, name, s, mu)
-
-        farthest = s.outer_radius_km / LENGTH_UNIT_KM + float(np.linalg.norm(center))
-        stretches = _stretches(center, directions, max(inner, 1e-3), farthest, inside)
-        ray, radius = _divide(*stretches, s)
-        points = center + directions[ray] * radius[:, None]
-        # A body crossed between two trial radii may have gone unnoticed.
-        parts.append(points[inside(points)])
-    points = np.concatenate(parts)
-    if len(parts) > 1:
-        _, first = np.unique(np.round(points, 9), axis=0, return_index=True)
-        points = points[np.sort(first)]
-    return points
-
-
-def sample_zero_velocity(
-    jacobi: ArrayLike,
-    settings: SamplingSettings | None = None,
-    *,
-    names: Sequence[str] | None = None,
-    mu: float = MU,
-    progress: Callable[[int, int], None] | None = None,
-) -> SampledPoints:
-    """Points within the zero-velocity surface of each mission, missions one after the other.
-
-    Parameters
-    ----------
-    jacobi : array_like, shape (mission,)
-        Jacobi constant of each mission; equal values are sampled once per mission.
-    settings : SamplingSettings, optional
-        Default: `SamplingSettings()`.
-    names : sequence of str, optional
-        Names of the missions, for messages.
-    mu : float
-        Mass ratio.
-    progress : callable, optional
-        Called with (missions done, missions).
-
-    Returns
-    -------
-    SampledPoints
-
-    Raises
-    ------
-    ConfigurationError
-        If a mission gets no point under these settings.
-    """
-    constants = np.atleast_1d(np.asarray(jacobi, dtype=float))
-    cache: dict[float, Array] = {}
-    for index, jc in enumerate(constants.tolist()):
-        if jc not in cache:
-            cache[jc] = sample_region(jc, settings, mu)
-        if not len(cache[jc]):
-            who = names[index] if names is not None else f"mission {index}"
-            raise ConfigurationError(
-                f"targets: no point is sampled within the zero-velocity surface of {who} "
-                f"(JC = {jc}); add a center inside it, or refine angular_step_deg and the radii"
-            )
-        if progress is not None:
-            progress(index + 1, len(constants))
-    parts = [cache[jc] for jc in constants.tolist()]
-    counts = [len(part) for part in parts]
-    return SampledPoints(
-        position=np.concatenate(parts),
-        mission=np.repeat(np.arange(len(parts)), counts),
-        jacobi=np.repeat(constants, counts),
-    )
-
-
 @lru_cache
 def _collinear_points(mu: float) -> tuple[float, float, float]:
     """Abscissas of L1, L2 and L3; kept, since the bisections ask for them over and over."""
     l1, l2, l3 = libration_points(mu)[:3, 0].tolist()
     return l1, l2, l3
-
-
-def _center(name: str, mu: float) -> tuple[Array, float]:
-    """Position of a center and the radius of the body there, nondimensional."""
-    if name == "moon":
-        return np.array([1.0 - mu, 0.0, 0.0]), MOON_RADIUS_KM / LENGTH_UNIT_KM
-    if name == "earth":
-        return np.array([-mu, 0.0, 0.0]), EARTH_RADIUS_KM / LENGTH_UNIT_KM
-    if name == "barycenter":
-        return np.zeros(3), 0.0
-    return libration_points(mu)[int(name[1]) - 1], 0.0
-
-
-def _stretches(
-    center: Array,
-    directions: Array,
-    start: float,
-    farthest: float,
-    inside: Callable[[Array], NDArray[np.bool_]],
-) -> tuple[NDArray[np.intp], Array, Array]:
-    """Stretches of rays that lie in the region: ray, first and last radius of each.
-
-    They come ray by ray, outwards; their ends are bisected to the last digit, from within.
-    """
-    count = int(np.ceil(np.log(farthest / start) / np.log(_TRIAL_RATIO))) + 1
-    trial = np.geomspace(start * (1.0 + 1e-12), farthest, count)
-    mask = inside(center + directions[:, None, :] * trial[None, :, None])
-    edge = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-
-    def refine(ray: NDArray[np.intp], within: Array, without: Array) -> Array:
-        for _ in range(_BISECTIONS):
-            middle = 0.5 * (within + without)
-            belongs = inside(center + directions[ray] * middle[:, None])
-            within = np.where(belongs, middle, within)
-            without = np.where(belongs, without, middle)
-        return within
-
-    ray, enters = np.nonzero(edge == 1)
-    _, leaves = np.nonzero(edge == -1)
-    first = refine(ray, trial[enters], trial[np.maximum(enters - 1, 0)])
-    last = refine(ray, trial[leaves - 1], trial[np.minimum(leaves, count - 1)])
-    return ray, first, last
-
-
-def _divide(
-    ray: NDArray[np.intp], first: Array, last: Array, settings: SamplingSettings
-) -> tuple[NDArray[np.intp], Array]:
-    """Middles of equal steps along the stretches of each ray: ray and radius of each point."""
-    rays, radii = [], []
-    for index in np.unique(ray):
-        own = ray == index
-        length = last[own] - first[own]
-        ends = np.cumsum(length)
-        count = settings.radial_points
-        if settings.radial_step_km is not None:
-            count = max(1, round(ends[-1] * LENGTH_UNIT_KM / settings.radial_step_km))
-        travelled = (np.arange(count) + 0.5) * ends[-1] / count
-        stretch = np.searchsorted(ends, travelled)
-        radii.append(first[own][stretch] + travelled - (ends - length)[stretch])
-        rays.append(np.full(count, index))
-    if not rays:
-        return np.empty(0, dtype=np.intp), np.empty(0)
-    return np.concatenate(rays), np.concatenate(radii)
-
-
-def _inside(
-    position: Array, jacobi: float, center: str, settings: SamplingSettings, mu: float
-) -> NDArray[np.bool_]:
-    """Points a center's grid may hold: of its region, outside of both bodies, within the cap."""
-    d, r = primary_distances(position, mu)
-    clear = (d >= EARTH_RADIUS_KM / LENGTH_UNIT_KM) & (r >= MOON_RADIUS_KM / LENGTH_UNIT_KM)
-    capped = np.linalg.norm(position, axis=-1) <= settings.outer_radius_km / LENGTH_UNIT_KM
-    inside = clear & capped & reachable(position, jacobi, settings.region, mu)
-    if center in ("moon", "earth"):
-        inside &= reachable(position, jacobi, center, mu)
-    return inside

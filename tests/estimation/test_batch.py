@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from tracking_scene import make_problem
 
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
@@ -20,6 +19,7 @@ from cislunar.observation.scene import target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.information import TaskingModel
 from cislunar.tasking.simulation import draw_truth, initial_estimate
 
@@ -29,7 +29,7 @@ SENSOR = Sensor(limiting_magnitude=24.0)
 
 def _measured(hours=6.0, n_targets=5, sensor=SENSOR, inertia=1.0, seed=3):
     """Every target measured by one observer for a while."""
-    scene, surfaces, epoch, ids, loop = make_problem(5, n_targets, duration_hours=hours)
+    scene, surfaces, epoch, ids, loop = tracking_problem(5, n_targets, duration_hours=hours)
     surfaces = target_surfaces(icosahedron(), Material(), n_targets, inertia=inertia)
     initial = initial_estimate(epoch, loop.initial.components())
     truth = draw_truth(initial, scene, sensor.noise, seed, ids, inertia=surfaces.inertia)
@@ -107,7 +107,7 @@ def test_many_starts_are_right_where_one_start_is_lost():
     """The guard of the method: errors over their bound, over several seeds."""
     lost = {}
     for name in ("single-start", "default"):
-        problem = make_problem(4, 8, duration_hours=12.0, sensor=SENSOR)
+        problem = tracking_problem(4, 8, duration_hours=12.0, sensor=SENSOR)
         result = run_closed_loop(*problem[:4], range(4), problem[4], estimator=batch(name))
         ratio = np.abs(result.error[..., -1, :, :3] / result.sigma[..., -1, :, :3])
         observed = result.valid.any(axis=1)
@@ -178,7 +178,7 @@ def test_an_estimate_inside_the_moon_ends_and_the_others_go_on():
 
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_every_estimator_runs_in_the_loop_by_name(name):
-    problem = make_problem(3, 4, duration_hours=2.0, tasking=TaskingModel(states="full"))
+    problem = tracking_problem(3, 4, duration_hours=2.0, tasking=TaskingModel(states="full"))
     result = run_closed_loop(*problem[:4], [0], problem[4], estimator=name)
     assert np.isfinite(result.error).all()
 
@@ -210,7 +210,7 @@ def test_impossible_settings_are_refused(wrong, match):
 
 
 def test_noise_on_the_rotation_is_refused():
-    scene, surfaces, epoch, _, loop = make_problem(2, 2, duration_hours=1.0)
+    scene, surfaces, epoch, _, loop = tracking_problem(2, 2, duration_hours=1.0)
     initial = initial_estimate(epoch, loop.initial.components())
     make = batch(process_noise=Spread(attitude_deg=0.1))
     with pytest.raises(ConfigurationError, match="window_hours"):
@@ -247,7 +247,7 @@ def test_a_growing_light_curve_is_fitted_within_an_interval():
 
 def test_the_bound_is_reached_in_the_median():
     """Thirty targets, seen for twelve hours by one observer or another."""
-    problem = make_problem(5, 10, duration_hours=12.0, sensor=SENSOR)
+    problem = tracking_problem(5, 10, duration_hours=12.0, sensor=SENSOR)
     found = {
         name: run_closed_loop(*problem[:4], range(3), problem[4], estimator=name)
         for name in ESTIMATORS

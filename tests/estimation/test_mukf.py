@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from oracles.reference_filter import ReferenceFilter
-from tracking_scene import make_problem
 
 from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose, inverse, rotation_vector
@@ -21,6 +20,7 @@ from cislunar.observation.scene import target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.simulation import draw_truth, initial_estimate
 
 SENSOR = Sensor(limiting_magnitude=24.0)
@@ -28,7 +28,9 @@ SENSOR = Sensor(limiting_magnitude=24.0)
 
 def _measured_problem(hours=2.0, n_targets=5, sensor=SENSOR, **settings):
     """Every target measured by one observer for a while."""
-    scene, surfaces, epoch, ids, loop = make_problem(5, n_targets, duration_hours=hours, **settings)
+    scene, surfaces, epoch, ids, loop = tracking_problem(
+        5, n_targets, duration_hours=hours, **settings
+    )
     initial = initial_estimate(epoch, loop.initial.components())
     truth = draw_truth(initial, scene, sensor.noise, 3, ids)
     observer_of = np.arange(n_targets) % 5
@@ -132,7 +134,7 @@ def test_without_magnitude_the_attitude_spreads_as_the_closed_form():
     sees the fourth moment (n + lambda) s^4 = 0.75 s^4 of an angle of variance s^2 (a Gaussian has
     3 s^4), so the standard deviation on the axis grows by 1 + s^2 / 32.
     """
-    scene, surfaces, epoch, ids, loop = make_problem(2, 2, duration_hours=24.0, sensor=SENSOR)
+    scene, surfaces, epoch, ids, loop = tracking_problem(2, 2, duration_hours=24.0, sensor=SENSOR)
     estimator = mukf(use_magnitude=False)
     result = run_closed_loop(scene, surfaces, epoch, ids, [0], loop, estimator=estimator)
     assert result.valid.any(axis=1).all()
@@ -151,7 +153,7 @@ def test_process_noise_grows_with_time_not_with_steps():
     process = Spread(attitude_deg=0.1, position_km=1.0)
     finals = []
     for step_s in (30.0, 60.0, 120.0):
-        scene, surfaces, epoch, _, loop = make_problem(1, 1, duration_hours=1.0, step_s=step_s)
+        scene, surfaces, epoch, _, loop = tracking_problem(1, 1, duration_hours=1.0, step_s=step_s)
         initial = initial_estimate(epoch, 1e-9 * INITIAL_SPREAD.components())
         filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial, process_noise=process)
         nothing = np.full((1, loop.n_steps, 3), np.nan)

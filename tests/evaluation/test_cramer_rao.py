@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from tracking_scene import make_problem
 
 from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose, from_rotation_vector
@@ -17,6 +16,7 @@ from cislunar.evaluation.metrics import bound_ratio, evaluate
 from cislunar.observation.measurement import Sensor, direction_angles, target_magnitude
 from cislunar.observation.measurement_derivatives import measurement_rows
 from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.simulation import Truth, TruthModel, draw_truth, initial_estimate
 
 BRIGHT = Sensor(limiting_magnitude=25.0)
@@ -28,7 +28,7 @@ class Problem:
     """Truth, observers and settings of a short run; every target is seen at every third step."""
 
     def __init__(self, n_targets=3, hours=3.0, inertia=1.0):
-        made = make_problem(3, n_targets, duration_hours=hours, sensor=BRIGHT)
+        made = tracking_problem(3, n_targets, duration_hours=hours, sensor=BRIGHT)
         self.scene, self.surfaces, epoch, ids, self.loop = made
         self.inertia = inertia
         self.surfaces = self.bodies(np.tile(inertia * np.eye(3), (n_targets, 1, 1)))
@@ -316,7 +316,7 @@ def test_bound_ends_where_the_truth_enters_a_primary(problem):
 
 def test_a_consistent_estimator_does_not_beat_the_bound():
     """Well observed positions, over targets and realizations; the filter is near the bound."""
-    scene, surfaces, epoch, ids, loop = make_problem(5, 5, duration_hours=6.0, sensor=BRIGHT)
+    scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, duration_hours=6.0, sensor=BRIGHT)
     result = run_closed_loop(scene, surfaces, epoch, ids, range(8), loop)
     error = (result.error[:, -60:] ** 2).astype(float)
     least = (result.bound[:, -60:] ** 2).astype(float)
@@ -329,7 +329,7 @@ def test_a_consistent_estimator_does_not_beat_the_bound():
 
 
 def test_the_loop_records_the_bound_of_the_measurements_used():
-    scene, surfaces, epoch, ids, loop = make_problem(
+    scene, surfaces, epoch, ids, loop = tracking_problem(
         2, 3, duration_hours=3.0, sensor=BRIGHT, record_every=7
     )
     result = run_closed_loop(scene, surfaces, epoch, ids, (5,), loop)
@@ -359,7 +359,7 @@ def test_the_loop_records_the_bound_of_the_measurements_used():
 
 def test_bound_is_that_of_what_the_targets_truly_are():
     """Twice the true noise raises the bound where the same measurements are used."""
-    scene, surfaces, epoch, ids, loop = make_problem(3, 3, duration_hours=2.0, sensor=BRIGHT)
+    scene, surfaces, epoch, ids, loop = tracking_problem(3, 3, duration_hours=2.0, sensor=BRIGHT)
     found = []
     for factor in (1.0, 2.0):
         model = TruthModel(surfaces, factor * BRIGHT.noise, np.zeros(3))

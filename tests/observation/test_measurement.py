@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from tracking_scene import make_problem
 
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.errors import ConfigurationError
@@ -24,12 +23,13 @@ from cislunar.observation.scene import make_scene, target_surfaces
 from cislunar.photometry.facets import apparent_magnitude
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron, icosphere
+from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.simulation import draw_truth, initial_estimate
 
 
 @pytest.fixture(scope="module")
 def problem():
-    scene, surfaces, epoch, ids, settings = make_problem(n_observers=5, duration_hours=2.0)
+    scene, surfaces, epoch, ids, settings = tracking_problem(n_observers=5, duration_hours=2.0)
     initial = initial_estimate(epoch, settings.initial.components())
     truth = draw_truth(initial, scene, settings.sensor.noise, 0, ids)
     return scene, surfaces, truth

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from tracking_scene import make_problem
 
 from cislunar.attitude.rigid_body import propagate_torque_free, propagate_under_torque
 from cislunar.errors import ConfigurationError
@@ -12,6 +11,7 @@ from cislunar.observation.scene import target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.simulation import TruthModel, draw_truth, initial_estimate
 
 BRIGHT = Sensor(limiting_magnitude=22.0)
@@ -20,7 +20,7 @@ INERTIA = np.diag([1.0, 1.3, 1.6])
 
 @pytest.fixture(scope="module")
 def problem():
-    return make_problem(4, 5, duration_hours=4.0, sensor=BRIGHT)
+    return tracking_problem(4, 5, duration_hours=4.0, sensor=BRIGHT)
 
 
 def _truth(problem, **given):

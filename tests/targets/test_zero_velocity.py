@@ -11,13 +11,13 @@ from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, 
 from cislunar.dynamics.cr3bp import libration_points, zero_velocity_function
 from cislunar.errors import ConfigurationError
 from cislunar.targets.missions import load_missions
-from cislunar.targets.zero_velocity import (
+from cislunar.targets.sampling import (
     SamplingSettings,
     equiangular_directions,
-    reachable,
     sample_region,
     sample_zero_velocity,
 )
+from cislunar.targets.zero_velocity import reachable
 
 MOON = np.array([1.0 - MU, 0.0, 0.0])
 EARTH = np.array([-MU, 0.0, 0.0])

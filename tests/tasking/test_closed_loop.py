@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from tracking_scene import make_problem
 
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.kalman.mukf_kernels import CHOLESKY_FAILURES, UPDATES
@@ -10,6 +9,7 @@ from cislunar.observation.scene import make_scene, target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron, icosphere
 from cislunar.tasking.closed_loop import FATE_NAMES, USED, run_closed_loop
+from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.information import TaskingModel
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.simulation import (
@@ -24,7 +24,7 @@ BRIGHT = Sensor(limiting_magnitude=22.0)
 
 def _run(seeds=(0,), n_observers=4, n_targets=5, **settings):
     settings = {"duration_hours": 6.0, "sensor": BRIGHT} | settings
-    scene, surfaces, epoch, ids, loop = make_problem(n_observers, n_targets, **settings)
+    scene, surfaces, epoch, ids, loop = tracking_problem(n_observers, n_targets, **settings)
     return run_closed_loop(scene, surfaces, epoch, ids, seeds, loop)
 
 
@@ -149,7 +149,7 @@ def test_the_last_interval_may_be_short():
 
 def test_progress_counts_the_epochs_of_all_seeds():
     calls = []
-    scene, surfaces, epoch, ids, loop = make_problem(2, 2, duration_hours=2.0)
+    scene, surfaces, epoch, ids, loop = tracking_problem(2, 2, duration_hours=2.0)
     run_closed_loop(
         scene, surfaces, epoch, ids, (3, 4), loop, progress=lambda *args: calls.append(args)
     )
@@ -157,7 +157,7 @@ def test_progress_counts_the_epochs_of_all_seeds():
 
 
 def test_cells_share_the_truth_of_the_targets_they_share():
-    scene, _, epoch, _, loop = make_problem(2, 5, duration_hours=1.0)
+    scene, _, epoch, _, loop = tracking_problem(2, 5, duration_hours=1.0)
     sigma = loop.initial.components()
     some = np.array([4, 1])
     whole = draw_truth(initial_estimate(epoch, sigma), scene, BRIGHT.noise, 7, np.arange(5))
@@ -167,7 +167,7 @@ def test_cells_share_the_truth_of_the_targets_they_share():
 
 
 def test_truth_is_drawn_from_the_initial_distribution():
-    scene, _, epoch, _, loop = make_problem(1, 1, duration_hours=1.0)
+    scene, _, epoch, _, loop = tracking_problem(1, 1, duration_hours=1.0)
     n = 600
     sigma = loop.initial.components()
     initial = initial_estimate(np.tile(epoch[0], (n, 1)), sigma)
@@ -221,7 +221,7 @@ def test_impossible_settings_name_the_key(key, value):
 
 
 def test_inconsistent_problems_are_refused():
-    scene, surfaces, epoch, ids, loop = make_problem(2, 3, duration_hours=1.0)
+    scene, surfaces, epoch, ids, loop = tracking_problem(2, 3, duration_hours=1.0)
     with pytest.raises(ConfigurationError, match="seeds"):
         run_closed_loop(scene, surfaces, epoch, ids, [], loop)
     with pytest.raises(ConfigurationError, match="duration_hours"):
@@ -234,7 +234,7 @@ def test_inconsistent_problems_are_refused():
 
 def test_a_failing_target_never_ends_the_run():
     """A target that falls on the Moon is lost alone: its estimate ends, the others go on."""
-    scene, surfaces, epoch, ids, loop = make_problem(3, 3, duration_hours=6.0, sensor=BRIGHT)
+    scene, surfaces, epoch, ids, loop = tracking_problem(3, 3, duration_hours=6.0, sensor=BRIGHT)
     epoch = epoch.copy()
     epoch[1] = [0.98785, 0.0, 0.03, 0.0, 0.0, -0.8]
     result = run_closed_loop(scene, surfaces, epoch, ids, [0], loop)
@@ -256,7 +256,7 @@ def test_measurements_are_what_separates_observed_from_never_observed():
 
 def test_surfaces_follow_the_targets():
     """A mirror-dark target is never observed, though tasking takes it for a sphere."""
-    scene, _, epoch, ids, loop = make_problem(4, 2, duration_hours=2.0, sensor=BRIGHT)
+    scene, _, epoch, ids, loop = tracking_problem(4, 2, duration_hours=2.0, sensor=BRIGHT)
     black = Material(diffuse_weight=0.0, specular_weight=0.0)
     surfaces = target_surfaces(icosahedron(), [black, Material()], 2)
     result = run_closed_loop(scene, surfaces, epoch, ids, [0], loop)

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from oracles.visibility import visible
-from tracking_scene import make_problem
 
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
@@ -12,6 +11,7 @@ from cislunar.observation.exclusion import ExclusionAngles
 from cislunar.observation.measurement import Sensor, direction_angles
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
 from cislunar.tasking.assignment import assign
+from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.information import TaskingModel, pair_information
 from cislunar.tasking.simulation import initial_estimate
 from cislunar.visibility.counts import VisibilitySettings
@@ -21,7 +21,7 @@ LENGTH_M = 384_400_000.0
 
 @pytest.fixture(scope="module")
 def problem():
-    scene, surfaces, epoch, _, settings = make_problem(n_observers=9, duration_hours=1.0)
+    scene, surfaces, epoch, _, settings = tracking_problem(n_observers=9, duration_hours=1.0)
     sensor = Sensor()
     initial = initial_estimate(epoch, settings.initial.components())
     prediction = MultiplicativeUKF(scene, surfaces, sensor, initial).predict()

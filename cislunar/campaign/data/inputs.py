@@ -15,7 +15,7 @@ from cislunar.observation.exclusion import ExclusionAngles
 from cislunar.orbits.families import CATALOGUE_EXTENT, Extent, OrbitSet, observer_library
 from cislunar.targets.clustering import cluster, distinct_points
 from cislunar.targets.missions import load_missions
-from cislunar.targets.zero_velocity import SamplingSettings, sample_zero_velocity
+from cislunar.targets.sampling import SamplingSettings, sample_zero_velocity
 from cislunar.visibility.counts import VisibilitySettings, observation_times
 
 AXES = ("x", "y", "z")

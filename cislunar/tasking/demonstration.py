@@ -1,0 +1,99 @@
+"""A tracking problem of any size that needs no file, to try things on and to measure them."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.constants import TIME_UNIT_S
+from cislunar.observation.scene import Scene, TargetSurfaces, make_scene, target_surfaces
+from cislunar.photometry.materials import Material
+from cislunar.photometry.shapes import icosahedron
+from cislunar.tasking.settings import LoopSettings
+from cislunar.tasking.simulation import epoch_states
+
+Array = NDArray[np.float64]
+
+_ORBITS = np.array(
+    [
+        [0.920026, 0.0, 0.501040, 0.898841],
+        [0.817843, 0.0, 0.505839, 2.962608],
+        [1.145831, 0.154015, -0.220793, 3.159410],
+        [1.125424, -0.181700, -0.225458, 2.960571],
+        [0.847229, 0.171882, 0.263971, 2.598230],
+    ]
+)
+"""Near-periodic: two distant retrograde, two L2 halos, one L1 halo; (x, z, vy, period)."""
+
+
+def _sun_track(elapsed_s: Array) -> Array:
+    """Sun in the ecliptic, taken as the plane of the primaries, at 389 units."""
+    sidereal_year_s = 365.256 * 86_400.0
+    angle = 2.0 * np.pi * elapsed_s / sidereal_year_s - elapsed_s / TIME_UNIT_S + 3.0
+    zeros = np.zeros_like(angle)
+    return 389.0 * np.stack([np.cos(angle), np.sin(angle), zeros], axis=-1)
+
+
+def _observer_tracks(n_observers: int, elapsed_s: Array) -> Array:
+    """Observers that drift about the far sides of the Moon and of the Earth."""
+    number = np.arange(n_observers)[:, None]
+    phase = 2.4 * number + elapsed_s / TIME_UNIT_S
+    center = np.where(number % 2 == 0, 1.15, -0.85)
+    return np.stack(
+        [
+            center + 0.05 * np.cos(phase),
+            0.3 * np.sin(phase),
+            0.25 * np.cos(phase + number),
+        ],
+        axis=-1,
+    )
+
+
+class TrackingProblem(NamedTuple):
+    """What a closed loop is run on, in the order of its arguments.
+
+    Attributes
+    ----------
+    scene : Scene
+        Observers and Sun at every step.
+    surfaces : TargetSurfaces
+        Icosahedra of the default material.
+    epoch : ndarray, shape (target, 6)
+        Translational states at the epoch, nondimensional, rotating frame.
+    ids : ndarray of int, shape (target,)
+        Identities of the targets.
+    loop : LoopSettings
+        Settings of the run.
+    """
+
+    scene: Scene
+    surfaces: TargetSurfaces
+    epoch: Array
+    ids: NDArray[np.int64]
+    loop: LoopSettings
+
+
+def tracking_problem(n_observers: int = 4, n_targets: int = 5, **settings: Any) -> TrackingProblem:
+    """Observers that drift about the far sides of Earth and Moon, targets on near-periodic orbits.
+
+    Parameters
+    ----------
+    n_observers, n_targets : int
+        Size of the problem; five orbits are taken in turn, each target at a place of its own.
+    **settings
+        Of `LoopSettings`.
+
+    Returns
+    -------
+    TrackingProblem
+        The same for the same arguments.
+    """
+    loop = LoopSettings(**settings)
+    elapsed = loop.elapsed_s
+    scene = make_scene(_observer_tracks(n_observers, elapsed), _sun_track(elapsed), loop.step_s)
+    rows = _ORBITS[np.arange(n_targets) % len(_ORBITS)]
+    states = np.zeros((n_targets, 6))
+    states[:, 0], states[:, 2], states[:, 4] = rows[:, 0], rows[:, 1], rows[:, 2]
+    epoch = epoch_states(states, rows[:, 3], seed=1)
+    surfaces = target_surfaces(icosahedron(), Material(), n_targets)
+    return TrackingProblem(scene, surfaces, epoch, np.arange(n_targets), loop)
