@@ -49,18 +49,10 @@ def architecture_tracks(
 
     Parameters
     ----------
-    state : array_like, shape (slot, 6)
-        Epoch states of the chosen orbits, nondimensional, rotating frame.
-    period : array_like, shape (slot,)
-        Their periods, nondimensional.
+    state, period, times, propagator, mu
+        As for `satellite_tracks`, one chosen orbit per slot.
     satellites : array_like of int, shape (slot,)
         Satellites on each orbit, at phases j/n of the period.
-    times : array_like, shape (time,)
-        Nondimensional times since the epoch.
-    propagator : str
-        "dopri5" or "dop853".
-    mu : float
-        Mass ratio.
 
     Returns
     -------

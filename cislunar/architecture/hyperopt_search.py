@@ -36,19 +36,8 @@ def _suggestion(method: str) -> Callable:
 
 
 def stopping_evaluation(history: NDArray[np.float64], patience: int) -> int:
-    """Number of evaluations an early stop would have allowed.
-
-    Parameters
-    ----------
-    history : ndarray, shape (evaluation,)
-        Value of each evaluation.
-    patience : int
-        Evaluations without improvement after which the search stops.
-
-    Returns
-    -------
-    int
-        At most ``len(history)``.
+    """Evaluations that a stop after so many (``patience``) without improvement would have allowed,
+    given the value of each, shape (evaluation,).
     """
     best = np.maximum.accumulate(history)
     improved = np.flatnonzero(np.r_[True, best[1:] > best[:-1]])
@@ -117,14 +106,10 @@ def hyperopt_search(
             progress(len(history), max_evaluations)
         return {"loss": -value, "status": STATUS_OK}
 
-    best = {"value": -np.inf, "evaluation": -1}
-
     def stalled(trials, *_):
         # Evaluations come in batches for random search, so the patience is counted in them.
-        for evaluation in range(best["evaluation"] + 1, len(history)):
-            if history[evaluation] > best["value"]:
-                best.update(value=history[evaluation], evaluation=evaluation)
-        return early_stop is not None and len(history) - 1 - best["evaluation"] >= early_stop, []
+        since_best = len(history) - 1 - int(np.argmax(history))
+        return early_stop is not None and since_best >= early_stop, []
 
     logging.getLogger("hyperopt").setLevel(logging.WARNING)
     fmin(

@@ -141,27 +141,11 @@ def _observe_tile(origin, sun, tile, from_sun, single, cosines, faintness, mu, s
 
 @njit(parallel=True, cache=True)
 def count_observations(track, target, sun, cosines, faintness, mu):
-    """Count how often each track observes each target.
+    """Times each track (orbit, phase, time, 3) observes each target: int32 (orbit, phase, target).
 
-    Parameters
-    ----------
-    track : ndarray, shape (orbit, phase, time, 3)
-        Observer positions, nondimensional, rotating frame.
-    target : ndarray, shape (target, 3)
-        Static targets, nondimensional, rotating frame.
-    sun : ndarray, shape (time, 3)
-        Sun, nondimensional, rotating frame.
-    cosines : ndarray, shape (3,)
-        Cosines of the Sun, Moon and Earth exclusion angles.
-    faintness : float
-        K of `faintness_per_squared_range`, per squared nondimensional length.
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    ndarray of int32, shape (orbit, phase, target)
-        Number of times at which the target is observable.
+    Positions of targets (target, 3) and Sun (time, 3) nondimensional, rotating frame; cosines of
+    the Sun, Moon and Earth exclusion angles; K of `faintness_per_squared_range` per squared
+    nondimensional length.
     """
     n_orbits, n_phases, n_times, _ = track.shape
     n_targets = target.shape[0]
@@ -188,19 +172,9 @@ def count_observations(track, target, sun, cosines, faintness, mu):
 
 @njit(parallel=True, cache=True)
 def count_observers(track, target, sun, cosines, faintness, mu):
-    """Count how many satellites observe each target at each time.
+    """Satellites (satellite, time, 3) that observe each target at each time: uint16 (time, target).
 
-    Parameters
-    ----------
-    track : ndarray, shape (satellite, time, 3)
-        Observer positions, nondimensional, rotating frame.
-    target, sun, cosines, faintness, mu
-        As for `count_observations`.
-
-    Returns
-    -------
-    ndarray of uint16, shape (time, target)
-        Number of satellites that observe the target.
+    Other arguments as for `count_observations`.
     """
     n_satellites, n_times, _ = track.shape
     n_targets = target.shape[0]

@@ -24,18 +24,8 @@ _FOUND = 256  # architectures a chunk can hand back
 
 @dataclass
 class LevelOutcome:
-    """What the search of one level gave.
-
-    Attributes
-    ----------
-    nodes : int
-        Nodes bounded.
-    orbit, satellites : ndarray of int, shape (found, slot)
-        Architectures of value >= threshold.
-    value : ndarray, shape (found,)
-        Their values.
-    open_bound : float
-        Upper bound on the value over what was not searched; 0 when everything was.
+    """Nodes bounded, architectures found (found, slot) with their values (found,), and an upper
+    bound on the value over what was not searched, 0 when everything was.
     """
 
     nodes: int
@@ -146,11 +136,8 @@ def search_level(
         Value of ``time.monotonic()`` at which to stop.
     progress : callable, optional
         Called with the share of the tree searched, 0 .. 1.
-
-    Returns
-    -------
-    LevelOutcome
     """
+
     stopped = Event()
 
     def expired() -> bool:

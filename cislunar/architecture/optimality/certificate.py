@@ -16,38 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.architecture.coordinate_search import coordinate_search
-from cislunar.architecture.objective import Level, Objective
+from cislunar.architecture.objective import Objective
 from cislunar.architecture.optimality.branch_and_bound import compile_search, search_level
 from cislunar.errors import ConfigurationError
 
 _TOLERANCE = 1e-6  # least relative gap between the threshold and the best
 _ROUNDING = 1e-9
 _PROGRESS_STEPS = 1000
-
-
-@dataclass(frozen=True)
-class LevelSummary:
-    """How the architectures of one level were dealt with.
-
-    Attributes
-    ----------
-    level : Level
-        Total number of satellites, part and first bound.
-    bound : float
-        Upper bound on the value after the search.
-    nodes : int
-        Nodes of the tree; 0 when not searched.
-    n_found : int
-        Architectures within epsilon of the best.
-    seconds : float
-        Time spent.
-    """
-
-    level: Level
-    bound: float
-    nodes: int
-    n_found: int
-    seconds: float
 
 
 @dataclass(frozen=True)
@@ -72,8 +47,8 @@ class Certificate:
         Architectures with value >= (1 - epsilon) best, best first.
     near_value : ndarray, shape (found,)
         Their values.
-    levels : tuple of LevelSummary
-        The levels that their first bound did not refute.
+    nodes : int
+        Nodes bounded over all levels.
     seconds : float
         Time of the whole proof.
     """
@@ -88,13 +63,8 @@ class Certificate:
     near_orbit: NDArray[np.int64]
     near_satellites: NDArray[np.int64]
     near_value: NDArray[np.float64]
-    levels: tuple[LevelSummary, ...]
+    nodes: int
     seconds: float
-
-    @property
-    def nodes(self) -> int:
-        """Nodes bounded over all levels."""
-        return sum(level.nodes for level in self.levels)
 
 
 @dataclass
@@ -179,9 +149,9 @@ def certify(
     if time_limit is not None:
         compile_search(levels[0].relaxation())
         deadline = time.monotonic() + time_limit
-    searched = _search_levels(levels, best, margin, threads, deadline, progress)
+    bounds, nodes = _search_levels(levels, best, margin, threads, deadline, progress)
     value = float(best.value[0])
-    bound = max([value] + [level.bound for level in searched if level.bound > margin * value])
+    bound = max([value] + [each for each in bounds if each > margin * value])
     near = best.value >= (1.0 - epsilon) * value
     return Certificate(
         proven=bound <= value,
@@ -194,23 +164,22 @@ def certify(
         near_orbit=best.orbit[near],
         near_satellites=best.satellites[near],
         near_value=best.value[near],
-        levels=tuple(searched),
+        nodes=nodes,
         seconds=time.monotonic() - began,
     )
 
 
-def _search_levels(levels, best, margin, threads, deadline, progress) -> list[LevelSummary]:
-    """Deal with every level that its bound leaves open, most satellites first.
+def _search_levels(levels, best, margin, threads, deadline, progress) -> tuple[list[float], int]:
+    """Deal with every level that its bound leaves open: a bound on each, and the nodes it took.
 
-    The levels with many satellites are the quick ones; a time limit is then spent on the rest.
+    Levels of many satellites are the quick ones and come first; a time limit is spent on the rest.
     """
     wanted = [level for level in reversed(levels) if level.bound >= best.threshold(margin)]
-    summaries = []
+    bounds, nodes = [], 0
     for done, level in enumerate(wanted):
-        began = time.monotonic()
         threshold = best.threshold(margin)
         if level.bound < threshold:  # a better architecture was found since
-            summaries.append(LevelSummary(level, level.bound, 0, 0, 0.0))
+            bounds.append(level.bound)
             continue
 
         def report(share: float, done: int = done) -> None:
@@ -221,9 +190,8 @@ def _search_levels(levels, best, margin, threads, deadline, progress) -> list[Le
             level.relaxation(), threshold, threads=threads, deadline=deadline, progress=report
         )
         best.add(outcome.orbit, outcome.satellites, outcome.value)
-        bound = min(level.bound, max([outcome.open_bound, *outcome.value]))
-        bound = float(max(bound, min(level.bound, threshold)))
-        seconds = time.monotonic() - began
-        summaries.append(LevelSummary(level, bound, outcome.nodes, outcome.value.size, seconds))
+        reached = max([threshold, outcome.open_bound, *outcome.value])
+        bounds.append(float(min(level.bound, reached)))
+        nodes += outcome.nodes
         report(1.0)
-    return summaries
+    return bounds, nodes

@@ -18,19 +18,6 @@ def cost_levels(arrays: CostArrays, n_slots: int, n_groups: int) -> list[Level]:
 
     With n satellites on an orbit a target may count as seen less than once, so that the log-sum is
     negative, and J takes its size: those architectures are the second level of a total.
-
-    Parameters
-    ----------
-    arrays : CostArrays
-    n_slots : int
-        Number of distinct orbits.
-    n_groups : int
-        Most target groups of the relaxation.
-
-    Returns
-    -------
-    list of Level
-        By total number of satellites, ascending.
     """
     pieces = _Pieces(arrays, n_slots, n_groups)
     levels = []

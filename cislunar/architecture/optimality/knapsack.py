@@ -13,25 +13,11 @@ NO_CHOICE = -1.0e300  # score of an impossible choice
 
 @njit(cache=True, nogil=True)
 def best_choice(score, lowest, highest, forced, n_slots, excess, position, extra):
-    """Best choice and its score.
+    """The best total score, or ``NO_CHOICE``; ``position`` and ``extra`` (slot,) are filled with
+    the orbits chosen, ascending, and their excess satellites.
 
-    Parameters
-    ----------
-    score : ndarray, shape (orbit, count)
-        Score of an orbit with ``count`` excess satellites.
-    lowest, highest : ndarray of int, shape (orbit,)
-        Range of excess satellites allowed on each orbit.
-    forced : ndarray of bool, shape (orbit,)
-        Orbits that must be chosen.
-    n_slots, excess : int
-        Orbits to choose and excess satellites to hand out.
-    position, extra : ndarray of int, shape (slot,)
-        Filled with the orbits chosen, ascending, and their excess satellites.
-
-    Returns
-    -------
-    float
-        The best total score, or ``NO_CHOICE``.
+    ``score`` (orbit, count) is that of an orbit with ``count`` excess satellites, ``lowest`` and
+    ``highest`` (orbit,) their range; orbits that are ``forced`` (orbit,) must be chosen.
     """
     if excess == 0:
         return _best_without_excess(score, lowest, forced, n_slots, position, extra)
@@ -129,18 +115,9 @@ def _prefix_table(score, lowest, highest, forced, n_slots, excess):
 
 @njit(cache=True, nogil=True)
 def conditional_bests(score, lowest, highest, forced, n_slots, excess):
-    """Best score with each (orbit, count) in the choice, and with each orbit left out.
+    """Best score with each (orbit, count) in the choice, and with each orbit left out of it.
 
-    Parameters
-    ----------
-    score, lowest, highest, forced, n_slots, excess
-        As in `best_choice`.
-
-    Returns
-    -------
-    taken : ndarray, shape (orbit, count)
-    left_out : ndarray, shape (orbit,)
-        ``NO_CHOICE`` or less where impossible.
+    Arguments as in `best_choice`; ``NO_CHOICE`` or less where impossible.
     """
     n, counts = score.shape
     taken = np.full((n, counts), NO_CHOICE)

@@ -32,24 +32,10 @@ _CLOSED, _LEAF, _BRANCHED = 0, 1, 2
 
 
 class Stack(NamedTuple):
-    """Nodes in rows.
-
-    Attributes
-    ----------
-    interval : ndarray, shape (node, 2)
-        Least and largest value of the relaxation's parameter.
-    lowest, highest : ndarray of int16, shape (node, orbit)
-        Range of excess satellites; lowest > highest leaves the orbit out.
-    forced : ndarray of bool, shape (node, orbit)
-        Orbits that must be chosen.
-    share : ndarray, shape (node,)
-        Share of the tree, halved at each branching.
-    orbits, extras : ndarray of int16, shape (node, vertex, slot)
-        Vertices the relaxation starts from.
-    weight : ndarray, shape (node, vertex)
-        Their weights.
-    vertices : ndarray of int64, shape (node,)
-        Number of them.
+    """Nodes in rows: interval (node, 2) of the relaxation's parameter; range of excess satellites
+    (node, orbit), lowest > highest to leave an orbit out; orbits that must be chosen (node, orbit);
+    share of the tree, halved at each branching; and the architectures the relaxation starts from,
+    orbits and excess satellites (node, vertex, slot), weights (node, vertex) and their number.
     """
 
     interval: NDArray[np.float64]
@@ -298,28 +284,11 @@ def search(
     budget: int,
     found: tuple[NDArray, NDArray, NDArray],
 ) -> tuple[int, int, int]:
-    """Depth-first search until the stack is empty or the budget of nodes spent.
+    """Depth-first search for value >= threshold through the ``top`` nodes on the stack.
 
-    Parameters
-    ----------
-    relaxation : object
-        As the head of this module says.
-    threshold : float
-        The value to reach.
-    stack : Stack
-    top : int
-        Number of nodes on the stack.
-    budget : int
-        Most nodes to bound.
-    found : tuple of ndarray
-        Orbits (found, slot), satellites (found, slot), value (found,); filled with the
-        architectures of value >= threshold.
-
-    Returns
-    -------
-    top, nodes, n_found : int
-        Nodes left, nodes bounded, architectures found. The search also stops when ``found`` is
-        full.
+    It stops when the stack is empty, a budget of nodes spent, or ``found`` full, which is filled
+    with orbits (found, slot), satellites (found, slot) and values (found,). Returns the nodes left,
+    the nodes bounded and the number of architectures found.
     """
     run = _search if getattr(relaxation, "compiled", False) else _search.py_func
     return run(relaxation, threshold, stack, top, budget, found)

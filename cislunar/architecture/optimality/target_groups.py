@@ -21,19 +21,8 @@ def group_targets(
     y relative to the mean. Two targets are therefore alike when a typical architecture gives them
     the same y, and every orbit the same part of it.
 
-    Parameters
-    ----------
-    observations : ndarray of unsigned integers, shape (orbit, target)
-        Observations by one satellite on each orbit.
-    weight : ndarray, shape (orbit,)
-        Weight of each orbit in a typical architecture; they add up to the number of orbits in it.
-    n_groups : int
-        Most groups.
-
-    Returns
-    -------
-    ndarray of int, shape (target,)
-        Group of each target, 0 .. groups - 1, none empty; the same for the same input.
+    ``observations`` (orbit, target) are those of one satellite, ``weight`` (orbit,) adds up to the
+    number of orbits in a typical architecture. Groups are 0 .. groups - 1, none empty.
     """
     n_targets = observations.shape[1]
     if n_groups >= n_targets:
@@ -90,19 +79,8 @@ def _k_means(features, centres):
 
 @njit(cache=True)
 def group_means(observations, label, n_groups):
-    """Mean observations per satellite of each group.
-
-    Parameters
-    ----------
-    observations : ndarray of unsigned integers, shape (orbit, satellites, target)
-    label : ndarray of int, shape (target,)
-    n_groups : int
-
-    Returns
-    -------
-    mean : ndarray, shape (orbit, satellites, group)
-    mass : ndarray, shape (group,)
-        Targets in each group.
+    """Mean observations per satellite of each group, shape (orbit, satellites, group), and its
+    number of targets, from the table of counts and the group of each target.
     """
     n_orbits, counts, n_targets = observations.shape
     mass = np.zeros(n_groups)

@@ -35,14 +35,10 @@ def exact_dataset(
 
     Parameters
     ----------
-    cost : CostFunction
-        J on the scenario's tables.
-    visibility : xarray.Dataset
-        ``visibility/{scenario}.nc``, for its attributes.
-    scenario : str
-        Its name.
-    seed, slots, restarts : int
-        Seed of the campaign, number of orbits, starts of the coordinate search.
+    cost, visibility
+        J on the scenario's tables, and their data set for its attributes.
+    scenario, seed, slots, restarts
+        Name, seed of the campaign, number of orbits, starts of the coordinate search.
     certificate : mapping
         Configuration key `architecture.certificate`.
     threads : int
@@ -121,14 +117,10 @@ def front_dataset(
 
     Parameters
     ----------
-    cost : CostFunction
-        J on the scenario's tables.
-    visibility, orbits, targets, sun : xarray.Dataset
-        Data sets of the scenario.
-    scenario : str
-        Its name.
-    seed, slots : int
-        Seed of the campaign and number of orbits.
+    cost, visibility, orbits, targets, sun
+        J on the scenario's tables, and data sets of the scenario.
+    scenario, seed, slots
+        Name, seed of the campaign and number of orbits.
     front : mapping
         Configuration key `architecture.front`.
     settings : mapping

@@ -21,14 +21,10 @@ def published_dataset(
 
     Parameters
     ----------
-    cost : CostFunction
-        J on the scenario's tables.
-    visibility : xarray.Dataset
-        ``visibility/{scenario}.nc``, for its attributes.
-    scenario : str
-        Scenario; the paper has A, B and C.
-    seed, restarts : int
-        Seed of the campaign and number of starts.
+    cost, visibility
+        J on the scenario's tables, and their data set for its attributes.
+    scenario, seed, restarts
+        Scenario (the paper has A, B and C), seed of the campaign, number of starts.
 
     Returns
     -------

@@ -36,15 +36,11 @@ def search_run_dataset(
 
     Parameters
     ----------
-    cost : CostFunction
-        J on the scenario's tables.
-    visibility : xarray.Dataset
-        ``visibility/{scenario}.nc``, for its attributes.
-    scenario, method, labels : str
-        Scenario, Hyperopt method and kind of labels.
-    run, seed : int
-        Number of the run and seed of the campaign.
-    slots, max_evaluations, early_stop : int
+    cost, visibility
+        J on the scenario's tables, and their data set for its attributes.
+    scenario, method, labels, run, seed
+        Scenario, Hyperopt method, kind of labels, number of the run, seed of the campaign.
+    slots, max_evaluations, early_stop
         Settings of the search.
 
     Returns
@@ -64,13 +60,9 @@ def search_run_dataset(
     )
     logger.info("J = %.4e with %d satellites", result.value, result.n_satellites)
     settings = {
-        "method": method,
-        "labels": labels,
-        "run": run,
-        "slots": slots,
-        "max_evaluations": max_evaluations,
-        "early_stop": early_stop,
-    }
+        "method": method, "labels": labels, "run": run, "slots": slots,
+        "max_evaluations": max_evaluations, "early_stop": early_stop,
+    }  # fmt: skip
     return xr.Dataset(
         architecture_variables(result.orbit, result.satellites, cost)
         | history_variables(result.history, result.satellites_history)
@@ -126,9 +118,9 @@ def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunc
     reached = of_runs("J_history", at_stop)
     chosen = int(np.argmax(reached))
     run, (allowed, best) = runs[chosen], stops[chosen]
-    order = np.argsort(run["trial_orbit"].values[best], kind="stable")
-    orbit = run["trial_orbit"].values[best][order].astype(np.int64)
-    satellites = run["trial_satellites"].values[best][order].astype(np.int64)
+    orbit, satellites = run["trial_orbit"].values[best], run["trial_satellites"].values[best]
+    order = np.argsort(orbit, kind="stable")
+    orbit, satellites = orbit[order].astype(np.int64), satellites[order].astype(np.int64)
     longest = max(allowed for allowed, _ in stops)
     histories = np.full((len(runs), longest), np.nan)
     for row, (each, (count, _)) in enumerate(zip(runs, stops, strict=True)):
@@ -162,6 +154,5 @@ def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunc
         ),
         full_evaluations=("run", [each.sizes["evaluation"] for each in runs], "evaluations made"),
     )  # fmt: skip
-    attributes = dict(runs[chosen].attrs)
-    attributes["title"] = f"{attributes['title']}, the best of {len(runs)}"
-    return xr.Dataset(data, attrs=attributes)
+    title = f"{run.attrs['title']}, the best of {len(runs)}"
+    return xr.Dataset(data, attrs=run.attrs | {"title": title})

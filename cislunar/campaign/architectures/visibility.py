@@ -104,21 +104,7 @@ def architecture_coverage(
     sun: xr.Dataset,
     settings: Mapping[str, Any],
 ) -> Coverage:
-    """Union coverage of one architecture.
-
-    Parameters
-    ----------
-    orbit, satellites : ndarray of int, shape (slot,)
-        The architecture.
-    orbits, targets, sun : xarray.Dataset
-        ``orbits/families.nc``, ``targets/static_{scenario}.nc``, ``ephemeris/sun.nc``.
-    settings : mapping
-        Configuration keys `propagator` and `visibility`.
-
-    Returns
-    -------
-    Coverage
-    """
+    """Union coverage of one architecture (slot,), data sets and settings as for visibility."""
     chosen = visibility_settings(settings)
     times = horizon(settings)
     track = architecture_tracks(
