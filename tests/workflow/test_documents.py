@@ -8,7 +8,7 @@ import pytest
 from campaign_folder import ROOT
 from test_docs import BLOCK
 
-from cislunar.campaign.claims.architecture import BEYOND, NOT_REPRODUCED, PARTLY, REPRODUCED
+from cislunar.campaign.claims.judges import BEYOND, NOT_REPRODUCED, PARTLY, REPRODUCED
 from cislunar.campaign.documents import update as documents
 from cislunar.campaign.documents.blocks import BLOCKS, files_block, readings_tracking_block
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks, markdown_table

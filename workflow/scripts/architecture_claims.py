@@ -3,12 +3,8 @@
 from collections import defaultdict
 from pathlib import Path
 
-from cislunar.campaign.claims.architecture import (
-    claims_table,
-    comparison_claims,
-    cost_claims,
-    library_claims,
-)
+from cislunar.campaign.claims.architecture import comparison_claims, cost_claims, library_claims
+from cislunar.campaign.claims.judges import claims_table
 from cislunar.campaign.data.netcdf import read_dataset, write_text
 from cislunar.campaign.data.progress import job
 

@@ -1,8 +1,7 @@
 """Makes tables/claims_tracking.csv: the paper's claims on tasking and tracking beside ours."""
 
-from cislunar.campaign.claims.architecture import claims_table
-from cislunar.campaign.claims.target_counts import tracking_claims
-from cislunar.campaign.claims.tasking import tasking_claims
+from cislunar.campaign.claims.judges import claims_table
+from cislunar.campaign.claims.tracking import tasking_claims, tracking_claims
 from cislunar.campaign.data.netcdf import read_dataset, write_text
 from cislunar.campaign.data.progress import job
 

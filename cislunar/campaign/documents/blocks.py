@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import pandas as pd
 
-from cislunar.campaign.claims.architecture import BEYOND
+from cislunar.campaign.claims.judges import BEYOND
 from cislunar.campaign.documents.estimator_blocks import AWARE, ESTIMATOR_BLOCKS
 from cislunar.campaign.documents.markdown import markdown_table
 from cislunar.campaign.documents.results_page import (

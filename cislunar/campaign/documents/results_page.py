@@ -8,10 +8,9 @@ import pandas as pd
 import xarray as xr
 import yaml
 
-from cislunar.campaign.claims.architecture import BEYOND, NOT_REPRODUCED, PARTLY, REPRODUCED
+from cislunar.campaign.claims.judges import VERDICTS
 from cislunar.campaign.documents.markdown import markdown_table
 
-VERDICTS = (REPRODUCED, PARTLY, NOT_REPRODUCED, BEYOND)
 DASH = "\N{EN DASH}"
 
 _ORIGIN = ("source", "git_revision", "seed")

@@ -1,27 +1,26 @@
 """What it costs when the truth is not what the estimators believe: ``tables/model_error.csv``."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import xarray as xr
 
 from cislunar.campaign.settings.model_error import NONE, ModelError
+from cislunar.campaign.tracking.realizations import MEASURE, by_measure, realizations, select
 from cislunar.campaign.tracking.statistics import t_interval
-from cislunar.campaign.tracking.summary import cell_index, seed_values
-from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.campaign.tracking.tables import compared
 
 QUANTITIES = (
-    ("coverage", "attitude", "1", 1.0),
-    ("final_attitude_error_median", "", "degree", 1.0),
-    ("final_attitude_error_90", "", "degree", 1.0),
-    ("diverged_rotation", "", "1", 1.0),
-    ("rmse_median", "position", "km", LENGTH_UNIT_KM),
+    ("coverage", "attitude", "1"),
+    ("final_attitude_error_median", "", "degree"),
+    ("final_attitude_error_90", "", "degree"),
+    ("diverged_rotation", "", "1"),
+    ("rmse_median", "position", "km"),
 )
-"""Quantities of the summary with part, unit and the factor to it."""
+"""Quantities with part and unit."""
 
-_CELL = ("scenario", "architecture", "estimator", "targets", "interval_minutes")
+_CELL = ["scenario", "architecture", "estimator", "targets", "interval_minutes"]
 
 COLUMNS = [
     *("scenario", "architecture", "estimator", "variant", "targets", "interval_minutes"),
@@ -48,47 +47,40 @@ def model_error_rows(summary: xr.Dataset, errors: Sequence[ModelError]) -> pd.Da
         t), and the difference to the cell without the error, realization by realization, with its
         interval. Estimators, errors and cells that the summary lacks are left out.
     """
+    frame = realizations(summary).set_index(MEASURE, drop=False)
+    frame = frame.loc[frame.index.isin(QUANTITIES)].reset_index(drop=True)
     rows: list[dict[str, Any]] = []
-    compared: set[int] = set()
+    compared_with: set[tuple] = set()
     for error in errors:
-        for index in cell_index(summary, variant=error.variant):
-            identity = {key: summary[key].values[index].item() for key in _CELL}
-            usual = cell_index(summary, variant="", **identity)
-            if not usual.size:
+        for place, own in select(frame, variant=error.variant).groupby(_CELL, sort=False):
+            identity = dict(zip(_CELL, place, strict=True))
+            usual = select(frame, variant="", **identity)
+            if usual.empty:
                 continue
-            if usual[0] not in compared:
-                compared.add(usual[0])
-                none = ModelError("", NONE, 0.0, "", "")
-                rows += _rows(summary, usual[0], usual[0], identity, none)
-            rows += _rows(summary, index, usual[0], identity, error)
+            if place not in compared_with:
+                compared_with.add(place)
+                rows += _rows(usual, usual, ModelError("", NONE, 0.0, "", ""))
+            rows += _rows(own, usual, error)
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _rows(
-    summary: xr.Dataset, index: int, usual: int, identity: Mapping[str, Any], error: ModelError
-) -> Iterator[dict[str, Any]]:
-    """One row for each quantity of a cell."""
+def _rows(own: pd.DataFrame, usual: pd.DataFrame, error: ModelError) -> Iterator[dict[str, Any]]:
+    """One row for each quantity of a cell, in their order."""
     described = error._asdict()
     described["size_unit"] = described.pop("unit")
-    for name, part, unit, factor in QUANTITIES:
-        before, after = (
-            factor * seed_values(summary, cell, name, part or None) for cell in (usual, index)
-        )
-        own = t_interval(after)
-        both = np.isfinite(before) & np.isfinite(after)
-        changed = t_interval((after - before)[both])
+    heads, pairs = compared(own, usual, "variant")
+    means = map(t_interval, by_measure(own)[1])
+    found = {
+        tuple(head[key] for key in MEASURE): (head, each, mean)
+        for head, each, mean in zip(heads.to_dict("records"), pairs, means, strict=True)
+    }
+    for head, each, mean in map(found.get, QUANTITIES):
         yield {
-            **identity,
+            **head,
             **described,
-            "quantity": name,
-            "part": part,
-            "unit": unit,
-            "mean": own.mean,
-            "low": own.low,
-            "high": own.high,
-            "usual": before[both].mean() if both.any() else np.nan,
-            "difference": changed.mean,
-            "difference_low": changed.low,
-            "difference_high": changed.high,
-            "seeds": changed.count,
+            **{"mean": mean.mean, "low": mean.low, "high": mean.high, "usual": each.first},
+            "difference": each.difference.mean,
+            "difference_low": each.difference.low,
+            "difference_high": each.difference.high,
+            "seeds": each.difference.count,
         }

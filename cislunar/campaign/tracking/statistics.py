@@ -38,12 +38,18 @@ class Interval(NamedTuple):
         """Whether the whole interval is negative."""
         return self.high < 0.0
 
-    def scaled(self, factor: float) -> "Interval":
-        """The interval of the values times a positive factor."""
-        return Interval(factor * self.mean, factor * self.low, factor * self.high, self.count)
+    @property
+    def floor(self) -> float:
+        """The lower end; the value itself where there is one alone."""
+        return self.low if self.count > 1 else self.mean
 
-    def text(self, form: str = ".3g") -> str:
-        """The mean with its interval in brackets."""
+    @property
+    def around_zero(self) -> bool:
+        """Whether it lies on neither side of zero."""
+        return not (self.above_zero or self.below_zero)
+
+    def __format__(self, form: str) -> str:
+        """The mean with its interval in brackets, numbers in the form given."""
         if self.count < 2:
             return f"{self.mean:{form}}"
         return f"{self.mean:{form}} [{self.low:{form}}, {self.high:{form}}]"
@@ -119,3 +125,43 @@ def slopes(x: ArrayLike, values: ArrayLike) -> NDArray[np.float64]:
         rise = row[valid] - row[valid][0]
         found.append(float(offset @ rise / (offset @ offset)))
     return np.array(found)
+
+
+class Paired(NamedTuple):
+    """Two samples over their common realizations.
+
+    Attributes
+    ----------
+    first, other : float
+        Means; NaN if they have no realization in common.
+    first_largest, other_largest : float
+    difference : Interval
+        The other less the first, realization by realization.
+    """
+
+    first: float
+    other: float
+    first_largest: float
+    other_largest: float
+    difference: Interval
+
+
+def paired(first: ArrayLike, other: ArrayLike) -> Paired:
+    """Compare two samples realization by realization.
+
+    Parameters
+    ----------
+    first, other : array_like, shape (seed,)
+        Realizations that are not finite in both are left out.
+
+    Returns
+    -------
+    Paired
+    """
+    first, other = np.asarray(first, dtype=float), np.asarray(other, dtype=float)
+    both = np.isfinite(first) & np.isfinite(other)
+    first, other = first[both], other[both]
+    difference = t_interval(other - first)
+    if not difference.count:
+        return Paired(np.nan, np.nan, np.nan, np.nan, difference)
+    return Paired(first.mean(), other.mean(), first.max(), other.max(), difference)

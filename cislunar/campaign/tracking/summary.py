@@ -94,13 +94,28 @@ def read_cell_metrics(path: str | Path) -> xr.Dataset:
 
 def _over_targets(values: Array, counted: NDArray[np.bool_], reduce) -> Array:
     """Reduce (seed, target, ...) to (seed,) over some targets; NaN if there are none."""
-    found = [values[s][counted[s]] for s in range(values.shape[0])]
-    finite = [each[np.isfinite(each)] for each in found]
+    finite = [own[of][np.isfinite(own[of])] for own, of in zip(values, counted, strict=True)]
     return np.array([float(reduce(each)) if each.size else np.nan for each in finite])
 
 
 def _percentile_90(values: Array) -> float:
     return np.percentile(values, 90.0)
+
+
+_OF_TARGETS = {
+    "coverage": ("coverage", np.mean),
+    "anees_median": ("anees", np.median),
+    "anees_mean": ("anees", np.mean),
+    "rmse_median": ("rmse", np.median),
+    "rmse_90": ("rmse", _percentile_90),
+    "bound_ratio_median": ("bound_ratio", np.median),
+    "bound_ratio_90": ("bound_ratio", _percentile_90),
+    "final_attitude_error_median": ("final_attitude_error", np.median),
+    "final_attitude_error_90": ("final_attitude_error", _percentile_90),
+    "bound_attitude_median": ("bound_attitude", np.median),
+    "bound_attitude_90": ("bound_attitude", _percentile_90),
+}
+"""Statistics over observed targets: of which variable of a cell, and how."""
 
 
 def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
@@ -122,35 +137,17 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
     rotation = cell["status_rotation"].values == DIVERGED
     translation = cell["status_translation"].values == DIVERGED
     periodic = observed & ~np.char.startswith(cell["family"].values.astype(str), LUNAR)
-    of_part = {
-        "coverage": ("coverage", np.mean, observed),
-        "anees_median": ("anees", np.median, observed),
-        "anees_mean": ("anees", np.mean, observed),
-        "anees_mean_periodic": ("anees", np.mean, periodic),
-        "rmse_median": ("rmse", np.median, observed),
-        "rmse_90": ("rmse", _percentile_90, observed),
-    }
-    found = {
-        name: np.stack(
-            [
-                _over_targets(cell[source].values[..., 3 * p : 3 * p + 3], counted, reduce)
-                for p in range(len(PARTS))
-            ],
-            axis=-1,
-        )
-        for name, (source, reduce, counted) in of_part.items()
-    }
-    ratio = cell["bound_ratio"].values
-    for name, reduce in (("bound_ratio_median", np.median), ("bound_ratio_90", _percentile_90)):
-        found[name] = np.stack(
-            [_over_targets(ratio[..., p], observed, reduce) for p in range(len(PARTS))], axis=-1
-        )
-    final, least = cell["final_attitude_error"].values, cell["bound_attitude"].values
+
+    def reduced(source: str, reduce, counted: NDArray[np.bool_]) -> Array:
+        values = cell[source].values
+        if values.ndim == 2:
+            return _over_targets(values, counted, reduce)
+        parts = np.split(values, len(PARTS), axis=-1)
+        return np.stack([_over_targets(part, counted, reduce) for part in parts], axis=-1)
+
+    found = {name: reduced(*how, observed) for name, how in _OF_TARGETS.items()}
     found |= {
-        "final_attitude_error_median": _over_targets(final, observed, np.median),
-        "final_attitude_error_90": _over_targets(final, observed, _percentile_90),
-        "bound_attitude_median": _over_targets(least, observed, np.median),
-        "bound_attitude_90": _over_targets(least, observed, _percentile_90),
+        "anees_mean_periodic": reduced("anees", np.mean, periodic),
         "never_observed": (~observed).sum(axis=1),
         "diverged_rotation": rotation.sum(axis=1),
         "diverged_translation": translation.sum(axis=1),
@@ -226,53 +223,3 @@ def summary_dataset(
     }
     attributes = provenance("Statistics of the tracking cells", settings=settings, seed=seed)
     return xr.Dataset(data, coords=coords, attrs=attributes)
-
-
-def cell_index(summary: xr.Dataset, **wanted: Any) -> NDArray[np.intp]:
-    """Cells with the wanted labels.
-
-    Parameters
-    ----------
-    summary : xarray.Dataset
-        ``task2/summary.nc``.
-    **wanted
-        Labels: `scenario`, `architecture`, `estimator`, `variant`, `targets`,
-        `interval_minutes`.
-
-    Returns
-    -------
-    ndarray of int
-        Indices, in rising order of the number of targets and of the interval.
-    """
-    match = np.ones(summary.sizes["cell"], dtype=bool)
-    for key, value in wanted.items():
-        match &= summary[key].values == value
-    found = np.flatnonzero(match)
-    order = np.lexsort(
-        (summary["interval_minutes"].values[found], summary["targets"].values[found])
-    )
-    return found[order]
-
-
-def seed_values(summary: xr.Dataset, index: Any, quantity: str, part: str | None = None) -> Array:
-    """One value per realization of some cells.
-
-    Parameters
-    ----------
-    summary : xarray.Dataset
-        ``task2/summary.nc``.
-    index : int or ndarray of int
-        Cells.
-    quantity : str
-        Name of the variable.
-    part : str, optional
-        Part of the state, for the quantities that have them.
-
-    Returns
-    -------
-    ndarray, shape (seed,) for one cell, (seed, cell) for several
-    """
-    values = summary[quantity].values[index]
-    if part is not None:
-        values = values[..., PARTS.index(part)]
-    return values.T

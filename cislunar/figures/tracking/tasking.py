@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
+from cislunar.campaign.tracking.realizations import cells_of, realizations, select, values_of
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
-from cislunar.campaign.tracking.summary import cell_index, seed_values
 from cislunar.figures.axes import Array, Grid, legend_below, panel_title, reach, set_vertical
 from cislunar.figures.panels import draw_means
 from cislunar.figures.style import (
@@ -91,7 +92,7 @@ def tasking_figure(
     matplotlib.figure.Figure
     """
     cells, epochs = compared.sizes["cell"], compared.sizes["epoch"]
-    tracked = _tracked_cells(summary, variants)
+    tracked = _tracked_cells(realizations(summary), variants)
     rows = epochs + 1 + bool(tracked)
     grid = _grid(rows, cells, 0.52)
     figure = new_figure(_HEAD + grid.size[1] + _FOOT)
@@ -113,9 +114,9 @@ def tasking_figure(
         grid = _grid(rows, len(OUTCOMES), 0.92)
         for column, outcome in enumerate(OUTCOMES):
             axes = grid.place(figure, epochs + 1, column)
-            _tracking(axes, summary, tracked, outcome)
+            _tracking(axes, tracked, outcome)
             panel_title(axes, (epochs + 1) * cells + column, "tracking", fontsize=7.5)
-    _legend(figure, compared, tracked, summary)
+    _legend(figure, compared, tracked)
     return figure
 
 
@@ -191,26 +192,16 @@ def _against_time(axes: Axes, here: xr.Dataset) -> None:
     axes.margins(x=0.1, y=0.12)
 
 
-def _tracked_cells(summary: xr.Dataset, variants: Mapping[str, str]) -> dict[str, Array]:
+def _tracked_cells(frame: pd.DataFrame, variants: Mapping[str, str]) -> dict[str, pd.DataFrame]:
     """Cells tracked with each method, those of the usual settings where another was tried."""
-    changed = {
-        method: cell_index(summary, variant=name) for name, method in variants.items() if name
-    }
-    found = {method: index for method, index in changed.items() if index.size}
+    changed = {method: select(frame, variant=name) for name, method in variants.items() if name}
+    found = {method: cells for method, cells in changed.items() if len(cells)}
     if not found:
         return {}
-    every = np.concatenate(list(found.values()))
-    labels = {key: summary[key].values[every[0]] for key in ("scenario", "architecture")}
-    usual = cell_index(
-        summary,
-        variant="",
-        estimator=summary["estimator"].values[every[0]],
-        interval_minutes=summary["interval_minutes"].values[every[0]],
-        **labels,
-    )
-    targets = summary["targets"].values
-    usual = usual[np.isin(targets[usual], targets[every])]
-    found[variants.get("", "exact")] = usual
+    every = pd.concat(found.values())
+    keys = ("scenario", "architecture", "estimator", "interval_minutes")
+    usual = select(frame, variant="", **{key: every[key].iloc[0] for key in keys})
+    found[variants.get("", "exact")] = usual[usual["targets"].isin(every["targets"])]
     return {name: found[name] for name in sorted(found, key=_rank)}
 
 
@@ -219,21 +210,19 @@ def _rank(method: str) -> tuple[int, str]:
     return (known.index(method) if method in known else len(known), method)
 
 
-def _counts(summary: xr.Dataset, tracked: Mapping[str, Array]) -> list[int]:
+def _counts(tracked: Mapping[str, pd.DataFrame]) -> list[int]:
     """Numbers of targets of the tracked cells."""
-    return sorted({int(n) for index in tracked.values() for n in summary["targets"].values[index]})
+    return sorted({n for cells in tracked.values() for n in cells["targets"]})
 
 
-def _tracking(
-    axes: Axes, summary: xr.Dataset, tracked: Mapping[str, Array], outcome: Outcome
-) -> None:
+def _tracking(axes: Axes, tracked: Mapping[str, pd.DataFrame], outcome: Outcome) -> None:
     """A statistic of tracking with each method, mean and interval over seeds."""
-    counts, singles = _counts(summary, tracked), []
-    for place_of, (method, index) in enumerate(tracked.items()):
+    counts, singles = _counts(tracked), []
+    for place_of, (method, cells) in enumerate(tracked.items()):
         look = method_style(method)
-        for cell in index:
-            rank = counts.index(int(summary["targets"].values[cell]))
-            values = outcome.factor * seed_values(summary, cell, outcome.quantity, outcome.part)
+        found = outcome.factor * values_of(cells, outcome.quantity, outcome.part).T
+        for targets, values in zip(cells_of(cells)["targets"], found, strict=True):
+            rank = counts.index(targets)
             singles.append(values)
             bounds = (log_interval if outcome.log else t_interval)(values)[:3]
             look = look._replace(filled=rank == 0, line="none")
@@ -251,14 +240,12 @@ def _tracking(
     set_vertical(axes, limits, log=log)
 
 
-def _legend(
-    figure: Figure, compared: xr.Dataset, tracked: Mapping[str, Array], summary: xr.Dataset
-) -> None:
+def _legend(figure: Figure, compared: xr.Dataset, tracked: Mapping[str, pd.DataFrame]) -> None:
     methods = {str(m) for key in ("direct", "search") for m in compared[key].values} | set(tracked)
     handles: list = [method_style(m).legend_handle() for m in sorted(methods, key=_rank)]
     handles.append(Patch(facecolor=GRAY, alpha=0.35, label="range over runs (line: median)"))
     plain = {"color": BLACK, "linestyle": "none", "marker": "o", "markersize": 4.0}
-    for rank, count in enumerate(_counts(summary, tracked)):
+    for rank, count in enumerate(_counts(tracked)):
         face = {} if rank == 0 else {"markerfacecolor": "none"}
         handles.append(Line2D([], [], label=f"$n_T$ = {count}", **plain, **face))
     legend_below(figure, handles, 0.06, handlelength=2.4, columnspacing=1.2)

@@ -8,16 +8,22 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator
 
-from cislunar.campaign.claims.verdicts import usual_interval
+from cislunar.campaign.tracking.realizations import (
+    PRACTICAL_UNITS,
+    cells_of,
+    realizations,
+    select,
+    usual_interval,
+    values_of,
+)
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
-from cislunar.campaign.tracking.summary import cell_index, seed_values
-from cislunar.campaign.tracking.tables import PRACTICAL_UNITS
 from cislunar.figures.axes import Array, Grid, fixed_ticks, legend_below, log_ticks, reach, spaced
 from cislunar.figures.panels import Row, draw_means, draw_rows
 from cislunar.figures.style import (
@@ -60,10 +66,10 @@ class Curve(NamedTuple):
 
 
 class _Column(NamedTuple):
-    """A column of panels: title, cells of the summary by series, small print under the title."""
+    """A column of panels: title, realizations by series, small print under the title."""
 
     title: str
-    cells: dict[str, Array]
+    cells: dict[str, pd.DataFrame]
     note: str
 
 
@@ -115,30 +121,23 @@ ROWS = {
 """What is shown of the series compared."""
 
 
-def _labels(summary: xr.Dataset, name: str) -> list[str]:
-    """Values of a label of the cells, in the order of the summary."""
-    return list(dict.fromkeys(summary[name].values.astype(str)))
-
-
 def _column(
-    summary: xr.Dataset, by: str, title: str, scenario: str, along: str, least: int, **wanted: int
+    frame: pd.DataFrame, by: str, title: str, scenario: str, along: str, least: int, **wanted: int
 ) -> _Column:
     """Cells with the usual settings, for every series with at least so many values of a label."""
     if by == "architecture":
-        common = {"estimator": _labels(summary, "estimator")[0]}
-        series = _labels(summary, by)
+        common = {"estimator": frame["estimator"].iloc[0]}
+        series = frame[by].unique()
     else:
-        here = summary["scenario"].values.astype(str) == scenario
-        common = {"architecture": str(summary["architecture"].values[here][0])}
-        series = [name for name in _labels(summary, by) if name in ESTIMATOR_STYLES]
-    found = {
-        name: cell_index(summary, scenario=scenario, variant="", **common, **{by: name}, **wanted)
-        for name in series
-    }
-    found = {n: at for n, at in found.items() if np.unique(summary[along].values[at]).size >= least}
+        here = frame["scenario"] == scenario
+        common = {"architecture": frame.loc[here, "architecture"].iloc[0]}
+        series = [name for name in frame[by].unique() if name in ESTIMATOR_STYLES]
+    own = select(frame, scenario=scenario, variant="", **common, **wanted)
+    found = {name: select(own, **{by: name}) for name in series}
+    found = {name: cells for name, cells in found.items() if cells[along].nunique() >= least}
     counts = [
-        f"{optimizer_style(name).label.split()[0]} {int(summary['observers'].values[index[0]])}"
-        for name, index in found.items()
+        f"{optimizer_style(name).label.split()[0]} {cells['observers'].iloc[0]}"
+        for name, cells in found.items()
     ]
     seen = ", ".join(counts) if by == "architecture" else common["architecture"]
     return _Column(title, found, f"observers: {seen}")
@@ -160,13 +159,13 @@ def against_targets_figure(summary: xr.Dataset, by: str = "architecture") -> Fig
     -------
     matplotlib.figure.Figure
     """
-    usual = usual_interval(summary)
+    frame = realizations(summary)
+    usual = usual_interval(frame)
     columns = [
-        _column(summary, by, f"scenario {name}", name, "targets", 1, interval_minutes=usual)
-        for name in _labels(summary, "scenario")
+        _column(frame, by, f"scenario {name}", name, "targets", 1, interval_minutes=usual)
+        for name in frame["scenario"].unique()
     ]
-    targets = summary["targets"].values.astype(float)
-    return _figure(summary, by, columns, targets, "number of targets $n_T$")
+    return _figure(by, columns, lambda cells: 1.0 * cells["targets"], "number of targets $n_T$")
 
 
 @house_style()
@@ -182,27 +181,26 @@ def against_interval_figure(summary: xr.Dataset, by: str = "architecture") -> Fi
     -------
     matplotlib.figure.Figure
     """
-    pairs = zip(summary["scenario"].values.astype(str), summary["targets"].values, strict=True)
+    frame = realizations(summary)
     columns = []
-    for scenario, targets in sorted(set(pairs)):
-        title = f"scenario {scenario}, $n_T$ = {int(targets)}"
-        wanted = {"targets": int(targets)}
-        columns.append(_column(summary, by, title, scenario, "interval_minutes", 2, **wanted))
-    hours = summary["interval_minutes"].values / 60.0
-    return _figure(summary, by, columns, hours, "tasking interval $T_{ST}$, h")
+    for scenario, targets in sorted(set(zip(frame["scenario"], frame["targets"], strict=True))):
+        title = f"scenario {scenario}, $n_T$ = {targets}"
+        wanted = {"targets": targets}
+        columns.append(_column(frame, by, title, scenario, "interval_minutes", 2, **wanted))
+    label = "tasking interval $T_{ST}$, h"
+    return _figure(by, columns, lambda cells: cells["interval_minutes"] / 60.0, label)
 
 
 def _figure(
-    summary: xr.Dataset, by: str, columns: Sequence[_Column], x: Array, x_label: str
+    by: str, columns: Sequence[_Column], x_of: Callable[[pd.DataFrame], pd.Series], x_label: str
 ) -> Figure:
-    """All rows by all columns, with legend; `x` is the place of every cell of the summary."""
+    """All rows by all columns, with legend; `x_of` gives the places of cells."""
     columns = [column for column in columns if column.cells]
-    names = _labels(summary, by)
+    names = dict.fromkeys(name for column in columns for name in column.cells)
     if by == "architecture":
-        drawn = [name for name in names if any(name in column.cells for column in columns)]
-        styles = {name: optimizer_style(name) for name in drawn}
+        styles = {name: optimizer_style(name) for name in names}
     else:
-        styles = {name: ESTIMATOR_STYLES[name] for name in names if name in ESTIMATOR_STYLES}
+        styles = {name: ESTIMATOR_STYLES[name] for name in names}
     rows = ROWS[by]
     grid = Grid(
         len(rows), max(len(columns), 1), _COLUMN_IN, _ROW_IN, _LEFT, _FOOT, _GAP, _BETWEEN_IN
@@ -212,14 +210,15 @@ def _figure(
 
     def draw(axes: Axes, row: Row, number: int) -> Array:
         cells = columns[number].cells
+        x = {name: x_of(cells_of(own)).to_numpy() for name, own in cells.items()}
         held = []
         for index, (name, look) in enumerate(styles.items()):
             if name in cells:
-                at = x[cells[name]] * 1.018 ** (index - 0.5 * (len(styles) - 1))
-                held += _draw(axes, summary, cells[name], at, row, name, look)
+                at = x[name] * 1.018 ** (index - 0.5 * (len(styles) - 1))
+                held += _draw(axes, cells[name], at, row, name, look)
         if row.reference is not None:
             axes.axhline(row.reference, color=GRAY, linewidth=0.8, zorder=1)
-        _x_axis(axes, np.concatenate([x[index] for index in cells.values()]))
+        _x_axis(axes, np.concatenate(list(x.values())))
         return np.array(held)
 
     titles = [column.title for column in columns]
@@ -240,8 +239,7 @@ def _figure(
 
 def _draw(
     axes: Axes,
-    summary: xr.Dataset,
-    cells: Array,
+    cells: pd.DataFrame,
     at: Array,
     row: Row,
     name: str,
@@ -256,7 +254,7 @@ def _draw(
     for curve in row.curves:
         if curve.only not in (None, name):
             continue
-        single = [row.factor * seed_values(summary, c, curve.quantity, curve.part) for c in cells]
+        single = row.factor * values_of(cells, curve.quantity, curve.part).T
         found = [interval(values) for values in single]
         bounds = tuple(np.array([getattr(f, k) for f in found]) for k in ("mean", "low", "high"))
         own = curve.style or look._replace(filled=curve.filled)

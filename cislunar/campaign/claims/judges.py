@@ -1,0 +1,138 @@
+"""The table of claims, ``claims.yaml``, and how a verdict follows from facts."""
+
+import operator
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import pandas as pd
+import yaml
+
+REPRODUCED = "reproduced"
+PARTLY = "partly reproduced"
+NOT_REPRODUCED = "not reproduced"
+BEYOND = "not in the paper"
+VERDICTS = (REPRODUCED, PARTLY, NOT_REPRODUCED, BEYOND)
+
+Facts = Mapping[str, Any]
+
+_SIGNS = {"==": operator.eq, "<": operator.lt, "<=": operator.le, ">": operator.gt,
+          ">=": operator.ge}  # fmt: skip
+
+
+class Claim(NamedTuple):
+    """A row of ``tables/paper_vs_ours.csv``; `value` is ours in short."""
+
+    where: str
+    claim: str
+    paper: str
+    ours: str
+    how: str
+    verdict: str
+    value: str
+
+
+@cache
+def table() -> dict[str, Any]:
+    """The table of claims; limits by attribute, phrases with the limits filled in."""
+    found = yaml.safe_load((files(__package__) / "claims.yaml").read_text(encoding="utf-8"))
+    found["limits"] = SimpleNamespace(**found["limits"])
+    found["phrases"] = {
+        name: text.format(limits=found["limits"]) for name, text in found["phrases"].items()
+    }
+    return found
+
+
+def known(facts: Facts) -> Facts:
+    """Facts with the limits and phrases of the table."""
+    return {"limits": table()["limits"], **table()["phrases"], **facts}
+
+
+def _value(name: str, facts: Facts) -> Any:
+    """A fact, an attribute of one, a number, or the text itself."""
+    first, *attributes = name.split(".")
+    if first in facts:
+        value = facts[first]
+        for attribute in attributes:
+            value = getattr(value, attribute)
+        return value
+    try:
+        return float(name)
+    except ValueError:
+        return name
+
+
+def holds(condition: str, facts: Facts) -> bool:
+    """Whether a condition of the table holds: a fact, or two values and a sign between."""
+    left, *rest = condition.split()
+    if not rest:
+        return bool(_value(left, facts))
+    sign, right = rest
+    return bool(_SIGNS[sign](_value(left, facts), _value(right, facts)))
+
+
+def verdict(row: Mapping[str, Any], facts: Facts) -> str:
+    """The verdict of a row of the table.
+
+    Parameters
+    ----------
+    row : mapping
+        With `reproduced` and perhaps `partly` (a condition or several that must all hold), or with
+        `each` (conditions: reproduced if all hold, partly if any does), or with neither.
+    facts : mapping
+        What the conditions speak of.
+
+    Returns
+    -------
+    str
+    """
+    facts = known(facts)
+    if "each" in row:
+        found = [holds(condition, facts) for condition in row["each"]]
+        return REPRODUCED if all(found) else PARTLY if any(found) else NOT_REPRODUCED
+    if "reproduced" not in row:
+        return BEYOND
+    for name, reached in (("reproduced", REPRODUCED), ("partly", PARTLY)):
+        conditions = row.get(name, [])
+        conditions = [conditions] if isinstance(conditions, str) else conditions
+        if conditions and all(holds(condition, facts) for condition in conditions):
+            return reached
+    return NOT_REPRODUCED
+
+
+def judge(row: Mapping[str, Any], *facts: Facts, names: Sequence[str] = ()) -> Claim:
+    """Put a row of the table to what was found.
+
+    Parameters
+    ----------
+    row : mapping
+        Of the table.
+    *facts : mapping
+        What was found, for each of several architectures; the first decides.
+    names : sequence of str
+        The architectures; none where there is one finding alone.
+
+    Returns
+    -------
+    Claim
+    """
+    decisive = known(facts[0])
+    ours = [row["ours"].format(**known(each)) for each in facts]
+    shown = [f"{name}: {text}" for name, text in zip(names, ours, strict=True)] if names else ours
+    how = row["how"].format(**decisive)
+    return Claim(
+        where=row.get("where", "-"),
+        claim=row["claim"].format(**decisive),
+        paper=str(row.get("paper", "-")).format(**decisive),
+        ours="; ".join(shown),
+        how=f"{how} (architecture {names[0]} decides)" if names else how,
+        verdict=verdict(row, facts[0]),
+        value=row["value"].format(**decisive) if "value" in row else ours[0],
+    )
+
+
+def claims_table(claims: Sequence[Claim]) -> pd.DataFrame:
+    """Claims as a table, a row for each."""
+    return pd.DataFrame(claims, columns=Claim._fields)

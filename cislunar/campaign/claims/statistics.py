@@ -1,0 +1,171 @@
+"""The statistics that the rows of ``claims.yaml`` on tracking name.
+
+Each takes the swept cells of one scenario and architecture, and the measure; ANEES as its decimal
+logarithm. Intervals are over realizations.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from cislunar.campaign.claims.judges import table
+from cislunar.campaign.tracking.realizations import cells_of, values_of
+from cislunar.campaign.tracking.statistics import Interval, log_interval, slopes, t_interval
+from cislunar.campaign.tracking.summary import PARTS
+
+Array = NDArray[np.float64]
+
+
+class Sweep(NamedTuple):
+    """Realizations of some cells in rising order.
+
+    Attributes
+    ----------
+    frame : DataFrame
+        See `cislunar.campaign.tracking.realizations`.
+    along : str
+        The label that is swept.
+    beside : DataFrame or None
+        Realizations of a sweep to compare with.
+    """
+
+    frame: pd.DataFrame
+    along: str = "targets"
+    beside: pd.DataFrame | None = None
+
+    @property
+    def places(self) -> NDArray[np.int64]:
+        """Values of the label that is swept."""
+        return cells_of(self.frame)[self.along].to_numpy()
+
+
+class Part(NamedTuple):
+    """In how many cells something is so."""
+
+    number: int
+    cells: int
+    by: float = np.nan
+
+    @property
+    def share(self) -> float:
+        return self.number / self.cells
+
+    @property
+    def throughout(self) -> str:
+        return "satisfactory" if self.number == self.cells else "not satisfactory"
+
+
+def _values(frame: pd.DataFrame, quantity: str, *measure: str) -> Array:
+    found = values_of(frame, quantity, *measure)
+    return np.log10(found) if quantity.startswith("anees") else found
+
+
+def _change(frame: pd.DataFrame, *measure: str) -> Array:
+    found = _values(frame, *measure)
+    return found[:, -1] - found[:, 0]
+
+
+def _growth(sweep: Sweep, *measure: str) -> Interval:
+    """Ratio of the last to the first cell."""
+    found = _values(sweep.frame, *measure)
+    return log_interval(found[:, -1] / found[:, 0])
+
+
+def _dip(sweep: Sweep, quantity: str) -> Interval | None:
+    """Rotation at 3 h less the mean of 2 h and 4 h."""
+    at = [np.flatnonzero(sweep.places == minutes) for minutes in (120, 180, 240)]
+    if not all(place.size for place in at):
+        return None
+    found = 0.5 * sum(_values(sweep.frame, quantity, part) for part in PARTS[:2])
+    two, three, four = (found[:, place[0]] for place in at)
+    return t_interval(three - 0.5 * (two + four))
+
+
+def _behind(sweep: Sweep, quantity: str) -> Part:
+    """Cells in which attitude is surely below position, and by how much on average."""
+    found = _values(sweep.frame, quantity, "attitude") - _values(sweep.frame, quantity, "position")
+    below = [t_interval(column).below_zero for column in found.T]
+    return Part(sum(below), len(below), -np.nanmean(found))
+
+
+def _range(sweep: Sweep, *measure: str) -> Interval:
+    """Mean, smallest and largest of the first cell."""
+    found = _values(sweep.frame, *measure)[:, 0]
+    return Interval(np.nan, np.nanmin(found), np.nanmax(found), len(found))
+
+
+def unsatisfactory(frame: pd.DataFrame, consistency: str = "anees_mean") -> list[str]:
+    """Cells whose translation is not satisfactory (phrase of the table), with the reason.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Realizations of some cells.
+    consistency : str
+        Quantity the consistency is judged by.
+
+    Returns
+    -------
+    list of str
+    """
+    limits, reasons = table()["limits"], [[] for _ in range(len(cells_of(frame)))]
+    for part in PARTS[2:]:
+        covered, anees = (values_of(frame, name, part).T for name in ("coverage", consistency))
+        for own, inside, ratio in zip(reasons, covered, anees, strict=True):
+            share, anees_mean = t_interval(inside).mean, log_interval(ratio).mean
+            if share < limits.coverage:
+                own.append(f"coverage of {part} {share:.3f}")
+            if not limits.anees_low <= anees_mean <= limits.anees_high:
+                own.append(f"ANEES of {part} {anees_mean:.2f}")
+    for own, lost in zip(reasons, values_of(frame, "diverged_translation_share").T, strict=True):
+        share = t_interval(lost).mean
+        if share > limits.diverged:
+            own.append(f"{share:.1%} diverged")
+    return [
+        f"{cell.targets} targets, {cell.interval_minutes} min: {', '.join(own)}"
+        for cell, own in zip(cells_of(frame).itertuples(), reasons, strict=True)
+        if own
+    ]
+
+
+def _satisfactory(sweep: Sweep) -> Part:
+    cells = len(cells_of(sweep.frame))
+    return Part(cells - len(unsatisfactory(sweep.frame)), cells)
+
+
+def _shortfall(sweep: Sweep) -> str:
+    """What is not satisfactory, and how much of it is owed to low lunar trajectories."""
+    failing = unsatisfactory(sweep.frame)
+    if not failing:
+        return ""
+    periodic = len(cells_of(sweep.frame)) - len(unsatisfactory(sweep.frame, "anees_mean_periodic"))
+    lunar, lost = (
+        np.nansum(values_of(sweep.frame, name))
+        for name in ("diverged_translation_lunar", "diverged_translation")
+    )
+    return (
+        f" (not: {' | '.join(failing[:3])}); with the ANEES of targets on periodic orbits alone in "
+        f"{periodic}; {lunar:.0f} of {lost:.0f} diverged targets are on low lunar trajectories"
+    )
+
+
+STATISTICS: dict[str, Callable[..., Any]] = {
+    "mean": lambda sweep, *m: t_interval(_values(sweep.frame, *m)[:, 0]),
+    "spread": _range,
+    "first": lambda sweep, *m: np.nanmean(_values(sweep.frame, *m)[:, 0]),
+    "last": lambda sweep, *m: np.nanmean(_values(sweep.frame, *m)[:, -1]),
+    "average": lambda sweep, *m: np.nanmean(_values(sweep.frame, *m)),
+    "several": lambda sweep, *m: np.nanmean(_values(sweep.frame, *m) >= 2),
+    "trend": lambda sweep, *m: t_interval(slopes(sweep.places, _values(sweep.frame, *m))),
+    "change": lambda sweep, *m: t_interval(_change(sweep.frame, *m)),
+    "excess": lambda sweep, *m: t_interval(_change(sweep.frame, *m) - _change(sweep.beside, *m)),
+    "growth": _growth,
+    "dip": _dip,
+    "behind": _behind,
+    "satisfactory": _satisfactory,
+    "shortfall": _shortfall,
+}
+"""What a row may name; None where the cells do not speak to it."""

@@ -1,0 +1,246 @@
+"""What the tracked cells have to say of the paper's claims, and comparisons of our own."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from cislunar.campaign.claims.judges import Claim, Facts, judge, table
+from cislunar.campaign.claims.statistics import STATISTICS, Sweep
+from cislunar.campaign.tracking.realizations import (
+    cells_of,
+    realizations,
+    select,
+    usual_interval,
+    values_of,
+)
+from cislunar.campaign.tracking.statistics import log_interval, paired, t_interval
+
+ARCHITECTURES = ("published", "tpe")
+"""Architectures the paper's claims are put to; the first one that was tracked decides."""
+
+FILTER, BATCH = "mukf", "batch"
+
+COUNTS = (20, 33, 43, 50, 100, 202)
+"""Numbers of targets at which estimators are compared: the fewest of each scenario of the paper, a
+few more, and all."""
+
+
+def tracking_claims(summary: xr.Dataset) -> list[Claim]:
+    """Every claim on tracking.
+
+    Parameters
+    ----------
+    summary : xarray.Dataset
+        ``task2/summary.nc``.
+
+    Returns
+    -------
+    list of Claim
+        Those that the tracked cells speak to.
+    """
+    frame = realizations(summary)
+    claims = []
+    for group in table()["tracking"]:
+        for scenario in group["scenarios"]:
+            own = select(frame, scenario=scenario, estimator=FILTER, variant="")
+            for row in group["claims"]:
+                claims += _put(row, scenario, own, usual_interval(frame))
+    return [*claims, *_architectures(frame), *estimator_claims(frame), _events(frame)]
+
+
+def _put(row: Mapping[str, Any], scenario: str, frame: pd.DataFrame, usual: int) -> list[Claim]:
+    """A row of the table put to the architectures that were tracked; none, if none speaks to it."""
+    found: dict[str, Facts] = {}
+    for name in ARCHITECTURES:
+        facts = _facts(row, scenario, select(frame, architecture=name), usual)
+        if facts is not None:
+            found[name] = facts
+    return [judge(row, *found.values(), names=list(found))] if found else []
+
+
+def _facts(row: Mapping[str, Any], scenario: str, frame: pd.DataFrame, usual: int) -> Facts | None:
+    """Statistics of a row; None where its cells are missing."""
+    targets, along = row.get("targets"), row.get("along")
+    targets = targets[scenario] if isinstance(targets, Mapping) else targets
+    at = {} if targets is None else {"targets": targets}
+    if along == "targets" or (along is None and at):
+        at["interval_minutes"] = usual
+    sweep = Sweep(select(frame, **at) if at else frame, along or "targets")
+    if "beside" in row:
+        sweep = sweep._replace(beside=select(frame, targets=row["beside"]))
+    least = row.get("least", 1)
+    tracked = [each for each in (sweep.frame, sweep.beside) if each is not None]
+    if any(len(cells_of(each)) < least for each in tracked):
+        return None
+    found = {name: _statistic(sweep, what) for name, what in row["statistics"].items()}
+    if any(value is None for value in found.values()):
+        return None
+    ends = {"begin": sweep.places[0], "end": sweep.places[-1]}
+    return {"scenario": scenario, "targets": targets} | ends | found
+
+
+def _statistic(sweep: Sweep, what: str) -> Any:
+    name, *measure = what.split()
+    return STATISTICS[name](sweep, *measure)
+
+
+def _cells(frame: pd.DataFrame) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
+    """Every cell with its realizations, in the order of the frame."""
+    keys = list(cells_of(frame).columns)
+    for labels, own in frame.groupby(keys, sort=False):
+        yield dict(zip(keys, labels, strict=True)), own
+
+
+def _architectures(frame: pd.DataFrame) -> Iterator[Claim]:
+    """Tracking by every architecture that tracked the same targets."""
+    names = list(dict.fromkeys(frame["architecture"]))
+    for scenario in ("A", "B", "C"):
+        own = select(frame, scenario=scenario, estimator=FILTER, variant="")
+        others = own[~own["architecture"].isin(ARCHITECTURES)]
+        for targets in sorted(set(others["targets"])):
+            same = select(own, targets=targets, interval_minutes=usual_interval(frame))
+            parts = [
+                _described(labels, cell)
+                for name in names
+                for labels, cell in _cells(select(same, architecture=name))
+            ]
+            facts = {"targets": targets, "scenario": scenario, "all": "; ".join(parts)}
+            facts["first"] = parts[0].split(",")[0] if parts else "-"
+            yield judge(table()["comparisons"]["architectures"], facts)
+
+
+def _described(labels: Mapping[str, Any], cell: pd.DataFrame) -> str:
+    def mean(*measure: str) -> str:
+        return f"{t_interval(values_of(cell, *measure)[:, 0]):.3g}"
+
+    return (
+        f"{labels['architecture']} ({labels['observers']} observers): position RMSE "
+        f"{mean('rmse_median', 'position', 'km')} km, final attitude error "
+        f"{mean('final_attitude_error_median')} deg, never observed {mean('never_observed')}, "
+        f"rotation diverged {mean('diverged_rotation')}"
+    )
+
+
+def estimator_claims(frame: pd.DataFrame) -> Iterator[Claim]:
+    """What the batch estimator gets where the paper reports divergences.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        See `realizations`.
+
+    Yields
+    ------
+    Claim
+        One for each cell with `COUNTS` targets of the first architecture that both estimators ran.
+    """
+    first = frame["architecture"].iloc[0]
+    usual = select(frame, architecture=first, variant="", interval_minutes=usual_interval(frame))
+    for labels, batch in _cells(select(usual, estimator=BATCH)):
+        place = {key: labels[key] for key in ("scenario", "targets")}
+        filtered = select(usual, estimator=FILTER, **place)
+        if labels["targets"] not in COUNTS or filtered.empty:
+            continue
+
+        def means(form: str, *measure: str, pair=(batch, filtered)) -> str:
+            interval = log_interval if measure[0].startswith("bound_ratio") else t_interval
+            return " and ".join(
+                f"{interval(values_of(each, *measure)[:, 0]):{form}}" for each in pair
+            )
+
+        most = (np.nanmax(values_of(each, "diverged_rotation")) for each in (batch, filtered))
+        facts = {
+            "coverage": means(".3f", "coverage", "attitude"),
+            "diverged": means(".1f", "diverged_rotation"),
+            "most": " and ".join(f"{each:.0f}" for each in most),
+            "final": means(".3g", "final_attitude_error_median"),
+            "final_90": means(".3g", "final_attitude_error_90"),
+            "ratio": means(".2f", "bound_ratio_median", "attitude"),
+        }
+        yield judge(table()["comparisons"]["estimators"], labels | facts)
+
+
+def _events(frame: pd.DataFrame) -> Claim:
+    """Events that would cast doubt on the rest."""
+    usual = frame[frame["variant"] == ""]
+    counts = {
+        what: int(np.nansum(values_of(usual, name)))
+        for name, what in (
+            ("cholesky_failures", "failed Cholesky factorizations"),
+            ("failed", "estimates that came to an end"),
+            ("dark_sigma_points", "dark sigma points"),
+            ("out_of_field", "measurements outside the field of view"),
+        )
+    }
+    text = ", ".join(f"{count} {what}" for what, count in counts.items())
+    facts = {"events": text, "total": sum(counts.values()), "cells": len(cells_of(usual))}
+    return judge(table()["comparisons"]["events"], facts)
+
+
+def tasking_claims(comparison: xr.Dataset | None, summary: xr.Dataset) -> list[Claim]:
+    """Claims on the tasking search: what it reaches of the best, and what that does to tracking.
+
+    Parameters
+    ----------
+    comparison : xarray.Dataset or None
+        ``task2/tasking_comparison.nc``, if tasking methods have been compared.
+    summary : xarray.Dataset
+        ``task2/summary.nc``.
+
+    Returns
+    -------
+    list of Claim
+    """
+    claims = []
+    for index in range(comparison.sizes["cell"]) if comparison is not None else ():
+        facts = _searched(comparison.isel(cell=index))
+        claims += [judge(row, facts) for row in table()["tasking"]] if facts else []
+    frame = realizations(summary)
+    for variant in ("tpe", "random", "greedy"):
+        for labels, cell in _cells(select(frame, variant=variant)):
+            place = {k: v for k, v in labels.items() if k not in ("variant", "observers")}
+            usual = select(frame, variant="", **place)
+            if not usual.empty:
+                claims.append(_changed(labels, usual, cell))
+    return claims
+
+
+def _searched(cell: xr.Dataset) -> Facts:
+    """TPE against the exact assignment, random taskings and greedy picking on one cell."""
+    best = cell["direct_information"].sel(direct="exact").values
+    usable = best > 0.0
+    if not usable.any():
+        return {}
+    tpe, random = cell["information"].values[:, usable] / best[usable][None, :, None, None]
+    largest = int(np.flatnonzero(np.isfinite(tpe).any(axis=(0, 1)))[-1])
+    greedy = cell["direct_information"].sel(direct="greedy").values[usable] / best[usable]
+    return {
+        "targets": int(cell["targets"]),
+        "observers": int(cell["observers"]),
+        "budget": int(cell["budget"].values[largest]),
+        "most": int(cell["budget"].values[-1]),
+        "share": t_interval(tpe[..., largest].ravel()),
+        "gain": t_interval((tpe - random)[..., largest].ravel()),
+        "random": np.nanmean(random[..., -1]),
+        "greedy": greedy.mean(),
+        "seconds": np.nanmean(cell["elapsed"].sel(search="tpe").values[..., largest]),
+        "exact_ms": 1e3 * cell["direct_elapsed"].sel(direct="exact").values.mean(),
+    }
+
+
+def _changed(labels: Facts, usual: pd.DataFrame, cell: pd.DataFrame) -> Claim:
+    """Tracking with another method of tasking, less that with exact tasking."""
+    measures = {
+        "position": ("rmse_median", "position", "km"),
+        "coverage": ("coverage", "attitude"),
+        "final": ("final_attitude_error_median",),
+        "unseen": ("never_observed",),
+    }
+    changes = {
+        name: paired(values_of(usual, *own)[:, 0], values_of(cell, *own)[:, 0]).difference
+        for name, own in measures.items()
+    }
+    return judge(table()["comparisons"]["tasking"], labels | changes)
