@@ -6,6 +6,7 @@ min_version("9.0")
 
 
 configfile: "config/config.yaml"
+configfile: "config/variants.yaml"
 
 
 include: "workflow/rules/common.smk"

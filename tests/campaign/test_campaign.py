@@ -20,8 +20,11 @@ from cislunar.campaign.data.netcdf import read_dataset, variable, write_dataset,
 from cislunar.campaign.data.progress import job, progress_log
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.data.seeds import generator
-from cislunar.campaign.settings.cells import merged
-from cislunar.campaign.settings.configuration import check_campaign, load_schema
+from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
+from cislunar.campaign.documents.settings_tables import SETTINGS_BLOCKS
+from cislunar.campaign.settings.checks import check_campaign
+from cislunar.campaign.settings.reading import merged, read_campaign
+from cislunar.campaign.settings.schema import SCHEMA_FILE, schema_text
 from cislunar.errors import ConfigurationError, InputFileError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -277,17 +280,10 @@ def test_best_of_runs_under_the_early_stop(tmp_path):
     write_dataset(best, tmp_path / "random.nc")
 
 
-@pytest.fixture(scope="module")
-def schema():
-    return load_schema(ROOT / "workflow/schemas/config.schema.yaml")
-
-
 @pytest.fixture
 def config(tmp_path):
     """The configuration of the full campaign, writing to a folder of the test."""
-    with open(ROOT / "config/config.yaml", encoding="utf-8") as file:
-        settings = yaml.safe_load(file)
-    return settings | {"results": str(tmp_path / "results")}
+    return read_campaign(ROOT / "config") | {"results": str(tmp_path / "results")}
 
 
 def with_change(config, key, value):
@@ -301,15 +297,15 @@ def with_change(config, key, value):
     return changed
 
 
-def refusal(config, schema):
+def refusal(config):
     """The message a configuration is refused with."""
     with pytest.raises(ConfigurationError) as refused:
-        check_campaign(config, schema)
+        check_campaign(config)
     return str(refused.value)
 
 
-def test_full_configuration_is_accepted(config, schema):
-    check_campaign(config, schema)
+def test_full_configuration_is_accepted(config):
+    check_campaign(config)
     assert not Path(config["results"]).exists()
 
 
@@ -346,45 +342,49 @@ def test_full_configuration_is_accepted(config, schema):
         ("architecture.front.most", 101, "'architecture.front'"),
     ],
 )
-def test_faulty_key_is_named(config, schema, key, value, message):
-    assert message in refusal(with_change(config, key, value), schema)
+def test_faulty_key_is_named(config, key, value, message):
+    assert message in refusal(with_change(config, key, value))
 
 
-def test_missing_key_is_named(config, schema):
+def test_missing_key_is_named(config):
     del config["visibility"]["exclusion_deg"]["moon"]
     message = "configuration key 'visibility.exclusion_deg.moon' is missing"
-    assert refusal(config, schema) == message
+    assert refusal(config) == message
 
 
-def test_every_fault_is_reported_at_once(config, schema):
+def test_every_fault_is_reported_at_once(config):
     faulty = with_change(with_change(config, "seed", -1), "epoch_jdd", 1)
-    message = refusal(faulty, schema)
+    message = refusal(faulty)
     assert "'seed' = -1" in message
     assert "did you mean 'epoch_jd'?" in message
 
 
-def test_results_that_are_a_file_are_refused(config, schema, tmp_path):
+def test_results_that_are_a_file_are_refused(config, tmp_path):
     (tmp_path / "file").write_text("")
     for place in ("file", "file/inside"):
-        message = refusal(config | {"results": str(tmp_path / place)}, schema)
+        message = refusal(config | {"results": str(tmp_path / place)})
         assert f"configuration key 'results' = '{tmp_path / place}'" in message
 
 
-def test_results_that_cannot_be_written_are_refused(config, schema, tmp_path, monkeypatch):
+def test_results_that_cannot_be_written_are_refused(config, tmp_path, monkeypatch):
     closed = tmp_path / "closed"
     closed.mkdir()
     access = os.access
     # The superuser may write anywhere, so permissions are played.
     monkeypatch.setattr(os, "access", lambda p, mode: Path(p) != closed and access(p, mode))
-    message = refusal(config | {"results": str(closed / "new")}, schema)
+    message = refusal(config | {"results": str(closed / "new")})
     assert (
         f"'results' = '{closed / 'new'}': {closed} is not a folder that can be written" in message
     )
 
 
-def test_missing_schema_is_named(tmp_path):
-    with pytest.raises(InputFileError, match="no such file"):
-        load_schema(tmp_path / "schema.yaml")
+def test_missing_configuration_is_named(tmp_path):
+    with pytest.raises(InputFileError, match=r"config\.yaml: no such file"):
+        read_campaign(tmp_path)
+
+
+def test_schema_for_editors_is_that_of_the_settings():
+    assert (ROOT / SCHEMA_FILE).read_text(encoding="utf-8") == schema_text()
 
 
 def explained_keys():
@@ -398,10 +398,13 @@ def explained_keys():
     return keys
 
 
+LEFT_OUT = ("changes", "combine", "settings", "values")
+
+
 def leaves(mapping, prefix=""):
     """Paths of the innermost keys; what a variant or a scenario changes is explained elsewhere."""
     for key, value in mapping.items():
-        if isinstance(value, dict) and value and key not in ("change", "settings"):
+        if isinstance(value, dict) and value and key not in LEFT_OUT:
             yield from leaves(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}"
@@ -423,7 +426,18 @@ def all_keys(config):
     """Keys of the configuration, with those that only a study of one's own has."""
     own = (ROOT / "config/examples/own_study.yaml").read_text(encoding="utf-8")
     study = merged(config, yaml.safe_load(own))
-    return list(leaves(merged(study, {"scenarios": {"E": {"static_targets": "table.csv"}}})))
+    rarely = {
+        "scenarios": {"E": {"static_targets": "table.csv"}},
+        "sweeps": {"noise": {"estimators": ["mukf"]}},
+        "task2": {"variants": {"families": {"slope": {"scenario": "D", "architecture": "exact"}}}},
+    }
+    return list(leaves(merged(study, rarely)))
+
+
+def test_tables_of_settings_are_those_of_the_settings():
+    text = (ROOT / "config/README.md").read_text(encoding="utf-8")
+    assert sorted(generated_blocks(text)) == sorted(SETTINGS_BLOCKS)
+    assert fill_blocks(text, SETTINGS_BLOCKS, "config/README.md") == text
 
 
 def test_every_key_is_explained(config):

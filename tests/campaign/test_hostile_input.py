@@ -17,8 +17,11 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from cislunar.campaign.settings.cells import campaign_cells, cell_settings, mesh_file
-from cislunar.campaign.settings.configuration import check_campaign, load_schema, with_types
+from cislunar.campaign.settings.checks import check_campaign
+from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.preflight import check_inputs
+from cislunar.campaign.settings.reading import read_campaign, with_types
+from cislunar.campaign.settings.scenarios import in_study
 from cislunar.errors import CislunarError, ConfigurationError
 from cislunar.figures.tracking.choice import (
     figure_architectures,
@@ -32,7 +35,6 @@ from cislunar.photometry.mesh_files import load_shape
 from cislunar.targets.missions import load_missions
 
 ROOT = Path(__file__).resolve().parents[2]
-SCHEMA = load_schema(ROOT / "workflow/schemas/config.schema.yaml")
 MISSIONS = (ROOT / "config/missions.csv").read_bytes()
 MOST_CELLS = 100_000
 LONGEST_LINE = 500
@@ -47,7 +49,7 @@ reproducible = settings(
 
 
 def read_config():
-    config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
+    config = read_campaign(ROOT / "config")
     config["targets"]["missions"] = str(ROOT / config["targets"]["missions"])
     return config
 
@@ -132,6 +134,7 @@ def assert_clear(error, *names):
 
 def assert_workflow_can_use(config):
     """What the rules make of an accepted configuration before any job starts."""
+    config = with_families(in_study(config))
     task2, architecture = config["task2"], config["architecture"]
     for number in ("runs", "slots", "max_satellites"):
         assert type(architecture[number]) is int
@@ -154,8 +157,7 @@ def assert_workflow_can_use(config):
 def judge(config):
     """Check a configuration as the workflow does."""
     try:
-        config = with_types(config, SCHEMA)
-        check_campaign(config, SCHEMA)
+        config = check_campaign(with_types(config))
         check_inputs(config)
     except CislunarError as error:
         assert_clear(error, "configuration key", "'task2.", ".csv", ".bsp", "kernel", "mission")
@@ -188,7 +190,7 @@ def elsewhere(tmp_path, monkeypatch):
 @example(change=("add", ("scenarios", "A"), (1, {"targets": 10})))
 @example(change=("add", ("task2", "seeds"), ("seeds\n", 3)))
 @example(change=("replace", ("task2", "architectures"), []))
-@example(change=("replace", ("task2", "variants", "cells"), {}))
+@example(change=("replace", ("task2", "variants", "families"), {}))
 def test_one_hostile_change(elsewhere, change):
     judge(changed(CONFIG, change))
     assert list(elsewhere.iterdir()) == [], "checking wrote something"
@@ -206,7 +208,7 @@ def test_several_hostile_changes(elsewhere, several):
 def test_configuration_that_holds_itself():
     config = yaml.safe_load("task2: &a {seeds: *a}")
     with pytest.raises(ConfigurationError, match="holds itself"):
-        with_types(config, SCHEMA)
+        with_types(config)
 
 
 @reproducible

@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-import yaml
 
-from cislunar.campaign.settings.cells import Cell, merged, variant_cells
+from cislunar.campaign.settings.cells import Cell, variant_cells
+from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.model_error import NONE, SEVERAL, drawn_errors, model_errors
+from cislunar.campaign.settings.reading import merged, read_campaign
 from cislunar.campaign.tracking.model_error_table import COLUMNS, QUANTITIES, model_error_rows
 from cislunar.campaign.tracking.statistics import t_interval
 from cislunar.campaign.tracking.summary import summary_dataset
@@ -23,7 +24,7 @@ SEEDS, TARGETS = 4, 6
 
 @pytest.fixture
 def task2():
-    return yaml.safe_load((CONFIG / "config.yaml").read_text(encoding="utf-8"))["task2"]
+    return with_families(read_campaign(CONFIG))["task2"]
 
 
 def cell_data(level, seed):
@@ -182,7 +183,7 @@ def test_remedies_are_drawn_apart(task2):
 def test_a_table_without_sizes_is_refused(task2):
     task2 = merged(task2, {})
     table = model_error_rows(summary_with(["mukf"]), model_errors(task2))
-    with pytest.raises(InputFileError, match=r"model_error\.csv.*task2\.variants\.cells"):
+    with pytest.raises(InputFileError, match=r"model_error\.csv.*task2\.variants\.families"):
         model_error_figure(table[table.kind == NONE])
 
 

@@ -13,9 +13,11 @@ from campaign_folder import ROOT, copy_workflow, snakemake
 
 from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.data.own_targets import own_static_dataset, own_tracked_dataset
-from cislunar.campaign.settings.cells import campaign_cells, cell_settings, merged, variant_cells
-from cislunar.campaign.settings.configuration import check_campaign, load_schema, with_types
+from cislunar.campaign.settings.cells import campaign_cells, cell_settings, variant_cells
+from cislunar.campaign.settings.checks import check_campaign
+from cislunar.campaign.settings.families import sweep_points, swept_cells, with_families
 from cislunar.campaign.settings.preflight import check_inputs
+from cislunar.campaign.settings.reading import merged, read_campaign, with_types
 from cislunar.campaign.settings.scenarios import (
     SECTIONS,
     in_study,
@@ -23,7 +25,6 @@ from cislunar.campaign.settings.scenarios import (
     shared_dataset,
     tracked_count,
 )
-from cislunar.campaign.settings.sweeps import sweep_points, swept_cells, with_sweeps
 from cislunar.campaign.tracking.summary import PER_CELL, PER_PART
 from cislunar.campaign.tracking.sweep_table import COLUMNS, plotted_values, sweep_rows
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
@@ -31,8 +32,6 @@ from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.figures.search.sweep import sweep_figure
 from cislunar.targets.tables import load_target_positions, load_target_states
 from cislunar.tasking.simulation import epoch_states
-
-SCHEMA = load_schema(ROOT / "workflow/schemas/config.schema.yaml")
 
 
 def _yaml(name):
@@ -42,7 +41,7 @@ def _yaml(name):
 @pytest.fixture
 def paper(tmp_path):
     """The configuration of the full campaign."""
-    return _yaml("config.yaml") | {"results": str(tmp_path)}
+    return read_campaign(ROOT / "config") | {"results": str(tmp_path)}
 
 
 @pytest.fixture
@@ -72,7 +71,9 @@ def test_the_papers_scenarios_are_set_as_the_campaign(paper):
         assert own == {key: paper[key] for key in SECTIONS}
         for name in ("ephemeris/sun", "targets/zvs_points", "orbits/tracked"):
             assert shared_dataset(paper, scenario, name) == f"{name}.nc"
-    assert with_sweeps(in_study(paper)) == paper
+    whole = with_families(in_study(paper))
+    whole["task2"]["variants"] = paper["task2"]["variants"]
+    assert whole == paper
 
 
 def test_a_scenario_keeps_what_it_does_not_set(study):
@@ -87,7 +88,9 @@ def test_a_scenario_keeps_what_it_does_not_set(study):
 
 
 def test_scenarios_with_the_same_settings_share_their_data(study):
-    whole = with_sweeps(study | {"scenarios": {"A": {"targets": 9}, "D": study["scenarios"]["D"]}})
+    whole = with_families(
+        study | {"scenarios": {"A": {"targets": 9}, "D": study["scenarios"]["D"]}}
+    )
     whole["scenarios"]["E"] = {"targets": 5, "settings": {"targets": {"seeding": "random"}}}
     for name in ("ephemeris/sun", "targets/zvs_points", "orbits/tracked"):
         assert shared_dataset(whole, "A", name) == f"{name}.nc"
@@ -103,32 +106,34 @@ def test_scenarios_with_the_same_settings_share_their_data(study):
 
 def test_what_refers_to_a_scenario_left_out_is_left_out(paper):
     changed = merged(paper, {"scenarios": {"A": None}})
-    check_campaign(changed, SCHEMA)
+    check_campaign(changed)
     left = in_study(changed)
     assert list(left["scenarios"]) == ["B", "C"]
-    assert {cell.scenario for cell in campaign_cells(left["task2"])} == {"B", "C"}
-    assert variant_cells(left["task2"]) == []
+    cells = campaign_cells(with_families(left)["task2"])
+    assert {cell.scenario for cell in cells} == {"B", "C"}
+    assert variant_cells(with_families(left)["task2"]) == []
     for section, key in (("architecture", "readings"), ("task2", "tasking_comparison")):
         assert left[section][key]["scenario"] is None
     assert paper["scenarios"]["A"] == {"targets": 100}
     with pytest.raises(ConfigurationError, match="'scenarios': every scenario is null"):
-        check_campaign(merged(paper, {"scenarios": dict.fromkeys("ABC")}), SCHEMA)
+        check_campaign(merged(paper, {"scenarios": dict.fromkeys("ABC")}))
 
 
 def test_a_variant_may_name_its_own_scenario(study):
-    cell = {"scenario": "D", "architecture": "exact", "targets": [6], "change": {"seeds": 1}}
-    changed = with_change(study, "task2.variants.cells.few", cell)
-    check_campaign(changed, SCHEMA)
-    assert [cell.path for cell in variant_cells(in_study(changed)["task2"])][:1] == [
+    family = {"scenario": "D", "architecture": "exact", "targets": [6], "changes": {}}
+    family["changes"]["few"] = {"seeds": 1}
+    changed = with_change(study, "task2.variants.families.few", family)
+    check_campaign(changed)
+    assert [cell.path for cell in variant_cells(with_families(in_study(changed))["task2"])][:1] == [
         f"task2/D/exact/{study['task2']['estimators'][0]}/nt6_dt60_few.nc"
     ]
 
 
 def test_the_example_is_accepted(study):
-    check_campaign(study, SCHEMA)
+    check_campaign(study)
     check_inputs(study)
     assert tracked_count(study, "D") == 12
-    typed = with_types({"scenarios": {"D": {"settings": {"epoch_jd": "2461465.5"}}}}, SCHEMA)
+    typed = with_types({"scenarios": {"D": {"settings": {"epoch_jd": "2461465.5"}}}})
     assert typed["scenarios"]["D"]["settings"]["epoch_jd"] == 2461465.5
 
 
@@ -155,7 +160,7 @@ def test_the_example_is_accepted(study):
 )
 def test_faults_of_a_study_are_one_line_that_names_the_key(study, key, value, message):
     with pytest.raises((ConfigurationError, InputFileError)) as refused:
-        check_campaign(with_change(study, key, value), SCHEMA)
+        check_campaign(with_change(study, key, value))
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -272,11 +277,12 @@ def test_a_sweep_of_the_tracking_makes_variants(study):
     points = sweep_points(study, "noise")
     assert [point.variant for point in points] == [f"noise-{v}" for v in (0.02, 0.05, 0.2)]
     assert {point.scenario for point in points} == {"D"}
-    whole = with_sweeps(in_study(study))
+    whole = with_families(in_study(study))
     own = scenario_settings(whole, "D")["task2"]
     changed = cell_settings(own, "noise-0.2")
     assert changed["sensor"] == own["sensor"] | {"magnitude_noise": 0.2}
-    assert campaign_cells(whole["task2"]) == campaign_cells(in_study(study)["task2"])
+    without = with_families(in_study(study | {"sweeps": {}}))
+    assert campaign_cells(whole["task2"]) == campaign_cells(without["task2"])
     estimators = study["task2"]["estimators"]
     paths = [cell.path for cell in swept_cells(study, "noise")]
     assert paths[0] == f"task2/D/exact/{estimators[0]}/nt12_dt60_noise-0.02.nc"
@@ -284,7 +290,7 @@ def test_a_sweep_of_the_tracking_makes_variants(study):
 
 
 def test_a_sweep_of_the_optimization_makes_scenarios(study):
-    whole = with_sweeps(in_study(study))
+    whole = with_families(in_study(study))
     names = [f"D-limit-{value}" for value in (17, 18.5, 20)]
     assert list(whole["scenarios"]) == ["D", *names]
     for value, name in zip((17, 18.5, 20), names, strict=True):

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-import yaml
 
 from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.data.netcdf import variable, write_dataset
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.preflight import check_inputs, check_target_count
+from cislunar.campaign.settings.reading import read_campaign
 from cislunar.errors import ConfigurationError, InputFileError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.fixture
 def config():
     """The configuration of the full campaign, wherever the tests are started."""
-    settings = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
+    settings = read_campaign(ROOT / "config")
     settings["targets"]["missions"] = str(ROOT / settings["targets"]["missions"])
     return settings
 

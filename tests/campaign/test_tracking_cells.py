@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-import yaml
 
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
 from cislunar.campaign.settings.cells import (
@@ -18,13 +17,14 @@ from cislunar.campaign.settings.cells import (
     cell_settings,
     check_cell,
     estimator_names,
-    merged,
     mesh_file,
     sweep_cells,
     true_settings,
     variant_cells,
 )
-from cislunar.campaign.settings.configuration import check_campaign, load_schema, with_types
+from cislunar.campaign.settings.checks import check_campaign
+from cislunar.campaign.settings.families import with_families
+from cislunar.campaign.settings.reading import merged, read_campaign, with_types
 from cislunar.campaign.tracking.cell import (
     body_facets,
     loop_settings,
@@ -48,7 +48,6 @@ from cislunar.tasking.closed_loop import LoopSettings
 from cislunar.tasking.simulation import INITIAL_RATE_DEG_H
 
 ROOT = Path(__file__).resolve().parents[2]
-SCHEMA = load_schema(ROOT / "workflow/schemas/config.schema.yaml")
 PAPER_COUNTS = {
     "A": [20, 25, 30, 50, 75, 100, 125, 150, 175, 202],
     "B": [33, 50, 75, 100, 125, 150, 175, 202],
@@ -56,13 +55,15 @@ PAPER_COUNTS = {
 }
 
 
-def _yaml(name):
-    return yaml.safe_load((ROOT / "config" / name).read_text())
+@pytest.fixture
+def config(tmp_path):
+    return read_campaign(ROOT / "config") | {"results": str(tmp_path)}
 
 
 @pytest.fixture
-def config(tmp_path):
-    return _yaml("config.yaml") | {"results": str(tmp_path)}
+def task2(config):
+    """Key `task2` with every variant its families make."""
+    return with_families(config)["task2"]
 
 
 def _set(config, path, value):
@@ -115,14 +116,14 @@ def test_number_of_tracked_targets_is_that_of_the_orbits():
 
 
 @pytest.mark.parametrize("name", ["quick.yaml", "paper_tpe.yaml"])
-def test_the_other_configurations_are_valid(config, name, tmp_path):
-    whole = merged(config, _yaml(name)) | {"results": str(tmp_path)}
-    check_campaign(whole, SCHEMA)
-    assert len(campaign_cells(whole["task2"])) > 0
+def test_the_other_configurations_are_valid(name, tmp_path):
+    whole = read_campaign(ROOT / "config", ROOT / "config" / name) | {"results": str(tmp_path)}
+    check_campaign(whole)
+    assert len(campaign_cells(with_families(whole)["task2"])) > 0
 
 
-def test_all_cells_have_paths_of_their_own_and_variants_their_counterpart(config):
-    cells = campaign_cells(config["task2"])
+def test_all_cells_have_paths_of_their_own_and_variants_their_counterpart(task2):
+    cells = campaign_cells(task2)
     assert len({cell.path for cell in cells}) == len(cells)
     assert all(cell._replace(variant="") in cells for cell in cells)
     assert Cell("A", "tpe", "mukf", 50, 60).path == "task2/A/tpe/mukf/nt50_dt60.nc"
@@ -132,7 +133,7 @@ def test_all_cells_have_paths_of_their_own_and_variants_their_counterpart(config
 def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
     config["scenarios"]["D"] = {"targets": 10}
     config["task2"]["target_counts"]["D"] = [20]
-    check_campaign(config, SCHEMA)
+    check_campaign(config)
     found = {c.architecture for c in sweep_cells(config["task2"]) if c.scenario == "D"}
     assert found == {"tpe"}
 
@@ -178,13 +179,13 @@ def test_impossible_values_name_the_key(config, key, value):
         config["task2"]["step_s"] = 40
         config["task2"]["duration_hours"] = 24
     with pytest.raises(ConfigurationError, match=re.escape(key)):
-        check_campaign(config, SCHEMA)
+        check_campaign(config)
 
 
 def test_unknown_keys_are_refused_with_a_suggestion(config):
     config["task2"]["taskng"] = config["task2"].pop("tasking")
     with pytest.raises(ConfigurationError, match=r"'task2\.taskng'.*did you mean 'tasking'"):
-        check_campaign(config, SCHEMA)
+        check_campaign(config)
 
 
 @pytest.mark.parametrize(
@@ -203,15 +204,15 @@ def test_unknown_keys_are_refused_with_a_suggestion(config):
     ],
 )
 def test_changes_of_a_variant_are_checked_like_settings(config, change, message):
-    cells = config["task2"]["variants"]["cells"]
-    cells["other"] = {"targets": [20], "change": change}
+    families = config["task2"]["variants"]["families"]
+    families["other"] = {"targets": [20], "changes": {"other": change}}
     if message is None:
-        check_campaign(config, SCHEMA)
-        assert cell_settings(config["task2"], "other")["step_s"] == 24
+        check_campaign(config)
+        assert cell_settings(with_families(config)["task2"], "other")["step_s"] == 24
         return
     with pytest.raises(ConfigurationError, match=message) as caught:
-        check_campaign(config, SCHEMA)
-    assert "task2.variants.cells.other.change" in str(caught.value)
+        check_campaign(config)
+    assert "task2.variants.families.other.changes.other" in str(caught.value)
 
 
 def test_truth_is_the_belief_unless_said_otherwise(config):
@@ -238,7 +239,7 @@ def test_truth_changes_alone(config):
         "angular_acceleration_deg_h2": [0, 0, 0.1],
     }
     config["task2"]["truth"] = change
-    check_campaign(config, SCHEMA)
+    check_campaign(config)
     settings = cell_settings(config["task2"])
     assert loop_settings(settings, 60) == usual
     model = truth_model(settings, 2)
@@ -256,9 +257,9 @@ def test_truth_changes_alone(config):
     assert turned == pytest.approx(7.2)
 
 
-def test_torques_of_the_variants_turn_by_what_their_names_say(config):
+def test_torques_of_the_variants_turn_by_what_their_names_say(task2):
     for name, degrees in (("torque-5", 5.0), ("torque-30", 30.0)):
-        settings = cell_settings(config["task2"], name)
+        settings = cell_settings(task2, name)
         pushed = np.array(true_settings(settings)["angular_acceleration_deg_h2"])
         assert 0.5 * np.linalg.norm(pushed) * 24.0**2 == pytest.approx(degrees, rel=1e-3)
         spin = np.array(INITIAL_RATE_DEG_H)
@@ -266,8 +267,7 @@ def test_torques_of_the_variants_turn_by_what_their_names_say(config):
         assert cosine == pytest.approx(1.0)
 
 
-def test_a_variant_names_its_estimators(config):
-    task2 = config["task2"]
+def test_a_variant_names_its_estimators(task2):
     task2["estimators"] = ["mukf", "other"]
     task2["variants"]["cells"] = {
         "plain": {"targets": [20], "change": {"step_s": 30}},
@@ -283,16 +283,16 @@ def test_a_variant_names_its_estimators(config):
     assert Cell("A", "published", "third", 20, 60) in plain
 
 
-def test_a_change_leaves_the_other_settings_alone(config):
-    before = copy.deepcopy(config["task2"])
-    changed = cell_settings(config["task2"], "irradiance")
-    usual = cell_settings(config["task2"])
-    assert config["task2"] == before
+def test_a_change_leaves_the_other_settings_alone(task2):
+    before = copy.deepcopy(task2)
+    changed = cell_settings(task2, "irradiance")
+    usual = cell_settings(task2)
+    assert task2 == before
     differing = [key for key in usual if usual[key] != changed[key]]
     assert differing == ["photometry"]
     assert changed["photometry"] == {"irradiance": "1/r^2", "fresnel": "sqrt"}
-    with pytest.raises(ConfigurationError, match=r"nothing.*task2\.variants\.cells"):
-        cell_settings(config["task2"], "nothing")
+    with pytest.raises(ConfigurationError, match=r"nothing.*task2\.variants\.families"):
+        cell_settings(task2, "nothing")
 
 
 def test_cells_asked_for_by_name_are_checked(config):
@@ -353,7 +353,7 @@ def sources():
 
 
 def _small(**changes):
-    settings = cell_settings(_yaml("config.yaml")["task2"])
+    settings = cell_settings(read_campaign(ROOT / "config")["task2"])
     base = {"seeds": 2, "duration_hours": 3, "sensor": {"limiting_magnitude": 22}}
     return merged(merged(settings, base), changes)
 
@@ -647,11 +647,11 @@ def test_settings_from_the_command_line_get_their_types(config):
     """Snakemake hands nested values of --config over as strings."""
     task2 = {"seeds": "3", "step_s": "30", "body": {"radius_m": "null"}, "estimators": ["mukf"]}
     task2 |= {"target_counts": {"A": ["20", "30"]}, "tasking": {"track_gate": "false"}}
-    typed = with_types(merged(config, {"task2": task2}), SCHEMA)["task2"]
+    typed = with_types(merged(config, {"task2": task2}))["task2"]
     assert (typed["seeds"], typed["step_s"], typed["body"]["radius_m"]) == (3, 30, None)
     assert typed["target_counts"]["A"] == [20, 30]
     assert typed["tasking"]["track_gate"] is False
     assert typed["photometry"] == config["task2"]["photometry"]
-    wrong = with_types(merged(config, {"task2": {"seeds": "many"}}), SCHEMA)
+    wrong = with_types(merged(config, {"task2": {"seeds": "many"}}))
     with pytest.raises(ConfigurationError, match=r"task2\.seeds"):
-        check_campaign(wrong, SCHEMA)
+        check_campaign(wrong)

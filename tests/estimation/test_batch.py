@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
+from cislunar.campaign.settings.cells import cell_settings
+from cislunar.campaign.settings.families import with_families
+from cislunar.campaign.settings.reading import read_campaign
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Prediction
@@ -23,7 +25,7 @@ from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.information import TaskingModel
 from cislunar.tasking.simulation import draw_truth, initial_estimate
 
-CONFIG = Path(__file__).parents[2] / "config/config.yaml"
+CONFIG = Path(__file__).parents[2] / "config"
 SENSOR = Sensor(limiting_magnitude=24.0)
 
 
@@ -218,11 +220,10 @@ def test_noise_on_the_rotation_is_refused():
 
 
 def test_presets_are_those_of_the_configuration():
-    config = yaml.safe_load(CONFIG.read_text())["task2"]
-    assert BatchSettings(**config["batch"]) == PRESETS["default"]
+    task2 = with_families(read_campaign(CONFIG))["task2"]
+    assert BatchSettings(**task2["batch"]) == PRESETS["default"]
     for name in ("accurate", "single-start"):
-        change = config["variants"]["cells"][name]["change"]["batch"]
-        assert BatchSettings(**{**config["batch"], **change}) == PRESETS[name]
+        assert BatchSettings(**cell_settings(task2, name)["batch"]) == PRESETS[name]
 
 
 def test_later_measurements_do_not_change_earlier_estimates():

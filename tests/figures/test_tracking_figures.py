@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-import yaml
 from matplotlib.collections import QuadMesh
 
-from cislunar.campaign.settings.cells import Cell, merged
+from cislunar.campaign.settings.cells import Cell
+from cislunar.campaign.settings.families import with_families
+from cislunar.campaign.settings.reading import read_campaign
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
 from cislunar.campaign.tracking.summary import summary_dataset
 from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED, TRACKED
@@ -48,11 +49,7 @@ SIZES = np.repeat([0.1, 1e-5, 1e-5, 1e-4], 3)
 
 def task2(*files):
     """Key `task2` of the configuration, with further files over it."""
-    config = {}
-    for name in ("config.yaml", *files):
-        with open(CONFIG / name, encoding="utf-8") as file:
-            config = merged(config, yaml.safe_load(file))
-    return config["task2"]
+    return with_families(read_campaign(CONFIG, *(CONFIG / name for name in files)))["task2"]
 
 
 def cell_data(targets, seed=0):

@@ -20,6 +20,7 @@ from cislunar.campaign.documents.results_page import (
     verdict_counts,
 )
 from cislunar.campaign.documents.run_times import run_times
+from cislunar.campaign.documents.settings_tables import SETTINGS_BLOCKS
 from cislunar.campaign.readings.photometry import RETURNED, photometry_table
 from cislunar.errors import InputFileError
 
@@ -236,7 +237,7 @@ def test_blocks_of_the_repository_are_known():
         for path in documents.documents(ROOT)
         for name in generated_blocks(path.read_text(encoding="utf-8"))
     ]
-    assert set(found) <= {*BLOCKS, "rule-graph"}
+    assert set(found) <= {*BLOCKS, *SETTINGS_BLOCKS, "rule-graph"}
     assert {"verdicts", "files", "readings-tracking", "labels", "photometry"} <= set(found)
 
 

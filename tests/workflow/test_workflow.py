@@ -9,6 +9,8 @@ import pytest
 import yaml
 from campaign_folder import QUICK, ROOT, copy_workflow, run, snakemake
 
+from cislunar.campaign.settings.reading import read_campaign
+
 pytestmark = pytest.mark.workflow
 
 
@@ -33,7 +35,7 @@ def test_dry_run_of_the_full_campaign(fresh):
     assert code == 0, output[-3000:]
     jobs = dict(re.findall(r"^(\w+) +(\d+)$", output, flags=re.MULTILINE))
     # Three scenarios with five searches of each kind, and TPE with the other labels in A.
-    config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
+    config = read_campaign(ROOT / "config")
     runs = config["architecture"]["runs"]
     others = len(config["architecture"]["label_comparison"]["labels"])
     assert int(jobs["search_run"]) == runs * (3 * 2 + others)

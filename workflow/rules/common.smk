@@ -4,15 +4,16 @@ import os
 import re
 
 from cislunar.architecture.published import PUBLISHED
-from cislunar.campaign.settings.configuration import check_campaign, load_schema, with_types
+from cislunar.campaign.settings.checks import check_campaign
+from cislunar.campaign.settings.families import sweep_points, swept_cells, with_families
 from cislunar.campaign.settings.preflight import check_inputs
+from cislunar.campaign.settings.reading import with_types
 from cislunar.campaign.settings.scenarios import (
     in_study,
     scenario_settings,
     shared_dataset,
     tracked_count,
 )
-from cislunar.campaign.settings.sweeps import sweep_points, swept_cells, with_sweeps
 from cislunar.campaign.settings.cells import (
     cell_settings,
     check_cell,
@@ -22,12 +23,12 @@ from cislunar.campaign.settings.cells import (
 from cislunar.errors import CislunarError
 
 try:
-    SCHEMA = load_schema(workflow.source_path("../schemas/config.schema.yaml"))
-    config.update(with_types(config, SCHEMA))
-    check_campaign(config, SCHEMA)
+    config.update(check_campaign(with_types(config)))
     check_inputs(config)
     config.update(in_study(config))
-    STUDY = with_sweeps(config)
+    # with the variants, and with those and the scenarios of sweeps as well
+    CAMPAIGN = with_families({**config, "sweeps": {}})
+    STUDY = with_families(config)
     TRACKED_COUNT = {name: tracked_count(STUDY, name) for name in STUDY["scenarios"]}
 except CislunarError as error:
     # not an exception that Snakemake would wrap in lines of its own
@@ -38,7 +39,7 @@ SCENARIOS = list(config["scenarios"])
 # Without any scenario of the paper there is nothing to compare with it.
 OF_THE_PAPER = any(scenario in PUBLISHED for scenario in SCENARIOS)
 ARCHITECTURE = config["architecture"]
-TASK2 = config["task2"]
+TASK2 = CAMPAIGN["task2"]
 OPTIMIZERS = ARCHITECTURE["optimizers"]
 # Lowered to --cores by Snakemake, and known to commands that take no --cores, such as --report.
 ALL_CORES = os.cpu_count()
@@ -67,7 +68,7 @@ wildcard_constraints:
 
 def settings(*keys):
     """The slice of the configuration a rule depends on."""
-    return {key: config[key] for key in keys}
+    return {key: CAMPAIGN[key] for key in keys}
 
 
 def settings_in(scenario, *keys):

@@ -3,7 +3,7 @@
 from cislunar.campaign.data.netcdf import read_dataset, write_text
 from cislunar.campaign.data.progress import job
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.settings.sweeps import SweepPoint
+from cislunar.campaign.settings.families import SweepPoint
 from cislunar.campaign.tracking.summary import read_cell_metrics, summary_dataset
 from cislunar.campaign.tracking.sweep_table import architecture_values, sweep_rows
 

@@ -25,6 +25,7 @@ from cislunar.campaign.documents.blocks import BLOCKS
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
 from cislunar.campaign.documents.results_page import results_body, shown_quantities
 from cislunar.campaign.documents.run_times import run_times
+from cislunar.campaign.documents.settings_tables import SETTINGS_BLOCKS
 from cislunar.errors import CislunarError, InputFileError
 
 RESULTS_PAGE = "results.md"
@@ -170,7 +171,7 @@ def block_makers(
         Makes Markdown without arguments.
     """
     makers = {name: partial(make, tables) for name, make in BLOCKS.items()}
-    return makers | {"rule-graph": partial(rule_graph, root)}
+    return makers | {"rule-graph": partial(rule_graph, root), **SETTINGS_BLOCKS}
 
 
 def outdated(root: str | Path) -> dict[Path, str]:

@@ -10,6 +10,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from cislunar.architecture.published import PUBLISHED
+from cislunar.campaign.settings.reading import merged
+from cislunar.campaign.settings.tree import Cell as CellSection
 from cislunar.errors import ConfigurationError
 
 TRACKED_TARGETS = 202
@@ -18,22 +20,7 @@ TRACKED_TARGETS = 202
 MOST_STEPS = 10_000_000
 """More steps of a horizon or a run than this are taken for a slip of the pen."""
 
-CELL_KEYS = (
-    "seeds",
-    "monitored_seed",
-    "duration_hours",
-    "step_s",
-    "record_minutes",
-    "tasking",
-    "sensor",
-    "initial_sigma",
-    "process_noise",
-    "batch",
-    "body",
-    "material",
-    "photometry",
-    "truth",
-)
+CELL_KEYS = tuple(CellSection.model_fields)
 """Keys of `task2` that set a cell, and that a variant may change."""
 
 
@@ -69,25 +56,6 @@ class Cell(NamedTuple):
         )
 
 
-def merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
-    """A mapping with some entries replaced, at any depth.
-
-    Parameters
-    ----------
-    base, change : mapping
-        What there is, and what is to be different.
-
-    Returns
-    -------
-    dict
-    """
-    result = dict(base)
-    for key, value in change.items():
-        nested = isinstance(value, Mapping) and isinstance(base.get(key), Mapping)
-        result[key] = merged(base[key], value) if nested else value
-    return result
-
-
 def cell_settings(task2: Mapping[str, Any], variant: str = "") -> dict[str, Any]:
     """Settings of a cell.
 
@@ -114,8 +82,8 @@ def cell_settings(task2: Mapping[str, Any], variant: str = "") -> dict[str, Any]
     variants = task2["variants"]["cells"]
     if variant not in variants:
         raise ConfigurationError(
-            f"variant {variant!r} is not in the configuration key 'task2.variants.cells', which "
-            f"has {', '.join(variants) or 'none'}"
+            f"variant {variant!r} is none of the configuration key 'task2.variants.families', "
+            f"which make {', '.join(variants) or 'none'}"
         )
     return merged(base, variants[variant]["change"])
 
@@ -305,26 +273,6 @@ def check_cell(
             f"tasking interval of {interval_minutes} min (dt{interval_minutes} in the file name) "
             f"is no multiple of 'task2.step_s' = {step} s: choose another interval or step"
         )
-
-
-def variant_schema(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """Schema of the settings of a cell, from that of the configuration.
-
-    Parameters
-    ----------
-    schema : mapping
-        JSON schema of the configuration.
-
-    Returns
-    -------
-    dict
-    """
-    known = schema["properties"]["task2"]["properties"]
-    return {
-        "type": "object",
-        "additionalProperties": False,
-        "properties": {key: known[key] for key in CELL_KEYS},
-    }
 
 
 def mesh_file(settings: Mapping[str, Any]) -> list[str]:

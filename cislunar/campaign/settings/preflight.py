@@ -14,8 +14,8 @@ from typing import Any
 
 from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.settings.cells import MOST_STEPS
+from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.scenarios import in_study, scenario_settings, shared_dataset
-from cislunar.campaign.settings.sweeps import with_sweeps
 from cislunar.ephemeris.sampling import check_coverage
 from cislunar.errors import ConfigurationError
 from cislunar.targets.missions import load_missions
@@ -28,7 +28,7 @@ def check_inputs(config: Mapping[str, Any]) -> None:
     Parameters
     ----------
     config : mapping
-        A configuration that `cislunar.campaign.settings.configuration.check_campaign` accepts.
+        A configuration that `cislunar.campaign.settings.checks.check_campaign` accepts.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def check_inputs(config: Mapping[str, Any]) -> None:
         If the horizon is no whole number of steps, a scenario has more targets than there are
         sampled points, or an optimizer cannot run.
     """
-    config = with_sweeps(in_study(config))
+    config = with_families(in_study(config))
     _check_horizon("visibility", config["visibility"])
     load_missions(config["targets"]["missions"])
     for scenario in config["scenarios"]:

@@ -9,10 +9,12 @@ checked at once.
 from collections.abc import Mapping
 from typing import Any
 
-from cislunar.campaign.settings.cells import CELL_KEYS, TRACKED_TARGETS, merged, variant_place
+from cislunar.campaign.settings.cells import TRACKED_TARGETS
+from cislunar.campaign.settings.reading import merged
+from cislunar.campaign.settings.tree import Surroundings
 from cislunar.targets.tables import load_target_states
 
-SECTIONS = ("epoch_jd", "ephemeris", "targets", "visibility", "task2")
+SECTIONS = tuple(Surroundings.model_fields)
 """Keys of the configuration a scenario may set for itself; of `task2`, those of a cell."""
 
 COMPARISONS = (
@@ -21,30 +23,6 @@ COMPARISONS = (
     ("task2", "tasking_comparison"),
 )
 """Parts of the configuration that rest on one scenario, and are left out without it."""
-
-
-def settings_schema(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """Schema of what a scenario sets for itself: parts of the configuration, none required.
-
-    Parameters
-    ----------
-    schema : mapping
-        JSON schema of the configuration.
-
-    Returns
-    -------
-    dict
-    """
-    known = {key: _optional(schema["properties"][key]) for key in SECTIONS}
-    known["task2"]["properties"] = {key: known["task2"]["properties"][key] for key in CELL_KEYS}
-    return {"type": "object", "additionalProperties": False, "properties": known}
-
-
-def _optional(schema: Any) -> Any:
-    """A schema whose keys may all be left out."""
-    if not isinstance(schema, Mapping):
-        return schema
-    return {key: _optional(part) for key, part in schema.items() if key != "required"}
 
 
 def in_study(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -61,9 +39,7 @@ def in_study(config: Mapping[str, Any]) -> dict[str, Any]:
         The same if no scenario is null. Comparisons that rest on a scenario left out have null
         for it.
     """
-    absent = {name for name, entry in config["scenarios"].items() if entry is None}
-    if not absent:
-        return dict(config)
+    absent = {None, *(name for name, entry in config["scenarios"].items() if entry is None)}
 
     def kept(counts: Mapping[str, Any]) -> dict[str, Any]:
         return {name: value for name, value in counts.items() if name not in absent}
@@ -78,10 +54,12 @@ def in_study(config: Mapping[str, Any]) -> dict[str, Any]:
     task2["other_architectures"] = {
         name: kept(counts) for name, counts in task2["other_architectures"].items()
     }
-    variants = task2["variants"]
-    cells = {n: v for n, v in variants["cells"].items() if variant_place(task2, n)[0] not in absent}
-    usual = None if variants["scenario"] in absent else variants["scenario"]
-    task2["variants"] = variants | {"scenario": usual, "cells": cells}
+    usual = task2["variants"]["scenario"]
+    families = task2["variants"]["families"].items()
+    task2["variants"] = task2["variants"] | {
+        "scenario": None if usual in absent else usual,
+        "families": {n: f for n, f in families if f.get("scenario", usual) not in absent},
+    }
     for section, key in COMPARISONS:
         if result[section][key]["scenario"] in absent:
             result[section] = result[section] | {key: result[section][key] | {"scenario": None}}

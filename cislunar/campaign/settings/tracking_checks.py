@@ -1,7 +1,7 @@
 """What ties the keys of sensor tasking and tracking to each other and to the scenarios."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from cislunar.attitude.inertia import inertia_matrix
@@ -15,22 +15,22 @@ from cislunar.campaign.settings.cells import (
     true_settings,
     variant_place,
 )
+from cislunar.campaign.settings.families import StatedVariant, stated_variants, swept_cells
 from cislunar.campaign.settings.scenarios import scenario_settings, tracked_count
-from cislunar.campaign.settings.sweeps import swept_cells, variant_key
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.light_curves.batch_settings import BatchSettings
 
 
-def check_tracking(config: Mapping[str, Any]) -> None:
+def check_tracking(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
     """Check what ties the keys of `task2` to each other and to the rest.
 
     The variants' own settings are checked like those of the configuration.
 
     Parameters
     ----------
+    study : mapping
+        The configuration, every key of which is allowed by itself.
     config : mapping
-        The configuration, valid by its schema, with the scenarios and variants of its sweeps
-        (`cislunar.campaign.settings.sweeps.with_sweeps`).
+        The same with what its families make, `cislunar.campaign.settings.families.with_families`.
 
     Raises
     ------
@@ -43,14 +43,14 @@ def check_tracking(config: Mapping[str, Any]) -> None:
     _check_times("task2.", task2, config)
     for key, scenario, _ in _target_counts(config):
         _require_scenario(f"task2.{key}", scenario, scenarios)
-    _check_architectures(config)
+    stated = list(stated_variants(study))
+    _check_architectures(config, stated)
     settings = {name: scenario_settings(config, name) for name in scenarios}
     for name, own in settings.items():
         _check_times(f"scenarios.{name}.settings.task2.", own["task2"], own)
-    for name in task2["variants"]["cells"]:
-        own = settings[variant_place(task2, name)[0]]
-        changed = cell_settings(own["task2"], name)
-        _check_times(f"{variant_key(config, name)}: ", changed, own)
+    for variant in stated:
+        own = settings[variant_place(task2, variant.name)[0]]
+        _check_times(f"{variant.key}: ", cell_settings(own["task2"], variant.name), own)
     minutes = {
         "interval_minutes": [task2["interval_minutes"]],
         "intervals.minutes": task2["intervals"]["minutes"],
@@ -62,7 +62,7 @@ def check_tracking(config: Mapping[str, Any]) -> None:
                     f"configuration key 'task2.{key}': {value} min is no multiple of "
                     f"'task2.step_s' = {task2['step_s']} s"
                 )
-    _check_counts(config)
+    _check_counts(config, stated)
     if task2["tasking_comparison"]["scenario"] is not None:
         _check_comparison(task2, settings[task2["tasking_comparison"]["scenario"]]["task2"])
 
@@ -81,14 +81,14 @@ def _target_counts(config: Mapping[str, Any]) -> Iterator[tuple[str, str, list[i
             yield f"{key}.{scenario}", scenario, targets
 
 
-def _check_counts(config: Mapping[str, Any]) -> None:
+def _check_counts(config: Mapping[str, Any], stated: Iterable[StatedVariant]) -> None:
     """Refuse more moving targets than a scenario has, and cells that cannot be run."""
     task2, compared = config["task2"], config["task2"]["tasking_comparison"]
     available = {name: tracked_count(config, name) for name in config["scenarios"]}
     counts = [(f"task2.{key}", scenario, n) for key, scenario, n in _target_counts(config)]
-    for name, variant in task2["variants"]["cells"].items():
-        scenario, _ = variant_place(task2, name)
-        counts.append((f"task2.variants.cells.{name}.targets", scenario, variant["targets"]))
+    for variant in stated:
+        scenario, _ = variant_place(task2, variant.name)
+        counts.append((f"{variant.family}.targets", scenario, variant.entry["targets"]))
     counts.append(("task2.tasking_comparison.targets", compared["scenario"], compared["targets"]))
     for name, sweep in config["sweeps"].items():
         counts.append((f"sweeps.{name}.targets", sweep["scenario"], sweep.get("targets", ())))
@@ -112,21 +112,21 @@ def _check_counts(config: Mapping[str, Any]) -> None:
         )
 
 
-def _check_architectures(config: Mapping[str, Any]) -> None:
+def _check_architectures(config: Mapping[str, Any], stated: Iterable[StatedVariant]) -> None:
     """Scenario and architecture of the variants and of the comparison of tasking methods."""
     task2 = config["task2"]
     variants, compared = task2["variants"], task2["tasking_comparison"]
-    places = {"variants": (variants["scenario"], variants["architecture"])}
-    places["tasking_comparison"] = (compared["scenario"], compared["architecture"])
-    for name in variants["cells"]:
-        places[f"variants.cells.{name}"] = variant_place(task2, name)
+    places = {"task2.variants": (variants["scenario"], variants["architecture"])}
+    places["task2.tasking_comparison"] = (compared["scenario"], compared["architecture"])
+    for variant in stated:
+        places[variant.family] = variant_place(task2, variant.name)
     for key, (scenario, architecture) in places.items():
         if scenario is None:
             continue
-        _require_scenario(f"task2.{key}.scenario", scenario, config["scenarios"])
+        _require_scenario(f"{key}.scenario", scenario, config["scenarios"])
         if not has_architecture(scenario, architecture):
             raise ConfigurationError(
-                f"configuration key 'task2.{key}.architecture' = {architecture!r}: the paper has "
+                f"configuration key '{key}.architecture' = {architecture!r}: the paper has "
                 f"no architecture for scenario {scenario!r}"
             )
 
@@ -163,10 +163,6 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
             f"configuration key '{place}duration_hours' = {hours} exceeds the ephemeris, which "
             f"covers 'visibility.duration_days' = {days}"
         )
-    try:
-        BatchSettings(**settings["batch"])
-    except ConfigurationError as error:
-        raise ConfigurationError(f"configuration key '{place}batch': {error}") from None
     _check_body(f"{place}body", settings["body"])
     _check_body(f"{place}truth.body", true_settings(settings)["body"])
 

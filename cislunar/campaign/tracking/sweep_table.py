@@ -8,7 +8,7 @@ import pandas as pd
 import xarray as xr
 
 from cislunar.campaign.architectures.visibility import architecture_coverage
-from cislunar.campaign.settings.sweeps import SweepPoint
+from cislunar.campaign.settings.families import SweepPoint
 from cislunar.campaign.tracking.tables import tracking_rows
 
 COLUMNS = (

@@ -60,9 +60,9 @@ def _shown(table: pd.DataFrame) -> pd.DataFrame:
     faulty = measured[(measured["kind"] != NONE) & ~_remedied(measured)]
     if faulty.empty:
         raise InputFileError(
-            "tables/model_error.csv has no variant with an error of known size: give variants of "
-            "the configuration key 'task2.variants.cells' numbers of targets, or leave the figure "
-            "out"
+            "tables/model_error.csv has no variant with an error of known size: give families of "
+            "the configuration key 'task2.variants.families' numbers of targets, or leave the "
+            "figure out"
         )
     keys = ["scenario", "architecture", "targets", "interval_minutes"]
     chosen = faulty.groupby(keys, sort=False).size().idxmax()

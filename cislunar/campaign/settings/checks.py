@@ -1,0 +1,172 @@
+"""What ties the keys of a configuration to each other, and the whole check of a campaign."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cislunar.campaign.settings.cells import cell_settings, variant_place
+from cislunar.campaign.settings.families import (
+    TRACKING_KEYS,
+    check_families,
+    stated_variants,
+    sweep_points,
+    with_families,
+)
+from cislunar.campaign.settings.reading import checked, shown
+from cislunar.campaign.settings.scenarios import in_study, scenario_settings
+from cislunar.campaign.settings.tracking_checks import check_tracking
+from cislunar.campaign.settings.tree import Campaign, Cell, CellChange, Scenario, Surroundings
+from cislunar.errors import ConfigurationError
+
+_SPECIAL = set("{}*?[]")
+"""Characters that Snakemake does not take as they stand in a file name."""
+
+
+def check_campaign(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Check a campaign's configuration: each key by itself, then what ties keys together.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration, all files merged.
+
+    Returns
+    -------
+    dict
+        The same with the defaults of what is left out.
+
+    Raises
+    ------
+    ConfigurationError
+        With a line for each fault that names the key.
+    InputFileError
+        If a scenario's table of moving targets is missing or faulty.
+    """
+    config = checked(config, Campaign)
+    study = in_study(config)
+    _check_scenarios(study)
+    _check_optimization(study)
+    check_families(config, study)
+    whole = with_families(study)
+    _check_values(study, whole)
+    for name in study["scenarios"]:
+        checked(_own(whole, name), Surroundings, f"scenarios.{name}.settings")
+    check_tracking(study, whole)
+    _check_writable(Path(study["results"]))
+    return config
+
+
+def _own(whole: Mapping[str, Any], scenario: str) -> dict[str, Any]:
+    """What holds for a scenario, without the keys of `task2` that set no cell."""
+    own = scenario_settings(whole, scenario) if scenario in whole["scenarios"] else whole
+    own = {key: own[key] for key in Surroundings.model_fields}
+    return own | {"task2": {key: own["task2"][key] for key in Cell.model_fields}}
+
+
+def _check_values(study: Mapping[str, Any], whole: Mapping[str, Any]) -> None:
+    """Check what families and sweeps change like the keys that they change."""
+    for _, key, name, entry in stated_variants(study):
+        own = _own(whole, variant_place(whole["task2"], name)[0])["task2"]
+        if key.startswith("sweeps.") and not _is_known(own, study, key):
+            key = key.removesuffix("values") + "key"
+        try:
+            checked(entry["change"], CellChange)
+            checked(cell_settings(whole["task2"] | own, name), Cell)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"configuration key '{key}': {_first(error)}") from None
+    for name in study["sweeps"]:
+        for point in sweep_points(study, name):
+            try:
+                if not point.variant:
+                    entry = whole["scenarios"][point.scenario]
+                    checked(entry, Scenario, f"scenarios.{point.scenario}")
+                    checked(_own(whole, point.scenario), Surroundings)
+                    _check_scenarios(whole)
+            except ConfigurationError as error:
+                raise ConfigurationError(
+                    f"configuration key 'sweeps.{name}': {_first(error)}"
+                ) from None
+
+
+def _first(error: ConfigurationError) -> str:
+    """The first line: all values have the same fault, or the first of the faulty ones will do."""
+    return str(error).splitlines()[0]
+
+
+def _is_known(settings: Any, study: Mapping[str, Any], key: str) -> bool:
+    """Whether a sweep varies a key there is."""
+    swept = study["sweeps"][key.split(".")[1]]["key"]
+    for part in swept.removeprefix(TRACKING_KEYS).split("."):
+        if not isinstance(settings, Mapping) or part not in settings:
+            return False
+        settings = settings[part]
+    return True
+
+
+def _check_scenarios(config: Mapping[str, Any]) -> None:
+    """Refuse a study without scenarios, and scenarios without targets."""
+    if not config["scenarios"]:
+        raise ConfigurationError(
+            "configuration key 'scenarios': every scenario is null; give at least one"
+        )
+    for name, entry in config["scenarios"].items():
+        if ("targets" in entry) == ("static_targets" in entry):
+            raise ConfigurationError(
+                f"configuration key 'scenarios.{name}': give either targets, a number of static "
+                "targets to sample, or static_targets, a table of them"
+            )
+    rerun = config["architecture"]["readings"]["scenario"]
+    if "static_targets" in config["scenarios"].get(rerun, {}):
+        raise ConfigurationError(
+            f"configuration key 'architecture.readings.scenario' = {rerun!r}: its static targets "
+            "are from a table, so that no reading changes them; choose another or null"
+        )
+
+
+def _check_optimization(config: Mapping[str, Any]) -> None:
+    """What ties the keys of `architecture` to each other and to the library."""
+    architecture = config["architecture"]
+    library = sum(config["orbits"]["members"].values())
+    if architecture["slots"] > library:
+        raise ConfigurationError(
+            f"configuration key 'architecture.slots' = {architecture['slots']} exceeds the "
+            f"{library} orbits of the library: lower it or raise orbits.members"
+        )
+    for key in ("label_comparison", "readings"):
+        scenario = architecture[key]["scenario"]
+        if scenario is not None and scenario not in config["scenarios"]:
+            raise ConfigurationError(
+                f"configuration key 'architecture.{key}.scenario' = {scenario!r} is none of the "
+                f"scenarios {', '.join(config['scenarios'])}"
+            )
+    front = architecture["front"]
+    fewest, most = architecture["slots"], architecture["slots"] * architecture["max_satellites"]
+    if not fewest <= front["fewest"] <= front["most"] <= most:
+        raise ConfigurationError(
+            f"configuration key 'architecture.front': fewest = {front['fewest']} and most = "
+            f"{front['most']} must rise within {fewest} .. {most} (slots, slots x max_satellites)"
+        )
+
+
+def _check_writable(results: Path) -> None:
+    """Refuse a results folder that cannot be made or written to."""
+    if set(str(results)) & _SPECIAL:
+        raise ConfigurationError(
+            f"configuration key 'results' = {shown(str(results))}: choose a path without any of "
+            f"{' '.join(sorted(_SPECIAL))}, which Snakemake does not take as they stand"
+        )
+    existing = results
+    try:
+        while not existing.exists() and existing != existing.parent:
+            existing = existing.parent
+        usable = existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
+    except OSError as error:
+        raise ConfigurationError(
+            f"configuration key 'results' = {shown(str(results))}: {error.strerror}"
+        ) from error
+    if not usable:
+        raise ConfigurationError(
+            f"configuration key 'results' = {str(results)!r}: {existing} is not a folder that can "
+            "be written to"
+        )

@@ -1,0 +1,259 @@
+"""Families of variants and of scenarios: what differs, and what each is called in the results.
+
+A value of a key of a cell changes how an architecture tracks, and makes a variant of its cells. A
+value of any other key of a scenario changes what the architecture is optimized for, and makes a
+scenario of its own beside the one it is taken from.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from cislunar.campaign.settings.cells import Cell, has_architecture
+from cislunar.campaign.settings.reading import merged
+from cislunar.errors import ConfigurationError
+
+TRACKING_KEYS = "settings.task2."
+"""Beginning of the keys of a sweep that leave the architecture as it is."""
+
+
+class SweepPoint(NamedTuple):
+    """A value of a sweep.
+
+    Attributes
+    ----------
+    value : object
+        The value.
+    scenario, variant : str
+        Where its results are: scenario and variant of its cells.
+    """
+
+    value: Any
+    scenario: str
+    variant: str
+
+
+class StatedVariant(NamedTuple):
+    """A variant with the configuration key that states what it changes.
+
+    Attributes
+    ----------
+    family, key, name : str
+        Key of the family and key of the change, and the variant's name.
+    entry : dict
+        Its `change` and `targets`, and `scenario`, `architecture` and `estimators` if stated.
+    """
+
+    family: str
+    key: str
+    name: str
+    entry: dict[str, Any]
+
+
+def _named_values(name: str, family: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Values of a family with the names of what they make."""
+    values = family["values"]
+    if isinstance(values, Mapping):
+        return list(values.items())
+    return [(f"{name}-{_in_a_path(value)}", value) for value in values]
+
+
+def _in_a_path(value: Any) -> str:
+    """A value as a part of a file name."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return f"{value:.12g}".replace("-", "m").replace("+", "")
+    return re.sub(r"[^a-z0-9.]+", "-", str(value).lower()).strip("-.")
+
+
+def _nested(key: str, value: Any) -> dict[str, Any]:
+    """A mapping with one entry, at a dotted key."""
+    for part in reversed(key.split(".")):
+        value = {part: value}
+    return value
+
+
+def sweep_points(config: Mapping[str, Any], name: str) -> list[SweepPoint]:
+    """The values of a sweep, in the order of the configuration."""
+    sweep = config["sweeps"][name]
+    if sweep["key"].startswith(TRACKING_KEYS):
+        return [SweepPoint(v, sweep["scenario"], label) for label, v in _named_values(name, sweep)]
+    named = _named_values(name, sweep)
+    return [SweepPoint(value, f"{sweep['scenario']}-{label}", "") for label, value in named]
+
+
+def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
+    """The variants of all families and sweeps.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+
+    Yields
+    ------
+    StatedVariant
+        Those of sweeps have no cells but the sweep's own.
+
+    Raises
+    ------
+    ConfigurationError
+        If a family combines variants that no family before it states.
+    """
+    variants = config["task2"]["variants"]
+    changes: dict[str, dict[str, Any]] = {}
+    for name, family in variants["families"].items():
+        place = {k: family[k] for k in ("scenario", "architecture", "estimators") if k in family}
+        for key, variant, change in _changes(name, family, changes):
+            changes[variant] = change
+            with_cells = variants["only"] is None or variant in variants["only"]
+            targets = (variants["targets"] or family.get("targets", [])) if with_cells else []
+            entry = {**place, "targets": targets, "change": change}
+            yield StatedVariant(f"task2.variants.families.{name}", key, variant, entry)
+    for name, sweep in config["sweeps"].items():
+        key = sweep["key"].removeprefix(TRACKING_KEYS)
+        place = {k: sweep[k] for k in ("scenario", "architecture")}
+        for point in sweep_points(config, name):
+            if point.variant:
+                entry = {**place, "targets": [], "change": _nested(key, point.value)}
+                stated = f"sweeps.{name}"
+                yield StatedVariant(stated, f"{stated}.values", point.variant, entry)
+
+
+def _changes(
+    name: str, family: Mapping[str, Any], before: Mapping[str, dict[str, Any]]
+) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Configuration key, name and change of each variant of a family."""
+    place = f"task2.variants.families.{name}"
+    for variant, value in _named_values(name, family) if "values" in family else ():
+        yield f"{place}.values", variant, _nested(family.get("key", ""), value)
+    for variant, change in family.get("changes", {}).items():
+        yield f"{place}.changes.{variant}", variant, change
+    for other, names in family.get("combine", {}).items():
+        for one in names:
+            missing = [each for each in (one, other) if each not in before]
+            if missing:
+                raise ConfigurationError(
+                    f"configuration key '{place}.combine.{other}': {missing[0]!r} is no variant of "
+                    "a family before this one"
+                )
+            yield f"{place}.combine", f"{one}-{other}", merged(before[one], before[other])
+
+
+def with_families(config: Mapping[str, Any]) -> dict[str, Any]:
+    """The configuration with every scenario and variant that its families and sweeps make.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+
+    Returns
+    -------
+    dict
+        `task2.variants` has `scenario`, `architecture` and, in place of the families, `cells`: the
+        entry of each variant by its name.
+    """
+    scenarios, task2 = dict(config["scenarios"]), config["task2"]
+    for name, sweep in config["sweeps"].items():
+        for point in sweep_points(config, name):
+            if not point.variant:
+                change = _nested(sweep["key"], point.value)
+                scenarios[point.scenario] = merged(scenarios[sweep["scenario"]], change)
+    variants = {key: task2["variants"][key] for key in ("scenario", "architecture")}
+    cells = {variant.name: variant.entry for variant in stated_variants(config)}
+    task2 = {**task2, "variants": {**variants, "cells": cells}}
+    return {**config, "scenarios": scenarios, "task2": task2}
+
+
+def swept_cells(config: Mapping[str, Any], name: str) -> list[Cell]:
+    """The cells of a sweep.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    name : str
+        Name of the sweep.
+
+    Returns
+    -------
+    list of Cell
+        By estimator and number of targets, then in the order of the values.
+    """
+    sweep, task2 = config["sweeps"][name], config["task2"]
+    architecture, minutes = sweep["architecture"], int(task2["interval_minutes"])
+    return [
+        Cell(point.scenario, architecture, estimator, int(n), minutes, point.variant)
+        for estimator in sweep.get("estimators", task2["estimators"])
+        for n in sweep.get("targets", ())
+        for point in sweep_points(config, name)
+    ]
+
+
+def check_families(config: Mapping[str, Any], left: Mapping[str, Any]) -> None:
+    """Refuse families that state nothing or one thing twice; their values are checked afterwards.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration, every key of which is allowed by itself.
+    left : mapping
+        The same without the scenarios that are left out.
+
+    Raises
+    ------
+    ConfigurationError
+        With a message that names the key.
+    """
+    variants = config["task2"]["variants"]
+    for name, family in variants["families"].items():
+        ways = [way for way in ("values", "changes", "combine") if family.get(way)]
+        if len(ways) != 1 or ("key" in family) != ("values" in family):
+            raise ConfigurationError(
+                f"configuration key 'task2.variants.families.{name}': give either key and values, "
+                "changes or combine"
+            )
+    taken = set(config["scenarios"])
+    for variant in stated_variants(config | {"sweeps": {}}):
+        if variant.name in taken:
+            raise ConfigurationError(
+                f"configuration key '{variant.key}': there is another variant or scenario "
+                f"{variant.name!r}; rename one of them"
+            )
+        taken.add(variant.name)
+    for name in variants["only"] or ():
+        if name not in taken:
+            raise ConfigurationError(
+                f"configuration key 'task2.variants.only': {name!r} is none of the variants"
+            )
+    for name in left["sweeps"]:
+        _check_sweep(left, name, taken)
+
+
+def _check_sweep(config: Mapping[str, Any], name: str, taken: set[str]) -> None:
+    """Scenario, architecture, targets and names of a sweep."""
+    place, sweep = f"configuration key 'sweeps.{name}", config["sweeps"][name]
+    scenario, key, architecture = sweep["scenario"], sweep["key"], sweep["architecture"]
+    if scenario not in config["scenarios"]:
+        raise ConfigurationError(
+            f"{place}.scenario' = {scenario!r} is none of the scenarios "
+            f"{', '.join(config['scenarios'])}"
+        )
+    if not sweep.get("targets") and key.startswith(TRACKING_KEYS):
+        raise ConfigurationError(
+            f"{place}.targets' is empty: {key} changes the tracking alone; give at least one "
+            "number of targets"
+        )
+    for point in sweep_points(config, name):
+        if not has_architecture(point.scenario, architecture):
+            raise ConfigurationError(
+                f"{place}.architecture' = {architecture!r}: the paper has no architecture for "
+                f"{scenario} with another {key}; choose an optimizer"
+            )
+        label = point.variant or point.scenario
+        if label in taken:
+            raise ConfigurationError(
+                f"{place}.values': {point.value!r} would be called {label!r}, as another "
+                "value, scenario or variant is; rename the sweep or change the value"
+            )
+        taken.add(label)
