@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from importlib.util import find_spec
 from typing import NamedTuple
 
 import pytest
@@ -89,15 +90,23 @@ def test_the_configuration_in_the_tutorial_is_that_of_the_example():
 LINK = re.compile(r"\]\((?!https?:|#)([^)#\s]+)[^)]*\)")
 GENERATED = {"docs/results.md"}
 """What only a finished campaign makes."""
+DOCUMENTS = [README, *sorted((ROOT / "docs").rglob("*.md"))]
 
 
-@pytest.mark.parametrize(
-    "path", [README, *sorted((ROOT / "docs").rglob("*.md"))], ids=lambda path: path.stem
-)
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.stem)
 def test_links_lead_somewhere(path):
     for target in LINK.findall(path.read_text(encoding="utf-8")):
         found = (path.parent / target).resolve()
         assert found.exists() or str(found.relative_to(ROOT)) in GENERATED, target
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.stem)
+def test_modules_named_exist(path):
+    text = path.read_text(encoding="utf-8")
+    for name in re.findall(r"`((?:cislunar|benchmarks|tests)/[\w/]+\.py)`", text):
+        assert (ROOT / name).is_file(), name
+    for name in re.findall(r"(?:from|-m) (cislunar[\w.]*)", text):
+        assert find_spec(name), name
 
 
 @pytest.mark.workflow
