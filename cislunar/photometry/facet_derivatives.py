@@ -23,18 +23,7 @@ ZERO = (0.0, 0.0, 0.0)
 
 @njit(cache=True, error_model="numpy")
 def fresnel_slope(cosine, normal_reflectance, fresnel_sqrt):
-    """Derivative of `cislunar.photometry.facets.fresnel_reflectance` by the cosine (compiled).
-
-    Parameters
-    ----------
-    cosine, normal_reflectance, fresnel_sqrt
-        As there.
-
-    Returns
-    -------
-    float
-        dF/dq.
-    """
+    """Derivative of `cislunar.photometry.facets.fresnel_reflectance` by the cosine."""
     q = cosine
     root = np.sqrt(normal_reflectance)
     b = (1.0 + root) / (1.0 - root)
@@ -55,41 +44,15 @@ def fresnel_slope(cosine, normal_reflectance, fresnel_sqrt):
 
 @njit(cache=True, error_model="numpy")
 def facet_magnitude_derivatives(
-    quaternion,
-    sun_direction,
-    view_direction,
-    range_m,
-    areas,
-    normals,
-    material,
-    irradiance_4pi,
-    fresnel_sqrt,
-):
+    quaternion, sun_direction, view_direction, range_m, areas, normals, material,
+    irradiance_4pi, fresnel_sqrt,
+):  # fmt: skip
     """Apparent magnitude with its derivatives by attitude, directions and range (compiled).
 
-    Parameters
-    ----------
-    quaternion, sun_direction, view_direction, range_m, areas, normals, material
-        As in `cislunar.photometry.facets.facet_irradiance`.
-    irradiance_4pi, fresnel_sqrt : bool
-        As there.
-
-    Returns
-    -------
-    magnitude : float
-        As `cislunar.photometry.facets.facet_magnitude`.
-    by_turn : tuple of 3 floats
-        As in `cislunar.photometry.facets.facet_magnitude_gradient`, mag/rad, body frame.
-    by_sun, by_view : tuple of 3 floats
-        Derivatives by the two unit vectors, mag/rad, inertial frame. Only their components across
-        the vector have a meaning.
-    by_log_range : float
-        dm/d log r, mag: 5 / ln 10.
-
-    Notes
-    -----
-    All derivatives of a dark object are zero. They are one-sided where a facet comes into light or
-    into view or the attenuation changes branch.
+    Arguments as in `cislunar.photometry.facets.facet_irradiance`. The derivatives are by a small
+    turn (mag/rad, body frame, as in `cislunar.photometry.facets.facet_magnitude_gradient`), by the
+    unit vectors to the Sun and to the observer (mag/rad, inertial frame; only what lies across the
+    vector has a meaning), and by log r (mag). All are zero for a dark object.
     """
     q1, q2, q3, q4 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     sx, sy, sz = sun_direction[0], sun_direction[1], sun_direction[2]

@@ -39,22 +39,10 @@ LN10 = np.log(10.0)
 
 @njit(cache=True, error_model="numpy")
 def fresnel_reflectance(cosine, normal_reflectance, fresnel_sqrt):
-    """Unpolarized Fresnel reflectance of a microfacet (compiled; Paul & Fan, section 2.2).
+    """Unpolarized Fresnel reflectance of a microfacet at q = V.H (Paul & Fan, section 2.2).
 
-    Parameters
-    ----------
-    cosine : float
-        q = V.H, cosine of the angle of incidence on the microfacet.
-    normal_reflectance : float
-        F0, in [0, 1).
-    fresnel_sqrt : bool
-        True: p = sqrt(q^2 - 1 + b^2) (Cook & Torrance 1982, so that F(q = 1) = F0);
-        False: p = q^2 - 1 + b^2, as printed in the paper.
-
-    Returns
-    -------
-    float
-        F.
+    p = sqrt(q^2 - 1 + b^2) as in Cook & Torrance (1982), so that F(q = 1) = F0, or without the
+    root, as printed in the paper.
     """
     q = cosine
     root = np.sqrt(normal_reflectance)
@@ -69,16 +57,9 @@ def fresnel_reflectance(cosine, normal_reflectance, fresnel_sqrt):
 
 @njit(cache=True, error_model="numpy")
 def facet_irradiance(
-    quaternion,
-    sun_direction,
-    view_direction,
-    range_m,
-    areas,
-    normals,
-    material,
-    irradiance_4pi,
-    fresnel_sqrt,
-):
+    quaternion, sun_direction, view_direction, range_m, areas, normals, material,
+    irradiance_4pi, fresnel_sqrt,
+):  # fmt: skip
     """Irradiance at the observer relative to the Sun's at 1 au, F_t / I (compiled).
 
     Parameters
@@ -143,42 +124,18 @@ def facet_irradiance(
 
 @njit(cache=True, error_model="numpy")
 def facet_magnitude(
-    quaternion,
-    sun_direction,
-    view_direction,
-    range_m,
-    areas,
-    normals,
-    material,
-    irradiance_4pi,
-    fresnel_sqrt,
-):
-    """Apparent magnitude of a faceted object (compiled; Paul & Fan, section 2.2).
+    quaternion, sun_direction, view_direction, range_m, areas, normals, material,
+    irradiance_4pi, fresnel_sqrt,
+):  # fmt: skip
+    """Apparent magnitude of a faceted object, arguments as in `facet_irradiance` (compiled).
 
-    Parameters
-    ----------
-    quaternion, sun_direction, view_direction, range_m, areas, normals, material
-        As in `facet_irradiance`.
-    irradiance_4pi, fresnel_sqrt : bool
-        As in `facet_irradiance`.
-
-    Returns
-    -------
-    float
-        Magnitude, never above `FLOOR_MAGNITUDE`: a dark object returns exactly that, so that a
-        sigma point turned dark leaves the filter finite.
+    Never above `FLOOR_MAGNITUDE`: a dark object returns exactly that, so that a sigma point turned
+    dark leaves the filter finite.
     """
     flux = facet_irradiance(
-        quaternion,
-        sun_direction,
-        view_direction,
-        range_m,
-        areas,
-        normals,
-        material,
-        irradiance_4pi,
-        fresnel_sqrt,
-    )
+        quaternion, sun_direction, view_direction, range_m, areas, normals, material,
+        irradiance_4pi, fresnel_sqrt,
+    )  # fmt: skip
     if flux <= IRRADIANCE_FLOOR:
         return FLOOR_MAGNITUDE
     return SUN_APPARENT_MAGNITUDE - 2.5 * np.log10(flux)
@@ -186,29 +143,11 @@ def facet_magnitude(
 
 @njit(cache=True, error_model="numpy")
 def facet_sums(light, view, half2, fresnel, areas, normals, material):
-    """Sum of the facets and its derivatives by the directions (compiled).
+    """Sum of A_i (d rho (N.L)(N.V) + s alpha_i D_i F), m^2, and its derivatives by the directions.
 
-    Parameters
-    ----------
-    light, view : tuple of 3 floats
-        L and V, unit vectors to the Sun and to the observer, body frame.
-    half2 : float
-        |L + V|^2.
-    fresnel : float
-        F, see `fresnel_reflectance`.
-    areas, normals, material
-        As in `facet_irradiance`.
-
-    Returns
-    -------
-    total : float
-        Sum of A_i (d rho (N.L)(N.V) + s alpha_i D_i F), m^2.
-    by_light, by_view : tuple of 3 floats
-        Its derivative with respect to L by way of N.L alone, and to V by way of N.V, body frame.
-    by_half2 : float
-        Its derivative with respect to |L + V|^2 at constant N.L, N.V and F.
-    shine : float
-        Its specular share.
+    `light` and `view` are L and V in the body frame, `half2` is |L + V|^2. After the sum come its
+    derivatives with respect to L by way of N.L alone and to V by way of N.V (tuples of three), by
+    |L + V|^2 at constant N.L, N.V and F, and last its specular share.
     """
     lx, ly, lz = light
     vx, vy, vz = view
@@ -260,36 +199,16 @@ def facet_sums(light, view, half2, fresnel, areas, normals, material):
 
 @njit(cache=True, error_model="numpy")
 def facet_magnitude_gradient(
-    quaternion,
-    sun_direction,
-    view_direction,
-    range_m,
-    areas,
-    normals,
-    material,
-    irradiance_4pi,
-    fresnel_sqrt,
-):
-    """Apparent magnitude and its derivative with respect to a small turn of the body (compiled).
+    quaternion, sun_direction, view_direction, range_m, areas, normals, material,
+    irradiance_4pi, fresnel_sqrt,
+):  # fmt: skip
+    """Apparent magnitude, and its derivative by a small turn of the body, mag/rad (compiled).
 
-    With ``q(e) = dq(e) (x) q`` and e a rotation vector in the body frame, the facet sum depends on
-    e only through N.L and N.V, whose derivatives are ``N x L`` and ``N x V``; L.V, and with it the
-    Fresnel factor, stays. So the gradient costs two cross products more than the magnitude.
-
-    Parameters
-    ----------
-    quaternion, sun_direction, view_direction, range_m, areas, normals, material
-        As in `facet_irradiance`.
-    irradiance_4pi, fresnel_sqrt : bool
-        As in `facet_irradiance`.
-
-    Returns
-    -------
-    magnitude : float
-        As `facet_magnitude`.
-    gx, gy, gz : float
-        dm/de, mag/rad, body frame; zero for a dark object. One-sided where a facet comes into
-        light or into view or the attenuation changes branch.
+    Arguments as in `facet_irradiance`. With ``q(e) = dq(e) (x) q`` and e a rotation vector in the
+    body frame, the facet sum depends on e only through N.L and N.V, whose derivatives are
+    ``N x L`` and ``N x V``; L.V, and with it the Fresnel factor, stays. The derivative is zero for
+    a dark object, one-sided where a facet comes into light or view or the attenuation changes
+    branch.
     """
     q1, q2, q3, q4 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     lx, ly, lz = sun_direction[0], sun_direction[1], sun_direction[2]
@@ -320,16 +239,9 @@ def _irradiances(quaternion, sun, view, range_m, areas, normals, material, flag_
     result = np.empty(range_m.shape[0])
     for i in range(result.shape[0]):
         result[i] = facet_irradiance(
-            quaternion[i],
-            sun[i],
-            view[i],
-            range_m[i],
-            areas,
-            normals,
-            material,
-            flag_4pi,
-            flag_sqrt,
-        )
+            quaternion[i], sun[i], view[i], range_m[i], areas, normals, material,
+            flag_4pi, flag_sqrt,
+        )  # fmt: skip
     return result
 
 

@@ -3,7 +3,7 @@
 The paper gives no values for the surface. The defaults here are this library's choice.
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,23 +60,8 @@ class Material:
                 raise ConfigurationError(f"material {name} = {value} must be finite and {wanted}")
 
     def as_array(self) -> NDArray[np.float64]:
-        """Parameters in the order of the kernels.
-
-        Returns
-        -------
-        ndarray, shape (5,)
-            ``[d, s, rho, delta_rms, F0]``.
-        """
-        return np.array(
-            [
-                self.diffuse_weight,
-                self.specular_weight,
-                self.diffuse_albedo,
-                self.rms_slope,
-                self.normal_reflectance,
-            ],
-            dtype=float,
-        )
+        """Parameters in the order of the kernels, ``[d, s, rho, delta_rms, F0]``."""
+        return np.array(astuple(self), dtype=float)
 
 
 @dataclass(frozen=True)
