@@ -4,8 +4,8 @@
 vector in radians. a = 0 and f = 1 are the Gibbs parameters, a = f = 1 the modified Rodrigues
 parameters; the paper takes a = 0.5, f = 3.
 
-`quaternion_from_grp` and `grp_from_quaternion` are compiled kernels for one attitude;
-`to_quaternion` and `from_quaternion` do the same over arrays.
+The ``*_components`` functions are compiled, for one attitude; `to_quaternion` and
+`from_quaternion` do the same over arrays.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ GRP_F: float = 3.0
 
 @njit(cache=True, inline="always")
 def quaternion_from_grp_components(p1, p2, p3, a, f):
-    """Quaternion of a GRP vector, as four scalars (compiled); see `quaternion_from_grp`."""
+    """Quaternion of a GRP vector, as four scalars (compiled)."""
     norm2 = p1 * p1 + p2 * p2 + p3 * p3
     scalar = (-a * norm2 + f * np.sqrt(f * f + (1.0 - a * a) * norm2)) / (f * f + norm2)
     scale = (a + scalar) / f
@@ -34,74 +34,19 @@ def quaternion_from_grp_components(p1, p2, p3, a, f):
 
 @njit(cache=True, inline="always")
 def grp_from_quaternion_components(q1, q2, q3, q4, a, f):
-    """GRP vector of a quaternion, as three scalars (compiled); see `grp_from_quaternion`."""
+    """GRP vector of a quaternion, as three scalars (compiled)."""
     # q and -q are one attitude; the one with q4 >= 0 is the short way round, off the singularity
     scale = f / (a + q4) if q4 >= 0.0 else -f / (a - q4)
     return scale * q1, scale * q2, scale * q3
 
 
-@njit(cache=True)
-def quaternion_from_grp(p, a, f):
-    """Unit quaternion of a GRP vector (compiled; Paul & Fan, section 2.4).
-
-    Parameters
-    ----------
-    p : ndarray, shape (3,)
-        GRP vector, f times dimensionless.
-    a, f : float
-        Parameters of the GRP.
-
-    Returns
-    -------
-    ndarray, shape (4,)
-        Unit quaternion, scalar last.
-    """
-    q = np.empty(4)
-    q[0], q[1], q[2], q[3] = quaternion_from_grp_components(p[0], p[1], p[2], a, f)
-    return q
-
-
-@njit(cache=True, error_model="numpy")
-def grp_from_quaternion(q, a, f):
-    """GRP vector ``f rho / (a + q4)`` of a unit quaternion (compiled).
-
-    Parameters
-    ----------
-    q : ndarray, shape (4,)
-        Unit quaternion, scalar last; q and -q give the same vector.
-    a, f : float
-        Parameters of the GRP.
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        GRP vector. Infinite for a turn by pi when a = 0.
-    """
-    p = np.empty(3)
-    p[0], p[1], p[2] = grp_from_quaternion_components(q[0], q[1], q[2], q[3], a, f)
-    return p
-
-
 @njit(cache=True, error_model="numpy")
 def pull_back_to_grp(p, g, a, f):
-    """Turn a gradient over small turns into one over the GRP vector (compiled).
+    """Turn a gradient over small turns into one over the GRP vector, shape (3,) (compiled).
 
-    With ``dq(p + dp) = dq(e) (x) dq(p)``, e a small rotation vector, this is ``(de/dp)^T g``. It
-    closes the chain rule of a light curve whose unknown is the GRP vector of an initial error.
-
-    Parameters
-    ----------
-    p : ndarray, shape (3,)
-        GRP vector.
-    g : ndarray, shape (3,)
-        Derivative of a quantity with respect to e, per rad, in the frame after ``dq(p)``.
-    a, f : float
-        Parameters of the GRP.
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        Its derivative with respect to p.
+    With ``dq(p + dp) = dq(e) (x) dq(p)``, e a small rotation vector (rad, in the frame after
+    ``dq(p)``), this is ``(de/dp)^T g``. It closes the chain rule of a light curve whose unknown is
+    the GRP vector of an initial error.
     """
     r1, r2, r3, r4 = quaternion_from_grp_components(p[0], p[1], p[2], a, f)
     # e = 2 (q4 drho - dq4 rho + drho x rho), rho = k p, k = (a + q4) / f

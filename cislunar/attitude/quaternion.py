@@ -5,10 +5,8 @@ inertial components of a vector to body components. The product is ordered like 
 ``A(p (x) q) = A(p) A(q)``, so that an error quaternion multiplies from the left,
 ``q_true = dq (x) q_estimate`` (Paul & Fan, section 2.4).
 
-Every operation comes twice. Compiled kernels work on one quaternion inside other kernels:
-`multiply`, `conjugate`, `rotate_to_body` and `from_rotation_vector` on arrays, the
-``*_components`` functions on scalars, without allocating. The functions `compose`, `inverse`,
-`to_body`, `to_inertial`, `attitude_matrix` and `rotation_vector` broadcast over arrays.
+The ``*_components`` functions are compiled and work on the scalars of one quaternion inside other
+kernels, without allocating; the others, `from_rotation_vector` apart, broadcast over arrays.
 """
 
 import numpy as np
@@ -23,17 +21,9 @@ SMALL_ANGLE = 1e-4
 
 @njit(cache=True, inline="always")
 def multiply_components(p1, p2, p3, p4, q1, q2, q3, q4):
-    """Product p (x) q as four scalars (compiled).
+    """Product p (x) q of two quaternions as four scalars (compiled).
 
-    Parameters
-    ----------
-    p1, p2, p3, p4, q1, q2, q3, q4 : float
-        The two quaternions, scalar last.
-
-    Returns
-    -------
-    r1, r2, r3, r4 : float
-        ``[p4 rho_q + q4 rho_p - rho_p x rho_q ; p4 q4 - rho_p . rho_q]``.
+    ``[p4 rho_q + q4 rho_p - rho_p x rho_q ; p4 q4 - rho_p . rho_q]``.
     """
     r1 = p4 * q1 + q4 * p1 - (p2 * q3 - p3 * q2)
     r2 = p4 * q2 + q4 * p2 - (p3 * q1 - p1 * q3)
@@ -46,17 +36,7 @@ def multiply_components(p1, p2, p3, p4, q1, q2, q3, q4):
 def rotate_components(q1, q2, q3, q4, x, y, z):
     """Body components A(q) v of an inertial vector, as three scalars (compiled).
 
-    Parameters
-    ----------
-    q1, q2, q3, q4 : float
-        Unit quaternion, inertial to body, scalar last.
-    x, y, z : float
-        Vector, inertial frame.
-
-    Returns
-    -------
-    float, float, float
-        The vector in the body frame: ``v + 2 rho x (rho x v) - 2 q4 rho x v``.
+    ``v + 2 rho x (rho x v) - 2 q4 rho x v`` for a unit quaternion.
     """
     tx = 2.0 * (q2 * z - q3 * y)
     ty = 2.0 * (q3 * x - q1 * z)
@@ -69,18 +49,7 @@ def rotate_components(q1, q2, q3, q4, x, y, z):
 
 @njit(cache=True, inline="always")
 def rotation_vector_components(x, y, z):
-    """Quaternion of the rotation by a rotation vector, as four scalars (compiled).
-
-    Parameters
-    ----------
-    x, y, z : float
-        Rotation vector (axis times angle), rad.
-
-    Returns
-    -------
-    q1, q2, q3, q4 : float
-        ``[axis sin(angle/2) ; cos(angle/2)]``.
-    """
+    """Quaternion ``[axis sin(angle/2) ; cos(angle/2)]`` of a rotation vector, rad (compiled)."""
     angle2 = x * x + y * y + z * z
     if angle2 < SMALL_ANGLE * SMALL_ANGLE:
         scale = 0.5 - angle2 / 48.0
@@ -90,65 +59,6 @@ def rotation_vector_components(x, y, z):
         scale = np.sin(0.5 * angle) / angle
         scalar = np.cos(0.5 * angle)
     return scale * x, scale * y, scale * z, scalar
-
-
-@njit(cache=True)
-def multiply(p, q):
-    """Product p (x) q of two quaternions (compiled).
-
-    Parameters
-    ----------
-    p, q : ndarray, shape (4,)
-        Quaternions, scalar last.
-
-    Returns
-    -------
-    ndarray, shape (4,)
-        The quaternion with ``A(p (x) q) = A(p) A(q)``.
-    """
-    r = np.empty(4)
-    r[0], r[1], r[2], r[3] = multiply_components(p[0], p[1], p[2], p[3], q[0], q[1], q[2], q[3])
-    return r
-
-
-@njit(cache=True)
-def conjugate(q):
-    """Inverse ``[-rho; q4]`` of a unit quaternion (compiled).
-
-    Parameters
-    ----------
-    q : ndarray, shape (4,)
-        Unit quaternion, scalar last.
-
-    Returns
-    -------
-    ndarray, shape (4,)
-        The quaternion of the opposite rotation.
-    """
-    r = np.empty(4)
-    r[0], r[1], r[2], r[3] = -q[0], -q[1], -q[2], q[3]
-    return r
-
-
-@njit(cache=True)
-def rotate_to_body(q, v):
-    """Body components A(q) v of an inertial vector (compiled).
-
-    Parameters
-    ----------
-    q : ndarray, shape (4,)
-        Unit quaternion, inertial to body.
-    v : ndarray, shape (3,)
-        Vector, inertial frame.
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        The vector, body frame.
-    """
-    r = np.empty(3)
-    r[0], r[1], r[2] = rotate_components(q[0], q[1], q[2], q[3], v[0], v[1], v[2])
-    return r
 
 
 @njit(cache=True)

@@ -28,23 +28,9 @@ Array = NDArray[np.float64]
 
 @njit(cache=True)
 def propagate_spherical(q, omega, dt):
-    """Attitude of a body of spherical inertia after a time (compiled, exact).
+    """Attitude ``dq(omega dt) (x) q`` of a body of spherical inertia after a time (compiled).
 
-    Without torque its angular velocity is constant, so the turn is the rotation by omega dt.
-
-    Parameters
-    ----------
-    q : ndarray, shape (4,)
-        Unit quaternion, inertial to body.
-    omega : ndarray, shape (3,)
-        Angular velocity, rad per unit of time, body frame.
-    dt : float
-        Elapsed time, same unit of time; may be negative.
-
-    Returns
-    -------
-    ndarray, shape (4,)
-        Unit quaternion ``dq(omega dt) (x) q``.
+    Exact: without torque its angular velocity (rad per unit of time, body frame) is constant.
     """
     t1, t2, t3, t4 = rotation_vector_components(omega[0] * dt, omega[1] * dt, omega[2] * dt)
     r = np.empty(4)
@@ -54,29 +40,12 @@ def propagate_spherical(q, omega, dt):
 
 @njit(cache=True)
 def pull_back_gradient(omega, dt, gx, gy, gz):
-    """Carry a gradient at time dt back to the initial attitude and rate (compiled).
+    """Carry a gradient over small turns at dt back to the initial attitude and rate (compiled).
 
-    For a body of spherical inertia. The small turn e(dt) of the attitude at dt that follows from
-    a small turn e0 of the initial attitude and a change of omega is
+    For a body of spherical inertia: ``(A(dq)^T g, dt J^T g)``, six scalars. The small turn e(dt) at
+    dt that follows from a small turn e0 of the initial attitude and a change of omega is
     ``e(dt) = A(dq) e0 + dt J domega`` with ``phi = omega dt``, ``dq`` its quaternion and
     ``J = I - (1 - cos|phi|)/|phi|^2 [phi x] + (|phi| - sin|phi|)/|phi|^3 [phi x]^2``.
-
-    Parameters
-    ----------
-    omega : ndarray, shape (3,)
-        Angular velocity, rad per unit of time, body frame.
-    dt : float
-        Elapsed time.
-    gx, gy, gz : float
-        Derivative of a quantity with respect to a small turn at dt (body frame), as given by
-        `cislunar.photometry.facets.facet_magnitude_gradient`.
-
-    Returns
-    -------
-    e1, e2, e3 : float
-        Its derivative with respect to e0, ``A(dq)^T g``, per rad.
-    w1, w2, w3 : float
-        Its derivative with respect to omega, ``dt J^T g``, per (rad per unit of time).
     """
     x, y, z = omega[0] * dt, omega[1] * dt, omega[2] * dt
     q1, q2, q3, q4 = rotation_vector_components(x, y, z)
@@ -97,17 +66,9 @@ def pull_back_gradient(omega, dt, gx, gy, gz):
 
 @njit(cache=True, error_model="numpy")
 def spherical_transition(omega, dt, out):
-    """Transition matrix of a body of spherical inertia, exact (compiled).
+    """Transition matrix of (small turn, angular velocity) for spherical inertia, exact (compiled).
 
-    Parameters
-    ----------
-    omega : ndarray, shape (3,)
-        Angular velocity, rad per unit of time, body frame.
-    dt : float
-        Step.
-    out : ndarray, shape (6, 6)
-        Receives the transition matrix of (small turn, angular velocity), see
-        `cislunar.attitude.short_steps.rigid_transition`.
+    Into `out`, shape (6, 6); see `cislunar.attitude.short_steps.rigid_transition`.
     """
     out[:, :] = 0.0
     for i in range(3):
@@ -188,25 +149,10 @@ def propagate_kernel(
     """Attitude and rate of any rigid body after a time, by adaptive DOP853 (compiled).
 
     The equations are scaled by the initial rate (or that which the torque gives within a radian,
-    if greater), so that one tolerance suits slow and fast bodies.
-
-    Parameters
-    ----------
-    q : ndarray, shape (4,)
-        Unit quaternion, inertial to body.
-    omega : ndarray, shape (3,)
-        Angular velocity, rad per unit of time, body frame.
-    inertia, inverse_inertia : ndarray, shape (3, 3)
-        Inertia matrix in any unit, and its inverse.
-    dt : float
-        Elapsed time; may be negative.
-    tolerance : float
-        Error per step: of q, and of omega relative to its initial length.
-    q_out, omega_out : ndarray, shapes (4,) and (3,)
-        Receive the result; may be `q` and `omega` themselves.
-    ax, ay, az : float
-        Angular acceleration I^-1 T by a torque T constant in the body frame, rad per unit of time
-        squared.
+    if greater), so that one tolerance (error per step of q, and of omega relative to its initial
+    length) suits slow and fast bodies. `q_out` and `omega_out` receive the result and may be `q`
+    and `omega` themselves; ax, ay, az is the angular acceleration I^-1 T by a torque constant in
+    the body frame.
     """
     rate = np.sqrt(omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2)
     rate = max(rate, np.sqrt(np.sqrt(ax * ax + ay * ay + az * az)))

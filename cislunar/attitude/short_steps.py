@@ -116,25 +116,10 @@ def _carrverror(e, h, stages, inertia, inverse_inertia):
 
 @njit(cache=True, error_model="numpy")
 def torque_free_step(w1, w2, w3, inertia, inverse_inertia, dt):
-    """Turn and rate of a torque-free body after a short time (compiled).
+    """Turn (unit quaternion) and rate of a torque-free body after a short time, in seven numbers.
 
-    The turn does not depend on the attitude, so a filter that spreads attitude and rate needs it
-    once for each rate. Long times are divided so that no step turns by more than `TURN_PER_STEP`.
-
-    Parameters
-    ----------
-    w1, w2, w3 : float
-        Angular velocity, rad per unit of time, body frame.
-    inertia, inverse_inertia : ndarray, shape (3, 3)
-        Inertia matrix in any unit, and its inverse.
-    dt : float
-        Elapsed time.
-
-    Returns
-    -------
-    tuple of 7 floats
-        Unit quaternion of the turn (the attitude becomes ``turn (x) q``) and the angular velocity
-        after it.
+    The attitude becomes ``turn (x) q``. The turn does not depend on it, so a filter that spreads
+    attitude and rate needs it once for each rate. No step turns by more than `TURN_PER_STEP`.
     """
     count = _steps(w1, w2, w3, dt, TURN_PER_STEP)
     y = (0.0, 0.0, 0.0, 1.0, w1, w2, w3)
@@ -147,19 +132,8 @@ def torque_free_step(w1, w2, w3, inertia, inverse_inertia, dt):
 def propagate_with_errors(quaternion, omega, errors, dt, inertia, inverse_inertia):
     """Carry attitude, rate and columns of their small errors over a time, in place (compiled).
 
-    Parameters
-    ----------
-    quaternion, omega : ndarray, shapes (4,) and (3,)
-        Unit quaternion, inertial to body, and angular velocity (rad per unit of time, body
-        frame).
-    errors : ndarray, shape (6, n)
-        Small turns of the attitude (rows 0 .. 2) and changes of the angular velocity (rows 3 .. 5),
-        body frame; n may be zero. Zero above the identity become the derivatives by the initial
-        angular velocity.
-    dt : float
-        Time.
-    inertia, inverse_inertia : ndarray, shape (3, 3)
-        Any unit.
+    Errors, shape (6, n), are small turns (rows 0 .. 2) and changes of the angular velocity, body
+    frame; n may be zero. Zero above the identity become the derivatives by the initial rate.
     """
     if dt == 0.0:
         return
@@ -184,16 +158,7 @@ def propagate_with_errors(quaternion, omega, errors, dt, inertia, inverse_inerti
 def rigid_transition(omega, dt, inertia, inverse_inertia, out):
     """Transition matrix [[A, B], [0, C]] of (small turn, angular velocity) over a step (compiled).
 
-    Parameters
-    ----------
-    omega : ndarray, shape (3,)
-        Angular velocity at the start of the step, rad per unit of time, body frame.
-    dt : float
-        Step.
-    inertia, inverse_inertia : ndarray, shape (3, 3)
-        Inertia matrix in any unit, body frame, and its inverse.
-    out : ndarray, shape (6, 6)
-        Receives the matrix; A is the turn of the body over the step.
+    Into `out`, shape (6, 6); A is the turn of the body over the step.
     """
     turn = np.array([0.0, 0.0, 0.0, 1.0])
     out[:, :] = np.eye(6)

@@ -53,23 +53,10 @@ def _combine(state, dt, stage, slopes, out):
 
 @njit(cache=True, error_model="numpy")
 def step_bundle(forces, t, state, dt, slopes, work):
-    """One DOP853 step of a bundle of states, in place (compiled).
+    """One DOP853 step of a bundle of states, shape (6, N), from time t, in place (compiled).
 
-    Parameters
-    ----------
-    forces : NamedTuple
-        A force model, see `cislunar.dynamics.forces`.
-    t : float
-        Time at the start of the step, nondimensional, since the epoch.
-    state : ndarray, shape (6, N)
-        Components by row, nondimensional; receives the states after the step. A state that falls
-        into the centre of a primary becomes not finite.
-    dt : float
-        Step, nondimensional.
-    slopes : ndarray, shape (STAGES8, 6, N)
-        Scratch.
-    work : ndarray, shape (6, N)
-        Scratch.
+    A state that falls into the centre of a primary becomes not finite. `slopes`, shape
+    (STAGES8, 6, N), and `work`, shape (6, N), are scratch.
     """
     _slopes(at(forces, t), state, slopes[0])
     for s in range(1, STAGES8):

@@ -213,13 +213,10 @@ def variational_matrix(state: ArrayLike, mu: float = MU) -> Array:
     ndarray, shape (6, 6)
         ``[[0, I], [U_rr, 2 J]]`` with ``J = [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]``.
     """
-    s = np.asarray(state, dtype=float)
-    uxx, uyy, uzz, uxy, uxz, uyz = hessian(CR3BP(mu), *s)
+    second = hessian(CR3BP(mu), *np.asarray(state, dtype=float))
     matrix = np.zeros((6, 6))
     matrix[:3, 3:] = np.eye(3)
-    matrix[3:, :3] = [[uxx, uxy, uxz], [uxy, uyy, uyz], [uxz, uyz, uzz]]
-    matrix[3, 4] = 2.0
-    matrix[4, 3] = -2.0
+    matrix[3:] = np.transpose([_acceleration_change(second, *change) for change in np.eye(6)])
     return matrix
 
 

@@ -227,36 +227,12 @@ def _distance(y, centre):
 
 @njit(cache=True, error_model="numpy")
 def integrate(method, forces, start, y0, times, rtol, atol, out, centres, closest):
-    """Integrate and evaluate the continuous extension at the wanted times (compiled).
+    """Integrate from `start` and evaluate the continuous extension at the wanted times (compiled).
 
-    Parameters
-    ----------
-    method : int
-        `DOPRI5` or `DOP853`.
-    forces : NamedTuple
-        A force model, see `cislunar.dynamics.forces`.
-    start : float
-        Time of `y0`, nondimensional, since the epoch.
-    y0 : ndarray, shape (n,)
-        Start, n = 6 or 42.
-    times : ndarray, shape (m,)
-        Since `start`; monotone and all of one sign (or zero). The last is where the integration
-        ends.
-    rtol, atol : float
-        Tolerances.
-    out : ndarray, shape (m, n)
-        Receives the solution.
-    centres : ndarray, shape (k,)
-        Places on the x axis to which the least distance is wanted (forward integration only).
-    closest : ndarray, shape (k,)
-        Receives the least distances.
-
-    Returns
-    -------
-    status : int
-        `OK`, `STEP_UNDERFLOW` or `TOO_MANY_STEPS`.
-    t : float
-        Time reached, since `start`.
+    `y0` has 6 or 42 entries. `times` count from `start`, monotone and all of one sign (or zero);
+    the last is where the integration ends. `out`, shape (m, n), receives the solution, and
+    `closest` the least distances to `centres`, places on the x axis (forward integration only).
+    Returns the status and the time reached.
     """
     n = y0.size
     last = STAGES8 if method == DOP853 else STAGES5
@@ -328,22 +304,9 @@ def integrate(method, forces, start, y0, times, rtol, atol, out, centres, closes
 
 @njit(cache=True, error_model="numpy")
 def step_dop853(forces, t, state, dt):
-    """One DOP853 step of fixed size, without error control (compiled).
+    """State, shape (6,) or with its STM (42,), after one DOP853 step from time t (compiled).
 
-    Parameters
-    ----------
-    forces : NamedTuple
-        A force model, see `cislunar.dynamics.forces`.
-    t : float
-        Time at the start of the step, nondimensional, since the epoch.
-    state : ndarray, shape (6,) or (42,)
-        Nondimensional, frame of the force model; 42 entries carry the STM row by row.
-    dt : float
-        Step, nondimensional.
-
-    Returns
-    -------
-    ndarray, same shape
+    The step is of fixed size, without error control; `forces` as in `cislunar.dynamics.forces`.
     """
     slopes = np.empty((STAGES8 + 1, state.size))
     y_new = np.empty(state.size)

@@ -13,7 +13,6 @@ from cislunar.errors import ConfigurationError
 from cislunar.orbits.continuation import MAX_STEP, Branch, Point, between, interpolate
 from cislunar.orbits.corrector import X, Z, correct, fix_coordinate
 from cislunar.orbits.extent import (
-    CATALOGUE_EXTENT,
     KEEP_OUT,
     Extent,
     distances_km,
@@ -21,22 +20,6 @@ from cislunar.orbits.extent import (
 )
 from cislunar.orbits.selection import select
 from cislunar.orbits.stability import stability_index
-
-__all__ = [
-    "CATALOGUE_EXTENT",
-    "DEFAULT_MEMBERS",
-    "FAMILIES",
-    "KEEP_OUT",
-    "Extent",
-    "OrbitSet",
-    "concatenate",
-    "family_branch",
-    "family_members",
-    "observer_library",
-    "orbit_set",
-    "root_of",
-    "spaced_members",
-]
 
 Array = NDArray[np.float64]
 
@@ -254,7 +237,7 @@ def observer_library(
         `DEFAULT_MEMBERS`, 24 per Lyapunov family and 23 of each other.
     keep_out : Extent
         Ends of the families: by default 100 km above the Moon and 200 km above the Earth;
-        `CATALOGUE_EXTENT` goes on through the primaries instead.
+        `cislunar.orbits.extent.CATALOGUE_EXTENT` goes on through the primaries instead.
     mu : float
         Mass ratio.
     progress : callable, optional

@@ -8,11 +8,10 @@ from cislunar.dynamics.cr3bp import jacobi_constant, primary_distances
 from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError
 from cislunar.orbits import branches
+from cislunar.orbits.extent import CATALOGUE_EXTENT, Extent
 from cislunar.orbits.families import (
-    CATALOGUE_EXTENT,
     DEFAULT_MEMBERS,
     FAMILIES,
-    Extent,
     family_branch,
     family_members,
     observer_library,

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
-from cislunar.attitude.quaternion import from_rotation_vector, multiply, normalize
+from cislunar.attitude.quaternion import compose, from_rotation_vector, normalize
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.facet_derivatives import facet_magnitude_derivatives, fresnel_slope
@@ -231,7 +231,7 @@ def test_turning_everything_changes_nothing():
     # The icosahedron with vertices at cyclic permutations of (0, +-1, +-golden) is its own
     # image under a turn by 120 degrees about (1, 1, 1).
     symmetry = from_rotation_vector(2 * np.pi / 3 * np.ones(3) / math.sqrt(3))
-    folded = np.array([multiply(symmetry, row) for row in q])
+    folded = np.array([compose(symmetry, row) for row in q])
     np.testing.assert_allclose(
         apparent_magnitude(folded, sun, view, 1e7, icosahedron()), before, rtol=1e-12
     )
@@ -374,8 +374,8 @@ def test_gradient_agrees_with_central_differences(fresnel_sqrt):
         h = 1e-6
         numerical = [
             (
-                facet_magnitude(multiply(from_rotation_vector(step), q), *shared)
-                - facet_magnitude(multiply(from_rotation_vector(-step), q), *shared)
+                facet_magnitude(compose(from_rotation_vector(step), q), *shared)
+                - facet_magnitude(compose(from_rotation_vector(-step), q), *shared)
             )
             / (2 * h)
             for step in np.eye(3) * h

@@ -12,7 +12,8 @@ from cislunar.campaign.data.progress import Progress, logger, progress_log
 from cislunar.campaign.data.provenance import provenance
 from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
 from cislunar.observation.exclusion import ExclusionAngles
-from cislunar.orbits.families import CATALOGUE_EXTENT, Extent, OrbitSet, observer_library
+from cislunar.orbits.extent import CATALOGUE_EXTENT, Extent
+from cislunar.orbits.families import OrbitSet, observer_library
 from cislunar.targets.clustering import cluster, distinct_points
 from cislunar.targets.missions import load_missions
 from cislunar.targets.sampling import SamplingSettings, sample_zero_velocity
