@@ -8,7 +8,7 @@ import pytest
 from campaign_folder import ROOT
 from test_docs import BLOCK
 
-from cislunar.campaign.claims.judges import BEYOND, NOT_REPRODUCED, PARTLY, REPRODUCED
+from cislunar.campaign.claims.judges import BEYOND, NOT_REPRODUCED, PARTLY, REPRODUCED, Claim
 from cislunar.campaign.documents import update as documents
 from cislunar.campaign.documents.blocks import BLOCKS, files_block, readings_tracking_block
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks, markdown_table
@@ -47,15 +47,15 @@ def cell_rows(values, **more):
 def small_tables():
     """Tables as the campaign writes them, with few rows."""
     claims = [
-        ("section 3", "orbits", "302", "302", "equal", REPRODUCED),
-        ("section 5.1", "J | A", "1.5e-4", "7e-5", "within a factor 10", PARTLY),
-        ("section 5.1", "satellites", "20", "44", "equal", NOT_REPRODUCED),
-        ("-", "optimum", "-", "1e-3", "bound", BEYOND),
+        ("section 3", "orbits", "302", "302", "equal", REPRODUCED, "302"),
+        ("section 5.1", "J | A", "1.5e-4", "7e-5", "within a factor 10", PARTLY, "7e-5"),
+        ("section 5.1", "satellites", "20", "44", "equal", NOT_REPRODUCED, "44"),
+        ("-", "optimum", "-", "1e-3", "bound", BEYOND, "1e-3"),
     ]
     reading = {"usual": 1.0, "changed": 2.0, "difference": 1.0, "low": 0.5, "high": 1.5, "seeds": 9}
     return {
         "paper_vs_ours": pd.DataFrame(
-            claims, columns=["where", "claim", "paper", "ours", "how", "verdict"]
+            claims, columns=Claim._fields
         ),
         "architecture": pd.DataFrame(
             {
@@ -198,7 +198,7 @@ def test_a_diffuse_facet_returns_its_albedo():
 def test_documents_are_brought_up_to_the_campaign(campaign):
     root, results = campaign
     changed = documents.refresh(root, results)
-    assert {path.name for path in changed} == {"README.md", "more.md", "results.md"}
+    assert {path.name for path in changed} == {"README.md", "more.md", "results.md", "verdicts.svg"}
     readme = (root / "README.md").read_text(encoding="utf-8")
     assert "Of 3 numbers and claims of the paper, 1 reproduced, 1 partly reproduced and" in readme
     assert readme.endswith("\n\nend\n") and "old" not in readme

@@ -249,7 +249,8 @@ rule results_page:
         tracking=rules.tracking_tables.output.tracking,
         datasets=[rules.families.output[0], rules.tracking_summary.output[0]],
     output:
-        results("tables/results.md"),
+        page=results("tables/results.md"),
+        verdicts=results("tables/images/verdicts.svg"),
     log:
         log_of("tables/results_page"),
     conda:

@@ -4,7 +4,7 @@ import pandas as pd
 
 from cislunar.campaign.data.netcdf import read_dataset, write_text
 from cislunar.campaign.data.progress import job
-from cislunar.campaign.documents.results_page import results_page
+from cislunar.campaign.documents.results_page import results_page, verdicts_svg
 
 with job(snakemake.log[0]):
     tables = {
@@ -13,4 +13,5 @@ with job(snakemake.log[0]):
         "tracking": pd.read_csv(snakemake.input.tracking),
     }
     datasets = map(read_dataset, snakemake.input.datasets)
-    write_text(results_page(tables, datasets, snakemake.params.config), snakemake.output[0])
+    write_text(results_page(tables, datasets, snakemake.params.config), snakemake.output.page)
+    write_text(verdicts_svg(tables["paper_vs_ours"]), snakemake.output.verdicts)

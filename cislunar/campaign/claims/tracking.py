@@ -108,7 +108,7 @@ def _architectures(frame: pd.DataFrame) -> Iterator[Claim]:
                 for labels, cell in _cells(select(same, architecture=name))
             ]
             facts = {"targets": targets, "scenario": scenario, "all": "; ".join(parts)}
-            facts["first"] = parts[0].split(",")[0] if parts else "-"
+            facts["first"] = parts[0].split(", final")[0] if parts else "-"
             yield judge(table()["comparisons"]["architectures"], facts)
 
 

@@ -4,19 +4,18 @@ from collections.abc import Callable, Mapping, Sequence
 
 import pandas as pd
 
-from cislunar.campaign.claims.judges import BEYOND
 from cislunar.campaign.documents.estimator_blocks import AWARE, ESTIMATOR_BLOCKS
 from cislunar.campaign.documents.markdown import markdown_table
 from cislunar.campaign.documents.results_page import (
     DASH,
     TRACKED,
-    VERDICTS,
+    Tables,
     architecture_list,
     quantity_rows,
+    results_body,
+    verdicts_sentence,
 )
 from cislunar.campaign.readings.photometry import BRIGHTER, RANGE, RETURNED
-
-Tables = Mapping[str, pd.DataFrame]
 
 _FILES = (
     ("fig. 1, facet geometry", "figures/fig01_facet_geometry.png", ()),
@@ -37,18 +36,6 @@ _FILES = (
 the lines above it."""
 
 _CORES = 2
-
-
-def verdicts_block(tables: Tables) -> str:
-    """One sentence: how many claims of the paper got which verdict."""
-    counts = tables["paper_vs_ours"]["verdict"].value_counts()
-    ours = int(counts.get(BEYOND, 0))
-    stated = int(counts.sum()) - ours
-    told = [f"{counts.get(verdict, 0)} {verdict}" for verdict in VERDICTS if verdict != BEYOND]
-    return (
-        f"Of {stated} numbers and claims of the paper, {', '.join(told[:-1])} and {told[-1]}; "
-        f"{ours} more comparisons have no counterpart in it."
-    )
 
 
 def _clock(seconds: float) -> str:
@@ -197,7 +184,8 @@ def returned_light_block(tables: Tables) -> str:
 
 
 BLOCKS: Mapping[str, Callable[[Tables], str]] = {
-    "verdicts": verdicts_block,
+    "verdicts": lambda tables: verdicts_sentence(tables["paper_vs_ours"]),
+    "results": results_body,
     "architectures": lambda tables: architecture_list(tables["architecture"]),
     "files": files_block,
     "times": times_block,

@@ -1,14 +1,12 @@
 """Generated blocks on the two attitude estimators, see `cislunar.campaign.documents`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import pandas as pd
 
 from cislunar.campaign.documents.markdown import markdown_table
-from cislunar.campaign.documents.results_page import DASH, TRACKED, quantity_rows
+from cislunar.campaign.documents.results_page import DASH, TRACKED, Tables, quantity_rows
 from cislunar.campaign.settings.model_error import NONE, TORQUE
-
-Tables = Mapping[str, pd.DataFrame]
 
 NAMES = {"mukf": "filter of the paper", "batch": "batch"}
 PLACE = {"scenario": "A", "architecture": "published", "interval_minutes": 60}

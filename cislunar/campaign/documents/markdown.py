@@ -62,6 +62,16 @@ def replace_between(text: str, begin: str, end: str, body: str, document: str) -
     return before + begin + body + end + after
 
 
+def generated_block(name: str, body: str) -> str:
+    """A block of a document that `fill_blocks` makes anew."""
+    return _BEGIN.format(name) + _padded(body) + _END
+
+
+def _padded(body: str) -> str:
+    stripped = body.strip("\n")
+    return f"\n{stripped}\n\n"
+
+
 def generated_blocks(text: str) -> list[str]:
     """Names of the generated blocks of a document, in order."""
     return _NAME.findall(text)
@@ -101,6 +111,5 @@ def fill_blocks(text: str, blocks: Mapping[str, Callable[[], str]], document: st
             raise InputFileError(
                 f"{document}: no such generated block: {name!r}; there are {', '.join(blocks)}"
             )
-        body = blocks[name]().strip("\n")
-        text = replace_between(text, _BEGIN.format(name), _END, f"\n{body}\n\n", document)
+        text = replace_between(text, _BEGIN.format(name), _END, _padded(blocks[name]()), document)
     return text

@@ -23,7 +23,7 @@ import pandas as pd
 from cislunar.campaign.data.netcdf import write_text
 from cislunar.campaign.documents.blocks import BLOCKS
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
-from cislunar.campaign.documents.results_page import results_body, shown_quantities
+from cislunar.campaign.documents.results_page import STRIP, shown_quantities, verdicts_svg
 from cislunar.campaign.documents.run_times import run_times
 from cislunar.campaign.documents.settings_tables import SETTINGS_BLOCKS
 from cislunar.errors import CislunarError, InputFileError
@@ -71,7 +71,7 @@ def _read(path: Path) -> pd.DataFrame:
             f"{path}: no such table; run the whole campaign, then "
             "python -m cislunar.campaign.documents.update"
         )
-    texts = {"paper": str, "ours": str} if path.stem == "paper_vs_ours" else None
+    texts = str if path.stem == "paper_vs_ours" else None
     return pd.read_csv(path, dtype=texts)
 
 
@@ -185,8 +185,7 @@ def outdated(root: str | Path) -> dict[Path, str]:
     Returns
     -------
     dict of Path to str
-        What each of them should hold. The page of results stands for itself where its body differs
-        from the tables'; only the campaign can make it anew.
+        What each of them should hold; the diagram of the verdicts among them.
 
     Raises
     ------
@@ -196,17 +195,16 @@ def outdated(root: str | Path) -> dict[Path, str]:
     root = Path(root)
     tables = read_tables(root / "docs/tables")
     makers = block_makers(root, tables)
-    found = {}
-    for path in documents(root):
-        text = path.read_text(encoding="utf-8")
-        filled = fill_blocks(text, makers, str(path.relative_to(root)))
-        if filled != text:
-            found[path] = filled
-    page = root / "docs" / RESULTS_PAGE
-    text = page.read_text(encoding="utf-8") if page.is_file() else ""
-    if results_body(tables) not in text:
-        found[page] = text
-    return found
+    wanted = {
+        path: fill_blocks(_text(path), makers, str(path.relative_to(root)))
+        for path in documents(root)
+    }
+    wanted[root / "docs" / STRIP] = verdicts_svg(tables["paper_vs_ours"])
+    return {path: text for path, text in wanted.items() if text != _text(path)}
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.is_file() else ""
 
 
 def refresh(root: str | Path, results: str | Path) -> list[Path]:
@@ -230,20 +228,16 @@ def refresh(root: str | Path, results: str | Path) -> list[Path]:
         If the campaign is not finished; nothing is changed then.
     """
     root, results = Path(root), Path(results)
-    source = results / "tables" / RESULTS_PAGE
+    source, page = results / "tables" / RESULTS_PAGE, root / "docs" / RESULTS_PAGE
     if not source.is_file():
         raise InputFileError(f"{source}: no such file; run the whole campaign first")
     for name, text in campaign_tables(results).items():
         write_text(text, root / "docs/tables" / f"{name}.csv")
-    page = root / "docs" / RESULTS_PAGE
-    before = page.read_text(encoding="utf-8") if page.is_file() else None
-    write_text(source.read_text(encoding="utf-8"), page)
-    stale = outdated(root)
-    if page in stale:
-        raise InputFileError(f"{source} does not belong to the tables beside it; make it anew")
-    for path, text in stale.items():
+    before = {path: _text(path) for path in (*documents(root), page, root / "docs" / STRIP)}
+    write_text(_text(source), page)
+    for path, text in outdated(root).items():
         write_text(text, path)
-    return [*stale, *([page] if before != page.read_text(encoding="utf-8") else [])]
+    return [path for path, text in before.items() if text != _text(path)]
 
 
 def main(arguments: list[str] | None = None) -> int:
