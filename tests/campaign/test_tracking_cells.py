@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.settings.cell_tree import Body, CellSettings
 from cislunar.campaign.settings.cells import (
     TRACKED_TARGETS,
     Cell,
@@ -24,13 +25,9 @@ from cislunar.campaign.settings.cells import (
 )
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
+from cislunar.campaign.settings.library import body_facets, loop_settings, truth_model
 from cislunar.campaign.settings.reading import merged, read_campaign, with_types
-from cislunar.campaign.tracking.cell import (
-    body_facets,
-    loop_settings,
-    realization_seeds,
-    truth_model,
-)
+from cislunar.campaign.tracking.cell import realization_seeds
 from cislunar.campaign.tracking.dataset import cell_dataset
 from cislunar.campaign.tracking.summary import (
     read_cell_metrics,
@@ -91,7 +88,7 @@ def test_the_sweeps_are_the_papers(config):
 
 def test_default_settings_are_those_of_the_library(config):
     """The library's defaults are the paper's; the configuration must not drift from them."""
-    made = loop_settings(cell_settings(config["task2"]), 60)
+    made = loop_settings(CellSettings(**cell_settings(config["task2"])), 60)
     default = LoopSettings(record_every=10)
     assert made.sensor == default.sensor
     assert made.initial == INITIAL_SPREAD
@@ -221,8 +218,8 @@ def test_truth_is_the_belief_unless_said_otherwise(config):
     for key in ("material", "body", "sensor"):
         assert true[key] == believed[key]
     assert true["angular_acceleration_deg_h2"] == [0, 0, 0]
-    model = truth_model(believed, 3)
-    loop = loop_settings(believed, 60)
+    model = truth_model(CellSettings(**believed), 3)
+    loop = loop_settings(CellSettings(**believed), 60)
     np.testing.assert_array_equal(model.noise, loop.sensor.noise)
     np.testing.assert_array_equal(model.surfaces.areas, np.tile(icosahedron(1.0).areas, 3))
     np.testing.assert_array_equal(model.surfaces.inertia, np.tile(np.eye(3), (3, 1, 1)))
@@ -231,7 +228,7 @@ def test_truth_is_the_belief_unless_said_otherwise(config):
 
 def test_truth_changes_alone(config):
     """Noise, surface, shape, inertia and torque of the truth; the settings of the loop stay."""
-    usual = loop_settings(cell_settings(config["task2"]), 60)
+    usual = loop_settings(CellSettings(**cell_settings(config["task2"])), 60)
     change = {
         "material": {"rms_slope": 0.4},
         "body": {"stretch": [1, 1, 1.2], "inertia": [1, 1, 1.2]},
@@ -240,7 +237,7 @@ def test_truth_changes_alone(config):
     }
     config["task2"]["truth"] = change
     check_campaign(config)
-    settings = cell_settings(config["task2"])
+    settings = CellSettings(**cell_settings(config["task2"]))
     assert loop_settings(settings, 60) == usual
     model = truth_model(settings, 2)
     assert model.noise[0] == 0.2
@@ -479,15 +476,16 @@ def test_body_from_a_mesh_file_sets_the_tasking_sphere(tmp_path):
     path.write_text("\n".join(lines))
     body = {"shape": str(path), "radius_m": None, "metres_per_unit": 0.5, "stretch": [1, 1, 1]}
     area = 4.0 * np.sqrt(3.0) / 4.0 * (0.5 * np.sqrt(8.0)) ** 2
-    assert body_facets(body).total_area == pytest.approx(area)
+    assert body_facets(Body(**body)).total_area == pytest.approx(area)
     settings = _small(body=body)
-    radius = loop_settings(settings, 60).tasking.radius_m
+    radius = loop_settings(CellSettings(**settings), 60).tasking.radius_m
     assert radius == pytest.approx(np.sqrt(area / (4.0 * np.pi)))
     assert mesh_file(settings) == [str(path)]
     assert mesh_file(_small()) == []
     assert mesh_file(_small(truth={"body": body})) == [str(path)]
     assert mesh_file(_small(body=body, truth={"body": body})) == [str(path)]
-    assert body_facets(body | {"stretch": [2, 2, 2]}).total_area == pytest.approx(4.0 * area)
+    larger = body_facets(Body(**body | {"stretch": [2, 2, 2]}))
+    assert larger.total_area == pytest.approx(4.0 * area)
 
 
 def test_statistics_are_over_the_observed_targets(tracked_cell):

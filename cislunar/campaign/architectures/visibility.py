@@ -9,10 +9,11 @@ import xarray as xr
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.coverage import Coverage, architecture_tracks, coverage
 from cislunar.architecture.tables import ArchitectureTables
-from cislunar.campaign.data.inputs import horizon, sun_at, visibility_settings
+from cislunar.campaign.data.inputs import horizon, sun_at
 from cislunar.campaign.data.netcdf import variable
 from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.provenance import provenance
+from cislunar.campaign.settings.library import visibility_settings
 from cislunar.visibility.counts import count_visibility
 
 

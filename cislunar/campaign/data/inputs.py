@@ -10,14 +10,15 @@ import xarray as xr
 from cislunar.campaign.data.netcdf import variable
 from cislunar.campaign.data.progress import Progress, logger, progress_log
 from cislunar.campaign.data.provenance import provenance
+from cislunar.campaign.settings.library import family_extent, sampling_settings
+from cislunar.campaign.settings.reading import typed
+from cislunar.campaign.settings.tree import Orbits, Targets, Visibility
 from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
-from cislunar.observation.exclusion import ExclusionAngles
-from cislunar.orbits.extent import CATALOGUE_EXTENT, Extent
 from cislunar.orbits.families import OrbitSet, observer_library
 from cislunar.targets.clustering import cluster, distinct_points
 from cislunar.targets.missions import load_missions
-from cislunar.targets.sampling import SamplingSettings, sample_zero_velocity
-from cislunar.visibility.counts import VisibilitySettings, observation_times
+from cislunar.targets.sampling import sample_zero_velocity
+from cislunar.visibility.counts import observation_times
 
 AXES = ("x", "y", "z")
 COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
@@ -105,11 +106,9 @@ def families_dataset(settings: Mapping[str, Any], progress: Progress | None = No
     xarray.Dataset
         ``orbits/families.nc``.
     """
-    orbits = settings["orbits"]
-    physical = orbits["extent"] == "keep_out"
-    extent = Extent(**orbits["keep_out"]) if physical else CATALOGUE_EXTENT
-    members = {family: count for family, count in orbits["members"].items() if count > 0}
-    library = observer_library(members, extent, progress=progress)
+    orbits = typed(settings["orbits"], Orbits)
+    members = {family: count for family, count in orbits.members if count > 0}
+    library = observer_library(members, family_extent(orbits), progress=progress)
     return orbit_set_dataset(library, "orbit", "Candidate observer orbits", settings)
 
 
@@ -173,14 +172,7 @@ def zvs_points_dataset(missions_path: str | Path, settings: Mapping[str, Any]) -
         ``targets/zvs_points.nc``.
     """
     missions = load_missions(missions_path)
-    targets = settings["targets"]
-    sampling = SamplingSettings(
-        **{
-            key: tuple(value) if isinstance(value, list) else value
-            for key, value in targets.items()
-            if key not in ("missions", "seeding")
-        }
-    )
+    sampling = sampling_settings(typed(settings["targets"], Targets))
     names = missions["mission"].tolist()
     points = sample_zero_velocity(
         missions["jacobi"].to_numpy(), sampling, names=names, progress=progress_log("missions")
@@ -246,29 +238,6 @@ def static_targets_dataset(
     )
 
 
-def visibility_settings(settings: Mapping[str, Any]) -> VisibilitySettings:
-    """Photometry and exclusion angles from the configuration.
-
-    Parameters
-    ----------
-    settings : mapping
-        Configuration keys `propagator` and `visibility`.
-
-    Returns
-    -------
-    VisibilitySettings
-    """
-    chosen = settings["visibility"]
-    angles = {f"{body}_deg": angle for body, angle in chosen["exclusion_deg"].items()}
-    return VisibilitySettings(
-        limiting_magnitude=chosen["limiting_magnitude"],
-        target_radius_m=chosen["target_radius_m"],
-        diffuse_reflection_coefficient=chosen["diffuse_reflection_coefficient"],
-        angles=ExclusionAngles(**angles),
-        propagator=settings["propagator"],
-    )
-
-
 def horizon(settings: Mapping[str, Any]) -> np.ndarray:
     """Evaluation times of the architecture optimisation, nondimensional, shape (time,).
 
@@ -281,5 +250,5 @@ def horizon(settings: Mapping[str, Any]) -> np.ndarray:
     -------
     ndarray
     """
-    chosen = settings["visibility"]
-    return observation_times(chosen["duration_days"], chosen["step_hours"])
+    chosen = typed(settings["visibility"], Visibility)
+    return observation_times(chosen.duration_days, chosen.step_hours)

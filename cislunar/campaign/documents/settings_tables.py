@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from cislunar.campaign.documents.markdown import fill_blocks, markdown_table
+from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.schema import (
     SCHEMA_FILE,
     allowed,
@@ -21,7 +22,7 @@ from cislunar.campaign.settings.schema import (
     schema_text,
     stated_keys,
 )
-from cislunar.campaign.settings.tree import Campaign, Cell
+from cislunar.campaign.settings.tree import Campaign
 
 _DASH = "\N{EN DASH}"
 _SECTIONS = ("ephemeris", "orbits", "targets", "visibility", "scenarios", "sweeps", "architecture")
@@ -34,7 +35,7 @@ def _section(key: str) -> str:
         return first
     if not inside:
         return "campaign"
-    if inside[0] in Cell.model_fields:
+    if inside[0] in CellSettings.model_fields:
         return "cell"
     return "variants" if inside[0] == "variants" else "tracking"
 

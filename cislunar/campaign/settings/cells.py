@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from cislunar.architecture.published import PUBLISHED
+from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.reading import merged
-from cislunar.campaign.settings.tree import Cell as CellSection
 from cislunar.errors import ConfigurationError
 
 TRACKED_TARGETS = 202
@@ -20,7 +20,7 @@ TRACKED_TARGETS = 202
 MOST_STEPS = 10_000_000
 """More steps of a horizon or a run than this are taken for a slip of the pen."""
 
-CELL_KEYS = tuple(CellSection.model_fields)
+CELL_KEYS = tuple(CellSettings.model_fields)
 """Keys of `task2` that set a cell, and that a variant may change."""
 
 

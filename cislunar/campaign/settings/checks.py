@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
 from cislunar.campaign.settings.cells import cell_settings, variant_place
 from cislunar.campaign.settings.families import (
     TRACKING_KEYS,
@@ -16,7 +17,11 @@ from cislunar.campaign.settings.families import (
 from cislunar.campaign.settings.reading import checked, shown
 from cislunar.campaign.settings.scenarios import in_study, scenario_settings
 from cislunar.campaign.settings.tracking_checks import check_tracking
-from cislunar.campaign.settings.tree import Campaign, Cell, CellChange, Scenario, Surroundings
+from cislunar.campaign.settings.tree import (
+    Campaign,
+    Scenario,
+    Surroundings,
+)
 from cislunar.errors import ConfigurationError
 
 _SPECIAL = set("{}*?[]")
@@ -61,7 +66,7 @@ def _own(whole: Mapping[str, Any], scenario: str) -> dict[str, Any]:
     """What holds for a scenario, without the keys of `task2` that set no cell."""
     own = scenario_settings(whole, scenario) if scenario in whole["scenarios"] else whole
     own = {key: own[key] for key in Surroundings.model_fields}
-    return own | {"task2": {key: own["task2"][key] for key in Cell.model_fields}}
+    return own | {"task2": {key: own["task2"][key] for key in CellSettings.model_fields}}
 
 
 def _check_values(study: Mapping[str, Any], whole: Mapping[str, Any]) -> None:
@@ -72,7 +77,7 @@ def _check_values(study: Mapping[str, Any], whole: Mapping[str, Any]) -> None:
             key = key.removesuffix("values") + "key"
         try:
             checked(entry["change"], CellChange)
-            checked(cell_settings(whole["task2"] | own, name), Cell)
+            checked(cell_settings(whole["task2"] | own, name), CellSettings)
         except ConfigurationError as error:
             raise ConfigurationError(f"configuration key '{key}': {_first(error)}") from None
     for name in study["sweeps"]:

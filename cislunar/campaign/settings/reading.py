@@ -4,7 +4,7 @@ import difflib
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 from pydantic import ValidationError
@@ -16,6 +16,8 @@ from cislunar.errors import ConfigurationError, InputFileError
 
 USUAL_FILES = ("config.yaml", "variants.yaml")
 """What every campaign starts from, in the folder ``config``."""
+
+Part = TypeVar("Part", bound=Section)
 
 _LONGEST_TEXT = 1000
 _LONGEST_VALUE = 80
@@ -107,9 +109,7 @@ def _typed(value: Any, schema: Mapping[str, Any]) -> Any:
     return value
 
 
-def checked(
-    config: Mapping[str, Any], model: type[Section] = Campaign, place: str = ""
-) -> dict[str, Any]:
+def typed(config: Mapping[str, Any], model: type[Part], place: str = "") -> Part:
     """Refuse unknown keys, wrong types and values out of range.
 
     Parameters
@@ -123,8 +123,8 @@ def checked(
 
     Returns
     -------
-    dict
-        The same with the defaults of what is left out; plain values, as they were written.
+    Section
+        With the defaults of what is left out.
 
     Raises
     ------
@@ -135,10 +135,17 @@ def checked(
     lines = list(_beyond_json(config, place))
     if not lines:
         try:
-            return model.model_validate(config).model_dump()
+            return model.model_validate(config)
         except ValidationError as error:
             lines = [_described(fault, model, place) for fault in error.errors()]
     raise ConfigurationError("\n".join(lines)) from None
+
+
+def checked(
+    config: Mapping[str, Any], model: type[Section] = Campaign, place: str = ""
+) -> dict[str, Any]:
+    """The same as `typed` as a plain mapping, whose values are as they were written."""
+    return typed(config, model, place).model_dump()
 
 
 def _beyond_json(value: Any, place: str = "") -> Iterator[str]:

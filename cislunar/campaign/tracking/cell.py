@@ -10,21 +10,19 @@ from numpy.typing import NDArray
 from cislunar.architecture.coverage import architecture_tracks
 from cislunar.campaign.data.inputs import sun_at
 from cislunar.campaign.data.progress import Progress
-from cislunar.campaign.settings.cells import Cell, check_cell, true_settings
+from cislunar.campaign.settings.cell_tree import CellSettings
+from cislunar.campaign.settings.cells import Cell, check_cell
+from cislunar.campaign.settings.library import (
+    believed_surfaces,
+    estimator_factory,
+    loop_settings,
+    truth_model,
+)
+from cislunar.campaign.settings.reading import typed
 from cislunar.constants import TIME_UNIT_S
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.estimator import EstimatorFactory
-from cislunar.estimation.kalman.mukf import Spread
-from cislunar.estimation.light_curves.batch_settings import BatchSettings
-from cislunar.estimation.registry import estimator_named
-from cislunar.observation.exclusion import ExclusionAngles
-from cislunar.observation.measurement import Sensor
-from cislunar.observation.scene import Scene, TargetSurfaces, make_scene, target_surfaces
-from cislunar.photometry.materials import Material, PhotometryModel
-from cislunar.photometry.mesh_files import load_shape
-from cislunar.photometry.shapes import Facets, icosahedron, scale_to_sphere, stretch
+from cislunar.observation.scene import Scene, TargetSurfaces, make_scene
 from cislunar.tasking.closed_loop import LoopResult, LoopSettings, run_closed_loop
-from cislunar.tasking.information import TaskingModel
 from cislunar.tasking.simulation import TruthModel, epoch_states, monitored_targets
 
 
@@ -73,148 +71,13 @@ def realization_seeds(seed: int, count: int) -> list[int]:
     return [int(np.random.SeedSequence([seed, k]).generate_state(1)[0]) for k in range(count)]
 
 
-def body_facets(body: Mapping[str, Any]) -> Facets:
-    """Shape of the targets.
-
-    Parameters
-    ----------
-    body : mapping
-        Configuration key `task2.body`.
-
-    Returns
-    -------
-    Facets
-    """
-    shape, radius = body["shape"], body["radius_m"]
-    if shape == "icosahedron":
-        facets = icosahedron(radius)
-    else:
-        facets = load_shape(shape, metres_per_unit=body["metres_per_unit"], radius_m=radius)
-    stretched = stretch(facets, body["stretch"])
-    if stretched is facets or radius is None:
-        return stretched
-    return scale_to_sphere(stretched, radius)
-
-
-def _sensor(sensor: Mapping[str, Any]) -> Sensor:
-    """Configuration key `task2.sensor` as the library's."""
-    given = dict(sensor)
-    angles = {f"{body}_deg": angle for body, angle in given.pop("exclusion_deg").items()}
-    return Sensor(**given, exclusion=ExclusionAngles(**angles))
-
-
-def _surfaces(
-    settings: Mapping[str, Any], photometry: Mapping[str, Any], n_targets: int
-) -> TargetSurfaces:
-    """The same body for all targets."""
-    inertia = settings["body"]["inertia"]
-    return target_surfaces(
-        body_facets(settings["body"]),
-        Material(**settings["material"]),
-        n_targets,
-        PhotometryModel(**photometry),
-        inertia=1.0 if inertia is None else inertia,
-    )
-
-
-def truth_model(settings: Mapping[str, Any], n_targets: int) -> TruthModel:
-    """What the targets truly are, and the true noise.
-
-    Parameters
-    ----------
-    settings : mapping
-        Settings of the cell.
-    n_targets : int
-        Number of monitored targets.
-
-    Returns
-    -------
-    TruthModel
-        What the estimators believe, unless the configuration key `task2.truth` says otherwise.
-    """
-    true = true_settings(settings)
-    deg_h2 = np.array(true["angular_acceleration_deg_h2"], dtype=float)
-    return TruthModel(
-        _surfaces(true, settings["photometry"], n_targets),
-        _sensor(true["sensor"]).noise,
-        np.deg2rad(deg_h2) / 3600.0**2,
-    )
-
-
-def loop_settings(
-    settings: Mapping[str, Any], interval_minutes: int, *, keep_information: bool = False
-) -> LoopSettings:
-    """Settings of the closed loop.
-
-    Parameters
-    ----------
-    settings : mapping
-        Of `cislunar.campaign.settings.cells.cell_settings`.
-    interval_minutes : int
-        Time between tasking epochs.
-    keep_information : bool
-        Keep the information of all pairs.
-
-    Returns
-    -------
-    LoopSettings
-    """
-    tasking = settings["tasking"]
-    return LoopSettings(
-        step_s=settings["step_s"],
-        interval_minutes=interval_minutes,
-        duration_hours=settings["duration_hours"],
-        method=tasking["method"],
-        max_evaluations=tasking["max_evaluations"],
-        early_stop=tasking["early_stop"],
-        sensor=_sensor(settings["sensor"]),
-        tasking=TaskingModel(
-            diffuse_reflection_coefficient=tasking["diffuse_reflection_coefficient"],
-            # the sphere that stands in for the body has its surface area
-            radius_m=body_facets(settings["body"]).equivalent_radius,
-            states=tasking["states"],
-            track_gate=tasking["track_gate"],
-            measurements=tasking["credited_measurements"],
-        ),
-        initial=Spread(**settings["initial_sigma"]),
-        record_every=round(60.0 * settings["record_minutes"] / settings["step_s"]),
-        keep_information=keep_information,
-    )
-
-
-def estimator_factory(name: str, settings: Mapping[str, Any]) -> EstimatorFactory:
-    """The estimator of a cell.
-
-    Parameters
-    ----------
-    name : str
-        As in the configuration key `task2.estimators`.
-    settings : mapping
-        Settings of the cell.
-
-    Returns
-    -------
-    EstimatorFactory
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no such estimator.
-    """
-    return estimator_named(
-        name,
-        process_noise=Spread(**settings["process_noise"]),
-        batch_settings=BatchSettings(**settings["batch"]),
-    )
-
-
 def tracking_problem(
     cell: Cell,
     architecture: xr.Dataset,
     orbits: xr.Dataset,
     tracked: xr.Dataset,
     sun: xr.Dataset,
-    settings: Mapping[str, Any],
+    settings: CellSettings,
     *,
     propagator: str,
     loop: LoopSettings,
@@ -228,7 +91,7 @@ def tracking_problem(
     architecture, orbits, tracked, sun : xarray.Dataset
         ``architecture/{scenario}/{architecture}.nc``, ``orbits/families.nc``,
         ``orbits/tracked.nc``, ``ephemeris/sun.nc``.
-    settings : mapping
+    settings : CellSettings
         Settings of the cell.
     propagator : str
         Of the observers.
@@ -264,14 +127,14 @@ def tracking_problem(
         times,
         propagator=propagator,
     )
-    ids = monitored_targets(tracked.sizes["target"], cell.targets, settings["monitored_seed"])
+    ids = monitored_targets(tracked.sizes["target"], cell.targets, settings.monitored_seed)
     # All targets are placed, so that a target starts at the same point in every monitored set.
     states = epoch_states(
-        tracked["state"].values, tracked["period"].values, settings["monitored_seed"]
+        tracked["state"].values, tracked["period"].values, settings.monitored_seed
     )
     return Problem(
         make_scene(tracks, sun_at(sun, times), loop.step_s),
-        _surfaces(settings, settings["photometry"], cell.targets),
+        believed_surfaces(settings, cell.targets),
         truth_model(settings, cell.targets),
         states[ids],
         ids,
@@ -296,8 +159,10 @@ def run_cell(
 
     Parameters
     ----------
-    cell, architecture, orbits, tracked, sun, settings, propagator
+    cell, architecture, orbits, tracked, sun, propagator
         As for `tracking_problem`.
+    settings : mapping
+        Of `cislunar.campaign.settings.cells.cell_settings`.
     seed : int
         Seed of the campaign.
     keep_information : bool
@@ -315,18 +180,19 @@ def run_cell(
         If the cell cannot be run.
     """
     check_cell(cell.targets, cell.interval_minutes, settings, tracked.sizes["target"])
-    loop = loop_settings(settings, cell.interval_minutes, keep_information=keep_information)
+    chosen = typed(settings, CellSettings)
+    loop = loop_settings(chosen, cell.interval_minutes, keep_information=keep_information)
     problem = tracking_problem(
-        cell, architecture, orbits, tracked, sun, settings, propagator=propagator, loop=loop
+        cell, architecture, orbits, tracked, sun, chosen, propagator=propagator, loop=loop
     )
     result = run_closed_loop(
         problem.scene,
         problem.surfaces,
         problem.epoch_state,
         problem.target_ids,
-        realization_seeds(seed, settings["seeds"]),
+        realization_seeds(seed, chosen.seeds),
         loop,
-        estimator=estimator_factory(cell.estimator, settings),
+        estimator=estimator_factory(cell.estimator, chosen),
         truth=problem.truth,
         progress=progress,
     )

@@ -1,0 +1,210 @@
+"""The settings of one cell of sensor tasking and tracking: how targets are observed and estimated.
+
+Each key is stated as `cislunar.campaign.settings.tree` says.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from cislunar.campaign.settings.fields import (
+    Angle,
+    Count,
+    Flag,
+    NotNegative,
+    Number,
+    Partial,
+    Positive,
+    Section,
+    Three,
+    ThreePositive,
+    number,
+    partial,
+    setting,
+    whole,
+)
+from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.photometry.materials import Material as LibraryMaterial
+from cislunar.photometry.materials import PhotometryModel
+
+# fmt: off
+
+
+class Exclusion(Section):
+    sun: Angle = setting("least angle between the line of sight and the Sun", "deg", "35")
+    moon: Angle = setting("the same for the centre of the Moon", "deg", "5")
+    earth: Angle = setting("the same for the centre of the Earth", "deg", "15")
+
+
+class Tasking(Section):
+    method: Literal["exact", "tpe", "greedy", "random"] = setting(
+        "assignment of observers: `exact` (linear assignment, optimal), `tpe` (the paper's), "
+        "`greedy`, `random`", paper="tpe")
+    max_evaluations: Count = setting("taskings `tpe` and `random` try at an epoch", "1", "5000")
+    early_stop: Count = setting("taskings without progress after which they end", "1", "700")
+    states: Literal["translation", "full"] = setting(
+        "whose information counts: `translation` by the two angles, or `full`, all twelve states "
+        "by angles and magnitude", paper="translation")
+    credited_measurements: Count = setting(
+        "measurements, each as informative as the first, a pair is credited with",
+        "1", "1", default=1)
+    track_gate: Flag = setting(
+        "true: no information from a target whose predicted direction is uncertain by more than "
+        "half the field of view", paper="not in the paper", default=True)
+    diffuse_reflection_coefficient: Positive = setting(
+        "C_d of the sphere that stands for a target when tasking judges its visibility; its "
+        "radius is that of equal area", "1", "not given", default=0.5)
+
+
+class Sensor(Section):
+    magnitude_noise: Positive = setting(
+        "standard deviation of the measured magnitude", "mag", "0.1")
+    angle_noise_arcsec: Positive = setting(
+        "standard deviation of right ascension and of declination", "arcsec", "3")
+    field_of_view_deg: number(gt=0, le=180) = setting(
+        "full width; measurements beyond half of it from the expected direction are rejected",
+        "deg", "3")
+    limiting_magnitude: Number = setting(
+        "faintest measured magnitude that counts, and the limit tasking assumes", "mag", "18")
+    exclusion_deg: Exclusion = setting("")
+    occultation: Flag = setting(
+        "true: targets behind the disc of Earth or Moon are hidden",
+        paper="not in the paper", default=True)
+
+
+class InitialSigma(Section):
+    attitude_deg: Positive = setting(
+        "initial standard deviation of each attitude error angle", "deg", "5 (variance 5^2)")
+    angular_velocity_deg_h: Positive = setting(
+        "of each component of the angular velocity", "deg/h", "2.4 (variance (0.1 x 24)^2)")
+    position_km: Positive = setting(
+        "of each component of the position", "km", "31.6 (variance 0.1 x 100000^2 m^2)")
+    velocity_m_s: Positive = setting(
+        "of each component of the velocity", "m/s", "0.0316 (variance 0.1 x 0.1^2)")
+
+
+class ProcessNoise(Section):
+    attitude_deg: NotNegative = setting(
+        "standard deviation of the attitude that accumulates in 60 s; 0.03 in the variant "
+        "`process-noise`", "deg", "not given", default=0)
+    angular_velocity_deg_h: NotNegative = setting(
+        "of the angular velocity", "deg/h", "not given", default=0)
+    position_km: NotNegative = setting("of the position", "km", "not given", default=0)
+    velocity_m_s: NotNegative = setting("of the velocity", "m/s", "not given", default=0)
+
+
+class Batch(Section):
+    modes: Count = setting(
+        "of the estimator `batch`: most modes of the attitude's posterior kept (16 in the preset "
+        "`accurate`)", default=BatchSettings.modes)
+    starts: whole(ge=0) = setting(
+        "starts of a fit besides the live modes (8 in `accurate`)", default=BatchSettings.starts)
+    first_starts: whole(ge=0) = setting(
+        "starts of the first fit (16 in `accurate`)", default=BatchSettings.first_starts)
+    pool: whole(ge=0) = setting(
+        "random points out of which the starts are chosen, at least as many as starts (128 in "
+        "`accurate`)", default=BatchSettings.pool)
+    refit_growth: NotNegative = setting(
+        "share by which a light curve has to grow to be fitted anew between tasking epochs; 0: at "
+        "tasking epochs only (0.1 in `accurate`)", "1", default=BatchSettings.refit_growth)
+    window_hours: Positive | None = setting(
+        "age beyond which measurements are condensed into a Gaussian per mode; null keeps all",
+        "h", default=BatchSettings.window_hours)
+    memory_hours: Positive | None = setting(
+        "time in which what is known from condensed measurements fades by e; null forgets "
+        "nothing; needs `window_hours`", "h", default=BatchSettings.memory_hours)
+    use_non_detections: Flag = setting(
+        "a tasked target in clear view that is not seen counts as fainter than the limit",
+        default=BatchSettings.use_non_detections)
+    magnitude_noise_factor: Positive = setting(
+        "factor on the magnitude noise the attitude is fitted with, for inexact models",
+        "1", default=int(BatchSettings.magnitude_noise_factor))
+    magnitude_offset: NotNegative = setting(
+        "standard deviation of an unknown offset common to a target's magnitudes",
+        "mag", default=int(BatchSettings.magnitude_offset))
+
+    @model_validator(mode="after")
+    def _possible(self) -> "Batch":
+        BatchSettings(**dict(self))
+        return self
+
+
+class Body(Section):
+    shape: Annotated[str, Field(pattern="^icosahedron$|[.]([oO][bB][jJ]|[sS][tT][lL])$")] = setting(
+        "`icosahedron`, or a closed convex triangle mesh (`.obj`, `.stl`)", paper="icosahedron")
+    radius_m: Positive | None = setting(
+        "the shape is scaled to the surface area of this sphere; null keeps the size of a mesh "
+        "file", "m", "1")
+    metres_per_unit: Positive = setting("length of the mesh file's unit", "m", default=1)
+    stretch: ThreePositive = setting(
+        "factors by which the shape is stretched along its body axes, before it is scaled to "
+        "`radius_m`", "1", default=[1, 1, 1])
+    inertia: ThreePositive | None = setting(
+        "principal moments of inertia along the body axes, in any unit since bodies turn freely; "
+        "null = spherical", paper="spherical", default=None)
+
+
+class Material(Section):
+    diffuse_weight: NotNegative = setting(
+        "d, weight of the diffuse share", "1", "not given", default=LibraryMaterial.diffuse_weight)
+    specular_weight: NotNegative = setting(
+        "s, weight of the specular share",
+        "1", "not given", default=LibraryMaterial.specular_weight)
+    diffuse_albedo: number(ge=0, le=1) = setting(
+        "rho", "1", "not given", default=LibraryMaterial.diffuse_albedo)
+    rms_slope: Positive = setting(
+        "delta_RMS of the microfacets", "1", "not given", default=LibraryMaterial.rms_slope)
+    normal_reflectance: number(ge=0, lt=1) = setting(
+        "F_0", "1", "not given", default=LibraryMaterial.normal_reflectance)
+
+
+class Photometry(Section):
+    irradiance: Literal["4pi", "1/r^2"] = setting(
+        "spreading of a facet's light: `4pi` for 1/(4 pi r^2) as printed, `1/r^2` in line with "
+        "the sphere model", paper="4pi", default=PhotometryModel.irradiance)
+    fresnel: Literal["sqrt", "printed"] = setting(
+        "`sqrt` as in Cook & Torrance, `printed` without the root",
+        paper="printed", default=PhotometryModel.fresnel)
+
+
+class Truth(Partial):
+    material: partial(Material) = None
+    body: partial(Body) = None
+    sensor: partial(Sensor, ("magnitude_noise", "angle_noise_arcsec")) = None
+    angular_acceleration_deg_h2: Three = None
+
+
+class CellSettings(Section):
+    """What sets a cell, and what a variant may change."""
+
+    seeds: whole(ge=1, le=10_000) = setting(
+        "realizations of truth and noise of every cell; the same in all cells, and the first ones "
+        "stay the same when the number is raised", "1", "1 (a single run)", default=10)
+    monitored_seed: whole(ge=0) = setting(
+        "chooses which targets are monitored (smaller sets are contained in larger ones) and "
+        "where on their orbits they start", "1", '"a fixed random seed"', default=20241001)
+    duration_hours: Positive = setting(
+        "length of a run; at most `visibility.duration_days`", "h", "24")
+    step_s: Positive = setting(
+        "time between measurements, and step of filter and truth",
+        "s", "60 (table 3; 30 in the text)")
+    record_minutes: Positive = setting(
+        "time between the errors and deviations kept in a cell's file (the last state always is); "
+        "the metrics use every step", "min", default=10)
+    tasking: Tasking = setting("")
+    sensor: Sensor = setting("")
+    initial_sigma: InitialSigma = setting("")
+    process_noise: ProcessNoise = ProcessNoise()
+    batch: Batch = Batch()
+    body: Body = setting("")
+    material: Material = Material()
+    photometry: Photometry = Photometry()
+    truth: Truth = setting(
+        "what targets and sensors truly are where the estimators believe otherwise: any of "
+        "`material`, `body` (keys as above), `sensor.magnitude_noise`, "
+        "`sensor.angle_noise_arcsec`, and `angular_acceleration_deg_h2`, three numbers in deg/h^2 "
+        "along the body axes that a constant torque gives every target. `{}` = nothing. The "
+        "random numbers stay the same", default=Truth())
+
+
+CellChange = partial(CellSettings)

@@ -1,0 +1,172 @@
+"""The settings as the library takes them: its own objects, made here and nowhere else.
+
+This module alone of the settings needs the compiled library; jobs import it, the workflow does not.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from cislunar.campaign.settings import cell_tree, tree
+from cislunar.campaign.settings.cells import true_settings
+from cislunar.campaign.settings.reading import typed
+from cislunar.estimation.estimator import EstimatorFactory
+from cislunar.estimation.kalman.mukf import Spread
+from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.estimation.registry import estimator_named
+from cislunar.observation.exclusion import ExclusionAngles
+from cislunar.observation.measurement import Sensor
+from cislunar.observation.scene import TargetSurfaces, target_surfaces
+from cislunar.orbits.extent import CATALOGUE_EXTENT, Extent
+from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.mesh_files import load_shape
+from cislunar.photometry.shapes import Facets, icosahedron, scale_to_sphere, stretch
+from cislunar.targets.sampling import SamplingSettings
+from cislunar.tasking.closed_loop import LoopSettings
+from cislunar.tasking.information import TaskingModel
+from cislunar.tasking.simulation import TruthModel
+from cislunar.visibility.counts import VisibilitySettings
+
+
+def _exclusion(angles: cell_tree.Exclusion) -> ExclusionAngles:
+    return ExclusionAngles(**{f"{body}_deg": angle for body, angle in angles})
+
+
+def visibility_settings(settings: Mapping[str, Any]) -> VisibilitySettings:
+    """Photometry and exclusion angles of the architecture optimisation.
+
+    Parameters
+    ----------
+    settings : mapping
+        Configuration keys `propagator` and `visibility`.
+
+    Returns
+    -------
+    VisibilitySettings
+    """
+    chosen = typed(settings["visibility"], tree.Visibility)
+    return VisibilitySettings(
+        limiting_magnitude=chosen.limiting_magnitude,
+        target_radius_m=chosen.target_radius_m,
+        diffuse_reflection_coefficient=chosen.diffuse_reflection_coefficient,
+        angles=_exclusion(chosen.exclusion_deg),
+        propagator=settings["propagator"],
+    )
+
+
+def family_extent(orbits: tree.Orbits) -> Extent:
+    """How far families of observer orbits are followed."""
+    return Extent(**dict(orbits.keep_out)) if orbits.extent == "keep_out" else CATALOGUE_EXTENT
+
+
+def sampling_settings(targets: tree.Targets) -> SamplingSettings:
+    """How the region within a zero-velocity surface is sampled."""
+    return SamplingSettings(**targets.model_dump(exclude={"missions", "seeding"}))
+
+
+def body_facets(body: cell_tree.Body) -> Facets:
+    """Shape of the targets."""
+    if body.shape == "icosahedron":
+        facets = icosahedron(body.radius_m)
+    else:
+        facets = load_shape(
+            body.shape, metres_per_unit=body.metres_per_unit, radius_m=body.radius_m
+        )
+    stretched = stretch(facets, body.stretch)
+    if stretched is facets or body.radius_m is None:
+        return stretched
+    return scale_to_sphere(stretched, body.radius_m)
+
+
+def believed_surfaces(cell: cell_tree.CellSettings, n_targets: int) -> TargetSurfaces:
+    """Shape, material and inertia, the same for all targets."""
+    return target_surfaces(
+        body_facets(cell.body),
+        Material(**dict(cell.material)),
+        n_targets,
+        PhotometryModel(**dict(cell.photometry)),
+        inertia=1.0 if cell.body.inertia is None else cell.body.inertia,
+    )
+
+
+def sensor(chosen: cell_tree.Sensor) -> Sensor:
+    """The observers' telescope."""
+    given = dict(chosen)
+    exclusion = _exclusion(given.pop("exclusion_deg"))
+    return Sensor(**given, exclusion=exclusion)
+
+
+def truth_model(cell: cell_tree.CellSettings, n_targets: int) -> TruthModel:
+    """What the targets truly are, and the true noise.
+
+    Parameters
+    ----------
+    cell : CellSettings
+        Settings of the cell.
+    n_targets : int
+        Number of monitored targets.
+
+    Returns
+    -------
+    TruthModel
+        What the estimators believe, unless the configuration key `task2.truth` says otherwise.
+    """
+    true = true_settings(cell.model_dump())
+    deg_h2 = np.array(true.pop("angular_acceleration_deg_h2"), dtype=float)
+    truth = typed({**cell.model_dump(), **true}, cell_tree.CellSettings)
+    return TruthModel(
+        believed_surfaces(truth, n_targets),
+        sensor(truth.sensor).noise,
+        np.deg2rad(deg_h2) / 3600.0**2,
+    )
+
+
+def loop_settings(
+    cell: cell_tree.CellSettings, interval_minutes: int, *, keep_information: bool = False
+) -> LoopSettings:
+    """Settings of the closed loop.
+
+    Parameters
+    ----------
+    cell : CellSettings
+        Settings of the cell.
+    interval_minutes : int
+        Time between tasking epochs.
+    keep_information : bool
+        Keep the information of all pairs.
+
+    Returns
+    -------
+    LoopSettings
+    """
+    tasking = cell.tasking
+    return LoopSettings(
+        step_s=cell.step_s,
+        interval_minutes=interval_minutes,
+        duration_hours=cell.duration_hours,
+        method=tasking.method,
+        max_evaluations=tasking.max_evaluations,
+        early_stop=tasking.early_stop,
+        sensor=sensor(cell.sensor),
+        tasking=TaskingModel(
+            diffuse_reflection_coefficient=tasking.diffuse_reflection_coefficient,
+            # the sphere that stands in for the body has its surface area
+            radius_m=body_facets(cell.body).equivalent_radius,
+            states=tasking.states,
+            track_gate=tasking.track_gate,
+            measurements=tasking.credited_measurements,
+        ),
+        initial=Spread(**dict(cell.initial_sigma)),
+        record_every=round(60.0 * cell.record_minutes / cell.step_s),
+        keep_information=keep_information,
+    )
+
+
+def estimator_factory(name: str, cell: cell_tree.CellSettings) -> EstimatorFactory:
+    """The estimator of a cell, by its name in the configuration key `task2.estimators`."""
+    return estimator_named(
+        name,
+        process_noise=Spread(**dict(cell.process_noise)),
+        batch_settings=BatchSettings(**dict(cell.batch)),
+    )
