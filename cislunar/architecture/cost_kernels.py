@@ -52,7 +52,8 @@ def cost_arrays(tables: ArchitectureTables) -> CostArrays:
 
 @njit(cache=True)
 def cost_factors(count, stability, observed, distance, logs, scale, unique):
-    """lambda_1 .. lambda_6 from N, S, v, d, s, c and whether all orbits differ (1 or 0)."""
+    """lambda_1 .. lambda_6 from N, S, v, d, s, c and whether all orbits differ (1 or 0)
+    (Paul & Fan, eqs. 54-58)."""
     return (
         1.0 / count,
         1.0 / stability,
@@ -65,7 +66,7 @@ def cost_factors(count, stability, observed, distance, logs, scale, unique):
 
 @njit(cache=True)
 def cost(count, stability, observed, distance, logs, scale, unique):
-    """J, the size of the product of the factors."""
+    """J, the size of the product of the factors (Paul & Fan, eq. 53)."""
     one, two, three, four, five, six = cost_factors(
         count, stability, observed, distance, logs, scale, unique
     )

@@ -87,7 +87,7 @@ def scale_for(a: float) -> float:
 
 
 def to_quaternion(p: ArrayLike, a: float = GRP_A, f: float | None = None) -> Array:
-    """Unit quaternions of GRP vectors over arrays.
+    """Unit quaternions of GRP vectors over arrays (Paul & Fan, eqs. 32-34).
 
     Parameters
     ----------
@@ -114,7 +114,8 @@ def to_quaternion(p: ArrayLike, a: float = GRP_A, f: float | None = None) -> Arr
 
 
 def from_quaternion(q: ArrayLike, a: float = GRP_A, f: float | None = None) -> Array:
-    """GRP vectors of unit quaternions over arrays; q and -q give the same vector.
+    """GRP vectors of unit quaternions over arrays; q and -q give the same vector
+    (Paul & Fan, eq. 39).
 
     Parameters
     ----------

@@ -57,7 +57,7 @@ class UnscentedWeights(NamedTuple):
 def unscented_weights(
     n: int, *, alpha: float = 0.5, beta: float = 2.0, kappa: float | None = None
 ) -> UnscentedWeights:
-    """Weights of the scaled unscented transform (Paul & Fan, section 2.4).
+    """Weights of the scaled unscented transform (Paul & Fan, eqs. 28-31).
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def unscented_weights(
 
 
 def sigma_points(mean: ArrayLike, root: ArrayLike, weights: UnscentedWeights) -> Array:
-    """The 2n + 1 sigma points of a Gaussian.
+    """The 2n + 1 sigma points of a Gaussian (Paul & Fan, eqs. 24-27).
 
     Parameters
     ----------
@@ -118,7 +118,8 @@ def sigma_points(mean: ArrayLike, root: ArrayLike, weights: UnscentedWeights) ->
 
 @njit(cache=True, error_model="numpy")
 def difference_moments(differences, outer, mean_shift, shift, covariance):
-    """Mean shift and covariance of a transformed sigma set, into the last two arguments (compiled).
+    """Mean shift and covariance of a transformed sigma set, into the last two arguments
+    (Paul & Fan, eq. 40; compiled).
 
     Parameters
     ----------
@@ -177,7 +178,8 @@ def moments(
 
 @njit(cache=True, error_model="numpy")
 def innovation_moments(differences, noise_variance, weights, shift, cross, even):
-    """Moments of a predicted measurement in units of the prior's root (compiled).
+    """Moments of a predicted measurement in units of the prior's root
+    (Paul & Fan, eqs. 44-47; compiled).
 
     Parameters
     ----------
@@ -218,7 +220,8 @@ def innovation_moments(differences, noise_variance, weights, shift, cross, even)
 
 @njit(cache=True, error_model="numpy")
 def square_root_update(root, cross, even, innovation, correction, work):
-    """Kalman update of a Cholesky factor that cannot lose positive definiteness (compiled).
+    """Kalman update of a Cholesky factor that cannot lose positive definiteness
+    (Paul & Fan, eqs. 48-50; compiled).
 
     Parameters
     ----------
@@ -297,7 +300,7 @@ def _multiply_by_inverse_transpose(root, upper):
 
 @njit(cache=True, error_model="numpy")
 def information_gain(cross, even):
-    """Mutual information of a state and a measurement, nats (compiled).
+    """Mutual information of a state and a measurement, nats (Paul & Fan, eqs. 61, 62; compiled).
 
     Parameters
     ----------

@@ -316,7 +316,7 @@ def measure(
     noise: Array,
     mu: float = MU,
 ) -> tuple[Array, NDArray[np.uint8]]:
-    """Simulate the measurements of an interval from the true states.
+    """Simulate the measurements of an interval from the true states (Paul & Fan, eqs. 23, 43).
 
     An observation exists when the noisy magnitude reaches the sensor's limit and the true line of
     sight keeps clear of the bright bodies (Paul & Fan, section 5.2). The field of view is the

@@ -39,7 +39,7 @@ LN10 = np.log(10.0)
 
 @njit(cache=True, error_model="numpy")
 def fresnel_reflectance(cosine, normal_reflectance, fresnel_sqrt):
-    """Unpolarized Fresnel reflectance of a microfacet at q = V.H (Paul & Fan, section 2.2).
+    """Unpolarized Fresnel reflectance of a microfacet at q = V.H (Paul & Fan, eqs. 12-15).
 
     p = sqrt(q^2 - 1 + b^2) as in Cook & Torrance (1982), so that F(q = 1) = F0, or without the
     root, as printed in the paper.
@@ -60,7 +60,8 @@ def facet_irradiance(
     quaternion, sun_direction, view_direction, range_m, areas, normals, material,
     irradiance_4pi, fresnel_sqrt,
 ):  # fmt: skip
-    """Irradiance at the observer relative to the Sun's at 1 au, F_t / I (compiled).
+    """Irradiance at the observer relative to the Sun's at 1 au, F_t / I
+    (Paul & Fan, eqs. 7, 8; compiled).
 
     Parameters
     ----------
@@ -127,7 +128,8 @@ def facet_magnitude(
     quaternion, sun_direction, view_direction, range_m, areas, normals, material,
     irradiance_4pi, fresnel_sqrt,
 ):  # fmt: skip
-    """Apparent magnitude of a faceted object, arguments as in `facet_irradiance` (compiled).
+    """Apparent magnitude of a faceted object, arguments as in `facet_irradiance`
+    (Paul & Fan, eq. 6; compiled).
 
     Never above `FLOOR_MAGNITUDE`: a dark object returns exactly that, so that a sigma point turned
     dark leaves the filter finite.
@@ -143,7 +145,8 @@ def facet_magnitude(
 
 @njit(cache=True, error_model="numpy")
 def facet_sums(light, view, half2, fresnel, areas, normals, material):
-    """Sum of A_i (d rho (N.L)(N.V) + s alpha_i D_i F), m^2, and its derivatives by the directions.
+    """Sum of A_i (d rho (N.L)(N.V) + s alpha_i D_i F), m^2, and its derivatives by the directions
+    (Paul & Fan, eqs. 9-11, 16, 17).
 
     `light` and `view` are L and V in the body frame, `half2` is |L + V|^2. After the sum come its
     derivatives with respect to L by way of N.L alone and to V by way of N.V (tuples of three), by

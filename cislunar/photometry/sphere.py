@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def phase_function(phase_angle: ArrayLike) -> Array:
-    """Lambert phase function Phi = sin(alpha) + (pi - alpha) cos(alpha).
+    """Lambert phase function Phi = sin(alpha) + (pi - alpha) cos(alpha) (Paul & Fan, eq. 19).
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def phase_function(phase_angle: ArrayLike) -> Array:
 
 
 def phase_angle(observer_to_target: ArrayLike, sun_to_target: ArrayLike) -> Array:
-    """Solar phase angle at the target.
+    """Solar phase angle at the target (Paul & Fan, eq. 20).
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ def _top(weights: Array, n_observers: int) -> NDArray[np.int64]:
 
 
 def total_information(information: ArrayLike, target: ArrayLike) -> float:
-    """Information of a tasking, nats.
+    """Information of a tasking, nats (Paul & Fan, eq. 60).
 
     Parameters
     ----------

@@ -161,7 +161,8 @@ def count_visibility(
     mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
 ) -> VisibilityCounts:
-    """Count observations of static targets from every orbit and satellite count.
+    """Count observations of static targets from every orbit and satellite count
+    (Paul & Fan, eq. 59).
 
     Parameters
     ----------

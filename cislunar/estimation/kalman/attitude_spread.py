@@ -115,7 +115,8 @@ def spherical_differences(omega, root, spread, step_s, turn, differences):
 
 @njit(cache=True, error_model="numpy")
 def general_differences(omega, root, spread, step_s, inertia, inverse, differences):
-    """Attitude and rate parts of the propagated differences, any inertia (compiled).
+    """Attitude and rate parts of the propagated differences, any inertia
+    (Paul & Fan, eq. 38; compiled).
 
     Parameters
     ----------

@@ -187,7 +187,7 @@ def _predict_all(t, scene, bodies, constants, quaternion, omega, translation, ro
 
 
 class MultiplicativeUKF:
-    """Error-state multiplicative unscented Kalman filter of many targets.
+    """Error-state multiplicative unscented Kalman filter of many targets (Paul & Fan, eq. 21).
 
     An `Estimator`. A target whose estimate becomes not finite, loses definiteness or runs into a
     primary is marked in `failed` and returns NaN from then on; nothing is raised.

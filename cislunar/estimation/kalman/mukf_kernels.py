@@ -158,7 +158,7 @@ def condition(quaternion, translation, mu):
 
 @njit(cache=True, error_model="numpy")
 def predict(quaternion, omega, translation, root, bodies, j, t, step_s, step, constants, work):
-    """Carry one target's estimate over a step (compiled).
+    """Carry one target's estimate over a step (Paul & Fan, eqs. 22, 37, 41; compiled).
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def predict(quaternion, omega, translation, root, bodies, j, t, step_s, step, co
 def predicted_measurements(
     quaternion, translation, root, observer, k, j, scene, surfaces, constants, work
 ):
-    """Measurements expected at the sigma points (compiled).
+    """Measurements expected at the sigma points (Paul & Fan, eqs. 35, 36, 42; compiled).
 
     Parameters
     ----------
@@ -300,7 +300,7 @@ def update(
     work,
     counters,
 ):
-    """Use one measurement of one target (compiled).
+    """Use one measurement of one target (Paul & Fan, eqs. 51, 52; compiled).
 
     Parameters
     ----------
