@@ -115,3 +115,25 @@ def draw_rows(
             drawn[0].set_ylabel(row.label, fontsize=7.5)
         panels.append(drawn)
     return panels
+
+
+def draw_best(axes: Axes, at: Array, best: Array, look: SeriesStyle, zorder: float) -> None:
+    """Median and range over runs of the best value so far.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Where.
+    at : ndarray, shape (evaluation,)
+        Evaluations, counted from one.
+    best : ndarray, shape (run, evaluation)
+        Best value so far of every run.
+    look : SeriesStyle
+        How the search is drawn.
+    zorder : float
+        Of the median.
+    """
+    ends = best.min(axis=0), best.max(axis=0)
+    axes.fill_between(at, *ends, color=look.color, alpha=0.2, linewidth=0, step="post")
+    stepped = {"color": look.color, "linestyle": look.line, "drawstyle": "steps-post"}
+    axes.plot(at, np.median(best, axis=0), zorder=zorder, **stepped)

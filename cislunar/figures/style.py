@@ -5,7 +5,6 @@ again by a line style or a marker, so that the figures survive a print in gray.
 """
 
 import io
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,8 +15,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from cislunar.campaign.data.netcdf import whole_file
 from cislunar.campaign.data.progress import progress_log
-from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.errors import ConfigurationError
 
 ORANGE = "#E69F00"
 SKY = "#56B4E9"
@@ -236,21 +236,6 @@ def save_figure(figure: Figure, path_png: str | Path, path_pdf: str | Path) -> N
         drawn = io.BytesIO()
         with house_style():
             figure.savefig(drawn, format=kind, dpi=RASTER_DPI, metadata=metadata)
-        _replace(drawn.getvalue(), Path(path))
+        with whole_file(Path(path)) as temporary:
+            temporary.write_bytes(drawn.getvalue())
         progress(done, len(files))
-
-
-def _replace(content: bytes, path: Path) -> None:
-    """Put the bytes in place under a temporary name first."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(content)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise InputFileError(
-            f"cannot write {path}: {error.strerror or error}; check that the results folder is "
-            "writable and the disk not full"
-        ) from error
-    finally:
-        temporary.unlink(missing_ok=True)

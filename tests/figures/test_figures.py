@@ -211,7 +211,7 @@ def test_failed_save_leaves_the_old_file(figures, tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(style.os, "replace", full)
+    monkeypatch.setattr("os.replace", full)
     with pytest.raises(InputFileError, match=r"figure\.png: No space left"):
         style.save_figure(figures["facet"], path, tmp_path / "figure.pdf")
     assert path.read_bytes() == b"old"

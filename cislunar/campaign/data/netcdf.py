@@ -37,7 +37,7 @@ def variable(dims, values, units: str, long_name: str, **attributes) -> xr.Varia
 
 
 @contextmanager
-def _whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path) -> Iterator[Path]:
     """A temporary name for a file that moves into place once it is written to its end."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -83,7 +83,7 @@ def write_dataset(dataset: xr.Dataset, path: str | Path) -> None:
         for name, data in dataset.variables.items()
         if data.size >= _COMPRESSED_FROM and np.issubdtype(data.dtype, np.number)
     }
-    with _whole_file(path) as temporary:
+    with whole_file(path) as temporary:
         dataset.to_netcdf(temporary, format="NETCDF4", engine="netcdf4", encoding=encoding)
 
 
@@ -102,7 +102,7 @@ def write_text(text: str, path: str | Path) -> None:
     InputFileError
         If the folder cannot be written to.
     """
-    with _whole_file(Path(path)) as temporary:
+    with whole_file(Path(path)) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 

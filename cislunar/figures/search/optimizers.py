@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from cislunar.architecture.published import PUBLISHED_COST
 from cislunar.figures.axes import Array, Grid, panel_title
+from cislunar.figures.panels import draw_best
 from cislunar.figures.style import (
     BLACK,
     GRAY,
@@ -249,18 +250,7 @@ def _spread(axes: Axes, optimizer: str, found: Sequence[xr.Dataset], stops) -> N
     best = best_so_far([run["J_history"].values for run in found])
     at = _thinned(best.shape[1])
     some = at[np.all(np.isfinite(best[:, at]), axis=0)]
-    axes.fill_between(
-        some + 1,
-        best[:, some].min(axis=0),
-        best[:, some].max(axis=0),
-        color=style.color,
-        alpha=0.2,
-        linewidth=0,
-        step="post",
-    )
-    middle = np.median(best[:, some], axis=0)
-    stepped = {"color": style.color, "linestyle": style.line, "drawstyle": "steps-post"}
-    axes.plot(some + 1, middle, zorder=3, **stepped)
+    draw_best(axes, some + 1, best[:, some], style, 3)
     for row, stop in zip(best, stops, strict=True):
         axes.plot(stop, row[stop - 1], **_stop_kwargs(style.color))
 

@@ -38,20 +38,10 @@ def bodies(mu: float) -> Mapping[str, tuple[Array, str]]:
 def draw_bodies(
     axes: Axes, mu: float, plane: Sequence[int], bounds: Array, size: float = 5.0
 ) -> None:
-    """Mark the Earth (blue) and the Moon (black), not to scale.
+    """Mark the Earth (blue) and the Moon (black) where within bounds, not to scale.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Axes, in space or plane.
-    mu : float
-        Mass ratio.
-    plane : sequence of int
-        Coordinates shown, e.g. (0, 2) for x and z, (0, 1, 2) in space.
-    bounds : ndarray, shape (3, 2)
-        From `limits`; a body out of bounds is left out.
-    size : float
-        Diameter of the Earth's marker, points; the Moon's is two thirds of it.
+    `plane` holds the coordinates shown, e.g. (0, 2) for x and z; `size` is the diameter of the
+    Earth's marker, points.
     """
     for (name, (place, color)), scale in zip(bodies(mu).items(), (1.0, 0.67), strict=True):
         if np.any(place < bounds[:, 0]) or np.any(place > bounds[:, 1]):
@@ -78,20 +68,10 @@ def body_handles(size: float = 5.0) -> list[Line2D]:
 
 
 def limits(points: Sequence[ArrayLike], margin: float = 0.06) -> Array:
-    """Bounds of sets of points, widened.
+    """Bounds of sets of points (..., 3), widened by a share of the largest extent.
 
-    Parameters
-    ----------
-    points : sequence of array_like, each of shape (..., 3)
-        Nondimensional.
-    margin : float
-        Widening on each side, as a share of the largest extent.
-
-    Returns
-    -------
-    ndarray, shape (3, 2)
-        Least and greatest value on each axis; no axis is shorter than half the longest, so that
-        its labels have room.
+    Least and greatest value on each axis, shape (3, 2); no axis is shorter than half the longest,
+    so that its labels have room.
     """
     stacked = np.concatenate([np.asarray(p, dtype=float).reshape(-1, 3) for p in points])
     low, high = stacked.min(axis=0), stacked.max(axis=0)
@@ -101,37 +81,12 @@ def limits(points: Sequence[ArrayLike], margin: float = 0.06) -> Array:
 
 
 def stays_around_moon(curve: Array, mu: float) -> bool:
-    """Whether an orbit stays so near to the Moon that a close-up can show all of it.
-
-    Parameters
-    ----------
-    curve : ndarray, shape (samples, 3)
-        Orbit, nondimensional, rotating frame.
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether an orbit (samples, 3) stays so near to the Moon that a close-up shows all of it."""
     return bool(np.linalg.norm(curve - (1.0 - mu, 0.0, 0.0), axis=1).max() < _CLOSE)
 
 
 def around_moon(mu: float, curves: Sequence[Array]) -> Array:
-    """Bounds of a close-up of the Moon with the orbits that stay around it.
-
-    Parameters
-    ----------
-    mu : float
-        Mass ratio.
-    curves : sequence of ndarray, each of shape (samples, 3)
-        Orbits, nondimensional, rotating frame.
-
-    Returns
-    -------
-    ndarray, shape (3, 2)
-        Least and greatest value on each axis.
-    """
+    """Bounds (3, 2) of a close-up of the Moon with the orbits (samples, 3) that stay around it."""
     moon = np.array([1.0 - mu, 0.0, 0.0])
     close = [curve for curve in curves if stays_around_moon(curve, mu)]
     return limits([*close, moon + 0.15, moon - 0.15])
@@ -142,22 +97,7 @@ def space_axes(
 ) -> Axes:
     """Axes in space, with equal scales, a light grid and labels in two lines.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        Where.
-    place : tuple of float
-        Left and lower edge, width and height, as shares of the figure.
-    bounds : ndarray, shape (3, 2)
-        From `limits`.
-    length_unit_km : float
-        Length unit, km.
-    zoom : float
-        Size of the box within the axes.
-
-    Returns
-    -------
-    mpl_toolkits.mplot3d.Axes3D
+    `place` is left, bottom, width and height as shares of the figure, `zoom` the size of the box.
     """
     axes = figure.add_axes(place, projection="3d", computed_zorder=False)
     axes.set_proj_type("ortho")
@@ -181,19 +121,7 @@ def _ticks() -> MaxNLocator:
 
 
 def plane_axes(axes: Axes, plane: tuple[int, int], bounds: Array, length_unit_km: float) -> None:
-    """Bounds, equal scales and labels of a projection.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        The axes.
-    plane : tuple of int
-        Coordinates shown, horizontal then vertical.
-    bounds : ndarray, shape (3, 2)
-        From `limits`.
-    length_unit_km : float
-        Length unit, km.
-    """
+    """Bounds, equal scales and labels of a projection to two coordinates."""
     horizontal, vertical = plane
     axes.set(xlim=bounds[horizontal], ylim=bounds[vertical])
     axes.set_aspect("equal", adjustable="box", anchor="S")

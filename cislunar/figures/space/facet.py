@@ -25,56 +25,20 @@ _NORMAL = np.array([0.0, 0.0, 1.0])
 
 
 def half_vector(light: Array, view: Array) -> Array:
-    """Unit bisector of the directions to the Sun and to the observer.
-
-    Parameters
-    ----------
-    light, view : ndarray, shape (3,)
-        Unit vectors.
-
-    Returns
-    -------
-    ndarray, shape (3,)
-    """
+    """Unit bisector of two unit vectors, shape (3,)."""
     bisector = light + view
     return bisector / np.linalg.norm(bisector)
 
 
 def direction(zenith_deg: float, azimuth_deg: float) -> Array:
-    """Unit vector in the facet frame.
-
-    Parameters
-    ----------
-    zenith_deg : float
-        Angle from the facet normal, deg.
-    azimuth_deg : float
-        Angle from x^B towards y^B, deg.
-
-    Returns
-    -------
-    ndarray, shape (3,)
-    """
+    """Unit vector in the facet frame by zenith angle and azimuth from x^B towards y^B."""
     zenith, azimuth = np.radians([zenith_deg, azimuth_deg])
     flat = np.sin(zenith)
     return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.cos(zenith)])
 
 
 def arc_between(first: Array, second: Array, radius: float, samples: int = 40) -> Array:
-    """Points of the circular arc between two unit vectors.
-
-    Parameters
-    ----------
-    first, second : ndarray, shape (3,)
-        Unit vectors.
-    radius : float
-        Radius of the arc.
-    samples : int
-        Points.
-
-    Returns
-    -------
-    ndarray, shape (samples, 3)
-    """
+    """Circular arc between two unit vectors, shape (samples, 3)."""
     angle = np.arccos(np.clip(first @ second, -1.0, 1.0))
     share = np.linspace(0.0, 1.0, samples)[:, None]
     return (
@@ -85,28 +49,11 @@ def arc_between(first: Array, second: Array, radius: float, samples: int = 40) -
 
 
 def project(points: Array, eye_deg: tuple[float, float] = _EYE) -> Array:
-    """Orthographic projection to the plane of the drawing.
-
-    Parameters
-    ----------
-    points : ndarray, shape (..., 3)
-        In the facet frame.
-    eye_deg : tuple of float
-        Elevation and azimuth of the eye, deg.
-
-    Returns
-    -------
-    ndarray, shape (..., 2)
-    """
+    """Orthographic projection of points (..., 3) to (..., 2) for an eye at elevation, azimuth."""
     elevation, azimuth = np.radians(eye_deg)
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    towards = np.array(
-        [
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation),
-        ]
-    )
+    flat = np.cos(elevation)
+    towards = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
     return np.asarray(points) @ np.column_stack((right, np.cross(towards, right)))
 
 

@@ -13,22 +13,10 @@ _SECONDS_PER_HOUR = SECONDS_PER_DAY / 24.0
 
 
 def evenly_seen(curve: ArrayLike, samples: int) -> Array:
-    """Places along a curve, denser where it bends.
+    """Places along a curve (n, 3) as fractional row numbers, denser where it bends.
 
     Half of the samples are spread over its length, half over the angle it turns through, so that
     a close pass by a body keeps its shape.
-
-    Parameters
-    ----------
-    curve : array_like, shape (n, 3)
-        Points of the curve.
-    samples : int
-        Places wanted.
-
-    Returns
-    -------
-    ndarray, shape (samples,)
-        Fractional row numbers from 0 to n - 1.
     """
     steps = np.diff(np.asarray(curve, dtype=float), axis=0)
     length = np.linalg.norm(steps, axis=1)
@@ -44,22 +32,7 @@ def evenly_seen(curve: ArrayLike, samples: int) -> Array:
 
 
 def orbit_curve(orbits: xr.Dataset, index: int, samples: int = 241) -> Array:
-    """One period of an orbit, at equal steps of arc length.
-
-    Parameters
-    ----------
-    orbits : xarray.Dataset
-        ``orbits/families.nc``.
-    index : int
-        Row of the orbit.
-    samples : int
-        Points; the last is the first.
-
-    Returns
-    -------
-    ndarray, shape (samples, 3)
-        Nondimensional, rotating frame.
-    """
+    """One period of an orbit at equal steps of arc length, shape (samples, 3), nondimensional."""
     times = np.linspace(-0.5, 0.5, 2049) * float(orbits["period"].values[index])
     once = _positions(orbits, index, times[:-1])
     fine = np.vstack((once, once[:1]))
@@ -69,22 +42,7 @@ def orbit_curve(orbits: xr.Dataset, index: int, samples: int = 241) -> Array:
 
 
 def orbit_track_km(orbits: xr.Dataset, index: int, samples: int) -> Array:
-    """One period of an orbit in few points, each of them exact.
-
-    Parameters
-    ----------
-    orbits : xarray.Dataset
-        ``orbits/families.nc``.
-    index : int
-        Row of the orbit.
-    samples : int
-        Points; the last is the first.
-
-    Returns
-    -------
-    ndarray, shape (samples, 3)
-        Rotating frame, km.
-    """
+    """One period of an orbit in few points, each exact, the last the first; (samples, 3), km."""
     times = np.linspace(-0.5, 0.5, 1025) * float(orbits["period"].values[index])
     fine = _positions(orbits, index, times)
     at = np.interp(evenly_seen(fine, samples), np.arange(len(times)), times)
@@ -120,20 +78,7 @@ def satellite_tracks(
 
 
 def target_tracks_km(tracked: xr.Dataset, hours: ArrayLike) -> Array:
-    """Moving targets at some times.
-
-    Parameters
-    ----------
-    tracked : xarray.Dataset
-        ``orbits/tracked.nc``.
-    hours : array_like, shape (n_times,)
-        Times since the epoch, ascending, h.
-
-    Returns
-    -------
-    ndarray, shape (n_times, n_targets, 3)
-        Rotating frame, km.
-    """
+    """Moving targets at ascending times since the epoch, shape (n_times, n_targets, 3), km."""
     times, forces = _nondimensional(tracked, hours), CR3BP(float(tracked.attrs["mu"]))
     # Some are not periodic, so all are propagated.
     tracks = [propagate(state, times, forces=forces)[:, :3] for state in tracked["state"].values]

@@ -18,18 +18,7 @@ PAPER_FEW, PAPER_MANY = (20, 30, 50), (100,)
 
 
 def figure_architectures(task2: Mapping[str, Any]) -> list[str]:
-    """Architectures the figures of single cells are drawn for.
-
-    Parameters
-    ----------
-    task2 : mapping
-        Configuration key `task2`.
-
-    Returns
-    -------
-    list of str
-        Those of both sweeps, the preferred one first.
-    """
+    """Architectures that figures of single cells are drawn for, the preferred one first."""
     return sorted(task2["architectures"], key=lambda name: name != PREFERRED_ARCHITECTURE)
 
 
@@ -80,18 +69,7 @@ def target_count_cells(task2: Mapping[str, Any], architecture: str) -> list[list
 
 
 def selected_cell(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
-    """The cell whose selected targets are shown: the fewest targets of the first scenario.
-
-    Parameters
-    ----------
-    task2, architecture
-        As for `target_count_cells`.
-
-    Returns
-    -------
-    list of Cell
-        One cell, or none.
-    """
+    """The cell whose targets are shown, if any: the fewest targets of the first scenario."""
     return _by_targets(task2, architecture)[:1]
 
 
@@ -114,34 +92,15 @@ def _by_interval(task2: Mapping[str, Any], architecture: str) -> dict[str, dict[
 
 
 def interval_cells(task2: Mapping[str, Any], architecture: str) -> list[list[Cell]]:
-    """Cells of the heat maps by tasking interval.
-
-    Parameters
-    ----------
-    task2, architecture
-        As for `target_count_cells`.
-
-    Returns
-    -------
-    list of list of Cell
-        A list for each scenario, with its fewest targets, rising in the interval.
-    """
+    """Cells of the heat maps by interval: of each scenario those with its fewest targets."""
     return [found[min(found)] for found in _by_interval(task2, architecture).values()]
 
 
 def high_load_cells(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
-    """Cells of the interval sweep with many targets for the observers.
+    """Cells of the interval sweep with many targets for the observers, rising in the interval.
 
-    Parameters
-    ----------
-    task2, architecture
-        As for `target_count_cells`.
-
-    Returns
-    -------
-    list of Cell
-        Of the first scenario with several numbers of targets (of the first scenario, if none has),
-        those with the most, rising in the interval.
+    Of the first scenario with several numbers of targets (of the first scenario, if none has),
+    those with the most.
     """
     found = _by_interval(task2, architecture)
     several = [cells for cells in found.values() if len(cells) > 1]

@@ -148,17 +148,7 @@ class Scale(NamedTuple):
 
 
 def part_scale(errors: Sequence[Array], sigmas: Sequence[Array]) -> Scale:
-    """Axis that holds some errors and bounds, with the narrowest bounds in its linear range.
-
-    Parameters
-    ----------
-    errors, sigmas : sequence of ndarray, shape (time, component)
-        Errors and standard deviations of what is drawn with it.
-
-    Returns
-    -------
-    Scale
-    """
+    """Axis that holds errors and deviations (time, component), narrow ones in its linear range."""
     bounds = BOUND_SIGMAS * np.concatenate([each.ravel() for each in sigmas])
     values = np.abs(np.concatenate([each.ravel() for each in errors]))
     bounds, values = bounds[np.isfinite(bounds)], values[np.isfinite(values)]
@@ -302,17 +292,7 @@ def _legend(figure: Figure, *, bound: bool) -> None:
 
 
 class Compared(NamedTuple):
-    """A target in one of two cells.
-
-    Attributes
-    ----------
-    label : str
-        What tells the cell from the other.
-    data : xarray.Dataset
-        Its data set.
-    look : Look
-        How it is drawn.
-    """
+    """A target in one of two cells: what tells the cell from the other, its data set, its look."""
 
     label: str
     data: xr.Dataset

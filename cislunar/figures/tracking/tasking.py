@@ -15,7 +15,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from cislunar.campaign.tracking.realizations import cells_of, realizations, select, values_of
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
 from cislunar.figures.axes import Array, Grid, legend_below, panel_title, reach, set_vertical
-from cislunar.figures.panels import draw_means
+from cislunar.figures.panels import draw_best, draw_means
 from cislunar.figures.style import (
     BLACK,
     BLUE,
@@ -140,11 +140,7 @@ def _against_evaluations(axes: Axes, problem: xr.Dataset) -> None:
         if at.size == 0:
             continue
         best = held(history[:, : at[-1] + 1])
-        x = np.arange(1, best.shape[1] + 1)
-        axes.fill_between(x, best.min(axis=0), best.max(axis=0), color=look.color, alpha=0.2,
-                          linewidth=0, step="post")  # fmt: skip
-        axes.plot(x, np.median(best, axis=0), color=look.color, linestyle=look.line,
-                  drawstyle="steps-post", zorder=4)  # fmt: skip
+        draw_best(axes, np.arange(1, best.shape[1] + 1), best, look, 4)
         levels.append(float(best[:, 0].min()))
     axes.set_ylim(*reach(levels, log=False, share=0.06))
     axes.set(xscale="log", xlabel="evaluations")
