@@ -8,10 +8,10 @@ runs on one thread; compilation is not counted.
 """
 
 import argparse
-from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
+from _timing import best_time
 from scipy.integrate import solve_ivp
 
 from cislunar.dynamics.bundle import propagate_bundle
@@ -28,17 +28,6 @@ from cislunar.tasking.information import TaskingModel, pair_information
 from cislunar.tasking.simulation import draw_truth, initial_estimate
 
 SENSOR = Sensor(limiting_magnitude=24.0)
-
-
-def best_time(action: Callable[[], object], repeats: int = 3) -> float:
-    """Least wall time of an action after a first, uncounted call, s."""
-    action()
-    times = []
-    for _ in range(repeats):
-        start = perf_counter()
-        action()
-        times.append(perf_counter() - start)
-    return min(times)
 
 
 def filter_times() -> None:

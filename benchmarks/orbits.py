@@ -9,9 +9,9 @@ Taylor integrator of heyoka. Times depend on the machine; ratios taken in the sa
 
 import importlib.util
 import time
-from collections.abc import Callable
 
 import numpy as np
+from _timing import best_time
 from scipy.integrate import solve_ivp
 
 from cislunar.constants import MU
@@ -22,17 +22,6 @@ from cislunar.orbits.families import family_members, observer_library, spaced_me
 
 HALO_PERIOD = 3.0
 MEMBERS = 23
-REPEATS = 3
-
-
-def best_time(task: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Shortest wall time of a task, s."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        task()
-        times.append(time.perf_counter() - start)
-    return min(times)
 
 
 def propagate_stm_scipy(state, duration, *, forces=EARTH_MOON, rtol=1e-13, atol=1e-13):

@@ -5,10 +5,9 @@ magnitude, and the ratios; exits with an error if the two disagree.
 """
 
 import argparse
-import time
-from collections.abc import Callable
 
 import numpy as np
+from _timing import best_time
 from numba import njit
 
 from cislunar.attitude.quaternion import normalize, to_inertial
@@ -64,16 +63,6 @@ def compiled_gradients(quaternion, sun, view, areas, normals, material, out):
         out[i] = facet_magnitude_gradient(
             quaternion[i], sun[i], view[i], RANGE_M, areas, normals, material, True, True
         )[0]
-
-
-def best_time(task: Callable[[], object], repeats: int) -> float:
-    """Least wall time of a task over repeats, s."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        task()
-        times.append(time.perf_counter() - start)
-    return min(times)
 
 
 def main() -> None:

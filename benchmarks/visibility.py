@@ -8,12 +8,12 @@ Compilation is not counted. Exits with an error if the counts differ from NumPy'
 
 import argparse
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from time import perf_counter, process_time
+from time import process_time
 
 import numba
 import numpy as np
+from _timing import best_time
 
 from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
@@ -28,16 +28,6 @@ from cislunar.visibility.phasing import distinct_phases
 
 DAYS = 10.0
 MISSIONS = Path(__file__).parents[1] / "config" / "missions.csv"
-
-
-def best_time(task: Callable[[], object], repeats: int = 3) -> float:
-    """Shortest wall time of a task, s."""
-    times = []
-    for _ in range(repeats):
-        start = perf_counter()
-        task()
-        times.append(perf_counter() - start)
-    return min(times)
 
 
 def make_scene(n_orbits: int, n_targets: int):

@@ -1,5 +1,6 @@
-"""Copies of the workflow, and Snakemake run in them."""
+"""Copies of the workflow, Snakemake run in them, and changes of a configuration."""
 
+import copy
 import shutil
 import subprocess
 import sys
@@ -33,3 +34,14 @@ def copy_workflow(folder):
     for name in ("workflow", "config"):
         shutil.copytree(ROOT / name, folder / name)
     return folder
+
+
+def with_change(config, key, value):
+    """The configuration with one key, given by its path, set to a value."""
+    changed = copy.deepcopy(config)
+    *path, last = key.split(".")
+    inner = changed
+    for part in path:
+        inner = inner[part]
+    inner[last] = value
+    return changed

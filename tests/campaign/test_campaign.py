@@ -1,6 +1,5 @@
 """Data files, progress, provenance, and what a configuration is refused for."""
 
-import copy
 import json
 import logging
 import os
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from campaign_folder import with_change
 
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.tables import ArchitectureTables
@@ -284,17 +284,6 @@ def test_best_of_runs_under_the_early_stop(tmp_path):
 def config(tmp_path):
     """The configuration of the full campaign, writing to a folder of the test."""
     return read_campaign(ROOT / "config") | {"results": str(tmp_path / "results")}
-
-
-def with_change(config, key, value):
-    """The configuration with one key, given by its path, set to a value."""
-    changed = copy.deepcopy(config)
-    *path, last = key.split(".")
-    inner = changed
-    for part in path:
-        inner = inner[part]
-    inner[last] = value
-    return changed
 
 
 def refusal(config):

@@ -1,6 +1,5 @@
 """Scenarios of one's own: what they set for themselves, their tables of targets, their sweeps."""
 
-import copy
 import json
 import re
 
@@ -9,7 +8,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 import yaml
-from campaign_folder import ROOT, copy_workflow, snakemake
+from campaign_folder import ROOT, copy_workflow, snakemake, with_change
 
 from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.data.own_targets import own_static_dataset, own_tracked_dataset
@@ -49,17 +48,6 @@ def study(paper, monkeypatch):
     """The example, read from the repository's root as its command does."""
     monkeypatch.chdir(ROOT)
     return merged(paper, _yaml("examples/own_study.yaml") | {"results": paper["results"]})
-
-
-def with_change(config, key, value):
-    """The configuration with one key, given by its path, set to a value."""
-    changed = copy.deepcopy(config)
-    *path, last = key.split(".")
-    inner = changed
-    for part in path:
-        inner = inner[part]
-    inner[last] = value
-    return changed
 
 
 # What a scenario sets for itself

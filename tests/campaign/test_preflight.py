@@ -1,6 +1,5 @@
 """Faults that are refused before any job starts."""
 
-import copy
 import importlib.util
 import os
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from campaign_folder import with_change
 
 from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.data.netcdf import variable, write_dataset
@@ -25,17 +25,6 @@ def config():
     settings = read_campaign(ROOT / "config")
     settings["targets"]["missions"] = str(ROOT / settings["targets"]["missions"])
     return settings
-
-
-def with_change(config, key, value):
-    """The configuration with one key, given by its path, set to a value."""
-    changed = copy.deepcopy(config)
-    *path, last = key.split(".")
-    inner = changed
-    for part in path:
-        inner = inner[part]
-    inner[last] = value
-    return changed
 
 
 def test_full_configuration_is_accepted(config):

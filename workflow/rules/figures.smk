@@ -75,7 +75,7 @@ rule tpe_orbits_figure:
         "../scripts/figure_selected_orbits.py"
 
 
-rule random_orbits_figure:
+use rule tpe_orbits_figure as random_orbits_figure with:
     input:
         orbits=rules.families.output[0],
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
@@ -91,17 +91,11 @@ rule random_orbits_figure:
         log_of("figures/random_orbits"),
     benchmark:
         benchmark_of("random_orbits_figure")
-    conda:
-        "../envs/cislunar.yaml"
-    params:
-        scenarios=SCENARIOS,
     message:
         "Drawing the orbits chosen by random search"
-    script:
-        "../scripts/figure_selected_orbits.py"
 
 
-rule exact_orbits_figure:
+use rule tpe_orbits_figure as exact_orbits_figure with:
     input:
         orbits=rules.families.output[0],
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
@@ -117,14 +111,8 @@ rule exact_orbits_figure:
         log_of("figures/exact_orbits"),
     benchmark:
         benchmark_of("exact_orbits_figure")
-    conda:
-        "../envs/cislunar.yaml"
-    params:
-        scenarios=SCENARIOS,
     message:
         "Drawing the orbits of the best architecture known"
-    script:
-        "../scripts/figure_selected_orbits.py"
 
 
 rule satellite_front_figure:
