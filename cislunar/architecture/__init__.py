@@ -1,1 +1,1 @@
-"""Observer architectures: cost, optimisers, optimality certificate."""
+"""Observer architectures: objectives (J is one), searches, proof of optimality."""

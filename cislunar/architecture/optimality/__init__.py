@@ -1,1 +1,1 @@
-"""Proof of the largest J: relaxation, bounds, branch and bound."""
+"""Proof of the largest value: branch and bound for any objective, bounds and relaxation of J."""

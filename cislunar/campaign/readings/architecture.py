@@ -1,6 +1,5 @@
 """What each reading of the paper does to J: the chain of Task 1 rerun with one choice changed."""
 
-import copy
 from collections.abc import Mapping
 from typing import Any
 
@@ -19,7 +18,8 @@ from cislunar.campaign.data.inputs import (
 )
 from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.seeds import generator
-from cislunar.errors import ConfigurationError
+from cislunar.campaign.settings.families import nested
+from cislunar.campaign.settings.reading import merged
 
 READINGS: dict[str, dict[str, Any]] = {
     "as configured": {},
@@ -34,37 +34,6 @@ READINGS: dict[str, dict[str, Any]] = {
     "observers by DOP853 at 1e-13": {"propagator": "dop853"},
 }
 """Changes to the configuration, by the name of the reading."""
-
-
-def changed(config: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A configuration with some keys set otherwise.
-
-    Parameters
-    ----------
-    config : mapping
-        The configuration.
-    changes : mapping
-        Values by dotted key.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    ConfigurationError
-        If a key does not exist.
-    """
-    result = copy.deepcopy(dict(config))
-    for key, value in changes.items():
-        *parents, last = key.split(".")
-        section = result
-        for parent in parents:
-            section = section.get(parent, {})
-        if last not in section:
-            raise ConfigurationError(f"configuration key {key!r} does not exist")
-        section[last] = value
-    return result
 
 
 def random_best(
@@ -105,7 +74,9 @@ def readings_table(
     """
     rows = []
     for done, (name, changes) in enumerate(READINGS.items()):
-        setting = changed(config, changes)
+        setting = dict(config)
+        for key, value in changes.items():
+            setting = merged(setting, nested(key, value))
         library = families_dataset(setting) if "orbits.extent" in changes else orbits
         points = zvs_points_dataset(setting["targets"]["missions"], setting)
         targets = static_targets_dataset(

@@ -65,7 +65,7 @@ def _in_a_path(value: Any) -> str:
     return re.sub(r"[^a-z0-9.]+", "-", str(value).lower()).strip("-.")
 
 
-def _nested(key: str, value: Any) -> dict[str, Any]:
+def nested(key: str, value: Any) -> dict[str, Any]:
     """A mapping with one entry, at a dotted key."""
     for part in reversed(key.split(".")):
         value = {part: value}
@@ -114,7 +114,7 @@ def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
         place = {k: sweep[k] for k in ("scenario", "architecture")}
         for point in sweep_points(config, name):
             if point.variant:
-                entry = {**place, "targets": [], "change": _nested(key, point.value)}
+                entry = {**place, "targets": [], "change": nested(key, point.value)}
                 stated = f"sweeps.{name}"
                 yield StatedVariant(stated, f"{stated}.values", point.variant, entry)
 
@@ -125,7 +125,7 @@ def _changes(
     """Configuration key, name and change of each variant of a family."""
     place = f"task2.variants.families.{name}"
     for variant, value in _named_values(name, family) if "values" in family else ():
-        yield f"{place}.values", variant, _nested(family.get("key", ""), value)
+        yield f"{place}.values", variant, nested(family.get("key", ""), value)
     for variant, change in family.get("changes", {}).items():
         yield f"{place}.changes.{variant}", variant, change
     for other, names in family.get("combine", {}).items():
@@ -157,7 +157,7 @@ def with_families(config: Mapping[str, Any]) -> dict[str, Any]:
     for name, sweep in config["sweeps"].items():
         for point in sweep_points(config, name):
             if not point.variant:
-                change = _nested(sweep["key"], point.value)
+                change = nested(sweep["key"], point.value)
                 scenarios[point.scenario] = merged(scenarios[sweep["scenario"]], change)
     variants = {key: task2["variants"][key] for key in ("scenario", "architecture")}
     cells = {variant.name: variant.entry for variant in stated_variants(config)}
