@@ -1,6 +1,6 @@
 """Generated blocks on the two attitude estimators, see `cislunar.campaign.documents`."""
 
-from collections.abc import Sequence
+from itertools import product
 
 import pandas as pd
 
@@ -31,27 +31,21 @@ _SHOWN = (
 )
 
 
-def _cells(table: pd.DataFrame) -> pd.DataFrame:
+def _cells(table: pd.DataFrame, **wanted: str) -> pd.DataFrame:
     """Rows of the cells shown, with text instead of missing labels."""
-    found = table.fillna({"variant": "", "part": ""})
-    for key, value in PLACE.items():
+    found = table.fillna({"variant": "", "part": "", "also": ""})
+    for key, value in (PLACE | wanted).items():
         found = found[found[key] == value]
     return found
 
 
-def _line(cells: pd.DataFrame) -> list[str]:
-    """The shown quantities of one cell; divergences with their largest number."""
-    line = []
-    for name in _SHOWN:
-        rows = quantity_rows(cells, name)
-        if rows.empty or pd.isna(rows["mean"].iloc[0]):
-            line.append(DASH)
-            continue
-        text = f"{rows['mean'].iloc[0]:{TRACKED[name][3]}}"
-        if name == "rotation diverged":
-            text += f" ({rows['largest'].iloc[0]:.0f})"
-        line.append(text)
-    return line
+def _shown(cells: pd.DataFrame, name: str) -> str:
+    """One quantity of one cell; divergences with their largest number."""
+    rows = quantity_rows(cells, name)
+    if rows.empty or pd.isna(rows["mean"].iloc[0]):
+        return DASH
+    text = f"{rows['mean'].iloc[0]:{TRACKED[name][3]}}"
+    return f"{text} ({rows['largest'].iloc[0]:.0f})" if name == "rotation diverged" else text
 
 
 def _header(*first: str) -> list[str]:
@@ -60,15 +54,14 @@ def _header(*first: str) -> list[str]:
 
 def estimators_block(tables: Tables) -> str:
     """Both estimators by number of targets."""
-    cells = _cells(tables["tracking"])
-    cells = cells[cells["variant"] == ""]
-    rows = []
-    for count in COMPARED:
-        for name, shown in NAMES.items():
-            own = cells[(cells["targets"] == count) & (cells["estimator"] == name)]
-            if not own.empty:
-                rows.append([count, shown, *_line(own)])
-    return markdown_table(_header("targets", "estimator"), rows)
+    cells = _cells(tables["tracking"], variant="").groupby(["targets", "estimator"])
+    rows = [
+        [*key, *(_shown(cells.get_group(key), name) for name in _SHOWN)]
+        for key in product(COMPARED, NAMES)
+        if key in cells.groups
+    ]
+    named = [[count, NAMES[estimator], *line] for count, estimator, *line in rows]
+    return markdown_table(_header("targets", "estimator"), named)
 
 
 _HEADLINE = ("rotation diverged", "attitude coverage", "attitude error over bound")
@@ -76,32 +69,29 @@ _HEADLINE = ("rotation diverged", "attitude coverage", "attitude error over boun
 
 def headline_block(tables: Tables) -> str:
     """The paper's filter against the batch estimator in few numbers."""
-    cells = _cells(tables["tracking"])
-    cells = cells[cells["variant"] == ""]
+    cells = _cells(tables["tracking"], variant="")
     rows = []
     for count in COMPARED:
-        line = []
-        for name in _HEADLINE:
-            for estimator in NAMES:
-                own = cells[(cells["targets"] == count) & (cells["estimator"] == estimator)]
-                found = quantity_rows(own, name)["mean"]
-                line.append(f"{found.iloc[0]:{TRACKED[name][3]}}" if found.size else DASH)
-        if any(value != DASH for value in line):
+        own = cells[cells["targets"] == count]
+        line = [
+            _shown(own[own["estimator"] == estimator], name).split(" (")[0]
+            for name, estimator in product(_HEADLINE, NAMES)
+        ]
+        if set(line) != {DASH}:
             rows.append([count, *line])
-    header = [f"{name}, {shown}" for name in _HEADLINE for shown in ("filter", "batch")]
+    header = [f"{name}, {shown}" for name, shown in product(_HEADLINE, ("filter", "batch"))]
     return markdown_table(["targets", *header], rows)
 
 
 def batch_settings_block(tables: Tables) -> str:
     """The batch estimator with other settings."""
-    cells = _cells(tables["tracking"])
-    cells = cells[cells["estimator"] == "batch"]
-    rows = []
-    for variant in ("", *SETTINGS):
-        for count in COMPARED[:-1]:
-            own = cells[(cells["variant"] == variant) & (cells["targets"] == count)]
-            if not own.empty:
-                rows.append([f"`{variant}`" if variant else "default", count, *_line(own)])
+    cells = _cells(tables["tracking"], estimator="batch").groupby(["variant", "targets"])
+    rows = [
+        [f"`{key[0]}`" if key[0] else "default", key[1],
+         *(_shown(cells.get_group(key), name) for name in _SHOWN)]
+        for key in product(("", *SETTINGS), COMPARED[:-1])
+        if key in cells.groups
+    ]  # fmt: skip
     return markdown_table(_header("variant", "targets"), rows)
 
 
@@ -109,15 +99,14 @@ def aware_tasking_block(tables: Tables) -> str:
     """What tasking by the information on all states changes, with intervals."""
     cells = _cells(tables["readings_tracking"])
     columns = [name for name in TRACKED if name in _SHOWN and name != "attitude error over bound"]
-    rows = []
-    for variant in AWARE:
+    rows = [
+        [f"`{variant}`", count, NAMES.get(estimator, estimator)]
+        + [_difference(own, name) for name in columns]
+        for variant in AWARE
         for (count, estimator), own in cells[cells["variant"] == variant].groupby(
             ["targets", "estimator"], sort=False
-        ):
-            rows.append(
-                [f"`{variant}`", count, NAMES.get(estimator, estimator)]
-                + [_difference(own, name) for name in columns]
-            )
+        )
+    ]
     return markdown_table(["variant", "targets", "estimator", *columns], rows)
 
 
@@ -132,20 +121,18 @@ def _difference(cells: pd.DataFrame, name: str) -> str:
 
 def model_errors_block(tables: Tables) -> str:
     """Coverage and divergences by model error, for both estimators and with a remedy."""
-    table = _cells(tables["model_error"]).fillna({"also": ""})
     rows = []
-    errors = table[["kind", "size", "size_unit"]].drop_duplicates()
-    for kind, size, unit in errors.itertuples(index=False):
-        own = table[(table["kind"] == kind) & (table["size"] == size) & (table["also"] == "")]
-        cured = table[(table["kind"] == kind) & (table["size"] == size) & (table["also"] != "")]
+    table = _cells(tables["model_error"])
+    for (kind, size, unit), of_size in table.groupby(
+        ["kind", "size", "size_unit"], sort=False, dropna=False
+    ):
         told = _TORQUE if kind == TORQUE else kind.replace("_", " ").replace(".", ", ")
         named = "none" if kind == NONE else f"{told} {size:+.3g} {unit}"
-        for count in sorted(set(own["targets"]) | set(cured["targets"])):
-            here = own[own["targets"] == count]
-            line = [_share(here[here["estimator"] == name]) for name in NAMES]
+        for count, own in of_size.groupby("targets"):
+            plain, cured = own[own["also"] == ""], own[own["also"] != ""]
+            line = [_share(plain[plain["estimator"] == name]) for name in NAMES]
             remedies = [
-                f"{_share(each)} (`{name}`)"
-                for name, each in cured[cured["targets"] == count].groupby("variant", sort=False)
+                f"{_share(each)} (`{name}`)" for name, each in cured.groupby("variant", sort=False)
             ]
             rows.append([named, count, *line, "; ".join(remedies) or DASH])
     header = ["error of the model", "targets", *NAMES.values(), "batch with a remedy"]
@@ -154,18 +141,11 @@ def model_errors_block(tables: Tables) -> str:
 
 def _share(cells: pd.DataFrame) -> str:
     """Coverage, divergences and final error of a cell."""
-    values = []
-    shown: Sequence[tuple[str, str]] = (
-        ("coverage", ".3f"),
-        ("diverged_rotation", ".1f"),
-        ("final_attitude_error_median", ".1f"),
-    )
-    for quantity, form in shown:
-        found = cells.loc[cells["quantity"] == quantity, "mean"]
-        if found.empty:
-            return DASH
-        values.append(f"{found.iloc[0]:{form}}")
-    return f"{values[0]}, {values[1]}, {values[2]}°"
+    means = cells.set_index("quantity")["mean"]
+    shown = ("coverage", "diverged_rotation", "final_attitude_error_median")
+    if not set(shown) <= set(means.index):
+        return DASH
+    return "{:.3f}, {:.1f}, {:.1f}°".format(*means[list(shown)])
 
 
 ESTIMATOR_BLOCKS = {

@@ -93,18 +93,7 @@ def write_reference(folder: str | Path) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        By default those of the process.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """The command."""
     parser = argparse.ArgumentParser(
         prog="python -m cislunar.campaign.documents.reference",
         description="Write the reference of the library as HTML.",

@@ -46,22 +46,7 @@ _THINNED = ("readings_tracking", "tracking")
 
 
 def read_tables(folder: str | Path) -> dict[str, pd.DataFrame]:
-    """The tables the documents rest on.
-
-    Parameters
-    ----------
-    folder : str or Path
-        ``docs/tables``.
-
-    Returns
-    -------
-    dict of str to DataFrame
-
-    Raises
-    ------
-    InputFileError
-        If one is missing.
-    """
+    """The tables the documents rest on, of ``docs/tables``, by name; all must be there."""
     return {name: _read(Path(folder) / f"{name}.csv") for name in TABLES}
 
 
@@ -71,27 +56,19 @@ def _read(path: Path) -> pd.DataFrame:
             f"{path}: no such table; run the whole campaign, then "
             "python -m cislunar.campaign.documents.update"
         )
-    texts = str if path.stem == "paper_vs_ours" else None
-    return pd.read_csv(path, dtype=texts)
+    claims = path.stem == "paper_vs_ours"
+    table = pd.read_csv(path, dtype=str if claims else None)
+    if claims and "value" not in table:
+        raise InputFileError(
+            f"{path} lacks the column value: an earlier version made it; remake it"
+        )
+    return table
 
 
 def campaign_tables(results: str | Path) -> dict[str, str]:
-    """The text of every table for the documents, from a finished campaign.
+    """The text of every table for the documents, from the results of a finished campaign.
 
-    Parameters
-    ----------
-    results : str or Path
-        Results folder.
-
-    Returns
-    -------
-    dict of str to str
-        CSV by name; long tables hold only what the documents show.
-
-    Raises
-    ------
-    InputFileError
-        If one is missing.
+    Long tables hold only what the documents show. A missing one raises `InputFileError`.
     """
     results = Path(results)
     found = {}
@@ -107,40 +84,14 @@ def campaign_tables(results: str | Path) -> dict[str, str]:
 
 
 def documents(root: str | Path) -> list[Path]:
-    """Documents with generated blocks.
-
-    Parameters
-    ----------
-    root : str or Path
-        Folder of the repository.
-
-    Returns
-    -------
-    list of Path
-    """
+    """Documents of the repository with generated blocks."""
     root = Path(root)
     every = [root / "README.md", root / "config/README.md", *sorted((root / "docs").rglob("*.md"))]
     return [p for p in every if p.is_file() and generated_blocks(p.read_text(encoding="utf-8"))]
 
 
 def rule_graph(root: str | Path) -> str:
-    """The graph of the rules at the shipped configuration, as a Mermaid diagram.
-
-    Parameters
-    ----------
-    root : str or Path
-        Folder of the repository.
-
-    Returns
-    -------
-    str
-        Markdown; rules and their dependences in alphabetical order.
-
-    Raises
-    ------
-    InputFileError
-        If Snakemake cannot read the workflow.
-    """
+    """The graph of the rules at the shipped configuration in alphabetical order, for Mermaid."""
     command = [sys.executable, "-m", "snakemake", "--forceall", "--rulegraph", "mermaid-js"]
     done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -156,20 +107,7 @@ def rule_graph(root: str | Path) -> str:
 def block_makers(
     root: str | Path, tables: Mapping[str, pd.DataFrame]
 ) -> dict[str, Callable[[], str]]:
-    """What makes each block.
-
-    Parameters
-    ----------
-    root : str or Path
-        Folder of the repository.
-    tables : mapping of str to DataFrame
-        From `read_tables`.
-
-    Returns
-    -------
-    dict of str to callable
-        Makes Markdown without arguments.
-    """
+    """What makes each block of the repository's documents, as functions without arguments."""
     makers = {name: partial(make, tables) for name, make in BLOCKS.items()}
     return makers | {"rule-graph": partial(rule_graph, root), **SETTINGS_BLOCKS}
 
@@ -241,17 +179,7 @@ def refresh(root: str | Path, results: str | Path) -> list[Path]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command; its exit code is 1 where something is amiss.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        By default those of the process.
-
-    Returns
-    -------
-    int
-    """
+    """The command; its exit code is 1 where something is amiss."""
     parser = argparse.ArgumentParser(
         prog="python -m cislunar.campaign.documents.update",
         description="Fill the documents with the numbers of a finished campaign.",

@@ -91,18 +91,7 @@ def with_requests(profile: str, measured: pd.DataFrame) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Renew the requests of ``profiles/slurm`` in the current folder.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Of the command line.
-
-    Returns
-    -------
-    int
-        0, or 1 if something is missing.
-    """
+    """The command: renew ``profiles/slurm`` here; exit code 1 if something is missing."""
     parser = argparse.ArgumentParser(prog="python -m cislunar.campaign.operation.job_resources")
     parser.add_argument("--results", default="results", help="results folder")
     chosen = parser.parse_args(arguments)

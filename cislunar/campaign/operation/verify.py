@@ -102,18 +102,7 @@ def leftovers(folder: str | Path) -> list[Path]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Name every damaged result below a folder, and what to do.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Of the command line.
-
-    Returns
-    -------
-    int
-        0 if every result can be used, 1 if not, 2 if there is no such folder.
-    """
+    """The command: 0 if every result can be used, 1 if not, 2 without such a folder."""
     parser = argparse.ArgumentParser(
         prog="python -m cislunar.campaign.operation.verify", description=__doc__.splitlines()[0]
     )

@@ -89,32 +89,31 @@ def cell_dataset(
     )
     used = {**settings, "propagator": propagator, **cell._asdict()}
     slot = problem.observer_slot
+    described = _described(result, loop)
+    coords = {
+        "seed": ("seed", np.arange(settings["seeds"]), "1", "realization"),
+        "time": ("time", result.elapsed_s, "s", "time since the epoch"),
+        "step": ("step", loop.elapsed_s[1:], "s", "time since the epoch"),
+        "epoch": ("epoch", loop.step_s * loop.epochs, "s", "time since the epoch"),
+        "component": ("component", list(COMPONENTS), "1", "component of the state"),
+        "component_unit": ("component", list(COMPONENT_UNITS), "1", "unit of the component"),
+        "part": ("part", list(PARTS), "1", "part of the state"),
+        "target_id": ("target", problem.target_ids, "1", "row of the target in orbits/tracked.nc"),
+        "family": (
+            "target",
+            list(tracked["family"].values[problem.target_ids]),
+            "1",
+            "orbit class of the target",
+        ),
+        "observer_orbit": (
+            "observer", architecture["orbit"].values[slot], "1", "row in orbits/families.nc"
+        ),
+        "observer_slot": ("observer", slot, "1", "slot of the architecture"),
+    }  # fmt: skip
+    data = {name: variable(*each, **_FLAGS.get(name, {})) for name, each in described.items()}
     return xr.Dataset(
-        _tasking(result) | _time_histories(result, loop) | _metrics(result) | _counters(result),
-        coords={
-            "seed": variable("seed", np.arange(settings["seeds"]), "1", "realization"),
-            "time": variable("time", result.elapsed_s, "s", "time since the epoch"),
-            "step": variable("step", loop.elapsed_s[1:], "s", "time since the epoch"),
-            "epoch": variable("epoch", loop.step_s * loop.epochs, "s", "time since the epoch"),
-            "component": variable("component", list(COMPONENTS), "1", "component of the state"),
-            "component_unit": variable(
-                "component", list(COMPONENT_UNITS), "1", "unit of the component"
-            ),
-            "part": variable("part", list(PARTS), "1", "part of the state"),
-            "target_id": variable(
-                "target", problem.target_ids, "1", "row of the target in orbits/tracked.nc"
-            ),
-            "family": variable(
-                "target",
-                list(tracked["family"].values[problem.target_ids]),
-                "1",
-                "orbit class of the target",
-            ),
-            "observer_orbit": variable(
-                "observer", architecture["orbit"].values[slot], "1", "row in orbits/families.nc"
-            ),
-            "observer_slot": variable("observer", slot, "1", "slot of the architecture"),
-        },
+        data,
+        coords={name: variable(*each) for name, each in coords.items()},
         attrs=provenance(title, settings=used, seed=seed),
     )
 
@@ -127,93 +126,58 @@ def _flags(names: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def _tasking(result: LoopResult) -> dict[str, xr.Variable]:
-    return {
-        "assignment": variable(
-            ("seed", "epoch", "observer"),
-            result.assignment,
-            "1",
-            "index of the target along dimension target, -1 for an idle observer",
-        ),
-        "information": variable(
-            ("seed", "epoch"), result.information, "nat", "mutual information of the tasking"
-        ),
-        "evaluations": variable(
-            ("seed", "epoch"), result.evaluations.astype(np.int32), "1", "taskings tried"
-        ),
-    }
+_FLAGS = {
+    "fate": _flags(FATE_NAMES),
+    "status": _flags(STATUS_NAMES),
+    "status_rotation": _flags(STATUS_NAMES),
+    "status_translation": _flags(STATUS_NAMES),
+}
+
+_COUNTED = {
+    "updates": (UPDATES, "measurements used"),
+    "out_of_field": (OUT_OF_FIELD, "measurements outside the field of view"),
+    "dark_sigma_points": (FLOOR_HITS, "sigma points without reflected light"),
+    "cholesky_failures": (CHOLESKY_FAILURES, "failed Cholesky factorizations"),
+}
 
 
-def _time_histories(result: LoopResult, loop: LoopSettings) -> dict[str, xr.Variable]:
-    dims = ("seed", "time", "target", "component")
-    step = ("seed", "step", "target")
-    valid = result.valid[:, loop.recorded].astype(np.int8)
-    return {
-        "valid": variable(("seed", "time", "target"), valid, "1", "1 where a measurement was used"),
-        "fate": variable(
-            step, result.fate, "1", "what became of the measurement", **_flags(FATE_NAMES)
-        ),
-        "error": variable(
-            dims, result.error, "see component_unit", "truth less estimate (attitude: GRP)"
-        ),
-        "sigma": variable(dims, result.sigma, "see component_unit", "standard deviation"),
-        "bound": variable(
-            dims,
-            result.bound,
-            "see component_unit",
-            "standard deviation of the posterior Cramer-Rao bound",
-        ),
-    }
-
-
-def _metrics(result: LoopResult) -> dict[str, xr.Variable]:
+def _described(result: LoopResult, loop: LoopSettings) -> dict[str, tuple]:
+    """Dimensions, values, unit and meaning of every variable of a cell."""
     found = result.metrics
-    dims, status = ("seed", "target", "component"), ("seed", "target")
-    flags = _flags(STATUS_NAMES)
-    return {
-        "coverage": variable(dims, found.coverage, "1", "share of the time within 3 sigma"),
-        "anees": variable(dims, found.anees, "1", "average normalized estimation error squared"),
-        "rmse": variable(dims, found.rmse, "see component_unit", "root mean square error"),
-        "status": variable(status, found.status, "1", "status of the target", **flags),
-        "status_rotation": variable(
-            status, found.status_rotation, "1", "status of attitude and angular velocity", **flags
-        ),
-        "status_translation": variable(
-            status, found.status_translation, "1", "status of position and velocity", **flags
-        ),
-        "final_attitude_error": variable(
-            status,
-            found.final_attitude_error_deg,
-            "degree",
-            "root mean square attitude error over the final hours",
-        ),
-        "bound_ratio": variable(
-            ("seed", "target", "part"),
-            found.bound_ratio,
-            "1",
-            "root mean square error over Cramer-Rao bound in the final hours",
-        ),
-        "bound_attitude": variable(
-            status,
-            found.bound_attitude_deg,
-            "degree",
-            "root mean square attitude of the Cramer-Rao bound over the final hours",
-        ),
-    }
-
-
-def _counters(result: LoopResult) -> dict[str, xr.Variable]:
-    names = {
-        "updates": (UPDATES, "measurements used"),
-        "out_of_field": (OUT_OF_FIELD, "measurements outside the field of view"),
-        "dark_sigma_points": (FLOOR_HITS, "sigma points without reflected light"),
-        "cholesky_failures": (CHOLESKY_FAILURES, "failed Cholesky factorizations"),
-    }
-    counted = {
-        name: variable(("seed", "target"), result.counters[..., index].astype(np.int32), "1", what)
-        for name, (index, what) in names.items()
-    }
-    counted["failed"] = variable(
-        ("seed", "target"), result.failed, "1", "0, or why the estimate came to an end"
-    )
-    return counted
+    target, epoch = ("seed", "target"), ("seed", "epoch")
+    history = ("seed", "time", "target", "component")
+    axes = ("seed", "target", "component")
+    valid = result.valid[:, loop.recorded].astype(np.int8)
+    several = "see component_unit"
+    described = {
+        "assignment": (
+            (*epoch, "observer"), result.assignment, "1",
+            "index of the target along dimension target, -1 for an idle observer"),
+        "information": (epoch, result.information, "nat", "mutual information of the tasking"),
+        "evaluations": (epoch, result.evaluations.astype(np.int32), "1", "taskings tried"),
+        "valid": (("seed", "time", "target"), valid, "1", "1 where a measurement was used"),
+        "fate": (("seed", "step", "target"), result.fate, "1", "what became of the measurement"),
+        "error": (history, result.error, several, "truth less estimate (attitude: GRP)"),
+        "sigma": (history, result.sigma, several, "standard deviation"),
+        "bound": (history, result.bound, several,
+                  "standard deviation of the posterior Cramer-Rao bound"),
+        "coverage": (axes, found.coverage, "1", "share of the time within 3 sigma"),
+        "anees": (axes, found.anees, "1", "average normalized estimation error squared"),
+        "rmse": (axes, found.rmse, several, "root mean square error"),
+        "status": (target, found.status, "1", "status of the target"),
+        "status_rotation": (
+            target, found.status_rotation, "1", "status of attitude and angular velocity"),
+        "status_translation": (
+            target, found.status_translation, "1", "status of position and velocity"),
+        "final_attitude_error": (target, found.final_attitude_error_deg, "degree",
+                                 "root mean square attitude error over the final hours"),
+        "bound_ratio": ((*target, "part"), found.bound_ratio, "1",
+                        "root mean square error over Cramer-Rao bound in the final hours"),
+        "bound_attitude": (
+            target, found.bound_attitude_deg, "degree",
+            "root mean square attitude of the Cramer-Rao bound over the final hours"),
+    }  # fmt: skip
+    for name, (index, meaning) in _COUNTED.items():
+        described[name] = (target, result.counters[..., index].astype(np.int32), "1", meaning)
+    described["failed"] = (target, result.failed, "1", "0, or why the estimate came to an end")
+    return described
