@@ -18,8 +18,8 @@ from cislunar.campaign.settings.cells import (
     cell_settings,
     check_cell,
     estimator_names,
+    grid_cells,
     mesh_file,
-    sweep_cells,
     true_settings,
     variant_cells,
 )
@@ -71,7 +71,7 @@ def _set(config, path, value):
 
 
 def test_the_sweeps_are_the_papers(config):
-    cells = sweep_cells(config["task2"])
+    cells = grid_cells(config["task2"])
     for architecture in ("published", "tpe"):
         for scenario, counts in PAPER_COUNTS.items():
             own = [c for c in cells if (c.architecture, c.scenario) == (architecture, scenario)]
@@ -131,7 +131,7 @@ def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
     config["scenarios"]["D"] = {"targets": 10}
     config["task2"]["target_counts"]["D"] = [20]
     check_campaign(config)
-    found = {c.architecture for c in sweep_cells(config["task2"]) if c.scenario == "D"}
+    found = {c.architecture for c in grid_cells(config["task2"]) if c.scenario == "D"}
     assert found == {"tpe"}
 
 

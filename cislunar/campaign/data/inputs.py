@@ -29,18 +29,7 @@ def _label(dim: str, values, long_name: str) -> xr.Variable:
 
 
 def sun_dataset(settings: Mapping[str, Any]) -> xr.Dataset:
-    """Sample the Sun and the rotating frame over the campaign's horizon.
-
-    Parameters
-    ----------
-    settings : mapping
-        Configuration keys `epoch_jd`, `ephemeris` and `visibility`.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``ephemeris/sun.nc``.
-    """
+    """Make ``ephemeris/sun.nc``, from the keys `epoch_jd`, `ephemeris` and `visibility`."""
     sampled = sample_ephemeris(
         settings["epoch_jd"],
         settings["visibility"]["duration_days"],
@@ -92,20 +81,7 @@ def sun_at(sun: xr.Dataset, times: np.ndarray) -> np.ndarray:
 
 
 def families_dataset(settings: Mapping[str, Any], progress: Progress | None = None) -> xr.Dataset:
-    """Generate the candidate observer orbits.
-
-    Parameters
-    ----------
-    settings : mapping
-        Configuration key `orbits`.
-    progress : callable, optional
-        Called with (done, total).
-
-    Returns
-    -------
-    xarray.Dataset
-        ``orbits/families.nc``.
-    """
+    """Make ``orbits/families.nc``, the candidate observer orbits, from the key `orbits`."""
     orbits = typed(settings["orbits"], Orbits)
     members = {family: count for family, count in orbits.members if count > 0}
     library = observer_library(members, family_extent(orbits), progress=progress)
@@ -157,20 +133,7 @@ def orbit_set_dataset(
 
 
 def zvs_points_dataset(missions_path: str | Path, settings: Mapping[str, Any]) -> xr.Dataset:
-    """Sample the region within the zero-velocity surface of every mission.
-
-    Parameters
-    ----------
-    missions_path : str or Path
-        Mission table.
-    settings : mapping
-        Configuration key `targets`.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``targets/zvs_points.nc``.
-    """
+    """Make ``targets/zvs_points.nc`` for a table of missions, from the key `targets`."""
     missions = load_missions(missions_path)
     sampling = sampling_settings(typed(settings["targets"], Targets))
     names = missions["mission"].tolist()
@@ -196,26 +159,7 @@ def zvs_points_dataset(missions_path: str | Path, settings: Mapping[str, Any]) -
 def static_targets_dataset(
     points: xr.Dataset, scenario: str, targets: int, seeding: str, seed: int
 ) -> xr.Dataset:
-    """Cluster the sampled points to the static targets of a scenario.
-
-    Parameters
-    ----------
-    points : xarray.Dataset
-        ``targets/zvs_points.nc``.
-    scenario : str
-        Name of the scenario.
-    targets : int
-        Number of targets.
-    seeding : str
-        Seeding of k-means.
-    seed : int
-        Seed of the seeding.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``targets/static_{scenario}.nc``.
-    """
+    """Make ``targets/static_{scenario}.nc``: clusters of the sampled points."""
     clusters = cluster(
         points["position"].values, targets, seed=seed, seeding=seeding, progress=progress_log
     )
@@ -239,16 +183,6 @@ def static_targets_dataset(
 
 
 def horizon(settings: Mapping[str, Any]) -> np.ndarray:
-    """Evaluation times of the architecture optimisation, nondimensional, shape (time,).
-
-    Parameters
-    ----------
-    settings : mapping
-        Configuration key `visibility`.
-
-    Returns
-    -------
-    ndarray
-    """
+    """Nondimensional evaluation times (time,) of the architecture optimisation."""
     chosen = typed(settings["visibility"], Visibility)
     return observation_times(chosen.duration_days, chosen.step_hours)

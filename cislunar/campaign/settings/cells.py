@@ -89,18 +89,7 @@ def cell_settings(task2: Mapping[str, Any], variant: str = "") -> dict[str, Any]
 
 
 def true_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings of the targets and sensors as they truly are.
-
-    Parameters
-    ----------
-    settings : mapping
-        Settings of a cell: what the estimators believe, and in `truth` what is otherwise.
-
-    Returns
-    -------
-    dict
-        The keys `material`, `body`, `sensor`, and `angular_acceleration_deg_h2` of three numbers.
-    """
+    """`material`, `body`, `sensor` and `angular_acceleration_deg_h2` as they truly are."""
     believed = {key: settings[key] for key in ("material", "body", "sensor")}
     return merged({**believed, "angular_acceleration_deg_h2": [0, 0, 0]}, settings["truth"])
 
@@ -110,19 +99,8 @@ def has_architecture(scenario: str, architecture: str) -> bool:
     return architecture != "published" or scenario in PUBLISHED
 
 
-def sweep_cells(task2: Mapping[str, Any]) -> list[Cell]:
-    """The cells of both sweeps, without variants, each once.
-
-    Parameters
-    ----------
-    task2 : mapping
-        Configuration key `task2`.
-
-    Returns
-    -------
-    list of Cell
-        Number of targets first, then tasking interval, then the other architectures.
-    """
+def grid_cells(task2: Mapping[str, Any]) -> list[Cell]:
+    """The cells of `task2` by number of targets, interval and architecture, each once."""
     usual, intervals = task2["interval_minutes"], task2["intervals"]
     found: dict[Cell, None] = {}
     for estimator in task2["estimators"]:
@@ -148,19 +126,7 @@ def _cells(counts, minutes, architecture: str, estimator: str) -> Iterator[Cell]
 
 
 def variant_place(task2: Mapping[str, Any], name: str) -> tuple[str, str]:
-    """Scenario and architecture of a variant: its own, else those of all variants.
-
-    Parameters
-    ----------
-    task2 : mapping
-        Configuration key `task2`.
-    name : str
-        Name of a variant.
-
-    Returns
-    -------
-    scenario, architecture : str
-    """
+    """Scenario and architecture of a variant: its own, else those of all variants."""
     variants = task2["variants"]
     own = variants["cells"][name]
     return (
@@ -170,18 +136,7 @@ def variant_place(task2: Mapping[str, Any], name: str) -> tuple[str, str]:
 
 
 def variant_cells(task2: Mapping[str, Any]) -> list[Cell]:
-    """The cells with changed settings.
-
-    Parameters
-    ----------
-    task2 : mapping
-        Configuration key `task2`.
-
-    Returns
-    -------
-    list of Cell
-        With the estimators of the variant, or the first of the configuration if it names none.
-    """
+    """The cells with changed settings; by the first estimator where none is named."""
     return [
         Cell(
             *variant_place(task2, name),
@@ -197,17 +152,7 @@ def variant_cells(task2: Mapping[str, Any]) -> list[Cell]:
 
 
 def estimator_names(task2: Mapping[str, Any]) -> list[str]:
-    """Estimators of the sweeps and the variants, each once.
-
-    Parameters
-    ----------
-    task2 : mapping
-        Configuration key `task2`.
-
-    Returns
-    -------
-    list of str
-    """
+    """Estimators of the sweeps and the variants, each once."""
     variants = task2["variants"]["cells"].values()
     named = [name for variant in variants for name in variant.get("estimators", ())]
     return list(dict.fromkeys([*task2["estimators"], *named]))
@@ -227,7 +172,7 @@ def campaign_cells(task2: Mapping[str, Any]) -> list[Cell]:
     """
     changed = variant_cells(task2)
     plain = [cell._replace(variant="") for cell in changed]
-    return list(dict.fromkeys([*sweep_cells(task2), *plain, *changed]))
+    return list(dict.fromkeys([*grid_cells(task2), *plain, *changed]))
 
 
 def is_multiple(value: float, step: float) -> bool:
@@ -276,17 +221,6 @@ def check_cell(
 
 
 def mesh_file(settings: Mapping[str, Any]) -> list[str]:
-    """Mesh files a cell depends on.
-
-    Parameters
-    ----------
-    settings : mapping
-        Settings of the cell.
-
-    Returns
-    -------
-    list of str
-        Paths of the shape believed and of the true one, each once; none for an icosahedron.
-    """
+    """Mesh files a cell depends on, believed and true, each once; none for an icosahedron."""
     shapes = dict.fromkeys([settings["body"]["shape"], true_settings(settings)["body"]["shape"]])
     return [shape for shape in shapes if shape != "icosahedron"]

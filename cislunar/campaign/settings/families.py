@@ -166,20 +166,7 @@ def with_families(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def swept_cells(config: Mapping[str, Any], name: str) -> list[Cell]:
-    """The cells of a sweep.
-
-    Parameters
-    ----------
-    config : mapping
-        The configuration.
-    name : str
-        Name of the sweep.
-
-    Returns
-    -------
-    list of Cell
-        By estimator and number of targets, then in the order of the values.
-    """
+    """The cells of a sweep by estimator, number of targets and value."""
     sweep, task2 = config["sweeps"][name], config["task2"]
     architecture, minutes = sweep["architecture"], int(task2["interval_minutes"])
     return [

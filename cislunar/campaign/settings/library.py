@@ -34,17 +34,7 @@ def _exclusion(angles: cell_tree.Exclusion) -> ExclusionAngles:
 
 
 def visibility_settings(settings: Mapping[str, Any]) -> VisibilitySettings:
-    """Photometry and exclusion angles of the architecture optimisation.
-
-    Parameters
-    ----------
-    settings : mapping
-        Configuration keys `propagator` and `visibility`.
-
-    Returns
-    -------
-    VisibilitySettings
-    """
+    """Photometry and exclusion angles, from the keys `propagator` and `visibility`."""
     chosen = typed(settings["visibility"], tree.Visibility)
     return VisibilitySettings(
         limiting_magnitude=chosen.limiting_magnitude,
@@ -98,20 +88,7 @@ def sensor(chosen: cell_tree.Sensor) -> Sensor:
 
 
 def truth_model(cell: cell_tree.CellSettings, n_targets: int) -> TruthModel:
-    """What the targets truly are, and the true noise.
-
-    Parameters
-    ----------
-    cell : CellSettings
-        Settings of the cell.
-    n_targets : int
-        Number of monitored targets.
-
-    Returns
-    -------
-    TruthModel
-        What the estimators believe, unless the configuration key `task2.truth` says otherwise.
-    """
+    """What the targets truly are, and the true noise, where `truth` says so."""
     true = true_settings(cell.model_dump())
     deg_h2 = np.array(true.pop("angular_acceleration_deg_h2"), dtype=float)
     truth = typed({**cell.model_dump(), **true}, cell_tree.CellSettings)
@@ -125,21 +102,7 @@ def truth_model(cell: cell_tree.CellSettings, n_targets: int) -> TruthModel:
 def loop_settings(
     cell: cell_tree.CellSettings, interval_minutes: int, *, keep_information: bool = False
 ) -> LoopSettings:
-    """Settings of the closed loop.
-
-    Parameters
-    ----------
-    cell : CellSettings
-        Settings of the cell.
-    interval_minutes : int
-        Time between tasking epochs.
-    keep_information : bool
-        Keep the information of all pairs.
-
-    Returns
-    -------
-    LoopSettings
-    """
+    """Settings of the closed loop; `keep_information` is of all pairs."""
     tasking = cell.tasking
     return LoopSettings(
         step_s=cell.step_s,

@@ -67,18 +67,7 @@ def _size(kind: str, settings: Mapping[str, Any]) -> tuple[float, str]:
 
 
 def model_errors(task2: Mapping[str, Any]) -> list[ModelError]:
-    """The variants whose truth departs from the belief.
-
-    Parameters
-    ----------
-    task2 : mapping
-        Configuration key `task2`.
-
-    Returns
-    -------
-    list of ModelError
-        In the order of the configuration.
-    """
+    """The variants of `task2` whose truth departs from the belief, in its order."""
     found = []
     for name, variant in task2["variants"]["cells"].items():
         change = dict(variant["change"])
@@ -94,17 +83,7 @@ def model_errors(task2: Mapping[str, Any]) -> list[ModelError]:
 
 
 def drawn_errors(task2: Mapping[str, Any]) -> list[ModelError]:
-    """The errors that can be drawn by size: those with a size, cells and nothing else changed.
-
-    Parameters
-    ----------
-    task2 : mapping
-        Configuration key `task2`.
-
-    Returns
-    -------
-    list of ModelError
-    """
+    """Errors that can be drawn: those with a size, cells and nothing else changed."""
     cells = task2["variants"]["cells"]
     return [
         error

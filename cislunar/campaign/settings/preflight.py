@@ -123,22 +123,6 @@ def check_target_count(
 
     Points sampled under other settings, or from a mission table changed since, are to be made
     anew: they say nothing, and the check is left to the clustering.
-
-    Parameters
-    ----------
-    points : str or Path
-        ``targets/zvs_points.nc``.
-    scenario : str
-        Scenario the targets are for.
-    count : int
-        Number of targets.
-    targets : mapping
-        Configuration key `targets`.
-
-    Raises
-    ------
-    ConfigurationError
-        If there are fewer distinct points than targets.
     """
     points, missions = Path(points), Path(targets["missions"])
     if not points.is_file() or os.path.getmtime(missions) > os.path.getmtime(points):

@@ -70,43 +70,13 @@ def in_study(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def scenario_settings(config: Mapping[str, Any], scenario: str) -> dict[str, Any]:
-    """The configuration as it holds for a scenario.
-
-    Parameters
-    ----------
-    config : mapping
-        The configuration.
-    scenario : str
-        Name of a scenario.
-
-    Returns
-    -------
-    dict
-        The keys `SECTIONS`; a section the scenario sets nothing of is that of the configuration.
-    """
+    """The keys `SECTIONS` of the configuration as they hold for a scenario."""
     own = config["scenarios"][scenario].get("settings", {})
     return merged({key: config[key] for key in SECTIONS}, own)
 
 
 def tracked_count(config: Mapping[str, Any], scenario: str) -> int:
-    """Number of moving targets of a scenario.
-
-    Parameters
-    ----------
-    config : mapping
-        The configuration.
-    scenario : str
-        Name of a scenario.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    InputFileError
-        If the scenario's table of moving targets is missing or faulty.
-    """
+    """Number of moving targets of a scenario; its table may be missing or faulty."""
     table = config["scenarios"][scenario].get("tracked")
     return TRACKED_TARGETS if table is None else len(load_target_states(table))
 

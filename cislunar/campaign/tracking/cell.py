@@ -54,20 +54,7 @@ class Problem(NamedTuple):
 
 
 def realization_seeds(seed: int, count: int) -> list[int]:
-    """Seeds of the realizations of truth and noise, the same in every cell.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the campaign.
-    count : int
-        Number of realizations.
-
-    Returns
-    -------
-    list of int
-        A longer list begins with the shorter ones.
-    """
+    """Seeds of the realizations in every cell; a longer list begins with shorter ones."""
     return [int(np.random.SeedSequence([seed, k]).generate_state(1)[0]) for k in range(count)]
 
 

@@ -8,7 +8,7 @@ workflow can ask at once.
 from collections.abc import Mapping
 from typing import Any
 
-from cislunar.campaign.settings.cells import Cell, sweep_cells, variant_cells
+from cislunar.campaign.settings.cells import Cell, grid_cells, variant_cells
 
 PREFERRED_ARCHITECTURE = "tpe"
 """The paper tracks with the architectures of its own optimizer."""
@@ -27,7 +27,7 @@ def _cells(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
     estimator = task2["estimators"][0]
     return [
         cell
-        for cell in sweep_cells(task2)
+        for cell in grid_cells(task2)
         if cell.architecture == architecture and cell.estimator == estimator
     ]
 
