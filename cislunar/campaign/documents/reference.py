@@ -13,6 +13,7 @@ import inspect
 import re
 import shutil
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +90,12 @@ def write_reference(folder: str | Path) -> None:
     pdoc.render.env.filters["format_signature"] = lambda signature, colon: show(
         _short(signature), colon
     )
-    pdoc.pdoc(PACKAGE, output_directory=folder)
+    with warnings.catch_warnings():
+        # Classes of settings that are made at import have no source that tells of their fields.
+        warnings.filterwarnings(
+            "ignore", rf"Cannot determine where {PACKAGE}\.campaign\.settings\."
+        )
+        pdoc.pdoc(PACKAGE, output_directory=folder)
 
 
 def main(arguments: list[str] | None = None) -> int:
