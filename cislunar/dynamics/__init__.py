@@ -1,1 +1,1 @@
-"""Motion in the circular restricted three-body problem."""
+"""Force models, and the propagation of states, bundles and transition matrices under them."""

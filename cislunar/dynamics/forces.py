@@ -6,7 +6,8 @@ or a call by pointer in its loops, and is cached on disk like any other. `cislun
 is the model of the paper; another is added beside it by `implements` alone.
 
 What depends on time alone (where bodies are) belongs into `at`, which is evaluated once for a stage
-and all states that share it. Times and states are nondimensional, times since the epoch.
+and all states that share it. Times and states are nondimensional, times since the epoch. Where the
+primaries are is asked of the model's `mu`, the mass ratio of its frame.
 """
 
 from collections.abc import Callable

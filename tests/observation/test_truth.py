@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from cislunar.attitude.rigid_body import propagate_torque_free, propagate_under_torque
+from cislunar.dynamics.bundle import propagate_bundle
+from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.kalman.mukf import mukf
 from cislunar.observation.measurement import Sensor
@@ -76,10 +78,10 @@ class Witness:
     def __init__(self):
         self.surfaces, self.sensors, self.measurements, self.used = [], [], [], []
 
-    def __call__(self, scene, surfaces, sensor, initial, rng, mu):
+    def __call__(self, scene, surfaces, sensor, initial, rng, forces):
         self.surfaces.append(surfaces)
         self.sensors.append(sensor)
-        made = mukf()(scene, surfaces, sensor, initial, rng, mu)
+        made = mukf()(scene, surfaces, sensor, initial, rng, forces)
         advance = made.advance
 
         def watched(measurements, observer_of):
@@ -154,6 +156,18 @@ def test_a_filter_that_knows_the_inertia_is_better_than_one_that_does_not(proble
     last = [np.rad2deg(np.abs(each.error[0, -60:, :, :3])).mean() for each in (informed, misled)]
     assert last[0] < last[1]
     assert not informed.failed.any()
+
+
+def test_truth_that_moves_by_another_force_model(problem):
+    """The filter keeps its own: what it does not know of the forces costs position and velocity."""
+    heavy = CR3BP(1.002 * EARTH_MOON.mu)
+    plain, moved = _truth(problem), _truth(problem, forces=heavy)
+    expected = propagate_bundle(plain.translation[:, 0], problem[0].step, 240, forces=heavy)
+    np.testing.assert_array_equal(moved.translation, expected)
+    truth = TruthModel(problem[1], BRIGHT.noise, np.zeros(3), heavy)
+    usual, changed = _loop(problem), _loop(problem, truth)
+    coverage = [each.metrics.coverage[..., 6:].mean() for each in (usual, changed)]
+    assert coverage[1] < coverage[0]
 
 
 def test_truth_of_another_number_of_targets_is_refused(problem):
