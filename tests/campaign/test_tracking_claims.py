@@ -5,11 +5,18 @@ import pytest
 import xarray as xr
 from scipy import stats
 
-from cislunar.campaign.claims.judges import BEYOND, NOT_REPRODUCED, PARTLY, REPRODUCED, table
-from cislunar.campaign.claims.statistics import unsatisfactory
+from cislunar.campaign.claims.facts import STATISTICS, unsatisfactory
+from cislunar.campaign.claims.judges import (
+    BEYOND,
+    NOT_REPRODUCED,
+    PARTLY,
+    REPRODUCED,
+    table,
+    verdict,
+)
 from cislunar.campaign.claims.tracking import estimator_claims, tasking_claims, tracking_claims
-from cislunar.campaign.tracking.realizations import realizations, select
-from cislunar.campaign.tracking.statistics import log_interval, slopes, t_interval
+from cislunar.campaign.tracking.realizations import realizations, select, usual_interval, values_of
+from cislunar.campaign.tracking.statistics import Interval, log_interval, paired, slopes, t_interval
 from cislunar.campaign.tracking.summary import PARTS, PER_CELL, PER_PART
 
 SEEDS = 8
@@ -300,3 +307,54 @@ def test_both_estimators_are_compared_on_the_same_realizations():
     assert len(counted) == 1 and counted[0].verdict == BEYOND
     assert "diverged 0.0 [0.0, 0.0] and " in counted[0].ours
     assert not list(estimator_claims(realizations(filtered)))
+
+
+def test_rows_of_the_table_name_what_there_is():
+    keys = {"where", "claim", "paper", "ours", "value", "how", "reproduced", "partly", "each"}
+    cells = {"along", "targets", "beside", "least", "statistics"}
+    rows = [row for group in table()["tracking"] for row in group["claims"]]
+    for row in rows:
+        assert set(row) <= keys | cells, row["claim"]
+        assert {what.split()[0] for what in row["statistics"].values()} <= set(STATISTICS)
+        measures = {word for what in row["statistics"].values() for word in what.split()[1:2]}
+        assert measures <= {*PER_PART, *PER_CELL}
+    for part in ("library", "searches", "unstopped", "published", "optimum", "optimizers"):
+        assert all(set(row) <= keys for row in table()[part])
+
+
+@pytest.mark.parametrize(
+    ("row", "reached"),
+    [
+        ({"reproduced": "x.low > 0", "partly": "x.mean > 0"}, PARTLY),
+        ({"reproduced": "x.high <= most"}, REPRODUCED),
+        ({"reproduced": ["x.mean > 0", "x.mean > 1.5"]}, NOT_REPRODUCED),
+        ({"each": ["x.around_zero", "kind == Halo"]}, REPRODUCED),
+        ({"each": ["x.low > 0", "kind == Halo"]}, PARTLY),
+        ({}, BEYOND),
+    ],
+)
+def test_verdicts_follow_from_conditions(row, reached):
+    facts = {"x": Interval(1.0, -1.0, 3.0, 5), "most": 3.0, "kind": "Halo"}
+    assert verdict(row, facts) == reached
+
+
+def test_realizations_are_tidy():
+    summary = make_summary()
+    frame = realizations(summary)
+    units = 4 * len(PER_PART) + 4 * 2 + len(PER_CELL)  # errors come in two units
+    assert len(frame) == summary.sizes["cell"] * SEEDS * units
+    own = select(frame, scenario="A", targets=20)
+    assert list(own["interval_minutes"].unique()) == [30, 60, 120, 180, 240]
+    grp = values_of(own, "rmse_median", "attitude")
+    assert grp.shape == (SEEDS, 5)
+    np.testing.assert_array_equal(grp[:, 0], _spread(GOOD["rmse_median"][0]))
+    degrees = values_of(own, "rmse_median", "attitude", "degree")
+    np.testing.assert_allclose(degrees, np.rad2deg(grp))
+    assert usual_interval(frame) == 60
+
+
+def test_pairs_are_compared_over_their_common_realizations():
+    found = paired([1.0, 2.0, np.nan], [2.0, 4.0, 9.0])
+    assert (found.first, found.other, found.other_largest) == (1.5, 3.0, 4.0)
+    assert found.difference == t_interval([1.0, 2.0])
+    assert np.isnan(paired([np.nan], [1.0]).first)

@@ -1,6 +1,7 @@
 """Numbers in the documents come from tables: blocks filled, outdated ones found, none typed."""
 
 import shutil
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -8,16 +9,25 @@ import pytest
 from campaign_folder import ROOT
 from test_docs import BLOCK
 
-from cislunar.campaign.claims.judges import BEYOND, NOT_REPRODUCED, PARTLY, REPRODUCED, Claim
+from cislunar.campaign.claims.judges import (
+    BEYOND,
+    NOT_REPRODUCED,
+    PARTLY,
+    REPRODUCED,
+    VERDICTS,
+    Claim,
+)
 from cislunar.campaign.documents import update as documents
 from cislunar.campaign.documents.blocks import BLOCKS, files_block, readings_tracking_block
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks, markdown_table
 from cislunar.campaign.documents.results_page import (
-    TRACKED,
+    COLORS,
+    LISTED,
     results_body,
     results_page,
     shown_quantities,
     verdict_counts,
+    verdicts_svg,
 )
 from cislunar.campaign.documents.run_times import run_times
 from cislunar.campaign.documents.settings_tables import SETTINGS_BLOCKS
@@ -39,7 +49,7 @@ def cell_rows(values, **more):
     rows = [
         cell | {"variant": None, "interval_minutes": 60, "quantity": quantity, "part": part or None}
         | {"unit": unit} | values | more
-        for quantity, part, unit, _ in [*TRACKED.values(), ("failed", "", "1", "")]
+        for quantity, part, unit, _ in [*LISTED.values(), ("failed", "", "1", "")]
     ]  # fmt: skip
     return pd.DataFrame(rows)
 
@@ -156,6 +166,19 @@ def test_every_claim_and_every_verdict_is_on_the_page(tables):
     assert "Halo L1 N (1), Lyap L3 (4)" in page
 
 
+def test_diagram_has_a_square_for_each_claim(tables):
+    claims = tables["paper_vs_ours"]
+    drawn = ElementTree.fromstring(verdicts_svg(claims))
+    squares = drawn.findall(".//{*}rect[@rx]")
+    assert len(squares) == len(claims) + len(VERDICTS)  # and the legend
+    for row in claims.itertuples():
+        own = [s for s in squares if s[0].text == f"{row.claim}: {row.verdict}"]
+        assert [s.get("fill") for s in own] == [COLORS[row.verdict]]
+    texts = [each.text for each in drawn.findall(".//{*}text")]
+    assert "not reproduced (1)" in texts and "Section 5.1" in texts
+    assert verdicts_svg(claims) == verdicts_svg(claims)
+
+
 def test_page_tells_version_revision_and_settings(tables):
     dataset = pd.DataFrame({"x": [1]}).to_xarray()
     dataset.attrs = {"source": "cislunar 9.9", "git_revision": "abc+", "seed": 7}
@@ -206,7 +229,7 @@ def test_documents_are_brought_up_to_the_campaign(campaign):
     assert documents.main(["--check", "--root", str(root)]) == 0
     # Long tables are kept as far as they are shown.
     kept = pd.read_csv(root / "docs/tables/tracking.csv")
-    assert len(kept) == len(TRACKED) == len(shown_quantities(kept))
+    assert len(kept) == len(LISTED) == len(shown_quantities(kept))
 
 
 @pytest.mark.parametrize("name, old, new", [

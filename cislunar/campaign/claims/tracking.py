@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from cislunar.campaign.claims.facts import STATISTICS, Sweep
 from cislunar.campaign.claims.judges import Claim, Facts, judge, table
-from cislunar.campaign.claims.statistics import STATISTICS, Sweep
 from cislunar.campaign.tracking.realizations import (
     cells_of,
     realizations,

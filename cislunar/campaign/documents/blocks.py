@@ -8,7 +8,7 @@ from cislunar.campaign.documents.estimator_blocks import AWARE, ESTIMATOR_BLOCKS
 from cislunar.campaign.documents.markdown import markdown_table
 from cislunar.campaign.documents.results_page import (
     DASH,
-    TRACKED,
+    LISTED,
     Tables,
     architecture_list,
     quantity_rows,
@@ -100,7 +100,7 @@ def labels_block(tables: Tables) -> str:
 
 _READING_COLUMNS = tuple(
     name
-    for name, (quantity, *_) in TRACKED.items()
+    for name, (quantity, *_) in LISTED.items()
     if not quantity.startswith(("anees", "bound_ratio", "final_attitude_error_90"))
 )
 
@@ -143,7 +143,7 @@ def _readings_of_one(rows: pd.DataFrame) -> str:
 def _plain(column: pd.DataFrame, key: tuple, name: str) -> str:
     if key not in column.index:
         return DASH
-    return f"{column.loc[key, 'usual']:{TRACKED[name][3]}}"
+    return f"{column.loc[key, 'usual']:{LISTED[name][3]}}"
 
 
 def _marked(column: pd.DataFrame, key: tuple, name: str) -> str:
@@ -151,7 +151,7 @@ def _marked(column: pd.DataFrame, key: tuple, name: str) -> str:
         return DASH
     row = column.loc[key]
     sure = row["low"] > 0.0 or row["high"] < 0.0
-    return f"{row['changed']:{TRACKED[name][3]}}{'*' if sure else ''}"
+    return f"{row['changed']:{LISTED[name][3]}}{'*' if sure else ''}"
 
 
 def _photometry(tables: Tables, quantity: str) -> pd.DataFrame:

@@ -5,7 +5,7 @@ from itertools import product
 import pandas as pd
 
 from cislunar.campaign.documents.markdown import markdown_table
-from cislunar.campaign.documents.results_page import DASH, TRACKED, Tables, quantity_rows
+from cislunar.campaign.documents.results_page import DASH, LISTED, Tables, quantity_rows
 from cislunar.campaign.settings.model_error import NONE, TORQUE
 
 NAMES = {"mukf": "filter of the paper", "batch": "batch"}
@@ -44,7 +44,7 @@ def _shown(cells: pd.DataFrame, name: str) -> str:
     rows = quantity_rows(cells, name)
     if rows.empty or pd.isna(rows["mean"].iloc[0]):
         return DASH
-    text = f"{rows['mean'].iloc[0]:{TRACKED[name][3]}}"
+    text = f"{rows['mean'].iloc[0]:{LISTED[name][3]}}"
     return f"{text} ({rows['largest'].iloc[0]:.0f})" if name == "rotation diverged" else text
 
 
@@ -98,7 +98,7 @@ def batch_settings_block(tables: Tables) -> str:
 def aware_tasking_block(tables: Tables) -> str:
     """What tasking by the information on all states changes, with intervals."""
     cells = _cells(tables["readings_tracking"])
-    columns = [name for name in TRACKED if name in _SHOWN and name != "attitude error over bound"]
+    columns = [name for name in LISTED if name in _SHOWN and name != "attitude error over bound"]
     rows = [
         [f"`{variant}`", count, NAMES.get(estimator, estimator)]
         + [_difference(own, name) for name in columns]
@@ -115,7 +115,7 @@ def _difference(cells: pd.DataFrame, name: str) -> str:
     if rows.empty or pd.isna(rows["difference"].iloc[0]):
         return DASH
     row = rows.iloc[0]
-    form = TRACKED[name][3].replace(".", "+.")
+    form = LISTED[name][3].replace(".", "+.")
     return f"{row['difference']:{form}} [{row['low']:{form}}, {row['high']:{form}}]"
 
 

@@ -214,7 +214,7 @@ def architecture_list(architecture: pd.DataFrame) -> str:
     )  # fmt: skip
 
 
-TRACKED = {
+LISTED = {
     "attitude coverage": ("coverage", "attitude", "1", ".3f"),
     "attitude ANEES": ("anees_median", "attitude", "1", ".2f"),
     "attitude RMSE, deg": ("rmse_median", "attitude", "degree", ".2f"),
@@ -232,15 +232,15 @@ _CELL = ["scenario", "architecture", "estimator", "targets", "interval_minutes"]
 
 def shown_quantities(table: pd.DataFrame) -> pd.DataFrame:
     """The rows of ``tracking.csv`` or ``readings_tracking.csv`` that the documents show."""
-    wanted = [key[:3] for key in TRACKED.values()]
+    wanted = [key[:3] for key in LISTED.values()]
     found = table[["quantity", "part", "unit"]].astype(object).fillna("").astype(str)
     keep = [tuple(row) in wanted for row in found.itertuples(index=False)]
     return table[keep]
 
 
 def quantity_rows(table: pd.DataFrame, name: str) -> pd.DataFrame:
-    """The rows of one column (key of `TRACKED`) of the lists of cells."""
-    quantity, part, unit, _ = TRACKED[name]
+    """The rows of one column (key of `LISTED`) of the lists of cells."""
+    quantity, part, unit, _ = LISTED[name]
     of_part = table["part"].astype(object).fillna("") == part
     return table[(table["quantity"] == quantity) & of_part & (table["unit"] == unit)]
 
@@ -249,7 +249,7 @@ def tracking_list(tracking: pd.DataFrame) -> str:
     """Every cell at the usual settings in a line, from ``tables/tracking.csv``."""
     usual = tracking[tracking["variant"].astype(object).fillna("") == ""]
     columns = {}
-    for name, (*_, form) in TRACKED.items():
+    for name, (*_, form) in LISTED.items():
         rows = quantity_rows(usual, name).set_index(_CELL)
         columns[name] = {
             key: _with_interval(row, form)
