@@ -8,7 +8,6 @@ from typing import Any
 from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
 from cislunar.campaign.settings.cells import cell_settings, variant_place
 from cislunar.campaign.settings.families import (
-    TRACKING_KEYS,
     check_families,
     stated_variants,
     sweep_points,
@@ -17,11 +16,7 @@ from cislunar.campaign.settings.families import (
 from cislunar.campaign.settings.reading import checked, shown
 from cislunar.campaign.settings.scenarios import in_study, scenario_settings
 from cislunar.campaign.settings.tracking_checks import check_tracking
-from cislunar.campaign.settings.tree import (
-    Campaign,
-    Scenario,
-    Surroundings,
-)
+from cislunar.campaign.settings.tree import Campaign, Scenario, Surroundings
 from cislunar.errors import ConfigurationError
 
 _SPECIAL = set("{}*?[]")
@@ -73,40 +68,29 @@ def _check_values(study: Mapping[str, Any], whole: Mapping[str, Any]) -> None:
     """Check what families and sweeps change like the keys that they change."""
     for _, key, name, entry in stated_variants(study):
         own = _own(whole, variant_place(whole["task2"], name)[0])["task2"]
-        if key.startswith("sweeps.") and not _is_known(own, study, key):
-            key = key.removesuffix("values") + "key"
         try:
             checked(entry["change"], CellChange)
             checked(cell_settings(whole["task2"] | own, name), CellSettings)
         except ConfigurationError as error:
+            if str(error).startswith("unknown") and key.endswith(".values"):
+                key = key.removesuffix("values") + "key"
             raise ConfigurationError(f"configuration key '{key}': {_first(error)}") from None
-    for name in study["sweeps"]:
-        for point in sweep_points(study, name):
-            try:
-                if not point.variant:
-                    entry = whole["scenarios"][point.scenario]
-                    checked(entry, Scenario, f"scenarios.{point.scenario}")
-                    checked(_own(whole, point.scenario), Surroundings)
-                    _check_scenarios(whole)
-            except ConfigurationError as error:
-                raise ConfigurationError(
-                    f"configuration key 'sweeps.{name}': {_first(error)}"
-                ) from None
+    for name, point in [(n, p) for n in study["sweeps"] for p in sweep_points(study, n)]:
+        try:
+            if not point.variant:
+                place = f"scenarios.{point.scenario}"
+                checked(whole["scenarios"][point.scenario], Scenario, place)
+                checked(_own(whole, point.scenario), Surroundings, f"{place}.settings")
+                _check_scenarios(whole)
+        except ConfigurationError as error:
+            raise ConfigurationError(
+                f"configuration key 'sweeps.{name}': {_first(error)}"
+            ) from None
 
 
 def _first(error: ConfigurationError) -> str:
     """The first line: all values have the same fault, or the first of the faulty ones will do."""
     return str(error).splitlines()[0]
-
-
-def _is_known(settings: Any, study: Mapping[str, Any], key: str) -> bool:
-    """Whether a sweep varies a key there is."""
-    swept = study["sweeps"][key.split(".")[1]]["key"]
-    for part in swept.removeprefix(TRACKING_KEYS).split("."):
-        if not isinstance(settings, Mapping) or part not in settings:
-            return False
-        settings = settings[part]
-    return True
 
 
 def _check_scenarios(config: Mapping[str, Any]) -> None:

@@ -194,7 +194,7 @@ def check_families(config: Mapping[str, Any], left: Mapping[str, Any]) -> None:
     """
     variants = config["task2"]["variants"]
     for name, family in variants["families"].items():
-        ways = [way for way in ("values", "changes", "combine") if family.get(way)]
+        ways = [way for way in ("values", "changes", "combine") if way in family]
         if len(ways) != 1 or ("key" in family) != ("values" in family):
             raise ConfigurationError(
                 f"configuration key 'task2.variants.families.{name}': give either key and values, "

@@ -201,7 +201,7 @@ def _described(fault: Mapping[str, Any], model: type[Section], above: str) -> st
         reason = f"{shown(value)} is not of type 'object'"
     elif kind == "value_error":
         reason = str(fault["ctx"]["error"])
-        if isinstance(value, Mapping):
+        if "properties" in schema:
             return f"configuration key {shown(place)}: {reason}"
     else:
         reason = f"must be {allowed(schema)}"

@@ -5,6 +5,7 @@ leaves open has its default here. The schema for editors, the tables of ``config
 message and what the library is handed are made from these classes.
 """
 
+import re
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, WithJsonSchema, create_model
@@ -36,7 +37,8 @@ Center = Literal["moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5"]
 Labels = Literal["family_position", "index", "stability_rank", "categorical"]
 ScenarioName = Annotated[str, Field(pattern="^[A-Za-z][A-Za-z0-9.-]*$")]
 SweepName = Annotated[str, Field(pattern="^[a-z][a-z0-9-]*$")]
-VariantName = Annotated[str, Field(pattern="^[a-z][a-z0-9.-]*$")]
+VARIANT_NAME = "^[a-z][a-z0-9.-]*$"
+VariantName = Annotated[str, Field(pattern=VARIANT_NAME)]
 TargetCounts = several(whole(ge=1))
 CountsByScenario = dict[str, TargetCounts]
 Estimators = Annotated[several(Literal["mukf", "batch"]), Field(min_length=1)]
@@ -58,7 +60,7 @@ class KeepOut(Section):
 
 
 _COUNTS = {name: (whole(ge=0, le=500), setting("")) for name in FAMILIES}
-Members = create_model("Members", __base__=Section, **_COUNTS)
+_Members = create_model("Members", __base__=Section, **_COUNTS)
 
 
 class Orbits(Section):
@@ -66,7 +68,7 @@ class Orbits(Section):
         "`keep_out`: families end where they meet a body; `catalog`: they go as far as published "
         "catalogues list them, through the bodies", default="keep_out")
     keep_out: KeepOut = KeepOut()
-    members: Members = setting(
+    members: _Members = setting(
         "orbits of each of the 13 families; 0 leaves a family out",
         paper="about 23, 302 in all", name="FAMILY")
 
@@ -154,6 +156,9 @@ def _values(value: Any) -> Any:
         raise ValueError("must be a list of numbers, texts or true and false, or name: value")
     if simple and len(set(value)) < len(value):
         raise ValueError("holds a value twice")
+    for name in () if simple else value:
+        if not re.match(VARIANT_NAME, name):
+            raise ValueError(f"{name!r} is no name of a variant, like {VARIANT_NAME}")
     return value
 
 

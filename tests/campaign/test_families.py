@@ -1,0 +1,131 @@
+"""Families of variants, and what the typed settings make of what is written."""
+
+import json
+
+import pytest
+from campaign_folder import ROOT
+
+from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
+from cislunar.campaign.settings.cells import cell_settings, variant_cells
+from cislunar.campaign.settings.checks import check_campaign
+from cislunar.campaign.settings.families import with_families
+from cislunar.campaign.settings.reading import checked, merged, read_campaign
+from cislunar.errors import ConfigurationError, InputFileError
+
+
+@pytest.fixture
+def config(tmp_path):
+    return read_campaign(ROOT / "config") | {"results": str(tmp_path)}
+
+
+def variants(config, **families):
+    """Key `task2` of a configuration with these families alone, with their variants."""
+    config["task2"]["variants"]["families"] = families
+    return with_families(check_campaign(config))["task2"]
+
+
+def test_a_family_states_values_changes_or_combinations(config):
+    task2 = variants(
+        config,
+        slope={"targets": [20], "key": "truth.material.rms_slope", "values": {"rough": 0.4}},
+        steps={"targets": [20], "key": "step_s", "values": [30, 20]},
+        trust={"targets": [50], "changes": {"wide": {"batch": {"magnitude_noise_factor": 4}}}},
+        both={"targets": [50], "estimators": ["batch"], "combine": {"wide": ["rough"]}},
+    )
+    entries = task2["variants"]["cells"]
+    assert list(entries) == ["rough", "steps-30", "steps-20", "wide", "rough-wide"]
+    assert entries["rough-wide"]["change"] == {
+        "truth": {"material": {"rms_slope": 0.4}},
+        "batch": {"magnitude_noise_factor": 4},
+    }
+    assert cell_settings(task2, "steps-20")["step_s"] == 20
+    paths = [cell.path for cell in variant_cells(task2)]
+    assert paths[0] == "task2/A/published/mukf/nt20_dt60_rough.nc"
+    assert paths[-1] == "task2/A/published/batch/nt50_dt60_rough-wide.nc"
+
+
+def test_a_smaller_campaign_names_the_variants_it_keeps(config):
+    config["task2"]["variants"] |= {"only": ["slope-25", "wide"], "targets": [30]}
+    task2 = with_families(check_campaign(config))["task2"]
+    assert {(cell.variant, cell.targets) for cell in variant_cells(task2)} == {
+        ("slope-25", 30), ("wide", 30),
+    }  # fmt: skip
+    # the others can still be asked for by name
+    assert cell_settings(task2, "fresnel")["photometry"]["fresnel"] == "printed"
+
+
+@pytest.mark.parametrize(
+    ("family", "message"),
+    [
+        ({}, "'task2.variants.families.f': give either key and values, changes or combine"),
+        ({"key": "step_s"}, "'task2.variants.families.f': give either"),
+        ({"key": "step_s", "values": {"a": 30}, "changes": {"b": {"seeds": 1}}}, "give either"),
+        ({"combine": {"a": ["b"]}}, "'task2.variants.families.f.combine.a': 'b' is no variant"),
+        ({"key": "step", "values": {"a": 30}}, "'task2.variants.families.f.key': unknown"),
+        (
+            {"key": "step_s", "values": {"a": 0}},
+            "'task2.variants.families.f.values': configuration",
+        ),
+        ({"key": "step_s", "values": {"a": 7}}, "families.f.values: duration_hours'"),
+        ({"changes": {"a": {"seed": 1}}}, "families.f.changes.a.seed': did you mean 'seeds'?"),
+        ({"changes": {"A": {"seeds": 1}}}, "families.f.changes': name 'A' is not allowed"),
+        ({"key": "seeds", "values": {"A/b": 1}}, "families.f.values' = {'A/b': 1}: 'A/b' is no"),
+        ({"key": "seeds", "values": {"a": 1}, "scenario": "D"}, "families.f.scenario': scenario"),
+        ({"key": "seeds", "values": {"a": 1}, "changes": {}}, "give either key and values"),
+        ({"key": "seeds", "values": {"a": 1}, "targets": [203]}, "families.f.targets': 203"),
+    ],
+)
+def test_faults_of_a_family_are_one_line_that_names_the_key(config, family, message):
+    with pytest.raises(ConfigurationError) as refused:
+        variants(config, f=family)
+    assert message in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_variants_have_names_of_their_own(config):
+    family = {"key": "seeds", "values": {"few": 1}}
+    with pytest.raises(ConfigurationError, match=r"families.g.values': there is another .* 'few'"):
+        variants(config, f=family, g=family)
+
+
+def test_a_variant_to_keep_has_to_be_there(config):
+    config["task2"]["variants"]["only"] = ["slop-25"]
+    with pytest.raises(ConfigurationError, match="'slop-25' is none of the variants"):
+        check_campaign(config)
+
+
+def test_numbers_stay_as_they_are_written_and_defaults_are_filled_in(config):
+    written = {"step_s": 60, "record_minutes": 10.0, "seeds": 3.0}
+    task2 = merged({key: config["task2"][key] for key in CellSettings.model_fields}, written)
+    del task2["material"]
+    again = checked(task2, CellSettings)
+    assert json.dumps([again[key] for key in written]) == "[60, 10.0, 3]"
+    assert again["material"] == config["task2"]["material"]
+
+
+def test_a_change_holds_what_is_given_and_nothing_else():
+    change = {"body": {"inertia": None}, "truth": {"sensor": {"magnitude_noise": 1}}}
+    assert checked(change, CellChange) == change
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"seeds": 0}, "'seeds' = 0: must be a whole number at least 1 and at most 10,000"),
+        ({"sensor": {"occultation": "no"}}, "'sensor.occultation' = 'no': must be true or false"),
+        ({"photometry": {"fresnel": "root"}}, "= 'root': must be one of sqrt, printed"),
+        ({"body": {"radius_m": -1}}, "'body.radius_m' = -1: must be a number above 0, or null"),
+        ({"body": {"stretch": [1, 1]}}, "must be a list of 3 of: a number above 0"),
+        ({"batch": 3}, "'batch' = 3: 3 is not of type 'object'"),
+    ],
+)
+def test_a_message_says_what_was_given_and_what_is_allowed(change, message):
+    with pytest.raises(ConfigurationError) as refused:
+        checked(change, CellChange)
+    assert message in str(refused.value)
+
+
+def test_a_file_that_is_no_yaml_is_named(tmp_path):
+    (tmp_path / "mine.yaml").write_text("a: [1", encoding="utf-8")
+    with pytest.raises(InputFileError, match=r"mine\.yaml: cannot be read"):
+        read_campaign(ROOT / "config", tmp_path / "mine.yaml")
