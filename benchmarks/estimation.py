@@ -20,7 +20,9 @@ from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.light_curve import cost, cost_and_derivatives
 from cislunar.estimation.registry import ESTIMATORS
-from cislunar.observation.measurement import DETECTED, Sensor, measure
+from cislunar.observation.measurement import DETECTED, measure
+from cislunar.observation.records import constant_schedule
+from cislunar.observation.sensor import Sensor
 from cislunar.tasking.assignment import assign
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
@@ -35,19 +37,18 @@ def filter_times() -> None:
     scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, duration_hours=24.0)
     initial = initial_estimate(epoch, loop.initial.components())
     truth = draw_truth(initial, scene, SENSOR.noise, 3, ids)
-    observer_of = np.arange(5)
+    looks = constant_schedule(np.arange(5), 5, loop.n_steps)
     measured, _ = measure(
-        1, loop.n_steps, scene, surfaces, SENSOR, observer_of, truth.translation,
-        truth.quaternion, truth.noise,
-    )  # fmt: skip
+        1, looks, scene, surfaces, SENSOR, truth.translation, truth.quaternion, truth.noise
+    )
 
     def ours(measurements):
         filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
-        return filt.advance(measurements, observer_of)
+        return filt.advance(measurements)
 
-    nothing = np.full_like(measured, np.nan)
+    nothing = measured.where(np.zeros(looks.observer.size, dtype=bool))
     updates = int(ours(measured).used.sum())
-    count = measured.shape[0] * measured.shape[1]
+    count = 5 * loop.n_steps
     predict = best_time(lambda: ours(nothing)) / count
     update = (best_time(lambda: ours(measured)) - predict * count) / updates
     print(f"predict {1e6 * predict:7.2f} us   update {1e6 * update:7.2f} us   per target and step")
@@ -58,13 +59,13 @@ def light_curve_times() -> None:
     scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, duration_hours=12.0)
     initial = initial_estimate(epoch, loop.initial.components())
     truth = draw_truth(initial, scene, SENSOR.noise, 3, ids)
+    looks = constant_schedule(np.arange(5), 5, loop.n_steps)
     measured, fate = measure(
-        1, loop.n_steps, scene, surfaces, SENSOR, np.arange(5), truth.translation,
-        truth.quaternion, truth.noise,
-    )  # fmt: skip
+        1, looks, scene, surfaces, SENSOR, truth.translation, truth.quaternion, truth.noise
+    )
     estimator = batch()(scene, surfaces, SENSOR, initial, np.random.default_rng(0), EARTH_MOON)
-    estimator.advance(measured, np.arange(5))
-    j = int(np.argmax((fate == DETECTED).sum(axis=1)))
+    estimator.advance(measured)
+    j = int(np.argmax((fate == DETECTED).reshape(5, -1).sum(axis=1)))
     data, model, anchor = estimator.light_curve(j)
     u, gradient, information = np.full(6, 0.1), np.empty(6), np.empty((6, 6))
 

@@ -17,7 +17,6 @@ from _timing import best_time
 
 from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
-from cislunar.observation.exclusion import directions_to_bodies, outside_exclusion
 from cislunar.orbits.families import observer_library
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
 from cislunar.targets.missions import load_missions
@@ -53,10 +52,12 @@ def plain(track, target, sun, settings: VisibilitySettings):
         radius_m=settings.target_radius_m,
         diffuse_reflection_coefficient=settings.diffuse_reflection_coefficient,
     )
-    toward = directions_to_bodies(track[:, None], sun[:, None])
-    seen = (magnitude < settings.limiting_magnitude) & outside_exclusion(
-        line, toward, settings.angles
-    )
+    seen = magnitude < settings.limiting_magnitude
+    bodies = (sun, np.array([1.0 - MU, 0.0, 0.0]), np.array([-MU, 0.0, 0.0]))
+    for body, cosine in zip(bodies, settings.angles.cosines, strict=True):
+        toward = (body - track)[:, None]
+        product = np.linalg.norm(toward, axis=-1) * np.linalg.norm(line, axis=-1)
+        seen &= np.sum(toward * line, axis=-1) < cosine * product
     return seen.sum(axis=0)
 
 

@@ -1,5 +1,7 @@
 """Inertia of rigid bodies: what is possible, and when a body is as good as a sphere."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -60,3 +62,41 @@ def is_spherical(inertia: ArrayLike) -> bool:
     matrix = inertia_matrix(inertia)
     mean = np.trace(matrix) / 3.0
     return bool(np.abs(matrix - mean * np.eye(3)).max() <= 1e-12 * mean)
+
+
+class RigidBodies(NamedTuple):
+    """Inertia of many bodies, in the layout of the compiled kernels.
+
+    Attributes
+    ----------
+    inertia, inverse : ndarray, shape (body, 3, 3)
+        Inertia matrices, body frame, any unit, and their inverses.
+    spherical : ndarray of bool, shape (body,)
+        Whether the angular velocity is constant.
+    """
+
+    inertia: Array
+    inverse: Array
+    spherical: NDArray[np.bool_]
+
+
+def rigid_bodies(inertia: ArrayLike) -> RigidBodies:
+    """Lay out the inertia of many bodies for the kernels.
+
+    Parameters
+    ----------
+    inertia : array_like, shape (body, 3, 3)
+        Body frame, any unit.
+
+    Returns
+    -------
+    RigidBodies
+
+    Raises
+    ------
+    ConfigurationError
+        If no rigid body has such an inertia.
+    """
+    matrices = np.array([inertia_matrix(matrix) for matrix in np.asarray(inertia, dtype=float)])
+    spherical = np.array([is_spherical(matrix) for matrix in matrices])
+    return RigidBodies(matrices, np.linalg.inv(matrices), spherical)

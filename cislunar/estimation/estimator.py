@@ -10,10 +10,19 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.observation.measurement import Sensor
+from cislunar.errors import ConfigurationError
+from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.sensor import Sensor
 
 Array = NDArray[np.float64]
+
+# Condition of an estimate.
+HEALTHY, NOT_FINITE, INSIDE_PRIMARY, LOST_DEFINITENESS = range(4)
+
+# Counters kept per target.
+UPDATES, OUT_OF_FIELD, FLOOR_HITS, CHOLESKY_FAILURES = range(4)
+N_COUNTERS = 4
 
 
 class InitialEstimate(NamedTuple):
@@ -36,6 +45,11 @@ class InitialEstimate(NamedTuple):
     angular_velocity: Array
     translation: Array
     sigma: Array
+
+    def require_positive(self) -> None:
+        """Raise ConfigurationError if a standard deviation is not positive."""
+        if not np.all(self.sigma > 0.0):
+            raise ConfigurationError(f"initial sigma {self.sigma} must be positive throughout")
 
 
 class Prediction(NamedTuple):
@@ -77,8 +91,8 @@ class Estimates(NamedTuple):
     sigma : ndarray, shape (target, step, 12)
         Standard deviations of attitude error (GRP, rad for small angles), angular velocity
         (rad/s), position and velocity (nondimensional).
-    used : ndarray of bool, shape (target, step)
-        Whether a measurement was used.
+    used : ndarray of bool, shape (row,)
+        Whether each of the measurements was used.
     """
 
     quaternion: Array
@@ -88,12 +102,25 @@ class Estimates(NamedTuple):
     used: NDArray[np.bool_]
 
 
+def empty_estimates(measurements: Measurements) -> Estimates:
+    """Room for the estimates of an interval with these measurements."""
+    n_targets, n_offsets = measurements.offset.shape
+    steps = (n_targets, n_offsets - 1)
+    return Estimates(
+        np.empty((*steps, 4)),
+        np.empty((*steps, 3)),
+        np.empty((*steps, 6)),
+        np.empty((*steps, 12)),
+        np.empty(measurements.observer.size, dtype=np.bool_),
+    )
+
+
 class Estimator(Protocol):
     """Anything that turns measurements into estimates of all targets."""
 
     @property
     def failed(self) -> NDArray[np.uint8]:
-        """Per target, 0 or why its estimate came to an end (listed in `translation_filter`)."""
+        """Per target, 0 or why its estimate came to an end: NOT_FINITE, INSIDE_PRIMARY ..."""
         ...
 
     @property
@@ -105,15 +132,10 @@ class Estimator(Protocol):
         """Estimates at the next measurement time; the estimator itself does not move on."""
         ...
 
-    def advance(self, measurements: Array, observer_of: NDArray[np.int64]) -> Estimates:
-        """Work through the next steps.
+    def advance(self, measurements: Measurements) -> Estimates:
+        """Work through the next steps, those of the measurements' offsets.
 
-        Parameters
-        ----------
-        measurements : ndarray, shape (target, step, 3)
-            Magnitude, right ascension and declination (mag, rad, rad); NaN where there is none.
-        observer_of : ndarray of int, shape (target,)
-            Observer each target is measured by, or -1.
+        Looks that found nothing (NaN) are among the measurements.
         """
         ...
 

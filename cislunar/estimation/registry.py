@@ -2,9 +2,10 @@
 
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import EstimatorFactory
-from cislunar.estimation.kalman.mukf import Spread, mukf
+from cislunar.estimation.kalman.mukf import mukf
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.estimation.spread import Spread
 
 ESTIMATORS = ("mukf", "batch")
 """The paper's filter, and the batch estimator of the attitude beside a filter of the orbit."""

@@ -6,17 +6,9 @@ from numba import njit
 
 @njit(cache=True, error_model="numpy")
 def cholesky(matrix):
-    """Lower Cholesky factor of a symmetric matrix, in place (compiled).
+    """Replace a symmetric matrix by its lower Cholesky factor; only the lower triangle is read.
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (n, n)
-        Its lower triangle is read; receives L with zeros above the diagonal.
-
-    Returns
-    -------
-    bool
-        False if the matrix is not positive definite or not finite; it is then spoilt.
+    False if it is not positive definite or not finite; it is then spoilt.
     """
     n = matrix.shape[0]
     for j in range(n):
@@ -39,16 +31,9 @@ def cholesky(matrix):
 
 @njit(cache=True, error_model="numpy")
 def add_outer_product(upper, vector):
-    """Replace an upper triangular G by that of G G^T + v v^T (compiled).
+    """Replace an upper triangular G, with a positive diagonal, by that of G G^T + v v^T.
 
-    Rotations only, so the result is accurate however large v is, and never fails.
-
-    Parameters
-    ----------
-    upper : ndarray, shape (n, n)
-        G, with a positive diagonal.
-    vector : ndarray, shape (n,)
-        v; overwritten.
+    Rotations only, so the result is accurate however large v is, and never fails; v is overwritten.
     """
     for j in range(vector.shape[0] - 1, -1, -1):
         old = upper[j, j]
@@ -64,15 +49,7 @@ def add_outer_product(upper, vector):
 
 @njit(cache=True, error_model="numpy")
 def solve_lower(lower, vector):
-    """Replace a vector b by L^-1 b for a lower triangular L (compiled).
-
-    Parameters
-    ----------
-    lower : ndarray, shape (n, n)
-        L; only its lower triangle is read.
-    vector : ndarray, shape (n,)
-        b; receives the solution.
-    """
+    """Replace a vector b by L^-1 b; only the lower triangle of L is read."""
     for i in range(vector.shape[0]):
         total = vector[i]
         for k in range(i):
@@ -82,15 +59,7 @@ def solve_lower(lower, vector):
 
 @njit(cache=True, error_model="numpy")
 def solve_transposed(lower, vector):
-    """Replace a vector b by L^-T b for a lower triangular L (compiled).
-
-    Parameters
-    ----------
-    lower : ndarray, shape (n, n)
-        L; only its lower triangle is read.
-    vector : ndarray, shape (n,)
-        b; receives the solution.
-    """
+    """Replace a vector b by L^-T b; only the lower triangle of L is read."""
     n = vector.shape[0]
     for i in range(n - 1, -1, -1):
         total = vector[i]

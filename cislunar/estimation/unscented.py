@@ -24,12 +24,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import add_outer_product, cholesky, solve_lower
-
-Array = NDArray[np.float64]
 
 
 class UnscentedWeights(NamedTuple):
@@ -39,8 +36,6 @@ class UnscentedWeights(NamedTuple):
     ----------
     spread : float
         sqrt(n + lambda), the factor on the columns of the covariance's root.
-    mean_central, covariance_central : float
-        The paper's W_0 of the mean and of the covariance (not needed by the difference form).
     outer : float
         Weight of each outer point.
     mean_shift : float
@@ -48,8 +43,6 @@ class UnscentedWeights(NamedTuple):
     """
 
     spread: float
-    mean_central: float
-    covariance_central: float
     outer: float
     mean_shift: float
 
@@ -84,53 +77,34 @@ def unscented_weights(
         )
     if beta < alpha**2:
         raise ConfigurationError(f"beta = {beta} must not be below alpha^2 = {alpha**2}")
-    mean_central = (scale - n) / scale
     return UnscentedWeights(
-        spread=float(np.sqrt(scale)),
-        mean_central=mean_central,
-        covariance_central=mean_central + 1.0 - alpha**2 + beta,
-        outer=0.5 / scale,
-        mean_shift=beta - alpha**2,
+        spread=float(np.sqrt(scale)), outer=0.5 / scale, mean_shift=beta - alpha**2
     )
 
 
-def sigma_points(mean: ArrayLike, root: ArrayLike, weights: UnscentedWeights) -> Array:
-    """The 2n + 1 sigma points of a Gaussian (Paul & Fan, eqs. 24-27).
+@njit(cache=True, error_model="numpy")
+def sigma_points(mean, rows, spread, points):
+    """Sigma points of a Gaussian, by column (Paul & Fan, eqs. 24-27).
 
-    Parameters
-    ----------
-    mean : array_like, shape (n,)
-        Mean.
-    root : array_like, shape (n, n)
-        Lower Cholesky factor of the covariance.
-    weights : UnscentedWeights
-        For this n.
-
-    Returns
-    -------
-    ndarray, shape (2 n + 1, n)
-        The mean, then mean + spread * column i, then mean - spread * column i.
+    These are the mean, then mean + spread * column i of the root, then the mean less it.
+    `mean` (m,) and `rows` (m, n), part of the covariance's lower Cholesky factor, may be those of
+    some states only; `points` (m, 2 n + 1) receives the points.
     """
-    center = np.asarray(mean, dtype=float)
-    columns = weights.spread * np.asarray(root, dtype=float).T
-    return np.concatenate([center[None], center + columns, center - columns])
+    size = rows.shape[1]
+    for c in range(mean.shape[0]):
+        center = mean[c]
+        points[c, 0] = center
+        for i in range(size):
+            delta = spread * rows[c, i]
+            points[c, 1 + i] = center + delta
+            points[c, 1 + size + i] = center - delta
 
 
 @njit(cache=True, error_model="numpy")
 def difference_moments(differences, outer, mean_shift, shift, covariance):
-    """Mean shift and covariance of a transformed sigma set, into the last two arguments
-    (Paul & Fan, eq. 40; compiled).
+    """Mean shift (m,) and covariance (m, m) of a transformed sigma set (Paul & Fan, eq. 40).
 
-    Parameters
-    ----------
-    differences : ndarray, shape (2 n, m)
-        Outer points less the central one (angles wrapped).
-    outer, mean_shift : float
-        Of `UnscentedWeights`.
-    shift : ndarray, shape (m,)
-        Receives m, the mean less the central point.
-    covariance : ndarray, shape (m, m)
-        Receives the covariance.
+    `differences` (2 n, m) are the outer points less the central one (angles wrapped).
     """
     count, size = differences.shape
     shift[:] = 0.0
@@ -150,52 +124,14 @@ def difference_moments(differences, outer, mean_shift, shift, covariance):
             covariance[a, b] += mean_shift * shift[a] * shift[b]
 
 
-def moments(
-    center: ArrayLike, differences: ArrayLike, weights: UnscentedWeights
-) -> tuple[Array, Array]:
-    """Mean and covariance of a transformed sigma set.
-
-    Parameters
-    ----------
-    center : array_like, shape (m,)
-        Image of the central point.
-    differences : array_like, shape (2 n, m)
-        Images of the outer points less `center`.
-    weights : UnscentedWeights
-        For this n.
-
-    Returns
-    -------
-    mean : ndarray, shape (m,)
-    covariance : ndarray, shape (m, m)
-    """
-    d = np.ascontiguousarray(differences, dtype=float)
-    shift = np.empty(d.shape[1])
-    covariance = np.empty((d.shape[1], d.shape[1]))
-    difference_moments(d, weights.outer, weights.mean_shift, shift, covariance)
-    return np.asarray(center, dtype=float) + shift, covariance
-
-
 @njit(cache=True, error_model="numpy")
 def innovation_moments(differences, noise_variance, weights, shift, cross, even):
-    """Moments of a predicted measurement in units of the prior's root
-    (Paul & Fan, eqs. 44-47; compiled).
+    """Moments of an expected measurement in units of the prior's root (Paul & Fan, eqs. 44-47).
 
-    Parameters
-    ----------
-    differences : ndarray, shape (2 n, m)
-        Predicted measurements of the outer sigma points less the central one.
-    noise_variance : ndarray, shape (m,)
-        Diagonal of the measurement noise covariance.
-    weights : UnscentedWeights
-        For this n.
-    shift : ndarray, shape (m,)
-        Receives the mean predicted measurement less the central one.
-    cross : ndarray, shape (n, m)
-        Receives U, the cross-covariance with P_xy = L U.
-    even : ndarray, shape (m, m)
-        Receives S = P_vv - U^T U = R + sum_i (W_i / 2) s_i s_i^T + (beta - alpha^2) m m^T with
-        s_i = d_{+i} + d_{-i}: no term is negative.
+    `differences` (2 n, m) are the measurements expected at the outer sigma points less the central
+    one. Receive: `shift` (m,) the mean less the central one; `cross` (n, m) the U with P_xy = L U;
+    `even` (m, m) S = P_vv - U^T U = R + sum_i (W_i / 2) s_i s_i^T + (beta - alpha^2) m m^T with
+    s_i = d_{+i} + d_{-i}, no term of which is negative.
     """
     n = cross.shape[0]
     m = cross.shape[1]
@@ -220,29 +156,12 @@ def innovation_moments(differences, noise_variance, weights, shift, cross, even)
 
 @njit(cache=True, error_model="numpy")
 def square_root_update(root, cross, even, innovation, correction, work):
-    """Kalman update of a Cholesky factor that cannot lose positive definiteness
-    (Paul & Fan, eqs. 48-50; compiled).
+    """Kalman update of a Cholesky factor L (n, n) that stays definite (Paul & Fan, eqs. 48-50).
 
-    Parameters
-    ----------
-    root : ndarray, shape (n, n)
-        Lower Cholesky factor L of the prior covariance; receives that of the posterior.
-    cross, even : ndarray, shapes (n, m) and (m, m)
-        U and S of `innovation_moments`; both are overwritten.
-    innovation : ndarray, shape (m,)
-        Measured less mean predicted measurement; overwritten.
-    correction : ndarray, shape (n,)
-        Receives K times the innovation.
-    work : ndarray, shape (n, n)
-        Scratch.
+    `cross` and `even` are U and S of `innovation_moments`; these and the innovation (m,), measured
+    less mean expected, are overwritten. `correction` (n,) receives K times the innovation, `work`
+    (n, n) is scratch. False, with `root` unspoilt, if S or the innovation is not finite.
 
-    Returns
-    -------
-    bool
-        False, with `root` unspoilt, if S or the innovation is not finite.
-
-    Notes
-    -----
     With V V^T = S and W = U V^-T the posterior is L (I + W W^T)^-1 L^T. From the upper triangular
     G with G G^T = I + W W^T the lower factor is L G^-T. The gain is
     K = L (I + W W^T)^-1 W V^-1 = (L G^-T) G^-1 W V^-1.
@@ -286,7 +205,7 @@ def square_root_update(root, cross, even, innovation, correction, work):
 
 @njit(cache=True, error_model="numpy")
 def _multiply_by_inverse_transpose(root, upper):
-    """Replace the lower triangular L by L G^-T for an upper triangular G (compiled)."""
+    """Replace the lower triangular L by L G^-T for an upper triangular G ."""
     n = root.shape[0]
     for column in range(n - 1, -1, -1):
         # Row i of X solves X G^T = L: X_ic = (L_ic - sum_{k > c} X_ik G_ck) / G_cc.
@@ -300,18 +219,11 @@ def _multiply_by_inverse_transpose(root, upper):
 
 @njit(cache=True, error_model="numpy")
 def information_gain(cross, even):
-    """Mutual information of a state and a measurement, nats (Paul & Fan, eqs. 61, 62; compiled).
+    """Mutual information of a state and a measurement, nats (Paul & Fan, eqs. 61, 62).
 
-    Parameters
-    ----------
-    cross, even : ndarray, shapes (n, m) and (m, m)
-        U and S of `innovation_moments`; `even` is overwritten.
-
-    Returns
-    -------
-    float
-        (1/2) log(det P- / det P+) = (1/2) log det(I + V^-1 U^T U V^-T), free of the determinant of
-        a covariance and so of underflow; NaN if S is not positive definite.
+    NaN if S is not positive definite. U and S are those of `innovation_moments`; S is overwritten.
+    (1/2) log(det P- / det P+) is (1/2) log det(I + V^-1 U^T U V^-T), free of the determinant of a
+    covariance and so of underflow.
     """
     n, m = cross.shape
     if not cholesky(even):

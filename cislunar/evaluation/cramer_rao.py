@@ -25,11 +25,13 @@ Assumptions and limitations
 - It ends where the true trajectory enters the Earth or the Moon.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.attitude.inertia import is_spherical
+from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.rigid_body import spherical_transition
 from cislunar.attitude.short_steps import rigid_transition
 from cislunar.dynamics.cr3bp import EARTH_MOON
@@ -37,23 +39,27 @@ from cislunar.dynamics.runge_kutta import step_dop853
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import square_root_update
-from cislunar.observation.measurement import EARTH_RADIUS, MOON_RADIUS
 from cislunar.observation.measurement_derivatives import measurement_rows
+from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.sightline import inside_primary
 
 Array = NDArray[np.float64]
 
 SIZE = 12
 
 
-@njit(cache=True, error_model="numpy")
-def _outside_primaries(state, mu):
-    """Whether a state is finite and outside the Earth and the Moon."""
-    x, y, z = state[0], state[1], state[2]
-    off_axis = y * y + z * z
-    return (x + mu) ** 2 + off_axis > EARTH_RADIUS * EARTH_RADIUS and (
-        x - 1.0 + mu
-    ) ** 2 + off_axis > MOON_RADIUS * MOON_RADIUS
+class _BoundState(NamedTuple):
+    """What is carried on of each target.
+
+    `root` (target, 12, 12) is the Cholesky factor of the covariance at the reference time, from
+    which `turn` (target, 6, 6) and `motion` (target, 36), row by row, lead to now.
+    """
+
+    root: Array
+    turn: Array
+    motion: Array
+    ended: NDArray[np.bool_]
 
 
 @njit(cache=True, error_model="numpy")
@@ -126,23 +132,10 @@ def _move_reference(turn, motion, root, carried, process_variance):
 
 
 @njit(cache=True, error_model="numpy")
-def _bound_of_target(
-    j,
-    scene,
-    surfaces,
-    noise_variance,
-    translation,
-    quaternion,
-    omega,
-    spherical,
-    inverse_inertia,
-    observer,
-    root,
-    process_variance,
-    forces,
-    out,
-):
-    """Bound of target j at all steps, (step, 12), into `out` (compiled)."""
+def _advance_target(j, first, world, truth, measurements, process_variance, forces, state, out):
+    """Bound of target j over the steps that follow time `first`, (step, 12), into `out`."""
+    scene, surfaces, bodies = world
+    translation, quaternion, omega = truth[0][j], truth[1][j], truth[2][j]
     noisy = np.any(process_variance > 0.0)
     rows, carried = np.empty((3, 6)), np.empty((SIZE, SIZE))
     work = (
@@ -153,18 +146,22 @@ def _bound_of_target(
         np.empty(SIZE),
         np.empty((SIZE, SIZE)),
     )
-    turn, step_turn, product = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
+    root, turn, offset = state.root[j], state.turn[j], measurements.offset[j]
+    step_turn, product = np.empty((6, 6)), np.empty((6, 6))
     motion = np.empty(42)  # a state, then its transition matrix row by row
-    _restart(turn, motion[6:])
+    motion[6:] = state.motion[j]
     out[:, :] = np.nan
     for step in range(out.shape[0]):
+        if state.ended[j]:
+            return
+        state.ended[j] = True  # until the step is done
         motion[:6] = translation[step]
-        motion = step_dop853(forces, step * scene.step, motion, scene.step)
-        if spherical:
+        motion = step_dop853(forces, (first + step) * scene.step, motion, scene.step)
+        if bodies.spherical[j]:
             spherical_transition(omega[step], scene.step_s, step_turn)
         else:
-            inertia = surfaces.inertia[j]
-            rigid_transition(omega[step], scene.step_s, inertia, inverse_inertia, step_turn)
+            inertia, inverse = bodies.inertia[j], bodies.inverse[j]
+            rigid_transition(omega[step], scene.step_s, inertia, inverse, step_turn)
         for a in range(6):
             for b in range(6):
                 total = 0.0
@@ -172,22 +169,24 @@ def _bound_of_target(
                     total += step_turn[a, c] * turn[c, b]
                 product[a, b] = total
         turn[:, :] = product
-        if not _outside_primaries(translation[step + 1], forces.mu):
+        place = translation[step + 1]
+        x, y, z = place[0], place[1], place[2]
+        if not np.isfinite(x + y + z) or inside_primary(x, y, z, forces.mu):
             return
         if noisy and not _move_reference(turn, motion[6:], root, carried, process_variance):
             return
-        if observer[step] >= 0:
+        for row in range(offset[step], offset[step + 1]):
             measurement_rows(
-                translation[step + 1],
+                place,
                 quaternion[step + 1],
-                observer[step],
-                step + 1,
+                measurements.observer[row],
+                first + step + 1,
                 j,
                 scene,
                 surfaces,
                 rows,
             )
-            if not _use(rows, turn, motion[6:], root, noise_variance, work):
+            if not _use(rows, turn, motion[6:], root, measurements.variance[row], work):
                 return
         _carry(turn, motion[6:], root, carried)
         for a in range(SIZE):
@@ -195,58 +194,21 @@ def _bound_of_target(
             for c in range(SIZE):
                 total += carried[a, c] * carried[a, c]
             out[step, a] = np.sqrt(total)
+        state.ended[j] = False
+    state.motion[j] = motion[6:]
 
 
 @njit(cache=True, error_model="numpy")
-def _bounds(
-    scene,
-    surfaces,
-    noise_variance,
-    translation,
-    quaternion,
-    omega,
-    spherical,
-    inverse_inertia,
-    observer,
-    sigma,
-    process_variance,
-    forces,
-    out,
-):
-    """Bounds of all targets (compiled); see `cramer_rao_bound`."""
+def _advance(first, world, truth, measurements, process_variance, forces, state, out):
+    """Bounds of all targets, (target, step, 12), into `out`; see `CramerRaoBound.advance`."""
     for j in range(out.shape[0]):
-        _bound_of_target(
-            j,
-            scene,
-            surfaces,
-            noise_variance,
-            translation[j],
-            quaternion[j],
-            omega[j],
-            spherical[j],
-            inverse_inertia[j],
-            observer[j],
-            np.diag(sigma),
-            process_variance,
-            forces,
-            out[j],
+        _advance_target(
+            j, first, world, truth, measurements, process_variance, forces, state, out[j]
         )
 
 
-def cramer_rao_bound(
-    scene: Scene,
-    surfaces: TargetSurfaces,
-    noise: ArrayLike,
-    translation: Array,
-    quaternion: Array,
-    angular_velocity: Array,
-    observer: ArrayLike,
-    sigma: ArrayLike,
-    *,
-    process_variance: ArrayLike | None = None,
-    forces: tuple = EARTH_MOON,
-) -> Array:
-    """Posterior Cramer-Rao bound of all targets at every step of a run.
+class CramerRaoBound:
+    """Posterior Cramer-Rao bound of all targets, carried on from interval to interval.
 
     Parameters
     ----------
@@ -254,16 +216,6 @@ def cramer_rao_bound(
         Observers, Sun and frames; index 0 is the epoch.
     surfaces : TargetSurfaces
         Shapes, materials and inertia, as they truly are.
-    noise : array_like, shape (3,)
-        Standard deviations of magnitude (mag), right ascension and declination (rad).
-    translation : ndarray, shape (target, time, 6)
-        True states on the scene's times, nondimensional, rotating frame.
-    quaternion : ndarray, shape (target, time, 4)
-        True attitudes, inertial to body.
-    angular_velocity : ndarray, shape (target, time, 3)
-        True angular velocities, rad/s, body frame.
-    observer : array_like of int, shape (target, time - 1)
-        At each step after the epoch, the observer whose measurement was used, or -1.
     sigma : array_like, shape (12,)
         Standard deviations at the epoch, see `cislunar.estimation.estimator.InitialEstimate`.
     process_variance : array_like, shape (12,), optional
@@ -271,53 +223,90 @@ def cramer_rao_bound(
     forces : NamedTuple
         Force model, see `cislunar.dynamics.forces`.
 
-    Returns
-    -------
-    ndarray, shape (target, time - 1, 12)
-        Standard deviations after the measurement of each step: small turn (rad, which a small GRP
-        vector equals), angular velocity (rad/s), position and velocity (nondimensional). NaN once
-        the true trajectory has entered the Earth or the Moon, and from the first measurement
-        without noise on.
-
     Raises
     ------
     ConfigurationError
-        If the shapes do not fit together, or a deviation or variance is negative or a sigma zero.
+        If a variance is negative or a sigma not positive.
     """
-    n_targets, n_times = translation.shape[:2]
-    steps = (n_targets, n_times - 1)
-    seen_from = np.ascontiguousarray(observer, dtype=np.int64)
-    deviations, errors = np.array(sigma, dtype=float), np.array(noise, dtype=float)
-    process = np.zeros(SIZE) if process_variance is None else np.array(process_variance, float)
-    if n_times != scene.sun_position.shape[0] or seen_from.shape != steps:
-        raise ConfigurationError(
-            f"observer: shape {seen_from.shape} and {n_times} true states of {n_targets} targets "
-            f"do not fit each other or a scene of {scene.sun_position.shape[0]} times"
+
+    def __init__(
+        self,
+        scene: Scene,
+        surfaces: TargetSurfaces,
+        sigma: ArrayLike,
+        *,
+        process_variance: ArrayLike | None = None,
+        forces: tuple = EARTH_MOON,
+    ) -> None:
+        deviations = np.array(sigma, dtype=float)
+        process = np.zeros(SIZE) if process_variance is None else np.array(process_variance, float)
+        for key, values, good in (
+            ("sigma", deviations, deviations > 0.0),
+            ("process_variance", process, process >= 0.0),
+        ):
+            if values.shape != (SIZE,) or not np.all(good):
+                raise ConfigurationError(
+                    f"{key} = {values.tolist()}: {SIZE} numbers are needed, none negative and no "
+                    "sigma zero"
+                )
+        n_targets = surfaces.material.shape[0]
+        self._world = (scene, surfaces, rigid_bodies(surfaces.inertia))
+        self._process_variance, self._forces, self._index = process, forces, 0
+        self._state = _BoundState(
+            np.tile(np.diag(deviations), (n_targets, 1, 1)),
+            np.tile(np.eye(6), (n_targets, 1, 1)),
+            np.tile(np.eye(6).ravel(), (n_targets, 1)),
+            np.zeros(n_targets, dtype=bool),
         )
-    for key, values, count, good in (
-        ("noise", errors, 3, errors >= 0.0),
-        ("sigma", deviations, SIZE, deviations > 0.0),
-        ("process_variance", process, SIZE, process >= 0.0),
-    ):
-        if values.shape != (count,) or not np.all(good):
+
+    def advance(
+        self,
+        translation: Array,
+        quaternion: Array,
+        angular_velocity: Array,
+        measurements: Measurements,
+    ) -> Array:
+        """Work through the next steps, those of the measurements' offsets.
+
+        Parameters
+        ----------
+        translation : ndarray, shape (target, step + 1, 6)
+            True states, nondimensional, rotating frame, from the end of the last interval on.
+        quaternion : ndarray, shape (target, step + 1, 4)
+            True attitudes, inertial to body.
+        angular_velocity : ndarray, shape (target, step + 1, 3)
+            True angular velocities, rad/s, body frame.
+        measurements : Measurements
+            Those that were used, with the variances of their errors. Their values do not matter.
+
+        Returns
+        -------
+        ndarray, shape (target, step, 12)
+            Standard deviations after the measurements of each step: small turn (rad, which a small
+            GRP vector equals), angular velocity (rad/s), position and velocity (nondimensional).
+            NaN once the true trajectory has entered the Earth or the Moon, and from the first
+            measurement without noise on.
+
+        Raises
+        ------
+        ConfigurationError
+            If the shapes do not fit together, or a variance is negative.
+        """
+        n_targets, n_offsets = measurements.offset.shape
+        n_times = self._world[0].sun_position.shape[0] - self._index
+        if translation.shape[:2] != (n_targets, n_offsets) or n_offsets > n_times:
             raise ConfigurationError(
-                f"{key} = {values.tolist()}: {count} numbers are needed, none negative and no "
-                "sigma zero"
+                f"measurements at {n_offsets - 1} steps of {n_targets} targets do not fit true "
+                f"states of shape {translation.shape} or a scene with {n_times} times to come"
             )
-    out = np.empty((*steps, SIZE))
-    _bounds(
-        scene,
-        surfaces,
-        errors**2,
-        np.ascontiguousarray(translation, dtype=float),
-        np.ascontiguousarray(quaternion, dtype=float),
-        np.ascontiguousarray(angular_velocity, dtype=float),
-        np.array([is_spherical(matrix) for matrix in surfaces.inertia]),
-        np.linalg.inv(surfaces.inertia),
-        seen_from,
-        deviations,
-        process,
-        forces,
-        out,
-    )
-    return out
+        if np.any(measurements.variance < 0.0):
+            raise ConfigurationError("measurements: a variance is negative")
+        out = np.empty((n_targets, n_offsets - 1, SIZE))
+        truth = tuple(
+            np.ascontiguousarray(each, dtype=float)
+            for each in (translation, quaternion, angular_velocity)
+        )
+        given = self._world, truth, measurements, self._process_variance, self._forces
+        _advance(self._index, *given, self._state, out)
+        self._index += n_offsets - 1
+        return out

@@ -35,8 +35,8 @@ class TrackingMetrics(NamedTuple):
     Attributes
     ----------
     coverage, anees, rmse : ndarray, shape (target, 12)
-        Share of the time within three standard deviations, average normalised squared error,
-        root mean square error.
+        Share of the time within three standard deviations, average normalised squared error (1 for
+        a consistent filter, larger if it is overconfident), root mean square error.
     status, status_rotation, status_translation : ndarray of uint8, shape (target,)
         TRACKED, NEVER_OBSERVED or DIVERGED: of all states, of attitude and angular velocity, of
         position and velocity.
@@ -59,59 +59,40 @@ class TrackingMetrics(NamedTuple):
     bound_attitude_deg: Array
 
 
-def within_bounds(error: ArrayLike, sigma: ArrayLike) -> NDArray[np.bool_]:
-    """Whether errors lie within three standard deviations; never where they are not finite.
-
-    Parameters
-    ----------
-    error, sigma : array_like, one shape
-        Errors and standard deviations.
-
-    Returns
-    -------
-    ndarray of bool, same shape
-    """
-    return np.abs(np.asarray(error)) <= BOUND_SIGMAS * np.asarray(sigma)
+def _within_bounds(error: Array, sigma: Array) -> NDArray[np.bool_]:
+    """Whether errors lie within three standard deviations; never where they are not finite."""
+    return np.abs(error) <= BOUND_SIGMAS * sigma
 
 
-def coverage(error: Array, sigma: Array) -> Array:
-    """Share of the time within three standard deviations.
-
-    Parameters
-    ----------
-    error, sigma : ndarray, shape (target, time, component)
-        Errors and standard deviations.
-
-    Returns
-    -------
-    ndarray, shape (target, component)
-    """
-    return within_bounds(error, sigma).mean(axis=1)
+def _quotient(total: Array, count: NDArray[np.int64]) -> Array:
+    """Mean, given a sum and of how many values it is; NaN of none."""
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def _mean_where_finite(values: Array) -> Array:
     """Mean over time, axis 1, of the finite values; NaN where there are none."""
     finite = np.isfinite(values)
-    count = finite.sum(axis=1)
-    total = np.where(finite, values, 0.0).sum(axis=1)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return _quotient(np.where(finite, values, 0.0).sum(axis=1), finite.sum(axis=1))
 
 
-def anees(error: Array, sigma: Array) -> Array:
-    """Component-wise average normalised estimation error squared (Paul & Fan, eq. 63).
+class _RunningMean:
+    """Mean of the finite values of arrays (target, time, component), given one after the other."""
 
-    Parameters
-    ----------
-    error, sigma : ndarray, shape (target, time, component)
-        Errors and standard deviations. Times after the end of a failed estimate (NaN) are left
-        out.
+    def __init__(self) -> None:
+        self._total, self._count = np.zeros(1), np.zeros(1, dtype=np.int64)
 
-    Returns
-    -------
-    ndarray, shape (target, component)
-        1 for a consistent filter; larger if it is overconfident.
-    """
-    return _mean_where_finite((error / sigma) ** 2)
+    def update(self, values: ArrayLike) -> None:
+        given = np.asarray(values, dtype=float)
+        finite = np.isfinite(given)
+        # summed in the order of time, so that the lengths of the intervals do not matter
+        before = np.broadcast_to(self._total, (given.shape[0], given.shape[2]))[:, None]
+        kept = np.where(finite, given, 0.0)
+        self._total = np.concatenate([before, kept], axis=1).sum(axis=1)
+        self._count = self._count + finite.sum(axis=1)
+
+    @property
+    def mean(self) -> Array:
+        return _quotient(self._total, self._count)
 
 
 def bound_ratio(error: Array, bound: Array, observed: ArrayLike) -> Array:
@@ -139,22 +120,6 @@ def bound_ratio(error: Array, bound: Array, observed: ArrayLike) -> Array:
         return _mean_where_finite((kept**2).reshape(*kept.shape[:2], len(PARTS), 3).sum(axis=3))
 
     return np.sqrt(squared(error) / squared(bound))
-
-
-def rmse(error: Array) -> Array:
-    """Root mean square error.
-
-    Parameters
-    ----------
-    error : ndarray, shape (target, time, component)
-        Times after the end of a failed estimate (NaN) are left out.
-
-    Returns
-    -------
-    ndarray, shape (target, component)
-        In the units of the error.
-    """
-    return np.sqrt(_mean_where_finite(error**2))
 
 
 def classify(covered: Array, observed: ArrayLike) -> NDArray[np.uint8]:
@@ -199,48 +164,64 @@ def attitude_angle_deg(error: Array, a: float = 0.5) -> Array:
     return np.rad2deg(2.0 * np.arctan2((a + scalar) / f * np.sqrt(squared), scalar))
 
 
-def evaluate(
-    error: Array,
-    sigma: Array,
-    used: NDArray[np.bool_],
-    step_s: float,
-    bound: Array | None = None,
-) -> TrackingMetrics:
-    """All metrics of a run.
+class Evaluation:
+    """Metrics of a run, gathered from interval to interval (Paul & Fan, eq. 63).
+
+    Only the final hours are kept; they are those before the last time given so far.
 
     Parameters
     ----------
-    error, sigma : ndarray, shape (target, time, 12)
-        Errors (truth less estimate) and standard deviations at every step.
-    used : ndarray of bool, shape (target, time)
-        Whether a measurement was used.
     step_s : float
         Time between the steps, s.
-    bound : ndarray, shape (target, time, 12), optional
-        Standard deviations of the Cramer-Rao bound; without it, what depends on it is NaN.
-
-    Returns
-    -------
-    TrackingMetrics
     """
-    bound = np.full(error.shape, np.nan) if bound is None else bound
-    final = min(error.shape[1], max(1, round(FINAL_HOURS * 3600.0 / step_s)))
-    last_error = error[:, -final:]
-    covered = coverage(last_error, sigma[:, -final:])
-    observed = used.any(axis=1)
-    rotation = classify(covered[:, ROTATION], observed)
-    translation = classify(covered[:, TRANSLATION], observed)
-    angle = attitude_angle_deg(last_error)
-    last_bound = bound[:, -final:]
-    return TrackingMetrics(
-        coverage(error, sigma),
-        anees(error, sigma),
-        rmse(error),
-        # the codes are ordered, and a target is seen or not as a whole
-        np.maximum(rotation, translation),
-        rotation,
-        translation,
-        np.sqrt(_mean_where_finite(angle**2)),
-        bound_ratio(last_error, last_bound, observed),
-        np.rad2deg(np.sqrt(_mean_where_finite((last_bound[..., :3] ** 2).sum(axis=2)))),
-    )
+
+    def __init__(self, step_s: float) -> None:
+        self._final = max(1, round(FINAL_HOURS * 3600.0 / step_s))
+        self._covered, self._normalised, self._squared = (_RunningMean() for _ in range(3))
+        self._observed: NDArray[np.bool_] | bool = False
+        self._last: tuple[Array, ...] = ()
+
+    def update(
+        self, error: Array, sigma: Array, observed: ArrayLike, bound: Array | None = None
+    ) -> None:
+        """Add an interval.
+
+        Parameters
+        ----------
+        error, sigma : ndarray, shape (target, time, 12)
+            Errors (truth less estimate) and standard deviations at every step. Times after the end
+            of a failed estimate are NaN: not within the bounds, and left out of averages.
+        observed : array_like of bool, shape (target,)
+            Whether a measurement of the target was used.
+        bound : ndarray, shape (target, time, 12), optional
+            Standard deviations of the Cramer-Rao bound; without it, what depends on it is NaN.
+        """
+        self._covered.update(_within_bounds(error, sigma))
+        self._normalised.update((error / sigma) ** 2)
+        self._squared.update(error**2)
+        self._observed = self._observed | np.asarray(observed)
+        given = (error, sigma, np.full(error.shape, np.nan) if bound is None else bound)
+        if self._last:
+            joined = zip(self._last, given, strict=True)
+            given = tuple(np.concatenate(pair, axis=1) for pair in joined)
+        self._last = tuple(each[:, -self._final :] for each in given)
+
+    def result(self) -> TrackingMetrics:
+        """Metrics of all intervals so far."""
+        error, sigma, bound = self._last
+        covered = _within_bounds(error, sigma).mean(axis=1)
+        rotation = classify(covered[:, ROTATION], self._observed)
+        translation = classify(covered[:, TRANSLATION], self._observed)
+        angle = attitude_angle_deg(error)
+        return TrackingMetrics(
+            self._covered.mean,
+            self._normalised.mean,
+            np.sqrt(self._squared.mean),
+            # the codes are ordered, and a target is seen or not as a whole
+            np.maximum(rotation, translation),
+            rotation,
+            translation,
+            np.sqrt(_mean_where_finite(angle**2)),
+            bound_ratio(error, bound, self._observed),
+            np.rad2deg(np.sqrt(_mean_where_finite((bound[..., :3] ** 2).sum(axis=2)))),
+        )

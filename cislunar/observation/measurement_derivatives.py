@@ -7,11 +7,8 @@ velocity, position, velocity), with the units of the error state of the filters.
 import numpy as np
 from numba import njit
 
-from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.observation.measurement import rotate
+from cislunar.observation.sightline import METRES, lit_directions, rotate
 from cislunar.photometry.facet_derivatives import facet_magnitude_derivatives
-
-_METRES = 1000.0 * LENGTH_UNIT_KM
 
 
 @njit(cache=True, error_model="numpy")
@@ -50,17 +47,14 @@ def _magnitude_row(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j,
     The observer's direction V = -d/r and the Sun's L = s/|s| turn by (I - V V^T)/r and
     (I - L L^T)/|s| with the position, both backwards; the range adds (5 / ln 10) d/r^2.
     """
-    distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-    to_sun = np.sqrt(sx * sx + sy * sy + sz * sz)
-    vx, vy, vz = rotate(to_inertial, -dx / distance, -dy / distance, -dz / distance)
-    lx, ly, lz = rotate(to_inertial, sx / to_sun, sy / to_sun, sz / to_sun)
+    light, view, distance, to_sun = lit_directions(dx, dy, dz, sx, sy, sz, to_inertial)
     first = surfaces.first[j]
     last = surfaces.first[j + 1]
     _, turn, by_sun, by_view, by_log_range = facet_magnitude_derivatives(
         (quaternion[0], quaternion[1], quaternion[2], quaternion[3]),
-        (lx, ly, lz),
-        (vx, vy, vz),
-        distance * _METRES,
+        light,
+        view,
+        distance * METRES,
         surfaces.areas[first:last],
         surfaces.normals[first:last],
         surfaces.material[j],
@@ -68,8 +62,9 @@ def _magnitude_row(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j,
         surfaces.fresnel_sqrt,
     )
     rows[0, 0], rows[0, 1], rows[0, 2] = turn
+    vx, vy, vz = view
     ax, ay, az = _across(vx, vy, vz, by_view[0], by_view[1], by_view[2])
-    bx, by, bz = _across(lx, ly, lz, by_sun[0], by_sun[1], by_sun[2])
+    bx, by, bz = _across(light[0], light[1], light[2], by_sun[0], by_sun[1], by_sun[2])
     inward = 1.0 / distance
     sunward = 1.0 / to_sun
     rows[0, 3], rows[0, 4], rows[0, 5] = _rotate_back(
@@ -82,20 +77,10 @@ def _magnitude_row(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j,
 
 @njit(cache=True, error_model="numpy")
 def measurement_rows(state, quaternion, observer, k, j, scene, surfaces, rows):
-    """Derivatives of a measurement by attitude and position, in closed form (compiled).
+    """Derivatives of (magnitude, right ascension, declination), into `rows` (3, 6).
 
-    Parameters
-    ----------
-    state : ndarray, shape (6,)
-        Position and velocity, nondimensional, rotating frame.
-    quaternion : ndarray, shape (4,)
-        Inertial to body.
-    observer, k, j : int
-        Indices of the observer, the time and the target.
-    scene, surfaces : Scene, TargetSurfaces
-    rows : ndarray, shape (3, 6)
-        Receives the derivatives of magnitude, right ascension and declination (mag, rad, rad) by a
-        small turn of the body (rad, body frame) and by position (nondimensional, rotating frame).
+    By a small turn of the body (rad, body frame) and by position (nondimensional, rotating frame),
+    at one state (6,) and attitude (4,) of target j, for an observer at time k.
     """
     x, y, z = state[0], state[1], state[2]
     dx = x - scene.observer_position[observer, k, 0]

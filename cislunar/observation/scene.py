@@ -83,28 +83,6 @@ class TargetSurfaces(NamedTuple):
     fresnel_sqrt: bool
     inertia: Array
 
-    def of(self, targets: slice) -> "TargetSurfaces":
-        """Those of consecutive targets.
-
-        Parameters
-        ----------
-        targets : slice
-            Of step 1.
-
-        Returns
-        -------
-        TargetSurfaces
-        """
-        start, stop, _ = targets.indices(self.material.shape[0])
-        facets = slice(self.first[start], self.first[stop])
-        return self._replace(
-            areas=self.areas[facets],
-            normals=self.normals[facets],
-            first=self.first[start : stop + 1] - self.first[start],
-            material=self.material[start:stop],
-            inertia=self.inertia[start:stop],
-        )
-
 
 def make_scene(
     observer_position: ArrayLike,

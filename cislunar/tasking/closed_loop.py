@@ -17,25 +17,26 @@ Assumptions and limitations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.estimator import Estimator, EstimatorFactory, InitialEstimate
+from cislunar.estimation.estimator import EstimatorFactory, InitialEstimate
 from cislunar.estimation.registry import estimator_named
-from cislunar.evaluation.cramer_rao import cramer_rao_bound
-from cislunar.evaluation.metrics import TrackingMetrics, evaluate
-from cislunar.observation.measurement import DETECTED, measure
+from cislunar.evaluation.cramer_rao import CramerRaoBound
+from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
+from cislunar.observation.measurement import DETECTED, NOT_TASKED, measure
+from cislunar.observation.records import constant_schedule, highest, rows_of
 from cislunar.observation.scene import Scene, TargetSurfaces
-from cislunar.tasking.assignment import IDLE, assign
+from cislunar.tasking.assignment import assign
 from cislunar.tasking.information import pair_information
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.simulation import (
     ESTIMATOR,
     TASKING,
-    Truth,
     TruthModel,
     draw_truth,
     estimation_errors,
@@ -46,10 +47,7 @@ from cislunar.tasking.simulation import (
 Array = NDArray[np.float64]
 
 USED = DETECTED + 1
-"""Fate of a measurement that was used, beyond those of `cislunar.observation.measurement`."""
-
-JUDGED_TOGETHER = 128
-"""Targets whose whole run is judged at a time, which keeps the memory of doing so small."""
+"""Fate of a look whose measurement was used, beyond those of `cislunar.observation.measurement`."""
 
 FATE_NAMES = ("not_tasked", "faint", "excluded", "occulted", "rejected", "used")
 """Names of the fates; "rejected" was out of the field of view, or the estimate had failed."""
@@ -76,7 +74,7 @@ class LoopResult:
         Standard deviations of the posterior Cramer-Rao bound of the measurements used, as `sigma`;
         see `cislunar.evaluation.cramer_rao`.
     fate : ndarray of uint8, shape (seed, step, target)
-        Index into `FATE_NAMES`, at every step.
+        Index into `FATE_NAMES`, at every step; the best of the looks at a target.
     metrics : TrackingMetrics
         Arrays with a leading axis over seeds.
     failed : ndarray of uint8, shape (seed, target)
@@ -112,53 +110,68 @@ class LoopResult:
         return self.metrics.final_attitude_error_deg
 
 
-def observers_of(target: NDArray[np.int64], n_targets: int) -> NDArray[np.int64]:
-    """Observer of each target, or -1, from the target of each observer.
+class _Histories(NamedTuple):
+    """What is kept of a run; `error`, `sigma` and `bound` at the recorded steps only."""
 
-    Parameters
-    ----------
-    target : ndarray of int, shape (observer,)
-        Target of each observer, or `IDLE`.
-    n_targets : int
-        Number of targets.
+    assignment: NDArray[np.int16]
+    information: Array
+    evaluations: NDArray[np.int64]
+    error: NDArray[np.float32]
+    sigma: NDArray[np.float32]
+    bound: NDArray[np.float32]
+    fate: NDArray[np.uint8]
+    pairs: Array
 
-    Returns
-    -------
-    ndarray of int, shape (target,)
-    """
-    observer_of = np.full(n_targets, -1, dtype=np.int64)
-    busy = np.flatnonzero(target != IDLE)
-    observer_of[target[busy]] = busy
-    return observer_of
+    @classmethod
+    def empty(
+        cls, settings: LoopSettings, n_seeds: int, n_observers: int, n_targets: int
+    ) -> "_Histories":
+        """Room for all seeds, the first axis."""
+        epochs = (n_seeds, settings.epochs.size)
+        states = (n_seeds, settings.recorded.size, n_targets, 12)
+        pairs = (*epochs, n_observers, n_targets) if settings.keep_information else (n_seeds, 0)
+        return cls(
+            np.empty((*epochs, n_observers), np.int16),
+            np.empty(epochs),
+            np.empty(epochs, np.int64),
+            *(np.empty(states, np.float32) for _ in range(3)),
+            np.empty((n_seeds, settings.n_steps, n_targets), np.uint8),
+            np.empty(pairs),
+        )
 
 
 class _Run:
-    """One seed of a cell: estimator, truth, and the records of its epochs."""
+    """One seed of a cell: truth, estimator, bound and metrics, from epoch to epoch."""
 
     def __init__(
         self,
         scene: Scene,
         surfaces: TargetSurfaces,
         settings: LoopSettings,
-        estimator: Estimator,
-        truth: Truth,
-        model: TruthModel,
+        factory: EstimatorFactory,
+        initial: InitialEstimate,
+        truth: TruthModel,
+        ids: NDArray[np.int64],
         seed: int,
         forces: tuple,
+        kept: _Histories,
     ) -> None:
-        self.scene, self.surfaces, self.settings = scene, surfaces, settings
-        self.estimator, self.truth, self.seed = estimator, truth, seed
-        self.model, self.forces = model, forces
-        n_targets, n_steps = truth.translation.shape[0], settings.n_steps
-        n_observers, n_epochs = scene.observer_position.shape[0], settings.epochs.size
-        self.error = np.empty((n_targets, n_steps, 12))
-        self.sigma = np.empty((n_targets, n_steps, 12))
-        self.fate = np.empty((n_targets, n_steps), dtype=np.uint8)
-        self.used_by = np.empty((n_targets, n_steps), dtype=np.int64)
-        self.assignment = np.empty((n_epochs, n_observers), dtype=np.int16)
-        self.information = np.empty(n_epochs)
-        self.evaluations = np.empty(n_epochs, dtype=np.int64)
-        self.pairs: list[Array] = []
+        self.scene, self.surfaces, self.settings, self.truth = scene, surfaces, settings, truth
+        self.seed, self.forces, self.kept = seed, forces, kept
+        self.motion = draw_truth(
+            initial,
+            scene,
+            truth.noise,
+            seed,
+            ids,
+            forces=truth.forces,
+            inertia=truth.surfaces.inertia,
+            angular_acceleration=truth.angular_acceleration,
+        )
+        own = stream(ESTIMATOR, seed)
+        self.estimator = factory(scene, surfaces, settings.sensor, initial, own, forces)
+        self.bound = CramerRaoBound(scene, truth.surfaces, initial.sigma, forces=truth.forces)
+        self.evaluation = Evaluation(settings.step_s)
 
     def epoch(self, number: int) -> None:
         """Assign the observers and work through the interval that follows."""
@@ -179,55 +192,51 @@ class _Run:
             max_evaluations=settings.max_evaluations,
             early_stop=settings.early_stop,
         )
-        self.assignment[number] = tasking.target
-        self.information[number] = tasking.information
-        self.evaluations[number] = tasking.history.size
+        self.kept.assignment[number] = tasking.target
+        self.kept.information[number] = tasking.information
+        self.kept.evaluations[number] = tasking.history.size
         if settings.keep_information:
-            self.pairs.append(pairs)
-        observer_of = observers_of(tasking.target, self.fate.shape[0])
+            self.kept.pairs[number] = pairs
+        self._observe(start, stop, tasking.target)
+
+    def _observe(self, start: int, stop: int, target: NDArray[np.int64]) -> None:
+        """Measure, estimate and judge the steps start .. stop - 1."""
+        n_targets = self.kept.fate.shape[1]
         first = start + 1  # index 0 of the scene is the start of the run, without a measurement
+        motion, truth = self.motion, self.truth
         measurements, fate = measure(
             first,
-            stop - start,
+            constant_schedule(target, n_targets, stop - start),
             self.scene,
-            self.model.surfaces,
-            settings.sensor,
-            observer_of,
-            self.truth.translation,
-            self.truth.quaternion,
-            self.truth.noise,
-            self.model.forces.mu,
+            truth.surfaces,
+            self.settings.sensor,
+            motion.translation,
+            motion.quaternion,
+            motion.noise,
+            truth.forces.mu,
         )
-        estimates = self.estimator.advance(measurements, observer_of)
+        estimates = self.estimator.advance(measurements)
         fate[estimates.used] = USED
-        window = slice(start, stop)
-        self.fate[:, window] = fate
-        self.used_by[:, window] = np.where(fate == USED, observer_of[:, None], -1)
-        self.error[:, window] = estimation_errors(first, self.truth, estimates)
-        self.sigma[:, window] = estimates.sigma
-
-    def judge(self, initial_sigma: Array, bound: Array) -> TrackingMetrics:
-        """Metrics of the run; the Cramer-Rao bound at the recorded steps goes into `bound`."""
-        parts = []
-        for start in range(0, self.fate.shape[0], JUDGED_TOGETHER):
-            some = slice(start, start + JUDGED_TOGETHER)
-            least = cramer_rao_bound(
-                self.scene,
-                self.model.surfaces.of(some),
-                self.model.noise,
-                self.truth.translation[some],
-                self.truth.quaternion[some],
-                self.truth.angular_velocity[some],
-                self.used_by[some],
-                initial_sigma,
-                forces=self.model.forces,
-            )
-            used = self.fate[some] == USED
-            parts.append(
-                evaluate(self.error[some], self.sigma[some], used, self.settings.step_s, least)
-            )
-            bound[:, some] = least[:, self.settings.recorded].swapaxes(0, 1)
-        return TrackingMetrics(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        error = estimation_errors(first, motion, estimates)
+        used = measurements.where(estimates.used)
+        times = slice(start, stop + 1)
+        least = self.bound.advance(
+            motion.translation[:, times],
+            motion.quaternion[:, times],
+            motion.angular_velocity[:, times],
+            used._replace(variance=np.broadcast_to(truth.noise**2, used.variance.shape).copy()),
+        )
+        observed = np.isin(np.arange(n_targets), rows_of(used)[0])
+        self.evaluation.update(error, estimates.sigma, observed, least)
+        self.kept.fate[start:stop] = highest(measurements, fate, NOT_TASKED).T
+        recorded = self.settings.recorded
+        some = slice(*np.searchsorted(recorded, [start, stop]))
+        for history, values in (
+            (self.kept.error, error),
+            (self.kept.sigma, estimates.sigma),
+            (self.kept.bound, least),
+        ):
+            history[some] = values[:, recorded[some] - start].swapaxes(0, 1)
 
 
 def run_closed_loop(
@@ -291,51 +300,31 @@ def run_closed_loop(
     if truth is None:
         truth = TruthModel(surfaces, settings.sensor.noise, np.zeros(3), forces)
     _require_consistency(scene, surfaces, truth, initial, ids, seeds, settings)
-    recorded = settings.recorded
-    n_epochs, n_targets = settings.epochs.size, ids.size
-    shape = (len(seeds), recorded.size, n_targets, 12)
-    error, sigma, bound = (np.empty(shape, np.float32) for _ in range(3))
-    fate = np.empty((len(seeds), settings.n_steps, n_targets), np.uint8)
-    runs, metrics = [], []
+    n_epochs, n_observers = settings.epochs.size, scene.observer_position.shape[0]
+    kept = _Histories.empty(settings, len(seeds), n_observers, ids.size)
+    ends = []
     for s, seed in enumerate(seeds):
-        motion = draw_truth(
-            initial,
-            scene,
-            truth.noise,
-            seed,
-            ids,
-            forces=truth.forces,
-            inertia=truth.surfaces.inertia,
-            angular_acceleration=truth.angular_acceleration,
-        )
-        own = factory(scene, surfaces, settings.sensor, initial, stream(ESTIMATOR, seed), forces)
-        run = _Run(scene, surfaces, settings, own, motion, truth, seed, forces)
+        own = _Histories(*(part[s] for part in kept))
+        run = _Run(scene, surfaces, settings, factory, initial, truth, ids, seed, forces, own)
         for number in range(n_epochs):
             run.epoch(number)
             if progress is not None:
                 progress(s * n_epochs + number + 1, len(seeds) * n_epochs)
-        metrics.append(run.judge(initial.sigma, bound[s]))
-        error[s] = run.error[:, recorded].swapaxes(0, 1)
-        sigma[s] = run.sigma[:, recorded].swapaxes(0, 1)
-        fate[s] = run.fate.T
-        # Only the small records of a run are kept, so memory does not grow with the seeds.
-        runs.append(
-            (run.assignment, run.information, run.evaluations, own.failed, own.counters, run.pairs)
-        )
-    assignment, information, evaluations, failed, counters, pairs = zip(*runs, strict=True)
+        ends.append((*run.evaluation.result(), run.estimator.failed, run.estimator.counters))
+    *metrics, failed, counters = (np.array(column) for column in zip(*ends, strict=True))
     return LoopResult(
-        np.array(assignment),
-        np.array(information),
-        np.array(evaluations),
-        settings.step_s * (recorded + 1.0),
-        error,
-        sigma,
-        bound,
-        fate,
-        TrackingMetrics(*(np.array(column) for column in zip(*metrics, strict=True))),
-        np.array(failed),
-        np.array(counters),
-        np.array(pairs) if settings.keep_information else None,
+        kept.assignment,
+        kept.information,
+        kept.evaluations,
+        settings.step_s * (settings.recorded + 1.0),
+        kept.error,
+        kept.sigma,
+        kept.bound,
+        kept.fate,
+        TrackingMetrics(*metrics),
+        failed,
+        counters,
+        kept.pairs if settings.keep_information else None,
     )
 
 

@@ -6,41 +6,31 @@ covariance of the targets is block diagonal, so a tasking's information is the s
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Prediction
-from cislunar.estimation.kalman.mukf_kernels import (
-    WEIGHTS,
-    FilterConstants,
-    make_workspace,
-    predicted_measurements,
-)
+from cislunar.estimation.expected import expected_directions, expected_magnitudes
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import (
+    UnscentedWeights,
     information_gain,
     innovation_moments,
+    sigma_points,
     unscented_weights,
 )
-from cislunar.observation.measurement import (
-    Sensor,
-    direction_angles,
-    occulted,
-    outside_exclusion,
-    wrap_angle,
-)
 from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.sensor import Sensor, SensorLimits
+from cislunar.observation.sightline import METRES, in_clear_view, sphere_brighter
 from cislunar.photometry.sphere import faintness_per_squared_range
 
 Array = NDArray[np.float64]
 
 STATES = ("translation", "full")
-_TRANSLATION_WEIGHTS = unscented_weights(6)
-_METRES = 1000.0 * LENGTH_UNIT_KM
 
 
 @dataclass(frozen=True)
@@ -91,43 +81,53 @@ class TaskingModel:
         )
 
 
+class _Belief(NamedTuple):
+    """What the kernel needs of `TaskingModel` and sensor."""
+
+    mu: float
+    limits: SensorLimits
+    variance: Array
+    faintness: float
+    gate: bool
+    full: bool
+    six: UnscentedWeights
+    twelve: UnscentedWeights
+
+
+def _belief(model: TaskingModel, sensor: Sensor, mu: float) -> _Belief:
+    limits = sensor.limits()
+    faintness = faintness_per_squared_range(
+        sensor.limiting_magnitude,
+        radius_m=model.radius_m,
+        diffuse_reflection_coefficient=model.diffuse_reflection_coefficient,
+    )
+    return _Belief(
+        float(mu),
+        limits,
+        limits.noise_variance / model.measurements,
+        faintness * METRES**2,
+        model.track_gate,
+        model.states == "full",
+        unscented_weights(6),
+        unscented_weights(12),
+    )
+
+
 @njit(cache=True, error_model="numpy")
-def _sphere_visible(observer, x, y, z, sun, faintness, limits, mu):
-    """Whether the sphere at (x, y, z) can be observed from a point (compiled)."""
+def _sphere_visible(observer, place, sun, belief):
+    """Whether the sphere that stands in for a target can be observed at a place."""
     ox, oy, oz = observer[0], observer[1], observer[2]
+    x, y, z = place[0], place[1], place[2]
     dx, dy, dz = x - ox, y - oy, z - oz
-    if not outside_exclusion(ox, oy, oz, dx, dy, dz, sun, limits.cosines, mu):
-        return False
-    if limits.occultation and occulted(ox, oy, oz, dx, dy, dz, mu):
+    if not in_clear_view(ox, oy, oz, dx, dy, dz, sun, belief.limits, belief.mu):
         return False
     fx, fy, fz = x - sun[0], y - sun[1], z - sun[2]
-    squared = dx * dx + dy * dy + dz * dz
-    cosine = (dx * fx + dy * fy + dz * fz) / np.sqrt(squared * (fx * fx + fy * fy + fz * fz))
-    cosine = min(1.0, max(-1.0, cosine))
-    alpha = np.arccos(cosine)
-    return np.sin(alpha) + (np.pi - alpha) * cosine > faintness * squared
-
-
-@njit(cache=True, error_model="numpy")
-def _direction_differences(points, observer, axes, differences):
-    """Angles of the outer sigma points less the central ones; its declination (compiled)."""
-    ra0, dec0 = 0.0, 0.0
-    for i in range(points.shape[0]):
-        dx = points[i, 0] - observer[0]
-        dy = points[i, 1] - observer[1]
-        dz = points[i, 2] - observer[2]
-        ra, dec = direction_angles(dx, dy, dz, axes)
-        if i == 0:
-            ra0, dec0 = ra, dec
-        else:
-            differences[i - 1, 0] = wrap_angle(ra - ra0)
-            differences[i - 1, 1] = dec - dec0
-    return dec0
+    return sphere_brighter(dx, dy, dz, fx, fy, fz, belief.faintness)
 
 
 @njit(cache=True, error_model="numpy")
 def _direction_sigma(cross, even, noise_variance, declination):
-    """Largest standard deviation of the predicted direction on the sky, rad (compiled)."""
+    """Largest standard deviation of the predicted direction on the sky, rad ."""
     scale = np.cos(declination)
     a = even[0, 0] - noise_variance[0]
     b = even[0, 1]
@@ -142,30 +142,19 @@ def _direction_sigma(cross, even, noise_variance, declination):
 
 
 @njit(cache=True, error_model="numpy")
-def _fill(
-    index,
-    translation,
-    covariance,
-    quaternion,
-    root12,
-    full,
-    gate,
-    faintness,
-    scene,
-    surfaces,
-    limits,
-    constants,
-    weights,
-    out,
-):
-    """Information of all pairs (compiled); see `pair_information`."""
-    work = make_workspace(3)
-    root = np.empty((6, 6))
-    points = np.empty((13, 6))
-    differences, shift = np.empty((12, 2)), np.empty(2)
+def _fill(prediction, joint, scene, surfaces, belief, out):
+    """Information of all pairs; see `pair_information`.
+
+    `joint` is mean attitudes (target, 4) and joint roots (target, 12, 12), if all states count.
+    """
+    index, translation, covariance = prediction
+    quaternion, joint_root = joint
+    root, points = np.empty((6, 6)), np.empty((6, 13))
+    expected, shift = np.empty((12, 2)), np.empty(2)
     cross, even = np.empty((6, 2)), np.empty((2, 2))
-    sun, axes = scene.sun_position[index], scene.observer_axes[index]
-    angle_noise = constants.noise_variance[1:]
+    all_points, all_expected, all_shift = np.empty((6, 25)), np.empty((24, 3)), np.empty(3)
+    all_cross, all_even = np.empty((12, 3)), np.empty((3, 3))
+    sun, axes, variance = scene.sun_position[index], scene.observer_axes[index], belief.variance
     out[:, :] = 0.0
     for j in range(translation.shape[0]):
         if not np.isfinite(np.sum(translation[j])):
@@ -173,43 +162,37 @@ def _fill(
         root[:, :] = covariance[j]
         if not cholesky(root):
             continue
-        for c in range(6):
-            points[0, c] = translation[j, c]
-            for i in range(6):
-                points[1 + i, c] = translation[j, c] + weights.spread * root[c, i]
-                points[7 + i, c] = translation[j, c] - weights.spread * root[c, i]
+        sigma_points(translation[j], root, belief.six.spread, points)
+        if belief.full:
+            spread = belief.twelve.spread
+            sigma_points(translation[j], joint_root[j, 6:], spread, all_points)
         for o in range(out.shape[0]):
             observer = scene.observer_position[o, index]
-            x, y, z = points[0, 0], points[0, 1], points[0, 2]
-            if not _sphere_visible(observer, x, y, z, sun, faintness, limits, constants.forces.mu):
+            if not _sphere_visible(observer, translation[j], sun, belief):
                 continue
-            declination = _direction_differences(points, observer, axes, differences)
-            innovation_moments(differences, angle_noise, weights, shift, cross, even)
-            sigma = _direction_sigma(cross, even, angle_noise, declination)
-            if gate and not sigma <= limits.half_field:
+            _, declination = expected_directions(points, observer, axes, expected, 0)
+            innovation_moments(expected, variance[1:], belief.six, shift, cross, even)
+            sigma = _direction_sigma(cross, even, variance[1:], declination)
+            if belief.gate and not sigma <= belief.limits.half_field:
                 continue
-            if full:
-                predicted_measurements(
+            if belief.full:
+                expected_directions(all_points, observer, axes, all_expected, 1)
+                expected_magnitudes(
+                    all_points,
                     quaternion[j],
-                    translation[j],
-                    root12[j],
-                    o,
-                    index,
-                    j,
-                    scene,
+                    joint_root[j],
+                    belief.twelve.spread,
+                    observer,
+                    sun,
+                    scene.frame_axes[index],
                     surfaces,
-                    constants,
-                    work,
+                    j,
+                    all_expected,
                 )
                 innovation_moments(
-                    work.predicted,
-                    constants.noise_variance,
-                    constants.weights,
-                    work.measured_shift,
-                    work.cross,
-                    work.even,
+                    all_expected, variance, belief.twelve, all_shift, all_cross, all_even
                 )
-                gain = information_gain(work.cross, work.even)
+                gain = information_gain(all_cross, all_even)
             else:
                 gain = information_gain(cross, even)
             if gain > 0.0 and gain < np.inf:
@@ -255,36 +238,14 @@ def pair_information(
             "states = 'full' needs an estimator with a joint Gaussian estimate: use 'translation'"
         )
     n_targets = prediction.translation.shape[0]
-    unused = np.empty((n_targets, 0)), np.empty((n_targets, 0, 0))
-    limits = sensor.limits()
-    constants = FilterConstants(
-        forces,
-        np.zeros(12),
-        limits.noise_variance / model.measurements,
-        limits.half_field,
-        True,
-        WEIGHTS,
-    )
-    faintness = faintness_per_squared_range(
-        sensor.limiting_magnitude,
-        radius_m=model.radius_m,
-        diffuse_reflection_coefficient=model.diffuse_reflection_coefficient,
-    )
+    joint = np.empty((n_targets, 0)), np.empty((n_targets, 0, 0))
+    if full:
+        joint = prediction.quaternion, prediction.root
     out = np.empty((scene.observer_position.shape[0], n_targets))
-    _fill(
+    translation = (
         prediction.index,
         np.ascontiguousarray(prediction.translation),
         np.ascontiguousarray(prediction.covariance),
-        prediction.quaternion if full else unused[0],
-        prediction.root if full else unused[1],
-        full,
-        model.track_gate,
-        faintness * _METRES**2,
-        scene,
-        surfaces,
-        limits,
-        constants,
-        _TRANSLATION_WEIGHTS,
-        out,
     )
+    _fill(translation, joint, scene, surfaces, _belief(model, sensor, forces.mu), out)
     return out

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.kalman.mukf import INITIAL_SPREAD, Spread
-from cislunar.observation.measurement import Sensor
+from cislunar.estimation.spread import INITIAL_SPREAD, Spread
+from cislunar.observation.sensor import Sensor
 from cislunar.tasking.assignment import EARLY_STOP, MAX_EVALUATIONS, METHODS
 from cislunar.tasking.information import TaskingModel
 

@@ -126,8 +126,9 @@ class Truth(NamedTuple):
         Inertial to body.
     angular_velocity : ndarray, shape (target, time, 3)
         rad/s, body frame; constant for spherical inertia without torque.
-    noise : ndarray, shape (target, time, 3)
-        Errors of magnitude (mag), right ascension and declination (rad).
+    noise : ndarray, shape (target, time, look, 3)
+        Errors of magnitude (mag), right ascension and declination (rad) of the first, second ...
+        look at a target at a time.
     """
 
     translation: Array
@@ -181,6 +182,7 @@ def draw_truth(
     forces: tuple = EARTH_MOON,
     inertia: ArrayLike | None = None,
     angular_acceleration: ArrayLike = (0.0, 0.0, 0.0),
+    looks: int = 1,
 ) -> Truth:
     """Sample the true states from the initial distribution and propagate them.
 
@@ -202,6 +204,8 @@ def draw_truth(
         Inertia matrices, body frame; spherical if omitted.
     angular_acceleration : array_like, shape (3,)
         As in `TruthModel`; without torque if omitted.
+    looks : int
+        Most looks at a target at a time; more leave the errors of the first ones as they are.
 
     Returns
     -------
@@ -216,23 +220,28 @@ def draw_truth(
     elapsed = scene.step_s * np.arange(n_times)
     bodies = np.tile(np.eye(3), (ids.size, 1, 1)) if inertia is None else np.asarray(inertia)
     forced = np.asarray(angular_acceleration, dtype=float)
+    keys = [()] + [(look,) for look in range(1, looks)]
     rotations = [
         _rotation(q, w, elapsed, body, forced)
         for q, w, body in zip(start, omega, bodies, strict=True)
     ]
-    draws = [stream(_MEASUREMENT, seed, j).standard_normal((n_times, 3)) for j in ids]
+    draws = [
+        [stream(_MEASUREMENT, seed, j, *key).standard_normal((n_times, 3)) for key in keys]
+        for j in ids
+    ]
     return Truth(
         propagate_bundle(
             initial.translation + error[:, 6:], scene.step, n_times - 1, forces=forces
         ),
         np.array([attitude for attitude, _ in rotations]),
         np.array([rate for _, rate in rotations]),
-        np.array(draws) * np.asarray(noise, dtype=float),
+        np.ascontiguousarray(np.moveaxis(draws, 1, 2)) * np.asarray(noise, dtype=float),
     )
 
 
 @njit(cache=True, error_model="numpy")
 def _errors(first, truth, estimates, a, f, out):
+    """Errors of an interval (target, step, 12); see `estimation_errors`."""
     for j in range(out.shape[0]):
         for i in range(out.shape[1]):
             t = truth.quaternion[j, first + i]

@@ -15,7 +15,7 @@ from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import primary_distances
 from cislunar.dynamics.propagation import propagate_periodic
 from cislunar.errors import ConfigurationError
-from cislunar.observation.exclusion import ExclusionAngles
+from cislunar.observation.sensor import ExclusionAngles
 from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.visibility.kernel import count_observations
 from cislunar.visibility.phasing import distinct_phases

@@ -12,7 +12,7 @@ from cislunar.architecture.tables import ArchitectureTables
 from cislunar.constants import MU
 from cislunar.dynamics.propagation import propagate_periodic
 from cislunar.errors import ConfigurationError
-from cislunar.observation.exclusion import ExclusionAngles
+from cislunar.observation.sensor import ExclusionAngles
 from cislunar.orbits.families import concatenate, family_members
 from cislunar.visibility.counts import VisibilitySettings, count_visibility, observation_times
 

@@ -8,7 +8,7 @@ from oracles.visibility import visible
 
 from cislunar.architecture.coverage import architecture_tracks, coverage
 from cislunar.constants import TIME_UNIT_S
-from cislunar.observation.exclusion import ExclusionAngles
+from cislunar.observation.sensor import ExclusionAngles
 from cislunar.orbits.families import family_members
 from cislunar.visibility.counts import VisibilitySettings, observation_times, satellite_tracks
 

@@ -38,7 +38,7 @@ from cislunar.campaign.tracking.tables import reading_rows, tracking_rows
 from cislunar.campaign.tracking.tasking_comparison import compared_dataset, gather
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.estimation.kalman.mukf import INITIAL_SPREAD
+from cislunar.estimation.spread import INITIAL_SPREAD
 from cislunar.orbits import tracked as tracked_orbits
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import LoopSettings

@@ -4,20 +4,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from measured import during, looked_at, nothing_measured
 
 from cislunar.campaign.settings.cells import cell_settings
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.reading import read_campaign
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.estimator import Prediction
-from cislunar.estimation.kalman.mukf import MultiplicativeUKF, Spread
-from cislunar.estimation.kalman.translation_filter import INSIDE_PRIMARY
+from cislunar.estimation.estimator import INSIDE_PRIMARY, Prediction
+from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import BatchEstimator, batch
 from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
 from cislunar.estimation.registry import ESTIMATORS, estimator_named
-from cislunar.observation.measurement import DETECTED, Sensor, measure
+from cislunar.estimation.spread import Spread
+from cislunar.observation.measurement import DETECTED
 from cislunar.observation.scene import target_surfaces
+from cislunar.observation.sensor import Sensor
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
@@ -35,12 +37,8 @@ def _measured(hours=6.0, n_targets=5, sensor=SENSOR, inertia=1.0, seed=3):
     surfaces = target_surfaces(icosahedron(), Material(), n_targets, inertia=inertia)
     initial = initial_estimate(epoch, loop.initial.components())
     truth = draw_truth(initial, scene, sensor.noise, seed, ids, inertia=surfaces.inertia)
-    observer_of = np.arange(n_targets) % 5
-    measurements, fate = measure(
-        1, loop.n_steps, scene, surfaces, sensor, observer_of, truth.translation,
-        truth.quaternion, truth.noise,
-    )  # fmt: skip
-    return scene, surfaces, initial, truth, observer_of, measurements, fate
+    measurements, fate = looked_at(np.arange(n_targets) % 5, scene, surfaces, sensor, truth)
+    return scene, surfaces, initial, truth, measurements, fate.reshape(n_targets, -1)
 
 
 def _batch(scene, surfaces, initial, sensor=SENSOR, seed=0, **settings):
@@ -50,21 +48,28 @@ def _batch(scene, surfaces, initial, sensor=SENSOR, seed=0, **settings):
     )  # fmt: skip
 
 
-def _in_intervals(estimator, measurements, observer_of, steps=60):
+def _in_intervals(estimator, measurements, steps=60):
     """Estimates at the end of each interval."""
     parts = [
-        estimator.advance(measurements[:, i : i + steps], observer_of)
-        for i in range(0, measurements.shape[1], steps)
+        estimator.advance(during(measurements, i, i + steps))[:4]
+        for i in range(0, measurements.offset.shape[1] - 1, steps)
     ]
     return [np.concatenate(pieces, axis=1) for pieces in zip(*parts, strict=True)]
 
 
+def _without(measurements, target=slice(None), step=slice(None)):
+    """The same looks, but nothing found at some targets and steps."""
+    value = measurements.value.reshape(*np.diff(measurements.offset).shape, 3).copy()
+    value[target, step] = np.nan
+    return measurements._replace(value=value.reshape(-1, 3))
+
+
 def test_translation_is_that_of_the_paper_s_filter_on_angles():
     """Twelve states without the magnitude and six are the same filter of the orbit."""
-    scene, surfaces, initial, _, observer_of, measurements, _ = _measured(hours=2.0)
+    scene, surfaces, initial, _, measurements, _ = _measured(hours=2.0)
     theirs = MultiplicativeUKF(scene, surfaces, SENSOR, initial, use_magnitude=False)
-    twelve = theirs.advance(measurements, observer_of)
-    six = _batch(scene, surfaces, initial).advance(measurements, observer_of)
+    twelve = theirs.advance(measurements)
+    six = _batch(scene, surfaces, initial).advance(measurements)
     np.testing.assert_array_equal(six.used, twelve.used)
     sigma = twelve.sigma[..., 6:]
     np.testing.assert_allclose(six.sigma[..., 6:], sigma, rtol=1e-6)
@@ -73,8 +78,8 @@ def test_translation_is_that_of_the_paper_s_filter_on_angles():
 
 def test_without_measurements_the_prior_is_propagated():
     """The spread of the attitude grows as that of the rate times the time."""
-    scene, surfaces, initial, _, observer_of, measurements, _ = _measured(hours=1.0)
-    out = _batch(scene, surfaces, initial).advance(np.full_like(measurements, np.nan), observer_of)
+    scene, surfaces, initial, _, measurements, _ = _measured(hours=1.0)
+    out = _batch(scene, surfaces, initial).advance(_without(measurements))
     np.testing.assert_allclose(out.sigma[0, 0, :3], initial.sigma[:3], rtol=0.02)
     np.testing.assert_allclose(out.sigma[0, -1, 3:6], initial.sigma[3:6], rtol=1e-9)
     expected = np.hypot(initial.sigma[0], 3600.0 * initial.sigma[3])
@@ -87,11 +92,9 @@ def test_errors_keep_within_their_bounds(inertia):
     """Six hours of light for five targets and three seeds; a tumbling body as a spherical one."""
     inside = []
     for seed in range(3):
-        scene, surfaces, initial, truth, observer_of, measured, fate = _measured(
-            inertia=inertia, seed=seed
-        )
+        scene, surfaces, initial, truth, measured, fate = _measured(inertia=inertia, seed=seed)
         estimator = _batch(scene, surfaces, initial)
-        quaternion, omega, _, sigma, _ = _in_intervals(estimator, measured, observer_of)
+        quaternion, omega, _, sigma = _in_intervals(estimator, measured)
         seen = (fate == DETECTED).sum(axis=1) > 100
         error = omega[seen, -1] - truth.angular_velocity[seen, -1]
         inside.append(np.abs(error) <= 3.0 * sigma[seen, -1, 3:6])
@@ -119,11 +122,11 @@ def test_many_starts_are_right_where_one_start_is_lost():
 
 
 def test_a_window_keeps_little_and_loses_little():
-    scene, surfaces, initial, _, observer_of, measured, fate = _measured(hours=8.0)
+    scene, surfaces, initial, _, measured, fate = _measured(hours=8.0)
     whole = _batch(scene, surfaces, initial)
     short = _batch(scene, surfaces, initial, window_hours=2.0)
-    _, omega, *_, sigma, _ = _in_intervals(whole, measured, observer_of)
-    _, near, *_, spread, _ = _in_intervals(short, measured, observer_of)
+    _, omega, _, sigma = _in_intervals(whole, measured)
+    _, near, _, spread = _in_intervals(short, measured)
     seen = (fate == DETECTED).sum(axis=1) > 200
     assert short.rows_held.max() <= 121 < whole.rows_held.max()
     np.testing.assert_allclose(spread[seen, -1, 3:6], sigma[seen, -1, 3:6], rtol=0.25)
@@ -133,35 +136,32 @@ def test_a_window_keeps_little_and_loses_little():
 def test_non_detections_are_told_from_obstruction():
     """Only a target in clear view counts as fainter than the limit."""
     faint = Sensor(limiting_magnitude=13.0)
-    scene, surfaces, initial, _, observer_of, measured, fate = _measured(hours=2.0, sensor=faint)
+    scene, surfaces, initial, _, measured, fate = _measured(hours=2.0, sensor=faint)
     assert (fate == 1).any()
     estimator = _batch(scene, surfaces, initial, sensor=faint, use_non_detections=True)
-    estimator.advance(measured, observer_of)
+    estimator.advance(measured)
     expected = (fate == DETECTED).sum(axis=1) + (fate == 1).sum(axis=1)
     np.testing.assert_allclose(estimator.rows_held, expected, atol=2)
     plain = _batch(scene, surfaces, initial, sensor=faint)
-    plain.advance(measured, observer_of)
+    plain.advance(measured)
     np.testing.assert_array_equal(plain.rows_held, (fate == DETECTED).sum(axis=1))
 
 
 def test_same_generator_same_estimates_and_targets_do_not_disturb_each_other():
-    scene, surfaces, initial, _, observer_of, measured, _ = _measured(hours=2.0)
-    runs = [
-        _batch(scene, surfaces, initial, seed=5).advance(measured, observer_of) for _ in range(2)
-    ]
+    scene, surfaces, initial, _, measured, _ = _measured(hours=2.0)
+    runs = [_batch(scene, surfaces, initial, seed=5).advance(measured) for _ in range(2)]
     np.testing.assert_array_equal(runs[0].quaternion, runs[1].quaternion)
-    others = measured.copy()
-    others[0] = np.nan
-    alone = _batch(scene, surfaces, initial, seed=5).advance(others, observer_of)
+    others = _without(measured, target=0)
+    alone = _batch(scene, surfaces, initial, seed=5).advance(others)
     np.testing.assert_array_equal(alone.quaternion[1:], runs[0].quaternion[1:])
 
 
 def test_prediction_is_the_next_step():
-    scene, surfaces, initial, _, observer_of, measured, _ = _measured(hours=2.0)
+    scene, surfaces, initial, _, measured, _ = _measured(hours=2.0)
     estimator = _batch(scene, surfaces, initial)
-    estimator.advance(measured[:, :60], observer_of)
+    estimator.advance(during(measured, 0, 60))
     predicted: Prediction = estimator.predict()
-    following = estimator.advance(np.full((5, 1, 3), np.nan), observer_of)
+    following = estimator.advance(nothing_measured(5, 1))
     np.testing.assert_array_equal(predicted.translation, following.translation[:, 0])
     np.testing.assert_array_equal(predicted.quaternion, following.quaternion[:, 0])
     deviations = np.sqrt(np.einsum("jab,jab->ja", predicted.root, predicted.root))
@@ -169,10 +169,10 @@ def test_prediction_is_the_next_step():
 
 
 def test_an_estimate_inside_the_moon_ends_and_the_others_go_on():
-    scene, surfaces, initial, _, observer_of, measured, _ = _measured(hours=1.0)
+    scene, surfaces, initial, _, measured, _ = _measured(hours=1.0)
     initial.translation[1] = [1.0 - MU, 0.001, 0.0, 0.0, 0.0, 0.0]
     estimator = _batch(scene, surfaces, initial)
-    out = estimator.advance(measured, observer_of)
+    out = estimator.advance(measured)
     assert estimator.failed[1] == INSIDE_PRIMARY
     assert np.isnan(out.quaternion[1]).all() and np.isfinite(out.quaternion[0]).all()
     assert np.isnan(estimator.predict().translation[1]).all()
@@ -227,21 +227,20 @@ def test_presets_are_those_of_the_configuration():
 
 
 def test_later_measurements_do_not_change_earlier_estimates():
-    scene, surfaces, initial, _, observer_of, measured, _ = _measured(hours=2.0)
-    whole = _batch(scene, surfaces, initial).advance(measured, observer_of)
-    cut = measured.copy()
-    cut[:, 70:] = np.nan
-    half = _batch(scene, surfaces, initial).advance(cut, observer_of)
+    scene, surfaces, initial, _, measured, _ = _measured(hours=2.0)
+    whole = _batch(scene, surfaces, initial).advance(measured)
+    cut = _without(measured, step=slice(70, None))
+    half = _batch(scene, surfaces, initial).advance(cut)
     np.testing.assert_array_equal(half.quaternion[:, :70], whole.quaternion[:, :70])
     np.testing.assert_array_equal(half.sigma[:, :70], whole.sigma[:, :70])
 
 
 def test_a_growing_light_curve_is_fitted_within_an_interval():
-    scene, surfaces, initial, _, observer_of, measured, fate = _measured(hours=2.0)
+    scene, surfaces, initial, _, measured, fate = _measured(hours=2.0)
     seen = (fate == DETECTED).all(axis=1)
     assert seen.any()
-    current = _batch(scene, surfaces, initial).advance(measured, observer_of)
-    hourly = _batch(scene, surfaces, initial, refit_growth=0.0).advance(measured, observer_of)
+    current = _batch(scene, surfaces, initial).advance(measured)
+    hourly = _batch(scene, surfaces, initial, refit_growth=0.0).advance(measured)
     before, after = (np.linalg.norm(e.sigma[seen, 60, :3], axis=-1) for e in (hourly, current))
     assert np.all(after < before) and np.median(after) < 0.8 * np.median(before)
 

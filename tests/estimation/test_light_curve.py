@@ -20,13 +20,14 @@ from cislunar.estimation.light_curves.hypotheses import (
 from cislunar.estimation.light_curves.levenberg_marquardt import refine
 from cislunar.estimation.light_curves.light_curve import (
     COLUMNS,
-    DETECTED,
     MAGNITUDE,
     OTHER_CAUSES,
     RANGE,
+    SEEN,
     SUN,
     TIME,
     VIEW,
+    WEIGHT,
     Anchor,
     LightCurveModel,
     cost,
@@ -81,7 +82,7 @@ def _light_curve(u, model, hours=(0.0, 6.0), n=120, noise=0.1, seed=0):
     data[:, VIEW] = np.stack([np.cos(1.0 + angle), np.sin(1.0 + angle), zeros + 0.3], -1)
     data[:, VIEW] /= np.linalg.norm(data[:, VIEW], axis=1)[:, None]
     data[:, RANGE] = 8.0e7
-    data[:, DETECTED] = 1.0
+    data[:, SEEN] = data[:, WEIGHT] = 1.0
     data[:, MAGNITUDE] = _magnitudes(u, data, model) + noise * rng.standard_normal(n)
     return data
 
@@ -113,10 +114,10 @@ def test_common_offset_is_marginalized():
 def test_non_detections_cost_the_probability_of_being_fainter():
     model = _model(limit=15.0)
     data = _light_curve(TRUE, model, n=30)
-    data[::3, DETECTED] = 0.0
+    data[::3, SEEN] = 0.0
     u = 0.3 * np.ones(6)
     h = _magnitudes(u, data, model)
-    seen = data[:, DETECTED] == 1.0
+    seen = data[:, SEEN] == 1.0
     expected = 0.5 * u @ u + 0.5 * np.sum((data[seen, MAGNITUDE] - h[seen]) ** 2) / 0.01
     unseen = norm.cdf((h[~seen] - 15.0) / 0.1)
     expected -= np.log(OTHER_CAUSES + (1.0 - OTHER_CAUSES) * unseen).sum()
@@ -142,7 +143,7 @@ def test_gradient_against_differences(inertia, case):
     model = _model(inertia, offset=0.2 if case == "offset" else 0.0, limit=14.0)
     data = _light_curve(TRUE, model)
     if case == "non-detections":
-        data[::4, DETECTED] = 0.0
+        data[::4, SEEN] = 0.0
     u = np.array([0.3, -0.7, 0.5, 0.2, -0.4, 0.8])
     gradient, information = np.empty(6), np.empty((6, 6))
     value = cost_and_derivatives(u, data, _anchor(), model, gradient, information)
@@ -181,13 +182,13 @@ def test_information_of_non_detections_weighs_rows_by_their_curvature():
     data = _light_curve(TRUE, model, n=60)
     limit = float(np.median(_magnitudes(TRUE, data, model)[::3]))
     model = model._replace(limiting_magnitude=limit)
-    data[::3, DETECTED] = 0.0
+    data[::3, SEEN] = 0.0
     gradient, information = np.empty(6), np.empty((6, 6))
     cost_and_derivatives(TRUE, data, _anchor(), model, gradient, information)
     jacobian = approx_fprime(TRUE, lambda u: _magnitudes(u, data, model), 1e-6)
     excess = (_magnitudes(TRUE, data, model) - limit) / 0.1
     curvature = np.array([fainter_than_limit(z)[2] for z in excess])
-    weight = np.where(data[:, DETECTED] == 1.0, 1.0, curvature) / 0.01
+    weight = np.where(data[:, SEEN] == 1.0, 1.0, curvature) / 0.01
     assert np.ptp(curvature[::3]) > 0.1  # otherwise nothing is told apart
     expected = np.eye(6) + jacobian.T @ (weight[:, None] * jacobian)
     np.testing.assert_allclose(information, expected, rtol=2e-3, atol=1e-3 * expected.max())

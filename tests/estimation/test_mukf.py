@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from measured import during, looked_at, nothing_measured
 from oracles.reference_filter import ReferenceFilter
 
 from cislunar.attitude import grp
@@ -7,16 +8,18 @@ from cislunar.attitude.quaternion import compose, inverse, rotation_vector
 from cislunar.attitude.rigid_body import propagate_torque_free
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.kalman.mukf import INITIAL_SPREAD, MultiplicativeUKF, Spread, mukf
-from cislunar.estimation.kalman.mukf_kernels import (
+from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
     FLOOR_HITS,
+    INSIDE_PRIMARY,
     OUT_OF_FIELD,
     UPDATES,
 )
-from cislunar.estimation.kalman.translation_filter import INSIDE_PRIMARY
-from cislunar.observation.measurement import DETECTED, Sensor, measure
+from cislunar.estimation.kalman.mukf import MultiplicativeUKF, mukf
+from cislunar.estimation.spread import INITIAL_SPREAD, Spread
+from cislunar.observation.measurement import DETECTED
 from cislunar.observation.scene import target_surfaces
+from cislunar.observation.sensor import Sensor
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
@@ -33,32 +36,29 @@ def _measured_problem(hours=2.0, n_targets=5, sensor=SENSOR, **settings):
     )
     initial = initial_estimate(epoch, loop.initial.components())
     truth = draw_truth(initial, scene, sensor.noise, 3, ids)
-    observer_of = np.arange(n_targets) % 5
-    measurements, fate = measure(
-        1, loop.n_steps, scene, surfaces, sensor, observer_of, truth.translation,
-        truth.quaternion, truth.noise,
-    )  # fmt: skip
-    return scene, surfaces, initial, truth, observer_of, measurements, fate
+    measurements, fate = looked_at(np.arange(n_targets) % 5, scene, surfaces, sensor, truth)
+    return scene, surfaces, initial, truth, measurements, fate.reshape(n_targets, -1)
 
 
 @pytest.mark.parametrize("inertia", [1.0, [1.0, 1.6, 2.2]])
 def test_equals_filterpy_with_the_same_model(inertia):
     """Two hours of predict and update; the references carry full covariances and naive weights."""
     process = Spread(0.03, 0.01, 0.05, 0.001)
-    scene, surfaces, initial, _, observer_of, measurements, fate = _measured_problem()
+    scene, surfaces, initial, _, measurements, fate = _measured_problem()
     surfaces = target_surfaces(icosahedron(), Material(), 5, inertia=inertia)
     filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial, process_noise=process)
-    estimates = filt.advance(measurements, observer_of)
+    estimates = filt.advance(measurements)
     compared = 0
     for j in np.flatnonzero((fate == DETECTED).mean(axis=1) > 0.9)[:2]:
         reference = ReferenceFilter(
             scene, icosahedron(), Material(), SENSOR.noise, initial,
             process.components() ** 2, j, inertia,
         )  # fmt: skip
-        for i in range(measurements.shape[1]):
+        for i in range(fate.shape[1]):
             reference.predict()
+            row = measurements.offset[j, i]
             if fate[j, i] == DETECTED:
-                reference.update(measurements[j, i], observer_of[j])
+                reference.update(measurements.value[row], measurements.observer[row])
             reference.reset()
             sigma = np.sqrt(np.diag(reference.ukf.P))
             np.testing.assert_allclose(estimates.sigma[j, i], sigma, rtol=1e-4)
@@ -75,12 +75,12 @@ def test_equals_filterpy_with_the_same_model(inertia):
 def test_general_inertia_joins_the_closed_form_and_follows_the_truth():
     """An all but spherical body is integrated to the closed form; another keeps its true rate."""
     scene, _, initial, *_ = _measured_problem()
-    nothing, unseen = np.full((5, 60, 3), np.nan), np.full(5, -1)
+    nothing = nothing_measured(5, 60)
 
     def coast(inertia, sigma=1.0):
         bodies = target_surfaces(icosahedron(), Material(), 5, inertia=inertia)
         start = initial._replace(sigma=sigma * initial.sigma)
-        return MultiplicativeUKF(scene, bodies, SENSOR, start).advance(nothing, unseen)
+        return MultiplicativeUKF(scene, bodies, SENSOR, start).advance(nothing)
 
     exact, close = coast(1.0), coast([1.0, 1.0, 1.0 + 1e-10])
     np.testing.assert_allclose(close.quaternion, exact.quaternion, atol=1e-8)
@@ -98,13 +98,12 @@ def test_general_inertia_joins_the_closed_form_and_follows_the_truth():
 
 
 def test_prediction_looks_one_step_ahead_without_moving():
-    scene, surfaces, initial, _, observer_of, *_ = _measured_problem(hours=0.5)
+    scene, surfaces, initial, *_ = _measured_problem(hours=0.5)
     filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
     first, again = filt.predict(), filt.predict()
     np.testing.assert_array_equal(first.translation, again.translation)
     assert first.index == 1
-    nothing = np.full((5, 1, 3), np.nan)
-    estimates = filt.advance(nothing, observer_of)
+    estimates = filt.advance(nothing_measured(5, 1))
     np.testing.assert_array_equal(estimates.translation[:, 0], first.translation)
     np.testing.assert_allclose(
         estimates.sigma[:, 0, 6:] ** 2, np.einsum("jaa->ja", first.covariance), rtol=1e-13
@@ -115,14 +114,16 @@ def test_prediction_looks_one_step_ahead_without_moving():
 
 def test_intervals_do_not_matter():
     """One call over two hours equals many short ones."""
-    scene, surfaces, initial, _, observer_of, measurements, _ = _measured_problem()
+    scene, surfaces, initial, _, measurements, _ = _measured_problem()
     whole = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
     parts = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
-    expected = whole.advance(measurements, observer_of)
-    pieces = [parts.advance(measurements[:, i : i + 17], observer_of) for i in range(0, 120, 17)]
+    expected = whole.advance(measurements)
+    starts = range(0, 120, 17)
+    pieces = [parts.advance(during(measurements, i, min(i + 17, 120))) for i in starts]
     for name in expected._fields:
-        joined = np.concatenate([getattr(piece, name) for piece in pieces], axis=1)
-        np.testing.assert_array_equal(joined, getattr(expected, name), err_msg=name)
+        joined = np.concatenate([getattr(piece, name).reshape(5, -1) for piece in pieces], axis=1)
+        whole_run = getattr(expected, name).reshape(5, -1)
+        np.testing.assert_array_equal(joined, whole_run, err_msg=name)
 
 
 def test_without_magnitude_the_attitude_spreads_as_the_closed_form():
@@ -156,8 +157,7 @@ def test_process_noise_grows_with_time_not_with_steps():
         scene, surfaces, epoch, _, loop = tracking_problem(1, 1, duration_hours=1.0, step_s=step_s)
         initial = initial_estimate(epoch, 1e-9 * INITIAL_SPREAD.components())
         filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial, process_noise=process)
-        nothing = np.full((1, loop.n_steps, 3), np.nan)
-        finals.append(filt.advance(nothing, np.array([-1])).sigma[0, -1])
+        finals.append(filt.advance(nothing_measured(1, loop.n_steps)).sigma[0, -1])
     for final in finals:
         attitude = np.linalg.norm(final[:3])  # the covariance only turns
         assert np.rad2deg(attitude) == pytest.approx(0.1 * np.sqrt(60.0 * 3.0), rel=1e-6)
@@ -165,16 +165,16 @@ def test_process_noise_grows_with_time_not_with_steps():
 
 
 def test_a_target_that_falls_on_the_moon_is_marked_and_the_others_go_on():
-    scene, surfaces, initial, _, observer_of, measurements, _ = _measured_problem(hours=1.0)
+    scene, surfaces, initial, _, measurements, _ = _measured_problem(hours=1.0)
     doomed = initial.translation.copy()
     doomed[1] = [1.0 - MU, 0.0, -0.007, 0.0, 0.0, 0.5]
     alone = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
-    expected = alone.advance(measurements, observer_of)
+    expected = alone.advance(measurements)
     filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial._replace(translation=doomed))
-    estimates = filt.advance(measurements, observer_of)
+    estimates = filt.advance(measurements)
     assert filt.failed[1] != 0
     assert np.all(np.isnan(estimates.translation[1, -1]))
-    assert not estimates.used[1, -1]
+    assert not estimates.used.reshape(5, -1)[1, -1]
     others = [0, 2, 3, 4]
     np.testing.assert_array_equal(filt.failed[others], 0)
     np.testing.assert_array_equal(estimates.sigma[others], expected.sigma[others])
@@ -182,37 +182,38 @@ def test_a_target_that_falls_on_the_moon_is_marked_and_the_others_go_on():
     inside = initial.translation.copy()
     inside[1, :3] = [1.0 - MU, 0.001, 0.0]
     filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial._replace(translation=inside))
-    filt.advance(measurements, observer_of)
+    filt.advance(measurements)
     assert filt.failed[1] == INSIDE_PRIMARY
 
 
 def test_a_measurement_outside_the_field_of_view_is_rejected():
-    scene, surfaces, initial, _, observer_of, measurements, fate = _measured_problem(hours=1.0)
+    scene, surfaces, initial, _, measurements, fate = _measured_problem(hours=1.0)
     j = int(np.argmax((fate == DETECTED).sum(axis=1)))
-    shifted = measurements.copy()
+    shifted = measurements.value.reshape(5, -1, 3).copy()
     shifted[j, :, 2] += np.deg2rad(1.6)
     filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
-    estimates = filt.advance(shifted, observer_of)
-    assert not estimates.used[j].any()
+    estimates = filt.advance(measurements._replace(value=shifted.reshape(-1, 3)))
+    assert not estimates.used.reshape(5, -1)[j].any()
     assert filt.counters[j, OUT_OF_FIELD] == (fate[j] == DETECTED).sum()
     assert filt.counters[j, UPDATES] == 0
 
 
 def test_updates_across_the_wrap_of_right_ascension():
     """Turning all observers by a constant angle about z must not change the estimates."""
-    scene, surfaces, initial, _, observer_of, measurements, fate = _measured_problem(hours=1.0)
+    scene, surfaces, initial, _, measurements, fate = _measured_problem(hours=1.0)
     plain = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
-    expected = plain.advance(measurements, observer_of)
+    expected = plain.advance(measurements)
     j = int(np.argmax((fate == DETECTED).sum(axis=1)))
-    shift = np.pi - np.nanmedian(measurements[j, :, 1])  # so that its measurements straddle pi
+    values = measurements.value.reshape(5, -1, 3)
+    shift = np.pi - np.nanmedian(values[j, :, 1])  # so that its measurements straddle pi
     c, s = np.cos(shift), np.sin(shift)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     turned = scene._replace(observer_axes=turn @ scene.observer_axes)
-    moved = measurements.copy()
+    moved = values.copy()
     moved[..., 1] = (moved[..., 1] + shift + np.pi) % (2.0 * np.pi) - np.pi
     assert np.ptp(moved[j, :, 1][fate[j] == DETECTED]) > 6.0
     filt = MultiplicativeUKF(turned, surfaces, SENSOR, initial)
-    estimates = filt.advance(moved, observer_of)
+    estimates = filt.advance(measurements._replace(value=moved.reshape(-1, 3)))
     np.testing.assert_array_equal(estimates.used, expected.used)
     scale = expected.sigma[..., 6:]
     assert np.max(np.abs(estimates.translation - expected.translation) / scale) < 1e-6
@@ -220,7 +221,7 @@ def test_updates_across_the_wrap_of_right_ascension():
 
 def test_dark_sigma_points_leave_the_filter_finite():
     """A target seen nearly against the Sun: some sigma points are unlit, the floor catches them."""
-    scene, surfaces, initial, _, observer_of, measurements, _ = _measured_problem(
+    scene, surfaces, initial, _, measurements, _ = _measured_problem(
         hours=1.0, sensor=Sensor(limiting_magnitude=24.0)
     )
     against = scene.sun_position.copy()
@@ -228,10 +229,10 @@ def test_dark_sigma_points_leave_the_filter_finite():
     line = initial.translation[0, :3] - scene.observer_position[0, 0]
     against[:] = initial.translation[0, :3] + 389.0 * line / np.linalg.norm(line)
     filt = MultiplicativeUKF(scene._replace(sun_position=against), surfaces, SENSOR, initial)
-    measured = measurements.copy()
+    measured = measurements.value.reshape(5, -1, 3).copy()
     measured[0, :, 0] = 24.0
     measured[0, :, 1:] = np.nan_to_num(measured[0, :, 1:])
-    estimates = filt.advance(measured, observer_of)
+    estimates = filt.advance(measurements._replace(value=measured.reshape(-1, 3)))
     assert np.all(np.isfinite(estimates.sigma))
     assert filt.counters[:, CHOLESKY_FAILURES].sum() == 0
     assert filt.counters[0, FLOOR_HITS] > 0

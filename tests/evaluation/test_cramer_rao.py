@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from measured import during, evaluate
 
 from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose, from_rotation_vector
@@ -11,10 +12,13 @@ from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.propagation import propagate, propagate_stm
 from cislunar.dynamics.runge_kutta import step_dop853
 from cislunar.errors import ConfigurationError
-from cislunar.evaluation.cramer_rao import cramer_rao_bound
-from cislunar.evaluation.metrics import bound_ratio, evaluate
-from cislunar.observation.measurement import Sensor, direction_angles, target_magnitude
+from cislunar.evaluation.cramer_rao import CramerRaoBound
+from cislunar.evaluation.metrics import bound_ratio
+from cislunar.observation.measurement import target_magnitude
 from cislunar.observation.measurement_derivatives import measurement_rows
+from cislunar.observation.records import Measurements, schedule
+from cislunar.observation.sensor import Sensor
+from cislunar.observation.sightline import direction_angles
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.simulation import Truth, TruthModel, draw_truth, initial_estimate
@@ -53,18 +57,37 @@ class Problem:
         quaternion, rate = (np.array(each) for each in zip(*moved, strict=True))
         return truth._replace(quaternion=quaternion, angular_velocity=rate)
 
-    def bound(self, observer=None, sigma=None, surfaces=None, noise=BRIGHT.noise, **changes):
-        return cramer_rao_bound(
+    def bound(
+        self, observer=None, sigma=None, surfaces=None, noise=BRIGHT.noise, ends=None, **changes
+    ):
+        """Bound of one observer, or none, for each target and step; in intervals up to `ends`."""
+        looks = used_by(self.observer if observer is None else observer, noise)
+        bound = CramerRaoBound(
             self.scene,
             self.surfaces if surfaces is None else surfaces,
-            noise,
-            self.truth.translation,
-            self.truth.quaternion,
-            self.truth.angular_velocity,
-            self.observer if observer is None else observer,
             self.sigma if sigma is None else sigma,
             **changes,
         )
+        return self.carried(bound, looks, ends)
+
+    def carried(self, bound, looks, ends=None):
+        """The bound worked through in intervals that end with these steps."""
+        truth, parts, start = self.truth, [], 0
+        for end in (looks.offset.shape[1] - 1,) if ends is None else ends:
+            some = slice(start, end + 1)
+            motion = truth.translation, truth.quaternion, truth.angular_velocity
+            states = [each[:, some] for each in motion]
+            parts.append(bound.advance(*states, during(looks, start, end)))
+            start = end
+        return np.concatenate(parts, axis=1)
+
+
+def used_by(observer, noise=BRIGHT.noise):
+    """Records of one observer, or none (-1), for each target and step."""
+    target, step = np.nonzero(np.asarray(observer) >= 0)
+    looks = schedule(target, step, observer[target, step], *observer.shape)
+    variance = np.sign(noise) * np.asarray(noise) ** 2
+    return Measurements(*looks, np.empty((target.size, 3)), np.tile(variance, (target.size, 1)))
 
 
 @pytest.fixture(scope="module")
@@ -343,15 +366,8 @@ def test_the_loop_records_the_bound_of_the_measurements_used():
                 window = slice(start, start + loop.steps_per_interval)
                 used = result.valid[0, window, j]
                 seen_from[window, j] = np.where(used, observer, -1)
-    least = cramer_rao_bound(
-        scene,
-        surfaces,
-        BRIGHT.noise,
-        truth.translation,
-        truth.quaternion,
-        truth.angular_velocity,
-        seen_from.T,
-        sigma,
+    least = CramerRaoBound(scene, surfaces, sigma).advance(
+        truth.translation, truth.quaternion, truth.angular_velocity, used_by(seen_from.T)
     )
     expected = least[:, loop.recorded].swapaxes(0, 1).astype(np.float32)
     np.testing.assert_array_equal(result.bound[0], expected)
@@ -401,11 +417,11 @@ def test_only_the_final_hours_count():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"observer": np.zeros((3, 4), dtype=int)}, "observer"),
+        ({"observer": np.zeros((3, 4), dtype=int), "ends": (180,)}, "measurements"),
         ({"sigma": np.zeros(12)}, "sigma"),
         ({"process_variance": -np.ones(12)}, "process_variance"),
         ({"process_variance": np.ones(3)}, "process_variance"),
-        ({"noise": (0.1, -1.0, 1e-5)}, "noise"),
+        ({"noise": (0.1, -1.0, 1e-5)}, "variance"),
     ],
 )
 def test_impossible_inputs_are_named(problem, changes, message):

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from measured import evaluate
 
 from cislunar.attitude import grp
 from cislunar.attitude.quaternion import from_rotation_vector
@@ -17,17 +18,22 @@ def consistent():
     return sigma * rng.standard_normal(sigma.shape), sigma
 
 
+def _whole(error, sigma):
+    return evaluate(error, sigma, np.ones(error.shape[:2], dtype=bool), STEP_S)
+
+
 def test_a_consistent_filter_scores_as_a_gaussian(consistent):
-    error, sigma = consistent
-    np.testing.assert_allclose(metrics.coverage(error, sigma), 0.9973, atol=0.002)
-    np.testing.assert_allclose(metrics.anees(error, sigma), 1.0, atol=0.06)
-    np.testing.assert_allclose(metrics.rmse(error), 1.3229, rtol=0.03)  # rms of U(0.5, 2)
+    found = _whole(*consistent)
+    np.testing.assert_allclose(found.coverage, 0.9973, atol=0.002)
+    np.testing.assert_allclose(found.anees, 1.0, atol=0.06)
+    np.testing.assert_allclose(found.rmse, 1.3229, rtol=0.03)  # rms of U(0.5, 2)
 
 
 def test_an_overconfident_filter_scores_the_square_of_its_overconfidence(consistent):
     error, sigma = consistent
-    np.testing.assert_allclose(metrics.anees(error, sigma / 3.0), 9.0, rtol=0.06)
-    np.testing.assert_allclose(metrics.coverage(error, sigma / 3.0), 0.6827, atol=0.02)
+    found = _whole(error, sigma / 3.0)
+    np.testing.assert_allclose(found.anees, 9.0, rtol=0.06)
+    np.testing.assert_allclose(found.coverage, 0.6827, atol=0.02)
 
 
 def test_a_failed_estimate_is_not_covered_and_ends_its_averages():
@@ -35,11 +41,12 @@ def test_a_failed_estimate_is_not_covered_and_ends_its_averages():
     sigma = np.ones((1, 10, 12))
     error[0, 4:] = np.nan
     sigma[0, 4:] = np.nan
-    assert np.all(metrics.coverage(error, sigma) == 0.4)
-    assert np.all(metrics.anees(error, sigma) == 1.0)
-    assert np.all(metrics.rmse(error) == 1.0)
+    found = _whole(error, sigma)
+    assert np.all(found.coverage == 0.4)
+    assert np.all(found.anees == 1.0)
+    assert np.all(found.rmse == 1.0)
     lost = np.full((1, 10, 12), np.nan)
-    assert np.all(np.isnan(metrics.rmse(lost)))
+    assert np.all(np.isnan(_whole(lost, sigma).rmse))
 
 
 def _run(rotation_outside, translation_outside, observed):
@@ -50,7 +57,7 @@ def _run(rotation_outside, translation_outside, observed):
         error[:, N_STEPS - round(share * final) :, part] = 5.0
     used = np.zeros((1, N_STEPS), dtype=bool)
     used[0, 3] = observed
-    return metrics.evaluate(error, sigma, used, STEP_S)
+    return evaluate(error, sigma, used, STEP_S)
 
 
 @pytest.mark.parametrize(
@@ -74,7 +81,7 @@ def test_only_the_final_hours_decide():
     error, sigma = np.zeros((1, N_STEPS, 12)), np.ones((1, N_STEPS, 12))
     error[:, : N_STEPS - 24] = 100.0
     used = np.ones((1, N_STEPS), dtype=bool)
-    assert metrics.evaluate(error, sigma, used, STEP_S).status[0] == TRACKED
+    assert evaluate(error, sigma, used, STEP_S).status[0] == TRACKED
 
 
 def test_attitude_angle_inverts_the_grp():
@@ -90,5 +97,25 @@ def test_final_attitude_error_is_the_rms_angle():
     p = grp.from_quaternion(from_rotation_vector(np.array([0.0, np.deg2rad(20.0), 0.0])))
     error[0, -24::2, :3] = p
     used = np.ones((2, N_STEPS), dtype=bool)
-    final = metrics.evaluate(error, sigma, used, STEP_S).final_attitude_error_deg
+    final = evaluate(error, sigma, used, STEP_S).final_attitude_error_deg
     np.testing.assert_allclose(final, [20.0 / np.sqrt(2.0), 0.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("lengths", [(144,), (1,) * 144, (7, 60, 77), (140, 4)])
+def test_the_lengths_of_the_intervals_do_not_matter(lengths):
+    """To the last bit, with a failed estimate, an ended bound and a target never observed."""
+    rng = np.random.default_rng(8)
+    sigma = rng.uniform(0.5, 2.0, size=(4, N_STEPS, 12))
+    error = sigma * rng.standard_normal(sigma.shape)
+    bound = 0.7 * sigma
+    used = rng.random((4, N_STEPS)) < 0.01
+    used[0], used[1, 5] = False, True
+    error[1, 100:], sigma[1, 100:], bound[2, 130:] = np.nan, np.nan, np.nan
+    gathered = metrics.Evaluation(STEP_S)
+    for end, length in zip(np.cumsum(lengths), lengths, strict=True):
+        some = slice(end - length, end)
+        observed = used[:, some].any(axis=1)
+        gathered.update(error[:, some], sigma[:, some], observed, bound[:, some])
+    whole = evaluate(error, sigma, used, STEP_S, bound)
+    for name, values in whole._asdict().items():
+        np.testing.assert_array_equal(getattr(gathered.result(), name), values, err_msg=name)

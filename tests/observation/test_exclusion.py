@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from oracles.visibility import directions_to_bodies, outside_exclusion
 
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
-from cislunar.observation.exclusion import ExclusionAngles, directions_to_bodies, outside_exclusion
+from cislunar.observation import sightline
+from cislunar.observation.sensor import ExclusionAngles
 
 SUN = np.array([0.0, 389.0, 3.0])
 
@@ -59,6 +61,11 @@ def test_random_lines_against_measured_angles():
     sun = 389.0 * turned(SUN, 40.0)
     angles = ExclusionAngles(sun_deg=60.0, moon_deg=40.0, earth_deg=50.0)
     clear = outside_exclusion(line, directions_to_bodies(position, sun), angles)
+    compiled = [
+        sightline.outside_exclusion(*here, *way, sun, angles.cosines, MU)
+        for way, here in zip(line, position, strict=True)
+    ]
+    np.testing.assert_array_equal(compiled, clear)
     expected = [
         angle_between(way, sun - here) > 60.0
         and angle_between(way, np.array([1.0 - MU, 0.0, 0.0]) - here) > 40.0

@@ -1,25 +1,29 @@
 import numpy as np
 import pytest
+from measured import looked_at
+from oracles.visibility import directions_to_bodies, outside_exclusion
 
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.errors import ConfigurationError
 from cislunar.observation import measurement
-from cislunar.observation.exclusion import ExclusionAngles, directions_to_bodies, outside_exclusion
 from cislunar.observation.measurement import (
     DETECTED,
-    EARTH_RADIUS,
     EXCLUDED,
     FAINT,
-    MOON_RADIUS,
     NOT_TASKED,
     OCCULTED,
-    Sensor,
-    direction_angles,
     measure,
+)
+from cislunar.observation.records import constant_schedule, highest
+from cislunar.observation.scene import make_scene, target_surfaces
+from cislunar.observation.sensor import ExclusionAngles, Sensor
+from cislunar.observation.sightline import (
+    EARTH_RADIUS,
+    MOON_RADIUS,
+    direction_angles,
     occulted,
     wrap_angle,
 )
-from cislunar.observation.scene import make_scene, target_surfaces
 from cislunar.photometry.facets import apparent_magnitude
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron, icosphere
@@ -55,11 +59,10 @@ def test_measurements_are_angles_in_the_observer_frame_and_the_facet_magnitude(p
     sensor = Sensor(
         limiting_magnitude=90.0, exclusion=ExclusionAngles(0.0, 0.0, 0.0), occultation=False
     )
-    measured, fate = measure(
-        7, 30, scene, surfaces, sensor, observer_of, truth.translation, truth.quaternion,
-        truth.noise,
-    )  # fmt: skip
+    records, fate = looked_at(observer_of, scene, surfaces, sensor, truth, 7, 30)
+    measured = records.value.reshape(5, 30, 3)
     assert np.all(fate == DETECTED)
+    np.testing.assert_array_equal(records.variance, np.tile(sensor.noise**2, (150, 1)))
     for j in range(5):
         for i in (0, 29):
             k = 7 + i
@@ -76,7 +79,7 @@ def test_measurements_are_angles_in_the_observer_frame_and_the_facet_magnitude(p
                 np.linalg.norm(line) * LENGTH_UNIT_KM * 1000.0,
                 icosahedron(),
             )
-            noise = truth.noise[j, k]
+            noise = truth.noise[j, k, 0]
             if np.isfinite(magnitude):
                 assert measured[j, i, 0] == pytest.approx(magnitude + noise[0], abs=1e-9)
             assert wrap_angle(measured[j, i, 1] - ra - noise[1]) == pytest.approx(0.0, abs=1e-12)
@@ -96,22 +99,19 @@ def test_fates_follow_the_limits(problem):
     for observer in range(5):
         observer_of = np.full(5, observer)
         observer_of[4] = -1
-        measured, fate = measure(
-            1, 120, scene, surfaces, sensor, observer_of, truth.translation, truth.quaternion,
-            truth.noise,
-        )  # fmt: skip
-        unlimited, _ = measure(
-            1, 120, scene, surfaces, Sensor(limiting_magnitude=90.0, occultation=False),
-            observer_of, truth.translation, truth.quaternion, truth.noise,
-        )  # fmt: skip
+        records, row_fate = looked_at(observer_of, scene, surfaces, sensor, truth)
+        fate = highest(records, row_fate, NOT_TASKED)
+        keen = Sensor(limiting_magnitude=90.0, occultation=False)
+        every, _ = looked_at(observer_of, scene, surfaces, keen, truth)
+        measured, unlimited = (each.value.reshape(4, 120, 3) for each in (records, every))
         position = scene.observer_position[observer, 1:]
         line = truth.translation[:4, 1:, :3] - position
         bodies = directions_to_bodies(position, scene.sun_position[1:])
         clear = outside_exclusion(line, bodies, ExclusionAngles())
         np.testing.assert_array_equal(fate[:4] != EXCLUDED, clear)
-        np.testing.assert_array_equal(fate[:4] == DETECTED, unlimited[:4, :, 0] <= 17.0)
+        np.testing.assert_array_equal(fate[:4] == DETECTED, unlimited[..., 0] <= 17.0)
         assert np.all(fate[4] == NOT_TASKED)
-        np.testing.assert_array_equal(np.isfinite(measured).all(axis=2), fate == DETECTED)
+        np.testing.assert_array_equal(np.isfinite(measured).all(axis=2), fate[:4] == DETECTED)
         seen |= set(np.unique(fate))
     assert seen == {NOT_TASKED, FAINT, EXCLUDED, DETECTED}
 
@@ -149,8 +149,9 @@ def test_a_target_behind_the_moon_is_occulted():
     attitude = np.tile([0.0, 0.0, 0.0, 1.0], (1, 2, 1))
     fates = [
         measure(
-            1, 1, scene, surfaces, Sensor(occultation=flag, limiting_magnitude=90.0),
-            np.array([0]), state, attitude, np.zeros((1, 2, 3)),
+            1, constant_schedule([0], 1, 1), scene, surfaces,
+            Sensor(occultation=flag, limiting_magnitude=90.0), state, attitude,
+            np.zeros((1, 2, 1, 3)),
         )[1].item()
         for flag in (True, False)
     ]  # fmt: skip

@@ -8,8 +8,8 @@ from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.kalman.mukf import mukf
-from cislunar.observation.measurement import Sensor
 from cislunar.observation.scene import target_surfaces
+from cislunar.observation.sensor import Sensor
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
@@ -84,9 +84,9 @@ class Witness:
         made = mukf()(scene, surfaces, sensor, initial, rng, forces)
         advance = made.advance
 
-        def watched(measurements, observer_of):
-            self.measurements.append(measurements)
-            estimates = advance(measurements, observer_of)
+        def watched(measurements):
+            self.measurements.append(measurements.value)
+            estimates = advance(measurements)
             self.used.append(estimates.used)
             return estimates
 

@@ -2,9 +2,24 @@
 
 import numpy as np
 
-from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.observation.exclusion import directions_to_bodies, outside_exclusion
+from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
+
+
+def directions_to_bodies(position, sun_position):
+    """Unit vectors from observers (..., 3) to the Sun, Moon and Earth, shape (..., 3, 3)."""
+    sun = sun_position - position
+    moon = np.array([1.0 - MU, 0.0, 0.0]) - position
+    earth = np.array([-MU, 0.0, 0.0]) - position
+    toward = np.stack(np.broadcast_arrays(sun, moon, earth), axis=-2)
+    return toward / np.linalg.norm(toward, axis=-1, keepdims=True)
+
+
+def outside_exclusion(observer_to_target, toward_bodies, angles):
+    """Whether lines of sight (..., 3) keep clear of the Sun, Moon and Earth."""
+    distance = np.linalg.norm(observer_to_target, axis=-1)
+    projections = np.einsum("...bc,...c->...b", toward_bodies, observer_to_target)
+    return np.all(projections < distance[..., None] * angles.cosines, axis=-1)
 
 
 def visible(observer, target, sun, settings):

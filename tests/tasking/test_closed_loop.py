@@ -1,13 +1,14 @@
 import numpy as np
 import pytest
+from measured import evaluate
 
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.kalman.mukf_kernels import CHOLESKY_FAILURES, UPDATES
-from cislunar.evaluation.metrics import NEVER_OBSERVED, evaluate
-from cislunar.observation.measurement import Sensor
+from cislunar.estimation.estimator import CHOLESKY_FAILURES, UPDATES
+from cislunar.evaluation.metrics import NEVER_OBSERVED
 from cislunar.observation.scene import make_scene, target_surfaces
+from cislunar.observation.sensor import Sensor
 from cislunar.photometry.materials import Material
-from cislunar.photometry.shapes import icosahedron, icosphere
+from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import FATE_NAMES, USED, run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.information import TaskingModel
@@ -46,25 +47,6 @@ def test_shapes_and_ranges(result):
     assert result.counters[..., CHOLESKY_FAILURES].sum() == 0
     np.testing.assert_array_equal(result.counters[..., UPDATES], result.valid.sum(axis=1))
     assert not result.failed.any()
-
-
-def test_targets_judged_a_few_at_a_time_are_judged_the_same(result, monkeypatch):
-    monkeypatch.setattr("cislunar.tasking.closed_loop.JUDGED_TOGETHER", 2)
-    other = _run(seeds=(0, 1))
-    np.testing.assert_array_equal(other.bound, result.bound)
-    for ours, theirs in zip(other.metrics, result.metrics, strict=True):
-        np.testing.assert_array_equal(ours, theirs)
-        assert ours.dtype == theirs.dtype
-
-
-def test_surfaces_of_some_targets_are_theirs():
-    shapes = [icosahedron(), icosphere(1), icosahedron()]
-    surfaces = target_surfaces(shapes, [Material(), Material(rms_slope=0.2), Material()], 3)
-    some = surfaces.of(slice(1, 9))
-    np.testing.assert_array_equal(some.first, [0, 80, 100])
-    np.testing.assert_array_equal(some.areas, surfaces.areas[20:])
-    np.testing.assert_array_equal(some.normals, surfaces.normals[20:])
-    np.testing.assert_array_equal(some.material, surfaces.material[1:])
 
 
 def test_only_assigned_targets_are_measured(result):
@@ -176,7 +158,7 @@ def test_truth_is_drawn_from_the_initial_distribution():
     np.testing.assert_allclose(error.std(axis=0), sigma[6:], rtol=0.1)
     rates = truth.angular_velocity[:, 0] - initial.angular_velocity
     np.testing.assert_allclose(rates.std(axis=0), sigma[3:6], rtol=0.1)
-    np.testing.assert_allclose(truth.noise.std(axis=(0, 1)), BRIGHT.noise, rtol=0.03)
+    np.testing.assert_allclose(truth.noise.std(axis=(0, 1, 2)), BRIGHT.noise, rtol=0.03)
     # small angles: the vector part is half the rotation vector
     np.testing.assert_allclose(2.0 * truth.quaternion[:, 0, :3].std(axis=0), sigma[:3], rtol=0.1)
 

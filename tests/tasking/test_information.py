@@ -1,14 +1,15 @@
 import numpy as np
 import pytest
+from oracles.unscented import central_weights, sigma_points
 from oracles.visibility import visible
 
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
-from cislunar.estimation.unscented import sigma_points, unscented_weights
-from cislunar.observation.exclusion import ExclusionAngles
-from cislunar.observation.measurement import Sensor, direction_angles
+from cislunar.estimation.unscented import unscented_weights
+from cislunar.observation.sensor import ExclusionAngles, Sensor
+from cislunar.observation.sightline import direction_angles
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
 from cislunar.tasking.assignment import assign
 from cislunar.tasking.demonstration import tracking_problem
@@ -44,8 +45,9 @@ def _posterior(problem, o, j):
     lines = points[:, :3] - scene.observer_position[o, prediction.index]
     images = np.array([direction_angles(*d, scene.observer_axes[prediction.index]) for d in lines])
     outer = np.full(12, weights.outer)
-    mean = np.r_[weights.mean_central, outer] @ images
-    wc = np.r_[weights.covariance_central, outer][:, None]
+    mean_central, covariance_central = central_weights(6)
+    mean = np.r_[mean_central, outer] @ images
+    wc = np.r_[covariance_central, outer][:, None]
     innovation = (wc * (images - mean)).T @ (images - mean) + np.diag(sensor.noise[1:] ** 2)
     cross = (wc * (points - prediction.translation[j])).T @ (images - mean)
     return covariance - cross @ np.linalg.solve(innovation, cross.T)

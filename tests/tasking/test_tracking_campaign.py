@@ -11,8 +11,8 @@ import pytest
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics.propagation import propagate_periodic
 from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
+from cislunar.estimation.estimator import CHOLESKY_FAILURES
 from cislunar.estimation.kalman.mukf import mukf
-from cislunar.estimation.kalman.mukf_kernels import CHOLESKY_FAILURES
 from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED
 from cislunar.observation.scene import make_scene, target_surfaces
 from cislunar.orbits.families import observer_library

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import equations_of_motion
 from cislunar.errors import ConfigurationError
-from cislunar.observation.exclusion import ExclusionAngles
+from cislunar.observation.sensor import ExclusionAngles
 from cislunar.orbits.families import family_members
 from cislunar.photometry.sphere import phase_function, sphere_magnitude
 from cislunar.visibility.counts import (

@@ -12,12 +12,11 @@ from cislunar.campaign.settings import cell_tree, tree
 from cislunar.campaign.settings.cells import true_settings
 from cislunar.campaign.settings.reading import typed
 from cislunar.estimation.estimator import EstimatorFactory
-from cislunar.estimation.kalman.mukf import Spread
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.registry import estimator_named
-from cislunar.observation.exclusion import ExclusionAngles
-from cislunar.observation.measurement import Sensor
+from cislunar.estimation.spread import Spread
 from cislunar.observation.scene import TargetSurfaces, target_surfaces
+from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.orbits.extent import CATALOGUE_EXTENT, Extent
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.mesh_files import load_shape

@@ -12,7 +12,7 @@ from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import run_cell
-from cislunar.estimation.kalman.mukf_kernels import (
+from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
     FLOOR_HITS,
     OUT_OF_FIELD,

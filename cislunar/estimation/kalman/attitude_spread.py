@@ -9,159 +9,52 @@ The root of the covariance being lower triangular with the attitude first, the s
 6 .. 11 of either sign share attitude and rate with the central one; they differ from it by nothing.
 """
 
-from typing import NamedTuple
-
-import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
 
-from cislunar.attitude.grp import (
-    GRP_A,
-    GRP_F,
-    grp_from_quaternion_components,
-    quaternion_from_grp_components,
-)
-from cislunar.attitude.inertia import inertia_matrix, is_spherical
+from cislunar.attitude.grp import GRP_A, GRP_F, grp_from_quaternion_components
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
 from cislunar.attitude.short_steps import torque_free_step
-
-Array = NDArray[np.float64]
+from cislunar.estimation.expected import attitude_error
 
 _SIDE = 12
 """Sigma points of either sign."""
 
 
-class RigidBodies(NamedTuple):
-    """Inertia of the targets, in the layout of the compiled kernels.
-
-    Attributes
-    ----------
-    inertia, inverse : ndarray, shape (target, 3, 3)
-        Inertia matrices, body frame, any unit, and their inverses.
-    spherical : ndarray of bool, shape (target,)
-        Whether the closed form holds.
-    """
-
-    inertia: Array
-    inverse: Array
-    spherical: NDArray[np.bool_]
-
-
-def rigid_bodies(inertia: ArrayLike) -> RigidBodies:
-    """Lay out the inertia of the targets for the kernels.
-
-    Parameters
-    ----------
-    inertia : array_like, shape (target, 3, 3)
-        Body frame, any unit.
-
-    Returns
-    -------
-    RigidBodies
-
-    Raises
-    ------
-    ConfigurationError
-        If no rigid body has such an inertia.
-    """
-    matrices = np.array([inertia_matrix(matrix) for matrix in np.asarray(inertia, dtype=float)])
-    spherical = np.array([is_spherical(matrix) for matrix in matrices])
-    return RigidBodies(matrices, np.linalg.inv(matrices), spherical)
-
-
 @njit(cache=True, error_model="numpy")
-def spherical_differences(omega, root, spread, step_s, turn, differences):
-    """Attitude and rate parts of the propagated differences, spherical inertia (compiled).
+def rotation_differences(omega, root, spread, step_s, bodies, j, differences):
+    """Attitude and rate parts of the propagated differences (Paul & Fan, eq. 38), (24, 12).
 
-    Parameters
-    ----------
-    omega : ndarray, shape (3,)
-        Mean angular velocity, rad/s, body frame.
-    root : ndarray, shape (12, 12)
-        Lower Cholesky factor of the covariance.
-    spread : float
-        Distance of the sigma points in standard deviations.
-    step_s : float
-        Step, s.
-    turn : tuple of 4 floats
-        Turn of the central point over the step.
-    differences : ndarray, shape (24, 12)
-        Columns 0 .. 5 receive the GRP of the attitude error and the difference of the rate.
+    They go into columns 0 .. 5. `omega` (3,), the mean rate of target j, rad/s, becomes that of the
+    central point after the step, whose turn over the step is returned as a quaternion.
     """
+    o1, o2, o3 = omega[0], omega[1], omega[2]
+    inertia, inverse, spherical = bodies.inertia[j], bodies.inverse[j], bodies.spherical[j]
+    v1, v2, v3 = 0.0, 0.0, 0.0
+    if spherical:
+        turn = rotation_vector_components(o1 * step_s, o2 * step_s, o3 * step_s)
+    else:
+        t1, t2, t3, t4, v1, v2, v3 = torque_free_step(o1, o2, o3, inertia, inverse, step_s)
+        turn = (t1, t2, t3, t4)
+        omega[0], omega[1], omega[2] = v1, v2, v3
     differences[:, 0:6] = 0.0
     for i in range(6):
         for sign in range(2):
             s = spread if sign == 0 else -spread
-            row = i if sign == 0 else _SIDE + i
-            d1, d2, d3, d4 = quaternion_from_grp_components(
-                s * root[0, i], s * root[1, i], s * root[2, i], GRP_A, GRP_F
-            )
+            row = differences[i if sign == 0 else _SIDE + i]
+            d1, d2, d3, d4 = attitude_error(root, i, s)
             w1, w2, w3 = s * root[3, i], s * root[4, i], s * root[5, i]
-            t1, t2, t3, t4 = rotation_vector_components(
-                (omega[0] + w1) * step_s, (omega[1] + w2) * step_s, (omega[2] + w3) * step_s
-            )
+            if spherical:
+                t1, t2, t3, t4 = rotation_vector_components(
+                    (o1 + w1) * step_s, (o2 + w2) * step_s, (o3 + w3) * step_s
+                )
+            else:
+                t1, t2, t3, t4, w1, w2, w3 = torque_free_step(
+                    o1 + w1, o2 + w2, o3 + w3, inertia, inverse, step_s
+                )
             d1, d2, d3, d4 = multiply_components(t1, t2, t3, t4, d1, d2, d3, d4)
             d1, d2, d3, d4 = multiply_components(
                 d1, d2, d3, d4, -turn[0], -turn[1], -turn[2], turn[3]
             )
-            p1, p2, p3 = grp_from_quaternion_components(d1, d2, d3, d4, GRP_A, GRP_F)
-            differences[row, 0] = p1
-            differences[row, 1] = p2
-            differences[row, 2] = p3
-            differences[row, 3] = w1
-            differences[row, 4] = w2
-            differences[row, 5] = w3
-
-
-@njit(cache=True, error_model="numpy")
-def general_differences(omega, root, spread, step_s, inertia, inverse, differences):
-    """Attitude and rate parts of the propagated differences, any inertia
-    (Paul & Fan, eq. 38; compiled).
-
-    Parameters
-    ----------
-    omega : ndarray, shape (3,)
-        Mean angular velocity, rad/s, body frame; becomes that of the central point after the step.
-    root, spread, step_s, differences
-        As in `spherical_differences`.
-    inertia, inverse : ndarray, shape (3, 3)
-        Inertia matrix and its inverse.
-
-    Returns
-    -------
-    tuple of 4 floats
-        Turn of the central point over the step.
-    """
-    t1, t2, t3, t4, v1, v2, v3 = torque_free_step(
-        omega[0], omega[1], omega[2], inertia, inverse, step_s
-    )
-    turn = (t1, t2, t3, t4)
-    differences[:, 0:6] = 0.0
-    for i in range(6):
-        for sign in range(2):
-            s = spread if sign == 0 else -spread
-            row = i if sign == 0 else _SIDE + i
-            d1, d2, d3, d4 = quaternion_from_grp_components(
-                s * root[0, i], s * root[1, i], s * root[2, i], GRP_A, GRP_F
-            )
-            t1, t2, t3, t4, w1, w2, w3 = torque_free_step(
-                omega[0] + s * root[3, i],
-                omega[1] + s * root[4, i],
-                omega[2] + s * root[5, i],
-                inertia,
-                inverse,
-                step_s,
-            )
-            d1, d2, d3, d4 = multiply_components(t1, t2, t3, t4, d1, d2, d3, d4)
-            d1, d2, d3, d4 = multiply_components(
-                d1, d2, d3, d4, -turn[0], -turn[1], -turn[2], turn[3]
-            )
-            p1, p2, p3 = grp_from_quaternion_components(d1, d2, d3, d4, GRP_A, GRP_F)
-            differences[row, 0] = p1
-            differences[row, 1] = p2
-            differences[row, 2] = p3
-            differences[row, 3] = w1 - v1
-            differences[row, 4] = w2 - v2
-            differences[row, 5] = w3 - v3
-    omega[0], omega[1], omega[2] = v1, v2, v3
+            row[0], row[1], row[2] = grp_from_quaternion_components(d1, d2, d3, d4, GRP_A, GRP_F)
+            row[3], row[4], row[5] = w1 - v1, w2 - v2, w3 - v3
     return turn

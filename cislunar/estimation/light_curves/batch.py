@@ -16,25 +16,33 @@ Assumptions and limitations
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.attitude.inertia import is_spherical
+from cislunar.attitude.inertia import RigidBodies, rigid_bodies
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.estimator import Estimates, EstimatorFactory, InitialEstimate, Prediction
-from cislunar.estimation.kalman.mukf import PROCESS_NOISE_PERIOD_S, Spread
-from cislunar.estimation.kalman.mukf_kernels import HEALTHY, N_COUNTERS
-from cislunar.estimation.kalman.translation_filter import WEIGHTS, TranslationConstants
+from cislunar.estimation.estimator import (
+    HEALTHY,
+    N_COUNTERS,
+    Estimates,
+    EstimatorFactory,
+    InitialEstimate,
+    Prediction,
+    empty_estimates,
+)
+from cislunar.estimation.kalman.translation_filter import SIZE
+from cislunar.estimation.kalman.workspace import filter_constants
 from cislunar.estimation.light_curves.batch_kernels import (
-    CONDITION,
-    POINTS,
-    ROWS,
+    BatchConstants,
+    FitState,
     advance_target,
     predict_target,
 )
 from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
 from cislunar.estimation.light_curves.hypotheses import Hypotheses, mixture_points, prior_hypotheses
 from cislunar.estimation.light_curves.light_curve import COLUMNS, UNKNOWNS, Anchor, LightCurveModel
-from cislunar.observation.measurement import Sensor
+from cislunar.estimation.spread import Spread
+from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.sensor import Sensor
 
 Array = NDArray[np.float64]
 
@@ -85,47 +93,39 @@ class BatchEstimator:
         process_noise: Spread | None = None,
         forces: tuple = EARTH_MOON,
     ) -> None:
-        if not np.all(initial.sigma > 0.0):
-            raise ConfigurationError(f"initial sigma {initial.sigma} must be positive throughout")
-        process = (Spread() if process_noise is None else process_noise).components()
-        if np.any(process[:6] > 0.0):
+        initial.require_positive()
+        if process_noise is not None and np.any(process_noise.components()[:6] > 0.0):
             raise ConfigurationError(
                 "process_noise: attitude_deg and angular_velocity_deg_h must be 0 for the batch "
                 "estimator, which takes the rotation as free of noise; set window_hours and "
                 "memory_hours instead"
             )
-        self._settings = BatchSettings() if settings is None else settings
+        settings = BatchSettings() if settings is None else settings
         self._scene = scene
-        self._limits = sensor.limits()
+        self._constants = _batch_constants(settings, scene, sensor, process_noise, forces)
         self._translation = np.array(initial.translation, dtype=float)
         n_targets = self._translation.shape[0]
         self._root = np.tile(np.diag(initial.sigma[6:]), (n_targets, 1, 1))
-        self._constants = TranslationConstants(
-            forces,
-            process[6:] ** 2 * (scene.step_s / PROCESS_NOISE_PERIOD_S),
-            self._limits.noise_variance[1:].copy(),
-            self._limits.half_field,
-            WEIGHTS,
-        )
+        bodies = rigid_bodies(surfaces.inertia)
         self._models = [
-            _light_curve_model(j, surfaces, sensor, initial, self._settings)
+            _light_curve_model(j, surfaces, bodies, sensor, initial, settings)
             for j in range(n_targets)
         ]
-        self._hypotheses = [prior_hypotheses(self._settings.modes) for _ in range(n_targets)]
+        self._hypotheses = [prior_hypotheses(settings.modes) for _ in range(n_targets)]
         self._rngs = rng.spawn(n_targets)
         self._points = [
             _prior_points(*each) for each in zip(self._hypotheses, self._models, strict=True)
         ]
         self._data = [np.empty((0, COLUMNS)) for _ in range(n_targets)]
-        self._state = np.zeros((n_targets, 4), dtype=np.int64)
-        self._state[:, POINTS] = _POINTS_PER_MODE
+        self._state = FitState(*np.zeros((4, n_targets), dtype=np.int64))
+        self._state.points[:] = _POINTS_PER_MODE
         self._counters = np.zeros((n_targets, N_COUNTERS), dtype=np.int64)
         self._index = 0
 
     @property
     def failed(self) -> NDArray[np.uint8]:
         """Per target, 0 or why its estimate came to an end."""
-        return self._state[:, CONDITION].astype(np.uint8)
+        return self._state.condition.astype(np.uint8)
 
     @property
     def counters(self) -> NDArray[np.int64]:
@@ -133,14 +133,9 @@ class BatchEstimator:
         return self._counters
 
     @property
-    def hypotheses(self) -> list[Hypotheses]:
-        """Modes of every target, as of its last fit."""
-        return self._hypotheses
-
-    @property
     def rows_held(self) -> NDArray[np.int64]:
         """Per target, measurements (and non-detections) of its light curve that are kept."""
-        return self._state[:, ROWS].copy()
+        return self._state.rows.copy()
 
     def light_curve(self, j: int) -> tuple[Array, LightCurveModel, Anchor]:
         """What the attitude of target j is fitted to.
@@ -152,7 +147,7 @@ class BatchEstimator:
 
         Returns
         -------
-        data : ndarray, shape (n, 10)
+        data : ndarray, shape (n, COLUMNS)
             The rows kept, as in `cislunar.estimation.light_curves.light_curve.cost`.
         model : LightCurveModel
         anchor : Anchor
@@ -160,7 +155,7 @@ class BatchEstimator:
         """
         modes = self._hypotheses[j]
         anchor = Anchor(modes.anchor_mean[0], modes.anchor_information[0], modes.anchor_offset[0])
-        return self._data[j][: self._state[j, ROWS]].copy(), self._models[j], anchor
+        return self._data[j][: self._state.rows[j]].copy(), self._models[j], anchor
 
     def predict(self) -> Prediction:
         """Estimates at the next measurement time; the estimator itself does not move on.
@@ -172,73 +167,54 @@ class BatchEstimator:
         translation, root = self._translation.copy(), self._root.copy()
         mean, joint = np.empty((n_targets, 4)), np.zeros((n_targets, 12, 12))
         for j in range(n_targets):
-            if self._state[j, CONDITION] != HEALTHY:
+            if self._state.condition[j] != HEALTHY:
                 translation[j] = np.nan
                 continue
-            count = self._state[j, POINTS]
-            quaternion, omega, weight = (part[:count] for part in self._points[j])
+            points = tuple(part.copy() for part in self._points[j])
             predict_target(
-                self._index * self._scene.step,
+                self._index,
                 self._scene,
                 self._constants,
                 self._models[j],
                 translation[j],
                 root[j],
-                quaternion.copy(),
-                omega.copy(),
-                weight,
+                points,
+                self._state.points[j],
                 mean[j],
                 joint[j],
             )
         covariance = root @ np.swapaxes(root, 1, 2)
         return Prediction(self._index + 1, translation, covariance, mean, joint)
 
-    def advance(self, measurements: Array, observer_of: NDArray[np.int64]) -> Estimates:
+    def advance(self, measurements: Measurements) -> Estimates:
         """Work through the next steps; see `Estimator.advance`."""
-        n_targets, n_steps = measurements.shape[:2]
-        out = Estimates(
-            np.empty((n_targets, n_steps, 4)),
-            np.empty((n_targets, n_steps, 3)),
-            np.empty((n_targets, n_steps, 6)),
-            np.empty((n_targets, n_steps, 12)),
-            np.empty((n_targets, n_steps), dtype=np.bool_),
-        )
-        window, memory = (
-            np.inf if hours is None else 3600.0 * hours
-            for hours in (self._settings.window_hours, self._settings.memory_hours)
-        )
-        settings = self._settings.search_settings()
-        for j in range(n_targets):
-            self._make_room(j, n_steps)
+        out = empty_estimates(measurements)
+        looks = measurements.offset[:, -1] - measurements.offset[:, 0]
+        for j, model in enumerate(self._models):
+            self._make_room(j, int(looks[j]))
             advance_target(
+                j,
                 self._index + 1,
                 self._scene,
-                self._limits,
                 self._constants,
-                self._models[j],
-                settings,
-                float(self._settings.refit_growth),
-                window,
-                memory,
-                self._settings.use_non_detections,
-                int(observer_of[j]),
-                measurements[j],
-                self._translation[j],
-                self._root[j],
+                model,
+                measurements,
+                self._translation,
+                self._root,
                 self._hypotheses[j],
                 self._points[j],
                 self._data[j],
-                self._state[j],
-                self._counters[j],
+                self._state,
+                self._counters,
                 self._rngs[j],
-                tuple(part[j] for part in out),
+                out,
             )
-        self._index += n_steps
+        self._index += measurements.offset.shape[1] - 1
         return out
 
     def _make_room(self, j: int, rows: int) -> None:
         """Room for more data of a target; doubled, so that copying stays cheap."""
-        held, needed = self._data[j].shape[0], int(self._state[j, ROWS]) + rows
+        held, needed = self._data[j].shape[0], int(self._state.rows[j]) + rows
         if needed > held:
             grown = np.empty((max(needed, 2 * held), COLUMNS))
             grown[:held] = self._data[j]
@@ -253,22 +229,44 @@ def _prior_points(hypotheses: Hypotheses, model: LightCurveModel) -> tuple[Array
     return points
 
 
+def _batch_constants(
+    settings: BatchSettings,
+    scene: Scene,
+    sensor: Sensor,
+    process_noise: Spread | None,
+    forces: tuple,
+) -> BatchConstants:
+    window, memory = (
+        np.inf if hours is None else 3600.0 * hours
+        for hours in (settings.window_hours, settings.memory_hours)
+    )
+    return BatchConstants(
+        filter_constants(SIZE, scene, sensor, process_noise, forces, use_magnitude=False),
+        sensor.limits(),
+        settings.search_settings(),
+        float(settings.refit_growth),
+        window,
+        memory,
+        settings.use_non_detections,
+    )
+
+
 def _light_curve_model(
     j: int,
     surfaces: TargetSurfaces,
+    bodies: RigidBodies,
     sensor: Sensor,
     initial: InitialEstimate,
     settings: BatchSettings,
 ) -> LightCurveModel:
     facets = slice(surfaces.first[j], surfaces.first[j + 1])
-    inertia = np.array(surfaces.inertia[j])
     return LightCurveModel(
         np.array(initial.quaternion[j], dtype=float),
         np.array(initial.angular_velocity[j], dtype=float),
         np.array(initial.sigma[:UNKNOWNS], dtype=float),
-        inertia,
-        np.linalg.inv(inertia),
-        is_spherical(inertia),
+        bodies.inertia[j],
+        bodies.inverse[j],
+        bool(bodies.spherical[j]),
         np.ascontiguousarray(surfaces.areas[facets]),
         np.ascontiguousarray(surfaces.normals[facets]),
         np.array(surfaces.material[j]),

@@ -1,10 +1,12 @@
 """Compiled steps of the batch estimator: orbit, light curve and modes over an interval."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.estimation.kalman.mukf_kernels import (
+from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
     HEALTHY,
     LOST_DEFINITENESS,
@@ -12,21 +14,24 @@ from cislunar.estimation.kalman.mukf_kernels import (
     UPDATES,
 )
 from cislunar.estimation.kalman.translation_filter import (
+    ACCEPTED,
     OUTSIDE_FIELD,
-    USED,
-    make_workspace,
+    SIZE,
     predict_translation,
     update_translation,
 )
+from cislunar.estimation.kalman.workspace import FilterConstants, deviations, make_workspace
+from cislunar.estimation.light_curves.batch_settings import SearchSettings
 from cislunar.estimation.light_curves.hypotheses import condense, mixture_points, search
 from cislunar.estimation.light_curves.light_curve import (
-    DETECTED,
     MAGNITUDE,
     RANGE,
+    SEEN,
     SUN,
     TIME,
     UNKNOWNS,
     VIEW,
+    WEIGHT,
 )
 from cislunar.estimation.light_curves.mixture import (
     mixture_moments,
@@ -34,77 +39,143 @@ from cislunar.estimation.light_curves.mixture import (
     weighted_deviations,
 )
 from cislunar.estimation.triangular import cholesky
-from cislunar.observation.measurement import occulted, outside_exclusion, rotate
-
-_METRES = 1000.0 * LENGTH_UNIT_KM
+from cislunar.observation.sensor import SensorLimits
+from cislunar.observation.sightline import METRES, in_clear_view, lit_directions
 
 FEWEST_FRESH = 4
 """New rows below which a light curve is not fitted between tasking epochs."""
 
-CONDITION, POINTS, ROWS, FITTED = range(4)
-"""Entries of a target's state: its condition, points of its mixture, rows of its light curve, and
-rows at the last fit."""
+
+class BatchConstants(NamedTuple):
+    """Numbers the kernels of the batch estimator need.
+
+    Attributes
+    ----------
+    translation : FilterConstants
+        Of the filter of the orbit.
+    limits : SensorLimits
+    search : SearchSettings
+    growth : float
+        Share by which a light curve grows before it is fitted within an interval; 0 for never.
+    window_s, memory_s : float
+        Age at which data are condensed, and time in which they fade by e; inf for never.
+    use_non_detections : bool
+    """
+
+    translation: FilterConstants
+    limits: SensorLimits
+    search: SearchSettings
+    growth: float
+    window_s: float
+    memory_s: float
+    use_non_detections: bool
+
+
+class FitState(NamedTuple):
+    """What is counted for each target; arrays of ints, shape (target,).
+
+    Attributes
+    ----------
+    condition
+        HEALTHY, or why its estimate came to an end.
+    points
+        Of its mixture.
+    rows, fitted
+        Of its light curve, now and at the last fit.
+    """
+
+    condition: NDArray[np.int64]
+    points: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    fitted: NDArray[np.int64]
 
 
 @njit(cache=True, error_model="numpy")
-def _geometry(row, translation, observer, sun, to_inertial):
-    """Directions from the target to Sun and observer, and the range, into a row of data."""
-    dx = translation[0] - observer[0]
-    dy = translation[1] - observer[1]
-    dz = translation[2] - observer[2]
-    sx, sy, sz = sun[0] - translation[0], sun[1] - translation[1], sun[2] - translation[2]
-    distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-    to_sun = np.sqrt(sx * sx + sy * sy + sz * sz)
+def _fill_row(row, elapsed, magnitude, seen, weight, translation, observer, sun, to_inertial):
+    """One row of a light curve, with the geometry of the estimated place."""
+    light, view, distance, _ = lit_directions(
+        translation[0] - observer[0],
+        translation[1] - observer[1],
+        translation[2] - observer[2],
+        sun[0] - translation[0],
+        sun[1] - translation[1],
+        sun[2] - translation[2],
+        to_inertial,
+    )
+    row[TIME], row[MAGNITUDE], row[SEEN], row[WEIGHT] = elapsed, magnitude, seen, weight
     to_light, to_observer = row[SUN], row[VIEW]
-    to_light[0], to_light[1], to_light[2] = rotate(
-        to_inertial, sx / to_sun, sy / to_sun, sz / to_sun
-    )
-    to_observer[0], to_observer[1], to_observer[2] = rotate(
-        to_inertial, -dx / distance, -dy / distance, -dz / distance
-    )
-    row[RANGE] = distance * _METRES
+    to_light[0], to_light[1], to_light[2] = light
+    to_observer[0], to_observer[1], to_observer[2] = view
+    row[RANGE] = distance * METRES
 
 
 @njit(cache=True, error_model="numpy")
-def _in_clear_view(translation, observer, sun, limits, mu):
-    """Whether neither a bright body nor a disc stands in the way of the estimated place."""
-    ox, oy, oz = observer[0], observer[1], observer[2]
-    dx, dy, dz = translation[0] - ox, translation[1] - oy, translation[2] - oz
-    if not outside_exclusion(ox, oy, oz, dx, dy, dz, sun, limits.cosines, mu):
-        return False
-    return not (limits.occultation and occulted(ox, oy, oz, dx, dy, dz, mu))
-
-
-@njit(cache=True, error_model="numpy")
-def _refit(hypotheses, data, model, settings, rng, elapsed, quaternion, omega, weight):
-    """Fit a light curve and lay out the mixture's points at a time; returns their number."""
-    search(hypotheses, data, model, settings, rng)
-    count = mixture_points(hypotheses, model, quaternion, omega, weight)
+def _carry_points(points, count, elapsed, model):
+    """Carry the first points of a mixture over so many seconds."""
     step_points(
-        quaternion[:count],
-        omega[:count],
+        points[0][:count],
+        points[1][:count],
         elapsed,
         model.inertia,
         model.inverse_inertia,
         model.spherical,
     )
+
+
+@njit(cache=True, error_model="numpy")
+def _refit(hypotheses, data, model, settings, rng, elapsed, points):
+    """Fit a light curve and lay out the mixture's points at a time; returns their number."""
+    search(hypotheses, data, model, settings, rng)
+    count = mixture_points(hypotheses, model, *points)
+    _carry_points(points, count, elapsed, model)
     return count
 
 
 @njit(cache=True, error_model="numpy")
+def _use(records, row, k, scene, constants, translation, root, data, rows, counters, work):
+    """Use one record at time k: whether the direction was, and the rows of the light curve now."""
+    magnitude, ra, dec = records.value[row]
+    place, sun = scene.observer_position[records.observer[row], k], scene.sun_position[k]
+    variance, limits = records.variance[row], constants.limits
+    detected = np.isfinite(magnitude + ra + dec)
+    used = False
+    if detected:
+        axes = scene.observer_axes[k]
+        outcome = update_translation(
+            translation, root, ra, dec, variance[1:], place, axes, constants.translation, work
+        )
+        used = outcome == ACCEPTED
+        if used:
+            counters[UPDATES] += 1
+        elif outcome == OUTSIDE_FIELD:
+            counters[OUT_OF_FIELD] += 1
+        else:
+            counters[CHOLESKY_FAILURES] += 1
+    elif constants.use_non_detections:
+        ox, oy, oz = place[0], place[1], place[2]
+        dx, dy, dz = translation[0] - ox, translation[1] - oy, translation[2] - oz
+        mu = constants.translation.forces.mu
+        if not in_clear_view(ox, oy, oz, dx, dy, dz, sun, limits, mu):
+            return False, rows
+    if used or (constants.use_non_detections and not detected):
+        weight = limits.noise_variance[0] / variance[0]
+        seen = 1.0 if used else 0.0
+        elapsed, to_inertial = k * scene.step_s, scene.frame_axes[k]
+        _fill_row(
+            data[rows], elapsed, magnitude, seen, weight, translation, place, sun, to_inertial
+        )
+        rows += 1
+    return used, rows
+
+
+@njit(cache=True, error_model="numpy")
 def advance_target(
+    j,
     first,
     scene,
-    limits,
     constants,
     model,
-    settings,
-    growth,
-    window,
-    memory_s,
-    use_non_detections,
-    observer,
-    measurements,
+    records,
     translation,
     root,
     hypotheses,
@@ -115,143 +186,88 @@ def advance_target(
     rng,
     out,
 ):
-    """Carry one target through an interval (compiled); see `BatchEstimator.advance`.
+    """Carry target j through an interval that begins at time `first`.
 
-    `state` holds its condition, number of points, rows of data and rows at the last fit.
+    `model`, `hypotheses`, `points`, `data` and `rng` are its own, the other arrays those of all.
     """
     quaternion, omega, weight = points
-    out_quaternion, out_omega, out_translation, out_sigma, used = out
-    work = make_workspace()
+    translation, root, counters = translation[j], root[j], counters[j]
+    work = make_workspace(SIZE, 2)
     differences = np.empty((weight.shape[0], UNKNOWNS))
-    n_steps = measurements.shape[0]
+    offset, settings = records.offset[j], constants.search
+    n_steps = offset.shape[0] - 1
     for i in range(n_steps):
         k = first + i
-        if state[CONDITION] == HEALTHY:
-            state[CONDITION] = predict_translation(
-                translation, root, (k - 1) * scene.step, scene.step, constants, work
+        if state.condition[j] == HEALTHY:
+            state.condition[j] = predict_translation(
+                translation, root, k - 1, scene.step, constants.translation, work
             )
-            if state[CONDITION] == LOST_DEFINITENESS:
+            if state.condition[j] == LOST_DEFINITENESS:
                 counters[CHOLESKY_FAILURES] += 1
-        used[i] = False
-        if state[CONDITION] != HEALTHY:
-            out_quaternion[i, :] = np.nan
-            out_omega[i, :] = np.nan
-            out_translation[i, :] = np.nan
-            out_sigma[i, :] = np.nan
+        if state.condition[j] != HEALTHY:
+            out.used[offset[i] : offset[i + 1]] = False
+            out.quaternion[j, i, :] = np.nan
+            out.angular_velocity[j, i, :] = np.nan
+            out.translation[j, i, :] = np.nan
+            out.sigma[j, i, :] = np.nan
             continue
-        step_points(
-            quaternion[: state[POINTS]],
-            omega[: state[POINTS]],
-            scene.step_s,
-            model.inertia,
-            model.inverse_inertia,
-            model.spherical,
+        _carry_points(points, state.points[j], scene.step_s, model)
+        for row in range(offset[i], offset[i + 1]):
+            estimate = translation, root, data, state.rows[j], counters
+            out.used[row], state.rows[j] = _use(records, row, k, scene, constants, *estimate, work)
+        fresh = state.rows[j] - state.fitted[j]
+        grown = constants.growth > 0.0 and fresh >= max(
+            constants.growth * state.fitted[j], FEWEST_FRESH
         )
-        if observer >= 0:
-            place, sun = scene.observer_position[observer, k], scene.sun_position[k]
-            magnitude, ra, dec = measurements[i]
-            detected = np.isfinite(magnitude + ra + dec)
-            if detected:
-                outcome = update_translation(
-                    translation, root, ra, dec, place, scene.observer_axes[k], constants, work
-                )
-                used[i] = outcome == USED
-                if outcome == USED:
-                    counters[UPDATES] += 1
-                elif outcome == OUTSIDE_FIELD:
-                    counters[OUT_OF_FIELD] += 1
-                else:
-                    counters[CHOLESKY_FAILURES] += 1
-            if used[i] or (
-                use_non_detections
-                and not detected
-                and _in_clear_view(translation, place, sun, limits, constants.forces.mu)
-            ):
-                row = data[state[ROWS]]
-                row[TIME], row[MAGNITUDE] = k * scene.step_s, magnitude
-                row[DETECTED] = 1.0 if used[i] else 0.0
-                _geometry(row, translation, place, sun, scene.frame_axes[k])
-                state[ROWS] += 1
-        fresh = state[ROWS] - state[FITTED]
-        grown = growth > 0.0 and fresh >= max(growth * state[FITTED], FEWEST_FRESH)
         if fresh > 0 and (i == n_steps - 1 or grown):
-            state[POINTS] = _refit(
-                hypotheses,
-                data[: state[ROWS]],
-                model,
-                settings,
-                rng,
-                k * scene.step_s,
-                quaternion,
-                omega,
-                weight,
+            state.points[j] = _refit(
+                hypotheses, data[: state.rows[j]], model, settings, rng, k * scene.step_s, points
             )
-            state[FITTED] = state[ROWS]
-        n = state[POINTS]
-        mixture_moments(
-            quaternion[:n], omega[:n], weight[:n], out_quaternion[i], out_omega[i], differences
-        )
-        weighted_deviations(differences[:n], weight[:n], out_sigma[i, :UNKNOWNS])
-        out_translation[i] = translation
-        for c in range(6):
-            total = 0.0
-            for d in range(c + 1):
-                total += root[c, d] * root[c, d]
-            out_sigma[i, 6 + c] = np.sqrt(total)
-    if state[CONDITION] == HEALTHY:
-        memory = np.exp(-n_steps * scene.step_s / memory_s)
+            state.fitted[j] = state.rows[j]
+        n, sigma = state.points[j], out.sigma[j, i]
+        mean_q, mean_omega = out.quaternion[j, i], out.angular_velocity[j, i]
+        mixture_moments(quaternion[:n], omega[:n], weight[:n], mean_q, mean_omega, differences)
+        weighted_deviations(differences[:n], weight[:n], sigma[:UNKNOWNS])
+        out.translation[j, i] = translation
+        deviations(root, sigma[UNKNOWNS:])
+    if state.condition[j] == HEALTHY:
+        memory = np.exp(-n_steps * scene.step_s / constants.memory_s)
         end = (first + n_steps - 1) * scene.step_s
-        _forget(hypotheses, data, model, state, end - window, memory)
+        _forget(hypotheses, data, model, state, j, end - constants.window_s, memory)
         if memory < 1.0:  # what is known has faded, whether or not there are new data
-            state[POINTS] = _refit(
-                hypotheses,
-                data[: state[ROWS]],
-                model,
-                settings,
-                rng,
-                end,
-                quaternion,
-                omega,
-                weight,
+            state.points[j] = _refit(
+                hypotheses, data[: state.rows[j]], model, settings, rng, end, points
             )
 
 
 @njit(cache=True, error_model="numpy")
-def _forget(hypotheses, data, model, state, before, memory):
-    """Condense the rows older than a time."""
+def _forget(hypotheses, data, model, state, j, before, memory):
+    """Condense the rows of target j older than a time."""
     old = 0
-    while old < state[FITTED] and data[old, TIME] < before:
+    while old < state.fitted[j] and data[old, TIME] < before:
         old += 1
     if old == 0 and memory == 1.0:
         return
     condense(hypotheses, data[:old], model, memory)
-    for i in range(old, state[ROWS]):
+    for i in range(old, state.rows[j]):
         data[i - old] = data[i]
-    state[ROWS] -= old
-    state[FITTED] -= old
+    state.rows[j] -= old
+    state.fitted[j] -= old
 
 
 @njit(cache=True, error_model="numpy")
-def predict_target(
-    t, scene, constants, model, translation, root, quaternion, omega, weight, mean, joint
-):
-    """Carry copies of a target's estimate over a step from time t; fills the joint root."""
-    health = predict_translation(translation, root, t, scene.step, constants, make_workspace())
+def predict_target(k, scene, constants, model, translation, root, points, count, mean, joint):
+    """Carry copies of one target's estimate over the step from time k; fills the joint root."""
+    work = make_workspace(SIZE, 2)
+    health = predict_translation(translation, root, k, scene.step, constants.translation, work)
     joint[:, :] = 0.0
     if health != HEALTHY:
         translation[:] = np.nan
         return
-    step_points(
-        quaternion,
-        omega,
-        scene.step_s,
-        model.inertia,
-        model.inverse_inertia,
-        model.spherical,
-    )
-    differences = np.empty((weight.shape[0], UNKNOWNS))
-    mean_omega = np.empty(3)
-    mixture_moments(quaternion, omega, weight, mean, mean_omega, differences)
+    _carry_points(points, count, scene.step_s, model)
+    quaternion, omega, weight = points[0][:count], points[1][:count], points[2][:count]
+    differences = np.empty((count, UNKNOWNS))
+    mixture_moments(quaternion, omega, weight, mean, np.empty(3), differences)
     covariance = np.zeros((UNKNOWNS, UNKNOWNS))
     for i in range(weight.shape[0]):
         for a in range(UNKNOWNS):

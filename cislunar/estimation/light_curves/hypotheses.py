@@ -61,17 +61,7 @@ class Hypotheses(NamedTuple):
 
 
 def prior_hypotheses(modes: int) -> Hypotheses:
-    """The prior N(0, I) as the only mode.
-
-    Parameters
-    ----------
-    modes : int
-        Room for so many.
-
-    Returns
-    -------
-    Hypotheses
-    """
+    """The prior N(0, I) as the only mode, with room for so many."""
     identity = np.tile(np.eye(UNKNOWNS), (modes, 1, 1))
     weight = np.zeros(modes)
     weight[0] = 1.0
@@ -172,16 +162,9 @@ def _pool(hypotheses, data, model, settings, starts, rng, points, origins):
     drawn = 0
     for from_anchor, wanted in ((True, starts - near), (False, near)):
         if wanted > 0:
+            out = points[drawn:], origins[drawn:]
             drawn += _lowest_of_pool(
-                hypotheses,
-                data,
-                model,
-                settings,
-                wanted,
-                from_anchor,
-                rng,
-                points[drawn:],
-                origins[drawn:],
+                hypotheses, data, model, settings, wanted, from_anchor, rng, *out
             )
     return drawn
 
@@ -248,19 +231,9 @@ def _thinned(data):
 def search(hypotheses, data, model, settings, rng):
     """Find the modes of the posterior given the whole light curve, starting from the live ones.
 
-    Compiled. Live modes are refined; so are the points of lowest cost out of a random pool, half
-    from the prior and half from around the live modes (all from the prior while the light curve is
-    short), on a thinned light curve first; what is found is sorted by weight, merged and thinned.
-
-    Parameters
-    ----------
-    hypotheses : Hypotheses
-        Updated.
-    data, model
-        As in `cislunar.estimation.light_curves.light_curve.cost`.
-    settings : SearchSettings
-    rng : numpy.random.Generator
-        Of the pool.
+    Live modes are refined; so are the points of lowest cost out of a random pool, half from the
+    prior and half from around the live modes (all from the prior while the light curve is short),
+    on a thinned light curve first; what is found is sorted by weight, merged and thinned.
     """
     live = hypotheses.count[0]
     starts = settings.first_starts if data.shape[0] < FIRST_ROWS else settings.starts
@@ -276,32 +249,13 @@ def search(hypotheses, data, model, settings, rng):
         u[:] = hypotheses.u[i] if i < live else found[i]
         anchor = _anchor(hypotheses, origin)
         iterations = settings.warm_iterations if i < live else settings.iterations
-        known = kept if i >= live else 0
+        heeded = kept if i >= live else 0
+        known = (found[:heeded], roots[:heeded], distance)
         value = 0.0
         if i >= live and thin.shape[0] < data.shape[0]:
-            value = refine(
-                u,
-                thin,
-                anchor,
-                model,
-                iterations,
-                information,
-                found[:known],
-                roots[:known],
-                distance,
-            )
+            value = refine(u, thin, anchor, model, iterations, information, *known)
         if value < np.inf:
-            value = refine(
-                u,
-                data,
-                anchor,
-                model,
-                iterations,
-                information,
-                found[:known],
-                roots[:known],
-                distance,
-            )
+            value = refine(u, data, anchor, model, iterations, information, *known)
         log_weight = _log_weight(value, information, roots[kept])
         if log_weight > -np.inf:
             found[kept], origins[kept], log_weights[kept] = u, origin, log_weight
@@ -315,20 +269,10 @@ def search(hypotheses, data, model, settings, rng):
 
 @njit(cache=True, error_model="numpy")
 def condense(hypotheses, data, model, memory):
-    """Put part of a light curve into the anchors, so that it need not be kept (compiled).
+    """Put part of a light curve (n, COLUMNS) into the anchors, so that it need not be kept.
 
     Around each live mode the data's cost is replaced by its second-order expansion. What an anchor
-    holds beyond the prior N(0, I) then fades by a factor, its cost at the mode kept.
-
-    Parameters
-    ----------
-    hypotheses : Hypotheses
-        Updated.
-    data : ndarray, shape (n, COLUMNS)
-        The part to let go; may be empty.
-    model : LightCurveModel
-    memory : float
-        The factor; 1 to forget nothing.
+    holds beyond the prior N(0, I) then fades by the factor `memory`, its cost at the mode kept.
     """
     gradient, root = np.empty(UNKNOWNS), np.empty((UNKNOWNS, UNKNOWNS))
     information = np.empty((UNKNOWNS, UNKNOWNS))
@@ -359,22 +303,10 @@ def condense(hypotheses, data, model, memory):
 
 @njit(cache=True, error_model="numpy")
 def mixture_points(hypotheses, model, quaternion, omega, weight):
-    """Equally weighted points of every live mode with its mean and covariance (compiled).
+    """Equally weighted points of every live mode with its mean and covariance; their number.
 
-    The points ``u_j +- sqrt(6) L_j e_i`` with ``L_j L_j^T = H_j^-1``, as attitude and rate at the
-    epoch.
-
-    Parameters
-    ----------
-    hypotheses : Hypotheses
-    model : LightCurveModel
-    quaternion, omega, weight : ndarray, shapes (12 mode, 4), (12 mode, 3), (12 mode,)
-        Receive attitude, angular velocity and weight of the points.
-
-    Returns
-    -------
-    int
-        Number of points.
+    The points ``u_j +- sqrt(6) L_j e_i`` with ``L_j L_j^T = H_j^-1``, as attitude (12 mode, 4) and
+    rate (12 mode, 3) at the epoch.
     """
     from_u = np.empty(UNKNOWNS)
     column = np.empty(UNKNOWNS)

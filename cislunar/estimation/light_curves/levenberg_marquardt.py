@@ -21,20 +21,7 @@ SMALLEST_DECREASE = 0.02
 
 @njit(cache=True, error_model="numpy")
 def squared_distance(u, other, root):
-    """Squared Mahalanobis distance of two points (compiled).
-
-    Parameters
-    ----------
-    u, other : ndarray, shape (n,)
-        Points.
-    root : ndarray, shape (n, n)
-        Lower Cholesky factor L of the information at `other`.
-
-    Returns
-    -------
-    float
-        ``|L^T (u - other)|^2``.
-    """
+    """Squared Mahalanobis distance ``|L^T (u - other)|^2``, L L^T the information at `other`."""
     total = 0.0
     for i in range(u.shape[0]):
         along = 0.0
@@ -46,27 +33,11 @@ def squared_distance(u, other, root):
 
 @njit(cache=True, error_model="numpy")
 def refine(u, data, anchor, model, max_iterations, information, known, known_roots, merge_distance):
-    """Lower the cost from a start (compiled).
+    """Lower the cost from a start `u` (6,), which receives the best point found.
 
-    Parameters
-    ----------
-    u : ndarray, shape (6,)
-        Start; receives the best point found.
-    data, anchor, model
-        As in `cislunar.estimation.light_curves.light_curve.cost`.
-    max_iterations : int
-        Steps that lower the cost.
-    information : ndarray, shape (6, 6)
-        Receives H at the best point.
-    known, known_roots : ndarray, shapes (m, 6) and (m, 6, 6)
-        Minima known already, and Cholesky factors of their information; may be empty.
-    merge_distance : float
-        The descent is given up within this squared Mahalanobis distance of one of them.
-
-    Returns
-    -------
-    float
-        Cost there; inf if the start led to a known minimum.
+    Returns the cost there, or inf once within `merge_distance`, squared, of a minimum `known`
+    (m, 6) already, given with the Cholesky factors of its information. `information` (6, 6)
+    receives that of the best point.
     """
     gradient, trial_gradient = np.empty(UNKNOWNS), np.empty(UNKNOWNS)
     trial_information, damped = np.empty((UNKNOWNS, UNKNOWNS)), np.empty((UNKNOWNS, UNKNOWNS))

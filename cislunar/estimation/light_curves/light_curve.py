@@ -4,11 +4,11 @@ The attitude of a torque-free body is a function of six constants: a small turn 
 nominal attitude at the epoch and a change of the angular velocity there. In units of the prior's
 standard deviations they form the vector ``u``, with N(0, I) before any measurement, and
 
-    cost(u) = |u|^2 / 2 + sum_k (m_k - h_k(u))^2 / (2 R),
+    cost(u) = |u|^2 / 2 + sum_k w_k (m_k - h_k(u))^2 / (2 R),
 
-h_k the magnitude of the facet model at ``q(t_k; u)``. Lines of sight and ranges are those of the
-translational estimate at the time of each measurement; what their error does to the magnitude is
-far below the noise.
+R / w_k the variance of measurement k and h_k the magnitude of the facet model at ``q(t_k; u)``.
+Lines of sight and ranges are those of the translational estimate at the time of each measurement;
+what their error does to the magnitude is far below the noise.
 
 The prior may be replaced by an `Anchor`, the Gaussian that stands for data no longer kept.
 """
@@ -32,8 +32,8 @@ UNKNOWNS = 6
 """Attitude error (GRP) and angular velocity at the epoch, in prior standard deviations."""
 
 # Columns of a light curve.
-TIME, MAGNITUDE, SUN, VIEW, RANGE, DETECTED = 0, 1, slice(2, 5), slice(5, 8), 8, 9
-COLUMNS = 10
+TIME, MAGNITUDE, SUN, VIEW, RANGE, SEEN, WEIGHT = 0, 1, slice(2, 5), slice(5, 8), 8, 9, 10
+COLUMNS = 11
 
 OTHER_CAUSES = 1e-3
 """Chance that a target in clear view is not seen for another reason than its faintness; bounds what
@@ -59,7 +59,7 @@ class LightCurveModel(NamedTuple):
     areas, normals, material, irradiance_4pi, fresnel_sqrt
         As in `cislunar.photometry.facets.facet_magnitude`.
     noise_variance : float
-        R, mag^2.
+        R, mag^2, of a row of weight 1.
     offset_variance : float
         Variance of an unknown offset common to all magnitudes, mag^2; 0 for none.
     limiting_magnitude : float
@@ -99,16 +99,7 @@ class Anchor(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def initial_state(u, model, quaternion, omega):
-    """Attitude and angular velocity at the epoch into the last two arguments (compiled).
-
-    Parameters
-    ----------
-    u : ndarray, shape (6,)
-        Unknowns.
-    model : LightCurveModel
-    quaternion, omega : ndarray, shapes (4,) and (3,)
-        Receive ``dq(p0) (x) q`` and the angular velocity, rad/s.
-    """
+    """Attitude ``dq(p0) (x) q`` (4,) and angular velocity (3,) at the epoch, given the unknowns."""
     sigma, q = model.sigma, model.quaternion
     d1, d2, d3, d4 = quaternion_from_grp_components(
         sigma[0] * u[0], sigma[1] * u[1], sigma[2] * u[2], GRP_A, GRP_F
@@ -122,7 +113,7 @@ def initial_state(u, model, quaternion, omega):
 
 @njit(cache=True, error_model="numpy")
 def anchor_cost(u, anchor):
-    """Value of an anchor's quadratic (compiled)."""
+    """Value of an anchor's quadratic."""
     total = 0.0
     for i in range(UNKNOWNS):
         for j in range(UNKNOWNS):
@@ -131,21 +122,11 @@ def anchor_cost(u, anchor):
 
 
 @njit(cache=True, error_model="numpy")
-def fainter_than_limit(excess):
-    """Cost of a non-detection and its first two derivatives (compiled).
+def fainter_than_limit(z):
+    """Cost of a non-detection, and its first two derivatives by z = (h - limit) / noise.
 
-    Parameters
-    ----------
-    excess : float
-        z = (h - limit) / noise, modelled magnitude beyond the limit.
-
-    Returns
-    -------
-    cost, slope, curvature : float
-        -log(e + (1 - e) Phi(z)) with e = `OTHER_CAUSES`, and its derivatives with respect to z; the
-        curvature is not below zero.
+    It is -log(e + (1 - e) Phi(z)) with e = `OTHER_CAUSES`; the curvature is not below zero.
     """
-    z = excess
     density = (1.0 - OTHER_CAUSES) * math.exp(-0.5 * z * z - _LOG_SQRT_2PI)
     chance = OTHER_CAUSES + (1.0 - OTHER_CAUSES) * 0.5 * math.erfc(-z * _SQRT_HALF)
     slope = -density / chance
@@ -162,7 +143,8 @@ def cost(u, data, anchor, model, stop_above):
         Unknowns.
     data : ndarray, shape (n, COLUMNS)
         The light curve: time since the epoch (s), magnitude, directions to Sun and observer
-        (inertial frame), range (m), and 1 for a detection or 0 for a non-detection; by rising time.
+        (inertial frame), range (m), 1 for a detection or 0 for a non-detection, and the model's
+        noise variance over that of the row; by rising time.
     anchor : Anchor
         Prior.
     model : LightCurveModel
@@ -179,7 +161,7 @@ def cost(u, data, anchor, model, stop_above):
     initial_state(u, model, start, omega)
     q, rate, no_errors = start.copy(), omega.copy(), np.empty((6, 0))
     now = 0.0
-    squares, sums, count = 0.0, 0.0, 0
+    squares, sums, count = 0.0, 0.0, 0.0
     inverse_noise = 1.0 / np.sqrt(model.noise_variance)
     for k in range(data.shape[0]):
         row = data[k]
@@ -201,13 +183,15 @@ def cost(u, data, anchor, model, stop_above):
             model.irradiance_4pi,
             model.fresnel_sqrt,
         )
-        if row[DETECTED] == 1.0:
+        weight = row[WEIGHT]
+        if row[SEEN] == 1.0:
             residual = row[MAGNITUDE] - h
-            squares += residual * residual
-            sums += residual
-            count += 1
+            squares += weight * residual * residual
+            sums += weight * residual
+            count += weight
         else:
-            total += fainter_than_limit((h - model.limiting_magnitude) * inverse_noise)[0]
+            excess = (h - model.limiting_magnitude) * inverse_noise
+            total += fainter_than_limit(excess * np.sqrt(weight))[0]
         if k % 8 == 7 and total + _misfit(squares, sums, count, model) > stop_above:
             break
     return total + _misfit(squares, sums, count, model)
@@ -215,7 +199,7 @@ def cost(u, data, anchor, model, stop_above):
 
 @njit(cache=True, inline="always")
 def _shrinkage(count, model):
-    """Share of the squared sum of residuals that an unknown offset explains, over the count."""
+    """Share of the squared sum of residuals that an unknown offset explains, over the weights."""
     return model.offset_variance / (model.noise_variance + count * model.offset_variance)
 
 
@@ -227,21 +211,9 @@ def _misfit(squares, sums, count, model):
 
 @njit(cache=True, error_model="numpy")
 def cost_and_derivatives(u, data, anchor, model, gradient, information):
-    """Cost, its gradient, and the Gauss-Newton approximation of its Hessian (compiled).
+    """Cost, its gradient (6,), and the Gauss-Newton approximation of its Hessian (6, 6).
 
-    Parameters
-    ----------
-    u, data, anchor, model
-        As in `cost`.
-    gradient : ndarray, shape (6,)
-        Receives the gradient.
-    information : ndarray, shape (6, 6)
-        Receives ``Lambda + sum_k a_k a_k^T / R``, a_k the gradient of h_k.
-
-    Returns
-    -------
-    float
-        The cost.
+    The latter is ``Lambda + sum_k w_k a_k a_k^T / R``, a_k the gradient of h_k; see `cost`.
     """
     total = anchor_cost(u, anchor)
     gradient[:] = 0.0
@@ -257,7 +229,7 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
     p = model.sigma[:3] * u[:3]
     inverse_variance = 1.0 / model.noise_variance
     inverse_noise = np.sqrt(inverse_variance)
-    squares, sums, count, now = 0.0, 0.0, 0, 0.0
+    squares, sums, count, now = 0.0, 0.0, 0.0, 0.0
     by_grp, a, mean_a = np.empty(3), np.empty(UNKNOWNS), np.zeros(UNKNOWNS)
     for k in range(data.shape[0]):
         row = data[k]
@@ -295,21 +267,22 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
         for c in range(3):
             a[c] = model.sigma[c] * by_grp[c]
         a[3], a[4], a[5] = model.sigma[3] * w1, model.sigma[4] * w2, model.sigma[5] * w3
-        if row[DETECTED] == 1.0:
+        weight = row[WEIGHT]
+        if row[SEEN] == 1.0:
             residual = row[MAGNITUDE] - h
-            squares += residual * residual
-            sums += residual
-            count += 1
-            slope, curvature = -residual * inverse_variance, inverse_variance
+            squares += weight * residual * residual
+            sums += weight * residual
+            count += weight
+            curvature = weight * inverse_variance
+            slope = -residual * curvature
             for i in range(UNKNOWNS):
-                mean_a[i] += a[i]
+                mean_a[i] += weight * a[i]
         else:
-            value, slope, curvature = fainter_than_limit(
-                (h - model.limiting_magnitude) * inverse_noise
-            )
+            sharpness = inverse_noise * np.sqrt(weight)
+            value, slope, curvature = fainter_than_limit((h - model.limiting_magnitude) * sharpness)
             total += value
-            slope *= inverse_noise
-            curvature *= inverse_variance
+            slope *= sharpness
+            curvature *= weight * inverse_variance
         for i in range(UNKNOWNS):
             gradient[i] += slope * a[i]
             for j in range(i + 1):

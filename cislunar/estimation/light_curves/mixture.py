@@ -18,17 +18,9 @@ RECENTERINGS = 2
 
 @njit(cache=True, error_model="numpy")
 def step_points(quaternion, omega, dt, inertia, inverse_inertia, spherical):
-    """Carry attitudes and angular velocities of one body over a step, in place (compiled).
+    """Carry attitudes (n, 4) and rates (n, 3) of one body over dt seconds, in place.
 
-    Parameters
-    ----------
-    quaternion, omega : ndarray, shapes (n, 4) and (n, 3)
-        Inertial to body; rad/s, body frame.
-    dt : float
-        s.
-    inertia, inverse_inertia : ndarray, shape (3, 3)
-    spherical : bool
-        Whether the angular velocity is constant; the step is then exact.
+    Exact for a spherical body, whose rate is constant.
     """
     no_errors = np.empty((6, 0))
     for i in range(quaternion.shape[0]):
@@ -42,16 +34,10 @@ def step_points(quaternion, omega, dt, inertia, inverse_inertia, spherical):
 
 @njit(cache=True, error_model="numpy")
 def mixture_moments(quaternion, omega, weight, mean_quaternion, mean_omega, differences):
-    """Mean attitude and angular velocity, and what the points differ from them (compiled).
+    """Mean attitude (4,) and rate (3,) of weighted points, and what the points differ from them.
 
-    Parameters
-    ----------
-    quaternion, omega, weight : ndarray, shapes (n, 4), (n, 3), (n,)
-        The points.
-    mean_quaternion, mean_omega : ndarray, shapes (4,) and (3,)
-        Receive the means; the attitude's is the one about which the mean GRP error vanishes.
-    differences : ndarray, shape (n, 6)
-        Receives GRP of ``q_i (x) q_mean^-1`` and ``omega_i - omega_mean``.
+    The mean attitude is the one about which the mean GRP error vanishes; `differences` (n, 6)
+    receives the GRP of ``q_i (x) q_mean^-1`` and ``omega_i - omega_mean``.
     """
     n = quaternion.shape[0]
     heaviest = 0
@@ -87,15 +73,7 @@ def mixture_moments(quaternion, omega, weight, mean_quaternion, mean_omega, diff
 
 @njit(cache=True, error_model="numpy")
 def weighted_deviations(differences, weight, sigma):
-    """Root of the second moment of each component, into `sigma` (compiled).
-
-    Parameters
-    ----------
-    differences : ndarray, shape (n, 6)
-    weight : ndarray, shape (n,)
-    sigma : ndarray, shape (6,)
-        Receives the standard deviations.
-    """
+    """Root of the second moment of each component of the differences (n, 6), into `sigma` (6,)."""
     for c in range(sigma.shape[0]):
         total = 0.0
         for i in range(weight.shape[0]):

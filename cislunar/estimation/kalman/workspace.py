@@ -1,0 +1,138 @@
+"""What the kernels of the unscented filters share: constants, scratch arrays, health, the field."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from cislunar.dynamics.tableau import STAGES8
+from cislunar.estimation.estimator import (
+    HEALTHY,
+    INSIDE_PRIMARY,
+    LOST_DEFINITENESS,
+    NOT_FINITE,
+)
+from cislunar.estimation.spread import Spread
+from cislunar.estimation.triangular import cholesky
+from cislunar.estimation.unscented import UnscentedWeights, unscented_weights
+from cislunar.observation.scene import Scene
+from cislunar.observation.sensor import Sensor
+from cislunar.observation.sightline import inside_primary
+
+Array = NDArray[np.float64]
+
+
+class FilterConstants(NamedTuple):
+    """Numbers the kernels of a filter need.
+
+    Attributes
+    ----------
+    forces : NamedTuple
+        Force model, see `cislunar.dynamics.forces`.
+    process_variance : ndarray, shape (n,)
+        Added to the covariance's diagonal at each step.
+    half_field : float
+        Half the field of view, rad.
+    use_magnitude : bool
+        False leaves the magnitude out of the update.
+    weights : UnscentedWeights
+        For n states.
+    """
+
+    forces: tuple
+    process_variance: Array
+    half_field: float
+    use_magnitude: bool
+    weights: UnscentedWeights
+
+
+def filter_constants(
+    n: int,
+    scene: Scene,
+    sensor: Sensor,
+    process_noise: Spread | None,
+    forces: tuple,
+    use_magnitude: bool,
+) -> FilterConstants:
+    """Constants of a filter of the last n of the twelve states."""
+    process = Spread() if process_noise is None else process_noise
+    return FilterConstants(
+        forces,
+        process.process_variance(scene.step_s)[12 - n :],
+        sensor.limits().half_field,
+        bool(use_magnitude),
+        unscented_weights(n),
+    )
+
+
+class Workspace(NamedTuple):
+    """Scratch arrays of one target's filter, reused over targets and steps."""
+
+    bundle: Array
+    slopes: Array
+    stage: Array
+    differences: Array
+    shift: Array
+    covariance: Array
+    expected: Array
+    expected_shift: Array
+    cross: Array
+    even: Array
+    innovation: Array
+    correction: Array
+
+
+@njit(cache=True)
+def make_workspace(size, measured):
+    """Scratch arrays for so many states and components of a measurement."""
+    outer = 2 * size
+    return Workspace(
+        np.empty((6, outer + 1)),
+        np.empty((STAGES8, 6, outer + 1)),
+        np.empty((6, outer + 1)),
+        np.empty((outer, size)),
+        np.empty(size),
+        np.empty((size, size)),
+        np.empty((outer, measured)),
+        np.empty(measured),
+        np.empty((size, measured)),
+        np.empty((measured, measured)),
+        np.empty(measured),
+        np.empty(size),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def translation_condition(translation, mu):
+    """Whether a translation (6,) is usable: HEALTHY, NOT_FINITE or INSIDE_PRIMARY."""
+    if not np.isfinite(np.sum(translation)):
+        return NOT_FINITE
+    inside = inside_primary(translation[0], translation[1], translation[2], mu)
+    return INSIDE_PRIMARY if inside else HEALTHY
+
+
+@njit(cache=True, error_model="numpy")
+def take_covariance(covariance, root):
+    """Put the Cholesky factor of a covariance, which is spoilt, into `root`; returns the health."""
+    if not cholesky(covariance):
+        return LOST_DEFINITENESS if np.isfinite(np.sum(covariance)) else NOT_FINITE
+    root[:, :] = covariance
+    return HEALTHY
+
+
+@njit(cache=True, error_model="numpy")
+def in_field(off_ra, off_dec, declination, half_field):
+    """Whether a direction lies in the field of view about the expected one."""
+    # Right ascension is compared on the sky: at the pole of the body frame it means nothing.
+    return abs(off_ra) * np.cos(declination) <= half_field and abs(off_dec) <= half_field
+
+
+@njit(cache=True, error_model="numpy")
+def deviations(root, sigma):
+    """Standard deviations (n,) of a covariance given by its lower Cholesky factor (n, n)."""
+    for c in range(sigma.shape[0]):
+        total = 0.0
+        for d in range(c + 1):
+            total += root[c, d] * root[c, d]
+        sigma[c] = np.sqrt(total)

@@ -1,0 +1,134 @@
+"""Lines of sight: their direction, the bodies in view, and what stands in the way (compiled).
+
+Positions are nondimensional, in the rotating frame; o is the observer and d the way from it to the
+target.
+"""
+
+import numpy as np
+from numba import njit
+
+from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM
+from cislunar.dynamics.cr3bp import primary_positions
+
+EARTH_RADIUS = EARTH_RADIUS_KM / LENGTH_UNIT_KM
+MOON_RADIUS = MOON_RADIUS_KM / LENGTH_UNIT_KM
+METRES = 1000.0 * LENGTH_UNIT_KM
+"""Metres in the unit of length."""
+
+SUN, MOON, EARTH = range(3)
+
+
+@njit(cache=True, inline="always")
+def wrap_angle(angle):
+    """An angle in [-pi, pi)."""
+    return angle - 2.0 * np.pi * np.floor(0.5 * angle / np.pi + 0.5)
+
+
+@njit(cache=True, inline="always")
+def rotate(axes, x, y, z):
+    """Product of a 3 x 3 matrix and a vector, as scalars."""
+    return (
+        axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z,
+        axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z,
+        axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def direction_angles(dx, dy, dz, axes):
+    """Right ascension and declination (rad) of a line of sight.
+
+    `axes` turns the frame in which d is given into the observer's body.
+    """
+    bx, by, bz = rotate(axes, dx, dy, dz)
+    return np.arctan2(by, bx), np.arctan2(bz, np.sqrt(bx * bx + by * by))
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def lit_directions(dx, dy, dz, sx, sy, sz, to_inertial):
+    """Unit vectors from the target to Sun and observer (inertial frame), and the two distances.
+
+    s is the way from the target to the Sun.
+    """
+    distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+    to_sun = np.sqrt(sx * sx + sy * sy + sz * sz)
+    view = rotate(to_inertial, -dx / distance, -dy / distance, -dz / distance)
+    light = rotate(to_inertial, sx / to_sun, sy / to_sun, sz / to_sun)
+    return light, view, distance, to_sun
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def toward_primary(body, x, y, z, mu):
+    """The way from a place to the centre of the MOON or the EARTH."""
+    earth, moon = primary_positions(mu)
+    px, py, pz = moon if body == MOON else earth
+    return px - x, py - y, pz - z
+
+
+@njit(cache=True, error_model="numpy")
+def outside_exclusion(ox, oy, oz, dx, dy, dz, sun, cosines, mu):
+    """Whether a line of sight keeps clear of the Sun, Moon and Earth.
+
+    `cosines` (3,) are those of the exclusion angles.
+    """
+    squared = dx * dx + dy * dy + dz * dz
+    for body in range(3):
+        if body == SUN:
+            bx, by, bz = sun[0] - ox, sun[1] - oy, sun[2] - oz
+        else:
+            bx, by, bz = toward_primary(body, ox, oy, oz, mu)
+        along = bx * dx + by * dy + bz * dz
+        if along >= cosines[body] * np.sqrt(squared * (bx * bx + by * by + bz * bz)):
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _disc_hides(bx, by, bz, dx, dy, dz, radius):
+    """Whether a sphere at b from the observer cuts the segment to d."""
+    fraction = (bx * dx + by * dy + bz * dz) / (dx * dx + dy * dy + dz * dz)
+    fraction = min(1.0, max(0.0, fraction))
+    gx, gy, gz = bx - fraction * dx, by - fraction * dy, bz - fraction * dz
+    return gx * gx + gy * gy + gz * gz < radius * radius
+
+
+@njit(cache=True, error_model="numpy")
+def occulted(ox, oy, oz, dx, dy, dz, mu):
+    """Whether the Earth or the Moon stands between observer and target."""
+    for body, radius in ((EARTH, EARTH_RADIUS), (MOON, MOON_RADIUS)):
+        bx, by, bz = toward_primary(body, ox, oy, oz, mu)
+        if _disc_hides(bx, by, bz, dx, dy, dz, radius):
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def in_clear_view(ox, oy, oz, dx, dy, dz, sun, limits, mu):
+    """Whether neither a bright body nor, where `SensorLimits` heed it, a disc is in the way."""
+    if not outside_exclusion(ox, oy, oz, dx, dy, dz, sun, limits.cosines, mu):
+        return False
+    return not (limits.occultation and occulted(ox, oy, oz, dx, dy, dz, mu))
+
+
+@njit(cache=True, error_model="numpy")
+def sphere_brighter(dx, dy, dz, fx, fy, fz, faintness):
+    """Whether a diffuse sphere outshines a limit; f is the way from the Sun to it.
+
+    `faintness` is that of `cislunar.photometry.sphere.faintness_per_squared_range`, per squared
+    unit of length.
+    """
+    squared = dx * dx + dy * dy + dz * dz
+    cosine = (dx * fx + dy * fy + dz * fz) / np.sqrt(squared * (fx * fx + fy * fy + fz * fz))
+    cosine = min(1.0, max(-1.0, cosine))
+    alpha = np.arccos(cosine)
+    return np.sin(alpha) + (np.pi - alpha) * cosine > faintness * squared
+
+
+@njit(cache=True, error_model="numpy")
+def inside_primary(x, y, z, mu):
+    """Whether a place lies within the Earth or the Moon."""
+    for body, radius in ((EARTH, EARTH_RADIUS), (MOON, MOON_RADIUS)):
+        bx, by, bz = toward_primary(body, x, y, z, mu)
+        if bx * bx + (by * by + bz * bz) < radius * radius:
+            return True
+    return False
