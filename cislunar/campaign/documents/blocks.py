@@ -125,33 +125,24 @@ def readings_tracking_block(tables: Tables) -> str:
 
 
 def _readings_of_one(rows: pd.DataFrame) -> str:
-    columns = {
-        name: quantity_rows(rows, name).set_index(["variant", "targets"])
-        for name in _READING_COLUMNS
-    }
-    lines = []
-    for count in sorted(rows["targets"].unique()):
-        first = rows.loc[rows["targets"] == count, "variant"].iloc[0]
-        usual = [_plain(columns[name], (first, count), name) for name in _READING_COLUMNS]
-        lines.append(["as configured", count, *usual])
-    for key in dict.fromkeys(rows[["variant", "targets"]].itertuples(index=False, name=None)):
-        changed = [_marked(columns[name], key, name) for name in _READING_COLUMNS]
-        lines.append([f"`{key[0]}`", key[1], *changed])
+    usual: dict[tuple, str] = {}
+    changed: dict[tuple, str] = {}
+    for name in _READING_COLUMNS:
+        form = LISTED[name][3]
+        for row in quantity_rows(rows, name).itertuples():
+            sure = "*" if row.low > 0.0 or row.high < 0.0 else ""
+            usual.setdefault((row.targets, name), f"{row.usual:{form}}")
+            if not pd.isna(row.changed):
+                changed[row.variant, row.targets, name] = f"{row.changed:{form}}{sure}"
+    lines = [
+        ["as configured", count, *(usual.get((count, name), DASH) for name in _READING_COLUMNS)]
+        for count in sorted(rows["targets"].unique())
+    ]
+    lines += [
+        [f"`{key[0]}`", key[1], *(changed.get((*key, name), DASH) for name in _READING_COLUMNS)]
+        for key in dict.fromkeys(zip(rows["variant"], rows["targets"], strict=True))
+    ]
     return markdown_table(["variant", "targets", *_READING_COLUMNS], lines)
-
-
-def _plain(column: pd.DataFrame, key: tuple, name: str) -> str:
-    if key not in column.index:
-        return DASH
-    return f"{column.loc[key, 'usual']:{LISTED[name][3]}}"
-
-
-def _marked(column: pd.DataFrame, key: tuple, name: str) -> str:
-    if key not in column.index or pd.isna(column.loc[key, "changed"]):
-        return DASH
-    row = column.loc[key]
-    sure = row["low"] > 0.0 or row["high"] < 0.0
-    return f"{row['changed']:{LISTED[name][3]}}{'*' if sure else ''}"
 
 
 def _photometry(tables: Tables, quantity: str) -> pd.DataFrame:

@@ -44,7 +44,7 @@ def _direct(pairs: Sequence[Array]) -> dict[str, Array]:
             timed = [_timed(matrix, method) for _ in range(_TIMED_CALLS)]
             information[m, e] = timed[0][0].information
             elapsed[m, e] = np.median([seconds for _, seconds in timed])
-    return {"information": information, "elapsed": elapsed}
+    return {"direct_information": information, "direct_elapsed": elapsed}
 
 
 def compared_dataset(
@@ -90,26 +90,16 @@ def compared_dataset(
     )
     epochs = list(comparison["epochs"])
     pairs = [result.pair_information[0, epoch] for epoch in epochs]
-    searched = _search_all(pairs, cell, comparison, seed, progress)
-    direct = _direct(pairs)
     dims = ("search", "epoch", "run", "budget")
-    data = {
-        "direct_information": variable(
-            ("direct", "epoch"), direct["information"], "nat", "information of the tasking"
-        ),
-        "direct_elapsed": variable(
-            ("direct", "epoch"), direct["elapsed"], "s", "time of one assignment, median"
-        ),
-        "information": variable(dims, searched["information"], "nat", "information reached"),
-        "elapsed": variable(dims, searched["elapsed"], "s", "time of the search"),
-        "evaluations": variable(dims, searched["evaluations"], "1", "taskings tried"),
-        "history": variable(
-            ("search", "epoch", "run", "evaluation"),
-            searched["history"],
-            "nat",
-            "best information so far",
-        ),
+    described = {
+        "information": (dims, "nat", "information reached"),
+        "elapsed": (dims, "s", "time of the search"),
+        "evaluations": (dims, "1", "taskings tried"),
+        "history": ((*dims[:3], "evaluation"), "nat", "best information so far"),
+        "direct_information": (("direct", "epoch"), "nat", "information of the tasking"),
+        "direct_elapsed": (("direct", "epoch"), "s", "time of one assignment, median"),
     }
+    found = _search_all(pairs, cell, comparison, seed, progress) | _direct(pairs)
     coords = {
         "search": variable("search", list(SEARCHES), "1", "method that searches"),
         "direct": variable("direct", list(DIRECT), "1", "method that does not search"),
@@ -120,7 +110,11 @@ def compared_dataset(
     }
     title = f"Tasking methods compared, scenario {cell.scenario}, {cell.architecture} architecture"
     used = {**first, **cell._asdict(), "comparison": dict(comparison)}
-    return xr.Dataset(data, coords, provenance(title, settings=used, seed=seed))
+    return xr.Dataset(
+        {name: variable(own[0], found[name], *own[1:]) for name, own in described.items()},
+        coords,
+        provenance(title, settings=used, seed=seed),
+    )
 
 
 def _search_all(
@@ -132,6 +126,7 @@ def _search_all(
 ) -> dict[str, Array]:
     """All searches: what they reach, when, and the course of the longest one."""
     budgets, runs = sorted(comparison["evaluations"]), comparison["runs"]
+    allowed = {"tpe": comparison["tpe_evaluations"], "random": budgets[-1]}
     shape = (len(SEARCHES), len(pairs), runs, len(budgets))
     found = {
         "information": np.full(shape, np.nan),
@@ -139,28 +134,19 @@ def _search_all(
         "evaluations": np.zeros(shape, dtype=np.int32),
         "history": np.full((*shape[:3], budgets[-1]), np.nan),
     }
-    allowed = {"tpe": comparison["tpe_evaluations"], "random": budgets[-1]}
-    places = [
-        (m, e, r, b)
-        for m, method in enumerate(SEARCHES)
-        for e in range(len(pairs))
-        for r in range(runs)
-        for b, budget in enumerate(budgets)
-        if budget <= allowed[method]
-    ]
-    for done, (m, e, r, b) in enumerate(places, start=1):
-        rng = generator(seed, cell.scenario, cell.architecture, cell.targets, SEARCHES[m], e, r)
-        reached, seconds = _timed(
+    places = [at for at in np.ndindex(shape) if budgets[at[3]] <= allowed[SEARCHES[at[0]]]]
+    for done, at in enumerate(places, start=1):
+        method, (_, e, r, b) = SEARCHES[at[0]], at
+        reached, found["elapsed"][at] = _timed(
             pairs[e],
-            SEARCHES[m],
-            rng=rng,
+            method,
+            rng=generator(seed, cell.scenario, cell.architecture, cell.targets, method, e, r),
             max_evaluations=budgets[b],
             early_stop=comparison["early_stop"],
         )
-        found["information"][m, e, r, b] = reached.information
-        found["elapsed"][m, e, r, b] = seconds
-        found["evaluations"][m, e, r, b] = reached.history.size
-        found["history"][m, e, r, : reached.history.size] = reached.history
+        found["information"][at] = reached.information
+        found["evaluations"][at] = reached.history.size
+        found["history"][at[:3]][: reached.history.size] = reached.history
         if progress is not None:
             progress(done, len(places))
     return found
