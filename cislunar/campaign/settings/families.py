@@ -97,14 +97,17 @@ def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
     Raises
     ------
     ConfigurationError
-        If a family combines variants that no family before it states.
+        If a family combines variants that no family states by itself.
     """
     variants = config["task2"]["variants"]
+    # A file of one's own comes before those it adds to, so that families stand in any order.
     changes: dict[str, dict[str, Any]] = {}
+    for name, family in variants["families"].items():
+        alone = {key: value for key, value in family.items() if key != "combine"}
+        changes |= {variant: change for _, variant, change in _changes(name, alone, {})}
     for name, family in variants["families"].items():
         place = {k: family[k] for k in ("scenario", "architecture", "estimators") if k in family}
         for key, variant, change in _changes(name, family, changes):
-            changes[variant] = change
             with_cells = variants["only"] is None or variant in variants["only"]
             targets = (variants["targets"] or family.get("targets", [])) if with_cells else []
             entry = {**place, "targets": targets, "change": change}
@@ -120,7 +123,7 @@ def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
 
 
 def _changes(
-    name: str, family: Mapping[str, Any], before: Mapping[str, dict[str, Any]]
+    name: str, family: Mapping[str, Any], others: Mapping[str, dict[str, Any]]
 ) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Configuration key, name and change of each variant of a family."""
     place = f"task2.variants.families.{name}"
@@ -130,13 +133,13 @@ def _changes(
         yield f"{place}.changes.{variant}", variant, change
     for other, names in family.get("combine", {}).items():
         for one in names:
-            missing = [each for each in (one, other) if each not in before]
+            missing = [each for each in (one, other) if each not in others]
             if missing:
                 raise ConfigurationError(
-                    f"configuration key '{place}.combine.{other}': {missing[0]!r} is no variant of "
-                    "a family before this one"
+                    f"configuration key '{place}.combine.{other}': {missing[0]!r} is no variant "
+                    "with a change of its own"
                 )
-            yield f"{place}.combine", f"{one}-{other}", merged(before[one], before[other])
+            yield f"{place}.combine", f"{one}-{other}", merged(others[one], others[other])
 
 
 def with_families(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -151,7 +154,7 @@ def with_families(config: Mapping[str, Any]) -> dict[str, Any]:
     -------
     dict
         `task2.variants` has `scenario`, `architecture` and, in place of the families, `cells`: the
-        entry of each variant by its name.
+        entry of each variant by its name, first those that `only` keeps, in its order.
     """
     scenarios, task2 = dict(config["scenarios"]), config["task2"]
     for name, sweep in config["sweeps"].items():
@@ -161,7 +164,9 @@ def with_families(config: Mapping[str, Any]) -> dict[str, Any]:
                 scenarios[point.scenario] = merged(scenarios[sweep["scenario"]], change)
     variants = {key: task2["variants"][key] for key in ("scenario", "architecture")}
     cells = {variant.name: variant.entry for variant in stated_variants(config)}
-    task2 = {**task2, "variants": {**variants, "cells": cells}}
+    first = [name for name in task2["variants"]["only"] or () if name in cells]
+    variants["cells"] = {name: cells[name] for name in dict.fromkeys([*first, *cells])}
+    task2 = {**task2, "variants": variants}
     return {**config, "scenarios": scenarios, "task2": task2}
 
 

@@ -189,8 +189,8 @@ class VariantFamily(Family):
         "in place of `key` and `values`: settings that differ, in the form of the keys above, by "
         "the names of the variants", default=None, name="")
     combine: dict[VariantName, several(VariantName)] = setting(
-        "in place of both: variants that this one is added to; each is called `{one of "
-        "them}-{variant}`", default=None, name="")
+        "in place of both: variants of other families that this one is added to; each is called "
+        "`{one of them}-{variant}`", default=None, name="")
 
 
 class Sweep(Family):
