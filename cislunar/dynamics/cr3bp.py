@@ -12,9 +12,9 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
+from cislunar.compiled import implements
 from cislunar.constants import MU
 from cislunar.dynamics import forces
-from cislunar.dynamics.forces import implements
 from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]

@@ -3,17 +3,13 @@
 A force model is a NamedTuple of numbers and arrays, passed to every step with the time. Its class
 implements the four functions below, so that a kernel is compiled for each model without a branch
 or a call by pointer in its loops, and is cached on disk like any other. `cislunar.dynamics.cr3bp`
-is the model of the paper; another is added beside it by `implements` alone.
+is the model of the paper; another is added beside it by
+`cislunar.compiled.implements` alone.
 
 What depends on time alone (where bodies are) belongs into `at`, which is evaluated once for a stage
 and all states that share it. Times and states are nondimensional, times since the epoch. Where the
 primaries are is asked of the model's `mu`, the mass ratio of its frame.
 """
-
-from collections.abc import Callable
-from typing import Any
-
-from numba.extending import overload
 
 
 def at(forces, t):
@@ -37,25 +33,3 @@ def partials(field, x, y, z, vx, vy, vz):
 def acceleration_change(derivatives, dx, dy, dz, dvx, dvy, dvz):
     """Change of the acceleration, to first order, by a small change of the state."""
     raise NotImplementedError
-
-
-def implements(function: Callable, model: type) -> Callable:
-    """Decorator: the body of one of this module's functions for a class of first argument.
-
-    Parameters
-    ----------
-    function : callable
-        `at`, `acceleration`, `partials` or `acceleration_change`.
-    model : type
-        A NamedTuple class. Kernels are cached on disk by its name, so it has to be importable in
-        every process that shares the cache.
-    """
-
-    def register(body: Callable) -> Callable:
-        def choose(first: Any, *_: Any) -> Callable | None:
-            return body if getattr(first, "instance_class", None) is model else None
-
-        overload(function, strict=False, inline="always")(choose)
-        return body
-
-    return register

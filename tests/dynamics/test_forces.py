@@ -9,9 +9,9 @@ import pytest
 from numba.core.caching import NullCache
 from numba.core.dispatcher import Dispatcher
 
+from cislunar.compiled import implements
 from cislunar.dynamics import bundle, forces, runge_kutta
 from cislunar.dynamics.bundle import propagate_bundle
-from cislunar.dynamics.forces import implements
 from cislunar.dynamics.propagation import propagate, propagate_stm
 from cislunar.dynamics.runge_kutta import step_dop853
 

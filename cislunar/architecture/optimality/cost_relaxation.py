@@ -17,12 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from cislunar.architecture.cost_kernels import CostArrays, architecture_cost, log_envelope
+from cislunar.architecture.optimality import node
 from cislunar.architecture.optimality.knapsack import NO_CHOICE, best_choice
-from cislunar.architecture.optimality.node import MAX_VERTICES, active_orbits, relax, value
+from cislunar.architecture.optimality.node import MAX_VERTICES, active_orbits
+from cislunar.compiled import implements
 
 _LOG10_E = np.log10(np.e)
 _MAX_CUTS = 40  # tangents tried before the bound is taken as it is
@@ -301,7 +302,7 @@ def _cone_split(level, threshold, r0, r1, mean, bound):
     return np.exp(min(max(at, np.log(r0) + margin), np.log(r1) - margin))
 
 
-@njit(cache=True, nogil=True)
+@implements(node.relax, CostRelaxation)
 def _relax(level, threshold, stack, top):
     """Bound on H over a node, as `cislunar.architecture.optimality.node` asks."""
     r0, r1 = stack.interval[top]
@@ -323,19 +324,6 @@ def _relax(level, threshold, stack, top):
     return bound, offset, score, split
 
 
-def _is_cost(relaxation) -> bool:
-    return getattr(relaxation, "instance_class", None) is CostRelaxation
-
-
-@overload(relax)
-def _compiled_relax(relaxation, threshold, stack, top):
-    if _is_cost(relaxation):
-        return lambda relaxation, threshold, stack, top: _relax(relaxation, threshold, stack, top)
-
-
-@overload(value)
-def _compiled_value(relaxation, orbit, satellites):
-    if _is_cost(relaxation):
-        return lambda relaxation, orbit, satellites: architecture_cost(
-            relaxation.arrays, orbit, satellites
-        )
+@implements(node.value, CostRelaxation)
+def _value_of(level, orbit, satellites):
+    return architecture_cost(level.arrays, orbit, satellites)

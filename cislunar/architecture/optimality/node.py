@@ -15,8 +15,8 @@ What is bounded is a relaxation of the objective, any object with
   maximiser, as architectures with weights, goes into the row of the stack;
 * ``value(orbit, satellites)``: the objective itself.
 
-`search` is interpreted for such an object. A named tuple of arrays is compiled with it when the
-library overloads `relax` and `value` for its type, and says so (``compiled = True``).
+`search` is interpreted for such an object. A NamedTuple of the library is compiled with it when it
+says so (``compiled = True``) and implements `relax` and `value` (`cislunar.compiled`).
 """
 
 from typing import Any, NamedTuple
@@ -66,12 +66,12 @@ def empty_stack(relaxation: Any, rows: int) -> Stack:
 
 
 def relax(relaxation, threshold, stack, top):
-    """Bound, offset, score and split of a node; overloaded for compiled relaxations."""
+    """Bound, offset, score and split of a node; implemented anew by compiled relaxations."""
     return relaxation.relax(threshold, stack, top)
 
 
 def value(relaxation, orbit, satellites):
-    """The objective; overloaded for compiled relaxations."""
+    """The objective; implemented anew by compiled relaxations."""
     return relaxation.value(orbit, satellites)
 
 
