@@ -44,6 +44,12 @@ def test_a_family_states_values_changes_or_combinations(config):
     assert paths[-1] == "task2/A/published/batch/nt50_dt60_rough-wide.nc"
 
 
+def test_values_of_the_command_line_get_their_types(config):
+    family = {"targets": [20], "key": "body.inertia", "values": {"long": "[1, 1, 0.2]"}}
+    task2 = variants(config, shape=family)
+    assert cell_settings(task2, "long")["body"]["inertia"] == [1, 1, 0.2]
+
+
 def test_a_smaller_campaign_names_the_variants_it_keeps(config):
     config["task2"]["variants"] |= {"only": ["slope-25", "wide"], "targets": [30]}
     task2 = with_families(check_campaign(config))["task2"]

@@ -9,8 +9,9 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from cislunar.campaign.settings.cell_tree import CellChange
 from cislunar.campaign.settings.cells import Cell, has_architecture
-from cislunar.campaign.settings.reading import merged
+from cislunar.campaign.settings.reading import merged, with_types
 from cislunar.errors import ConfigurationError
 
 TRACKING_KEYS = "settings.task2."
@@ -72,6 +73,11 @@ def nested(key: str, value: Any) -> dict[str, Any]:
     return value
 
 
+def _cell_change(key: str, value: Any) -> dict[str, Any]:
+    """What a variant changes; values of the command line are texts as yet."""
+    return with_types(nested(key, value), CellChange)
+
+
 def sweep_points(config: Mapping[str, Any], name: str) -> list[SweepPoint]:
     """The values of a sweep, in the order of the configuration."""
     sweep = config["sweeps"][name]
@@ -117,7 +123,7 @@ def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
         place = {k: sweep[k] for k in ("scenario", "architecture")}
         for point in sweep_points(config, name):
             if point.variant:
-                entry = {**place, "targets": [], "change": nested(key, point.value)}
+                entry = {**place, "targets": [], "change": _cell_change(key, point.value)}
                 stated = f"sweeps.{name}"
                 yield StatedVariant(stated, f"{stated}.values", point.variant, entry)
 
@@ -128,7 +134,7 @@ def _changes(
     """Configuration key, name and change of each variant of a family."""
     place = f"task2.variants.families.{name}"
     for variant, value in _named_values(name, family) if "values" in family else ():
-        yield f"{place}.values", variant, nested(family.get("key", ""), value)
+        yield f"{place}.values", variant, _cell_change(family.get("key", ""), value)
     for variant, change in family.get("changes", {}).items():
         yield f"{place}.changes.{variant}", variant, change
     for other, names in family.get("combine", {}).items():
