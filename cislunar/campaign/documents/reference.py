@@ -37,18 +37,7 @@ class _Named:
 
 
 def short_annotation(annotation: Any) -> Any:
-    """An annotation under the name it is written with, arrays as ``ArrayLike`` and ``NDArray``.
-
-    Parameters
-    ----------
-    annotation : object
-        Of a parameter or of what is returned.
-
-    Returns
-    -------
-    object
-        What `inspect` shows shortly.
-    """
+    """An annotation under the name it is written with, arrays as ``ArrayLike`` and ``NDArray``."""
     if annotation is inspect.Parameter.empty:
         return annotation
     text = inspect.formatannotation(annotation)

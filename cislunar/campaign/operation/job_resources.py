@@ -48,18 +48,7 @@ def measured_resources(benchmarks: str | Path) -> pd.DataFrame:
 
 
 def requested(measured: pd.DataFrame) -> str:
-    """The part of the profile that asks for them.
-
-    Parameters
-    ----------
-    measured : DataFrame
-        Of `measured_resources`.
-
-    Returns
-    -------
-    str
-        YAML.
-    """
+    """The part of the profile that asks for what was measured, in YAML."""
     lines = ["set-resources:"]
     for row in measured.itertuples():
         memory = math.ceil(MEMORY_FACTOR * row.largest_mb / MEMORY_STEP_MB) * MEMORY_STEP_MB
@@ -69,24 +58,7 @@ def requested(measured: pd.DataFrame) -> str:
 
 
 def with_requests(profile: str, measured: pd.DataFrame) -> str:
-    """The profile with its requests made anew.
-
-    Parameters
-    ----------
-    profile : str
-        Its text.
-    measured : DataFrame
-        Of `measured_resources`.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    InputFileError
-        If the lines that enclose the requests are missing.
-    """
+    """The text of the profile with its requests made anew; it must have the lines around them."""
     return replace_between(profile, BEGIN, END, requested(measured), "the profile")
 
 
