@@ -376,6 +376,16 @@ def test_schema_for_editors_is_that_of_the_settings():
     assert (ROOT / SCHEMA_FILE).read_text(encoding="utf-8") == schema_text()
 
 
+def test_schema_for_editors_takes_what_the_campaign_takes():
+    jsonschema = pytest.importorskip("jsonschema")
+    judge = jsonschema.Draft202012Validator(json.loads(schema_text()))
+    config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
+    assert list(judge.iter_errors(config)) == []
+    assert list(judge.iter_errors(read_campaign(ROOT / "config"))) == []
+    for key, value in (("task2.step_s", 0), ("task2.stp_s", 1), ("targets.radial_step_km", 0.1)):
+        assert len(list(judge.iter_errors(with_change(config, key, value)))) == 1, key
+
+
 def explained_keys():
     """Keys with a row in config/README.md; a part in capitals or braces is any name."""
     keys = set()

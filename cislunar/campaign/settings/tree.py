@@ -214,8 +214,9 @@ class Sweep(Family):
 
 
 class Variants(Section):
-    scenario: str | None = setting("where settings are changed, unless a family says otherwise")
-    architecture: Architecture = setting("whose observers track there")
+    scenario: str | None = setting(
+        "where settings are changed, unless a family says otherwise; null: nowhere", default=None)
+    architecture: Architecture = setting("whose observers track there", default="published")
     only: several(VariantName) | None = setting(
         "variants that have cells; null: all. Any cell can be had with any variant by its name, "
         "`nt50_dt60_{variant}.nc`", default=None)
@@ -262,7 +263,7 @@ class Task2(CellSettings):
     other_architectures: dict[Architecture, CountsByScenario] = setting(
         "numbers of targets tracked by a further architecture, to set beside the others",
         "1", default={}, name="{architecture}.{scenario}")
-    variants: Variants = setting("")
+    variants: Variants = Variants()
     tasking_comparison: TaskingComparison = setting("")
 
 
