@@ -14,6 +14,8 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from cislunar.observation.sightline import outside_exclusion, sphere_brighter
+
 _BLOCK = 128
 _TILE = 1024
 _FIT_DEGREE = 8
@@ -32,20 +34,6 @@ def _fit_phase_remainder(degree: int) -> NDArray[np.float32]:
 
 
 _K0, _K1, _K2, _K3, _K4, _K5, _K6, _K7, _K8 = _fit_phase_remainder(_FIT_DEGREE)
-
-
-@njit(cache=True)
-def _visible_exactly(line, from_sun, bodies, cosines, faintness):
-    """Decide one pair in double precision: line of sight, Sun-to-target, body directions."""
-    squared = line[0] * line[0] + line[1] * line[1] + line[2] * line[2]
-    distance = np.sqrt(squared)
-    for body in range(3):
-        along = bodies[body, 0] * line[0] + bodies[body, 1] * line[1] + bodies[body, 2] * line[2]
-        if along >= distance * cosines[body]:
-            return False
-    cosine = line[0] * from_sun[0] + line[1] * from_sun[1] + line[2] * from_sun[2]
-    alpha = np.arccos(min(1.0, max(-1.0, cosine / distance)))
-    return np.sin(alpha) + (np.pi - alpha) * np.cos(alpha) > faintness * squared
 
 
 @njit(cache=True, inline="always")
@@ -99,18 +87,17 @@ def _test_block(origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen
 
 
 @njit(cache=True)
-def _load_tile(tile, sun, from_sun, single):
-    """Fill a tile: unit vectors from the Sun in double, all coordinates in single precision."""
+def _load_tile(tile, sun, single):
+    """Fill a tile in single precision: coordinates and unit vectors from the Sun."""
     for i in range(tile.shape[0]):
         u = _unit(tile[i, 0] - sun[0], tile[i, 1] - sun[1], tile[i, 2] - sun[2])
         for axis in range(3):
-            from_sun[i, axis] = u[axis]
             single[axis, i] = np.float32(tile[i, axis])
             single[3 + axis, i] = np.float32(u[axis])
 
 
 @njit(cache=True)
-def _observe_tile(origin, sun, tile, from_sun, single, cosines, faintness, mu, seen):
+def _observe_tile(origin, sun, tile, single, cosines, faintness, mu, seen):
     """Which targets of a tile one satellite observes at one time."""
     bodies = np.empty((3, 3))
     x, y, z = origin[0], origin[1], origin[2]
@@ -134,9 +121,11 @@ def _observe_tile(origin, sun, tile, from_sun, single, cosines, faintness, mu, s
         if n_undecided > 0:
             for i in range(first, last):
                 if undecided[i - first]:
-                    seen[i] = _visible_exactly(
-                        tile[i] - origin, from_sun[i], bodies, cosines, faintness
-                    )
+                    tx, ty, tz = tile[i, 0], tile[i, 1], tile[i, 2]
+                    dx, dy, dz = tx - x, ty - y, tz - z
+                    fx, fy, fz = tx - sun[0], ty - sun[1], tz - sun[2]
+                    clear = outside_exclusion(x, y, z, dx, dy, dz, sun, cosines, mu)
+                    seen[i] = clear and sphere_brighter(dx, dy, dz, fx, fy, fz, faintness)
 
 
 @njit(parallel=True, cache=True)
@@ -151,17 +140,16 @@ def count_observations(track, target, sun, cosines, faintness, mu):
     n_targets = target.shape[0]
     counts = np.zeros((n_orbits, n_phases, n_targets), dtype=np.int32)
     for orbit in prange(n_orbits):
-        from_sun = np.empty((_TILE, 3))
         single = np.empty((6, _TILE), dtype=np.float32)
         seen = np.empty(_TILE, dtype=np.bool_)
         for start in range(0, n_targets, _TILE):
             size = min(_TILE, n_targets - start)
             tile = target[start : start + size]
             for t in range(n_times):
-                _load_tile(tile, sun[t], from_sun, single)
+                _load_tile(tile, sun[t], single)
                 for phase in range(n_phases):
                     _observe_tile(
-                        track[orbit, phase, t], sun[t], tile, from_sun, single,
+                        track[orbit, phase, t], sun[t], tile, single,
                         cosines, faintness, mu, seen,
                     )  # fmt: skip
                     row = counts[orbit, phase, start : start + size]
@@ -180,17 +168,16 @@ def count_observers(track, target, sun, cosines, faintness, mu):
     n_targets = target.shape[0]
     observers = np.zeros((n_times, n_targets), dtype=np.uint16)
     for t in prange(n_times):
-        from_sun = np.empty((_TILE, 3))
         single = np.empty((6, _TILE), dtype=np.float32)
         seen = np.empty(_TILE, dtype=np.bool_)
         for start in range(0, n_targets, _TILE):
             size = min(_TILE, n_targets - start)
             tile = target[start : start + size]
-            _load_tile(tile, sun[t], from_sun, single)
+            _load_tile(tile, sun[t], single)
             row = observers[t, start : start + size]
             for satellite in range(n_satellites):
                 _observe_tile(
-                    track[satellite, t], sun[t], tile, from_sun, single,
+                    track[satellite, t], sun[t], tile, single,
                     cosines, faintness, mu, seen,
                 )  # fmt: skip
                 for i in range(size):
