@@ -114,8 +114,11 @@ def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
     for name, family in variants["families"].items():
         place = {k: family[k] for k in ("scenario", "architecture", "estimators") if k in family}
         for key, variant, change in _changes(name, family, changes):
-            with_cells = variants["only"] is None or variant in variants["only"]
-            targets = (variants["targets"] or family.get("targets", [])) if with_cells else []
+            targets = variants["targets"]
+            if targets is None:
+                targets = family.get("targets", [])
+            if variants["only"] is not None and variant not in variants["only"]:
+                targets = []
             entry = {**place, "targets": targets, "change": change}
             yield StatedVariant(f"task2.variants.families.{name}", key, variant, entry)
     for name, sweep in config["sweeps"].items():

@@ -1,6 +1,6 @@
 """The settings as the library takes them: its own objects, made here and nowhere else.
 
-This module alone of the settings needs the compiled library; jobs import it, the workflow does not.
+It needs the compiled library: jobs import it, the workflow does not.
 """
 
 from collections.abc import Mapping
