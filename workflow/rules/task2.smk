@@ -25,7 +25,7 @@ rule tracking_cell_variant:
     log:
         log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}_{variant}"),
     benchmark:
-        benchmark_of("tracking_cell_variant/" + CELL + "_{variant}")
+        benchmark_of(f"tracking_cell_variant/{CELL}_{{variant}}")
     priority: 4
     conda:
         "../envs/cislunar.yaml"
@@ -49,7 +49,7 @@ use rule tracking_cell_variant as tracking_cell_large with:
     log:
         log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"),
     benchmark:
-        benchmark_of("tracking_cell_large/" + CELL)
+        benchmark_of(f"tracking_cell_large/{CELL}")
     priority: 3
     message:
         "Tracking {wildcards.n} targets, tasking every {wildcards.minutes} min "
@@ -60,7 +60,7 @@ use rule tracking_cell_large as tracking_cell_small with:
     output:
         results("task2/{scenario}/{architecture}/{estimator}/nt{n,[1-9][0-9]?}_dt{minutes}.nc"),
     benchmark:
-        benchmark_of("tracking_cell_small/" + CELL)
+        benchmark_of(f"tracking_cell_small/{CELL}")
     priority: 2
 
 
