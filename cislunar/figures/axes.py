@@ -30,17 +30,10 @@ def place(
 
 
 class Grid(NamedTuple):
-    """Panels of equal size in rows and columns.
+    """Panels of equal size in rows and columns; lengths in inches.
 
-    Attributes
-    ----------
-    rows, columns : int
-    width, height : float
-        Of a panel, inches.
-    left, foot : float
-        Of the lower left panel, inches.
-    gap, between : float
-        From panel to panel in a row and in a column, inches.
+    `width` and `height` are a panel's, `left` and `foot` place the lower left one, `gap` and
+    `between` lie from panel to panel in a row and in a column.
     """
 
     rows: int
@@ -101,23 +94,11 @@ def legend_below(
 def reach(
     values: ArrayLike, *, log: bool, share: float = 0.08, least: float = 1.15
 ) -> tuple[float, float]:
-    """Ends of an axis that holds some values.
+    """Ends of an axis that holds the values, from 0.1 to 1 with a margin if none counts.
 
-    Parameters
-    ----------
-    values : array_like
-        Those that are not finite, or on a logarithmic axis not positive, do not count.
-    log : bool
-        Whether the axis is logarithmic.
-    share : float
-        Margin on either side, as a share of what lies between the outermost values.
-    least : float
-        Least margin of a logarithmic axis, as a factor.
-
-    Returns
-    -------
-    low, high : float
-        From 0.1 to 1 with a margin if no value counts.
+    Values that are not finite, or on a logarithmic axis not positive, do not count. The margin is
+    `share` of what lies between the outermost ones, on a logarithmic axis at least a factor
+    `least`.
     """
     values = np.ravel(values)
     values = values[np.isfinite(values) & ((values > 0.0) | (not log))]
@@ -146,17 +127,9 @@ def fixed_ticks(axis: Axis, ticks: ArrayLike, names: Sequence[str] | None = None
 
 
 def nice_ticks(low: float, high: float) -> Array:
-    """Ticks of a logarithmic axis: decades, or finer where it is short.
+    """At most five ticks of a logarithmic axis, finer than decades where it is short.
 
-    Parameters
-    ----------
-    low, high : float
-        Ends of the axis, positive.
-
-    Returns
-    -------
-    ndarray
-        At most five values; at least two unless the axis is shorter than half a digit.
+    At least two unless the axis is shorter than half a digit.
     """
     powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
     for digits in (
@@ -192,19 +165,9 @@ def log_ticks(axis: Axis, low: float, high: float) -> None:
 
 
 def spaced(values: Array, least: float = _LEAST_SPACING) -> Array:
-    """Values that can be labelled side by side on a logarithmic axis, the ends always.
+    """Positive values, rising, that can be labelled side by side on a logarithmic axis.
 
-    Parameters
-    ----------
-    values : ndarray
-        Positive.
-    least : float
-        Least distance, as a share of the whole.
-
-    Returns
-    -------
-    ndarray
-        In rising order.
+    The ends always; the others at least a share `least` of the whole apart.
     """
     values = np.unique(values)
     if values.size < 3:

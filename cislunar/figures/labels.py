@@ -15,18 +15,9 @@ AXES = ("x", "y", "z")
 
 
 class Part(NamedTuple):
-    """Three components of the state.
+    """Three components of the state: the name on an axis, abbreviated and in two lines where long.
 
-    Attributes
-    ----------
-    name : str
-        As on an axis.
-    short, stacked : str
-        Abbreviated, and in two lines, where it is long.
-    unit : str
-        Unit of its errors, the paper's.
-    columns : slice
-        Its components.
+    `unit` is the paper's for its errors.
     """
 
     name: str

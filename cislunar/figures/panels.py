@@ -15,20 +15,9 @@ from cislunar.figures.style import SeriesStyle
 class Row(NamedTuple):
     """A row of panels, which share the vertical axis.
 
-    Attributes
-    ----------
-    label : str
-        Axis label, with the unit.
-    curves : tuple
-        What is drawn, as the figure reads it.
-    factor : float
-        From the unit of the data to that of the axis.
-    log : bool
-        Logarithmic axis; intervals are then those of the logarithm.
-    second : tuple of (str, float) or None
-        Label of the axis on the right, and the factor from the left one to it.
-    reference : float or None
-        Value to compare with.
+    `curves` is what is drawn, as the figure reads it; `factor` leads from the unit of the data to
+    that of `label`; with `log`, intervals are those of the logarithm. `second` is the label of the
+    axis on the right and the factor from the left one to it, `reference` a value to compare with.
     """
 
     label: str
@@ -48,18 +37,8 @@ def draw_means(
 ) -> None:
     """Means with their intervals, joined by the line of the series.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Where.
-    at : array_like
-        Places on the horizontal axis.
-    bounds : tuple of array_like
-        Means, lower and upper ends; an end that is not a number is not drawn.
-    look : SeriesStyle
-        How the series is drawn.
-    **more
-        For ``errorbar``, beyond what is usual here.
+    `bounds` are means, lower and upper ends; an end that is not a number is not drawn. `more` goes
+    to ``errorbar``.
     """
     mean, low, high = (np.atleast_1d(each) for each in bounds)
     usual = {
@@ -79,24 +58,8 @@ def draw_rows(
 ) -> list[list[Axes]]:
     """Rows of panels: vertical axes shared in a row, labels at the left and below alone.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        Where.
-    grid : Grid
-        Places of the panels.
-    rows : sequence of Row
-    titles : sequence of str
-        Of the columns.
-    draw : callable
-        Takes axes, row and number of the column; gives the values that the vertical axis holds.
-    **title_look
-        Type of the titles.
-
-    Returns
-    -------
-    list of list of matplotlib.axes.Axes
-        By row and column.
+    `draw` takes axes, row and number of the column, and gives the values that the vertical axis
+    holds. The axes come back by row and column.
     """
     panels = []
     for number, row in enumerate(rows):
@@ -118,21 +81,7 @@ def draw_rows(
 
 
 def draw_best(axes: Axes, at: Array, best: Array, look: SeriesStyle, zorder: float) -> None:
-    """Median and range over runs of the best value so far.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Where.
-    at : ndarray, shape (evaluation,)
-        Evaluations, counted from one.
-    best : ndarray, shape (run, evaluation)
-        Best value so far of every run.
-    look : SeriesStyle
-        How the search is drawn.
-    zorder : float
-        Of the median.
-    """
+    """Median and range over runs of the best value so far, shape (run, evaluation)."""
     ends = best.min(axis=0), best.max(axis=0)
     axes.fill_between(at, *ends, color=look.color, alpha=0.2, linewidth=0, step="post")
     stepped = {"color": look.color, "linestyle": look.line, "drawstyle": "steps-post"}

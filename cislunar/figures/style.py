@@ -146,22 +146,7 @@ ESTIMATOR_STYLE: Mapping[str, SeriesStyle] = {
 
 
 def family_style(family: str) -> SeriesStyle:
-    """How a family is drawn.
-
-    Parameters
-    ----------
-    family : str
-        Name of the family.
-
-    Returns
-    -------
-    SeriesStyle
-
-    Raises
-    ------
-    ConfigurationError
-        If the family has no style.
-    """
+    """How a family is drawn; a `ConfigurationError` if it has no style."""
     try:
         return FAMILY_STYLE[family]
     except KeyError:
@@ -213,21 +198,9 @@ def panel_letter(index: int) -> str:
 
 
 def save_figure(figure: Figure, path_png: str | Path, path_pdf: str | Path) -> None:
-    """Write a figure as PNG and PDF, each whole or not at all.
+    """Write a figure as PNG and PDF, each whole or not at all; creates their folders.
 
     The same figure gives the same bytes: no dates and no versions are stored.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    path_png, path_pdf : str or Path
-        Destinations; their folders are created.
-
-    Raises
-    ------
-    InputFileError
-        If a folder cannot be written to.
     """
     plain = {"Creator": None, "Producer": None, "CreationDate": None}
     files = ((path_png, "png", {"Software": None}), (path_pdf, "pdf", plain))

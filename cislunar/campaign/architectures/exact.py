@@ -31,23 +31,12 @@ def exact_dataset(
     certificate: Mapping[str, float],
     threads: int = 1,
 ) -> xr.Dataset:
-    """The best architecture by coordinate search, and the proof that nothing beats it.
+    """``architecture/{scenario}/exact.nc``: the best architecture found, and the proof.
 
-    Parameters
-    ----------
-    cost, visibility
-        J on the scenario's tables, and their data set for its attributes.
-    scenario, seed, slots, restarts
-        Name, seed of the campaign, number of orbits, starts of the coordinate search.
-    certificate : mapping
-        Configuration key `architecture.certificate`.
-    threads : int
-        Subtrees searched at once; they do not change the outcome.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``architecture/{scenario}/exact.nc``.
+    The coordinate search finds it; the certificate proves that nothing beats it. `visibility` is
+    for its attributes, `restarts` the starts of the coordinate search, `certificate` the
+    configuration key `architecture.certificate`. The `threads` (subtrees searched at once) do not
+    change the outcome.
     """
     rng = generator(seed, scenario, "exact")
     found = coordinate_search(
@@ -113,25 +102,10 @@ def front_dataset(
     settings: Mapping[str, Any],
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """Best J found for each number of satellites, and what such an architecture covers.
+    """``architecture/{scenario}/front.nc``: best J by number of satellites, what it covers.
 
-    Parameters
-    ----------
-    cost, visibility, orbits, targets, sun
-        J on the scenario's tables, and data sets of the scenario.
-    scenario, seed, slots
-        Name, seed of the campaign and number of orbits.
-    front : mapping
-        Configuration key `architecture.front`.
-    settings : mapping
-        Configuration keys `propagator` and `visibility`.
-    progress : callable, optional
-        Called with (totals done, totals).
-
-    Returns
-    -------
-    xarray.Dataset
-        ``architecture/{scenario}/front.nc``.
+    `front` is the configuration key `architecture.front`, `settings` has `propagator` and
+    `visibility`; `progress` counts totals of satellites.
     """
     totals = list(range(front["fewest"], front["most"] + 1))
     found = satellite_front(

@@ -17,24 +17,9 @@ from cislunar.errors import ConfigurationError
 def published_dataset(
     cost: CostFunction, visibility: xr.Dataset, *, scenario: str, seed: int, restarts: int
 ) -> xr.Dataset:
-    """The paper's families and counts, with the members that serve J best.
+    """``architecture/{scenario}/published.nc``: the paper's families and counts, best members by J.
 
-    Parameters
-    ----------
-    cost, visibility
-        J on the scenario's tables, and their data set for its attributes.
-    scenario, seed, restarts
-        Scenario (the paper has A, B and C), seed of the campaign, number of starts.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``architecture/{scenario}/published.nc``.
-
-    Raises
-    ------
-    ConfigurationError
-        If the paper has no such scenario.
+    A `ConfigurationError` if the paper, which has A, B and C, has no such scenario.
     """
     if scenario not in PUBLISHED:
         raise ConfigurationError(

@@ -30,23 +30,9 @@ def search_run_dataset(
     max_evaluations: int,
     early_stop: int,
 ) -> xr.Dataset:
-    """One Hyperopt search, every trial kept.
+    """``architecture/{scenario}/runs/{method}_{labels}_{run}.nc``: a Hyperopt search, every trial.
 
     Random search runs to the full number of evaluations; its early stop is a prefix of that.
-
-    Parameters
-    ----------
-    cost, visibility
-        J on the scenario's tables, and their data set for its attributes.
-    scenario, method, labels, run, seed
-        Scenario, Hyperopt method, kind of labels, number of the run, seed of the campaign.
-    slots, max_evaluations, early_stop
-        Settings of the search.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``architecture/{scenario}/runs/{method}_{labels}_{run}.nc``.
     """
     result = hyperopt_search(
         cost,
@@ -92,22 +78,10 @@ def _stopped(run: xr.Dataset, early_stop: int) -> tuple[int, int]:
 
 
 def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunction) -> xr.Dataset:
-    """The best of several searches under the early stop, with the spread over all of them.
+    """``architecture/{scenario}/{method}.nc``: the best of several searches under the early stop.
 
-    Parameters
-    ----------
-    runs : sequence of xarray.Dataset
-        Data sets of `search_run_dataset`.
-    early_stop : int
-        Evaluations without improvement after which a search stops.
-    cost : CostFunction
-        J on the scenario's tables.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``architecture/{scenario}/{method}.nc``: the best run in the main variables; ``run_*`` for
-        each run under the early stop, ``full_*`` for all its evaluations.
+    The best run is in the main variables; ``run_*`` have each run under the early stop (evaluations
+    without improvement), ``full_*`` all its evaluations.
     """
 
     def of_runs(name: str, where: Sequence[int]) -> np.ndarray:

@@ -23,21 +23,10 @@ def architecture_rows(
 ) -> pd.DataFrame:
     """Rows of ``tables/architecture.csv`` for one architecture, one for each slot.
 
-    Parameters
-    ----------
-    scenario, optimizer : str
-        Which architecture it is.
-    architecture, orbits, targets, sun : xarray.Dataset
-        Its data set and those it was made from.
-    settings : mapping
-        Configuration keys `propagator` and `visibility`.
-
-    Returns
-    -------
-    DataFrame
-        Family, member and satellites of each slot beside the paper's family and count, then what
-        the architecture reaches as a whole, repeated on each row. The slots of "published" are the
-        paper's, row by row; those of the other optimizers have no order to match.
+    Family, member and satellites of each slot beside the paper's family and count, then what the
+    architecture reaches as a whole, repeated on each row. The slots of "published" are the paper's,
+    row by row; those of the other optimizers have no order to match. `settings` has the
+    configuration keys `propagator` and `visibility`.
     """
     orbit = architecture["orbit"].values
     satellites = architecture["satellites"].values
@@ -70,17 +59,7 @@ def architecture_rows(
 def near_optimal_rows(scenario: str, exact: xr.Dataset, orbits: xr.Dataset) -> pd.DataFrame:
     """Rows of ``tables/near_optimal.csv``: every architecture close to the optimum.
 
-    Parameters
-    ----------
-    scenario : str
-        Scenario.
-    exact, orbits : xarray.Dataset
-        ``architecture/{scenario}/exact.nc`` and ``orbits/families.nc``.
-
-    Returns
-    -------
-    DataFrame
-        Rank, J, its share of the optimum, and the orbits with their satellites.
+    Rank, J, its share of the optimum, and the orbits with their satellites.
     """
     family = orbits["family"].values
     orbit, satellites = exact["near_orbit"].values, exact["near_satellites"].values

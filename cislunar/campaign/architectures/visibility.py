@@ -25,23 +25,11 @@ def visibility_dataset(
     max_satellites: int,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """Count the observations of a target set for every orbit and satellite count.
+    """``visibility/{scenario}.nc``: observations by orbit and satellite count.
 
-    Parameters
-    ----------
-    orbits, targets, sun : xarray.Dataset
-        ``orbits/families.nc``, ``targets/static_{scenario}.nc``, ``ephemeris/sun.nc``.
-    settings : mapping
-        Configuration keys `epoch_jd`, `propagator` and `visibility`.
-    max_satellites : int
-        Largest number of satellites on one orbit.
-    progress : callable, optional
-        Called with (orbits done, orbits).
-
-    Returns
-    -------
-    xarray.Dataset
-        ``visibility/{scenario}.nc``.
+    From ``orbits/families.nc``, ``targets/static_{scenario}.nc`` and ``ephemeris/sun.nc``, up to a
+    number of satellites on one orbit. `settings` has the configuration keys `epoch_jd`,
+    `propagator` and `visibility`; `progress` counts orbits.
     """
     chosen = visibility_settings(settings)
     times = horizon(settings)

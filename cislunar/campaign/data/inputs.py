@@ -62,19 +62,9 @@ def sun_dataset(settings: Mapping[str, Any]) -> xr.Dataset:
 
 
 def sun_at(sun: xr.Dataset, times: np.ndarray) -> np.ndarray:
-    """Sun at nondimensional times since the epoch.
+    """Sun at times since the epoch, shape (time, 3), in the rotating frame; all nondimensional.
 
-    Parameters
-    ----------
-    sun : xarray.Dataset
-        ``ephemeris/sun.nc``.
-    times : ndarray, shape (time,)
-        Nondimensional.
-
-    Returns
-    -------
-    ndarray, shape (time, 3)
-        Nondimensional, rotating frame.
+    Interpolated in ``ephemeris/sun.nc``.
     """
     elapsed = (sun["et"].values - sun["et"].values[0]) / sun.attrs["time_unit_s"]
     return interpolate_sun(times, elapsed, sun["sun_position"].values)
@@ -91,23 +81,7 @@ def families_dataset(settings: Mapping[str, Any], progress: Progress | None = No
 def orbit_set_dataset(
     orbits: OrbitSet, dim: str, title: str, settings: Mapping[str, Any]
 ) -> xr.Dataset:
-    """A set of periodic orbits as a data set.
-
-    Parameters
-    ----------
-    orbits : OrbitSet
-        The orbits.
-    dim : str
-        Name of their dimension.
-    title : str
-        Title of the data set.
-    settings : mapping
-        Configuration slice, for provenance.
-
-    Returns
-    -------
-    xarray.Dataset
-    """
+    """A set of periodic orbits as a data set along `dim`; `settings` are for provenance."""
     return xr.Dataset(
         {
             "family": _label(dim, [str(name) for name in orbits.family], "orbit family"),

@@ -14,25 +14,7 @@ _COMPRESSED_FROM = 1024
 
 
 def variable(dims, values, units: str, long_name: str, **attributes) -> xr.Variable:
-    """A variable with its unit and description.
-
-    Parameters
-    ----------
-    dims : str or sequence of str
-        Dimension names; empty for a scalar.
-    values : array_like
-        The data.
-    units : str
-        Unit, "1" if there is none.
-    long_name : str
-        What it is.
-    **attributes
-        Further attributes.
-
-    Returns
-    -------
-    xarray.Variable
-    """
+    """A variable with its unit ("1" if there is none), description and further attributes."""
     return xr.Variable(dims, values, {"units": units, "long_name": long_name, **attributes})
 
 
@@ -59,19 +41,8 @@ def whole_file(path: Path) -> Iterator[Path]:
 def write_dataset(dataset: xr.Dataset, path: str | Path) -> None:
     """Write a data set to NetCDF-4 under a temporary name, then move it into place.
 
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        Every variable must have `units` and `long_name`.
-    path : str or Path
-        Destination; its folder is created.
-
-    Raises
-    ------
-    ValueError
-        If a variable lacks its unit or description.
-    InputFileError
-        If the folder cannot be written to.
+    A `ValueError` if a variable lacks `units` or `long_name`, an `InputFileError` if the folder,
+    created where missing, cannot be written to.
     """
     path = Path(path)
     for name, data in dataset.variables.items():
@@ -88,42 +59,18 @@ def write_dataset(dataset: xr.Dataset, path: str | Path) -> None:
 
 
 def write_text(text: str, path: str | Path) -> None:
-    """Write a text file whole or not at all.
+    """Write a text file whole or not at all, creating its folder.
 
-    Parameters
-    ----------
-    text : str
-        Contents.
-    path : str or Path
-        Destination; its folder is created.
-
-    Raises
-    ------
-    InputFileError
-        If the folder cannot be written to.
+    An `InputFileError` if the folder cannot be written to.
     """
     with whole_file(Path(path)) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def read_dataset(path: str | Path, *, without: Sequence[str] = ()) -> xr.Dataset:
-    """Read a data set into memory.
+    """Read a NetCDF-4 file into memory, `without` some variables.
 
-    Parameters
-    ----------
-    path : str or Path
-        A NetCDF-4 file.
-    without : sequence of str
-        Variables to leave out.
-
-    Returns
-    -------
-    xarray.Dataset
-
-    Raises
-    ------
-    InputFileError
-        If the file is missing, truncated or no NetCDF file.
+    An `InputFileError` if the file is missing, truncated or no NetCDF file.
     """
     path = Path(path)
     if not path.is_file():

@@ -13,18 +13,7 @@ from cislunar.targets.tables import load_target_positions, load_target_states
 
 
 def own_tracked_dataset(path: str | Path) -> xr.Dataset:
-    """Moving targets of a table.
-
-    Parameters
-    ----------
-    path : str or Path
-        The table, see `cislunar.targets.tables`.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``orbits/tracked_{scenario}.nc``.
-    """
+    """``orbits/tracked_{scenario}.nc`` of a table (`cislunar.targets.tables`) of moving targets."""
     targets = load_target_states(path)
     return xr.Dataset(
         {
@@ -50,20 +39,7 @@ def own_tracked_dataset(path: str | Path) -> xr.Dataset:
 
 
 def own_static_dataset(path: str | Path, scenario: str) -> xr.Dataset:
-    """Static targets of a table.
-
-    Parameters
-    ----------
-    path : str or Path
-        The table, see `cislunar.targets.tables`.
-    scenario : str
-        Name of the scenario.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``targets/static_{scenario}.nc``.
-    """
+    """``targets/static_{scenario}.nc`` of a table (`cislunar.targets.tables`) of static targets."""
     targets = load_target_positions(path)
     members = np.ones(len(targets), dtype=np.int64)
     return xr.Dataset(

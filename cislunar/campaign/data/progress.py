@@ -27,22 +27,10 @@ def _clock(seconds: float) -> str:
 
 
 def progress_log(name: str, interval_s: float = 5.0) -> Progress:
-    """A progress callback that logs at intervals: share done, elapsed time, time left.
+    """A callback (done, total) that logs at intervals: share done, elapsed time, time left.
 
     The time left follows from the pace since the first item, which may have had to wait for
     compilation; until there is a second one it is an upper limit.
-
-    Parameters
-    ----------
-    name : str
-        What is going on.
-    interval_s : float
-        Least time between two lines, s.
-
-    Returns
-    -------
-    callable
-        Takes (done, total).
     """
     start = time.monotonic()
     last = start
@@ -78,20 +66,7 @@ def progress_log(name: str, interval_s: float = 5.0) -> Progress:
 
 
 def each(items: Sequence[Item], name: str) -> Iterator[Item]:
-    """Items one after the other, with progress logged as each is done.
-
-    Parameters
-    ----------
-    items : sequence
-        What is worked on.
-    name : str
-        What they are.
-
-    Yields
-    ------
-    object
-        Each item.
-    """
+    """Items one after the other, with progress logged as each is done."""
     progress = progress_log(name)
     for done, item in enumerate(items, start=1):
         yield item
@@ -149,17 +124,10 @@ def _sigterm_raises() -> Iterator[None]:
 
 @contextmanager
 def job(log: str | Path, threads: int = 1) -> Iterator[None]:
-    """Run a job of the campaign: log to its file and the terminal, limit its threads.
+    """Run a job of the campaign: log to its file and the terminal, limit the kernels' threads.
 
     An error raised on purpose ends the job with its message alone, not a traceback; so do an
     interrupt (SIGINT) and a termination (SIGTERM: a cluster's time limit, or Snakemake stopping).
-
-    Parameters
-    ----------
-    log : str or Path
-        The job's log file.
-    threads : int
-        Threads the compiled kernels may use.
     """
     import numba
 

@@ -13,13 +13,7 @@ from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 
 @cache
 def git_revision() -> str | None:
-    """Revision of the source tree, with ``+`` where it has uncommitted changes.
-
-    Returns
-    -------
-    str or None
-        None outside a git checkout.
-    """
+    """Revision of the source tree, ``+`` with uncommitted changes; None outside a checkout."""
     here = Path(__file__).resolve().parent
 
     def git(*arguments: str) -> str | None:
@@ -47,18 +41,7 @@ def provenance(
 ) -> dict[str, Any]:
     """Global attributes of a data set; the same inputs give the same attributes.
 
-    Parameters
-    ----------
-    title : str
-        What the file holds.
-    settings : mapping, optional
-        Slice of the configuration that made it.
-    seed : int, optional
-        Seed of its random numbers.
-
-    Returns
-    -------
-    dict
+    `settings` is the slice of the configuration that made it.
     """
     attributes: dict[str, Any] = {
         "title": title,

@@ -27,17 +27,9 @@ BEGIN, END = "# begin: from measured.csv\n", "# end: from measured.csv\n"
 
 
 def measured_resources(benchmarks: str | Path) -> pd.DataFrame:
-    """Largest memory and longest time of the jobs of each rule.
+    """Largest memory and longest time of the jobs of each rule, from ``results/benchmarks``.
 
-    Parameters
-    ----------
-    benchmarks : str or Path
-        ``results/benchmarks``.
-
-    Returns
-    -------
-    DataFrame
-        Columns rule, jobs, largest_mb, longest_s.
+    Columns rule, jobs, largest_mb, longest_s.
     """
     measured = (
         job_times(benchmarks)

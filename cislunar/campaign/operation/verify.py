@@ -51,24 +51,9 @@ CHECKS: dict[str, Callable[[Path], None]] = {
 
 
 def damaged_results(folder: str | Path) -> Iterator[tuple[Path, str]]:
-    """Read every result below a folder to its end.
+    """Read every result below a folder to its end; yields those that cannot be used, and why.
 
-    Parameters
-    ----------
-    folder : str or Path
-        Results folder of a campaign, or a part of it.
-
-    Yields
-    ------
-    path : Path
-        A file that cannot be used.
-    reason : str
-        Why.
-
-    Raises
-    ------
-    InputFileError
-        If there is no such folder.
+    An `InputFileError` if there is no such folder.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -86,15 +71,7 @@ def damaged_results(folder: str | Path) -> Iterator[tuple[Path, str]]:
 def leftovers(folder: str | Path) -> list[Path]:
     """Temporary files of jobs that were killed while they wrote.
 
-    Parameters
-    ----------
-    folder : str or Path
-        Results folder of a campaign, or a part of it.
-
-    Returns
-    -------
-    list of Path
-        Those that nothing has been written to for ten minutes; younger ones may be in use.
+    Those that nothing has been written to for ten minutes; younger ones may be in use.
     """
     now = time.time()
     found = Path(folder).rglob(".*.part")

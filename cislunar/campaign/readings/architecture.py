@@ -53,24 +53,11 @@ def readings_table(
     sun: xr.Dataset,
     progress: Progress | None = None,
 ) -> pd.DataFrame:
-    """J of one scenario under each reading.
+    """J of one scenario of the whole configuration under each reading.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    scenario : str
-        Scenario to rerun.
-    orbits, sun : xarray.Dataset
-        ``orbits/families.nc`` and ``ephemeris/sun.nc`` of the configuration as it is.
-    progress : callable, optional
-        Called with (readings done, readings).
-
-    Returns
-    -------
-    DataFrame
-        Reading, sampled points, J of the published families and counts (where the paper has the
-        scenario), best of random draws, and best of the coordinate search with its satellites.
+    `orbits` and `sun` are those of the configuration as it is. Columns: reading, sampled points, J
+    of the published families and counts (where the paper has the scenario), best of random draws,
+    and best of the coordinate search with its satellites.
     """
     rows = []
     for done, (name, changes) in enumerate(READINGS.items()):

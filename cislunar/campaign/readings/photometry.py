@@ -30,23 +30,11 @@ _ATTITUDES = 20_000
 def photometry_table(
     material: Mapping[str, float], limiting_magnitude: float, seed: int
 ) -> pd.DataFrame:
-    """Rows of ``tables/photometry.csv``.
+    """Rows of ``tables/photometry.csv``, from the configuration key ``task2.material``.
 
-    Parameters
-    ----------
-    material : mapping
-        Configuration key ``task2.material``.
-    limiting_magnitude : float
-        Magnitude at which an object is lost.
-    seed : int
-        Seed of the attitudes.
-
-    Returns
-    -------
-    DataFrame
-        Columns quantity, angle_deg, model, value, unit. Ranges and brightness are medians over
-        random attitudes of the icosahedron of 4 pi m^2, by phase angle; the light returned by a
-        single facet stands by angle of incidence.
+    Columns quantity, angle_deg, model, value, unit. Ranges and brightness are medians over random
+    attitudes of the icosahedron of 4 pi m^2, by phase angle; the light returned by a single facet
+    stands by angle of incidence. An object is lost at the limiting magnitude.
     """
     surface, rng = Material(**material), np.random.default_rng(seed)
     attitude = rng.normal(size=(_ATTITUDES, 4))

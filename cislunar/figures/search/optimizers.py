@@ -56,18 +56,8 @@ def satellite_front_figure(
 ) -> Figure:
     """Best J and its union coverage by prescribed number of satellites, a column per scenario.
 
-    Parameters
-    ----------
-    fronts : mapping of str to xarray.Dataset
-        ``architecture/{scenario}/front.nc`` by scenario.
-    architectures : mapping of str to mapping of str to xarray.Dataset
-        ``architecture/{scenario}/{optimizer}.nc`` by scenario and optimizer.
-    coverage : DataFrame
-        ``tables/architecture.csv``.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    From ``architecture/{scenario}/front.nc`` and, by optimizer, ``{optimizer}.nc`` by scenario, and
+    ``tables/architecture.csv``.
     """
     tall = 1.9
     below, figure = _layout(len(fronts), tall, 4.75, 0.5)
@@ -175,19 +165,9 @@ def convergence_figure(
 ) -> Figure:
     """Best J so far by number of evaluations for every optimizer, a panel per scenario.
 
-    A search with several runs is drawn as their median with the range over the runs; a run that
-    has stopped keeps its last value. Triangles mark where the early stop ends a run.
-
-    Parameters
-    ----------
-    runs : mapping of str to mapping of str to sequence of xarray.Dataset
-        ``architecture/{scenario}/runs/*.nc`` by scenario and method.
-    architectures : mapping of str to mapping of str to xarray.Dataset
-        ``architecture/{scenario}/{optimizer}.nc`` by scenario and optimizer.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    A search with several runs is drawn as their median with the range over the runs; a run that has
+    stopped keeps its last value. Triangles mark where the early stop ends a run. From
+    ``architecture/{scenario}/runs/*.nc`` by scenario and method, ``{optimizer}.nc`` by optimizer.
     """
     row_in = 2.95
     grid, figure = _layout(len(architectures), row_in - 0.7, row_in, 0.62)
@@ -217,17 +197,9 @@ def _paper_line(method: str) -> str:
 
 
 def best_so_far(histories: Sequence[Array]) -> Array:
-    """Running best of every run, all as long as the longest.
+    """Running best of every run, shape (run, evaluation), from the J of its evaluations.
 
-    Parameters
-    ----------
-    histories : sequence of ndarray
-        J of each evaluation of each run.
-
-    Returns
-    -------
-    ndarray, shape (run, evaluation)
-        A run that has ended keeps its last value; zero (a repeated orbit) counts as no value.
+    A run that has ended keeps its last value; zero (a repeated orbit) counts as no value.
     """
     longest = max(len(history) for history in histories)
     best = np.full((len(histories), longest), np.nan)

@@ -87,16 +87,9 @@ def _axis_of(table: pd.DataFrame) -> _Values:
 
 @house_style()
 def sweep_figure(table: pd.DataFrame) -> Figure:
-    """What the architectures reach, where they differ, then a row of panels for each target count.
+    """What the architectures of ``tables/sweep_{name}.csv`` reach and where they differ.
 
-    Parameters
-    ----------
-    table : DataFrame
-        ``tables/sweep_{name}.csv``.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    Then a row of panels for each target count.
     """
     values = _axis_of(table)
     counts = sorted(table["targets"].dropna().unique())

@@ -44,22 +44,11 @@ def power_of_ten(value: float, digits: int = 3) -> str:
 def selected_orbits_figure(
     orbits: xr.Dataset, architectures: Mapping[str, xr.Dataset], targets: Mapping[str, int]
 ) -> Figure:
-    """The orbits of one architecture for each scenario, with the satellites at the epoch.
+    """The orbits of one optimizer's architectures by scenario, with the satellites at the epoch.
 
     A row for each scenario: the whole system, the surroundings of the Moon, the list of orbits.
-
-    Parameters
-    ----------
-    orbits : xarray.Dataset
-        ``orbits/families.nc``.
-    architectures : mapping of str to xarray.Dataset
-        ``architecture/{scenario}/{optimizer}.nc`` of one optimizer, by scenario.
-    targets : mapping of str to int
-        Number of static targets of each scenario.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    From ``orbits/families.nc`` and ``architecture/{scenario}/{optimizer}.nc`` by scenario;
+    `targets` is the number of static targets of each.
     """
     rows = len(architectures)
     figure = new_figure(ROW_HEIGHT_IN * rows)

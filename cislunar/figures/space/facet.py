@@ -59,12 +59,7 @@ def project(points: Array, eye_deg: tuple[float, float] = _EYE) -> Array:
 
 @house_style()
 def facet_geometry_figure() -> Figure:
-    """The facet frame, the directions to the Sun and the observer, their bisector, and its angle.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """The facet frame, the directions to Sun and observer, their bisector, and its angle."""
     figure = new_figure(2.9, 4.4)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()

@@ -59,15 +59,7 @@ def orbit_library_figure(orbits: xr.Dataset, targets: xr.Dataset) -> Figure:
     """Every candidate observer orbit with the static targets of a scenario.
 
     Above, the whole system and the surroundings of the Moon in space; below, their projections.
-
-    Parameters
-    ----------
-    orbits, targets : xarray.Dataset
-        ``orbits/families.nc`` and ``targets/static_{scenario}.nc``.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    From ``orbits/families.nc`` and ``targets/static_{scenario}.nc``.
     """
     mu, unit = float(orbits.attrs["mu"]), float(orbits.attrs["length_unit_km"])
     family = orbits["family"].values.astype(str)
@@ -135,17 +127,7 @@ def _draw(axes, view: _View, points: Array, shown: Sequence[int], mu: float) -> 
 
 @house_style()
 def family_map_figure(orbits: xr.Dataset) -> Figure:
-    """The members of every family by Jacobi constant, period and stability index.
-
-    Parameters
-    ----------
-    orbits : xarray.Dataset
-        ``orbits/families.nc``.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """The members of ``orbits/families.nc`` by Jacobi constant, period and stability index."""
     family = orbits["family"].values.astype(str)
     days = orbits["period"].values * float(orbits.attrs["time_unit_s"]) / SECONDS_PER_DAY
     jacobi, stability = orbits["jacobi"].values, orbits["stability_index"].values

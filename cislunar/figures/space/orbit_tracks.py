@@ -54,23 +54,10 @@ def orbit_track_km(orbits: xr.Dataset, index: int, samples: int) -> Array:
 def satellite_tracks(
     orbits: xr.Dataset, index: int, satellites: int, hours: ArrayLike = 0.0
 ) -> Array:
-    """Satellites of an orbit, equally spaced in time, at some times.
+    """Satellites of the orbit in a row of ``orbits/families.nc``, equally spaced in time.
 
-    Parameters
-    ----------
-    orbits : xarray.Dataset
-        ``orbits/families.nc``.
-    index : int
-        Row of the orbit.
-    satellites : int
-        Satellites on it.
-    hours : array_like, shape (...)
-        Times since the epoch, h.
-
-    Returns
-    -------
-    ndarray, shape (..., satellites, 3)
-        Rotating frame, nondimensional.
+    At `hours` since the epoch, shape (...); gives (..., satellites, 3), rotating frame,
+    nondimensional.
     """
     phases = np.arange(satellites) * float(orbits["period"].values[index]) / satellites
     times = _nondimensional(orbits, hours)[..., None] + phases

@@ -55,23 +55,10 @@ def orbits_page(
     targets: Mapping[str, xr.Dataset],
     architectures: Mapping[str, Mapping[str, xr.Dataset]],
 ) -> str:
-    """The interactive page of orbits, architectures and targets.
+    """HTML of the interactive page of orbits, architectures and targets.
 
-    Parameters
-    ----------
-    orbits : xarray.Dataset
-        ``orbits/families.nc``.
-    tracked : xarray.Dataset
-        ``orbits/tracked.nc``.
-    targets : mapping of str to xarray.Dataset
-        ``targets/static_{scenario}.nc`` by scenario.
-    architectures : mapping of str to mapping of str to xarray.Dataset
-        ``architecture/{scenario}/{optimizer}.nc`` by scenario and optimizer.
-
-    Returns
-    -------
-    str
-        HTML; the same data sets give the same text.
+    From ``orbits/families.nc``, ``orbits/tracked.nc``, ``targets/static_{scenario}.nc`` by scenario
+    and ``architecture/{scenario}/{optimizer}.nc`` by both; the same data give the same text.
     """
     layers = {
         "bodies": _Layer(_body_traces(orbits), {}),

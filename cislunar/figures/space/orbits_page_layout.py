@@ -14,22 +14,10 @@ _WHITE = "rgba(255, 255, 255, 0.85)"
 class PageParts(NamedTuple):
     """What the controls of the page act on.
 
-    Attributes
-    ----------
-    choices : mapping of str to tuple
-        For each architecture by its name, the numbers of its traces and of its targets'.
-    library : sequence of int
-        Traces of the orbit library.
-    hours : array_like
-        Times of the slider, h since the epoch.
-    color_range : tuple of float
-        Decimal logarithm of the stability index at both ends of the color bar.
-    colors : list of tuple
-        Color scale.
-    moon_km : float
-        x of the Moon, km.
-    bounds_km : ndarray, shape (3, 2)
-        Least and greatest coordinates of everything shown, km.
+    `choices` gives for each architecture the numbers of its traces and of its targets', `library`
+    those of the orbits; `hours` are the slider's, since the epoch. `color_range` is the decimal
+    logarithm of the stability index at both ends of the scale `colors`; `moon_km` is the x of the
+    Moon, `bounds_km`, shape (3, 2), the least and greatest coordinates of everything shown.
     """
 
     choices: Mapping[str, tuple[Sequence[int], Sequence[int]]]
@@ -42,18 +30,7 @@ class PageParts(NamedTuple):
 
 
 def page_layout(parts: PageParts) -> dict[str, Any]:
-    """Layout of the page.
-
-    Parameters
-    ----------
-    parts : PageParts
-        What the controls act on.
-
-    Returns
-    -------
-    dict
-        For ``plotly.graph_objects.Layout``.
-    """
+    """Layout of the page, for ``plotly.graph_objects.Layout``."""
     menus = [_view_menu(parts), _library_menu(parts.library), _play_buttons()]
     if parts.choices:
         menus.insert(0, _architecture_menu(parts.choices))

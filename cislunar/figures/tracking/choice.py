@@ -46,20 +46,10 @@ def _usual(task2: Mapping[str, Any]) -> int:
 
 
 def target_count_cells(task2: Mapping[str, Any], architecture: str) -> list[list[Cell]]:
-    """Cells of the heat maps by number of targets.
+    """Cells of the heat maps for each column of panels, rising in the number of targets.
 
-    Parameters
-    ----------
-    task2 : mapping
-        Configuration key `task2`.
-    architecture : str
-        Whose observers track.
-
-    Returns
-    -------
-    list of list of Cell
-        A list for each column of panels, rising in the number of targets: the paper's few and
-        many; without any of them, up to three of the fewest and the most.
+    The paper's few and many; without any of them, up to three of the fewest and the most. `task2`
+    is the configuration key.
     """
     cells = _by_targets(task2, architecture)
     columns = [[c for c in cells if c.targets in counts] for counts in (PAPER_FEW, PAPER_MANY)]
@@ -109,17 +99,9 @@ def high_load_cells(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
 
 
 def tasking_variants(task2: Mapping[str, Any]) -> dict[str, str]:
-    """Variants that change how targets are assigned.
+    """Method by variant (empty: the usual settings) of how targets are assigned.
 
-    Parameters
-    ----------
-    task2 : mapping
-        Configuration key `task2`.
-
-    Returns
-    -------
-    dict
-        Name of the variant, empty for the usual settings, to the method; only those with cells.
+    Only those with cells; `task2` is the configuration key.
     """
     changed = {
         cell.variant: task2["variants"]["cells"][cell.variant]["change"]["tasking"]["method"]

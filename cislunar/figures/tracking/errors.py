@@ -63,21 +63,11 @@ SINGLE = Look(BLACK, SKY)
 
 
 def selected_targets(cell: xr.Dataset, number: int = SELECTED) -> dict[int, str]:
-    """A few targets that show what happens in a cell.
+    """Index of a few targets that show what happens in a cell, to why each is shown.
 
-    Parameters
-    ----------
-    cell : xarray.Dataset
-        Data set of a cell.
-    number : int
-        How many.
-
-    Returns
-    -------
-    dict
-        Index of the target to why it is shown: the best and the median tracked target by the
-        final attitude error, one whose rotation diverged (with tracked translation, if there is
-        one), one never observed; the rest are the poorest of the tracked ones.
+    The best and the median tracked target by the final attitude error, one whose rotation diverged
+    (with tracked translation, if there is one), one never observed; the rest are the poorest of the
+    tracked ones.
     """
     status = shown(cell, "status")
     translation = shown(cell, "status_translation")
@@ -103,18 +93,9 @@ def selected_targets(cell: xr.Dataset, number: int = SELECTED) -> dict[int, str]
 
 
 def representative_target(first: xr.Dataset, second: xr.Dataset) -> int | None:
-    """A target tracked in both cells, whose attitude suffers as much as is usual.
+    """The target whose ratio of attitude errors is the median of those tracked in both cells.
 
-    Parameters
-    ----------
-    first, second : xarray.Dataset
-        Cells with the same targets.
-
-    Returns
-    -------
-    int or None
-        Index of the target whose ratio of attitude errors is the median of those tracked in both;
-        None if there is none.
+    None if there is none. The cells have the same targets.
     """
     both = (shown(first, "status") == TRACKED) & (shown(second, "status") == TRACKED)
     candidates = np.flatnonzero(both)
@@ -214,19 +195,7 @@ def _least(cell: xr.Dataset, target: int) -> Array:
 
 @house_style()
 def selected_targets_figure(cell: Cell, data: xr.Dataset) -> Figure:
-    """Errors and bounds of a few targets: a column for each, a row for each component.
-
-    Parameters
-    ----------
-    cell : Cell
-        The cell.
-    data : xarray.Dataset
-        Its data set.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Errors and bounds of a few targets: a column for each, a row for each component."""
     chosen = selected_targets(data)
     left_in, right_in, gap_in, head_in, foot_in = 0.78, 0.2, 0.14, 0.8, 0.66
     rows_in = 12 * _PANEL_IN + 11 * 0.06 + 3 * 0.08
@@ -304,16 +273,7 @@ def draw_comparison(
 ) -> None:
     """Errors of a target in two cells: a row for each part of the state, a column for each axis.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        Where.
-    compared : sequence of Compared
-        The cells.
-    target : int
-        Index of the target.
-    box : mapping
-        `left`, `bottom`, `width` and `height` of all panels, inches.
+    `box` is `left`, `bottom`, `width` and `height` of all panels, inches.
     """
     gap, between = 0.2, 0.1
     each, tall = (box["width"] - 2 * gap) / 3, (box["height"] - 3 * between) / 4

@@ -56,16 +56,9 @@ _MOST_DECADES = 3.0
 class Rows(NamedTuple):
     """A measure of all blocks, one row for each target.
 
-    Attributes
-    ----------
-    values : ndarray, shape (row, 12)
-        NaN for targets never observed.
-    unseen : ndarray of bool, shape (row,)
-        Whether the target was never observed.
-    diverged : ndarray of bool, shape (2, row)
-        Whether its rotation and its translation diverged.
-    edges : list of int
-        First row of every block, and the end.
+    `values`, shape (row, 12), are NaN for targets never observed, which `unseen`, shape (row,),
+    marks; `diverged`, shape (2, row), is of rotation and translation. `edges` are the first row of
+    every block, and the end.
     """
 
     values: Array
@@ -75,19 +68,7 @@ class Rows(NamedTuple):
 
 
 def block_rows(blocks: Sequence[xr.Dataset], measure: str) -> Rows:
-    """Stack a measure of some cells.
-
-    Parameters
-    ----------
-    blocks : sequence of xarray.Dataset
-        Cells.
-    measure : str
-        ``coverage``, ``anees`` (becomes its decimal logarithm) or ``rmse``.
-
-    Returns
-    -------
-    Rows
-    """
+    """Stack a measure of cells: ``coverage``, ``anees`` (its decimal logarithm) or ``rmse``."""
     values = np.concatenate([shown(cell, measure) for cell in blocks]).astype(float)
     unseen = np.concatenate([shown(cell, "status") == NEVER_OBSERVED for cell in blocks])
     diverged = np.stack(
@@ -122,20 +103,9 @@ def _extend(values: Array, norm: Normalize) -> str:
 
 
 def scales(measure: str, maps: Sequence[Rows]) -> list[Scale]:
-    """Colors of a measure, common to some maps.
+    """Colors of a measure, common to all its maps: one scale for all components.
 
-    Parameters
-    ----------
-    measure : str
-        As for `block_rows`.
-    maps : sequence of Rows
-        All maps of the measure.
-
-    Returns
-    -------
-    list of Scale
-        One for all components; for the RMSE one for each part of the state, since their units
-        differ.
+    For the RMSE one for each part of the state, since their units differ.
     """
     values = np.concatenate([each.values for each in maps])
     everything = slice(0, values.shape[1])
@@ -281,26 +251,9 @@ def draw_measure(
 ) -> list[Rows]:
     """Maps of a measure side by side with common colors, and their color bars.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        Where.
-    measure : str
-        As for `block_rows`.
-    columns : sequence of mapping of Cell to xarray.Dataset
-        Cells of every map.
-    panels : mapping of float to (int, str)
-        Number and title of every map by its left edge, inches.
-    box : tuple of float
-        Lower edge, width and height of a map, and what lies between the last one and the color
-        bars, inches.
-    label_of : callable
-        Name of a cell's block.
-
-    Returns
-    -------
-    list of Rows
-        The maps.
+    `panels` are number and title of every map by its left edge; `box` is the lower edge, width and
+    height of a map, and what lies between the last one and the color bars, all in inches.
+    `label_of` names a cell's block.
     """
     bottom, width, height, aside = box
     maps = [block_rows(list(cells.values()), measure) for cells in columns]
@@ -344,14 +297,7 @@ def _heat_maps(
 def target_counts_figure(columns: Sequence[Mapping[Cell, xr.Dataset]]) -> Figure:
     """Coverage, ANEES and RMSE of every target, in blocks by number of targets.
 
-    Parameters
-    ----------
-    columns : sequence of mapping of Cell to xarray.Dataset
-        The cells of every column of panels, without time histories.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    `columns` are the cells of every column of panels, without time histories.
     """
     cell, data = next(iter(columns[0].items()))
     title = (
@@ -366,17 +312,7 @@ def target_counts_figure(columns: Sequence[Mapping[Cell, xr.Dataset]]) -> Figure
 
 @house_style()
 def intervals_figure(columns: Sequence[Mapping[Cell, xr.Dataset]]) -> Figure:
-    """Coverage, ANEES and RMSE of every target, in blocks by tasking interval.
-
-    Parameters
-    ----------
-    columns : sequence of mapping of Cell to xarray.Dataset
-        As for `target_counts_figure`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Coverage, ANEES and RMSE of every target, in blocks by tasking interval."""
     headings = []
     for cells in columns:
         cell, data = next(iter(cells.items()))

@@ -35,15 +35,7 @@ _HEIGHT_IN = 9.3
 def high_load_figure(cells: Mapping[Cell, xr.Dataset]) -> Figure:
     """ANEES and RMSE of every target by tasking interval, and the errors of one target.
 
-    Parameters
-    ----------
-    cells : mapping of Cell to xarray.Dataset
-        Cells that differ in their tasking interval, in rising order; the first and the last one
-        with time histories.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    The cells rise in their tasking interval; the first and the last one have time histories.
     """
     figure = new_figure(_HEIGHT_IN)
     width, height = figure.get_size_inches()

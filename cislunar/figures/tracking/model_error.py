@@ -75,21 +75,10 @@ def _shown(table: pd.DataFrame) -> pd.DataFrame:
 def curve(
     table: pd.DataFrame, kind: str, estimator: str, quantity: str, *, remedied: bool = False
 ) -> pd.DataFrame:
-    """Rows of one kind of error and one estimator, by rising size.
+    """Rows of ``tables/model_error.csv`` for one kind of error and one estimator, by rising size.
 
-    Parameters
-    ----------
-    table : DataFrame
-        ``tables/model_error.csv``.
-    kind, estimator, quantity : str
-        As in its columns.
-    remedied : bool
-        True for the variants in which the estimator is set otherwise, too.
-
-    Returns
-    -------
-    DataFrame
-        Beginning with no error unless remedied; empty if the estimator has no such error.
+    Beginning with no error unless `remedied` (the variants in which the estimator is set otherwise,
+    too); empty if the estimator has no such error.
     """
     own = table[(table["estimator"] == estimator) & (table["quantity"] == quantity)]
     faulty = own[(own["kind"] == kind) & (_remedied(own) == remedied)]
@@ -116,21 +105,9 @@ def _series(table: pd.DataFrame) -> list[tuple[str, bool, SeriesStyle]]:
 def model_error_figure(table: pd.DataFrame) -> Figure:
     """Coverage, final attitude error and divergences, a column for each kind of error.
 
-    Parameters
-    ----------
-    table : DataFrame
-        ``tables/model_error.csv``. Of several scenarios, architectures or numbers of targets the
-        one with the most errors is drawn. Variants that change more than the truth are taken for
-        remedies.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputFileError
-        If the table has no error of known size.
+    Of several scenarios, architectures or numbers of targets in ``tables/model_error.csv`` the one
+    with the most errors is drawn. Variants that change more than the truth are taken for remedies.
+    An `InputFileError` if the table has no error of known size.
     """
     shown = _shown(table)
     kinds = [kind for kind in dict.fromkeys(shown["kind"]) if kind != NONE]

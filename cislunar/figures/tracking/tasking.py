@@ -76,20 +76,8 @@ def tasking_figure(
 ) -> Figure:
     """Information against evaluations and time, and tracking with each method.
 
-    Parameters
-    ----------
-    compared : xarray.Dataset
-        ``task2/tasking_comparison.nc``.
-    summary : xarray.Dataset
-        ``task2/summary.nc``.
-    variants : mapping of str to str
-        Method by the name of the variant (empty: the usual settings), see `tasking_variants`.
-    interval_minutes : int
-        Time between tasking epochs, for the titles.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    `variants` are those of `tasking_variants`. From ``task2/tasking_comparison.nc`` and
+    ``task2/summary.nc``; the interval is for the titles.
     """
     cells, epochs = compared.sizes["cell"], compared.sizes["epoch"]
     tracked = _tracked_cells(realizations(summary), variants)
@@ -149,17 +137,7 @@ def _against_evaluations(axes: Axes, problem: xr.Dataset) -> None:
 
 
 def held(history: Array) -> Array:
-    """Best value so far of every run; a run that has ended keeps its last value.
-
-    Parameters
-    ----------
-    history : ndarray, shape (run, evaluation)
-        NaN after the end of a run.
-
-    Returns
-    -------
-    ndarray, same shape
-    """
+    """Best value so far, shape (run, evaluation); a run that has ended (NaN) keeps its last."""
     return np.maximum.accumulate(np.where(np.isfinite(history), history, -np.inf), axis=1)
 
 

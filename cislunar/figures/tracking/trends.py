@@ -43,19 +43,10 @@ _HEAD, _FOOT = 0.48, 1.02
 
 
 class Curve(NamedTuple):
-    """A quantity of ``task2/summary.nc``.
+    """A quantity of ``task2/summary.nc``, for a `part` of the state where it has them.
 
-    Attributes
-    ----------
-    quantity : str
-    part : str or None
-        Part of the state, for the quantities that have them.
-    filled : bool
-        Drawn with filled markers, or with hollow ones where a panel has two quantities.
-    only : str or None
-        The one series it is drawn for; None for all.
-    style : SeriesStyle or None
-        Its own look, instead of the series'.
+    Markers are `filled`, or hollow where a panel has two quantities. `only` is the one series it is
+    drawn for (None: all), `style` its own look instead of the series'.
     """
 
     quantity: str
@@ -145,19 +136,10 @@ def _column(
 
 @house_style()
 def against_targets_figure(summary: xr.Dataset, by: str = "architecture") -> Figure:
-    """Every statistic against the number of targets, a column for each scenario.
+    """Every statistic of ``task2/summary.nc`` against the number of targets, a column per scenario.
 
-    Parameters
-    ----------
-    summary : xarray.Dataset
-        ``task2/summary.nc``.
-    by : str
-        What is compared: ``architecture``, with the first estimator, or ``estimator``, both beside
-        the Cramer-Rao bound with each scenario's first architecture.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    `by` is what is compared: ``architecture``, with the first estimator, or ``estimator``, both
+    beside the Cramer-Rao bound with each scenario's first architecture.
     """
     frame = realizations(summary)
     usual = usual_interval(frame)
@@ -170,16 +152,9 @@ def against_targets_figure(summary: xr.Dataset, by: str = "architecture") -> Fig
 
 @house_style()
 def against_interval_figure(summary: xr.Dataset, by: str = "architecture") -> Figure:
-    """Every statistic against the tasking interval, a column for each scenario and target count.
+    """Every statistic against the tasking interval, a column by scenario and target count.
 
-    Parameters
-    ----------
-    summary, by
-        As for `against_targets_figure`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    `summary` and `by` as for `against_targets_figure`.
     """
     frame = realizations(summary)
     columns = []
