@@ -1,10 +1,14 @@
-"""Copies of the workflow, Snakemake run in them, and changes of a configuration."""
+"""Copies of the workflow, Snakemake run in them; configurations read and changed."""
 
 import copy
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+
+import yaml
+
+from cislunar.campaign.settings.reading import checked, merged, with_types
 
 ROOT = Path(__file__).resolve().parents[1]
 QUICK = ("--configfile", "config/quick.yaml")
@@ -34,6 +38,14 @@ def copy_workflow(folder):
     for name in ("workflow", "config"):
         shutil.copytree(ROOT / name, folder / name)
     return folder
+
+
+def read_campaign(folder, *more):
+    """The checked configuration in a folder, changed by more files, as by ``--configfile``."""
+    config = {}
+    for path in (folder / "config.yaml", folder / "variants.yaml", *more):
+        config = merged(config, yaml.safe_load(path.read_text(encoding="utf-8")))
+    return checked(with_types(config))
 
 
 def with_change(config, key, value):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
-from campaign_folder import with_change
+from campaign_folder import read_campaign, with_change
 
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.tables import ArchitectureTables
@@ -23,7 +23,7 @@ from cislunar.campaign.data.seeds import generator
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
 from cislunar.campaign.documents.settings_tables import SETTINGS_BLOCKS
 from cislunar.campaign.settings.checks import check_campaign
-from cislunar.campaign.settings.reading import merged, read_campaign
+from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.settings.schema import SCHEMA_FILE, schema_text
 from cislunar.errors import ConfigurationError, InputFileError
 
@@ -365,11 +365,6 @@ def test_results_that_cannot_be_written_are_refused(config, tmp_path, monkeypatc
     assert (
         f"'results' = '{closed / 'new'}': {closed} is not a folder that can be written" in message
     )
-
-
-def test_missing_configuration_is_named(tmp_path):
-    with pytest.raises(InputFileError, match=r"config\.yaml: no such file"):
-        read_campaign(tmp_path)
 
 
 def test_schema_for_editors_is_that_of_the_settings():

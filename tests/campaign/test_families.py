@@ -3,14 +3,14 @@
 import json
 
 import pytest
-from campaign_folder import ROOT
+from campaign_folder import ROOT, read_campaign
 
 from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
 from cislunar.campaign.settings.cells import cell_settings, variant_cells
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
-from cislunar.campaign.settings.reading import checked, merged, read_campaign
-from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.campaign.settings.reading import checked, merged
+from cislunar.errors import ConfigurationError
 
 
 @pytest.fixture
@@ -129,9 +129,3 @@ def test_a_message_says_what_was_given_and_what_is_allowed(change, message):
     with pytest.raises(ConfigurationError) as refused:
         checked(change, CellChange)
     assert message in str(refused.value)
-
-
-def test_a_file_that_is_no_yaml_is_named(tmp_path):
-    (tmp_path / "mine.yaml").write_text("a: [1", encoding="utf-8")
-    with pytest.raises(InputFileError, match=r"mine\.yaml: cannot be read"):
-        read_campaign(ROOT / "config", tmp_path / "mine.yaml")

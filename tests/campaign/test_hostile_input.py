@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from campaign_folder import read_campaign
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
@@ -20,7 +21,7 @@ from cislunar.campaign.settings.cells import campaign_cells, cell_settings, mesh
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.preflight import check_inputs
-from cislunar.campaign.settings.reading import read_campaign, with_types
+from cislunar.campaign.settings.reading import with_types
 from cislunar.campaign.settings.scenarios import in_study
 from cislunar.errors import CislunarError, ConfigurationError
 from cislunar.figures.tracking.choice import (

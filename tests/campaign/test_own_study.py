@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 import yaml
-from campaign_folder import ROOT, copy_workflow, snakemake, with_change
+from campaign_folder import ROOT, copy_workflow, read_campaign, snakemake, with_change
 
 from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.data.own_targets import own_static_dataset, own_tracked_dataset
@@ -16,7 +16,7 @@ from cislunar.campaign.settings.cells import campaign_cells, cell_settings, vari
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import sweep_points, swept_cells, with_families
 from cislunar.campaign.settings.preflight import check_inputs
-from cislunar.campaign.settings.reading import merged, read_campaign, with_types
+from cislunar.campaign.settings.reading import merged, with_types
 from cislunar.campaign.settings.scenarios import (
     SECTIONS,
     in_study,

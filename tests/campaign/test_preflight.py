@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from campaign_folder import with_change
+from campaign_folder import read_campaign, with_change
 
 from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.data.netcdf import variable, write_dataset
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.preflight import check_inputs, check_target_count
-from cislunar.campaign.settings.reading import read_campaign
 from cislunar.errors import ConfigurationError, InputFileError
 
 ROOT = Path(__file__).resolve().parents[2]

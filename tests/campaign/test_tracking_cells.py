@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from campaign_folder import read_campaign
 
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
 from cislunar.campaign.settings.cell_tree import Body, CellSettings
@@ -26,7 +27,7 @@ from cislunar.campaign.settings.cells import (
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.library import body_facets, loop_settings, truth_model
-from cislunar.campaign.settings.reading import merged, read_campaign, with_types
+from cislunar.campaign.settings.reading import merged, with_types
 from cislunar.campaign.tracking.cell import realization_seeds
 from cislunar.campaign.tracking.dataset import cell_dataset
 from cislunar.campaign.tracking.summary import (

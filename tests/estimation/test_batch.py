@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from campaign_folder import read_campaign
 from measured import during, looked_at, nothing_measured
 
 from cislunar.campaign.settings.cells import cell_settings
 from cislunar.campaign.settings.families import with_families
-from cislunar.campaign.settings.reading import read_campaign
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import INSIDE_PRIMARY, Prediction

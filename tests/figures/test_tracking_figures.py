@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from campaign_folder import read_campaign
 from matplotlib.collections import QuadMesh
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.settings.families import with_families
-from cislunar.campaign.settings.reading import read_campaign
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
 from cislunar.campaign.tracking.summary import summary_dataset
 from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED, TRACKED

@@ -7,9 +7,7 @@ import re
 
 import pytest
 import yaml
-from campaign_folder import QUICK, ROOT, copy_workflow, run, snakemake
-
-from cislunar.campaign.settings.reading import read_campaign
+from campaign_folder import QUICK, ROOT, copy_workflow, read_campaign, run, snakemake
 
 pytestmark = pytest.mark.workflow
 

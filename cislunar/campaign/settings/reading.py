@@ -3,7 +3,6 @@
 import difflib
 import math
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
@@ -12,10 +11,7 @@ from pydantic import ValidationError
 from cislunar.campaign.settings.fields import Section
 from cislunar.campaign.settings.schema import allowed, inner, schema_of, types
 from cislunar.campaign.settings.tree import Campaign
-from cislunar.errors import ConfigurationError, InputFileError
-
-USUAL_FILES = ("config.yaml", "variants.yaml")
-"""What every campaign starts from, in the folder ``config``."""
+from cislunar.errors import ConfigurationError
 
 Part = TypeVar("Part", bound=Section)
 
@@ -30,40 +26,6 @@ def merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]
         nested = isinstance(value, Mapping) and isinstance(base.get(key), Mapping)
         result[key] = merged(base[key], value) if nested else value
     return result
-
-
-def read_campaign(folder: str | Path, *more: str | Path) -> dict[str, Any]:
-    """The configuration of a campaign, as Snakemake would put it together.
-
-    Parameters
-    ----------
-    folder : str or Path
-        With `USUAL_FILES`.
-    *more : str or Path
-        Files that override single keys of them, as with ``--configfile``.
-
-    Returns
-    -------
-    dict
-        Every key, those not given at their defaults.
-
-    Raises
-    ------
-    InputFileError
-        If a file is missing or no YAML.
-    ConfigurationError
-        If a key is unknown or a value not allowed, with a line for each.
-    """
-    config: dict[str, Any] = {}
-    for path in [*(Path(folder) / name for name in USUAL_FILES), *map(Path, more)]:
-        if not path.is_file():
-            raise InputFileError(f"{path}: no such file")
-        try:
-            config = merged(config, yaml.safe_load(path.read_text(encoding="utf-8")))
-        except (OSError, ValueError, AttributeError, yaml.YAMLError) as error:
-            first = str(error).splitlines()[0]
-            raise InputFileError(f"{path}: cannot be read as YAML keys: {first}") from None
-    return checked(with_types(config))
 
 
 def with_types(config: Mapping[str, Any], model: type[Section] = Campaign) -> dict[str, Any]:
