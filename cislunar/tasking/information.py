@@ -81,6 +81,9 @@ class TaskingModel:
         )
 
 
+_WEIGHTS = unscented_weights(6), unscented_weights(12)
+
+
 class _Belief(NamedTuple):
     """What the kernel needs of `TaskingModel` and sensor."""
 
@@ -108,8 +111,7 @@ def _belief(model: TaskingModel, sensor: Sensor, mu: float) -> _Belief:
         faintness * METRES**2,
         model.track_gate,
         model.states == "full",
-        unscented_weights(6),
-        unscented_weights(12),
+        *_WEIGHTS,
     )
 
 
@@ -127,7 +129,7 @@ def _sphere_visible(observer, place, sun, belief):
 
 @njit(cache=True, error_model="numpy")
 def _direction_sigma(cross, even, noise_variance, declination):
-    """Largest standard deviation of the predicted direction on the sky, rad ."""
+    """Largest standard deviation of the predicted direction on the sky, rad."""
     scale = np.cos(declination)
     a = even[0, 0] - noise_variance[0]
     b = even[0, 1]
