@@ -28,7 +28,7 @@ from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.library import body_facets, loop_settings, truth_model
 from cislunar.campaign.settings.reading import merged, with_types
-from cislunar.campaign.tracking.cell import realization_seeds
+from cislunar.campaign.tracking.cell import CellInputs, realization_seeds
 from cislunar.campaign.tracking.dataset import cell_dataset
 from cislunar.campaign.tracking.summary import (
     read_cell_metrics,
@@ -358,7 +358,8 @@ def _small(**changes):
 
 def _cell(sources, targets=4, minutes=60, variant="", **changes):
     cell = Cell("A", "tpe", "mukf", targets, minutes, variant)
-    return cell_dataset(cell, **sources, settings=_small(**changes), propagator="dop853", seed=3)
+    inputs = CellInputs(**sources)
+    return cell_dataset(cell, inputs, _small(**changes), propagator="dop853", seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -618,9 +619,9 @@ def test_tasking_methods_are_compared_on_the_same_problems(sources):
     cells = [
         compared_dataset(
             Cell("A", "tpe", "mukf", n, 60),
-            **sources,
-            settings=settings,
-            comparison=comparison,
+            CellInputs(**sources),
+            settings,
+            comparison,
             propagator="dop853",
             seed=3,
         )

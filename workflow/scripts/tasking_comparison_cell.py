@@ -1,8 +1,9 @@
 """Makes task2/tasking/{scenario}_{architecture}_nt{n}.nc: tasking methods on one cell."""
 
-from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.netcdf import write_dataset
 from cislunar.campaign.data.progress import job, progress_log
 from cislunar.campaign.settings.cells import Cell
+from cislunar.campaign.tracking.cell import read_inputs
 from cislunar.campaign.tracking.tasking_comparison import compared_dataset
 
 with job(snakemake.log[0]):
@@ -15,10 +16,7 @@ with job(snakemake.log[0]):
             int(wildcards.n),
             int(params.interval_minutes),
         ),
-        read_dataset(snakemake.input.architecture),
-        read_dataset(snakemake.input.orbits),
-        read_dataset(snakemake.input.tracked),
-        read_dataset(snakemake.input.sun),
+        read_inputs(snakemake.input),
         params.settings,
         params.comparison,
         propagator=params.propagator,

@@ -1,8 +1,9 @@
 """Makes task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}.nc: a cell, all seeds."""
 
-from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.netcdf import write_dataset
 from cislunar.campaign.data.progress import job, progress_log
 from cislunar.campaign.settings.cells import Cell
+from cislunar.campaign.tracking.cell import read_inputs
 from cislunar.campaign.tracking.dataset import cell_dataset
 
 with job(snakemake.log[0]):
@@ -17,10 +18,7 @@ with job(snakemake.log[0]):
     )
     tracking = cell_dataset(
         cell,
-        read_dataset(snakemake.input.architecture),
-        read_dataset(snakemake.input.orbits),
-        read_dataset(snakemake.input.tracked),
-        read_dataset(snakemake.input.sun),
+        read_inputs(snakemake.input),
         snakemake.params.settings,
         propagator=snakemake.params.propagator,
         seed=snakemake.params.seed,

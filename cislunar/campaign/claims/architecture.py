@@ -33,17 +33,7 @@ def _judged(part: str, **facts: Any) -> list[Claim]:
 
 
 def library_claims(orbits: xr.Dataset, points: xr.Dataset) -> list[Claim]:
-    """Claims on the orbit library and the missions.
-
-    Parameters
-    ----------
-    orbits, points : xarray.Dataset
-        ``orbits/families.nc`` and ``targets/zvs_points.nc``.
-
-    Returns
-    -------
-    list of Claim
-    """
+    """Claims on the orbit library and the missions, `points` being ``targets/zvs_points.nc``."""
     family, x = orbits["family"].values.astype(str), orbits["state"].values[:, 0]
     names, sizes = np.unique(family, return_counts=True)
     spacing = {
@@ -66,18 +56,9 @@ def library_claims(orbits: xr.Dataset, points: xr.Dataset) -> list[Claim]:
 
 
 def cost_claims(scenario: str, architectures: Mapping[str, xr.Dataset]) -> list[Claim]:
-    """Claims on J and the number of satellites in one scenario.
+    """Claims on J and the number of satellites in one scenario, from architectures by optimizer.
 
-    Parameters
-    ----------
-    scenario : str
-        A, B or C; other scenarios are not in the paper and yield what has no counterpart there.
-    architectures : mapping of str to xarray.Dataset
-        Data sets by optimizer.
-
-    Returns
-    -------
-    list of Claim
+    Scenarios that are not in the paper yield what has no counterpart there.
     """
     claims = []
     for method in ("tpe", "random"):
@@ -120,19 +101,7 @@ def cost_claims(scenario: str, architectures: Mapping[str, xr.Dataset]) -> list[
 def comparison_claims(
     architectures: Mapping[str, Mapping[str, xr.Dataset]], orbits: xr.Dataset
 ) -> list[Claim]:
-    """Claims that compare optimisers over all scenarios of the paper.
-
-    Parameters
-    ----------
-    architectures : mapping of str to mapping
-        Data sets by scenario, then by optimizer.
-    orbits : xarray.Dataset
-        ``orbits/families.nc``.
-
-    Returns
-    -------
-    list of Claim
-    """
+    """Claims that compare optimizers over the paper's scenarios, each with its architectures."""
     both = {
         name: (found["tpe"], found["random"]) for name, found in architectures.items()
         if name in PUBLISHED and "tpe" in found and "random" in found

@@ -20,17 +20,7 @@ Array = NDArray[np.float64]
 
 
 class Sweep(NamedTuple):
-    """Realizations of some cells in rising order.
-
-    Attributes
-    ----------
-    frame : DataFrame
-        See `cislunar.campaign.tracking.realizations`.
-    along : str
-        The label that is swept.
-    beside : DataFrame or None
-        Realizations of a sweep to compare with.
-    """
+    """Realizations of some cells in rising order of a label, and perhaps of a sweep beside them."""
 
     frame: pd.DataFrame
     along: str = "targets"
@@ -100,16 +90,7 @@ def _range(sweep: Sweep, *measure: str) -> Interval:
 def unsatisfactory(frame: pd.DataFrame, consistency: str = "anees_mean") -> list[str]:
     """Cells whose translation is not satisfactory (phrase of the table), with the reason.
 
-    Parameters
-    ----------
-    frame : DataFrame
-        Realizations of some cells.
-    consistency : str
-        Quantity the consistency is judged by.
-
-    Returns
-    -------
-    list of str
+    `consistency` is the quantity the consistency is judged by.
     """
     limits, reasons = table()["limits"], [[] for _ in range(len(cells_of(frame)))]
     for part in PARTS[2:]:

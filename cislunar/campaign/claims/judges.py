@@ -76,17 +76,8 @@ def holds(condition: str, facts: Facts) -> bool:
 def verdict(row: Mapping[str, Any], facts: Facts) -> str:
     """The verdict of a row of the table.
 
-    Parameters
-    ----------
-    row : mapping
-        With `reproduced` and perhaps `partly` (a condition or several that must all hold), or with
-        `each` (conditions: reproduced if all hold, partly if any does), or with neither.
-    facts : mapping
-        What the conditions speak of.
-
-    Returns
-    -------
-    str
+    The row has `reproduced` and perhaps `partly` (a condition or several that must all hold), or
+    `each` (conditions: reproduced if all hold, partly if any does), or neither.
     """
     facts = known(facts)
     if "each" in row:
@@ -103,20 +94,9 @@ def verdict(row: Mapping[str, Any], facts: Facts) -> str:
 
 
 def judge(row: Mapping[str, Any], *facts: Facts, names: Sequence[str] = ()) -> Claim:
-    """Put a row of the table to what was found.
+    """Put a row of the table to what was found, for one or several named architectures.
 
-    Parameters
-    ----------
-    row : mapping
-        Of the table.
-    *facts : mapping
-        What was found, for each of several architectures; the first decides.
-    names : sequence of str
-        The architectures; none where there is one finding alone.
-
-    Returns
-    -------
-    Claim
+    The first of them decides.
     """
     decisive = known(facts[0])
     ours = [row["ours"].format(**known(each)) for each in facts]

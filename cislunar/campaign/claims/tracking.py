@@ -29,18 +29,7 @@ few more, and all."""
 
 
 def tracking_claims(summary: xr.Dataset) -> list[Claim]:
-    """Every claim on tracking.
-
-    Parameters
-    ----------
-    summary : xarray.Dataset
-        ``task2/summary.nc``.
-
-    Returns
-    -------
-    list of Claim
-        Those that the tracked cells speak to.
-    """
+    """Every claim on tracking that the cells of ``task2/summary.nc`` speak to."""
     frame = realizations(summary)
     claims = []
     for group in table()["tracking"]:
@@ -127,15 +116,7 @@ def _described(labels: Mapping[str, Any], cell: pd.DataFrame) -> str:
 def estimator_claims(frame: pd.DataFrame) -> Iterator[Claim]:
     """What the batch estimator gets where the paper reports divergences.
 
-    Parameters
-    ----------
-    frame : DataFrame
-        See `realizations`.
-
-    Yields
-    ------
-    Claim
-        One for each cell with `COUNTS` targets of the first architecture that both estimators ran.
+    For each cell with `COUNTS` targets of the first architecture that both estimators ran.
     """
     first = frame["architecture"].iloc[0]
     usual = select(frame, architecture=first, variant="", interval_minutes=usual_interval(frame))
@@ -183,16 +164,7 @@ def _events(frame: pd.DataFrame) -> Claim:
 def tasking_claims(comparison: xr.Dataset | None, summary: xr.Dataset) -> list[Claim]:
     """Claims on the tasking search: what it reaches of the best, and what that does to tracking.
 
-    Parameters
-    ----------
-    comparison : xarray.Dataset or None
-        ``task2/tasking_comparison.nc``, if tasking methods have been compared.
-    summary : xarray.Dataset
-        ``task2/summary.nc``.
-
-    Returns
-    -------
-    list of Claim
+    `comparison` is ``task2/tasking_comparison.nc`` if tasking methods have been compared.
     """
     claims = []
     for index in range(comparison.sizes["cell"]) if comparison is not None else ():

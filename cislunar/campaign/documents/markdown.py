@@ -10,20 +10,7 @@ _NAME = re.compile(r"^<!-- begin generated: ([\w-]+) -->$", flags=re.MULTILINE)
 
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table in Markdown.
-
-    Parameters
-    ----------
-    header : sequence of str
-        Names of the columns.
-    rows : iterable of sequence
-        Cells, as many as columns in every row.
-
-    Returns
-    -------
-    str
-        Ends with a newline. Bars within cells are escaped.
-    """
+    """A table in Markdown; bars within cells are escaped."""
     lines = [header, ["---"] * len(header), *rows]
     return "".join(f"| {' | '.join(map(_cell, line))} |\n" for line in lines)
 
@@ -33,28 +20,7 @@ def _cell(value: object) -> str:
 
 
 def replace_between(text: str, begin: str, end: str, body: str, document: str) -> str:
-    """Put a text between two marks of a document.
-
-    Parameters
-    ----------
-    text : str
-        The document.
-    begin, end : str
-        The marks, whole lines.
-    body : str
-        What stands between them from now on.
-    document : str
-        Name of the document, for messages.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    InputFileError
-        If a mark is missing.
-    """
+    """Put a text between two marks, whole lines; an `InputFileError` if `document` lacks one."""
     before, opened, rest = text.partition(begin)
     _, closed, after = rest.partition(end)
     if not (opened and closed):
@@ -80,26 +46,8 @@ def generated_blocks(text: str) -> list[str]:
 def fill_blocks(text: str, blocks: Mapping[str, Callable[[], str]], document: str) -> str:
     """Make the generated blocks of a document anew.
 
-    A block stands between the lines ``<!-- begin generated: name -->`` and
-    ``<!-- end generated -->``; what is between them is replaced.
-
-    Parameters
-    ----------
-    text : str
-        The document.
-    blocks : mapping of str to callable
-        What makes each block, by its name.
-    document : str
-        Name of the document, for messages.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    InputFileError
-        If a block has an unknown name or no end.
+    A block stands between the lines ``<!-- begin generated: name -->`` and ``<!-- end generated
+    -->``. An `InputFileError` if one has an unknown name or no end.
     """
     names = generated_blocks(text)
     if not text.count(_BEGIN.partition("{")[0]) == len(names) == text.count(_END):

@@ -58,18 +58,7 @@ def _short(signature: inspect.Signature) -> inspect.Signature:
 
 
 def write_reference(folder: str | Path) -> None:
-    """Write the reference.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Destination; an older reference there is replaced.
-
-    Raises
-    ------
-    ImportError
-        If pdoc is missing: ``pip install -r environment.txt``.
-    """
+    """Write the reference in place of an older one; needs pdoc, see ``environment.txt``."""
     import pdoc
 
     folder = Path(folder)

@@ -22,21 +22,9 @@ Tables = Mapping[str, pd.DataFrame]
 
 
 def results_page(tables: Tables, datasets: Iterable[xr.Dataset], config: Mapping[str, Any]) -> str:
-    """The page of results.
+    """The page of results, from the tables ``paper_vs_ours``, ``architecture`` and ``tracking``.
 
-    Parameters
-    ----------
-    tables : mapping of str to DataFrame
-        ``paper_vs_ours``, ``architecture`` and ``tracking``.
-    datasets : iterable of xarray.Dataset
-        Data sets the tables rest on; their attributes tell version, revision and seed.
-    config : mapping
-        The whole configuration of the campaign.
-
-    Returns
-    -------
-    str
-        Markdown.
+    The attributes of the data sets they rest on tell version, revision and seed.
     """
     attributes = [dataset.attrs for dataset in datasets]
 
@@ -64,16 +52,8 @@ def results_page(tables: Tables, datasets: Iterable[xr.Dataset], config: Mapping
 def results_body(tables: Tables) -> str:
     """The page of results without its header and settings.
 
-    Parameters
-    ----------
-    tables : mapping of str to DataFrame
-        ``paper_vs_ours``, ``architecture`` and ``tracking``.
-
-    Returns
-    -------
-    str
-        Markdown: a diagram of the verdicts and their numbers, a line for each claim with the full
-        statistic folded below, the architectures, every cell of tracking.
+    A diagram of the verdicts and their numbers, a line for each claim with the full statistic
+    folded below, the architectures, every cell of tracking.
     """
     claims = tables["paper_vs_ours"].fillna("-")
     parts = [
@@ -129,15 +109,7 @@ _SIDE, _STEP, _TOP, _LABEL = 14, 18, 34, 200
 def verdicts_svg(claims: pd.DataFrame) -> str:
     """The diagram of the verdicts: a square for each claim, a row for each place in the paper.
 
-    Parameters
-    ----------
-    claims : DataFrame
-        ``tables/paper_vs_ours.csv``.
-
-    Returns
-    -------
-    str
-        SVG; squares tell claim and verdict when pointed at.
+    Squares tell claim and verdict when pointed at.
     """
     claims = claims.fillna("-")
     counts = claims["verdict"].value_counts()

@@ -36,23 +36,10 @@ COLUMNS = {
 
 
 def job_times(folder: str | Path) -> pd.DataFrame:
-    """Time and memory of every job.
+    """Time and memory of every job in ``results/benchmarks``; an `InputFileError` if there is none.
 
-    Parameters
-    ----------
-    folder : str or Path
-        ``results/benchmarks``, where the path of each job begins with the name of its rule.
-
-    Returns
-    -------
-    DataFrame
-        Columns rule, job (path without suffix), seconds (wall clock), megabytes (largest resident
-        set).
-
-    Raises
-    ------
-    InputFileError
-        If there is no benchmark.
+    Columns rule (the first folder of the job's path), job (path without suffix), seconds (wall
+    clock), megabytes (largest resident set).
     """
     rows = []
     for path in sorted(Path(folder).rglob("*.tsv")):
@@ -66,18 +53,10 @@ def job_times(folder: str | Path) -> pd.DataFrame:
 
 
 def run_times(folder: str | Path) -> pd.DataFrame:
-    """Times of the jobs by kind: ``docs/tables/run_times.csv``.
+    """Times of the jobs by kind, and of all, from ``results/benchmarks``.
 
-    Parameters
-    ----------
-    folder : str or Path
-        ``results/benchmarks``.
-
-    Returns
-    -------
-    DataFrame
-        For each kind of job and for all of them: number, total, median and longest wall-clock
-        time in s, largest memory in MB.
+    This is ``docs/tables/run_times.csv``: number, total, median and longest wall-clock time in s,
+    largest memory in MB.
     """
     times = job_times(folder).assign(jobs="others")
     for kind, rules in KINDS.items():

@@ -113,22 +113,9 @@ def block_makers(
 
 
 def outdated(root: str | Path) -> dict[Path, str]:
-    """Documents that differ from their tables.
+    """Documents that differ from their tables, the diagram among them, with what they should hold.
 
-    Parameters
-    ----------
-    root : str or Path
-        Folder of the repository.
-
-    Returns
-    -------
-    dict of Path to str
-        What each of them should hold; the diagram of the verdicts among them.
-
-    Raises
-    ------
-    InputFileError
-        If a table is missing or a block ill formed.
+    An `InputFileError` if a table is missing or a block ill formed.
     """
     root = Path(root)
     tables = read_tables(root / "docs/tables")
@@ -146,24 +133,9 @@ def _text(path: Path) -> str:
 
 
 def refresh(root: str | Path, results: str | Path) -> list[Path]:
-    """Bring the documents up to a finished campaign.
+    """Bring the documents up to a finished campaign; gives those that changed, tables aside.
 
-    Parameters
-    ----------
-    root : str or Path
-        Folder of the repository.
-    results : str or Path
-        Results folder.
-
-    Returns
-    -------
-    list of Path
-        Documents that changed, tables aside.
-
-    Raises
-    ------
-    InputFileError
-        If the campaign is not finished; nothing is changed then.
+    An `InputFileError`, and nothing changed, if the campaign is not finished.
     """
     root, results = Path(root), Path(results)
     source, page = results / "tables" / RESULTS_PAGE, root / "docs" / RESULTS_PAGE

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cislunar.architecture.coverage import architecture_tracks
 from cislunar.campaign.data.inputs import sun_at
+from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell, check_cell
@@ -26,23 +27,31 @@ from cislunar.tasking.closed_loop import LoopResult, LoopSettings, run_closed_lo
 from cislunar.tasking.simulation import TruthModel, epoch_states, monitored_targets
 
 
+class CellInputs(NamedTuple):
+    """Data sets a cell is run on, by the names the workflow gives their files.
+
+    ``architecture/{scenario}/{architecture}.nc``, ``orbits/families.nc``, ``orbits/tracked.nc``
+    and ``ephemeris/sun.nc``, the last two of the scenario.
+    """
+
+    architecture: xr.Dataset
+    orbits: xr.Dataset
+    tracked: xr.Dataset
+    sun: xr.Dataset
+
+
+def read_inputs(files: Any) -> CellInputs:
+    """Read the data sets of a cell from an object with the path of each as attribute."""
+    return CellInputs(*(read_dataset(getattr(files, name)) for name in CellInputs._fields))
+
+
 class Problem(NamedTuple):
     """What a cell needs of the world.
 
-    Attributes
-    ----------
-    scene : Scene
-        Observers, Sun and frames at all steps.
-    surfaces : TargetSurfaces
-        Shapes, materials and inertia of the monitored targets, as the estimator believes them.
-    truth : TruthModel
-        What they truly are, and the true noise.
-    epoch_state : ndarray, shape (target, 6)
-        Their mean states at the epoch, nondimensional, rotating frame.
-    target_ids : ndarray of int, shape (target,)
-        Their rows in ``orbits/tracked.nc``.
-    observer_slot : ndarray of int, shape (observer,)
-        Slot of the architecture each observer flies in.
+    `surfaces` are as the estimator believes them, `truth` what they truly are, with the true noise.
+    `epoch_state`, shape (target, 6), holds the targets' mean states, nondimensional, rotating
+    frame; `target_ids` their rows in ``orbits/tracked.nc``; `observer_slot` the slot of the
+    architecture each observer flies in.
     """
 
     scene: Scene
@@ -59,42 +68,10 @@ def realization_seeds(seed: int, count: int) -> list[int]:
 
 
 def tracking_problem(
-    cell: Cell,
-    architecture: xr.Dataset,
-    orbits: xr.Dataset,
-    tracked: xr.Dataset,
-    sun: xr.Dataset,
-    settings: CellSettings,
-    *,
-    propagator: str,
-    loop: LoopSettings,
+    cell: Cell, inputs: CellInputs, settings: CellSettings, propagator: str, loop: LoopSettings
 ) -> Problem:
-    """Observers, targets and Sun of a cell.
-
-    Parameters
-    ----------
-    cell : Cell
-        Which cell.
-    architecture, orbits, tracked, sun : xarray.Dataset
-        ``architecture/{scenario}/{architecture}.nc``, ``orbits/families.nc``,
-        ``orbits/tracked.nc``, ``ephemeris/sun.nc``.
-    settings : CellSettings
-        Settings of the cell.
-    propagator : str
-        Of the observers.
-    loop : LoopSettings
-        For its times.
-
-    Returns
-    -------
-    Problem
-
-    Raises
-    ------
-    ConfigurationError
-        If the architecture has no observers or does not fit the orbit library, or there are not
-        so many targets.
-    """
+    """Observers, targets and Sun of a cell; a `ConfigurationError` if its data sets do not fit."""
+    architecture, orbits, tracked, sun = inputs
     where = f"architecture/{cell.scenario}/{cell.architecture}.nc"
     orbit, satellites = architecture["orbit"].values, architecture["satellites"].values
     if satellites.sum() < 1:
@@ -131,10 +108,7 @@ def tracking_problem(
 
 def run_cell(
     cell: Cell,
-    architecture: xr.Dataset,
-    orbits: xr.Dataset,
-    tracked: xr.Dataset,
-    sun: xr.Dataset,
+    inputs: CellInputs,
     settings: Mapping[str, Any],
     *,
     propagator: str,
@@ -142,36 +116,15 @@ def run_cell(
     keep_information: bool = False,
     progress: Progress | None = None,
 ) -> tuple[LoopResult, Problem, LoopSettings]:
-    """Run the closed loop of a cell.
+    """Run the closed loop of a cell with all its seeds, drawn from the `seed` of the campaign.
 
-    Parameters
-    ----------
-    cell, architecture, orbits, tracked, sun, propagator
-        As for `tracking_problem`.
-    settings : mapping
-        Of `cislunar.campaign.settings.cells.cell_settings`.
-    seed : int
-        Seed of the campaign.
-    keep_information : bool
-        Keep the information of all pairs.
-    progress : callable, optional
-        Called with (epochs done, epochs of all seeds).
-
-    Returns
-    -------
-    LoopResult, Problem, LoopSettings
-
-    Raises
-    ------
-    ConfigurationError
-        If the cell cannot be run.
+    `settings` are those of `cell_settings`, `propagator` is that of the observers. A
+    `ConfigurationError` if the cell cannot be run.
     """
-    check_cell(cell.targets, cell.interval_minutes, settings, tracked.sizes["target"])
+    check_cell(cell.targets, cell.interval_minutes, settings, inputs.tracked.sizes["target"])
     chosen = typed(settings, CellSettings)
     loop = loop_settings(chosen, cell.interval_minutes, keep_information=keep_information)
-    problem = tracking_problem(
-        cell, architecture, orbits, tracked, sun, chosen, propagator=propagator, loop=loop
-    )
+    problem = tracking_problem(cell, inputs, chosen, propagator, loop)
     result = run_closed_loop(
         problem.scene,
         problem.surfaces,

@@ -11,7 +11,7 @@ from cislunar.campaign.data.netcdf import variable
 from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking.cell import run_cell
+from cislunar.campaign.tracking.cell import CellInputs, run_cell
 from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
     FLOOR_HITS,
@@ -31,18 +31,7 @@ COMPONENT_UNITS = ("1",) * 3 + ("rad s-1",) * 3 + ("1",) * 6
 
 
 def tracked_dataset(progress: Progress | None = None) -> xr.Dataset:
-    """Generate the moving targets.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with (orbits done, orbits in all).
-
-    Returns
-    -------
-    xarray.Dataset
-        ``orbits/tracked.nc``.
-    """
+    """Generate the moving targets: ``orbits/tracked.nc``."""
     return orbit_set_dataset(
         tracked_targets(progress=progress), "target", "Orbits of the moving targets", {}
     )
@@ -50,46 +39,23 @@ def tracked_dataset(progress: Progress | None = None) -> xr.Dataset:
 
 def cell_dataset(
     cell: Cell,
-    architecture: xr.Dataset,
-    orbits: xr.Dataset,
-    tracked: xr.Dataset,
-    sun: xr.Dataset,
+    inputs: CellInputs,
     settings: Mapping[str, Any],
     *,
     propagator: str,
     seed: int,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """Run a cell with all its seeds.
-
-    Parameters
-    ----------
-    cell, architecture, orbits, tracked, sun, settings, propagator, seed, progress
-        As for `run_cell`.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}.nc``.
-    """
+    """Run a cell: ``task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}.nc``."""
     result, problem, loop = run_cell(
-        cell,
-        architecture,
-        orbits,
-        tracked,
-        sun,
-        settings,
-        propagator=propagator,
-        seed=seed,
-        progress=progress,
+        cell, inputs, settings, propagator=propagator, seed=seed, progress=progress
     )
     title = (
         f"Tracking of {cell.targets} targets by the {cell.architecture} architecture of scenario "
         f"{cell.scenario}, tasking every {cell.interval_minutes} min"
     )
     used = {**settings, "propagator": propagator, **cell._asdict()}
-    slot = problem.observer_slot
-    described = _described(result, loop)
+    ids, slot = problem.target_ids, problem.observer_slot
     coords = {
         "seed": ("seed", np.arange(settings["seeds"]), "1", "realization"),
         "time": ("time", result.elapsed_s, "s", "time since the epoch"),
@@ -98,21 +64,18 @@ def cell_dataset(
         "component": ("component", list(COMPONENTS), "1", "component of the state"),
         "component_unit": ("component", list(COMPONENT_UNITS), "1", "unit of the component"),
         "part": ("part", list(PARTS), "1", "part of the state"),
-        "target_id": ("target", problem.target_ids, "1", "row of the target in orbits/tracked.nc"),
-        "family": (
-            "target",
-            list(tracked["family"].values[problem.target_ids]),
-            "1",
-            "orbit class of the target",
-        ),
-        "observer_orbit": (
-            "observer", architecture["orbit"].values[slot], "1", "row in orbits/families.nc"
-        ),
+        "target_id": ("target", ids, "1", "row of the target in orbits/tracked.nc"),
+        "family": ("target", list(inputs.tracked["family"].values[ids]), "1",
+                   "orbit class of the target"),
+        "observer_orbit": ("observer", inputs.architecture["orbit"].values[slot], "1",
+                           "row in orbits/families.nc"),
         "observer_slot": ("observer", slot, "1", "slot of the architecture"),
     }  # fmt: skip
-    data = {name: variable(*each, **_FLAGS.get(name, {})) for name, each in described.items()}
     return xr.Dataset(
-        data,
+        {
+            name: variable(*each, **_FLAGS.get(name, {}))
+            for name, each in _described(result, loop).items()
+        },
         coords={name: variable(*each) for name, each in coords.items()},
         attrs=provenance(title, settings=used, seed=seed),
     )

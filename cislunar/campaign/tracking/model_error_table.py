@@ -30,22 +30,12 @@ COLUMNS = [
 
 
 def model_error_rows(summary: xr.Dataset, errors: Sequence[ModelError]) -> pd.DataFrame:
-    """Rows of ``tables/model_error.csv``.
+    """Rows of ``tables/model_error.csv``, from ``task2/summary.nc`` and `model_errors`.
 
-    Parameters
-    ----------
-    summary : xarray.Dataset
-        ``task2/summary.nc``.
-    errors : sequence of ModelError
-        Of `model_errors`.
-
-    Returns
-    -------
-    DataFrame
-        For every cell of these variants, for the cell without the error (kind `NONE`, size 0), and
-        for every quantity: mean over the realizations with its 95 % confidence interval (Student's
-        t), and the difference to the cell without the error, realization by realization, with its
-        interval. Estimators, errors and cells that the summary lacks are left out.
+    For every cell of these variants, for the cell without the error (kind `NONE`, size 0), and for
+    every quantity: mean over the realizations with its 95 % confidence interval (Student's t), and
+    the difference to the cell without the error, realization by realization, with its interval.
+    Estimators, errors and cells that the summary lacks are left out.
     """
     frame = realizations(summary).set_index(MEASURE, drop=False)
     frame = frame.loc[frame.index.isin(QUANTITIES)].reset_index(drop=True)

@@ -31,18 +31,10 @@ PRACTICAL_UNITS = {
 
 
 def realizations(summary: xr.Dataset) -> pd.DataFrame:
-    """The realizations of all cells.
+    """The realizations of all cells of ``task2/summary.nc``.
 
-    Parameters
-    ----------
-    summary : xarray.Dataset
-        ``task2/summary.nc``.
-
-    Returns
-    -------
-    DataFrame
-        Columns `CELL`, observers, `MEASURE`, seed, value. Errors come in the paper's units, then in
-        practical ones; NaN where a cell does not have a realization.
+    Columns `CELL`, observers, `MEASURE`, seed, value. Errors come in the paper's units, then in
+    practical ones; NaN where a cell does not have a realization.
     """
     measures, values = [], []
     for name in PER_PART:
@@ -94,19 +86,7 @@ def by_measure(frame: pd.DataFrame, column: str = "value") -> tuple[pd.DataFrame
 def values_of(
     frame: pd.DataFrame, quantity: str, part: str | None = None, unit: str | None = None
 ) -> Array:
-    """Values of one measure; by default in the paper's unit.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Realizations of some cells.
-    quantity, part, unit : str, optional
-        The measure.
-
-    Returns
-    -------
-    ndarray, shape (seed, cell)
-    """
+    """Values of one measure, shape (seed, cell); by default in the paper's unit."""
     own = frame[
         (frame["quantity"].to_numpy() == quantity) & (frame["part"].to_numpy() == (part or ""))
     ]

@@ -14,14 +14,7 @@ CONFIDENCE = 0.95
 
 
 class Interval(NamedTuple):
-    """A mean and its confidence interval; NaN where there are too few values.
-
-    Attributes
-    ----------
-    mean, low, high : float
-    count : int
-        Finite values it rests on.
-    """
+    """A mean and its confidence interval from `count` finite values; NaN where they are too few."""
 
     mean: float
     low: float
@@ -56,18 +49,7 @@ class Interval(NamedTuple):
 
 
 def t_interval(values: ArrayLike) -> Interval:
-    """Mean and 95 % confidence interval (Student's t).
-
-    Parameters
-    ----------
-    values : array_like, shape (seed,)
-        One value per realization; those that are not finite are left out.
-
-    Returns
-    -------
-    Interval
-        Without bounds (NaN) for fewer than two values.
-    """
+    """Mean and 95 % confidence interval (Student's t) of the finite values."""
     finite = np.asarray(values, dtype=float)
     finite = finite[np.isfinite(finite)]
     if finite.size == 0:
@@ -81,17 +63,7 @@ def t_interval(values: ArrayLike) -> Interval:
 
 
 def log_interval(values: ArrayLike) -> Interval:
-    """Geometric mean and 95 % confidence interval, for positive, skewed quantities.
-
-    Parameters
-    ----------
-    values : array_like, shape (seed,)
-        One value per realization; those that are not finite and positive are left out.
-
-    Returns
-    -------
-    Interval
-    """
+    """Geometric mean and 95 % confidence interval of the positive values, for skewed quantities."""
     positive = np.asarray(values, dtype=float)
     positive = positive[np.isfinite(positive) & (positive > 0.0)]
     mean, low, high, count = t_interval(np.log(positive))
@@ -101,17 +73,7 @@ def log_interval(values: ArrayLike) -> Interval:
 def slopes(x: ArrayLike, values: ArrayLike) -> NDArray[np.float64]:
     """Least-squares slope of each realization against log2(x): the change per doubling of x.
 
-    Parameters
-    ----------
-    x : array_like, shape (k,)
-        Positive.
-    values : array_like, shape (seed, k)
-        NaN where there is none.
-
-    Returns
-    -------
-    ndarray, shape (seed,)
-        NaN with fewer than two values.
+    Values, shape (seed, x), may be NaN; so is the slope of fewer than two.
     """
     octaves = np.log2(np.asarray(x, dtype=float))
     found = []
@@ -128,15 +90,9 @@ def slopes(x: ArrayLike, values: ArrayLike) -> NDArray[np.float64]:
 
 
 class Paired(NamedTuple):
-    """Two samples over their common realizations.
+    """Means and largest values of two samples over their common realizations (NaN without any).
 
-    Attributes
-    ----------
-    first, other : float
-        Means; NaN if they have no realization in common.
-    first_largest, other_largest : float
-    difference : Interval
-        The other less the first, realization by realization.
+    `difference` is the other less the first, realization by realization.
     """
 
     first: float
@@ -147,17 +103,7 @@ class Paired(NamedTuple):
 
 
 def paired(first: ArrayLike, other: ArrayLike) -> Paired:
-    """Compare two samples realization by realization.
-
-    Parameters
-    ----------
-    first, other : array_like, shape (seed,)
-        Realizations that are not finite in both are left out.
-
-    Returns
-    -------
-    Paired
-    """
+    """Compare two samples over the realizations that are finite in both."""
     first, other = np.asarray(first, dtype=float), np.asarray(other, dtype=float)
     both = np.isfinite(first) & np.isfinite(other)
     first, other = first[both], other[both]

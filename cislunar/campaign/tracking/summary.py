@@ -66,22 +66,7 @@ _ID = ("scenario", "architecture", "estimator", "variant")
 
 
 def read_cell_metrics(path: str | Path) -> xr.Dataset:
-    """Read the metrics of a cell without its time histories.
-
-    Parameters
-    ----------
-    path : str or Path
-        Data set of a cell.
-
-    Returns
-    -------
-    xarray.Dataset
-
-    Raises
-    ------
-    InputFileError
-        If the file is no data set of a cell.
-    """
+    """Read the metrics of a cell without its time histories; an `InputFileError` if it has none."""
     cell = read_dataset(path, without=_HISTORIES)
     lacking = [name for name in _NEEDED if name not in cell]
     if lacking:
@@ -119,17 +104,9 @@ _OF_TARGETS = {
 
 
 def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
-    """Statistics of a cell, one value per realization.
+    """Statistics of a cell for each realization, without need of its time histories.
 
-    Parameters
-    ----------
-    cell : xarray.Dataset
-        Data set of a cell; its time histories are not needed.
-
-    Returns
-    -------
-    dict
-        Names of `PER_PART` to arrays of shape (seed, part), those of `PER_CELL` to (seed,).
+    Those named in `PER_PART` have shape (seed, part), those in `PER_CELL` (seed,).
     """
     status = cell["status"].values
     observed = status != NEVER_OBSERVED
@@ -168,21 +145,9 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
 def summary_dataset(
     cells: Sequence[tuple[Cell, xr.Dataset]], settings: Mapping[str, Any], seed: int
 ) -> xr.Dataset:
-    """Statistics of all cells.
+    """Statistics of all cells: ``task2/summary.nc``; NaN for realizations a cell does not have.
 
-    Parameters
-    ----------
-    cells : sequence of (Cell, xarray.Dataset)
-        The cells and their data sets.
-    settings : mapping
-        Configuration slice, for provenance.
-    seed : int
-        Seed of the campaign.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``task2/summary.nc``; NaN for realizations a cell does not have.
+    `settings` and `seed` of the campaign are for provenance.
     """
     found = [seed_statistics(data) for _, data in cells]
     n_seeds = max(data.sizes["seed"] for _, data in cells)

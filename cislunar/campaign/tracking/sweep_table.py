@@ -26,19 +26,9 @@ def architecture_values(
     sun: xr.Dataset,
     settings: Mapping[str, Any],
 ) -> dict[str, float]:
-    """What an architecture costs and covers.
+    """J, satellites in all, share of target-hours seen and static targets never seen.
 
-    Parameters
-    ----------
-    architecture, orbits, targets, sun : xarray.Dataset
-        Its data set, the orbit library, and static targets and ephemeris of its scenario.
-    settings : mapping
-        Configuration keys `propagator` and `visibility` of its scenario.
-
-    Returns
-    -------
-    dict
-        J, satellites in all, share of target-hours seen, static targets never seen.
+    `settings` are the configuration keys `propagator` and `visibility` of the scenario.
     """
     orbit, satellites = architecture["orbit"].values, architecture["satellites"].values
     covered = architecture_coverage(orbit, satellites, orbits, targets, sun, settings)
@@ -57,26 +47,11 @@ def sweep_rows(
     architectures: Sequence[Mapping[str, float]],
     summary: xr.Dataset | None,
 ) -> pd.DataFrame:
-    """Rows of the table of a sweep.
+    """Rows of ``tables/sweep_{name}.csv``: what architecture and tracking reach for every value.
 
-    Parameters
-    ----------
-    name : str
-        Name of the sweep.
-    sweep : mapping
-        Configuration key `sweeps.{name}`.
-    points : sequence of SweepPoint
-        Its values.
-    architectures : sequence of mapping
-        Of `architecture_values`, one for each value; empty where all values share one.
-    summary : xarray.Dataset or None
-        Statistics of the sweep's cells, of `cislunar.campaign.tracking.summary`, if it has any.
-
-    Returns
-    -------
-    DataFrame
-        For every value: what the architecture reaches, then every quantity of the cells as in
-        ``tables/tracking.csv``.
+    `sweep` is the configuration key `sweeps.{name}`; `architectures` are those of
+    `architecture_values`, one for each value, or none where all values share one; `summary`, of the
+    sweep's cells if it has any, gives every quantity as in ``tables/tracking.csv``.
     """
     rows = [
         {
@@ -106,18 +81,7 @@ def sweep_rows(
 
 
 def plotted_values(table: pd.DataFrame) -> tuple[list[str], np.ndarray | None]:
-    """The values of a sweep in its order, and as numbers where all are.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Table of a sweep, as read from its file.
-
-    Returns
-    -------
-    names : list of str
-    numbers : ndarray or None
-    """
+    """The values of a sweep's table in their order, and as numbers where all are."""
     names = list(dict.fromkeys(table["value"].astype(str)))
     numbers = pd.to_numeric(pd.Series(names), errors="coerce").to_numpy(float)
     return names, numbers if np.isfinite(numbers).all() else None

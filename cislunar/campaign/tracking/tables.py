@@ -15,20 +15,12 @@ SPANS_DECADES = ("anees", "bound_ratio")
 
 
 def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
-    """Rows of ``tables/tracking.csv``.
+    """Rows of ``tables/tracking.csv``, from ``task2/summary.nc``.
 
-    Parameters
-    ----------
-    summary : xarray.Dataset
-        ``task2/summary.nc``.
-
-    Returns
-    -------
-    DataFrame
-        For every cell and quantity, with every part of the state and unit: mean over the
-        realizations with its 95 % confidence interval (Student's t; of the logarithm for ANEES
-        and error over bound, which span decades) as far as it is possible, smallest and largest.
-        Quantity `rmse_*` appears in the paper's units and in practical ones.
+    For every cell and quantity, with every part of the state and unit: mean over the realizations
+    with its 95 % confidence interval (Student's t; of the logarithm for ANEES and error over bound,
+    which span decades) as far as it is possible, smallest and largest. Quantity `rmse_*` appears in
+    the paper's units and in practical ones.
     """
     heads, values = by_measure(realizations(summary))
     found = []
@@ -51,19 +43,9 @@ def compared(
 ) -> tuple[pd.DataFrame, list[Paired]]:
     """Cells beside those that differ from them in one label alone, realization by realization.
 
-    Parameters
-    ----------
-    changed, usual : DataFrame
-        Realizations, see `realizations`.
-    differing : str
-        The label of `CELL` that differs. Cells without a usual one are left out.
-
-    Returns
-    -------
-    heads : DataFrame
-        Cell and measure.
-    pairs : list of Paired
-        One for each; of decimal logarithms for `SPANS_DECADES`, whose quantity then says so.
+    Both are `realizations`; `differing` is the label of `CELL`, and cells without a usual one are
+    left out. Makes the rows of cell and measure, and a pair for each; of decimal logarithms for
+    `SPANS_DECADES`, whose quantity then says so.
     """
     keys = [key for key in (*CELL, *MEASURE, "seed") if key != differing]
     both = changed.merge(usual[[*keys, "value"]], on=keys, suffixes=("", "_usual"))
@@ -79,19 +61,11 @@ def compared(
 
 
 def reading_rows(summary: xr.Dataset) -> pd.DataFrame:
-    """Rows of ``tables/readings_tracking.csv``.
+    """Rows of ``tables/readings_tracking.csv``, from ``task2/summary.nc``.
 
-    Parameters
-    ----------
-    summary : xarray.Dataset
-        ``task2/summary.nc``.
-
-    Returns
-    -------
-    DataFrame
-        For every variant and quantity: means over the common realizations of the usual and of
-        the changed cell, and their difference, realization by realization, with its 95 %
-        confidence interval (Student's t). ANEES and error over bound as decimal logarithms.
+    For every variant and quantity: means over the common realizations of the usual and of the
+    changed cell, and their difference, realization by realization, with its 95 % confidence
+    interval (Student's t). ANEES and error over bound as decimal logarithms.
     """
     frame = realizations(summary)
     usual = frame["variant"] == ""
@@ -102,20 +76,10 @@ def reading_rows(summary: xr.Dataset) -> pd.DataFrame:
 
 
 def estimator_rows(summary: xr.Dataset) -> pd.DataFrame:
-    """Rows of ``tables/estimators.csv``.
+    """Rows of ``tables/estimators.csv``, from ``task2/summary.nc``.
 
-    Parameters
-    ----------
-    summary : xarray.Dataset
-        ``task2/summary.nc``.
-
-    Returns
-    -------
-    DataFrame
-        For every cell that both the first estimator and another one ran, and every quantity: means
-        over the common realizations of the first and of the other, largest value of each, and the
-        difference, realization by realization, with its 95 % confidence interval (Student's t).
-        ANEES and error over bound as their decimal logarithms.
+    For every cell that both the first estimator and another one ran: as `reading_rows`, with the
+    largest value of each.
     """
     frame = realizations(summary)
     first = frame["estimator"] == frame["estimator"].iloc[0]

@@ -18,7 +18,7 @@ from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.data.seeds import generator
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking.cell import run_cell
+from cislunar.campaign.tracking.cell import CellInputs, run_cell
 from cislunar.tasking.assignment import assign
 
 Array = NDArray[np.float64]
@@ -49,10 +49,7 @@ def _direct(pairs: Sequence[Array]) -> dict[str, Array]:
 
 def compared_dataset(
     cell: Cell,
-    architecture: xr.Dataset,
-    orbits: xr.Dataset,
-    tracked: xr.Dataset,
-    sun: xr.Dataset,
+    inputs: CellInputs,
     settings: Mapping[str, Any],
     comparison: Mapping[str, Any],
     *,
@@ -60,33 +57,13 @@ def compared_dataset(
     seed: int,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """Compare the tasking methods at some epochs of a cell.
+    """Compare the tasking methods: ``task2/tasking/{scenario}_{architecture}_nt{n}.nc``.
 
-    Parameters
-    ----------
-    cell, architecture, orbits, tracked, sun, settings, propagator, seed
-        As for `cislunar.campaign.tracking.cell.run_cell`.
-    comparison : mapping
-        Configuration key `task2.tasking_comparison`.
-    progress : callable, optional
-        Called with (searches done, searches).
-
-    Returns
-    -------
-    xarray.Dataset
-        ``task2/tasking/{scenario}_{architecture}_nt{n}.nc``.
+    Arguments are those of `run_cell`, and the configuration key `task2.tasking_comparison`.
     """
     first = {**settings, "seeds": 1, "tasking": {**settings["tasking"], "method": "exact"}}
     result, problem, _ = run_cell(
-        cell,
-        architecture,
-        orbits,
-        tracked,
-        sun,
-        first,
-        propagator=propagator,
-        seed=seed,
-        keep_information=True,
+        cell, inputs, first, propagator=propagator, seed=seed, keep_information=True
     )
     epochs = list(comparison["epochs"])
     pairs = [result.pair_information[0, epoch] for epoch in epochs]
@@ -153,18 +130,7 @@ def _search_all(
 
 
 def gather(compared: Sequence[xr.Dataset]) -> xr.Dataset:
-    """Put the compared cells into one data set.
-
-    Parameters
-    ----------
-    compared : sequence of xarray.Dataset
-        Data sets of `compared_dataset`.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``task2/tasking_comparison.nc``, with a dimension `cell`.
-    """
+    """All compared cells along a dimension `cell`: ``task2/tasking_comparison.nc``."""
     whole = xr.concat(list(compared), dim="cell", combine_attrs="drop_conflicts", join="exact")
     # The cells differ in their number of targets, which is a variable of its own.
     return whole.assign_attrs(
