@@ -32,6 +32,8 @@ FLOORS = (
     "campaign.documents",
     "campaign.operation",
     "figures",
+    "command",
+    "__main__",
 )
 """A room imports from its own floor's room and from lower floors, never from a neighbour."""
 

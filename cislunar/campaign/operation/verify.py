@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from cislunar.campaign.data.netcdf import read_dataset
+from cislunar.campaign.data.progress import each
 from cislunar.errors import CislunarError, InputFileError
 
 _WRITING_S = 600.0
@@ -58,7 +59,7 @@ def damaged_results(folder: str | Path) -> Iterator[tuple[Path, str]]:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputFileError(f"results folder {folder}: no such folder")
-    for path in sorted(folder.rglob("*")):
+    for path in each(sorted(folder.rglob("*")), "files"):
         check = CHECKS.get(path.suffix)
         if check is None or not path.is_file():
             continue

@@ -1,0 +1,27 @@
+"""The command `cislunar`."""
+
+import click
+
+import cislunar as package
+from cislunar.command.base import Group
+from cislunar.command.campaign import docs, report, resume, run, verify
+from cislunar.command.orbits import orbits
+from cislunar.command.propagate import propagate
+from cislunar.command.see import see
+
+
+@click.group(cls=Group)
+@click.version_option(package.__version__, prog_name="cislunar")
+def cislunar() -> None:
+    """Cislunar space domain awareness: orbits, who sees what, and the campaign.
+
+    \b
+    Examples:
+      cislunar orbits members Halo_L2_S --jacobi 3.05
+      cislunar see --observer Halo_L2_S,period=6.5 --target Lyap_L2,period=15
+      cislunar run --configfile config/quick.yaml
+    """
+
+
+for each in (orbits, propagate, see, run, resume, verify, report, docs):
+    cislunar.add_command(each)

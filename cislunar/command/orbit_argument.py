@@ -1,0 +1,143 @@
+"""Orbits as one gives them on a command line: a member of a family, or a state."""
+
+from typing import Any, NamedTuple
+
+import click
+
+from cislunar.errors import ConfigurationError
+
+FORM = (
+    "An ORBIT is FAMILY,jacobi=VALUE or FAMILY,period=DAYS, with ,member=N where several members "
+    "have that value and ,phase=FRACTION of the period to start further along; or a state "
+    "x,y,z,vx,vy,vz in the rotating frame of Earth and Moon, origin at their barycenter."
+)
+_FURTHEST = 20.0
+"""Nondimensional; a state beyond is one of another unit."""
+
+
+class Orbit(NamedTuple):
+    """A state at the epoch, shape (6,), nondimensional, rotating frame; period 0: not periodic."""
+
+    state: Any
+    period: float
+
+    def states(self, times: Any) -> Any:
+        """States at nondimensional times since the epoch, shape (time, 6)."""
+        from cislunar.dynamics.propagation import propagate, propagate_periodic
+
+        if self.period > 0.0:
+            return propagate_periodic(self.state, self.period, times)
+        return propagate(self.state, times)
+
+
+def members_at(family: str, quantity: str, value: float) -> Any:
+    """`family_members` at a Jacobi constant, or a period in days; never none.
+
+    Raises
+    ------
+    ConfigurationError
+        If the family is unknown or does not take the value; the message says which it takes.
+    """
+    import numpy as np
+
+    from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
+    from cislunar.orbits.extent import measure_of
+    from cislunar.orbits.families import family_branch, family_members
+
+    unit, name = (SECONDS_PER_DAY / TIME_UNIT_S, " days") if quantity == "period" else (1.0, "")
+    if not np.isfinite(value):
+        raise ConfigurationError(f"{quantity} = {value} of {family} is no finite number")
+    members = family_members(family, **{quantity: value * unit})
+    if members.period.size == 0:
+        measure = measure_of(quantity, MU)
+        taken = [measure(member) / unit for member in family_branch(family)]
+        raise ConfigurationError(
+            f"no member of {family} has {quantity} = {value:g}{name}; they have about "
+            f"{min(taken):.3f} to {max(taken):.3f}{name}"
+        )
+    return members
+
+
+def read_orbit(text: str, units: str) -> Orbit:
+    """The orbit that a text of the form above stands for.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such orbit; the message says why.
+    """
+    first, *rest = (part.strip() for part in text.split(","))
+    try:
+        float(first)
+    except ValueError:
+        return _member(text, first, rest)
+    return Orbit(_state(text, [first, *rest], units), 0.0)
+
+
+def _number(text: str, part: str) -> float:
+    try:
+        return float(part)
+    except ValueError:
+        raise ConfigurationError(f"orbit {text!r}: {part!r} is no number") from None
+
+
+def _state(text: str, parts: list[str], units: str) -> Any:
+    import numpy as np
+
+    from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
+    from cislunar.observation.sightline import inside_primary
+
+    state = np.array([_number(text, part) for part in parts])
+    if state.size != 6 or not np.all(np.isfinite(state)):
+        raise ConfigurationError(f"orbit {text!r}: a state is six finite numbers x,y,z,vx,vy,vz")
+    if units == "km":
+        state[:3] /= LENGTH_UNIT_KM
+        state[3:] *= TIME_UNIT_S / LENGTH_UNIT_KM
+    if inside_primary(*state[:3], MU):
+        raise ConfigurationError(
+            f"orbit {text!r}: in units {units} this is a place inside the Earth or the Moon"
+        )
+    if np.max(np.abs(state)) > _FURTHEST:
+        raise ConfigurationError(
+            f"orbit {text!r}: in units {units} this is further or faster than {_FURTHEST:g} units "
+            "of the Earth-Moon system; see --units"
+        )
+    return state
+
+
+def _member(text: str, family: str, options: list[str]) -> Orbit:
+    import numpy as np
+
+    from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+    from cislunar.dynamics.propagation import propagate_periodic
+
+    given = {}
+    for option in options:
+        key, _, value = option.partition("=")
+        if key not in ("jacobi", "period", "member", "phase") or key in given:
+            raise ConfigurationError(
+                f"orbit {text!r}: {option!r} is not one of jacobi=, period=, member= and phase=, "
+                "each once"
+            )
+        given[key] = _number(text, value)
+    chosen = [key for key in ("jacobi", "period") if key in given]
+    if len(chosen) != 1:
+        raise ConfigurationError(f"orbit {text!r}: give either jacobi= or period=, and only one")
+    members = members_at(family, chosen[0], given[chosen[0]])
+    number = given.get("member", 1.0 if members.period.size == 1 else 0.0)
+    if number not in range(1, members.period.size + 1):
+        raise ConfigurationError(
+            f"orbit {text!r}: {family} has {members.period.size} such; add member=N, counted from "
+            f"1, of those with Jacobi constants {members.jacobi.round(4).tolist()} and periods of "
+            f"{(members.period * TIME_UNIT_S / SECONDS_PER_DAY).round(3).tolist()} days"
+        )
+    state, period = members.state[int(number) - 1], float(members.period[int(number) - 1])
+    if phase := given.get("phase"):
+        (state,) = propagate_periodic(state, period, np.array([phase % 1.0 * period]))
+    return Orbit(state, period)
+
+
+class OrbitType(click.ParamType):
+    """Text of an orbit; it is read where the units are known."""
+
+    name = "ORBIT"

@@ -1,0 +1,90 @@
+"""``cislunar see``: when an observer sees a target, and how bright."""
+
+from datetime import UTC, datetime
+
+import click
+
+from cislunar.command.base import Command
+from cislunar.command.orbit_argument import FORM, OrbitType, read_orbit
+from cislunar.command.table import OUTPUT, UNITS, Column, show
+
+
+class _Epoch(click.ParamType):
+    """A date in UTC, as Julian date."""
+
+    name = "DATE"
+
+    def convert(self, value, param, ctx):
+        """Julian date of an ISO date."""
+        if isinstance(value, float):
+            return value
+        try:
+            date = datetime.fromisoformat(value)
+        except ValueError:
+            self.fail(f"{value!r} is no ISO date such as 2024-10-01T12:00", param, ctx)
+        date = date.replace(tzinfo=UTC) if date.tzinfo is None else date
+        return 2_440_587.5 + date.timestamp() / 86_400.0
+
+
+@click.command(cls=Command, epilog=FORM)
+@click.option("--observer", type=OrbitType(), required=True, help="Whence.")
+@click.option("--target", type=OrbitType(), required=True, help="What.")
+@click.option("--epoch", type=_Epoch(), default="2024-10-01", show_default=True, help="UTC.")
+@click.option("--hours", type=float, default=24.0, show_default=True, help="How long.")
+@click.option("--step", type=float, default=60.0, show_default=True, help="Minutes between rows.")
+@click.option("--radius", type=float, default=1.0, show_default=True, help="Of the target, m.")
+@click.option("--limit", type=float, default=18.0, show_default=True, help="Faintest seen, mag.")
+@UNITS
+@OUTPUT
+def see(
+    observer: str,
+    target: str,
+    epoch: float,
+    hours: float,
+    step: float,
+    radius: float,
+    limit: float,
+    units: str,
+    output: str | None,
+) -> None:
+    """When an observer sees a target, and how bright it is.
+
+    The target is a white diffuse sphere. It is seen if it is bright enough, stands further from
+    Sun, Moon and Earth than the exclusion angles (35, 5, 15 degrees), and neither Moon nor Earth
+    hides it. Angles are those at the observer, the phase angle that at the target.
+
+    \b
+    Example:
+      cislunar see --observer Halo_L2_S,period=6.5 --target Lyap_L2,period=15 --radius 2
+    """
+    import numpy as np
+
+    from cislunar.campaign.data.progress import logger
+    from cislunar.ephemeris.sampling import sample_ephemeris
+    from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
+    from cislunar.observation.sensor import Sensor
+    from cislunar.observation.sightings import sightings
+
+    sky = sample_ephemeris(epoch, hours / 24.0, step)
+    places = [read_orbit(text, units).states(sky.time)[:, :3] for text in (observer, target)]
+    sensor = Sensor(limiting_magnitude=limit)
+    found = sightings(*places, sky.sun_position, sensor, radius_m=radius)
+    words = {DETECTED: "seen", FAINT: "faint", EXCLUDED: "excluded", OCCULTED: "occulted"}
+    date = np.round((sky.time_utc_jd - 2_440_587.5) * 86_400.0).astype("datetime64[s]")
+    show(
+        [
+            Column("time_utc", date.astype(str)),
+            Column("sight", [words[code] for code in found.fate.tolist()]),
+            Column("magnitude_mag", found.magnitude, ".2f"),
+            Column("range_km", found.range_km, ".1f"),
+            Column("phase_angle_deg", found.phase_angle_deg, ".1f"),
+            *(
+                Column(f"{body}_angle_deg", angle, ".1f")
+                for body, angle in zip(
+                    ("sun", "moon", "earth"), found.body_angle_deg.T, strict=True
+                )
+            ),
+        ],
+        output,
+    )
+    logger.info("seen at %d of %d times", np.sum(found.fate == DETECTED), found.fate.size)

@@ -1,0 +1,123 @@
+"""What one observer sees of one target along their paths: fate, magnitude and angles.
+
+The target is the diffuse sphere of the architecture (Paul & Fan, section 2.3), without noise.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import LENGTH_UNIT_KM, MU
+from cislunar.dynamics.cr3bp import primary_positions
+from cislunar.errors import ConfigurationError
+from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
+from cislunar.observation.sensor import Sensor
+from cislunar.observation.sightline import occulted, outside_exclusion
+from cislunar.photometry.sphere import phase_angle, sphere_magnitude
+
+Array = NDArray[np.float64]
+
+
+class Sightings(NamedTuple):
+    """A target as seen from an observer, time by time.
+
+    Attributes
+    ----------
+    fate : ndarray of uint8, shape (time,)
+        DETECTED, FAINT, EXCLUDED or OCCULTED of `cislunar.observation.measurement`.
+    magnitude : ndarray, shape (time,)
+        Apparent, mag; inf where no lit part is in view.
+    range_km : ndarray, shape (time,)
+        From observer to target, km.
+    phase_angle_deg : ndarray, shape (time,)
+        At the target, between Sun and observer.
+    body_angle_deg : ndarray, shape (time, 3)
+        At the observer, between the target and the centers of Sun, Moon and Earth.
+    """
+
+    fate: NDArray[np.uint8]
+    magnitude: Array
+    range_km: Array
+    phase_angle_deg: Array
+    body_angle_deg: Array
+
+
+@njit(cache=True, error_model="numpy")
+def _obstacles(observer, way, sun, limits, mu, fate):
+    """EXCLUDED or OCCULTED where something stands in the way, into `fate` (time,)."""
+    for k in range(fate.size):
+        x, y, z = observer[k, 0], observer[k, 1], observer[k, 2]
+        dx, dy, dz = way[k, 0], way[k, 1], way[k, 2]
+        if not outside_exclusion(x, y, z, dx, dy, dz, sun[k], limits.cosines, mu):
+            fate[k] = EXCLUDED
+        elif limits.occultation and occulted(x, y, z, dx, dy, dz, mu):
+            fate[k] = OCCULTED
+
+
+def sightings(
+    observer: ArrayLike,
+    target: ArrayLike,
+    sun: ArrayLike,
+    sensor: Sensor | None = None,
+    *,
+    radius_m: float = 1.0,
+    diffuse_reflection_coefficient: float = 1.0,
+    mu: float = MU,
+) -> Sightings:
+    """Fate, magnitude and angles of a diffuse sphere along the paths of observer and target.
+
+    Parameters
+    ----------
+    observer, target, sun : array_like, shape (time, 3)
+        Positions at the same times, nondimensional, rotating frame.
+    sensor : Sensor, optional
+        Limiting magnitude, exclusion angles and occultation; the paper's if omitted.
+    radius_m : float
+        Radius of the sphere, m.
+    diffuse_reflection_coefficient : float
+        C_d of the sphere, dimensionless.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    Sightings
+
+    Raises
+    ------
+    ConfigurationError
+        If the shapes disagree, or the radius or C_d is not positive.
+    """
+    places = [np.ascontiguousarray(place, dtype=float) for place in (observer, target, sun)]
+    shapes = {place.shape for place in places}
+    if len(shapes) != 1 or places[0].ndim != 2 or places[0].shape[1] != 3:
+        raise ConfigurationError(
+            f"observer, target and sun have shapes {[place.shape for place in places]}; give one "
+            "position of each at every time, shape (time, 3)"
+        )
+    if not (radius_m > 0.0 and diffuse_reflection_coefficient > 0.0):
+        raise ConfigurationError(
+            f"radius_m = {radius_m} and diffuse_reflection_coefficient = "
+            f"{diffuse_reflection_coefficient} must be positive"
+        )
+    watcher, watched, light = places
+    limits = (Sensor() if sensor is None else sensor).limits()
+    way = watched - watcher
+    range_km = np.linalg.norm(way, axis=1) * LENGTH_UNIT_KM
+    phase = phase_angle(way, watched - light)
+    magnitude = sphere_magnitude(
+        range_km * 1e3,
+        phase,
+        radius_m=radius_m,
+        diffuse_reflection_coefficient=diffuse_reflection_coefficient,
+    )
+    fate = np.where(magnitude <= limits.limiting_magnitude, DETECTED, FAINT).astype(np.uint8)
+    _obstacles(watcher, way, light, limits, float(mu), fate)
+    earth, moon = np.array(primary_positions(mu))
+    bodies = np.stack([light, np.broadcast_to(moon, way.shape), np.broadcast_to(earth, way.shape)])
+    angles = phase_angle(way, bodies - watcher)
+    return Sightings(fate, magnitude, range_km, np.rad2deg(phase), np.rad2deg(angles).T)

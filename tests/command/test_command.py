@@ -1,0 +1,241 @@
+"""The command: what it prints agrees with the library, and what is wrong is said in one line."""
+
+import csv
+import io
+import os
+import subprocess
+import sys
+
+import click
+import numpy as np
+import pytest
+from campaign_folder import QUICK, ROOT, run
+from click.testing import CliRunner
+
+import cislunar as package
+from cislunar.command.base import FAILED
+from cislunar.command.main import cislunar
+from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.dynamics.propagation import propagate
+from cislunar.orbits.families import FAMILIES, family_members
+from cislunar.targets.tables import load_target_states
+
+HALO = "Halo_L2_S,jacobi=3.05,member=2"
+HEAVY = {"numpy", "numba", "matplotlib", "hyperopt", "xarray", "scipy", "snakemake"}
+
+
+def call(*arguments):
+    """Run the command in this process."""
+    return CliRunner().invoke(cislunar, [*map(str, arguments)])
+
+
+def table(*arguments):
+    """Rows of its CSV output."""
+    done = call(*arguments, "--quiet", "--output", "-")
+    assert (done.exit_code, done.stderr) == (0, "")
+    return [*csv.DictReader(io.StringIO(done.stdout))]
+
+
+def numbers(rows, *names):
+    """Columns of a table as an array."""
+    return np.array([[float(row[name]) for name in names] for row in rows])
+
+
+def commands(command=cislunar, path=()):
+    """All commands with the words that lead to them."""
+    yield path, command
+    if isinstance(command, click.Group):
+        for name, inner in command.commands.items():
+            yield from commands(inner, (*path, name))
+
+
+COMMANDS = [*commands()]
+
+
+@pytest.mark.parametrize(("path", "command"), COMMANDS, ids=[" ".join(p) for p, _ in COMMANDS])
+def test_help_teaches_by_examples_that_can_be_typed(path, command):
+    text = call(*path, "--help").output
+    assert "--quiet" in text and "--verbose" in text
+    assert not (path and command.get_short_help_str(66).endswith("..."))
+    examples = [line.split() for line in text.splitlines() if line.startswith("    cislunar ")]
+    assert examples
+    for _, *words in examples:
+        inner = cislunar
+        while isinstance(inner, click.Group):
+            inner, words = inner.commands[words[0]], words[1:]
+        inner.make_context("example", words)
+
+
+def test_help_waits_for_no_library():
+    script = (
+        "import sys; from cislunar.command.main import cislunar;"
+        "cislunar(['--help'], standalone_mode=False);"
+        f"sys.exit(', '.join({HEAVY} & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_python_runs_it_as_a_module():
+    output, code = run("cislunar", "--version")
+    assert (output, code) == (f"cislunar, version {package.__version__}\n", 0)
+
+
+def test_families_are_listed():
+    rows = table("orbits", "list")
+    assert tuple(row["family"] for row in rows) == FAMILIES
+    assert "halo about L2, southern" in {row["orbits"] for row in rows}
+
+
+@pytest.mark.parametrize("units", ["km", "nd"])
+def test_members_are_those_of_the_library(units):
+    rows = table("orbits", "members", "Halo_L2_S", "--jacobi", 3.05, "--units", units)
+    members = family_members("Halo_L2_S", jacobi=3.05)
+    length, speed = (LENGTH_UNIT_KM, LENGTH_UNIT_KM / TIME_UNIT_S) if units == "km" else (1.0, 1.0)
+    tails = ("_km", "_km_s") if units == "km" else ("_nd", "_nd")
+    names = [axis + tails[0] for axis in "xyz"] + [f"v{axis}{tails[1]}" for axis in "xyz"]
+    scale = np.repeat([length, speed], 3)
+    assert np.array_equal(numbers(rows, *names), members.state * scale)
+    assert {row["frame"] for row in rows} == {"rotating"}
+
+
+def test_a_period_in_days_selects_members_of_all_families_that_take_it():
+    rows = table("orbits", "members", "Lyap_L3", "Halo_L1_N", "--period", 12)
+    assert [row["id"] for row in rows] == ["Halo_L1_N_1", "Halo_L1_N_2"]
+    assert numbers(rows, "period_days") == pytest.approx(12.0)
+
+
+def test_exported_members_are_targets_of_a_study(tmp_path):
+    path = tmp_path / "targets.csv"
+    done = call("orbits", "members", "Lyap_L1", "--count", 3, "--output", path)
+    assert done.exit_code == 0 and f"3 rows in {path}" in done.stderr
+    targets = load_target_states(path)
+    assert targets.name == ["Lyap_L1_1", "Lyap_L1_2", "Lyap_L1_3"]
+    assert targets.family == ["Lyap_L1"] * 3 and np.all(targets.period > 0.0)
+
+
+def test_a_periodic_orbit_comes_back():
+    days = family_members("Halo_L2_S", jacobi=3.05).period[1] * TIME_UNIT_S / SECONDS_PER_DAY
+    names = ("x_km", "y_km", "z_km")
+    path = numbers(table("propagate", "--orbit", HALO, "--days", days, "--steps", 4), *names)
+    assert path.shape == (5, 3)
+    assert path[-1] == pytest.approx(path[0], abs=0.1)
+    half = numbers(table("propagate", "--orbit", f"{HALO},phase=0.5", "--days", 1), *names)
+    assert half[0] == pytest.approx(path[2], abs=0.1)
+
+
+def test_a_state_is_propagated_as_the_library_does():
+    state = [-0.8, 0.1, 0.0, 0.0, -0.3, 0.05]
+    text = ",".join(map(str, state))
+    rows = table("propagate", "--units", "nd", "--orbit", text, "--days", -3, "--steps", 2)
+    times = numbers(rows, "elapsed_days")[:, 0] * SECONDS_PER_DAY / TIME_UNIT_S
+    names = ("x_nd", "y_nd", "z_nd", "vx_nd", "vy_nd", "vz_nd")
+    assert numbers(rows, *names) == pytest.approx(propagate(state, times), abs=1e-14)
+
+
+def test_who_sees_what_is_said_for_every_time():
+    orbits = ("--observer", HALO, "--target", "Lyap_L2,period=15", "--hours", 3, "--radius", 2)
+    rows = table("see", *orbits, "--epoch", "2024-10-02T12:00:00", "--step", 90)
+    assert [row["time_utc"][:16] for row in rows] == [
+        f"2024-10-02T{clock}" for clock in ("12:00", "13:30", "15:00")
+    ]
+    assert all(float(row["moon_angle_deg"]) > 5.0 for row in rows if row["sight"] == "seen")
+    small = table("see", *orbits[:-1], 1, "--epoch", "2024-10-02T14:00:00+02:00", "--step", 90)
+    fainter = numbers(small, "magnitude_mag") - numbers(rows, "magnitude_mag")
+    assert fainter == pytest.approx(5.0 * np.log10(2.0))
+    assert "of 2 times" in call("see", *orbits[:4], "--hours", 1).stderr
+
+
+STATE = "1.12,0,0.18,0,-0.22,0"
+HOSTILE = {
+    "unknown family": ("orbits members Hallo --jacobi 3", "unknown orbit family 'Hallo'"),
+    "no such period": ("orbits members Halo_L2_S --period 99", "they have about 5.97"),
+    "none anywhere": (
+        "orbits members Lyap_L1 Lyap_L2 --jacobi 9 -q",
+        "no member of Lyap_L1, Lyap_L2",
+    ),
+    "nothing chosen": ("orbits members Halo_L2_S", "give exactly one of"),
+    "a period of nan": ("orbits members Halo_L2_S --period nan", "is no finite number"),
+    "no count": ("orbits members --count 0", "--count"),
+    "no folder": ("orbits list --output /proc/none/a.csv", "/proc/none"),
+    "inside the Moon": ("propagate --units nd --orbit 0.98785,0,0,0,0,0 --days 1", "inside the"),
+    "nd as km": (f"propagate --orbit {STATE} --days 1", "in units km this is a place inside"),
+    "km as nd": ("propagate --units nd --orbit 4e5,0,0,0,1,0 --days 1", "see --units"),
+    "five numbers": ("propagate --orbit 1,2,3,4,5 --days 1", "six finite numbers"),
+    "words in a state": ("propagate --orbit 1,2,3,4,5,six --days 1", "'six' is no number"),
+    "endless": (f"propagate --units nd --orbit {STATE} --days inf", "must be finite"),
+    "several members": ("propagate --orbit Halo_L2_S,jacobi=3.05 --days 1", "has 2 such; add"),
+    "third of two": ("propagate --orbit Halo_L2_S,jacobi=3.05,member=3 --days 1", "has 2 such"),
+    "two values": ("propagate --orbit Halo_L2_S,jacobi=3,period=3 --days 1", "only one"),
+    "other key": ("propagate --orbit Halo_L2_S,energy=3 --days 1", "'energy=3' is not one of"),
+    "no date": (f"see --observer {HALO} --target {HALO} --epoch yesterday", "no ISO date"),
+    "no such years": (f"see --observer {HALO} --target {HALO} --epoch 2400-01-01", "ephemeris"),
+    "backwards": (f"see --observer {HALO} --target {HALO} --hours -1", "duration_days"),
+    "flat target": (f"see --observer {HALO} --target {HALO} --radius 0", "radius_m"),
+    "no results": ("verify no/such/folder", "no/such/folder: no such folder"),
+    "no repository": ("run --directory /proc", "/proc/Snakefile: no such file"),
+    "no settings": (f"run --directory {ROOT} --configfile none.yaml", "none.yaml: no such file"),
+    "no documents": ("docs update --directory /proc", "needs the folder of the repository"),
+    "no such option": ("see --observr x", "see: cislunar see --help"),
+    "no such command": ("orbit", "No such command 'orbit'"),
+}
+
+
+@pytest.mark.parametrize(("line", "message"), HOSTILE.values(), ids=HOSTILE)
+def test_what_is_wrong_is_one_line(line, message):
+    done = call(*line.split())
+    assert (done.exit_code, done.stdout) == (FAILED, "")
+    assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1
+    assert message in done.stderr
+
+
+def test_verbose_tells_where_an_error_rose():
+    done = call("orbits", "members", "Halo_L2_S", "--period", 99, "-v")
+    assert "Traceback" in done.stderr and done.stderr.splitlines()[-1].startswith("error: ")
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """Commands that the campaign's ones would start, with the folder."""
+    kept, before = [], os.getcwd()
+
+    def started(line, cwd, check):
+        kept.append((str(cwd), line))
+        return subprocess.CompletedProcess(line, 0)
+
+    monkeypatch.setattr(os, "execv", lambda file, line: kept.append((os.getcwd(), line)))
+    monkeypatch.setattr(subprocess, "run", started)
+    yield kept
+    os.chdir(before)
+
+
+def test_the_campaign_is_snakemakes(calls):
+    here = ("--directory", ROOT, "--configfile", QUICK[1])
+    quick = " ".join(QUICK)
+    call("run", *here, "--", "task1")
+    call("run", "--directory", ROOT, "--cores", 3, "--quiet", "--", "--dry-run")
+    call("resume", *here, "--verbose")
+    call("report", *here, "--output", "/tmp/a.html")
+    assert {folder for folder, _ in calls} == {str(ROOT)}
+    assert [" ".join(line).partition(" snakemake ")[2] for _, line in calls] == [
+        f"{quick} --cores 2 -- task1",
+        "--cores 3 --quiet all --dry-run",
+        f"{quick} --cores 1 --unlock --verbose",
+        f"{quick} --cores 2 --verbose",
+        f"{quick} --report /tmp/a.html",
+    ]
+
+
+def test_damaged_results_are_named(tmp_path):
+    (tmp_path / "whole.csv").write_text("a\n1\n")
+    assert call("verify", tmp_path).exit_code == 0
+    (tmp_path / "cut.csv").write_text("a\n1")
+    done = call("verify", tmp_path)
+    assert done.exit_code == 1 and "cut.csv" in done.stdout and "whole.csv" not in done.stdout
+
+
+@pytest.mark.workflow
+def test_a_finished_campaign_leaves_nothing_to_do(finished):
+    line = ("run", "--directory", finished, "--configfile", QUICK[1], "--", "--dry-run")
+    output, code = run("cislunar", *line)
+    assert code == 0 and "Nothing to be done" in output, output

@@ -1,0 +1,80 @@
+"""Sightings along paths agree with the tables of visibility and with the parts they stand on."""
+
+import numpy as np
+import pytest
+
+from cislunar.constants import LENGTH_UNIT_KM, MU
+from cislunar.ephemeris.sampling import sample_ephemeris
+from cislunar.errors import ConfigurationError
+from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
+from cislunar.observation.sensor import ExclusionAngles, Sensor
+from cislunar.observation.sightings import sightings
+from cislunar.orbits.families import family_members
+from cislunar.photometry.sphere import sphere_magnitude
+from cislunar.visibility.counts import VisibilitySettings, count_visibility, satellite_tracks
+
+SUN = np.array([[0.0, -389.0, 0.0]])
+OPEN = ExclusionAngles(0.0, 0.0, 0.0)
+
+
+def test_as_many_sightings_as_the_tables_count():
+    sky = sample_ephemeris(duration_days=5.0)
+    halo = family_members("Halo_L2_S", jacobi=3.05)
+    targets = np.random.default_rng(3).normal([1.0 - MU, 0.0, 0.0], 0.3, size=(40, 3))
+    limit = 15.5
+    table = count_visibility(
+        halo.state,
+        halo.period,
+        targets,
+        sky.time,
+        sky.sun_position,
+        VisibilitySettings(limiting_magnitude=limit),
+        max_satellites=1,
+    )
+    tracks = satellite_tracks(halo.state, halo.period, [0.0], sky.time)[:, 0]
+    sensor = Sensor(limiting_magnitude=limit, occultation=False)
+    fates = np.array(
+        [
+            [
+                sightings(track, np.broadcast_to(t, track.shape), sky.sun_position, sensor).fate
+                for t in targets
+            ]
+            for track in tracks
+        ]
+    )
+    assert np.array_equal(np.sum(fates == DETECTED, axis=-1), table.observations[:, 0])
+    assert {FAINT, EXCLUDED, DETECTED} == set(np.unique(fates))
+
+
+def test_angles_range_and_magnitude():
+    observer, target = np.array([[0.5, 0.0, 0.0]]), np.array([[0.5, 0.3, 0.0]])
+    seen = sightings(observer, target, SUN, radius_m=2.0)
+    assert seen.range_km == pytest.approx([0.3 * LENGTH_UNIT_KM])
+    away = np.rad2deg(np.arctan2(0.5, 389.0))
+    assert seen.body_angle_deg[0] == pytest.approx([180.0 - away, 90.0, 90.0])
+    assert seen.phase_angle_deg == pytest.approx(np.rad2deg(np.arctan2(0.5, 389.3)))
+    expected = sphere_magnitude(seen.range_km * 1e3, np.deg2rad(seen.phase_angle_deg), radius_m=2.0)
+    assert seen.magnitude == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "fate"),
+    [
+        (Sensor(), EXCLUDED),
+        (Sensor(exclusion=OPEN), OCCULTED),
+        (Sensor(exclusion=OPEN, occultation=False), DETECTED),
+        (Sensor(exclusion=OPEN, occultation=False, limiting_magnitude=5.0), FAINT),
+    ],
+)
+def test_fate_of_a_look_past_the_moon(sensor, fate):
+    """The target is just behind the limb of the Moon, the observer before it."""
+    observer, target = np.array([[0.9, 0.0, 0.0]]), np.array([[1.05, 0.002, 0.0]])
+    assert sightings(observer, target, SUN, sensor).fate == [fate]
+
+
+def test_what_cannot_be_is_refused():
+    path = np.zeros((3, 3))
+    with pytest.raises(ConfigurationError, match="shape"):
+        sightings(path, path[:2], path)
+    with pytest.raises(ConfigurationError, match="radius_m"):
+        sightings(path, path, path, radius_m=-1.0)
