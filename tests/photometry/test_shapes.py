@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.photometry.mesh_files import load_shape
+from cislunar.photometry.mesh_files import load_mesh, load_shape
 from cislunar.photometry.shapes import facets_from_triangles, icosahedron, icosphere, stretch
 
 TETRAHEDRON = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float)
@@ -160,6 +160,30 @@ def test_dented_body_is_not_convex(name, tmp_path):
     octahedron[4] = [0, 0, -0.3]
     with pytest.raises(InputFileError, match=r"not convex, .* plane of facet \d"):
         load_shape(WRITERS[name](tmp_path / name, octahedron, facets))
+
+
+def two_tetrahedra(path, second):
+    """An OBJ file of two parts with a material each, the second as given."""
+    write_obj(path, np.vstack([TETRAHEDRON, TETRAHEDRON + 5.0]), [])
+    facets = [("bus", f) for f in TETRAHEDRON_FACETS] + [("panel", np.add(f, 4)) for f in second]
+    lines = [f"usemtl {name}\nf " + " ".join(str(i + 1) for i in f) for name, f in facets]
+    path.write_text(path.read_text() + "\n".join(lines))
+    return path
+
+
+def test_closed_mesh_of_two_parts_has_groups_and_is_refused_as_convex(tmp_path):
+    path = two_tetrahedra(tmp_path / "two.obj", TETRAHEDRON_FACETS)
+    mesh = load_mesh(path, metres_per_unit=2.0)
+    assert mesh.groups == ("bus",) * 4 + ("panel",) * 4
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), 14.0)
+    with pytest.raises(InputFileError, match="not convex, a vertex stands"):
+        load_shape(path)
+
+
+def test_part_inside_out(tmp_path):
+    path = two_tetrahedra(tmp_path / "two.obj", [f[::-1] for f in TETRAHEDRON_FACETS])
+    with pytest.raises(InputFileError, match="facet 5 and the others of its part face inward"):
+        load_mesh(path)
 
 
 @pytest.mark.parametrize("height", [0.0, 1e-8])

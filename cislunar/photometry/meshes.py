@@ -1,0 +1,188 @@
+"""Meshes of triangles with their facet groups, and the checks that each of them has to pass.
+
+A mesh is closed, and its vertices run counter-clockwise seen from outside. It may consist of
+several closed parts, which may run into each other but share no edge. Facets are counted from 1
+in messages.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from cislunar.errors import InputFileError
+from cislunar.photometry.shapes import facets_from_triangles
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+MERGE_TOLERANCE = 1e-6
+"""Vertices nearer than this share of the mesh's size are one (STL repeats them, in float32)."""
+
+CONVEX_TOLERANCE = 1e-5
+"""Share of the mesh's size by which a vertex may stand above a facet's plane."""
+
+THINNEST = 1e-6
+"""Least height of a facet, as a share of its longest edge."""
+
+
+class Mesh(NamedTuple):
+    """A closed surface of triangles, not necessarily convex.
+
+    Parameters
+    ----------
+    source : str
+        Where it is from, for messages.
+    vertices : ndarray, shape (n, 3)
+        Vertices, m, body frame.
+    triangles : ndarray of int, shape (F, 3)
+        Vertex indices of each facet, counter-clockwise seen from outside.
+    groups : tuple of str, length F
+        Group of each facet, which decides its material; empty where none was given.
+    """
+
+    source: str
+    vertices: Array
+    triangles: Indices
+    groups: tuple[str, ...]
+
+
+def mesh_size(vertices: Array) -> float:
+    """Diagonal of the bounding box, in the unit of the vertices, shape (n, 3)."""
+    return float(np.linalg.norm(np.ptp(vertices, axis=0)))
+
+
+def closed_mesh(
+    source: str | Path, vertices: Array, triangles: Indices, groups: tuple[str, ...]
+) -> Mesh:
+    """A mesh of vertices and triangles once it is known to be closed and to face outward.
+
+    Parameters
+    ----------
+    source : str or Path
+        Where it is from; messages begin with it.
+    vertices : ndarray, shape (n, 3)
+        Vertices; those that coincide become one.
+    triangles : ndarray of int, shape (F, 3)
+        Vertex indices of each facet.
+    groups : tuple of str, length F
+        Group of each facet.
+
+    Returns
+    -------
+    Mesh
+        Facets in the order given.
+
+    Raises
+    ------
+    InputFileError
+        If the mesh has fewer than four facets or a degenerate one, is open, or a part of it is
+        inside out; the message names the facet.
+    """
+    if len(triangles) < 4:
+        raise InputFileError(f"{source}: {len(triangles)} facets cannot close a body; it takes 4")
+    vertices, triangles = _merge_vertices(vertices, triangles)
+    _check_facets(source, vertices, triangles)
+    _check_closed(source, triangles)
+    _check_outward(source, vertices, triangles)
+    return Mesh(str(source), vertices, triangles, groups)
+
+
+def _merge_vertices(vertices: Array, triangles: Indices) -> tuple[Array, Indices]:
+    """Drop unused vertices and make one of those that coincide."""
+    used, triangles = np.unique(triangles, return_inverse=True)
+    vertices, triangles = vertices[used], triangles.reshape(-1, 3)
+    if not np.all(np.isfinite(vertices)):
+        return vertices, triangles  # the facet check names the culprit
+    nearest = MERGE_TOLERANCE * mesh_size(vertices)
+    pairs = cKDTree(vertices).query_pairs(nearest, output_type="ndarray")
+    n = len(vertices)
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    _, label = connected_components(graph, directed=False)
+    _, first = np.unique(label, return_index=True)
+    return vertices[first], label.astype(np.int64)[triangles]
+
+
+def _check_facets(source: str | Path, vertices: Array, triangles: Indices) -> None:
+    """Refuse facets without finite coordinates or without an area."""
+    corners = vertices[triangles]
+    broken = np.nonzero(~np.isfinite(corners).all(axis=(1, 2)))[0]
+    if broken.size:
+        raise InputFileError(f"{source}: facet {broken[0] + 1} has a coordinate that is not finite")
+    edges = np.roll(corners, -1, axis=1) - corners
+    longest2 = (edges**2).sum(axis=-1).max(axis=1)
+    doubled_area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    thin = np.nonzero(doubled_area <= THINNEST * longest2)[0]
+    if thin.size:
+        raise InputFileError(
+            f"{source}: facet {thin[0] + 1} is degenerate (no area); remove it from the mesh"
+        )
+
+
+def _check_closed(source: str | Path, triangles: Indices) -> None:
+    """Each edge must be walked once in each direction."""
+    starts, ends = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    n = int(triangles.max()) + 1
+    forward, backward = starts * n + ends, ends * n + starts
+    _, inverse, counts = np.unique(forward, return_inverse=True, return_counts=True)
+    twice = np.nonzero(counts[inverse] > 1)[0]
+    if twice.size:
+        other = np.nonzero(forward == forward[twice[0]])[0][1]
+        raise InputFileError(
+            f"{source}: facets {twice[0] // 3 + 1} and {other // 3 + 1} run along their common "
+            "edge in the same direction; orient all facets outward and remove double ones"
+        )
+    alone = np.nonzero(~np.isin(backward, forward))[0]
+    if alone.size:
+        raise InputFileError(
+            f"{source}: facet {alone[0] // 3 + 1} has an edge without neighbor; close the mesh"
+        )
+
+
+def _check_outward(source: str | Path, vertices: Array, triangles: Indices) -> None:
+    """Each part has a positive signed volume, as it has exactly when its facets face outward."""
+    starts, ends = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    n = len(vertices)
+    graph = coo_array((np.ones(len(starts)), (starts, ends)), shape=(n, n))
+    _, label = connected_components(graph, directed=False)
+    part = label[triangles[:, 0]]
+    # Seen from a part's own middle, so that a small part far from the origin loses no digits.
+    count = np.bincount(label)
+    middle = np.stack([np.bincount(label, column) / count for column in vertices.T], axis=1)
+    corners = vertices[triangles] - middle[part][:, None]
+    inward = np.nonzero(np.bincount(part, np.linalg.det(corners))[part] < 0.0)[0]
+    if inward.size:
+        others = "all others" if inward.size == len(triangles) else "the others of its part"
+        raise InputFileError(
+            f"{source}: facet {inward[0] + 1} and {others} face inward; reverse the order of their "
+            "vertices"
+        )
+
+
+def check_convex(mesh: Mesh) -> None:
+    """Refuse a mesh with a vertex above the plane of any facet.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed.
+
+    Raises
+    ------
+    InputFileError
+        If it is not convex; the message names the facet.
+    """
+    normals = facets_from_triangles(mesh.vertices, mesh.triangles).normals
+    origins = mesh.vertices[mesh.triangles[:, 0]]
+    tolerance = CONVEX_TOLERANCE * mesh_size(mesh.vertices)
+    for facet, (normal, origin) in enumerate(zip(normals, origins, strict=True), 1):
+        height = float(((mesh.vertices - origin) @ normal).max())
+        if height > tolerance:
+            raise InputFileError(
+                f"{mesh.source}: not convex, a vertex stands {height:.4g} m above the plane of "
+                f"facet {facet}; facets would shadow each other, which the model leaves out"
+            )
