@@ -64,16 +64,12 @@ def _facts(row: Mapping[str, Any], scenario: str, frame: pd.DataFrame, usual: in
     tracked = [each for each in (sweep.frame, sweep.beside) if each is not None]
     if any(len(cells_of(each)) < least for each in tracked):
         return None
-    found = {name: _statistic(sweep, what) for name, what in row["statistics"].items()}
+    wanted = {name: what.split() for name, what in row["statistics"].items()}
+    found = {name: STATISTICS[what](sweep, *of) for name, (what, *of) in wanted.items()}
     if any(value is None for value in found.values()):
         return None
     ends = {"begin": sweep.places[0], "end": sweep.places[-1]}
     return {"scenario": scenario, "targets": targets} | ends | found
-
-
-def _statistic(sweep: Sweep, what: str) -> Any:
-    name, *measure = what.split()
-    return STATISTICS[name](sweep, *measure)
 
 
 def _cells(frame: pd.DataFrame) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:

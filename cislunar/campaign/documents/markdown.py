@@ -46,8 +46,8 @@ def generated_blocks(text: str) -> list[str]:
 def fill_blocks(text: str, blocks: Mapping[str, Callable[[], str]], document: str) -> str:
     """Make the generated blocks of a document anew.
 
-    A block stands between the lines ``<!-- begin generated: name -->`` and ``<!-- end generated
-    -->``. An `InputFileError` if one has an unknown name or no end.
+    A block stands between the lines ``<!-- begin generated: name -->`` and
+    ``<!-- end generated -->``. An `InputFileError` if one has an unknown name or no end.
     """
     names = generated_blocks(text)
     if not text.count(_BEGIN.partition("{")[0]) == len(names) == text.count(_END):

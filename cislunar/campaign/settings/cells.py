@@ -25,18 +25,9 @@ CELL_KEYS = tuple(CellSettings.model_fields)
 
 
 class Cell(NamedTuple):
-    """A cell of the campaign.
+    """A cell of the campaign: n_T `targets`, tasked every T_ST `interval_minutes`.
 
-    Attributes
-    ----------
-    scenario, architecture, estimator : str
-        Whose observers track, and with what.
-    targets : int
-        Number of monitored targets, n_T.
-    interval_minutes : int
-        Time between tasking epochs, T_ST.
-    variant : str
-        Name of the changed settings; empty for those of the configuration.
+    `variant` is the name of the changed settings; empty for those of the configuration.
     """
 
     scenario: str
@@ -57,25 +48,7 @@ class Cell(NamedTuple):
 
 
 def cell_settings(task2: Mapping[str, Any], variant: str = "") -> dict[str, Any]:
-    """Settings of a cell.
-
-    Parameters
-    ----------
-    task2 : mapping
-        Configuration key `task2`.
-    variant : str
-        Name of a variant, or empty.
-
-    Returns
-    -------
-    dict
-        The keys `CELL_KEYS`.
-
-    Raises
-    ------
-    ConfigurationError
-        If the configuration has no such variant.
-    """
+    """The keys `CELL_KEYS` of `task2`, as a variant changes them; it must be one there is."""
     base = {key: task2[key] for key in CELL_KEYS}
     if not variant:
         return base
@@ -102,18 +75,16 @@ def has_architecture(scenario: str, architecture: str) -> bool:
 def grid_cells(task2: Mapping[str, Any]) -> list[Cell]:
     """The cells of `task2` by number of targets, interval and architecture, each once."""
     usual, intervals = task2["interval_minutes"], task2["intervals"]
-    found: dict[Cell, None] = {}
+    found: list[Cell] = []
     for estimator in task2["estimators"]:
         for architecture in task2["architectures"]:
-            sweeps = [(task2["target_counts"], [usual])]
-            sweeps.append((intervals["target_counts"], intervals["minutes"]))
-            for counts, minutes in sweeps:
-                for cell in _cells(counts, minutes, architecture, estimator):
-                    found[cell] = None
+            found += _cells(task2["target_counts"], [usual], architecture, estimator)
+            found += _cells(
+                intervals["target_counts"], intervals["minutes"], architecture, estimator
+            )
         for architecture, counts in task2["other_architectures"].items():
-            for cell in _cells(counts, [usual], architecture, estimator):
-                found[cell] = None
-    return list(found)
+            found += _cells(counts, [usual], architecture, estimator)
+    return list(dict.fromkeys(found))
 
 
 def _cells(counts, minutes, architecture: str, estimator: str) -> Iterator[Cell]:
@@ -138,13 +109,7 @@ def variant_place(task2: Mapping[str, Any], name: str) -> tuple[str, str]:
 def variant_cells(task2: Mapping[str, Any]) -> list[Cell]:
     """The cells with changed settings; by the first estimator where none is named."""
     return [
-        Cell(
-            *variant_place(task2, name),
-            estimator,
-            int(n),
-            task2["interval_minutes"],
-            name,
-        )
+        Cell(*variant_place(task2, name), estimator, int(n), task2["interval_minutes"], name)
         for name, variant in task2["variants"]["cells"].items()
         for estimator in variant.get("estimators", task2["estimators"][:1])
         for n in variant["targets"]
@@ -159,17 +124,7 @@ def estimator_names(task2: Mapping[str, Any]) -> list[str]:
 
 
 def campaign_cells(task2: Mapping[str, Any]) -> list[Cell]:
-    """All cells: sweeps, variants, and what the variants are compared with, each once.
-
-    Parameters
-    ----------
-    task2 : mapping
-        Configuration key `task2`.
-
-    Returns
-    -------
-    list of Cell
-    """
+    """All cells of `task2`: sweeps, variants, and what these are compared with, each once."""
     changed = variant_cells(task2)
     plain = [cell._replace(variant="") for cell in changed]
     return list(dict.fromkeys([*grid_cells(task2), *plain, *changed]))
@@ -191,22 +146,7 @@ def check_cell(
     settings: Mapping[str, Any],
     available: int = TRACKED_TARGETS,
 ) -> None:
-    """Refuse a cell that cannot be run.
-
-    Parameters
-    ----------
-    targets, interval_minutes : int
-        Number of targets and tasking interval, as in its file name.
-    settings : mapping
-        Of `cell_settings`.
-    available : int
-        Number of targets there are.
-
-    Raises
-    ------
-    ConfigurationError
-        If there are not so many targets, or the interval is no multiple of the step.
-    """
+    """Refuse more targets than are available, and an interval that is no multiple of the step."""
     if not 1 <= targets <= available:
         raise ConfigurationError(
             f"n_T = {targets} (nt{targets} in the file name): there are {available} targets; "

@@ -26,22 +26,9 @@ _SPECIAL = set("{}*?[]")
 def check_campaign(config: Mapping[str, Any]) -> dict[str, Any]:
     """Check a campaign's configuration: each key by itself, then what ties keys together.
 
-    Parameters
-    ----------
-    config : mapping
-        The configuration, all files merged.
-
-    Returns
-    -------
-    dict
-        The same with the defaults of what is left out.
-
-    Raises
-    ------
-    ConfigurationError
-        With a line for each fault that names the key.
-    InputFileError
-        If a scenario's table of moving targets is missing or faulty.
+    Gives it with the defaults of what is left out. A `ConfigurationError` has a line for each fault
+    that names the key; an `InputFileError` if a scenario's table of moving targets is missing or
+    faulty.
     """
     config = checked(config, Campaign)
     study = in_study(config)

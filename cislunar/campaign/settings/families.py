@@ -19,15 +19,7 @@ TRACKING_KEYS = "settings.task2."
 
 
 class SweepPoint(NamedTuple):
-    """A value of a sweep.
-
-    Attributes
-    ----------
-    value : object
-        The value.
-    scenario, variant : str
-        Where its results are: scenario and variant of its cells.
-    """
+    """A value of a sweep, and scenario and variant of its cells."""
 
     value: Any
     scenario: str
@@ -35,14 +27,10 @@ class SweepPoint(NamedTuple):
 
 
 class StatedVariant(NamedTuple):
-    """A variant with the configuration key that states what it changes.
+    """A variant with the configuration keys of its family and of its change.
 
-    Attributes
-    ----------
-    family, key, name : str
-        Key of the family and key of the change, and the variant's name.
-    entry : dict
-        Its `change` and `targets`, and `scenario`, `architecture` and `estimators` if stated.
+    `entry` is its `change` and `targets`, and `scenario`, `architecture` and `estimators` if
+    stated.
     """
 
     family: str
@@ -88,22 +76,9 @@ def sweep_points(config: Mapping[str, Any], name: str) -> list[SweepPoint]:
 
 
 def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
-    """The variants of all families and sweeps.
+    """The variants of all families and sweeps; those of sweeps have no cells but the sweep's own.
 
-    Parameters
-    ----------
-    config : mapping
-        The configuration.
-
-    Yields
-    ------
-    StatedVariant
-        Those of sweeps have no cells but the sweep's own.
-
-    Raises
-    ------
-    ConfigurationError
-        If a family combines variants that no family states by itself.
+    A `ConfigurationError` if a family combines variants that no family states by itself.
     """
     variants = config["task2"]["variants"]
     # A file of one's own comes before those it adds to, so that families stand in any order.
@@ -154,16 +129,8 @@ def _changes(
 def with_families(config: Mapping[str, Any]) -> dict[str, Any]:
     """The configuration with every scenario and variant that its families and sweeps make.
 
-    Parameters
-    ----------
-    config : mapping
-        The configuration.
-
-    Returns
-    -------
-    dict
-        `task2.variants` has `scenario`, `architecture` and, in place of the families, `cells`: the
-        entry of each variant by its name, first those that `only` keeps, in its order.
+    `task2.variants` has `scenario`, `architecture` and, in place of the families, `cells`: the
+    entry of each variant by its name, first those that `only` keeps, in its order.
     """
     scenarios, task2 = dict(config["scenarios"]), config["task2"]
     for name, sweep in config["sweeps"].items():
@@ -194,17 +161,7 @@ def swept_cells(config: Mapping[str, Any], name: str) -> list[Cell]:
 def check_families(config: Mapping[str, Any], left: Mapping[str, Any]) -> None:
     """Refuse families that state nothing or one thing twice; their values are checked afterwards.
 
-    Parameters
-    ----------
-    config : mapping
-        The configuration, every key of which is allowed by itself.
-    left : mapping
-        The same without the scenarios that are left out.
-
-    Raises
-    ------
-    ConfigurationError
-        With a message that names the key.
+    `left` is the configuration without the scenarios that are left out.
     """
     variants = config["task2"]["variants"]
     for name, family in variants["families"].items():

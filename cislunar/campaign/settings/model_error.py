@@ -19,19 +19,10 @@ TORQUE = "angular_acceleration_deg_h2"
 class ModelError(NamedTuple):
     """How the truth of a variant departs from the belief.
 
-    Attributes
-    ----------
-    variant : str
-        Name of the variant.
-    kind : str
-        Key within `task2.truth`, or `SEVERAL`.
-    size : float
-        How far: true over believed value less one; for shape and inertia the greatest change of a
-        ratio of axes; for a torque what it turns a body ahead in a run. NaN if it has no measure.
-    unit : str
-        ``%`` or ``degree``.
-    also : str
-        Other settings the variant changes, such as a remedy.
+    `kind` is a key within `task2.truth`, or `SEVERAL`. `size` says how far, in `unit` (``%`` or
+    ``degree``): true over believed value less one; for shape and inertia the greatest change of a
+    ratio of axes; for a torque what it turns a body ahead in a run; NaN if it has no measure.
+    `also` are other settings the variant changes, such as a remedy.
     """
 
     variant: str

@@ -23,21 +23,11 @@ from cislunar.targets.tables import load_target_positions
 
 
 def check_inputs(config: Mapping[str, Any]) -> None:
-    """Check the files and packages a configuration asks for, and what its optimizers need.
+    """Check the files and packages a checked configuration asks for, and what its optimizers need.
 
-    Parameters
-    ----------
-    config : mapping
-        A configuration that `cislunar.campaign.settings.checks.check_campaign` accepts.
-
-    Raises
-    ------
-    InputFileError
-        If an ephemeris kernel is missing or does not cover the horizon, or a table of missions or
-        targets is missing or faulty.
-    ConfigurationError
-        If the horizon is no whole number of steps, a scenario has more targets than there are
-        sampled points, or an optimizer cannot run.
+    An `InputFileError` if an ephemeris kernel is missing or does not cover the horizon, or a table
+    of missions or targets is missing or faulty. A `ConfigurationError` if the horizon is no whole
+    number of steps, a scenario has more targets than sampled points, or an optimizer cannot run.
     """
     config = with_families(in_study(config))
     _check_horizon("visibility", config["visibility"])

@@ -29,26 +29,10 @@ def merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]
 
 
 def with_types(config: Mapping[str, Any], model: type[Section] = Campaign) -> dict[str, Any]:
-    """Give values the types wanted.
+    """Put numbers, booleans and nulls in place of the strings that stand for them.
 
-    Snakemake hands over nested values of ``--config 'task2={"seeds": 3}'`` as strings.
-
-    Parameters
-    ----------
-    config : mapping
-        The configuration, or some keys of it.
-    model : type of Section
-        What it is to be.
-
-    Returns
-    -------
-    dict
-        The same with numbers, booleans and nulls in place of the strings that stand for them.
-
-    Raises
-    ------
-    ConfigurationError
-        If an alias of YAML makes the configuration a part of itself.
+    Snakemake hands over nested values of ``--config 'task2={"seeds": 3}'`` as strings. A
+    `ConfigurationError` if an alias of YAML makes the configuration a part of itself.
     """
     try:
         return _typed(config, schema_of(model))
@@ -72,26 +56,9 @@ def _typed(value: Any, schema: Mapping[str, Any]) -> Any:
 
 
 def typed(config: Mapping[str, Any], model: type[Part], place: str = "") -> Part:
-    """Refuse unknown keys, wrong types and values out of range.
+    """Refuse unknown keys, wrong types and values out of range; fill in defaults.
 
-    Parameters
-    ----------
-    config : mapping
-        The configuration, all files merged, or a part of it.
-    model : type of Section
-        What it is to be.
-    place : str
-        Key of the part, for messages.
-
-    Returns
-    -------
-    Section
-        With the defaults of what is left out.
-
-    Raises
-    ------
-    ConfigurationError
-        With a line for each fault that names the key.
+    `place` is the key of the part, for the `ConfigurationError`, which has a line for each fault.
     """
     # What JSON has no notion of, or no name can be made of.
     lines = list(_beyond_json(config, place))

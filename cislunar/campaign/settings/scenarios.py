@@ -6,7 +6,7 @@ tables of its own targets. Nothing here needs the compiled library, so that a co
 checked at once.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from cislunar.campaign.settings.cells import TRACKED_TARGETS
@@ -28,16 +28,7 @@ COMPARISONS = (
 def in_study(config: Mapping[str, Any]) -> dict[str, Any]:
     """The configuration without the scenarios that are set to null and all that refers to them.
 
-    Parameters
-    ----------
-    config : mapping
-        A configuration of the right form.
-
-    Returns
-    -------
-    dict
-        The same if no scenario is null. Comparisons that rest on a scenario left out have null
-        for it.
+    Comparisons that rest on a scenario left out have null for it.
     """
     absent = {None, *(name for name, entry in config["scenarios"].items() if entry is None)}
 
@@ -81,44 +72,22 @@ def tracked_count(config: Mapping[str, Any], scenario: str) -> int:
     return TRACKED_TARGETS if table is None else len(load_target_states(table))
 
 
-def _ephemeris(settings: Mapping[str, Any], entry: Mapping[str, Any]) -> Any:
-    span = settings["visibility"]["duration_days"]
-    return settings["epoch_jd"], settings["ephemeris"], span
-
-
-def _points(settings: Mapping[str, Any], entry: Mapping[str, Any]) -> Any:
-    return {key: value for key, value in settings["targets"].items() if key != "seeding"}
-
-
-def _tracked(settings: Mapping[str, Any], entry: Mapping[str, Any]) -> Any:
-    return entry.get("tracked")
-
-
-SHARED = {
-    "ephemeris/sun": _ephemeris,
-    "targets/zvs_points": _points,
-    "orbits/tracked": _tracked,
-}
-"""Data sets that scenarios with the same settings share, with what decides that."""
+SHARED: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Any]] = {
+    "ephemeris/sun": lambda settings, _: (
+        settings["epoch_jd"], settings["ephemeris"], settings["visibility"]["duration_days"]
+    ),
+    "targets/zvs_points": lambda settings, _: settings["targets"] | {"seeding": None},
+    "orbits/tracked": lambda _, entry: entry.get("tracked"),
+}  # fmt: skip
+"""Data sets that scenarios with the same settings share, and what of the settings and of the
+scenario's entry decides that."""
 
 
 def shared_dataset(config: Mapping[str, Any], scenario: str, name: str) -> str:
-    """The data set a scenario shares with the others that have the same settings.
+    """Path in the results folder of a data set (key of `SHARED`) shared under the same settings.
 
-    Parameters
-    ----------
-    config : mapping
-        The configuration.
-    scenario : str
-        Name of a scenario.
-    name : str
-        A key of `SHARED`.
-
-    Returns
-    -------
-    str
-        Path relative to the results folder: ``{name}.nc`` where the scenario agrees with the
-        campaign as a whole, else ``{name}_{scenario}.nc`` with the first scenario it agrees with.
+    ``{name}.nc`` where the scenario agrees with the campaign as a whole, else
+    ``{name}_{scenario}.nc`` with the first scenario it agrees with.
     """
     decides = SHARED[name]
 

@@ -27,16 +27,7 @@ _KINDS = {
 
 @cache
 def schema_of(model: type[Section]) -> dict[str, Any]:
-    """JSON schema of a section without references, and with null as one of the types.
-
-    Parameters
-    ----------
-    model : type of Section
-
-    Returns
-    -------
-    dict
-    """
+    """JSON schema of a section without references, and with null as one of the types."""
     whole = model.model_json_schema()
     return _inlined(whole, whole.get("$defs", {}))
 

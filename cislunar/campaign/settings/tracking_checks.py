@@ -21,23 +21,10 @@ from cislunar.errors import ConfigurationError
 
 
 def check_tracking(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
-    """Check what ties the keys of `task2` to each other and to the rest.
+    """Check what ties the keys of `task2` to each other and to the rest, variants included.
 
-    The variants' own settings are checked like those of the configuration.
-
-    Parameters
-    ----------
-    study : mapping
-        The configuration, every key of which is allowed by itself.
-    config : mapping
-        The same with what its families make, `cislunar.campaign.settings.families.with_families`.
-
-    Raises
-    ------
-    ConfigurationError
-        With a message that names the key.
-    InputFileError
-        If a scenario's table of moving targets is missing or faulty.
+    `study` is the configuration, `config` the same with what its families make. An `InputFileError`
+    if a scenario's table of moving targets is missing or faulty.
     """
     task2, scenarios = config["task2"], config["scenarios"]
     _check_times("task2.", task2, config)
@@ -51,17 +38,13 @@ def check_tracking(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
     for variant in stated:
         own = settings[variant_place(task2, variant.name)[0]]
         _check_times(f"{variant.key}: ", cell_settings(own["task2"], variant.name), own)
-    minutes = {
-        "interval_minutes": [task2["interval_minutes"]],
-        "intervals.minutes": task2["intervals"]["minutes"],
-    }
-    for key, values in minutes.items():
-        for value in values:
-            if not is_multiple(60.0 * value, task2["step_s"]):
-                raise ConfigurationError(
-                    f"configuration key 'task2.{key}': {value} min is no multiple of "
-                    f"'task2.step_s' = {task2['step_s']} s"
-                )
+    minutes = [("interval_minutes", task2["interval_minutes"])]
+    for key, value in minutes + [("intervals.minutes", m) for m in task2["intervals"]["minutes"]]:
+        if not is_multiple(60.0 * value, task2["step_s"]):
+            raise ConfigurationError(
+                f"configuration key 'task2.{key}': {value} min is no multiple of "
+                f"'task2.step_s' = {task2['step_s']} s"
+            )
     _check_counts(config, stated)
     if task2["tasking_comparison"]["scenario"] is not None:
         _check_comparison(task2, settings[task2["tasking_comparison"]["scenario"]]["task2"])
@@ -99,17 +82,10 @@ def _check_counts(config: Mapping[str, Any], stated: Iterable[StatedVariant]) ->
                 f"configuration key '{key}': {most} targets, but scenario {scenario} has "
                 f"{available[scenario]} moving targets; lower it or add rows to its table"
             )
-    cells = campaign_cells(task2) + [
-        c for name in config["sweeps"] for c in swept_cells(config, name)
-    ]
-    for cell in cells:
-        own = scenario_settings(config, cell.scenario)["task2"]
-        check_cell(
-            cell.targets,
-            cell.interval_minutes,
-            cell_settings(own, cell.variant),
-            available[cell.scenario],
-        )
+    swept = [cell for name in config["sweeps"] for cell in swept_cells(config, name)]
+    for cell in campaign_cells(task2) + swept:
+        own = cell_settings(scenario_settings(config, cell.scenario)["task2"], cell.variant)
+        check_cell(cell.targets, cell.interval_minutes, own, available[cell.scenario])
 
 
 def _check_architectures(config: Mapping[str, Any], stated: Iterable[StatedVariant]) -> None:
@@ -142,12 +118,8 @@ def _require_scenario(key: str, scenario: str, scenarios: Mapping[str, Any]) -> 
 def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, Any]) -> None:
     """Step, interval, duration, records and shape of a cell or variant."""
     step, hours = settings["step_s"], settings["duration_hours"]
-    seconds = {
-        "duration_hours": 3600.0 * hours,
-        "record_minutes": 60.0 * settings["record_minutes"],
-    }
-    for key, value in seconds.items():
-        if not is_multiple(value, step):
+    for key, unit_s in (("duration_hours", 3600.0), ("record_minutes", 60.0)):
+        if not is_multiple(unit_s * settings[key], step):
             raise ConfigurationError(
                 f"configuration key '{place}{key}' = {settings[key]} is no multiple of step_s = "
                 f"{step} s, from one to {MOST_STEPS:,} steps"
