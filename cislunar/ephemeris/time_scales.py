@@ -5,6 +5,9 @@ of 2017-01-01; later ones are unknown to this version. The periodic part of TDB 
 leading term (the neglected ones stay below 0.05 ms).
 """
 
+import datetime
+import re
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -80,8 +83,113 @@ def utc_to_tdb(time_utc_jd: ArrayLike) -> Array:
     """
     jd = np.asarray(time_utc_jd, dtype=float)
     tt = (jd - J2000_JD) * SECONDS_PER_DAY + tai_minus_utc(jd) + TT_MINUS_TAI_S
+    return tt + _tdb_minus_tt(tt)
+
+
+def _tdb_minus_tt(tt: Array) -> Array:
     mean_anomaly = 6.239996 + 1.99096871e-7 * tt
-    return tt + 1.657e-3 * np.sin(mean_anomaly + 1.671e-2 * np.sin(mean_anomaly))
+    return 1.657e-3 * np.sin(mean_anomaly + 1.671e-2 * np.sin(mean_anomaly))
+
+
+TIME_SYSTEMS = ("UTC", "TAI", "TT", "TDB")
+"""Clocks a date may be read on."""
+
+_DATE = re.compile(
+    r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))(?:T(\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?)?Z?", re.ASCII
+)
+_NOON = datetime.datetime(2000, 1, 1, 12)
+
+
+def clock_seconds(date: str) -> float:
+    """Seconds from noon of 2000-01-01 to a date, both on the same clock without leap seconds.
+
+    Parameters
+    ----------
+    date : str
+        ISO 8601, ``2024-10-01``, ``2024-10-01T06:30:00.5`` or with the day of the year,
+        ``2024-275T06:30:00``; a Z may follow. No time zone, no leap second.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ConfigurationError
+        If it is no such date.
+    """
+    found = _DATE.fullmatch(date.strip())
+    try:
+        year, month, day, of_year, hour, minute, second = found.groups()
+        start = datetime.datetime(int(year), int(month or 1), int(day or 1))
+        start += datetime.timedelta(int(of_year or 1) - 1)
+        clock = datetime.timedelta(hours=int(hour or 0), minutes=int(minute or 0))
+        seconds = float(second or 0.0)
+        if start.year != int(year) or int(hour or 0) > 23 or max(int(minute or 0), seconds) >= 60:
+            raise ValueError
+    except (AttributeError, ValueError, OverflowError):
+        raise ConfigurationError(
+            f"{date!r} is no date: write it like 2024-10-01T00:00:00 (ISO 8601, no time zone)"
+        ) from None
+    return (start + clock - _NOON).total_seconds() + seconds
+
+
+def julian_date(date: str) -> float:
+    """Julian date of an ISO 8601 date (see `clock_seconds`) on the same clock."""
+    return J2000_JD + clock_seconds(date) / SECONDS_PER_DAY
+
+
+def clock_to_tdb(seconds: ArrayLike, system: str) -> Array:
+    """TDB seconds past J2000, given what a clock shows.
+
+    Parameters
+    ----------
+    seconds : array_like
+        As of `clock_seconds`.
+    system : {"UTC", "TAI", "TT", "TDB"}
+        The clock.
+
+    Returns
+    -------
+    ndarray
+        To the rounding of a double, 0.1 microseconds in this century.
+
+    Raises
+    ------
+    ConfigurationError
+        On another clock, or before 1972 in UTC.
+    """
+    clock = np.asarray(seconds, dtype=float)
+    if system not in TIME_SYSTEMS:
+        raise ConfigurationError(f"clock {system!r} is unknown: use one of {list(TIME_SYSTEMS)}")
+    if system == "TDB":
+        return clock.copy()
+    leaps = tai_minus_utc(J2000_JD + clock / SECONDS_PER_DAY) if system == "UTC" else 0.0
+    tt = clock + leaps + (0.0 if system == "TT" else TT_MINUS_TAI_S)
+    return tt + _tdb_minus_tt(tt)
+
+
+def tdb_to_clock(tdb_s: ArrayLike, system: str) -> Array:
+    """What a clock shows at TDB seconds past J2000, the inverse of `clock_to_tdb`."""
+    tdb = np.asarray(tdb_s, dtype=float)
+    if system not in TIME_SYSTEMS:
+        raise ConfigurationError(f"clock {system!r} is unknown: use one of {list(TIME_SYSTEMS)}")
+    if system == "TDB":
+        return tdb.copy()
+    clock = tdb - _tdb_minus_tt(tdb)
+    if system == "TT":
+        return clock
+    clock = clock - TT_MINUS_TAI_S
+    if system == "UTC":
+        leaps = tai_minus_utc(J2000_JD + clock / SECONDS_PER_DAY)
+        clock = clock - tai_minus_utc(J2000_JD + (clock - leaps) / SECONDS_PER_DAY)
+    return clock
+
+
+def clock_text(seconds: float) -> str:
+    """ISO 8601 date to the microsecond of what `clock_seconds` counts."""
+    micro = np.timedelta64(round(seconds * 1e6), "us")
+    return str(np.datetime64("2000-01-01T12:00:00.000000") + micro)
 
 
 def calendar_date(tdb_s: float) -> str:

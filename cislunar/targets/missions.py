@@ -15,7 +15,7 @@ import pandas as pd
 from cislunar.constants import LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
 from cislunar.dynamics.cr3bp import pseudo_potential
 from cislunar.errors import InputFileError
-from cislunar.targets.csv_lines import listed, read_lines
+from cislunar.exchange.csv_lines import listed, read_lines
 
 REQUIRED_COLUMNS = ("mission", "jacobi")
 NUMERIC_COLUMNS = (

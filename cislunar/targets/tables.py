@@ -34,7 +34,7 @@ from cislunar.constants import (
     TIME_UNIT_S,
 )
 from cislunar.errors import InputFileError
-from cislunar.targets.csv_lines import listed, read_lines
+from cislunar.exchange.csv_lines import listed, read_lines
 
 Array = NDArray[np.float64]
 

@@ -18,6 +18,7 @@ FLOORS = (
     "constants errors compiled",
     "ephemeris",
     "dynamics",
+    "exchange",
     "attitude orbits targets",
     "photometry",
     "observation",

@@ -1,0 +1,105 @@
+"""Arcs of objects as a comma-separated table, for spreadsheets and data frames.
+
+A row per object and time: ``object, object_id, center, epoch`` (ISO 8601, TDB), position and
+velocity ``x_km ... vz_km_s`` in the ICRF, and, where there are covariances, their lower triangle
+row by row, ``cov_x_x ... cov_vz_vz`` (km^2, km^2/s, km^2/s^2), empty at times without one.
+"""
+
+import csv
+import io
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from cislunar.ephemeris.time_scales import clock_seconds, clock_text
+from cislunar.errors import InputFileError
+from cislunar.exchange.csv_lines import listed, read_lines
+from cislunar.exchange.inertial import CENTERS
+from cislunar.exchange.oem import SAME_TIME_S, Segment
+
+STATE_COLUMNS = ("x_km", "y_km", "z_km", "vx_km_s", "vy_km_s", "vz_km_s")
+_HEAD = ("object", "object_id", "center", "epoch", *STATE_COLUMNS)
+_AXES = ("x", "y", "z", "vx", "vy", "vz")
+_ROWS, _COLUMNS = np.tril_indices(6)
+_COVARIANCE = tuple(f"cov_{_AXES[i]}_{_AXES[j]}" for i, j in zip(_ROWS, _COLUMNS, strict=True))
+
+
+def segments_csv(segments: Iterable[Segment]) -> str:
+    """The table of these segments; numbers read back unchanged.
+
+    Parameters
+    ----------
+    segments : iterable of Segment
+        Covariances at other times than states are left out.
+
+    Returns
+    -------
+    str
+    """
+    given = list(segments)
+    covered = any(len(each.covariance) for each in given)
+    file = io.StringIO()
+    table = csv.writer(file, lineterminator="\n")
+    table.writerow([*_HEAD, *(_COVARIANCE if covered else ())])
+    for each in given:
+        for time, state in zip(each.tdb_s, each.state, strict=True):
+            at = np.flatnonzero(np.abs(each.covariance_tdb_s - time) <= SAME_TIME_S)
+            known = each.covariance[at[0]][_ROWS, _COLUMNS] if at.size else [""] * covered * 21
+            label = each.name, each.object_id, each.center, clock_text(time)
+            table.writerow(
+                [*label, *map(float, state), *(known if not at.size else map(float, known))]
+            )
+    return file.getvalue()
+
+
+def read_segments(path: str | Path) -> list[Segment]:
+    """Read a table of `segments_csv`; rows of an object stand together.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    list of Segment
+        One for each object, in the order of the file.
+
+    Raises
+    ------
+    InputFileError
+        If the file is missing or no such table; the message names file and row.
+    """
+    lines = [(number, fields) for number, fields in read_lines(path, "state") if any(fields)]
+    header = lines[0][1] if lines else []
+    lacking = [name for name in _HEAD if name not in header]
+    if lacking:
+        raise InputFileError(
+            f"{path}, row 1: no column {lacking[0]}; states are in km and km/s, ICRF; the header "
+            f"has {listed(header)}"
+        )
+    arcs: dict[tuple[str, ...], list[list[float]]] = {}
+    for number, fields in lines[1:]:
+        row = dict(zip(header, fields, strict=False))
+        try:
+            names = ("epoch", *STATE_COLUMNS, *(_COVARIANCE if row.get(_COVARIANCE[0]) else ()))
+            values = [clock_seconds(row[names[0]]), *(float(row[name]) for name in names[1:])]
+            if len(fields) != len(header) or not np.all(np.isfinite(values)):
+                raise ValueError("fields are missing, or numbers not finite")
+            if row["center"] not in CENTERS:
+                raise ValueError(f"center {row['center']!r} is none of {', '.join(CENTERS)}")
+            earlier = arcs.setdefault((row["object"], row["object_id"], row["center"]), [])
+            if earlier and not values[0] > earlier[-1][0]:
+                raise ValueError("the epoch is not later than in the row before; sort the rows")
+        except (ValueError, KeyError) as error:
+            raise InputFileError(f"{path}, row {number}: {error}") from error
+        earlier.append(values)
+    return [_arc(label, rows) for label, rows in arcs.items()]
+
+
+def _arc(label: tuple[str, ...], rows: list[list[float]]) -> Segment:
+    state = np.array([row[:7] for row in rows])
+    known = np.array([[row[0], *row[7:]] for row in rows if len(row) > 7]).reshape(-1, 22)
+    matrices = np.zeros((len(known), 6, 6))
+    matrices[:, _ROWS, _COLUMNS] = matrices[:, _COLUMNS, _ROWS] = known[:, 1:]
+    return Segment(*label, state[:, 0], state[:, 1:], known[:, 0], matrices)

@@ -1,0 +1,286 @@
+"""What goes out comes back; what cannot be used is refused in a line."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, MU, TIME_UNIT_S
+from cislunar.dynamics.cr3bp import CR3BP
+from cislunar.dynamics.propagation import propagate
+from cislunar.ephemeris.sampling import sample_ephemeris
+from cislunar.ephemeris.time_scales import (
+    clock_seconds,
+    clock_text,
+    clock_to_tdb,
+    julian_date,
+    tdb_to_clock,
+    utc_to_tdb,
+)
+from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.exchange.catalogue import COLUMNS, read_catalogue
+from cislunar.exchange.inertial import (
+    CENTERS,
+    epoch_at,
+    inertial_covariances,
+    inertial_states,
+    rotating_states,
+)
+from cislunar.exchange.oem import Segment, oem_text, read_oem, state_at
+from cislunar.exchange.state_tables import read_segments, segments_csv
+
+HALO = np.array([1.14, 0.0, -0.16, 0.0, -0.223, 0.0])
+ELAPSED = np.arange(0.0, 86_400.0, 3_600.0)
+TRUTH = Path(__file__).parents[1] / "data/orbit_truth"
+
+
+@pytest.fixture(scope="module")
+def epoch():
+    return epoch_at(EPOCH_JD)
+
+
+@pytest.fixture(scope="module")
+def path_of_halo():
+    return propagate(HALO, ELAPSED / TIME_UNIT_S, method="dop853")
+
+
+@pytest.fixture(scope="module")
+def segment(epoch, path_of_halo):
+    factor = np.random.default_rng(1).normal(size=(2, 6, 6)) * 1e-4
+    covariance = inertial_covariances(factor @ np.swapaxes(factor, 1, 2), ELAPSED[:2], epoch)
+    covariance = (covariance + np.swapaxes(covariance, 1, 2)) / 2.0
+    tdb = epoch.tdb_s + ELAPSED
+    state = inertial_states(path_of_halo, ELAPSED, epoch)
+    return Segment("HALO 1", "2030-001A", "EARTH", tdb, state, tdb[:2], covariance)
+
+
+def written(segment, **options):
+    return oem_text([segment], created="2030-01-01T00:00:00", **options)
+
+
+def file_of(folder, text, name="arc.oem"):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+# dates
+
+
+@pytest.mark.parametrize(
+    "date", ["2024-10-01", "2024-10-01T00:00", "2024-10-01T00:00:00.000Z", "2024-275T00:00:00"]
+)
+def test_a_date_may_be_written_in_several_ways(date):
+    assert julian_date(date) == EPOCH_JD
+
+
+@pytest.mark.parametrize(
+    "date",
+    [
+        *("tomorrow", "2024-13-01", "2024-02-30", "2023-366", "2024-000", "2024-10-01T24:00:00"),
+        *("2024-10-01T00:00:60", "2024-10-01T00:00:00+02:00", "2024-10-1", "", "9999-12-31T99:00"),
+    ],
+)
+def test_a_date_that_is_none_is_refused(date):
+    with pytest.raises(ConfigurationError, match="is no date: write it like"):
+        clock_seconds(date)
+
+
+@pytest.mark.parametrize("system", ["UTC", "TAI", "TT", "TDB"])
+@pytest.mark.parametrize("date", ["1999-06-30T23:59:59", "2016-12-31T23:59:59", "2024-10-01"])
+def test_clocks_are_read_and_written(system, date):
+    tdb = clock_to_tdb(clock_seconds(date), system)
+    assert tdb_to_clock(tdb, system) == pytest.approx(clock_seconds(date), abs=2e-7)
+    if system == "UTC":
+        assert tdb == pytest.approx(utc_to_tdb(julian_date(date)), abs=1e-4)
+
+
+def test_a_clock_does_not_change_a_date():
+    assert clock_text(clock_seconds("2024-10-01T06:07:08.25")) == "2024-10-01T06:07:08.250000"
+
+
+# axes
+
+
+@pytest.mark.parametrize("center", CENTERS)
+def test_inertial_states_come_back(epoch, path_of_halo, center):
+    there = inertial_states(path_of_halo, ELAPSED, epoch, center)
+    back = rotating_states(there, ELAPSED, epoch, center)
+    np.testing.assert_allclose(back, path_of_halo, rtol=0.0, atol=1e-14)
+
+
+def test_inertial_velocities_are_those_of_the_positions(epoch):
+    close = np.arange(-2.0, 3.0) * 10.0
+    path = propagate(HALO, close / TIME_UNIT_S, method="dop853")
+    there = inertial_states(path, close, epoch)
+    slope = (there[0, :3] - 8 * there[1, :3] + 8 * there[3, :3] - there[4, :3]) / 120.0
+    np.testing.assert_allclose(there[2, 3:], slope, rtol=0.0, atol=1e-9)
+
+
+def test_the_moon_is_where_the_ephemeris_has_it_at_the_epoch(epoch):
+    moon = inertial_states([[1.0 - MU, 0, 0, 0, 0, 0]], [0.0], epoch)[0]
+    ephemeris = sample_ephemeris(EPOCH_JD, 0.0)
+    assert moon[:3] @ ephemeris.moon_rotation[0][0] == pytest.approx(LENGTH_UNIT_KM, rel=1e-14)
+    assert np.linalg.norm(moon[3:]) == pytest.approx(LENGTH_UNIT_KM / TIME_UNIT_S, rel=1e-14)
+
+
+def test_covariances_are_those_of_the_states(epoch):
+    random = np.random.default_rng(2)
+    deviations = random.normal(size=(40, 1, 6)) * 1e-5
+    moved = inertial_states(HALO + deviations, [5e4], epoch)[:, 0]
+    wanted = inertial_covariances(np.cov(deviations[:, 0].T)[None], [5e4], epoch)[0]
+    np.testing.assert_allclose(np.cov(moved.T), wanted, rtol=1e-6, atol=1e-12)
+
+
+# messages and tables
+
+
+@pytest.mark.parametrize("system", ["UTC", "TDB"])
+def test_a_message_reads_back(segment, tmp_path, system):
+    text = written(segment, comments=["circular problem"], time_system=system)
+    assert "COMMENT circular problem" in text
+    (back,) = read_oem(file_of(tmp_path, text))
+    assert back[:3] == segment[:3]
+    for name in ("state", "covariance"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(segment, name))
+    np.testing.assert_allclose(back.tdb_s, segment.tdb_s, rtol=0.0, atol=1e-6)
+    assert written(back, comments=["circular problem"], time_system=system) == text
+
+
+def test_another_reader_agrees(segment, tmp_path):
+    oem = pytest.importorskip("oem")
+    path = file_of(tmp_path, written(segment, time_system="TDB"))
+    message = oem.OrbitEphemerisMessage.open(path)
+    states = [np.concatenate([each.position, each.velocity]) for each in message.states]
+    np.testing.assert_array_equal(states, segment.state)
+    np.testing.assert_array_equal([e.matrix for e in message.covariances], segment.covariance)
+    message.save_as(tmp_path / "theirs.oem", file_format="kvn")
+    np.testing.assert_allclose(
+        read_oem(tmp_path / "theirs.oem")[0].state, segment.state, rtol=1e-12
+    )
+
+
+def test_a_table_reads_back(segment, tmp_path):
+    path = file_of(tmp_path, segments_csv([segment]), "arc.csv")
+    (back,) = read_segments(path)
+    assert back[:3] == segment[:3]
+    np.testing.assert_array_equal(back.state, segment.state)
+    np.testing.assert_array_equal(back.covariance, segment.covariance)
+    np.testing.assert_allclose(back.tdb_s, segment.tdb_s, rtol=0.0, atol=1e-6)
+    assert segments_csv([back]) == path.read_text(encoding="utf-8")
+    assert pd.read_csv(path)["x_km"].to_numpy() == pytest.approx(segment.state[:, 0])
+
+
+@pytest.mark.parametrize("at", [0.0, 1_800.0, 43_000.0, 82_799.0])
+def test_states_between_those_of_a_message(epoch, segment, at):
+    wanted = inertial_states(propagate(HALO, [at / TIME_UNIT_S], method="dop853"), [at], epoch)[0]
+    found = state_at([segment], epoch.tdb_s + at)
+    assert np.linalg.norm(found[:3] - wanted[:3]) < 1e-3
+    assert np.linalg.norm(found[3:] - wanted[3:]) < 1e-6
+
+
+def test_a_time_beyond_a_message_is_refused(epoch, segment):
+    with pytest.raises(InputFileError, match=r"object HALO 1: 2024-10-03.* is not within"):
+        state_at([segment], epoch.tdb_s + 2e5)
+
+
+def spoil(text, old, new):
+    assert re.search(old, text)
+    return re.sub(old, new, text, count=1)
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("CCSDS_OEM_VERS = 2.0", "<?xml version='1.0'?>", "line 1: no OEM in keyword-value"),
+        ("REF_FRAME = ICRF", "REF_FRAME = ITRF2000", "line 9: REF_FRAME = ITRF2000 cannot be used"),
+        ("REF_FRAME = ICRF", "REF_FRAME = ", "the segment lacks REF_FRAME"),
+        ("CENTER_NAME = EARTH", "CENTER_NAME = MARS", "CENTER_NAME = MARS cannot be used"),
+        ("TIME_SYSTEM = UTC", "TIME_SYSTEM = GPS", "TIME_SYSTEM = GPS cannot be used"),
+        ("(?s)META_STOP.*", "", "line 5: no META_STOP; the file is cut short"),
+        ("(?s)META_START.*", "", "no META_START; the file is cut short"),
+        (r"(?s)2024-10-01T20:00:00.*", "", "end before STOP_TIME"),
+        (r"(?s)(2024-10-01T20:00:00\S* \S+ \S+).*", r"\1", "line 35: 2 numbers after the date"),
+        ("COVARIANCE_STOP\n", "", "no COVARIANCE_STOP; the file is cut short"),
+        (r"(EPOCH = .*\n.*\n).*\n", r"\1", "3 numbers in row 2 of a lower triangle"),
+        (r"2024-10-01T03:00:00", "2024-10-01T25:00:00", "line 18: .* is no date"),
+        (r"2024-10-01T03:00:00", "2024-09-30T03:00:00", "line 18: not later than the line"),
+        (r"(2024-10-01T03:00:00\S*) \S+", r"\1 nan", "line 18: 'nan' must be a finite number"),
+    ],
+)
+def test_a_faulty_message_is_refused_in_a_line(segment, tmp_path, old, new, message):
+    path = file_of(tmp_path, spoil(written(segment), old, new))
+    with pytest.raises(InputFileError, match=message) as caught:
+        read_oem(path)
+    assert str(path) in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("columns", [slice(0, 3), slice(3, 6)], ids=["metres", "metres per second"])
+def test_mixed_units_are_refused(segment, tmp_path, columns):
+    state = segment.state.copy()
+    state[:, columns] *= 1000.0
+    path = file_of(tmp_path, written(segment._replace(state=state)))
+    with pytest.raises(InputFileError, match="times as far as velocities say; an OEM has km and"):
+        read_oem(path)
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("x_km", "x_m", "row 1: no column x_km"),
+        ("2024-10-01T02", "2024-31-01T02", "row 4: .* is no date"),
+        ("EARTH", "PLUTO", "row 2: center 'PLUTO' is none of"),
+        (r"2024-10-01T03:\S+?,\S+?,", "2024-10-01T03:00,x,", "row 5: could not convert"),
+        (r",[^,]*\n$", "\n", "row 25: fields are missing"),
+    ],
+)
+def test_a_faulty_table_is_refused_in_a_line(segment, tmp_path, old, new, message):
+    path = file_of(tmp_path, spoil(segments_csv([segment]), old, new), "arc.csv")
+    with pytest.raises(InputFileError, match=message):
+        read_segments(path)
+
+
+# catalogue
+
+
+def catalogue_rows():
+    """Published rows in the form of the catalogue's export."""
+    truth = pd.concat(map(pd.read_csv, sorted(TRUTH.glob("*.csv"))), ignore_index=True)
+    truth = truth[np.isfinite(truth["T"]) & (truth["closure_residual"] < 1e-10)].reset_index()
+    table = pd.DataFrame({"Id": truth.index + 1})
+    named = ("x0", "y0", "z0", "vx0", "vy0", "vz0", "JC", "T", "stability", "mu")
+    for column, name in zip(COLUMNS, named, strict=True):
+        table[column] = truth[name].fillna(1.0)
+    return table
+
+
+def test_a_row_of_the_catalogue_closes_after_its_period(tmp_path):
+    path = tmp_path / "rows.csv"
+    catalogue_rows().to_csv(path, index=False)
+    rows = read_catalogue(path)
+    assert len(rows.name) > 20
+    for state, period, mu in zip(rows.state, rows.period, rows.mu, strict=True):
+        end = propagate(state, [period], forces=CR3BP(mu), method="dop853")[0]
+        assert np.linalg.norm(end - state) < 1e-9
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        (r"x0 \(LU\)", "x0 (km)", r"row 1: no column 'x0 \(LU\)'; export .* units LU and TU"),
+        (r"Period \(TU\)", "Period (days)", r"no column 'Period \(TU\)'"),
+        ("0.0121505856", "0.0000030035", "Mass ratio = 3.00.* is not that of Earth and Moon"),
+        (r"\n2,", r"\n1,", "row 3: Id '1' is empty or taken"),
+        (r"\n1,[^,]*", r"\n1,far", "row 2: x0 .* = 'far' must be a finite number"),
+        (r"\n1,[^,]*,", r"\n1,", "row 2: 10 fields where the header has 11"),
+        (r"(?s)\n.*", "\n", "holds no orbit"),
+    ],
+)
+def test_a_faulty_row_is_refused_in_a_line(tmp_path, old, new, message):
+    path = file_of(tmp_path, spoil(catalogue_rows().to_csv(index=False), old, new), "rows.csv")
+    with pytest.raises(InputFileError, match=message) as caught:
+        read_catalogue(path)
+    assert len(str(caught.value).splitlines()) == 1
