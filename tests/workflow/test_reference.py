@@ -14,7 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 import cislunar
 from cislunar.campaign.documents.reference import short_annotation
 
-MODULES = sorted(each.name for each in pkgutil.walk_packages(cislunar.__path__, prefix="cislunar."))
+# `python -m cislunar` has no public name of its own, and pdoc no page for it.
+MODULES = sorted(
+    each.name
+    for each in pkgutil.walk_packages(cislunar.__path__, prefix="cislunar.")
+    if each.name != "cislunar.__main__"
+)
 
 
 @pytest.fixture(scope="module")
