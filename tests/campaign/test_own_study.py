@@ -1,5 +1,6 @@
 """Scenarios of one's own: what they set for themselves, their tables of targets, their sweeps."""
 
+import datetime
 import json
 import re
 
@@ -123,6 +124,34 @@ def test_the_example_is_accepted(study):
     assert tracked_count(study, "D") == 12
     typed = with_types({"scenarios": {"D": {"settings": {"epoch_jd": "2461465.5"}}}})
     assert typed["scenarios"]["D"]["settings"]["epoch_jd"] == 2461465.5
+
+
+@pytest.mark.parametrize(
+    "date",
+    [
+        *("2027-03-01", "2027-03-01T00:00:00", "2027-060", "2461465.5"),
+        *(datetime.date(2027, 3, 1), datetime.datetime(2027, 3, 1, tzinfo=datetime.UTC)),
+    ],
+)
+def test_an_epoch_may_be_a_date(paper, date):
+    checked = check_campaign(with_types(paper | {"epoch_jd": date}))
+    assert checked["epoch_jd"] == 2461465.5
+
+
+@pytest.mark.parametrize(
+    "date, message",
+    [
+        ("2027-02-29", "'2027-02-29' is no date: write it like 2024-10-01T00:00:00"),
+        ("1969-07-20", "must be a Julian date, at least 2,441,317.5, or a date like"),
+        (True, "must be a Julian date"),
+        ([2027, 3, 1], "must be a Julian date"),
+        ("soon", "'soon' is no date"),
+    ],
+)
+def test_an_epoch_that_is_no_date_is_refused_in_a_line(paper, date, message):
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        check_campaign(with_types(paper | {"epoch_jd": date}))
+    assert len(str(caught.value).splitlines()) == 1
 
 
 @pytest.mark.parametrize(

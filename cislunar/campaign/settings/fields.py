@@ -3,6 +3,7 @@
 A number stays as it was written, 60 or 60.0, since settings are kept with the results.
 """
 
+import datetime
 from functools import cache
 from typing import Annotated, Any
 
@@ -13,10 +14,13 @@ from pydantic import (
     ConfigDict,
     Field,
     Strict,
+    WithJsonSchema,
     WrapValidator,
     create_model,
     model_serializer,
 )
+
+from cislunar.ephemeris.time_scales import julian_date
 
 
 class Section(BaseModel):
@@ -102,7 +106,30 @@ def several(kind: Any, **limits: int) -> Any:
     return Annotated[list[kind], extra, AfterValidator(_each_once)]
 
 
+FIRST_JD = 2_441_317.5
+"""1972-01-01, when UTC with leap seconds begins."""
+
+
+def _julian(value: Any) -> Any:
+    # YAML makes a date of one that is not quoted
+    if isinstance(value, datetime.datetime) and value.tzinfo:
+        value = value.astimezone(datetime.UTC).replace(tzinfo=None)
+    text = value.isoformat() if isinstance(value, datetime.date) else value
+    found = julian_date(text) if isinstance(text, str) else text
+    if isinstance(found, bool) or not isinstance(found, int | float) or not found >= FIRST_JD:
+        raise ValueError(
+            f"must be a Julian date, at least {FIRST_JD:,}, or a date like 2024-10-01T00:00:00"
+        )
+    return found
+
+
 Number = number()
+Date = Annotated[
+    number(),
+    BeforeValidator(_julian),
+    WithJsonSchema({"type": ["number", "string"], "minimum": FIRST_JD}),
+]
+"""A Julian date, which may be written in ISO 8601."""
 Positive = number(gt=0)
 NotNegative = number(ge=0)
 Angle = number(ge=0, lt=180)

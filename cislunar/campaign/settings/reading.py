@@ -47,7 +47,8 @@ def _typed(value: Any, schema: Mapping[str, Any]) -> Any:
         return {key: _typed(part, inner(schema, key)) for key, part in value.items()}
     if isinstance(value, list):
         return [_typed(part, inner(schema, 0)) for part in value]
-    if isinstance(value, str) and types(schema) and "string" not in types(schema):
+    kinds = types(schema)
+    if isinstance(value, str) and kinds and ("string" not in kinds or "number" in kinds):
         try:
             return yaml.safe_load(value)
         except (yaml.YAMLError, ValueError):

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field, WithJsonSchema, create_model
 from cislunar.campaign.settings.cell_tree import CellChange, CellSettings, Exclusion
 from cislunar.campaign.settings.fields import (
     Count,
+    Date,
     NotNegative,
     Number,
     Partial,
@@ -270,7 +271,9 @@ class Task2(CellSettings):
 class Surroundings(Section):
     """What a scenario may set for itself."""
 
-    epoch_jd: number(ge=2_441_317.5) = setting("initial epoch, UTC", "JD", "2460584.5 (2024-10-01)")
+    epoch_jd: Date = setting(
+        "initial epoch, UTC: a Julian date, or ISO 8601 like 2024-10-01T00:00:00 (kept as the "
+        "Julian date)", "JD", "2460584.5 (2024-10-01)")
     ephemeris: Ephemeris = Ephemeris()
     targets: Targets = setting("")
     visibility: Visibility = setting("")
