@@ -1,3 +1,40 @@
-"""Autonomous cislunar space domain awareness: observer architecture, tasking and estimation."""
+"""Autonomous cislunar space domain awareness: observer architecture, tasking and estimation.
+What most notebooks begin with is here, loaded when it is asked for: with `import cislunar as cs`,
+`cs.family_members("Halo_L2_S", jacobi=3.05)`. The rest is in the rooms, such as `cislunar.orbits`.
+"""
 
 __version__ = "0.1.0"
+
+_HOMES = {
+    "apparent_magnitude": "photometry.facets",
+    "assign": "tasking.assignment",
+    "coordinate_search": "architecture.coordinate_search",
+    "count_visibility": "visibility.counts",
+    "family_members": "orbits.families",
+    "icosahedron": "photometry.shapes",
+    "make_scene": "observation.scene",
+    "observer_library": "orbits.families",
+    "propagate": "dynamics.propagation",
+    "propagate_periodic": "dynamics.propagation",
+    "run_closed_loop": "tasking.closed_loop",
+    "sample_ephemeris": "ephemeris.sampling",
+    "sightings": "observation.sightings",
+    "target_surfaces": "observation.scene",
+    "tracking_problem": "tasking.demonstration",
+}
+"""The module of each name that a notebook finds here."""
+
+__all__ = [*_HOMES]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    value = globals()[name] = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -5,6 +5,8 @@ slot improves. With the total number of satellites prescribed, a slot's count ch
 that of another slot, so that every move keeps the total.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """``cislunar see``: when an observer sees a target, and how bright."""
 
-from datetime import UTC, datetime
-
 import click
 
 from cislunar.command.base import Command
@@ -9,27 +7,12 @@ from cislunar.command.orbit_argument import FORM, OrbitType, read_orbit
 from cislunar.command.table import OUTPUT, UNITS, Column, show
 
 
-class _Epoch(click.ParamType):
-    """A date in UTC, as Julian date."""
-
-    name = "DATE"
-
-    def convert(self, value, param, ctx):
-        """Julian date of an ISO date."""
-        if isinstance(value, float):
-            return value
-        try:
-            date = datetime.fromisoformat(value)
-        except ValueError:
-            self.fail(f"{value!r} is no ISO date such as 2024-10-01T12:00", param, ctx)
-        date = date.replace(tzinfo=UTC) if date.tzinfo is None else date
-        return 2_440_587.5 + date.timestamp() / 86_400.0
-
-
 @click.command(cls=Command, epilog=FORM)
 @click.option("--observer", type=OrbitType(), required=True, help="Whence.")
 @click.option("--target", type=OrbitType(), required=True, help="What.")
-@click.option("--epoch", type=_Epoch(), default="2024-10-01", show_default=True, help="UTC.")
+@click.option(
+    "--epoch", metavar="DATE", default="2024-10-01", show_default=True, help="UTC, ISO 8601."
+)
 @click.option("--hours", type=float, default=24.0, show_default=True, help="How long.")
 @click.option("--step", type=float, default=60.0, show_default=True, help="Minutes between rows.")
 @click.option("--radius", type=float, default=1.0, show_default=True, help="Of the target, m.")
@@ -39,7 +22,7 @@ class _Epoch(click.ParamType):
 def see(
     observer: str,
     target: str,
-    epoch: float,
+    epoch: str,
     hours: float,
     step: float,
     radius: float,
@@ -60,20 +43,22 @@ def see(
     import numpy as np
 
     from cislunar.campaign.data.progress import logger
+    from cislunar.constants import SECONDS_PER_DAY
     from cislunar.ephemeris.sampling import sample_ephemeris
+    from cislunar.ephemeris.time_scales import J2000_JD, clock_text, julian_date
     from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
     from cislunar.observation.sensor import Sensor
     from cislunar.observation.sightings import sightings
 
-    sky = sample_ephemeris(epoch, hours / 24.0, step)
+    sky = sample_ephemeris(julian_date(epoch), hours / 24.0, step)
     places = [read_orbit(text, units).states(sky.time)[:, :3] for text in (observer, target)]
     sensor = Sensor(limiting_magnitude=limit)
     found = sightings(*places, sky.sun_position, sensor, radius_m=radius)
     words = {DETECTED: "seen", FAINT: "faint", EXCLUDED: "excluded", OCCULTED: "occulted"}
-    date = np.round((sky.time_utc_jd - 2_440_587.5) * 86_400.0).astype("datetime64[s]")
+    clock = (sky.time_utc_jd - J2000_JD) * SECONDS_PER_DAY
     show(
         [
-            Column("time_utc", date.astype(str)),
+            Column("time_utc", [clock_text(round(second, 3))[:-7] for second in clock]),
             Column("sight", [words[code] for code in found.fate.tolist()]),
             Column("magnitude_mag", found.magnitude, ".2f"),
             Column("range_km", found.range_km, ".1f"),

@@ -1,5 +1,7 @@
 """Propagation of states and state transition matrices under any force model."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

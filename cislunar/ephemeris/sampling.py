@@ -13,6 +13,8 @@ Assumptions and limitations
   its distance of some 390 units, matter to the photometry.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -6,6 +6,8 @@ z. Target attitudes are relative to the inertial frame, and right ascension and 
 measured in the observer's body frame.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -3,6 +3,8 @@
 The target is the diffuse sphere of the architecture (Paul & Fan, section 2.3), without noise.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

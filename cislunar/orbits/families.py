@@ -1,5 +1,7 @@
 """The thirteen families of candidate observer orbits (Paul & Fan, section 3)."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import NamedTuple

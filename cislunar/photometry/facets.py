@@ -14,6 +14,8 @@ again by (N.L)(N.V). The two are cancelled here, so a facet near grazing costs n
 geometry; `apparent_magnitude` broadcasts over arrays.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray

@@ -1,5 +1,7 @@
 """Convex bodies of triangular facets: icosahedron, subdivided sphere, stretched bodies."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,6 +6,8 @@ tree-structured Parzen estimator over one continuous weight per target: the targ
 largest weights go to the observers in that order. Both are here, with two plain baselines.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -15,6 +15,8 @@ Assumptions and limitations
   whatever the estimator of the run supposes.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -125,7 +127,7 @@ class _Histories(NamedTuple):
     @classmethod
     def empty(
         cls, settings: LoopSettings, n_seeds: int, n_observers: int, n_targets: int
-    ) -> "_Histories":
+    ) -> _Histories:
         """Room for all seeds, the first axis."""
         epochs = (n_seeds, settings.epochs.size)
         states = (n_seeds, settings.recorded.size, n_targets, 12)

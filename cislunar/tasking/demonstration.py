@@ -1,5 +1,7 @@
 """A tracking problem of any size that needs no file, to try things on and to measure them."""
 
+from __future__ import annotations
+
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -5,6 +5,8 @@ grow over the horizon (Paul & Fan, section 5.1). Positions come from dense outpu
 times, never from a table.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

@@ -3,6 +3,7 @@
 import csv
 import io
 import os
+import re
 import subprocess
 import sys
 
@@ -140,7 +141,7 @@ def test_who_sees_what_is_said_for_every_time():
         f"2024-10-02T{clock}" for clock in ("12:00", "13:30", "15:00")
     ]
     assert all(float(row["moon_angle_deg"]) > 5.0 for row in rows if row["sight"] == "seen")
-    small = table("see", *orbits[:-1], 1, "--epoch", "2024-10-02T14:00:00+02:00", "--step", 90)
+    small = table("see", *orbits[:-1], 1, "--epoch", "2024-276T12:00:00Z", "--step", 90)
     fainter = numbers(small, "magnitude_mag") - numbers(rows, "magnitude_mag")
     assert fainter == pytest.approx(5.0 * np.log10(2.0))
     assert "of 2 times" in call("see", *orbits[:4], "--hours", 1).stderr
@@ -168,7 +169,10 @@ HOSTILE = {
     "third of two": ("propagate --orbit Halo_L2_S,jacobi=3.05,member=3 --days 1", "has 2 such"),
     "two values": ("propagate --orbit Halo_L2_S,jacobi=3,period=3 --days 1", "only one"),
     "other key": ("propagate --orbit Halo_L2_S,energy=3 --days 1", "'energy=3' is not one of"),
-    "no date": (f"see --observer {HALO} --target {HALO} --epoch yesterday", "no ISO date"),
+    "no date": (
+        f"see --observer {HALO} --target {HALO} --epoch yesterday",
+        "'yesterday' is no date",
+    ),
     "no such years": (f"see --observer {HALO} --target {HALO} --epoch 2400-01-01", "ephemeris"),
     "backwards": (f"see --observer {HALO} --target {HALO} --hours -1", "duration_days"),
     "flat target": (f"see --observer {HALO} --target {HALO} --radius 0", "radius_m"),
@@ -192,6 +196,15 @@ def test_what_is_wrong_is_one_line(line, message):
 def test_verbose_tells_where_an_error_rose():
     done = call("orbits", "members", "Halo_L2_S", "--period", 99, "-v")
     assert "Traceback" in done.stderr and done.stderr.splitlines()[-1].startswith("error: ")
+
+
+LINES = re.findall(r"^cislunar (.+)$", (ROOT / "README.md").read_text("utf-8"), flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_commands_of_the_readme_answer(line):
+    done = call(*line.split())
+    assert done.exit_code == 0 and len(done.stdout.splitlines()) > 2, done.stderr
 
 
 @pytest.fixture

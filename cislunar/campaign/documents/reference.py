@@ -14,8 +14,10 @@ import re
 import shutil
 import sys
 import warnings
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from pkgutil import iter_modules
+from typing import Any, ForwardRef
 
 from numpy.typing import ArrayLike
 
@@ -40,6 +42,8 @@ def short_annotation(annotation: Any) -> Any:
     """An annotation under the name it is written with, arrays as ``ArrayLike`` and ``NDArray``."""
     if annotation is inspect.Parameter.empty:
         return annotation
+    if isinstance(annotation, ForwardRef):
+        return _Named(annotation.__forward_arg__)
     text = inspect.formatannotation(annotation)
     array_like = inspect.formatannotation(ArrayLike)
     text = text.replace(f"{array_like[:-1]}, NoneType]", "ArrayLike | None")
@@ -65,6 +69,8 @@ def write_reference(folder: str | Path) -> None:
     shutil.rmtree(folder / PACKAGE, ignore_errors=True)
     pdoc.render.configure(docformat="numpy", show_source=False)
     show = pdoc.render_helpers.format_signature
+    package = import_module(PACKAGE)
+    names = package.__all__
     pdoc.render.env.filters["format_signature"] = lambda signature, colon: show(
         _short(signature), colon
     )
@@ -73,7 +79,14 @@ def write_reference(folder: str | Path) -> None:
         warnings.filterwarnings(
             "ignore", rf"Cannot determine where {PACKAGE}\.campaign\.settings\."
         )
-        pdoc.pdoc(PACKAGE, output_directory=folder)
+        # Nor has what makes a named tuple a module in which its annotations have a meaning.
+        warnings.filterwarnings("ignore", rf"Error parsing type annotation ForwardRef.*{PACKAGE}")
+        # Of a package with `__all__` pdoc shows nothing else: the rooms have to be among them.
+        package.__all__ = [*names, *(each.name for each in iter_modules(package.__path__))]
+        try:
+            pdoc.pdoc(PACKAGE, output_directory=folder)
+        finally:
+            package.__all__ = names
 
 
 def main(arguments: list[str] | None = None) -> int:
