@@ -169,6 +169,29 @@ def clock_to_tdb(seconds: ArrayLike, system: str) -> Array:
     return tt + _tdb_minus_tt(tt)
 
 
+def tdb_seconds(instant: str | float) -> float:
+    """TDB seconds past J2000 of an instant in UTC.
+
+    Parameters
+    ----------
+    instant : str or float
+        An ISO 8601 date (see `clock_seconds`), or a Julian date, which a double carries to 40
+        microseconds.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ConfigurationError
+        If it is no such date, or lies before 1972.
+    """
+    if isinstance(instant, str):
+        return float(clock_to_tdb(clock_seconds(instant), "UTC"))
+    return float(utc_to_tdb(instant))
+
+
 def tdb_to_clock(tdb_s: ArrayLike, system: str) -> Array:
     """What a clock shows at TDB seconds past J2000, the inverse of `clock_to_tdb`."""
     tdb = np.asarray(tdb_s, dtype=float)
