@@ -1,0 +1,233 @@
+"""Between the rotating frame of the CR3BP and inertial axes of J2000, at an instant.
+
+Both maps are linear in the state at a given time: with the axes C (rows, `rotating_frame`), a
+length L and its rate, an angular velocity w in those axes and a unit of time T,
+
+    r = o + L C' p,    v = o' + C' (L' p + L w x p + L / T p')
+
+for a nondimensional state (p, p').
+
+- `pulsating_frame` takes the axes, distance and rates of Earth and Moon at that instant, and
+  ``T = t* (L / l*)^1.5``, so that both primaries of the CR3BP coincide with the bodies in place and
+  velocity (Gomez, Masdemont & Mondelo 2002, Astron. Astrophys. 390, 733; Dei Tos & Topputo 2017,
+  Adv. Space Res. 59, 2117).
+- `lunar_frame` keeps l* and t* and the Moon's centre: for low lunar orbits, whose altitude and
+  inertial velocity about the Moon it preserves.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
+from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
+from cislunar.ephemeris.sampling import rotating_frame
+from cislunar.errors import ConfigurationError
+
+Array = NDArray[np.float64]
+
+BARYCENTER = "barycenter"
+CENTERS = (BARYCENTER, *COLUMNS)
+
+
+class Frame(NamedTuple):
+    """A rotating frame at one or several times.
+
+    Attributes
+    ----------
+    origin : ndarray, shape (..., 6)
+        Place and velocity of its barycenter about the Earth-Moon barycenter, axes of J2000, km and
+        km/s.
+    axes : ndarray, shape (..., 3, 3)
+        Rotation from J2000 to the frame.
+    rotation : ndarray, shape (..., 3)
+        Angular velocity in the frame's axes, rad/s.
+    length, stretching : ndarray, shape (...)
+        Unit of length, km, and its rate, km/s.
+    time : ndarray, shape (...)
+        Unit of time, s.
+    """
+
+    origin: Array
+    axes: Array
+    rotation: Array
+    length: Array
+    stretching: Array
+    time: Array
+
+    def matrix(self) -> Array:
+        """Derivative of the inertial state by the nondimensional one, shape (..., 6, 6)."""
+        back = np.swapaxes(self.axes, -1, -2)
+        length = self.length[..., None, None]
+        out = np.zeros((*self.length.shape, 6, 6))
+        out[..., :3, :3] = length * back
+        # Row k of cross(w, identity) is w x e_k, so its transpose is the matrix of w x.
+        turning = np.swapaxes(np.cross(self.rotation[..., None, :], np.eye(3)), -1, -2)
+        stretching = self.stretching[..., None, None] * np.eye(3)
+        out[..., 3:, :3] = back @ (stretching + length * turning)
+        out[..., 3:, 3:] = length / self.time[..., None, None] * back
+        return out
+
+
+def pulsating_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Frame:
+    """The frame in which Earth and Moon are at rest, with instantaneous units.
+
+    Parameters
+    ----------
+    table : BodyTable
+        Places of the bodies.
+    time : array_like, shape (...)
+        TDB seconds past J2000.
+    mu : float
+        Mass ratio of the CR3BP.
+
+    Returns
+    -------
+    Frame
+
+    Raises
+    ------
+    ConfigurationError
+        If a time lies outside of the table.
+    """
+    position, velocity, acceleration = read_table(table, time)
+    earth, moon = COLUMNS["earth"], COLUMNS["moon"]
+    r, v, a = (each[..., moon] - each[..., earth] for each in (position, velocity, acceleration))
+    axes = rotating_frame(r, v)
+    distance = np.linalg.norm(r, axis=-1)
+    momentum = np.linalg.norm(np.cross(r, v), axis=-1)
+    # The plane of r and v turns about r by the acceleration across it.
+    across = np.sum(axes[..., 2, :] * a, axis=-1)
+    rotation = np.stack(
+        [distance * across / momentum, np.zeros_like(distance), momentum / distance**2], axis=-1
+    )
+    origin = [(1.0 - mu) * each[..., earth] + mu * each[..., moon] for each in (position, velocity)]
+    return Frame(
+        origin=np.concatenate(origin, axis=-1),
+        axes=axes,
+        rotation=rotation,
+        length=distance,
+        stretching=np.sum(axes[..., 0, :] * v, axis=-1),
+        time=TIME_UNIT_S * (distance / LENGTH_UNIT_KM) ** 1.5,
+    )
+
+
+def lunar_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Frame:
+    """The rigid frame about the Moon's centre, with constant units.
+
+    Parameters
+    ----------
+    table, time, mu
+        As for `pulsating_frame`.
+
+    Returns
+    -------
+    Frame
+
+    Raises
+    ------
+    ConfigurationError
+        If a time lies outside of the table.
+    """
+    position, velocity, _ = read_table(table, time)
+    earth, moon = COLUMNS["earth"], COLUMNS["moon"]
+    axes = rotating_frame(
+        position[..., moon] - position[..., earth], velocity[..., moon] - velocity[..., earth]
+    )
+    distance = (1.0 - mu) * LENGTH_UNIT_KM
+    origin = [
+        position[..., moon] - distance * axes[..., 0, :],
+        velocity[..., moon] - distance / TIME_UNIT_S * axes[..., 1, :],
+    ]
+    one = np.ones(axes.shape[:-2])
+    return Frame(
+        origin=np.concatenate(origin, axis=-1),
+        axes=axes,
+        rotation=one[..., None] * np.array([0.0, 0.0, 1.0 / TIME_UNIT_S]),
+        length=LENGTH_UNIT_KM * one,
+        stretching=0.0 * one,
+        time=TIME_UNIT_S * one,
+    )
+
+
+def to_inertial(state: ArrayLike, frame: Frame) -> Array:
+    """Inertial states of states in a rotating frame.
+
+    Parameters
+    ----------
+    state : array_like, shape (..., 6)
+        Nondimensional, rotating frame, about its barycenter.
+    frame : Frame
+        At the times of the states, or at one time for all.
+
+    Returns
+    -------
+    ndarray, shape (..., 6)
+        About the Earth-Moon barycenter, axes of J2000, km and km/s (`recenter` moves the origin).
+    """
+    s = np.asarray(state, dtype=float)
+    p = s[..., :3]
+    length = frame.length[..., None]
+    velocity = frame.stretching[..., None] * p + length * (
+        np.cross(frame.rotation, p) + s[..., 3:] / frame.time[..., None]
+    )
+    parts = [np.einsum("...ji,...j->...i", frame.axes, each) for each in (length * p, velocity)]
+    return frame.origin + np.concatenate(parts, axis=-1)
+
+
+def from_inertial(state: ArrayLike, frame: Frame) -> Array:
+    """Inverse of `to_inertial`.
+
+    Parameters
+    ----------
+    state : array_like, shape (..., 6)
+        About the Earth-Moon barycenter, axes of J2000, km and km/s.
+    frame : Frame
+        At the times of the states, or at one time for all.
+
+    Returns
+    -------
+    ndarray, shape (..., 6)
+        Nondimensional, rotating frame, about its barycenter.
+    """
+    s = np.asarray(state, dtype=float) - frame.origin
+    r, v = (np.einsum("...ij,...j->...i", frame.axes, each) for each in (s[..., :3], s[..., 3:]))
+    length = frame.length[..., None]
+    p = r / length
+    v = (v - frame.stretching[..., None] * p) / length - np.cross(frame.rotation, p)
+    return np.concatenate([p, v * frame.time[..., None]], axis=-1)
+
+
+def recenter(state: ArrayLike, table: BodyTable, time: ArrayLike, *, old: str, new: str) -> Array:
+    """States about another body.
+
+    Parameters
+    ----------
+    state : array_like, shape (..., 6)
+        Axes of J2000, km and km/s.
+    table : BodyTable
+        Places of the bodies.
+    time : array_like, shape (...)
+        TDB seconds past J2000.
+    old, new : {"barycenter", "earth", "moon", "sun"}
+        Origins; the barycenter is that of Earth and Moon.
+
+    Returns
+    -------
+    ndarray, shape (..., 6)
+
+    Raises
+    ------
+    ConfigurationError
+        If an origin is unknown, or a time lies outside of the table.
+    """
+    moved = np.array(state, dtype=float)
+    position, velocity, _ = read_table(table, time)
+    for name, sign in ((old, 1.0), (new, -1.0)):
+        if name not in CENTERS:
+            raise ConfigurationError(f"unknown center {name!r}: use one of {[*CENTERS]}")
+        if name != BARYCENTER:
+            at = COLUMNS[name]
+            moved = moved + sign * np.concatenate([position[..., at], velocity[..., at]], axis=-1)
+    return moved
