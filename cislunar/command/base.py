@@ -67,6 +67,8 @@ class Group(_Talking, click.Group):
             code = _failed(f"{error.format_message().rstrip('.')} (see: {path} --help)")
         except (CislunarError, click.ClickException) as error:
             code = _failed(error.format_message() if hasattr(error, "show") else str(error))
+        except MemoryError:
+            code = _failed("out of memory; ask for fewer rows")
         except click.Abort:
             click.echo("interrupted", err=True)
             code = INTERRUPTED
