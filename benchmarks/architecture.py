@@ -18,7 +18,7 @@ from visibility import plain
 
 from cislunar.architecture.coordinate_search import coordinate_search
 from cislunar.architecture.cost import CostFunction
-from cislunar.architecture.coverage import architecture_tracks
+from cislunar.architecture.coverage.measures import architecture_tracks
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.cr3bp import primary_distances

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from oracles.visibility import visible
 
-from cislunar.architecture.coverage import architecture_tracks, coverage
+from cislunar.architecture.coverage.measures import architecture_tracks, coverage, gaps
 from cislunar.constants import TIME_UNIT_S
 from cislunar.observation.sensor import ExclusionAngles
 from cislunar.orbits.families import family_members
@@ -81,3 +81,15 @@ def test_tracks_of_an_architecture_are_its_satellites_slot_by_slot():
         expected = satellite_tracks(orbits.state[:1], orbits.period[:1], [j / 3], times)[0, 0]
         np.testing.assert_allclose(track[j], expected, atol=1e-12)
     np.testing.assert_allclose(track[3, 0], orbits.state[1, :3], atol=1e-15)
+    ahead = architecture_tracks(orbits.state, orbits.period, [2, 1], times, phase=[0.25, 0.0])
+    expected = satellite_tracks(orbits.state[:1], orbits.period[:1], [0.25, 0.75], times)[0]
+    np.testing.assert_allclose(ahead[:2], expected, atol=1e-12)
+
+
+def test_gaps_are_runs_of_unseen_samples():
+    seen = np.array([[0, 0, 1, 0, 1, 1, 0, 0, 0, 1], [1] * 10, [0] * 10]).T
+    found = gaps(seen, 2.0)
+    np.testing.assert_allclose(found.longest_h, [6.0, 0.0, 20.0])
+    np.testing.assert_allclose(found.mean_h, [4.0, 0.0, 20.0])
+    # a wait falls evenly from the length of a gap to nothing
+    np.testing.assert_allclose(found.wait_h, [(16 + 4 + 36) / 40.0, 0.0, 10.0])

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from cislunar.architecture.cost import CostFunction
-from cislunar.architecture.coverage import Coverage, architecture_tracks, coverage
+from cislunar.architecture.coverage.measures import Coverage, architecture_tracks, coverage
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.campaign.data.inputs import horizon, sun_at
 from cislunar.campaign.data.netcdf import variable

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.architecture.coverage import architecture_tracks
+from cislunar.architecture.coverage.measures import architecture_tracks
 from cislunar.campaign.data.inputs import sun_at
 from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.data.progress import Progress

@@ -14,6 +14,17 @@ from cislunar.visibility.counts import VisibilitySettings, satellite_tracks
 from cislunar.visibility.kernel import count_observers
 
 
+def day_starts(times: ArrayLike) -> NDArray[np.intp]:
+    """Index of the first time of each day, shape (day,), of nondimensional times since the epoch.
+
+    The last sample falls on the end of the last day and belongs to it.
+    """
+    elapsed_days = np.asarray(times, dtype=float) * TIME_UNIT_S / SECONDS_PER_DAY
+    n_days = max(1, int(np.ceil(elapsed_days[-1] - 1e-9)))
+    day = np.minimum((elapsed_days + 1e-9).astype(int), n_days - 1)
+    return np.flatnonzero(np.r_[True, day[1:] != day[:-1]])
+
+
 @dataclass(frozen=True)
 class Coverage:
     """Union coverage of a static target set.
@@ -42,6 +53,7 @@ def architecture_tracks(
     satellites: ArrayLike,
     times: ArrayLike,
     *,
+    phase: ArrayLike = 0.0,
     propagator: str = "dopri5",
     mu: float = MU,
 ) -> NDArray[np.float64]:
@@ -53,17 +65,19 @@ def architecture_tracks(
         As for `satellite_tracks`, one chosen orbit per slot.
     satellites : array_like of int, shape (slot,)
         Satellites on each orbit, at phases j/n of the period.
+    phase : array_like, shape (slot,) or ()
+        Fractions of the period by which the satellites of each slot are ahead of that.
 
     Returns
     -------
     ndarray, shape (satellite, time, 3)
         Nondimensional, rotating frame; slot by slot.
     """
+    satellites = np.asarray(satellites)
+    ahead = np.broadcast_to(np.asarray(phase, dtype=float), satellites.shape)
     tracks = [
-        satellite_tracks([s], [p], np.arange(n) / n, times, propagator=propagator, mu=mu)[0]
-        for s, p, n in zip(
-            np.asarray(state), np.asarray(period), np.asarray(satellites), strict=True
-        )
+        satellite_tracks([s], [p], a + np.arange(n) / n, times, propagator=propagator, mu=mu)[0]
+        for s, p, n, a in zip(np.asarray(state), np.asarray(period), satellites, ahead, strict=True)
     ]
     return np.concatenate(tracks)
 
@@ -108,12 +122,7 @@ def coverage(
         mu,
     )
     seen = observers > 0
-    # The last sample falls on the end of the last day and belongs to it.
-    elapsed_days = times * TIME_UNIT_S / SECONDS_PER_DAY
-    n_days = max(1, int(np.ceil(elapsed_days[-1] - 1e-9)))
-    day = np.minimum((elapsed_days + 1e-9).astype(int), n_days - 1)
-    starts = np.flatnonzero(np.r_[True, day[1:] != day[:-1]])
-    daily = np.logical_or.reduceat(seen, starts, axis=0)
+    daily = np.logical_or.reduceat(seen, day_starts(times), axis=0)
     covered = int(np.count_nonzero(seen))
     return Coverage(
         union_coverage=covered / seen.size,
@@ -121,3 +130,54 @@ def coverage(
         never_seen=int(np.count_nonzero(~seen.any(axis=0))),
         observers_per_covered=float(observers.sum(dtype=np.int64) / covered) if covered else 0.0,
     )
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """How long the targets wait, from samples at equal steps.
+
+    A gap is a run of samples in which a target is not seen, each sample standing for one step. Runs
+    at the ends of the horizon count at the length they have there, so that a target that is never
+    seen has one gap, the horizon. Gaps are not objectives: one satellite may halve no gap of a
+    target and two together all of them, so that neither greedy nor its bound would mean anything.
+
+    Attributes
+    ----------
+    longest_h : ndarray, shape (target,)
+        Longest gap of each target, h; 0 for a target always seen.
+    mean_h : ndarray, shape (target,)
+        Mean length of the gaps of each target, h; 0 for a target always seen.
+    wait_h : ndarray, shape (target,)
+        Mean time from any instant to the next observation, or to the end of the horizon, h.
+    """
+
+    longest_h: NDArray[np.float64]
+    mean_h: NDArray[np.float64]
+    wait_h: NDArray[np.float64]
+
+
+def gaps(seen: ArrayLike, step_hours: float) -> Gaps:
+    """Lengths of the gaps in which targets are not seen.
+
+    Parameters
+    ----------
+    seen : array_like of bool, shape (time, target)
+        Whether each target is seen at times of equal step.
+    step_hours : float
+        The step, h.
+
+    Returns
+    -------
+    Gaps
+    """
+    seen = np.asarray(seen, dtype=bool)
+    n_times, n_targets = seen.shape
+    longest, mean, wait = np.zeros((3, n_targets))
+    for target in range(n_targets):
+        edges = np.flatnonzero(np.diff(np.r_[True, seen[:, target], True]))
+        if edges.size:
+            length = np.diff(edges)[::2] * step_hours
+            longest[target] = length.max()
+            mean[target] = length.mean()
+            wait[target] = np.sum(length**2) / (2.0 * n_times * step_hours)
+    return Gaps(longest, mean, wait)
