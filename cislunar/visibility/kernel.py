@@ -183,3 +183,33 @@ def count_observers(track, target, sun, cosines, faintness, mu):
                 for i in range(size):
                     row[i] += seen[i]
     return observers
+
+
+@njit(parallel=True, cache=True)
+def mark_observations(track, target, sun, cosines, faintness, mu):
+    """Which targets each track observes at each time, as bits: uint8 (orbit, phase, byte).
+
+    Pair (time, target) is bit ``time * n_targets + target``, the lowest of a byte first. Arguments
+    as for `count_observations`.
+    """
+    n_orbits, n_phases, n_times, _ = track.shape
+    n_targets = target.shape[0]
+    bits = np.zeros((n_orbits, n_phases, (n_times * n_targets + 7) // 8), dtype=np.uint8)
+    for orbit in prange(n_orbits):
+        single = np.empty((6, _TILE), dtype=np.float32)
+        seen = np.empty(_TILE, dtype=np.bool_)
+        for start in range(0, n_targets, _TILE):
+            size = min(_TILE, n_targets - start)
+            tile = target[start : start + size]
+            for t in range(n_times):
+                _load_tile(tile, sun[t], single)
+                for phase in range(n_phases):
+                    _observe_tile(
+                        track[orbit, phase, t], sun[t], tile, single,
+                        cosines, faintness, mu, seen,
+                    )  # fmt: skip
+                    row = bits[orbit, phase]
+                    for i in range(size):
+                        at = t * n_targets + start + i
+                        row[at >> 3] |= np.uint8(seen[i]) << np.uint8(at & 7)
+    return bits

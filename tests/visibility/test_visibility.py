@@ -18,7 +18,7 @@ from cislunar.visibility.counts import (
     observation_times,
     satellite_tracks,
 )
-from cislunar.visibility.kernel import count_observations, count_observers
+from cislunar.visibility.kernel import count_observations, count_observers, mark_observations
 from cislunar.visibility.phasing import distinct_phases
 
 SYNODIC_MONTH = 29.53 * 86_400.0 / TIME_UNIT_S
@@ -56,6 +56,10 @@ def test_every_pair_of_random_tracks(n_targets):
         observer[None, None], target, sun, SETTINGS.angles.cosines, SETTINGS.faintness, MU
     )
     np.testing.assert_array_equal(counts[0, 0], expected.sum(axis=0))
+    bits = mark_observations(
+        observer[None, None], target, sun, SETTINGS.angles.cosines, SETTINGS.faintness, MU
+    )
+    np.testing.assert_array_equal(bits[0, 0], np.packbits(expected, bitorder="little"))
 
 
 @pytest.mark.parametrize(

@@ -1,1 +1,1 @@
-"""Coverage of static targets: what an architecture really watches of them, and how often."""
+"""Coverage of static targets: measures, objectives, greedy, search and certified bound."""

@@ -1,0 +1,123 @@
+"""Compiled arithmetic on sets held as bits: counting, gains, lazy greedy, weighted sums."""
+
+import numpy as np
+from numba import njit
+
+_TILE = 32  # bytes of a row whose tables of partial sums fit the first-level cache
+
+_M1 = np.uint64(0x5555555555555555)
+_M2 = np.uint64(0x3333333333333333)
+_M4 = np.uint64(0x0F0F0F0F0F0F0F0F)
+_H1 = np.uint64(0x0101010101010101)
+
+
+@njit(cache=True, inline="always")
+def _ones(x):
+    """Number of ones of a word."""
+    x -= (x >> np.uint64(1)) & _M1
+    x = (x & _M2) + ((x >> np.uint64(2)) & _M2)
+    x = (x + (x >> np.uint64(4))) & _M4
+    return np.int64((x * _H1) >> np.uint64(56))
+
+
+@njit(cache=True)
+def count_ones(word):
+    """Ones of an array of words (word,)."""
+    total = 0
+    for w in range(word.size):
+        total += _ones(word[w])
+    return total
+
+
+@njit(cache=True)
+def add_layers(at_least, layer):
+    """Add layers (layer, word), "seen by at least j", to a multiplicity (fold, word) in place.
+
+    Layer j of both holds the elements counted at least j + 1 times; the sum saturates at the fold.
+    """
+    for j in range(layer.shape[0]):
+        for w in range(at_least.shape[1]):
+            new = layer[j, w]
+            for k in range(at_least.shape[0] - 1, 0, -1):
+                at_least[k, w] |= at_least[k - 1, w] & new
+            at_least[0, w] |= new
+
+
+@njit(cache=True)
+def _gain(at_least, layer):
+    """What layers (layer, word) add to the sum of a multiplicity (fold, word).
+
+    A residual of at least j + 1 is a multiplicity below fold - j.
+    """
+    total = 0
+    fold = at_least.shape[0]
+    for j in range(layer.shape[0]):
+        reached = at_least[fold - 1 - j]
+        row = layer[j]
+        for w in range(reached.size):
+            total += _ones(row[w] & ~reached[w])
+    return total
+
+
+@njit(cache=True)
+def gains(at_least, layers, candidate):
+    """Gain of each candidate, rows of ``layers`` (candidate, layer, word): int64."""
+    found = np.empty(candidate.size, dtype=np.int64)
+    for c in range(candidate.size):
+        found[c] = _gain(at_least, layers[candidate[c]])
+    return found
+
+
+@njit(cache=True)
+def lazy_greedy(layers, candidate, number, fold):
+    """Pick ``number`` candidates one by one, each of the largest gain, the first among equals.
+
+    Gains only fall as more is covered, so that a stale gain bounds the present one and only the
+    largest bounds are evaluated anew. Returns positions in ``candidate`` in order, and evaluations.
+    """
+    at_least = np.zeros((fold, layers.shape[2]), dtype=np.uint64)
+    bound = gains(at_least, layers, candidate)
+    evaluated = np.zeros(candidate.size, dtype=np.int64)
+    picked = np.empty(number, dtype=np.int64)
+    evaluations = candidate.size
+    for step in range(number):
+        while True:
+            best = np.argmax(bound)
+            if evaluated[best] == step:
+                break
+            bound[best] = _gain(at_least, layers[candidate[best]])
+            evaluated[best] = step
+            evaluations += 1
+        picked[step] = best
+        add_layers(at_least, layers[candidate[best]])
+        bound[best] = -1
+        evaluated[best] = number
+    return picked, evaluations
+
+
+@njit(cache=True)
+def weighted_sums(layers, candidate, weight):
+    """Sum of the weights (byte, 8) of the elements in all layers of each candidate: float64.
+
+    ``layers`` (candidate, layer, byte) are the bytes of the words. One table of the 256 partial
+    sums of a byte serves all candidates, so that a byte costs one addition.
+    """
+    total = np.zeros(candidate.size)
+    n_bytes = weight.shape[0]
+    table = np.zeros((_TILE, 256))
+    for start in range(0, n_bytes, _TILE):
+        size = min(_TILE, n_bytes - start)
+        for b in range(size):
+            filled = 1
+            for bit in range(8):
+                for v in range(filled):
+                    table[b, filled + v] = table[b, v] + weight[start + b, bit]
+                filled *= 2
+        for c in range(candidate.size):
+            subtotal = 0.0
+            for j in range(layers.shape[1]):
+                row = layers[candidate[c], j, start : start + size]
+                for b in range(size):
+                    subtotal += table[b, row[b]]
+            total[c] += subtotal
+    return total

@@ -1,0 +1,270 @@
+"""Coverage objectives, greedy, search and bound: against enumeration, plain greedy and HiGHS."""
+
+from functools import cache
+from itertools import combinations, product
+
+import numpy as np
+import pytest
+from oracles.visibility import visible
+from scipy.optimize import Bounds, LinearConstraint, milp
+from scipy.sparse import csr_array
+
+from cislunar.architecture.coordinate_search import coordinate_search
+from cislunar.architecture.coverage.certificate import certify_coverage, greedy_coverage
+from cislunar.architecture.coverage.lagrangian import coverage_bound
+from cislunar.architecture.coverage.measures import architecture_tracks, coverage
+from cislunar.architecture.coverage.objective import CoverageObjective
+from cislunar.architecture.coverage.tables import CoverageTables, as_words, coverage_tables
+from cislunar.architecture.objective import Objective
+from cislunar.constants import TIME_UNIT_S
+from cislunar.errors import ConfigurationError
+from cislunar.orbits.families import observer_library
+from cislunar.visibility.counts import VisibilitySettings, observation_times, satellite_tracks
+
+
+def objective_of(counts, fold, shape=None):
+    """Coverage objective of given satellites per element, shape (place, satellites, element)."""
+    layer = np.arange(1, min(fold, counts.max(initial=1)) + 1)
+    bits = np.packbits(counts[:, :, None] >= layer[:, None], axis=-1, bitorder="little")
+    places = len(counts)
+    return CoverageObjective(
+        CoverageTables(
+            layers=as_words(bits),
+            orbit=np.arange(places),
+            phase=np.zeros(places),
+            family=np.full(places, "Halo_L1_N"),
+            stability_index=np.ones(places),
+            fold=fold,
+            shape=shape or (1, counts.shape[2]),
+        )
+    )
+
+
+def random_counts(seed, *, places=8, most=1, elements=150, share=0.15):
+    """Satellites that see each element: one place sees other elements at every count."""
+    rng = np.random.default_rng(seed)
+    satellites = np.arange(1, most + 1)[None, :, None]
+    difficulty = rng.uniform(0.2, 1.8, elements) * share
+    return rng.binomial(satellites, difficulty, (places, most, elements))
+
+
+def direct(counts, fold, orbit, satellites):
+    """Coverage from the definition."""
+    seen = counts[list(orbit), np.asarray(satellites) - 1].sum(axis=0)
+    return np.minimum(seen, fold).mean() / fold
+
+
+def best_of_all(counts, fold, n_slots, total):
+    """Largest coverage over every architecture."""
+    places, most, _ = counts.shape
+    sizes = [n for n in product(range(1, most + 1), repeat=n_slots) if sum(n) == total]
+    return max(
+        direct(counts, fold, orbit, n)
+        for orbit in combinations(range(places), n_slots)
+        for n in sizes
+    )
+
+
+@pytest.mark.parametrize("fold", [1, 2, 3])
+@pytest.mark.parametrize("most", [1, 4])
+def test_value_and_best_replacement_are_those_of_the_definition(fold, most):
+    counts = random_counts(fold, most=most)
+    objective = objective_of(counts, fold)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        orbit, n = rng.choice(8, 3, replace=False), rng.integers(1, most + 1, 3)
+        value = objective.value(orbit, n)
+        assert value == pytest.approx(direct(counts, fold, orbit, n), rel=1e-14)
+        found = objective.best_replacement(orbit, n, 1, 1, most, value)
+        plain = Objective.best_replacement(objective, orbit, n, 1, 1, most, value)
+        assert found == pytest.approx(plain)
+        seen = objective.seen(orbit, n, fold)[0]
+        np.testing.assert_array_equal(seen, counts[orbit, n - 1].sum(axis=0) >= fold)
+    assert objective.value([2, 2], [1, 1]) == 0.0
+
+
+@pytest.mark.parametrize("fold", [1, 2])
+def test_gains_only_fall_and_lazy_greedy_is_greedy(fold):
+    counts = random_counts(7, places=40, elements=300)
+    counts[20:] = counts[:20]  # every candidate twice: ties
+    objective = objective_of(counts, fold)
+    orbit, satellites = greedy_coverage(objective, 15)
+    chosen, last = [], np.full(40, np.inf)
+    base = 0.0
+    for _ in range(15):
+        gain = np.array(
+            [
+                direct(counts, fold, [*chosen, i], [1] * (len(chosen) + 1)) - base
+                if i not in chosen
+                else -1.0
+                for i in range(40)
+            ]
+        )
+        assert (gain <= last + 1e-15).all()
+        last = gain
+        chosen.append(int(np.flatnonzero(gain >= gain.max() - 1e-12)[0]))
+        base += gain.max()
+    assert orbit.tolist() == chosen and (satellites == 1).all()
+
+
+CASES = [
+    *[(seed, 1, fold, 4, 4) for seed in range(4) for fold in (1, 2)],
+    *[(seed, 3, fold, 3, total) for seed in range(4) for fold in (1, 3) for total in (3, 5, 8)],
+]
+
+
+@pytest.mark.parametrize("seed, most, fold, n_slots, total", CASES)
+def test_bound_and_search_enclose_what_enumeration_finds(seed, most, fold, n_slots, total):
+    counts = random_counts(seed, most=most)
+    objective = objective_of(counts, fold)
+    best = best_of_all(counts, fold, n_slots, total)
+    found = certify_coverage(objective, total, n_slots=n_slots, steps=150)
+    assert found.n_satellites == total and found.orbit.size == n_slots
+    assert found.greedy <= found.value <= best * (1 + 1e-12)
+    assert found.bound >= best * (1 - 1e-12)
+    assert found.gap == pytest.approx(found.bound / found.value - 1.0) and found.gap < 0.12
+    if found.proven:
+        assert found.value == pytest.approx(best, rel=1e-12)
+    # a poor architecture in place of the best: candidates are left out by its value alone
+    poor = coverage_bound(
+        objective,
+        np.arange(n_slots),
+        np.array(next(n for n in product(range(1, most + 1), repeat=n_slots) if sum(n) == total)),
+        steps=60,
+    )
+    assert poor.bound >= best * (1 - 1e-12)
+
+
+def test_some_cases_are_proven():
+    proven = 0
+    for seed, most, fold, n_slots, total in CASES:
+        objective = objective_of(random_counts(seed, most=most), fold)
+        proven += certify_coverage(objective, total, n_slots=n_slots, steps=150).proven
+    assert proven >= 3
+
+
+def test_bound_and_value_enclose_the_optimum_of_highs():
+    counts = random_counts(5, places=40, elements=200, share=0.08)
+    objective = objective_of(counts, 1)
+    found = certify_coverage(objective, 8)
+    sees = counts[:, 0].T.astype(float)
+    n_elements, places = sees.shape
+    cost = np.r_[np.zeros(places), np.full(n_elements, -1.0)]
+    coupling = csr_array(np.hstack([sees, -np.eye(n_elements)]))
+    result = milp(
+        cost,
+        constraints=[
+            LinearConstraint(coupling, lb=0.0),
+            LinearConstraint(np.r_[np.ones(places), np.zeros(n_elements)][None], 8, 8),
+        ],
+        bounds=Bounds(0.0, 1.0),
+        integrality=np.r_[np.ones(places), np.zeros(n_elements)],
+        options={"mip_rel_gap": 0.02},
+    )
+    reached, relaxed = -result.fun / n_elements, -result.mip_dual_bound / n_elements
+    assert found.bound >= reached * (1 - 1e-9)
+    assert found.value <= relaxed * (1 + 1e-9)
+    assert found.value >= 0.99 * reached
+
+
+def test_runs_agree_in_every_bit():
+    objective = objective_of(random_counts(9, places=30, most=2), 2)
+    one, two = (certify_coverage(objective, 8, n_slots=5, steps=60) for _ in range(2))
+    assert one.orbit.tolist() == two.orbit.tolist()
+    assert (one.value, one.bound, one.steps) == (two.value, two.bound, two.steps)
+
+
+def test_all_places_are_proven_to_be_best():
+    objective = objective_of(random_counts(3, places=5), 1)
+    found = certify_coverage(objective, 5)
+    assert found.proven and found.gap == 0.0
+
+
+SETTINGS = VisibilitySettings(limiting_magnitude=17.0)
+MEMBERS = {"Halo_L2_S": 3, "Lyap_L3": 2}
+
+
+@cache
+def scene():
+    """Orbits, targets, times and Sun."""
+    times = observation_times(3.0, 3.0)
+    angle = -2.0 * np.pi * times * TIME_UNIT_S / (29.53 * 86_400.0)
+    sun = 389.0 * np.stack([np.cos(angle), np.sin(angle), np.zeros(len(times))], axis=1)
+    target = np.random.default_rng(4).uniform(-1.2, 1.2, (13, 3))
+    return observer_library(MEMBERS), target, times, sun
+
+
+@pytest.mark.parametrize("fold", [1, 2])
+@pytest.mark.parametrize("window", ["sample", "day"])
+def test_tables_of_slots_hold_what_plain_visibility_finds(fold, window):
+    orbits, target, times, sun = scene()
+    tables = coverage_tables(
+        orbits, target, times, sun, SETTINGS, max_satellites=3, fold=fold, window=window
+    )
+    objective = CoverageObjective(tables)
+    day = np.minimum(np.arange(len(times)) // 8, 2)
+    for orbit in range(len(orbits.state)):
+        for n in (1, 2, 3):
+            state, period = orbits.state[[orbit]], orbits.period[[orbit]]
+            track = satellite_tracks(state, period, np.arange(n) / n, times)[0]
+            seen = np.array([visible(path, target, sun, SETTINGS) for path in track])
+            if window == "day":
+                seen = np.stack([seen[:, day == d].any(axis=1) for d in range(3)], axis=1)
+            observers = seen.sum(axis=0)
+            expected = np.minimum(observers, fold).mean() / fold
+            assert objective.value([orbit], [n]) == pytest.approx(expected, rel=1e-14)
+            np.testing.assert_array_equal(objective.seen([orbit], [n], fold), observers >= fold)
+
+
+def test_free_phases_cover_what_their_tracks_do():
+    orbits, target, times, sun = scene()
+    made = {"phases": 5, "max_stability_index": np.sort(orbits.stability_index)[3]}
+    hours = CoverageObjective(coverage_tables(orbits, target, times, sun, SETTINGS, **made))
+    days = CoverageObjective(
+        coverage_tables(orbits, target, times, sun, SETTINGS, window="day", **made)
+    )
+    tables = hours.tables
+    assert hours.n_orbits == 20
+    assert tables.stability_index.max() <= made["max_stability_index"]
+    found = certify_coverage(hours, 4, steps=50)
+    orbit, phase = tables.orbit[found.orbit], tables.phase[found.orbit]
+    track = architecture_tracks(
+        orbits.state[orbit], orbits.period[orbit], found.satellites, times, phase=phase
+    )
+    measured = coverage(track, target, times, sun, SETTINGS)
+    assert found.value == measured.union_coverage
+    assert days.value(found.orbit, found.satellites) == pytest.approx(measured.target_days)
+    assert measured.never_seen == np.sum(~hours.seen(found.orbit, found.satellites).any(axis=0))
+
+
+def test_search_of_free_phases_moves_one_satellite_at_a_time():
+    objective = objective_of(random_counts(11, places=12), 1)
+    found = coordinate_search(
+        objective, np.random.default_rng(0), n_slots=4, total=4, restarts=0,
+        starts=[greedy_coverage(objective, 4)],
+    )  # fmt: skip
+    for slot in range(4):
+        rest = np.delete(found.orbit, slot)
+        for other in range(12):
+            if other not in rest:
+                assert objective.value([*rest, other], np.ones(4, dtype=int)) <= found.value
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"phases": 0}, "phases"),
+        ({"fold": 0}, "fold"),
+        ({"window": "week"}, "window"),
+        ({"max_stability_index": 0.5}, "max_stability_index"),
+    ],
+)
+def test_impossible_tables_are_refused(change, message):
+    with pytest.raises(ConfigurationError, match=message):
+        coverage_tables(*scene(), SETTINGS, **change)
+
+
+@pytest.mark.parametrize("asked", [{"n_satellites": 9}, {"n_satellites": 3, "n_slots": 4}])
+def test_impossible_numbers_of_satellites_are_refused(asked):
+    with pytest.raises(ConfigurationError, match="n_s"):
+        certify_coverage(objective_of(random_counts(0), 1), **asked)
