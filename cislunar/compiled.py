@@ -5,6 +5,8 @@ from typing import Any
 
 from numba.extending import overload
 
+_WITH_OWN_BODY: dict[Callable, set[type]] = {}
+
 
 def implements(function: Callable, model: type) -> Callable:
     """Decorator: the compiled body of a function for a class of first argument.
@@ -23,6 +25,18 @@ def implements(function: Callable, model: type) -> Callable:
             return body if getattr(first, "instance_class", None) is model else None
 
         overload(function, strict=False, inline="always")(choose)
+        _WITH_OWN_BODY.setdefault(function, set()).add(model)
         return body
 
     return register
+
+
+def for_all_others(function: Callable) -> Callable:
+    """Decorator: what kernels call, its own body compiled for classes that implement no other."""
+
+    def choose(first: Any, *_: Any) -> Callable | None:
+        own = getattr(first, "instance_class", None) in _WITH_OWN_BODY.get(function, ())
+        return None if own else function
+
+    overload(function, strict=False, inline="always")(choose)
+    return function

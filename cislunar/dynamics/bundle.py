@@ -15,7 +15,14 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.dynamics.cr3bp import EARTH_MOON
-from cislunar.dynamics.forces import acceleration, at
+from cislunar.dynamics.forces import (
+    acceleration,
+    at,
+    is_special,
+    of_state,
+    plain,
+    require_span,
+)
 from cislunar.dynamics.tableau import A8, C8, FIRST8, STAGES8
 
 Array = NDArray[np.float64]
@@ -29,12 +36,25 @@ def _slopes(field, state, slopes):
         slopes[1, i] = state[4, i]
         slopes[2, i] = state[5, i]
     for i in range(state.shape[1]):
+        one = plain(of_state(field, i))
         ax, ay, az = acceleration(
-            field, state[0, i], state[1, i], state[2, i], state[3, i], state[4, i], state[5, i]
+            one, state[0, i], state[1, i], state[2, i], state[3, i], state[4, i], state[5, i]
         )
         slopes[3, i] = ax
         slopes[4, i] = ay
         slopes[5, i] = az
+    special = False
+    for i in range(state.shape[1]):
+        special |= is_special(of_state(field, i), state[0, i], state[1, i], state[2, i])
+    if special:
+        for i in range(state.shape[1]):
+            one = of_state(field, i)
+            ax, ay, az = acceleration(
+                one, state[0, i], state[1, i], state[2, i], state[3, i], state[4, i], state[5, i]
+            )
+            slopes[3, i] = ax
+            slopes[4, i] = ay
+            slopes[5, i] = az
 
 
 @njit(cache=True, error_model="numpy")
@@ -105,7 +125,13 @@ def propagate_bundle(
     -------
     ndarray, shape (N, n_steps + 1, 6)
         States at all times, the first included; not finite after a fall into a primary's centre.
+
+    Raises
+    ------
+    ConfigurationError
+        If the force model has no data for some of the times.
     """
+    require_span(forces, start, start + n_steps * dt)
     bundle = np.array(np.asarray(state, dtype=float).T, order="C")
     out = np.empty((bundle.shape[1], n_steps + 1, 6))
     _propagate(forces, float(start), bundle, float(dt), out)

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.constants import MU
 from cislunar.dynamics import runge_kutta
 from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON, primary_positions
+from cislunar.dynamics.forces import require_span
 from cislunar.errors import ConfigurationError, ConvergenceError
 
 Array = NDArray[np.float64]
@@ -41,6 +42,7 @@ def _state_vector(state: ArrayLike) -> Array:
 
 def _integrate(method, forces, start, y0, times, rtol, atol, centres=_NOWHERE) -> tuple:
     """Solution and least distances; the compiled integrator's status becomes an exception."""
+    require_span(forces, start, start + times[-1])
     out, closest = np.empty((times.size, y0.size)), np.empty(centres.size)
     status, reached = runge_kutta.integrate(
         method, forces, float(start), y0, times, rtol, atol, out, centres, closest
@@ -96,7 +98,8 @@ def propagate(
     Raises
     ------
     ConfigurationError
-        On an unknown method, an impossible tolerance or an ill-formed state or time.
+        On an unknown method, an impossible tolerance, an ill-formed state or time, or one that the
+        force model has no data for.
     ConvergenceError
         If the step size underflows, as on a collision with a primary.
     """
