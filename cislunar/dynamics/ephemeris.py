@@ -1,0 +1,141 @@
+"""Propagation between two instants of UTC under an ephemeris force model.
+
+from cislunar.dynamics.ephemeris import propagate_utc
+propagate_utc(state, "2024-10-01T00:00:00", "2024-10-08T00:00:00", center="moon")
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, TIME_UNIT_S
+from cislunar.dynamics.ephemeris_forces import Ephemeris, ephemeris_forces
+from cislunar.dynamics.frames import BARYCENTER, recenter
+from cislunar.dynamics.propagation import propagate
+from cislunar.dynamics.radiation import SUN_RADIUS_KM
+from cislunar.ephemeris.bodies import require_within, tabulate_bodies
+from cislunar.ephemeris.kernel import DEFAULT_KERNEL
+from cislunar.ephemeris.time_scales import tdb_seconds
+from cislunar.errors import ConfigurationError
+
+Array = NDArray[np.float64]
+
+UNITS = np.repeat([LENGTH_UNIT_KM, LENGTH_UNIT_KM / TIME_UNIT_S], 3)
+"""Units of a state, shape (6,): km and km/s."""
+
+_RADII_KM = {"earth": EARTH_RADIUS_KM, "moon": MOON_RADIUS_KM, "sun": SUN_RADIUS_KM}
+
+
+def forces_between(
+    start: str | float,
+    stop: str | float,
+    *,
+    area_to_mass: ArrayLike | None = None,
+    reflectivity: ArrayLike = 1.3,
+    figure: bool = True,
+    kernel: str | Path = DEFAULT_KERNEL,
+) -> Ephemeris:
+    """A force model that covers a span, its time zero at the start.
+
+    Parameters
+    ----------
+    start, stop : str or float
+        UTC, by ISO 8601 or as Julian dates.
+    area_to_mass, reflectivity, figure
+        As for `cislunar.dynamics.ephemeris_forces.ephemeris_forces`.
+    kernel : str or Path
+        ``"de421"``, or the path of an SPK file.
+
+    Returns
+    -------
+    Ephemeris
+
+    Raises
+    ------
+    ConfigurationError
+        If an instant or a property is impossible.
+    InputFileError
+        If the kernel is missing, is not an SPK file, lacks a body, or does not cover the span.
+    """
+    first, last = tdb_seconds(start), tdb_seconds(stop)
+    table = tabulate_bodies(first, last, kernel)
+    given = {"area_to_mass": area_to_mass, "reflectivity": reflectivity, "figure": figure}
+    return ephemeris_forces(table, first, **given)
+
+
+def propagate_utc(
+    state: ArrayLike,
+    start: str | float,
+    stop: str | float | Sequence[str | float],
+    *,
+    forces: Ephemeris | None = None,
+    center: str = BARYCENTER,
+    method: str = "dop853",
+    rtol: float | None = None,
+    atol: float | None = None,
+) -> Array:
+    """Propagate a state from one instant to another, or to several.
+
+    Parameters
+    ----------
+    state : array_like, shape (6,)
+        At the start, axes of J2000, km and km/s, about `center`.
+    start : str or float
+        UTC, by ISO 8601 or as a Julian date.
+    stop : str, float or a sequence of these
+        UTC, before or after the start.
+    forces : Ephemeris, optional
+        From `forces_between`, which covers these instants; by default the point masses of Earth,
+        Moon and Sun with the Moon's J2 and C22, from DE421.
+    center : {"barycenter", "earth", "moon", "sun"}
+        Origin of the state and of the result.
+    method, rtol, atol
+        As in `cislunar.dynamics.propagation.propagate`.
+
+    Returns
+    -------
+    ndarray, shape (6,) or (m, 6)
+        Axes of J2000, km and km/s, about `center`.
+
+    Raises
+    ------
+    ConfigurationError
+        If an instant, the state or the center is impossible, the state lies inside a body, or the
+        force model does not cover the instants.
+    InputFileError
+        If DE421 is missing or does not cover them.
+    ConvergenceError
+        If the step size underflows, as on a fall into a body's centre.
+    """
+    stops = [stop] if isinstance(stop, str) or np.ndim(stop) == 0 else [*stop]
+    first, ends = tdb_seconds(start), np.array([tdb_seconds(each) for each in stops])
+    reached = min(first, *ends), max(first, *ends)
+    if forces is None:
+        forces = ephemeris_forces(tabulate_bodies(*reached), first)
+    elif not isinstance(forces, Ephemeris):
+        raise ConfigurationError(
+            f"forces = {type(forces).__name__} does not act in inertial axes: use forces_between"
+        )
+    table = forces.table
+    require_within(table, *reached)
+    begin = recenter(state, table, first, old=center, new=BARYCENTER)
+    for body, radius in _RADII_KM.items():
+        distance = np.linalg.norm(recenter(begin, table, first, old=BARYCENTER, new=body)[..., :3])
+        if distance < radius:
+            raise ConfigurationError(
+                f"the state lies inside the {body.capitalize()}: {distance:.3f} km from its centre "
+                f"about which its radius is {radius} km; check center = {center!r}"
+            )
+    end = propagate(
+        begin / UNITS,
+        (ends - first) / TIME_UNIT_S,
+        forces=forces,
+        start=(first - forces.epoch) / TIME_UNIT_S,
+        method=method,
+        rtol=rtol,
+        atol=atol,
+    )
+    end = recenter(end * UNITS, table, ends, old=BARYCENTER, new=center)
+    return end[0] if len(stops) == 1 and stops[0] is stop else end
