@@ -91,6 +91,8 @@ class Estimates(NamedTuple):
     sigma : ndarray, shape (target, step, 12)
         Standard deviations of attitude error (GRP, rad for small angles), angular velocity
         (rad/s), position and velocity (nondimensional).
+    covariance : ndarray, shape (target, step, 6, 6)
+        Of the translation.
     used : ndarray of bool, shape (row,)
         Whether each of the measurements was used.
     """
@@ -99,6 +101,7 @@ class Estimates(NamedTuple):
     angular_velocity: Array
     translation: Array
     sigma: Array
+    covariance: Array
     used: NDArray[np.bool_]
 
 
@@ -111,6 +114,7 @@ def empty_estimates(measurements: Measurements) -> Estimates:
         np.empty((*steps, 3)),
         np.empty((*steps, 6)),
         np.empty((*steps, 12)),
+        np.empty((*steps, 6, 6)),
         np.empty(measurements.observer.size, dtype=np.bool_),
     )
 

@@ -35,6 +35,7 @@ from cislunar.observation.records import constant_schedule, highest, rows_of
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.tasking.assignment import assign
 from cislunar.tasking.information import pair_information
+from cislunar.tasking.recording import Recorder, Records
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.simulation import (
     ESTIMATOR,
@@ -86,6 +87,8 @@ class LoopResult:
         factorisations.
     pair_information : ndarray, shape (seed, epoch, observer, target), or None
         Information of all pairs, if it was to be kept.
+    records : Records
+        What ``settings.record`` asked for.
     """
 
     assignment: NDArray[np.int16]
@@ -100,6 +103,7 @@ class LoopResult:
     failed: NDArray[np.uint8]
     counters: NDArray[np.int64]
     pair_information: Array | None
+    records: Records
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -157,9 +161,10 @@ class _Run:
         seed: int,
         forces: tuple,
         kept: _Histories,
+        recorder: Recorder,
     ) -> None:
         self.scene, self.surfaces, self.settings, self.truth = scene, surfaces, settings, truth
-        self.seed, self.forces, self.kept = seed, forces, kept
+        self.seed, self.forces, self.kept, self.recorder = seed, forces, kept, recorder
         self.motion = draw_truth(
             initial,
             scene,
@@ -239,6 +244,7 @@ class _Run:
             (self.kept.bound, least),
         ):
             history[some] = values[:, recorded[some] - start].swapaxes(0, 1)
+        self.recorder.interval(start, target, motion, estimates, measurements, fate)
 
 
 def run_closed_loop(
@@ -304,10 +310,13 @@ def run_closed_loop(
     _require_consistency(scene, surfaces, truth, initial, ids, seeds, settings)
     n_epochs, n_observers = settings.epochs.size, scene.observer_position.shape[0]
     kept = _Histories.empty(settings, len(seeds), n_observers, ids.size)
-    ends = []
+    recorder, ends = Recorder(settings, scene), []
     for s, seed in enumerate(seeds):
         own = _Histories(*(part[s] for part in kept))
-        run = _Run(scene, surfaces, settings, factory, initial, truth, ids, seed, forces, own)
+        recorder.next_seed()
+        run = _Run(
+            scene, surfaces, settings, factory, initial, truth, ids, seed, forces, own, recorder
+        )
         for number in range(n_epochs):
             run.epoch(number)
             if progress is not None:
@@ -327,6 +336,7 @@ def run_closed_loop(
         failed,
         counters,
         kept.pairs if settings.keep_information else None,
+        recorder.result(),
     )
 
 

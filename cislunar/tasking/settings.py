@@ -14,6 +14,10 @@ from cislunar.tasking.information import TaskingModel
 Array = NDArray[np.float64]
 
 
+RECORDABLE = ("truth", "estimates", "covariance", "measurements", "pointing")
+"""What a run can keep besides errors and deviations."""
+
+
 @dataclass(frozen=True)
 class LoopSettings:
     """Settings of a closed-loop run; the defaults are the paper's where it gives any.
@@ -40,6 +44,8 @@ class LoopSettings:
         Steps between the times at which errors and deviations are kept; metrics use every step.
     keep_information : bool
         Keep the information of all pairs at every epoch.
+    record : tuple of str
+        What else is kept, of `RECORDABLE`; see `cislunar.tasking.recording.Records`.
 
     Raises
     ------
@@ -58,6 +64,7 @@ class LoopSettings:
     initial: Spread = INITIAL_SPREAD
     record_every: int = 1
     keep_information: bool = False
+    record: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for key in ("step_s", "interval_minutes", "duration_hours"):
@@ -77,6 +84,8 @@ class LoopSettings:
         for key in ("max_evaluations", "early_stop", "record_every"):
             if getattr(self, key) < 1:
                 raise ConfigurationError(f"{key} = {getattr(self, key)} must be at least 1")
+        if not set(self.record) <= set(RECORDABLE):
+            raise ConfigurationError(f"record = {self.record} must be some of {RECORDABLE}")
         if not np.all(self.initial.components() > 0.0):
             raise ConfigurationError(f"initial = {self.initial} must be positive throughout")
 

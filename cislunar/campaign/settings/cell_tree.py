@@ -21,6 +21,7 @@ from cislunar.campaign.settings.fields import (
     number,
     partial,
     setting,
+    several,
     whole,
 )
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
@@ -28,6 +29,8 @@ from cislunar.photometry.materials import Material as LibraryMaterial
 from cislunar.photometry.materials import PhotometryModel
 
 # fmt: off
+
+Recordable = Literal["truth", "estimates", "covariance", "measurements", "pointing"]
 
 
 class Exclusion(Section):
@@ -191,6 +194,10 @@ class CellSettings(Section):
     record_minutes: Positive = setting(
         "time between the errors and deviations kept in a cell's file (the last state always is); "
         "the metrics use every step", "min", default=10)
+    record: several(Recordable) = setting(
+        "what a cell keeps besides, for other tools: any of `truth` and `estimates` (states at the "
+        "recorded times), `covariance` (of position and velocity), `measurements` (every look of "
+        "every step) and `pointing` (where observers look)", default=[])
     tasking: Tasking = setting("")
     sensor: Sensor = setting("")
     initial_sigma: InitialSigma = setting("")

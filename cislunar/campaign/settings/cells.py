@@ -51,14 +51,19 @@ def cell_settings(task2: Mapping[str, Any], variant: str = "") -> dict[str, Any]
     """The keys `CELL_KEYS` of `task2`, as a variant changes them; it must be one there is."""
     base = {key: task2[key] for key in CELL_KEYS}
     if not variant:
-        return base
+        return _without_nothing(base)
     variants = task2["variants"]["cells"]
     if variant not in variants:
         raise ConfigurationError(
             f"variant {variant!r} is none of the configuration key 'task2.variants.families', "
             f"which make {', '.join(variants) or 'none'}"
         )
-    return merged(base, variants[variant]["change"])
+    return _without_nothing(merged(base, variants[variant]["change"]))
+
+
+def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
+    """Settings that record nothing do not say so: the file is the same as without the key."""
+    return {key: value for key, value in settings.items() if key != "record" or value}
 
 
 def true_settings(settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -122,6 +122,7 @@ def loop_settings(
         initial=Spread(**dict(cell.initial_sigma)),
         record_every=round(60.0 * cell.record_minutes / cell.step_s),
         keep_information=keep_information,
+        record=tuple(cell.record),
     )
 
 

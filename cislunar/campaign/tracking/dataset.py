@@ -12,6 +12,7 @@ from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import CellInputs, run_cell
+from cislunar.campaign.tracking.records import RECORD_COORDINATES, recorded_variables
 from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
     FLOOR_HITS,
@@ -71,11 +72,11 @@ def cell_dataset(
                            "row in orbits/families.nc"),
         "observer_slot": ("observer", slot, "1", "slot of the architecture"),
     }  # fmt: skip
+    described = _described(result, loop) | recorded_variables(result.records, problem.scene)
+    dims = {dim for along, *_ in described.values() for dim in along}
+    coords |= {name: each for name, each in RECORD_COORDINATES.items() if name in dims}
     return xr.Dataset(
-        {
-            name: variable(*each, **_FLAGS.get(name, {}))
-            for name, each in _described(result, loop).items()
-        },
+        {name: variable(*each, **_FLAGS.get(name, {})) for name, each in described.items()},
         coords={name: variable(*each) for name, each in coords.items()},
         attrs=provenance(title, settings=used, seed=seed),
     )
@@ -91,6 +92,7 @@ def _flags(names: tuple[str, ...]) -> dict[str, Any]:
 
 _FLAGS = {
     "fate": _flags(FATE_NAMES),
+    "look_fate": _flags(FATE_NAMES),
     "status": _flags(STATUS_NAMES),
     "status_rotation": _flags(STATUS_NAMES),
     "status_translation": _flags(STATUS_NAMES),

@@ -26,6 +26,7 @@ from cislunar.estimation.estimator import (
 from cislunar.estimation.expected import expected_directions, expected_magnitudes
 from cislunar.estimation.kalman.attitude_spread import rotation_differences
 from cislunar.estimation.kalman.workspace import (
+    covariance_of,
     deviations,
     in_field,
     make_workspace,
@@ -198,11 +199,13 @@ def advance(first, scene, surfaces, bodies, constants, measurements, state, out)
                 out.angular_velocity[j, i, :] = np.nan
                 out.translation[j, i, :] = np.nan
                 out.sigma[j, i, :] = np.nan
+                out.covariance[j, i, :, :] = np.nan
                 continue
             out.quaternion[j, i, :] = state.quaternion[j]
             out.angular_velocity[j, i, :] = state.omega[j]
             out.translation[j, i, :] = state.translation[j]
             deviations(state.root[j], out.sigma[j, i])
+            covariance_of(state.root[j, 6:], out.covariance[j, i])
 
 
 @njit(cache=True, error_model="numpy")

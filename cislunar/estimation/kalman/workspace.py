@@ -136,3 +136,15 @@ def deviations(root, sigma):
         for d in range(c + 1):
             total += root[c, d] * root[c, d]
         sigma[c] = np.sqrt(total)
+
+
+@njit(cache=True, error_model="numpy")
+def covariance_of(rows, covariance):
+    """Covariance (n, n) of some states, given their rows (n, m) of a Cholesky factor."""
+    for c in range(rows.shape[0]):
+        for d in range(c + 1):
+            total = 0.0
+            for k in range(rows.shape[1]):
+                total += rows[c, k] * rows[d, k]
+            covariance[c, d] = total
+            covariance[d, c] = total

@@ -20,7 +20,12 @@ from cislunar.estimation.kalman.translation_filter import (
     predict_translation,
     update_translation,
 )
-from cislunar.estimation.kalman.workspace import FilterConstants, deviations, make_workspace
+from cislunar.estimation.kalman.workspace import (
+    FilterConstants,
+    covariance_of,
+    deviations,
+    make_workspace,
+)
 from cislunar.estimation.light_curves.batch_settings import SearchSettings
 from cislunar.estimation.light_curves.hypotheses import condense, mixture_points, search
 from cislunar.estimation.light_curves.light_curve import (
@@ -210,6 +215,7 @@ def advance_target(
             out.angular_velocity[j, i, :] = np.nan
             out.translation[j, i, :] = np.nan
             out.sigma[j, i, :] = np.nan
+            out.covariance[j, i, :, :] = np.nan
             continue
         _carry_points(points, state.points[j], scene.step_s, model)
         for row in range(offset[i], offset[i + 1]):
@@ -230,6 +236,7 @@ def advance_target(
         weighted_deviations(differences[:n], weight[:n], sigma[:UNKNOWNS])
         out.translation[j, i] = translation
         deviations(root, sigma[UNKNOWNS:])
+        covariance_of(root, out.covariance[j, i])
     if state.condition[j] == HEALTHY:
         memory = np.exp(-n_steps * scene.step_s / constants.memory_s)
         end = (first + n_steps - 1) * scene.step_s

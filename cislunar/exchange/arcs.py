@@ -1,0 +1,91 @@
+"""Arcs between the rotating frame and the messages and tables of `cislunar.exchange`."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
+from cislunar.exchange.inertial import (
+    Epoch,
+    inertial_covariances,
+    inertial_states,
+    rotating_states,
+)
+from cislunar.exchange.oem import Segment
+
+Array = NDArray[np.float64]
+
+COMMENTS = (
+    "States of the circular restricted three-body problem of Earth and Moon,",
+    f"mass ratio {MU}, distance {LENGTH_UNIT_KM} km, unit of time {TIME_UNIT_S:.6f} s.",
+    "At the epoch of the run x points from the Earth to the ephemeris Moon and z",
+    "along its orbital momentum; from then on the frame turns uniformly about z.",
+    "These are the axes of that frame, turned into the ICRF by the ephemeris at the epoch.",
+    "The Moon of these states is on that circle: it is not the ephemeris Moon.",
+)
+"""What is written, for the header of a message."""
+
+
+def arc(
+    name: str,
+    state: ArrayLike,
+    elapsed_s: ArrayLike,
+    epoch: Epoch,
+    *,
+    object_id: str = "",
+    center: str = "EARTH",
+    covariance: ArrayLike | None = None,
+) -> Segment:
+    """An arc in inertial axes, as messages and tables hold it.
+
+    Parameters
+    ----------
+    name : str
+        Of the object.
+    state : array_like, shape (time, 6)
+        Nondimensional, rotating frame.
+    elapsed_s : array_like, shape (time,)
+        Times since the epoch, s.
+    epoch : Epoch
+    object_id : str
+        International designator; the name if there is none.
+    center : str
+        Origin, one of `cislunar.exchange.inertial.CENTERS`.
+    covariance : array_like, shape (time, 6, 6), optional
+        Nondimensional, rotating frame.
+
+    Returns
+    -------
+    Segment
+    """
+    times = np.asarray(elapsed_s, dtype=float)
+    found = Segment(
+        name,
+        object_id or name,
+        center,
+        epoch.tdb_s + times,
+        inertial_states(state, times, epoch, center),
+    )
+    if covariance is None:
+        return found
+    turned = inertial_covariances(covariance, times, epoch)
+    symmetric = (turned + np.swapaxes(turned, -1, -2)) / 2.0
+    return found._replace(covariance_tdb_s=found.tdb_s, covariance=symmetric)
+
+
+def rotating_arc(segment: Segment, epoch: Epoch) -> tuple[Array, Array]:
+    """The states of an arc in the rotating frame.
+
+    Parameters
+    ----------
+    segment : Segment
+    epoch : Epoch
+
+    Returns
+    -------
+    elapsed_s : ndarray, shape (time,)
+        Times since the epoch, s.
+    state : ndarray, shape (time, 6)
+        Nondimensional, rotating frame.
+    """
+    elapsed = segment.tdb_s - epoch.tdb_s
+    return elapsed, rotating_states(segment.state, elapsed, epoch, segment.center)

@@ -1,0 +1,154 @@
+"""What a cell keeps on request: it is what the run had, and it goes out and comes back."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from campaign_folder import ROOT, read_campaign
+
+from cislunar.campaign.data.inputs import sun_dataset
+from cislunar.campaign.data.netcdf import write_dataset
+from cislunar.campaign.settings.cells import Cell, cell_settings
+from cislunar.campaign.settings.checks import check_campaign
+from cislunar.campaign.settings.reading import merged
+from cislunar.campaign.tracking.cell import CellInputs
+from cislunar.campaign.tracking.dataset import cell_dataset
+from cislunar.campaign.tracking.records import cell_arcs, frame_epoch
+from cislunar.constants import EPOCH_JD
+from cislunar.errors import ConfigurationError
+from cislunar.evaluation.metrics import attitude_angle_deg
+from cislunar.exchange.arcs import COMMENTS, rotating_arc
+from cislunar.exchange.oem import oem_text, read_oem
+from cislunar.orbits.families import observer_library
+from cislunar.tasking.settings import RECORDABLE
+
+
+@pytest.fixture(scope="module")
+def inputs():
+    halo = observer_library({"Halo_L2_S": 3})
+    orbits = xr.Dataset(
+        {
+            "state": (("row", "component"), halo.state),
+            "period": ("row", halo.period),
+            "family": ("row", list(halo.family)),
+        }
+    )
+    settings = {
+        "epoch_jd": EPOCH_JD,
+        "ephemeris": {"kernel": "de421", "step_minutes": 60},
+        "visibility": {"duration_days": 1},
+    }
+    return CellInputs(
+        architecture=xr.Dataset({"orbit": ("slot", [0, 2]), "satellites": ("slot", [2, 1])}),
+        orbits=orbits.rename(row="orbit"),
+        tracked=orbits.rename(row="target"),
+        sun=sun_dataset(settings),
+    )
+
+
+def made(inputs, record, estimator="mukf"):
+    settings = cell_settings(
+        read_campaign(ROOT / "config")["task2"]
+        | {"seeds": 2, "duration_hours": 2, "record_minutes": 20, "record": record}
+    )
+    settings = merged(settings, {"sensor": {"limiting_magnitude": 25}})
+    cell = Cell("A", "tpe", estimator, 3, 60)
+    return cell_dataset(cell, inputs, settings, propagator="dop853", seed=3)
+
+
+@pytest.fixture(scope="module", params=["mukf", "batch"])
+def recorded(request, inputs):
+    return made(inputs, list(RECORDABLE), request.param)
+
+
+def test_nothing_asked_for_leaves_no_trace(inputs, recorded):
+    assert "record" not in cell_settings(read_campaign(ROOT / "config")["task2"])
+    plain = made(inputs, [], recorded_estimator(recorded))
+    assert '"record"' not in plain.attrs["settings"]
+    assert set(plain.variables) < set(recorded.variables)
+    for name in plain.variables:
+        np.testing.assert_array_equal(plain[name], recorded[name])
+
+
+def recorded_estimator(cell):
+    return "batch" if '"estimator": "batch"' in cell.attrs["settings"] else "mukf"
+
+
+def test_everything_recorded_has_unit_and_meaning(recorded, tmp_path):
+    write_dataset(recorded, tmp_path / "cell.nc")
+    assert recorded["look_magnitude"].attrs["units"] == "mag"
+
+
+def test_truth_less_estimate_is_the_error(recorded):
+    difference = recorded["true_translation"].values - recorded["estimated_translation"].values
+    np.testing.assert_array_equal(difference.astype(np.float32), recorded["error"][..., 6:])
+    turned = recorded["true_angular_velocity"] - recorded["estimated_angular_velocity"]
+    np.testing.assert_array_equal(turned.astype(np.float32), recorded["error"][..., 3:6])
+    cosine = np.abs(
+        (recorded["true_quaternion"] * recorded["estimated_quaternion"]).sum("quaternion")
+    )
+    angle = np.rad2deg(2.0 * np.arccos(np.minimum(cosine, 1.0)))
+    wanted = attitude_angle_deg(recorded["error"].values.astype(float))
+    np.testing.assert_allclose(angle, wanted, rtol=1e-4, atol=1e-4)
+
+
+def test_covariances_have_the_deviations_on_their_diagonal(recorded):
+    diagonal = np.sqrt(np.diagonal(recorded["covariance"].values, axis1=-2, axis2=-1))
+    np.testing.assert_array_equal(diagonal.astype(np.float32), recorded["sigma"][..., 6:])
+
+
+def test_looks_are_the_fates_and_see_the_truth(recorded):
+    own = {name: recorded[f"look_{name}"].values for name in ("seed", "step", "target", "observer")}
+    fate = np.zeros(recorded["fate"].shape, dtype=np.uint8)
+    np.maximum.at(fate, (own["seed"], own["step"], own["target"]), recorded["look_fate"].values)
+    np.testing.assert_array_equal(fate, recorded["fate"])
+    seen = np.isfinite(recorded["look_magnitude"].values)
+    assert seen.sum() > 100
+    # at a recorded time the measured direction is that of the true place, within the noise
+    times = recorded["step"].values[own["step"]]
+    at = np.searchsorted(recorded["time"].values, times)
+    chosen = seen & (recorded["time"].values[np.minimum(at, recorded.sizes["time"] - 1)] == times)
+    rows = np.flatnonzero(chosen)
+    place = recorded["true_translation"].values[
+        own["seed"][rows], at[rows], own["target"][rows], :3
+    ]
+    observer = recorded["observer_position"].values[own["observer"][rows], own["step"][rows]]
+    axes = recorded["observer_axes"].values[own["step"][rows]]
+    x, y, z = np.einsum("rij,rj->ir", axes, place - observer)
+    variance = recorded["look_angle_variance"].values[rows]
+    off = recorded["look_declination"].values[rows] - np.arctan2(z, np.hypot(x, y))
+    assert np.all(np.abs(off) < 6.0 * np.sqrt(variance))
+    off = np.angle(np.exp(1j * (recorded["look_right_ascension"].values[rows] - np.arctan2(y, x))))
+    assert np.all(np.abs(off) < 6.0 * np.sqrt(variance))
+    # and the telescope points there, within its field of view
+    pointing = recorded["pointing"].values[own["seed"][rows], at[rows], own["observer"][rows]]
+    assert np.all(np.abs(pointing[:, 1] - np.arctan2(z, np.hypot(x, y))) < np.deg2rad(1.5))
+
+
+@pytest.mark.parametrize("which", ["estimated", "true"])
+def test_a_cell_goes_out_and_comes_back(inputs, recorded, tmp_path, which):
+    arcs = cell_arcs(recorded, inputs.sun, which, seed=1)
+    assert [each.name for each in arcs] == [f"Halo_L2_S {k}" for k in recorded["target_id"].values]
+    path = tmp_path / "cell.oem"
+    path.write_text(oem_text(arcs, created="2030-01-01T00:00:00", comments=COMMENTS))
+    for j, back in enumerate(read_oem(path)):
+        elapsed, state = rotating_arc(back, frame_epoch(inputs.sun))
+        np.testing.assert_allclose(elapsed, recorded["time"], rtol=0.0, atol=1e-6)
+        wanted = recorded[f"{which}_translation"].values[1, :, j]
+        np.testing.assert_allclose(state, wanted, rtol=0.0, atol=1e-11)
+        assert len(back.covariance) == (len(wanted) if which == "estimated" else 0)
+
+
+def test_what_was_not_recorded_is_refused(inputs):
+    plain = made(inputs, ["measurements"])
+    with pytest.raises(
+        ConfigurationError, match=r"no true_translation: add truth to 'task2\.record'"
+    ):
+        cell_arcs(plain, inputs.sun, "true")
+    assert "pointing" not in plain and "look_step" in plain
+
+
+@pytest.mark.parametrize("record", [["light"], "truth", ["truth", "truth"], [1]])
+def test_impossible_records_name_the_key(tmp_path, record):
+    config = read_campaign(ROOT / "config") | {"results": str(tmp_path)}
+    with pytest.raises(ConfigurationError, match=r"'task2\.record"):
+        check_campaign(merged(config, {"task2": {"record": record}}))
