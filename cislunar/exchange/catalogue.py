@@ -52,7 +52,7 @@ class CatalogueRows(NamedTuple):
 
 def is_catalogue(header: list[str]) -> bool:
     """Whether the header of a table is meant to be that of the catalogue."""
-    return any(name.strip().startswith("x0") for name in header)
+    return any(name.strip().startswith("x0 (") for name in header)
 
 
 def read_catalogue(path: str | Path) -> CatalogueRows:

@@ -311,7 +311,7 @@ def _require_units(place: str, tdb: Array, state: Array) -> None:
         )
 
 
-def state_at(segments: Sequence[Segment], tdb_s: float) -> Array:
+def state_at(segments: Sequence[Segment], tdb_s: float) -> tuple[Array, str]:
     """State of an object at a time, from its segments.
 
     Parameters
@@ -323,8 +323,10 @@ def state_at(segments: Sequence[Segment], tdb_s: float) -> Array:
 
     Returns
     -------
-    ndarray, shape (6,)
+    state : ndarray, shape (6,)
         km and km/s; a Hermite interpolation of the four nearest states unless one is of that time.
+    center : str
+        Its origin.
 
     Raises
     ------
@@ -334,7 +336,7 @@ def state_at(segments: Sequence[Segment], tdb_s: float) -> Array:
     for each in segments:
         nearest = int(np.argmin(np.abs(each.tdb_s - tdb_s)))
         if abs(each.tdb_s[nearest] - tdb_s) <= SAME_TIME_S:
-            return each.state[nearest]
+            return each.state[nearest], each.center
         if each.tdb_s[0] < tdb_s < each.tdb_s[-1]:
             low = max(0, min(int(np.searchsorted(each.tdb_s, tdb_s)) - 2, each.tdb_s.size - 4))
             near = slice(low, low + 4)
@@ -344,7 +346,7 @@ def state_at(segments: Sequence[Segment], tdb_s: float) -> Array:
                 np.repeat(since / span, 2),
                 np.stack([states[:, :3], states[:, 3:] * span], axis=1).reshape(-1, 3),
             )
-            return np.concatenate([path(0.0), path.derivative(0.0) / span])
+            return np.concatenate([path(0.0), path.derivative(0.0) / span]), each.center
     name = segments[0].name
     spans = ", ".join(f"{clock_text(e.tdb_s[0])} to {clock_text(e.tdb_s[-1])}" for e in segments)
     raise InputFileError(

@@ -16,6 +16,10 @@ class, optional     ``family``                      ``family``
 Velocities are those seen in the rotating frame. Without a period, or where it is left empty, a
 target is at its state at the epoch; with one, it starts at a random point of its orbit as the
 paper's targets do. Other columns are ignored.
+
+Moving targets may also come from rows of JPL's catalogue (`cislunar.exchange.catalogue`), each on
+its orbit at a random point, or from a CCSDS OEM, a file named ``*.oem`` (`cislunar.exchange.oem`),
+each object at its state at the epoch.
 """
 
 from math import isfinite
@@ -34,7 +38,10 @@ from cislunar.constants import (
     TIME_UNIT_S,
 )
 from cislunar.errors import InputFileError
+from cislunar.exchange.catalogue import is_catalogue, read_catalogue
 from cislunar.exchange.csv_lines import listed, read_lines
+from cislunar.exchange.inertial import Epoch, rotating_states
+from cislunar.exchange.oem import Segment, read_oem, state_at
 
 Array = NDArray[np.float64]
 
@@ -95,13 +102,20 @@ class TargetPositions(NamedTuple):
         return len(self.name)
 
 
-def load_target_states(path: str | Path) -> TargetStates:
-    """Read and check a table of moving targets.
+def is_message(path: str | Path) -> bool:
+    """Whether a file of moving targets is an OEM, whose states depend on the epoch."""
+    return Path(path).suffix.lower() == ".oem"
+
+
+def load_target_states(path: str | Path, epoch: Epoch | None = None) -> TargetStates:
+    """Read and check a table of moving targets, rows of JPL's catalogue, or an OEM.
 
     Parameters
     ----------
     path : str or Path
-        The table.
+        The file.
+    epoch : Epoch, optional
+        When and in which axes the states of an OEM are wanted; tables need none.
 
     Returns
     -------
@@ -113,9 +127,17 @@ def load_target_states(path: str | Path) -> TargetStates:
     InputFileError
         If the file is missing, empty or no such table; if a target has no name or its name occurs
         twice; if a number is missing or not finite, a period is negative, or a target is inside
-        the Earth or the Moon. The message names the file, the row as an editor numbers it (the
-        header is row 1) and the target.
+        the Earth or the Moon; if an OEM does not cover the epoch. The message names the file, the
+        row as an editor numbers it (the header is row 1) and the target.
     """
+    if is_message(path):
+        return _of_message(path, epoch)
+    first = read_lines(path, "target")[:1]
+    if first and is_catalogue(first[0][1]):
+        found = read_catalogue(path)
+        for name, state in zip(found.name, found.state, strict=True):
+            _outside(f"{path}, Id {name!r}", list(state[:3]))
+        return TargetStates(found.name, [OWN_FAMILY] * len(found.name), found.state, found.period)
     header, rows = _read(Path(path))
     position = _columns(path, header, POSITION)
     velocity = _columns(path, header, VELOCITY)
@@ -132,6 +154,26 @@ def load_target_states(path: str | Path) -> TargetStates:
         periods.append(given[0] if given else 0.0)
         families.append(row.get("family") or OWN_FAMILY)
     return TargetStates(names, families, np.array(states), np.array(periods))
+
+
+def _of_message(path: str | Path, epoch: Epoch | None) -> TargetStates:
+    """The objects of an OEM at the epoch; segments of the same name are of one object."""
+    if epoch is None:
+        raise InputFileError(f"{path}: an OEM holds states at many times; give the epoch wanted")
+    objects: dict[str, list[Segment]] = {}
+    for segment in read_oem(path):
+        objects.setdefault(segment.name, []).append(segment)
+    states = []
+    for name, segments in objects.items():
+        try:
+            given, center = state_at(segments, epoch.tdb_s)
+        except InputFileError as error:
+            raise InputFileError(f"{path}: {error}") from error
+        state = rotating_states(given[None], [0.0], epoch, center)[0]
+        _outside(f"{path}, object {name!r}", list(state[:3]))
+        states.append(state)
+    families = [OWN_FAMILY] * len(states)
+    return TargetStates(list(objects), families, np.array(states), np.zeros(len(states)))
 
 
 def load_target_positions(path: str | Path) -> TargetPositions:

@@ -7,6 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cislunar.campaign.data.own_targets import own_tracked_dataset
+from cislunar.campaign.settings.scenarios import SECTIONS, shared_dataset
 from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.propagation import propagate
@@ -30,6 +32,7 @@ from cislunar.exchange.inertial import (
 )
 from cislunar.exchange.oem import Segment, oem_text, read_oem, state_at
 from cislunar.exchange.state_tables import read_segments, segments_csv
+from cislunar.targets.tables import load_target_states
 
 HALO = np.array([1.14, 0.0, -0.16, 0.0, -0.223, 0.0])
 ELAPSED = np.arange(0.0, 86_400.0, 3_600.0)
@@ -176,7 +179,8 @@ def test_a_table_reads_back(segment, tmp_path):
 @pytest.mark.parametrize("at", [0.0, 1_800.0, 43_000.0, 82_799.0])
 def test_states_between_those_of_a_message(epoch, segment, at):
     wanted = inertial_states(propagate(HALO, [at / TIME_UNIT_S], method="dop853"), [at], epoch)[0]
-    found = state_at([segment], epoch.tdb_s + at)
+    found, center = state_at([segment], epoch.tdb_s + at)
+    assert center == "EARTH"
     assert np.linalg.norm(found[:3] - wanted[:3]) < 1e-3
     assert np.linalg.norm(found[3:] - wanted[3:]) < 1e-6
 
@@ -284,3 +288,58 @@ def test_a_faulty_row_is_refused_in_a_line(tmp_path, old, new, message):
     with pytest.raises(InputFileError, match=message) as caught:
         read_catalogue(path)
     assert len(str(caught.value).splitlines()) == 1
+
+
+# moving targets of a study
+
+
+@pytest.mark.parametrize("center", CENTERS)
+def test_targets_are_read_from_a_message(epoch, segment, tmp_path, center):
+    state = inertial_states(
+        propagate(HALO, [0.0, 0.01, 0.02]), np.arange(3) * 0.01 * TIME_UNIT_S, epoch, center
+    )
+    tdb = epoch.tdb_s + np.arange(3) * 0.01 * TIME_UNIT_S
+    other = Segment("HALO 2", "2030-002A", center, tdb, state)
+    path = file_of(tmp_path, oem_text([segment, other], created="2030-01-01"), "two.oem")
+    found = load_target_states(path, epoch)
+    assert found.name == ["HALO 1", "HALO 2"]
+    np.testing.assert_allclose(found.state, [HALO, HALO], rtol=0.0, atol=1e-13)
+    np.testing.assert_array_equal(found.period, 0.0)
+    made = own_tracked_dataset(path, (EPOCH_JD, "de421"))
+    np.testing.assert_allclose(made["state"], found.state, rtol=0.0, atol=1e-13)
+
+
+def test_targets_of_a_message_need_its_epoch(epoch, segment, tmp_path):
+    path = file_of(tmp_path, written(segment))
+    with pytest.raises(InputFileError, match="give the epoch wanted"):
+        load_target_states(path)
+    late = epoch_at(EPOCH_JD + 2.0)
+    with pytest.raises(
+        InputFileError, match=r"arc\.oem: object HALO 1: 2024-10-03.* is not within"
+    ):
+        load_target_states(path, late)
+    inside = segment.state * np.where(np.arange(6) < 3, 1e-3, 1.0)
+    moved = segment._replace(state=inside[:1], tdb_s=segment.tdb_s[:1], covariance=np.empty(0))
+    path = file_of(tmp_path, written(moved))
+    with pytest.raises(InputFileError, match="object 'HALO 1': lies inside the Earth"):
+        load_target_states(path, epoch)
+
+
+def test_targets_are_read_from_the_catalogue(tmp_path):
+    path = tmp_path / "rows.csv"
+    catalogue_rows().to_csv(path, index=False)
+    found, rows = load_target_states(path), read_catalogue(path)
+    np.testing.assert_array_equal(found.state, rows.state)
+    np.testing.assert_array_equal(found.period, rows.period)
+    assert found.name == rows.name
+
+
+def test_a_message_is_shared_by_scenarios_of_the_same_epoch():
+    entry = {"targets": 3, "tracked": "their.oem"}
+    later = entry | {"settings": {"epoch_jd": EPOCH_JD + 1.0}}
+    tables = entry | {"tracked": "their.csv"}
+    config = {key: {} for key in SECTIONS}
+    config |= {"epoch_jd": EPOCH_JD, "ephemeris": {"kernel": "de421"}}
+    config["scenarios"] = {"D": entry, "E": entry, "F": later, "G": tables, "H": later | tables}
+    shared = [shared_dataset(config, name, "orbits/tracked") for name in config["scenarios"]]
+    assert [name[-4] for name in shared] == ["D", "D", "F", "G", "G"]

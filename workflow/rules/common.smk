@@ -13,6 +13,7 @@ from cislunar.campaign.settings.scenarios import (
     scenario_settings,
     shared_dataset,
     tracked_count,
+    tracked_epoch,
 )
 from cislunar.campaign.settings.cells import (
     cell_settings,

@@ -43,6 +43,10 @@ rule own_tracked_targets:
         scenario=any_of(name for name, entry in STUDY["scenarios"].items() if "tracked" in entry),
     conda:
         "../envs/cislunar.yaml"
+    params:
+        epoch=lambda wildcards, input: tracked_epoch(
+            scenario_settings(STUDY, wildcards.scenario), input[0]
+        ),
     message:
         "Reading the moving targets in {input}"
     script:

@@ -9,12 +9,17 @@ from cislunar.campaign.data.inputs import AXES, COMPONENTS
 from cislunar.campaign.data.netcdf import variable
 from cislunar.campaign.data.provenance import provenance
 from cislunar.dynamics.cr3bp import jacobi_constant
+from cislunar.exchange.inertial import epoch_at
 from cislunar.targets.tables import load_target_positions, load_target_states
 
 
-def own_tracked_dataset(path: str | Path) -> xr.Dataset:
-    """``orbits/tracked_{scenario}.nc`` of a table (`cislunar.targets.tables`) of moving targets."""
-    targets = load_target_states(path)
+def own_tracked_dataset(path: str | Path, epoch: tuple[float, str] | None = None) -> xr.Dataset:
+    """``orbits/tracked_{scenario}.nc`` of a file (`cislunar.targets.tables`) of moving targets.
+
+    `epoch` is the Julian date and the kernel that an OEM is read with.
+    """
+    targets = load_target_states(path, epoch and epoch_at(*epoch))
+    used = {"tracked": str(path)} | ({"epoch_jd": epoch[0], "kernel": epoch[1]} if epoch else {})
     return xr.Dataset(
         {
             "name": variable("target", targets.name, "1", "name of the target"),
@@ -34,7 +39,7 @@ def own_tracked_dataset(path: str | Path) -> xr.Dataset:
             "jacobi": variable("target", jacobi_constant(targets.state), "1", "Jacobi constant"),
         },
         coords={"component": variable("component", list(COMPONENTS), "1", "component")},
-        attrs=provenance("Moving targets of a table", settings={"tracked": str(path)}),
+        attrs=provenance("Moving targets of a table", settings=used),
     )
 
 

@@ -12,7 +12,8 @@ from typing import Any
 from cislunar.campaign.settings.cells import TRACKED_TARGETS
 from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.settings.tree import Surroundings
-from cislunar.targets.tables import load_target_states
+from cislunar.exchange.inertial import epoch_at
+from cislunar.targets.tables import is_message, load_target_states
 
 SECTIONS = tuple(Surroundings.model_fields)
 """Keys of the configuration a scenario may set for itself; of `task2`, those of a cell."""
@@ -69,7 +70,17 @@ def scenario_settings(config: Mapping[str, Any], scenario: str) -> dict[str, Any
 def tracked_count(config: Mapping[str, Any], scenario: str) -> int:
     """Number of moving targets of a scenario; its table may be missing or faulty."""
     table = config["scenarios"][scenario].get("tracked")
-    return TRACKED_TARGETS if table is None else len(load_target_states(table))
+    if table is None:
+        return TRACKED_TARGETS
+    decides = tracked_epoch(scenario_settings(config, scenario), table)
+    return len(load_target_states(table, decides and epoch_at(*decides)))
+
+
+def tracked_epoch(settings: Mapping[str, Any], table: str | None) -> tuple[float, str] | None:
+    """Epoch and kernel that a file of moving targets is read with; None for a table of states."""
+    if table is None or not is_message(table):
+        return None
+    return settings["epoch_jd"], settings["ephemeris"]["kernel"]
 
 
 SHARED: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Any]] = {
@@ -77,7 +88,9 @@ SHARED: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Any]] = {
         settings["epoch_jd"], settings["ephemeris"], settings["visibility"]["duration_days"]
     ),
     "targets/zvs_points": lambda settings, _: settings["targets"] | {"seeding": None},
-    "orbits/tracked": lambda _, entry: entry.get("tracked"),
+    "orbits/tracked": lambda settings, entry: (
+        entry.get("tracked"), tracked_epoch(settings, entry.get("tracked"))
+    ),
 }  # fmt: skip
 """Data sets that scenarios with the same settings share, and what of the settings and of the
 scenario's entry decides that."""

@@ -288,7 +288,8 @@ class Scenario(Partial):
         "in place of `targets`: table of static targets (columns `id`, `x`, `y`, `z` or `x_km`, "
         "`y_km`, `z_km`; see `cislunar/targets/tables.py`)", "path", default=None)
     tracked: Text = setting(
-        "table of moving targets in place of the 202 orbits: `id`, position as above, velocity "
+        "moving targets in place of the 202 orbits: a CCSDS OEM (`*.oem`), rows of JPL's catalogue "
+        "of periodic orbits, or a table: `id`, position as above, velocity "
         "`vx`, `vy`, `vz` or `vx_km_s`, `vy_km_s`, `vz_km_s`, at the epoch in the rotating frame; "
         "optional `period` or `period_days`, and `family`", "path", default=None)
     settings: partial(Surroundings) = _optional(
