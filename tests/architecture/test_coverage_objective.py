@@ -278,7 +278,14 @@ def test_impossible_tables_are_refused(change, message):
         coverage_tables(*scene(), SETTINGS, **change)
 
 
-@pytest.mark.parametrize("asked", [{"n_satellites": 9}, {"n_satellites": 3, "n_slots": 4}])
-def test_impossible_numbers_of_satellites_are_refused(asked):
-    with pytest.raises(ConfigurationError, match="n_s"):
+@pytest.mark.parametrize(
+    "asked, message",
+    [
+        ({"n_satellites": 9}, "n_slots = 9"),
+        ({"n_satellites": 3, "n_slots": 4}, "n_satellites = 3"),
+        ({"n_satellites": 3, "steps": 0}, "steps = 0"),
+    ],
+)
+def test_impossible_numbers_of_satellites_or_steps_are_refused(asked, message):
+    with pytest.raises(ConfigurationError, match=message):
         certify_coverage(objective_of(random_counts(0), 1), **asked)

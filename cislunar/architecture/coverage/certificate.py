@@ -30,7 +30,7 @@ class CoverageCertificate:
     bound : float
         No architecture of as many places and satellites covers more.
     gap : float
-        bound / value - 1.
+        bound / value - 1; infinite if nothing was found where something may be.
     steps : int
         Subgradient steps.
     seconds : float
@@ -148,8 +148,10 @@ def certify_coverage(
     Raises
     ------
     ConfigurationError
-        If the places cannot hold the satellites.
+        If the places cannot hold the satellites, or `steps` is below 1.
     """
+    if steps < 1:
+        raise ConfigurationError(f"steps = {steps} must be at least 1")
     began = perf_counter()
     n_slots = n_satellites if n_slots is None else n_slots
     start = greedy_coverage(objective, n_satellites, n_slots=n_slots)
@@ -160,21 +162,20 @@ def certify_coverage(
     bound, taken = np.inf, 0
     for _ in range(_ROUNDS):
         found = coverage_bound(objective, best.orbit, best.satellites, steps=steps)
-        bound, taken = min(bound, max(found.bound, best.value)), taken + found.steps
+        bound, taken = min(bound, found.bound), taken + found.steps
         if bound <= best.value or not found.choices:
             break
         again = coordinate_search(objective, rng, restarts=0, starts=found.choices, **search)
         if again.value <= best.value:
             break
         best = again
-    bound = max(bound, best.value)
     return CoverageCertificate(
         orbit=best.orbit,
         satellites=best.satellites,
         value=best.value,
         greedy=greedy,
         bound=bound,
-        gap=bound / best.value - 1.0 if best.value > 0.0 else 0.0,
+        gap=bound / best.value - 1.0 if best.value > 0.0 else (np.inf if bound > 0.0 else 0.0),
         steps=taken,
         seconds=perf_counter() - began,
     )
