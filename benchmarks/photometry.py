@@ -1,7 +1,9 @@
-"""Time of one apparent magnitude of an icosahedron: compiled kernel against plain NumPy.
+"""Time of one apparent magnitude: compiled kernel against plain NumPy, and bodies with shadows.
 
 Run ``python benchmarks/photometry.py``. Prints the best of several repeats, in microseconds per
-magnitude, and the ratios; exits with an error if the two disagree.
+magnitude, and the ratios; exits with an error if the two kernels of an icosahedron disagree. A body
+with shadows and several materials is compared with the convex kernel on as many facets, its own,
+measured in turns; the directions are random, and those of a slow tumble.
 """
 
 import argparse
@@ -10,8 +12,10 @@ import numpy as np
 from _timing import best_time
 from numba import njit
 
-from cislunar.attitude.quaternion import normalize, to_inertial
+from cislunar.attitude.quaternion import from_rotation_vector, normalize, to_inertial
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
+from cislunar.photometry import spacecraft
+from cislunar.photometry.bodies import body_magnitude, build_body
 from cislunar.photometry.facets import (
     FLOOR_MAGNITUDE,
     facet_magnitude,
@@ -65,6 +69,36 @@ def compiled_gradients(quaternion, sun, view, areas, normals, material, out):
         )[0]
 
 
+@njit
+def body_magnitudes(quaternion, sun, view, body, out):
+    """`body_magnitude` of n geometries."""
+    for i in range(out.shape[0]):
+        out[i] = body_magnitude(quaternion[i], sun[i], view[i], RANGE_M, body, True, True)
+
+
+def compare_bodies(quaternion, sun, view, repeats: int) -> None:
+    """Print what shadows and materials cost at equal facets."""
+    n = len(quaternion)
+    out = np.empty(n)
+    axis = np.array([0.3, -0.5, 0.81])
+    tumble = np.array([from_rotation_vector(angle * axis) for angle in np.linspace(0.0, 40.0, n)])
+    still = [np.repeat(v[:1], n, axis=0) for v in (sun, view)]
+    print(f"{'body':>15} {'facets':>6} {'geometry':>8} {'convex':>7} {'shadows':>7}  us  ratio")
+    for name, materials in spacecraft.SURFACES.items():
+        body = build_body(getattr(spacecraft, name)(), materials)
+        for label, geometry in (("random", (quaternion, sun, view)), ("tumble", (tumble, *still))):
+            convex, shadowed = np.inf, np.inf
+            for _ in range(repeats):
+                task = (*geometry, body.areas, body.normals, body.materials[0], out)
+                convex = min(convex, best_time(lambda t=task: compiled_magnitudes(*t), 1))
+                task = (*geometry, body, out)
+                shadowed = min(shadowed, best_time(lambda t=task: body_magnitudes(*t), 1))
+            print(
+                f"{name:>15} {body.areas.size:6d} {label:>8} {1e6 * convex / n:7.3f} "
+                f"{1e6 * shadowed / n:7.3f}      {shadowed / convex:.2f}"
+            )
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -110,6 +144,7 @@ def main() -> None:
             f"       NumPy one by one / compiled = {us['single'] / us['compiled']:.0f}, "
             f"NumPy batch / compiled = {us['batch'] / us['compiled']:.0f}"
         )
+    compare_bodies(quaternion, sun, view, arguments.repeats)
 
 
 if __name__ == "__main__":

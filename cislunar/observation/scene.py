@@ -20,6 +20,7 @@ from cislunar.attitude.quaternion import attitude_matrix
 from cislunar.attitude.rigid_body import propagate_spherical
 from cislunar.constants import TIME_UNIT_S
 from cislunar.errors import ConfigurationError
+from cislunar.photometry.bodies import Body
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import Facets
 
@@ -213,10 +214,16 @@ def target_surfaces(
     Raises
     ------
     ConfigurationError
-        If a sequence does not hold one entry for each target, or no rigid body has such an
-        inertia.
+        If a sequence does not hold one entry for each target, a shape is a body whose magnitude
+        has no derivatives, or no rigid body has such an inertia.
     """
-    shapes = [facets] * n_targets if isinstance(facets, Facets) else list(facets)
+    shapes = [facets] * n_targets if isinstance(facets, Facets | Body) else list(facets)
+    for shape in shapes:
+        if isinstance(shape, Body):
+            raise ConfigurationError(
+                "facets: bodies with shadows or several materials have no derivatives yet; give "
+                "the facets of a convex body (photometry.bodies.convex_facets)"
+            )
     surfaces = [material] * n_targets if isinstance(material, Material) else list(material)
     given = np.asarray(inertia, dtype=float)
     bodies = list(given) if given.ndim == 3 else [given] * n_targets

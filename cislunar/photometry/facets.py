@@ -58,6 +58,32 @@ def fresnel_reflectance(cosine, normal_reflectance, fresnel_sqrt):
 
 
 @njit(cache=True, error_model="numpy")
+def reflection_constants(material, half2, fresnel_sqrt):
+    """d rho, s F / delta^2, 1 / delta^2 and the largest tan^2(phi) with a glint, of a material.
+
+    `material` is a row ``[d, s, rho, delta_rms, F0]`` and `half2` is |L + V|^2.
+    """
+    steepness = 1.0 / (material[3] * material[3])
+    far = LARGEST_EXPONENT / steepness  # largest tan^2(phi) with exp(-tan^2(phi)/delta^2) > 0
+    fresnel = fresnel_reflectance(0.5 * np.sqrt(half2), material[4], fresnel_sqrt)
+    return material[0] * material[2], material[1] * fresnel * steepness, steepness, far
+
+
+@njit(cache=True, error_model="numpy")
+def facet_reflectance(lit, seen, lower, inverse_half2, diffuse, specular, steepness, far):
+    """pi R_i / A_i of a facet with N.L = `lit` and N.V = `seen`, `lower` of which is the less."""
+    both = lit + seen
+    reflectance = diffuse * lit * seen
+    cosine2 = both * both * inverse_half2  # (N.H)^2
+    if 1.0 - cosine2 < far * cosine2:  # else the glint underflows
+        secant2 = 1.0 / cosine2
+        attenuation = min(1.0, 4.0 * both * lower * inverse_half2)
+        beckmann = np.exp((1.0 - secant2) * steepness) * secant2 * secant2
+        reflectance += specular * attenuation * beckmann
+    return reflectance
+
+
+@njit(cache=True, error_model="numpy")
 def facet_irradiance(
     quaternion, sun_direction, view_direction, range_m, areas, normals, material,
     irradiance_4pi, fresnel_sqrt,
@@ -96,11 +122,7 @@ def facet_irradiance(
     half2 = (lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2
     lx, ly, lz = rotate_components(q1, q2, q3, q4, lx, ly, lz)
     vx, vy, vz = rotate_components(q1, q2, q3, q4, vx, vy, vz)
-    diffuse = material[0] * material[2]
-    steepness = 1.0 / (material[3] * material[3])
-    far = LARGEST_EXPONENT / steepness  # largest tan^2(phi) with exp(-tan^2(phi)/delta^2) > 0
-    fresnel = fresnel_reflectance(0.5 * np.sqrt(half2), material[4], fresnel_sqrt)
-    specular = material[1] * fresnel * steepness
+    diffuse, specular, steepness, far = reflection_constants(material, half2, fresnel_sqrt)
     inverse_half2 = 1.0 / half2
     total = 0.0
     for i in range(areas.shape[0]):
@@ -110,15 +132,9 @@ def facet_irradiance(
         lower = min(lit, seen)
         if lower <= 0.0:
             continue
-        both = lit + seen
-        reflectance = diffuse * lit * seen
-        cosine2 = both * both * inverse_half2  # (N.H)^2
-        if 1.0 - cosine2 < far * cosine2:  # else the glint underflows
-            secant2 = 1.0 / cosine2
-            attenuation = min(1.0, 4.0 * both * lower * inverse_half2)
-            beckmann = np.exp((1.0 - secant2) * steepness) * secant2 * secant2
-            reflectance += specular * attenuation * beckmann
-        total += areas[i] * reflectance
+        total += areas[i] * facet_reflectance(
+            lit, seen, lower, inverse_half2, diffuse, specular, steepness, far
+        )
     spread = np.pi * range_m * range_m
     if irradiance_4pi:
         spread *= 4.0 * np.pi
@@ -250,6 +266,35 @@ def _irradiances(quaternion, sun, view, range_m, areas, normals, material, flag_
     return result
 
 
+def broadcast_geometries(
+    quaternion: ArrayLike, sun_direction: ArrayLike, view_direction: ArrayLike, range_m: ArrayLike
+) -> tuple[tuple[int, ...], list[Array]]:
+    """Geometries one by one, as compiled loops take them.
+
+    Parameters
+    ----------
+    quaternion, sun_direction, view_direction, range_m : array_like
+        As for `apparent_magnitude`.
+
+    Returns
+    -------
+    shape : tuple of int
+        Common shape.
+    rows : list of ndarray
+        The four, contiguous, of shapes (n, 4), (n, 3), (n, 3) and (n,).
+    """
+    vectors = [
+        np.asarray(a, dtype=float)
+        for a in (quaternion, sun_direction, view_direction, np.asarray(range_m)[..., None])
+    ]
+    shape = np.broadcast_shapes(*(a.shape[:-1] for a in vectors))
+    rows = [
+        np.ascontiguousarray(np.broadcast_to(a, (*shape, a.shape[-1]))).reshape(-1, a.shape[-1])
+        for a in vectors
+    ]
+    return shape, [*rows[:3], rows[3][:, 0].copy()]
+
+
 def apparent_magnitude(
     quaternion: ArrayLike,
     sun_direction: ArrayLike,
@@ -287,20 +332,9 @@ def apparent_magnitude(
     """
     material = Material() if material is None else material
     model = PhotometryModel() if model is None else model
-    quaternion, sun, view = (
-        np.asarray(a, dtype=float) for a in (quaternion, sun_direction, view_direction)
-    )
-    distance = np.asarray(range_m, dtype=float)
-    shape = np.broadcast_shapes(
-        quaternion.shape[:-1], sun.shape[:-1], view.shape[:-1], distance.shape
-    )
-    rows = [
-        np.ascontiguousarray(np.broadcast_to(a, (*shape, a.shape[-1]))).reshape(-1, a.shape[-1])
-        for a in (quaternion, sun, view, distance[..., None])
-    ]
+    shape, rows = broadcast_geometries(quaternion, sun_direction, view_direction, range_m)
     flux = _irradiances(
-        *rows[:3],
-        rows[3][:, 0].copy(),
+        *rows,
         np.ascontiguousarray(facets.areas, dtype=float),
         np.ascontiguousarray(facets.normals, dtype=float),
         material.as_array(),

@@ -3,6 +3,7 @@
 The paper gives no values for the surface. The defaults here are this library's choice.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ FRESNEL_FORMS = ("sqrt", "printed")
 
 @dataclass(frozen=True)
 class Material:
-    """Surface of an object, the same on all its facets.
+    """Surface of an object or of a group of its facets.
 
     Parameters
     ----------
@@ -62,6 +63,58 @@ class Material:
     def as_array(self) -> NDArray[np.float64]:
         """Parameters in the order of the kernels, ``[d, s, rho, delta_rms, F0]``."""
         return np.array(astuple(self), dtype=float)
+
+
+PANEL = Material(0.3, 0.1, 0.1, 0.1, 0.2)
+FOIL = Material(0.4, 0.1, 0.5, 0.35, 0.8)
+PAINT = Material(0.95, 0.01, 0.7, 0.4, 0.05)
+"""Solar cells, crinkled metal foil and white paint: chosen to be told apart, not measured. Their
+specular weights conserve energy."""
+
+
+def material_rows(
+    source: str, groups: Sequence[str], materials: Mapping[str, Material]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Material table of a body, and the row of each of its facets.
+
+    Parameters
+    ----------
+    source : str
+        The body, for messages.
+    groups : sequence of str, length F
+        Group of each facet.
+    materials : mapping of str to Material
+        Material of each group.
+
+    Returns
+    -------
+    rows : ndarray of int, shape (F,)
+        Row of each facet.
+    table : ndarray, shape (M, 5)
+        Row by row as `Material.as_array`; equal materials share a row.
+
+    Raises
+    ------
+    ConfigurationError
+        If a facet's group has no material, or a material is given for a group that no facet
+        belongs to.
+    """
+    for facet, group in enumerate(groups, 1):
+        if group not in materials:
+            where = f"of group {group!r}" if group else "of no group"
+            raise ConfigurationError(
+                f"{source}: facet {facet}, {where}, has no material; there are materials for "
+                f"{', '.join(materials) or 'no group'}"
+            )
+    unknown = [group for group in materials if group not in groups]
+    if unknown:
+        raise ConfigurationError(
+            f"{source}: no facet belongs to group {unknown[0]!r}, which is given a material; its "
+            f"groups are {', '.join(dict.fromkeys(groups))}"
+        )
+    distinct = list(dict.fromkeys(materials.values()))
+    rows = np.array([distinct.index(materials[group]) for group in groups], dtype=np.int64)
+    return rows, np.array([material.as_array() for material in distinct])
 
 
 @dataclass(frozen=True)

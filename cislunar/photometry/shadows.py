@@ -1,0 +1,349 @@
+"""Shadows that the facets of a body cast on each other, tabulated once over all directions.
+
+Whether a point of the surface is lit depends on the direction to the Sun alone, whether it is seen
+on that to the observer alone; how much of a facet is both lit and seen depends on the two together.
+So each facet that anything can shadow carries `SAMPLES` fixed points, and a table over directions
+holds, as bits, which of them are free. The share lit and seen is the number of bits that the mask
+of the Sun and that of the observer have in common.
+
+Directions are the vertices of an octahedron whose faces are cut in `steps` squared triangles,
+pushed onto the sphere. The share is interpolated linearly between the three vertices about each of
+the two directions, so that it is continuous, and exact where the mask does not change.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from cislunar.errors import ConfigurationError
+from cislunar.photometry.meshes import CONVEX_TOLERANCE, Mesh, mesh_size
+from cislunar.photometry.shapes import facets_from_triangles
+
+Array = NDArray[np.float64]
+
+WORDS = 4
+"""64-bit words of a mask."""
+
+SAMPLES = 64 * WORDS
+"""Points of a facet."""
+
+STEPS = 32
+"""Steps of the table from pole to equator, 2.8 degrees on average."""
+
+DARK, CLEAR = 0, 1
+"""Masks without and with all bits."""
+
+PLASTIC = 1.32471795724474602596
+"""Root of x^3 = x + 1: its powers spread points evenly over the plane (the R2 sequence)."""
+
+GRAZING = 1e-3
+"""Directions below a facet's horizon are lifted to this sine: what is there counts only as the far
+end of the interpolation across the horizon."""
+
+LONGEST = 2.5
+"""Greatest distance of neighbors in the table, times `steps`, rad."""
+
+
+class Shadows(NamedTuple):
+    """Table of the free points of facets, for compiled kernels.
+
+    Parameters
+    ----------
+    steps : int
+        Steps of the table from pole to equator; 0 if no facet can shadow another.
+    column : ndarray of int, shape (F,)
+        Column of a facet in `lookup`; -1 for one that nothing can shadow.
+    lookup : ndarray of int, shape ((2 steps + 1)^2, C)
+        Row of `masks` for a direction and a facet.
+    masks : ndarray of uint64, shape (M, WORDS)
+        Free points, one bit each; row `DARK` has none and row `CLEAR` all.
+    shares : ndarray, shape (M,)
+        Share of free points of each mask.
+    """
+
+    steps: int
+    column: NDArray[np.int64]
+    lookup: NDArray[np.int32]
+    masks: NDArray[np.uint64]
+    shares: Array
+
+
+@intrinsic
+def _count_bits(typing_context, word):
+    """Number of bits set in an unsigned 64-bit word."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.ctpop(arguments[0])
+
+    return types.uint64(types.uint64), generate
+
+
+@njit(cache=True, error_model="numpy")
+def table_corners(x, y, z, steps):
+    """Rows of `Shadows.lookup` for the three table directions about a direction, and weights."""
+    scale = steps * (1.0 - 1e-12) / (abs(x) + abs(y) + abs(z))  # the outermost edge stays inside
+    a, b = abs(x) * scale, abs(y) * scale
+    i, j = int(a), int(b)
+    f, g = a - i, b - j
+    if f + g <= 1.0:
+        weights = 1.0 - f - g, f, g
+        first = _table_row(i, j, x, y, z, steps)
+        second = _table_row(i + 1, j, x, y, z, steps)
+        third = _table_row(i, j + 1, x, y, z, steps)
+    else:
+        weights = f + g - 1.0, 1.0 - f, 1.0 - g
+        first = _table_row(i + 1, j + 1, x, y, z, steps)
+        second = _table_row(i, j + 1, x, y, z, steps)
+        third = _table_row(i + 1, j, x, y, z, steps)
+    return (first, second, third), weights
+
+
+@njit(cache=True, error_model="numpy")
+def _table_row(i, j, x, y, z, steps):
+    """Row of the vertex i, j >= 0 steps from the pole, in the octant of (x, y, z)."""
+    if z < 0.0:  # the lower half is folded outward
+        i, j = steps - j, steps - i
+    if x < 0.0:
+        i = -i
+    if y < 0.0:
+        j = -j
+    return (i + steps) * (2 * steps + 1) + j + steps
+
+
+def table_directions(steps: int) -> Array:
+    """Unit vectors of the table's rows.
+
+    Parameters
+    ----------
+    steps : int
+        Steps of the table from pole to equator.
+
+    Returns
+    -------
+    ndarray, shape ((2 steps + 1)^2, 3)
+        Those on the rim of the folded octahedron appear twice.
+    """
+    axis = np.arange(-steps, steps + 1) / max(steps, 1)
+    x, y = (a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))
+    z = 1.0 - abs(x) - abs(y)
+    below = z < -1e-12
+    folded = (1.0 - abs(y)) * np.sign(x), (1.0 - abs(x)) * np.sign(y)
+    x, y = np.where(below, folded[0], x), np.where(below, folded[1], y)
+    vectors = np.stack([x, y, z], axis=1)
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def sample_points(n_facets: int) -> Array:
+    """Points spread evenly over each facet, no two facets alike.
+
+    Parameters
+    ----------
+    n_facets : int
+        F.
+
+    Returns
+    -------
+    ndarray, shape (F, SAMPLES, 2)
+        Coordinates along the two edges from a facet's first vertex.
+    """
+    step = np.array([1.0 / PLASTIC, 1.0 / PLASTIC**2])
+    start = np.arange(n_facets)[:, None, None] * np.array([np.sqrt(2.0), np.sqrt(3.0)])
+    points = (start + np.arange(1, SAMPLES + 1)[:, None] * step) % 1.0
+    return np.where(points.sum(axis=-1, keepdims=True) > 1.0, 1.0 - points, points)
+
+
+def shadowing_pairs(mesh: Mesh) -> NDArray[np.bool_]:
+    """Which facet can shadow which.
+
+    Light on its way out of a closed body leaves it through the back of a facet. So j can shadow i
+    only if j rises above the plane of i and i reaches below that of j. No two facets of a convex
+    body do.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed, facing outward.
+
+    Returns
+    -------
+    ndarray of bool, shape (F, F)
+        Entry [i, j]: facet j can shadow facet i.
+    """
+    normals = facets_from_triangles(mesh.vertices, mesh.triangles).normals
+    corners = mesh.vertices[mesh.triangles]
+    offsets = np.einsum("fi,fi->f", normals, corners[:, 0])
+    heights = np.einsum("fi,jci->fjc", normals, corners) - offsets[:, None, None]
+    tolerance = CONVEX_TOLERANCE * mesh_size(mesh.vertices)
+    rises, dips = heights.max(axis=-1) > tolerance, heights.min(axis=-1) < -tolerance
+    return rises & dips.T
+
+
+def shadow_table(mesh: Mesh, steps: int = STEPS) -> Shadows:
+    """Tabulate the shadows that the facets of a body cast on each other.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed, facing outward.
+    steps : int
+        Steps of the table from pole to equator.
+
+    Returns
+    -------
+    Shadows
+        Without columns, and of one row, if no facet can shadow another, as on a convex body.
+
+    Raises
+    ------
+    ConfigurationError
+        If `steps` is not positive.
+    """
+    if not steps > 0:
+        raise ConfigurationError(f"shadow table steps = {steps} must be positive")
+    pairs = shadowing_pairs(mesh)
+    shadowed = np.nonzero(pairs.any(axis=1))[0]
+    steps = steps if shadowed.size else 0
+    column = np.full(len(pairs), -1, dtype=np.int64)
+    column[shadowed] = np.arange(shadowed.size)
+    normals = facets_from_triangles(mesh.vertices, mesh.triangles).normals
+    corners = mesh.vertices[mesh.triangles]
+    directions, points = table_directions(steps), sample_points(len(pairs))
+    lookup = np.zeros((len(directions), shadowed.size), dtype=np.int32)
+    masks = [np.zeros((1, WORDS), np.uint64), np.full((1, WORDS), ~np.uint64(0))]
+    found = 2
+    for i in shadowed:
+        edges = corners[i, 1:] - corners[i, 0]
+        # Rows that give the coordinates along the two edges, and the height above the plane.
+        frame = np.linalg.inv(np.column_stack([*edges, normals[i]]))
+        occluders = np.nonzero(pairs[i])[0]
+        polygons = [_part_above((corners[j] - corners[i, 0]) @ frame.T) for j in occluders]
+        sizes = np.array([len(each) for each in polygons])
+        padded = np.zeros((len(polygons), 4, 3))
+        for row, each in zip(padded, polygons, strict=True):
+            row[: len(each)] = each
+        rising = directions @ normals[occluders].T
+        free = _free_points(
+            directions @ frame.T, rising, padded, sizes, points[i], -LONGEST / steps
+        )
+        bits = np.bitwise_count(free).sum(axis=1)
+        partial = np.nonzero((bits > 0) & (bits < SAMPLES))[0]
+        kept, inverse = np.unique(free[partial], axis=0, return_inverse=True)
+        rows = np.where(bits == SAMPLES, CLEAR, DARK)
+        rows[partial] = found + inverse.ravel()
+        lookup[:, column[i]] = rows
+        masks.append(kept)
+        found += len(kept)
+    table = np.concatenate(masks)
+    shares = np.bitwise_count(table).sum(axis=1) / SAMPLES
+    return Shadows(steps, column, lookup, table, shares)
+
+
+def _part_above(triangle: Array) -> Array:
+    """What of a triangle, (3, 3), has a positive last coordinate: 3 or 4 corners."""
+    kept = []
+    for here, there in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
+        if here[2] > 0.0:
+            kept.append(here)
+        if (here[2] > 0.0) != (there[2] > 0.0):
+            kept.append(here + (there - here) * here[2] / (here[2] - there[2]))
+    return np.array(kept)
+
+
+@njit(cache=True, error_model="numpy")
+def _free_points(directions, rising, polygons, sizes, points, lowest):
+    """Masks (rows, WORDS) of the points of a facet that no occluder hides.
+
+    `directions` (rows, 3), `polygons` (J, 4, 3) with `sizes` corners and `points` (SAMPLES, 2) are
+    in the coordinates of the facet; `rising` (rows, J) is the cosine between a direction and an
+    occluder's normal: only the back of an occluder counts. Directions with a third coordinate
+    below `lowest` are left out.
+    """
+    result = np.zeros((directions.shape[0], WORDS), np.uint64)
+    shadow = np.empty((4, 2))
+    free = np.empty(SAMPLES, np.int64)  # the points not yet hidden come first
+    for row in range(directions.shape[0]):
+        rise = directions[row, 2]
+        if rise < lowest:
+            continue  # no neighbor of a direction that reaches the facet
+        rise = max(rise, GRAZING)
+        slope_u, slope_v = directions[row, 0] / rise, directions[row, 1] / rise
+        left = SAMPLES
+        free[:] = np.arange(SAMPLES)
+        for j in range(polygons.shape[0]):
+            if rising[row, j] <= 0.0 or left == 0:
+                continue
+            n = sizes[j]
+            low_u, low_v, high_u, high_v = np.inf, np.inf, -np.inf, -np.inf
+            for k in range(n):
+                u = polygons[j, k, 0] - slope_u * polygons[j, k, 2]
+                v = polygons[j, k, 1] - slope_v * polygons[j, k, 2]
+                shadow[k, 0], shadow[k, 1] = u, v
+                low_u, high_u = min(low_u, u), max(high_u, u)
+                low_v, high_v = min(low_v, v), max(high_v, v)
+            if high_u <= 0.0 or high_v <= 0.0 or low_u >= 1.0 or low_v >= 1.0:
+                continue
+            area = 0.0
+            for k in range(n):
+                m = (k + 1) % n
+                area += shadow[k, 0] * shadow[m, 1] - shadow[m, 0] * shadow[k, 1]
+            spot = 0
+            while spot < left:
+                u, v = points[free[spot], 0], points[free[spot], 1]
+                inside = low_u <= u <= high_u and low_v <= v <= high_v
+                k = 0
+                while inside and k < n:
+                    m = k + 1 if k + 1 < n else 0
+                    du, dv = shadow[m, 0] - shadow[k, 0], shadow[m, 1] - shadow[k, 1]
+                    inside = area * (du * (v - shadow[k, 1]) - dv * (u - shadow[k, 0])) >= 0.0
+                    k += 1
+                if inside:
+                    left -= 1
+                    free[spot] = free[left]
+                else:
+                    spot += 1
+        for spot in range(left):
+            s = free[spot]
+            result[row, s // 64] |= np.uint64(1) << np.uint64(s % 64)
+    return result
+
+
+@njit(cache=True, error_model="numpy")
+def _seen_bits(masks, mask, view, weights):
+    """Points that a mask shares with three others, weighted."""
+    first, second, third = np.uint64(0), np.uint64(0), np.uint64(0)
+    for k in range(WORDS):
+        word = masks[mask, k]
+        first += _count_bits(word & masks[view[0], k])
+        second += _count_bits(word & masks[view[1], k])
+        third += _count_bits(word & masks[view[2], k])
+    return (
+        weights[0] * np.int64(first) + weights[1] * np.int64(second) + weights[2] * np.int64(third)
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def share_lit_and_seen(column, sun, view, lookup, masks, shares):
+    """Share of a facet's area that neither the Sun's light nor the observer's sight misses.
+
+    `sun` and `view` are what `table_corners` returns for L and V in the body frame; the arrays are
+    those of `Shadows`, one by one since a kernel counts references to those it takes from a tuple.
+    """
+    (i0, i1, i2), (a0, a1, a2) = sun
+    (j0, j1, j2), b = view
+    s0, s1, s2 = lookup[i0, column], lookup[i1, column], lookup[i2, column]
+    v0, v1, v2 = lookup[j0, column], lookup[j1, column], lookup[j2, column]
+    if s0 <= CLEAR and s0 == s1 and s0 == s2:
+        if s0 == DARK:
+            return 0.0
+        if v0 <= CLEAR and v0 == v1 and v0 == v2:
+            return shares[v0]
+        return b[0] * shares[v0] + b[1] * shares[v1] + b[2] * shares[v2]
+    if v0 <= CLEAR and v0 == v1 and v0 == v2:
+        return shares[v0] * (a0 * shares[s0] + a1 * shares[s1] + a2 * shares[s2])
+    rows = v0, v1, v2
+    total = a0 * _seen_bits(masks, s0, rows, b)
+    total += a1 * _seen_bits(masks, s1, rows, b) + a2 * _seen_bits(masks, s2, rows, b)
+    return total / SAMPLES

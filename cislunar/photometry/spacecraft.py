@@ -1,0 +1,265 @@
+"""Meshes of three kinds of object found in cislunar space, made from a few dimensions.
+
+The defaults are those of objects that exist; the docstrings name the sources, and what is assumed
+for want of one. All axes are body axes, lengths in metres. `SURFACES` has a material for each facet
+group.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.errors import ConfigurationError
+from cislunar.photometry.materials import FOIL, PAINT, PANEL
+from cislunar.photometry.meshes import Mesh, closed_mesh
+
+Array = NDArray[np.float64]
+
+SURFACES = {
+    "box_with_wings": {"bus": FOIL, "cells": PANEL, "wing": PAINT},
+    "dish_on_bus": {"bus": FOIL, "dish": PAINT},
+    "upper_stage": {"tank": PAINT, "nozzle": FOIL},
+}
+"""Materials of the facet groups of each model: a choice, not a measurement."""
+
+
+def box_with_wings(
+    size: ArrayLike = (2.7, 1.2, 1.1),
+    wing: ArrayLike = (5.0, 1.0),
+    span: float = 14.67,
+    *,
+    wing_turn: float = 0.0,
+    thickness: float = 0.03,
+    divisions: int = 2,
+) -> Mesh:
+    """A box with two solar wings along +-y, which turn about that axis.
+
+    The defaults are a Galileo FOC satellite: body 2.7 m x 1.2 m x 1.1 m and span 14.67 m (ESA,
+    Galileo satellite facts and figures), wings of 1 m x 5 m (ESA, "Galileo spreads its wings", 11
+    July 2013). Yokes are left out; which side of the body is which axis, and the thickness of a
+    wing, are assumed.
+
+    Parameters
+    ----------
+    size : array_like, shape (3,)
+        Box along x, y, z, m.
+    wing : array_like, shape (2,)
+        Wing along and across y, m.
+    span : float
+        From tip to tip, m.
+    wing_turn : float
+        Angle of the cells' normal from +x towards -z, rad.
+    thickness : float
+        Of a wing, m.
+    divisions : int
+        Pieces of a wing along y.
+
+    Returns
+    -------
+    Mesh
+        Groups ``bus``, ``cells`` (the sunny side of the wings) and ``wing``.
+
+    Raises
+    ------
+    ConfigurationError
+        If a length is not positive, or the wings run into the box.
+    """
+    (length, width), (depth, breadth, height) = wing, size
+    _check_positive("box_with_wings", [*size, *wing, span, thickness, divisions])
+    middle = 0.5 * (span - length)
+    if middle - 0.5 * length <= 0.5 * breadth:
+        raise ConfigurationError(
+            f"box_with_wings: wings of {length} m within a span of {span} m run into a box "
+            f"{breadth} m wide"
+        )
+    c, s = np.cos(wing_turn), np.sin(wing_turn)
+    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    box, triangles = _box((depth, breadth, height), 1)
+    parts = [(box, triangles, ("bus",) * len(triangles))]
+    panel, triangles = _box((thickness, length, width), divisions)
+    corners = panel[triangles]
+    sunny = np.all(corners[..., 0] > 0.0, axis=1)
+    groups = tuple(np.where(sunny, "cells", "wing").tolist())
+    for side in (-middle, middle):
+        parts.append((panel @ turn.T + [0.0, side, 0.0], triangles, groups))
+    return _joined("box_with_wings", parts)
+
+
+def dish_on_bus(
+    size: ArrayLike = (1.4, 1.4, 0.85),
+    diameter: float = 4.2,
+    *,
+    focal_ratio: float = 0.35,
+    gap: float = 0.2,
+    thickness: float = 0.05,
+    segments: int = 12,
+    rings: int = 2,
+) -> Mesh:
+    """A parabolic dish that opens along +z, above a box.
+
+    The defaults are the relay satellite Queqiao: body 1.4 m x 1.4 m x 0.85 m, dish of 4.2 m
+    diameter (Zhang, "Development and Prospect of Chinese Lunar Relay Communication Satellite",
+    Space: Science & Technology 2021, 3471608, table 1). Its wings and feed are left out; focal
+    ratio, gap and thickness are assumed.
+
+    Parameters
+    ----------
+    size : array_like, shape (3,)
+        Box along x, y, z, m.
+    diameter : float
+        Of the dish, m.
+    focal_ratio : float
+        Focal length over diameter.
+    gap : float
+        From the box to the back of the dish, m.
+    thickness : float
+        Of the dish, m.
+    segments, rings : int
+        Pieces of the dish around and across.
+
+    Returns
+    -------
+    Mesh
+        Groups ``bus`` and ``dish``.
+
+    Raises
+    ------
+    ConfigurationError
+        If a length is not positive or there are fewer than three segments.
+    """
+    _check_positive(
+        "dish_on_bus", [*size, diameter, focal_ratio, gap, thickness, segments - 2, rings]
+    )
+    box, triangles = _box(size, 1)
+    parts = [(box, triangles, ("bus",) * len(triangles))]
+    r = np.linspace(0.0, 0.5 * diameter, rings + 1)
+    bowl = np.stack([r, r**2 / (4.0 * focal_ratio * diameter)], axis=1)
+    bowl[:, 1] += 0.5 * np.asarray(size)[2] + gap
+    profile = np.concatenate([bowl + np.array([0.0, thickness]), bowl[::-1]])
+    parts.append(_revolved(profile, ["dish"] * (len(profile) - 1), segments))
+    return _joined("dish_on_bus", parts)
+
+
+def upper_stage(
+    length: float = 12.68,
+    diameter: float = 3.05,
+    nozzle_diameter: float = 1.17,
+    *,
+    nozzle_length: float = 1.5,
+    dome: float = 1.0,
+    segments: int = 12,
+) -> Mesh:
+    """A spent upper stage about z: domed cylinder with one nozzle, open towards -z.
+
+    The defaults are a Centaur of Atlas V, as sent past or to the Moon with Lunar Reconnaissance
+    Orbiter: 12.68 m long, 3.05 m across (United Launch Alliance, Atlas V Launch Services User's
+    Guide, 2010), one RL10A-4-2 of 1.17 m exit diameter (Aerojet Rocketdyne, RL10 data sheet). The
+    lengths of nozzle and domes are assumed; the payload adapter is left out.
+
+    Parameters
+    ----------
+    length : float
+        With the nozzle, m.
+    diameter : float
+        Of the tank, m.
+    nozzle_diameter : float
+        At the exit, m.
+    nozzle_length : float
+        From the throat to the exit, m.
+    dome : float
+        Height of the domes at both ends, m.
+    segments : int
+        Pieces around.
+
+    Returns
+    -------
+    Mesh
+        Groups ``tank`` and ``nozzle``.
+
+    Raises
+    ------
+    ConfigurationError
+        If a length is not positive, the parts are longer than the whole, or there are fewer than
+        three segments.
+    """
+    _check_positive("upper_stage", [diameter, nozzle_diameter, nozzle_length, dome, segments - 2])
+    cylinder = length - nozzle_length - 2.0 * dome
+    if not cylinder > 0.0:
+        raise ConfigurationError(
+            f"upper_stage: domes and nozzle are longer than the stage of {length} m"
+        )
+    tank, exit_, throat = 0.5 * diameter, 0.5 * nozzle_diameter, 0.15 * nozzle_diameter
+    top = 0.5 * length
+    shoulder, aft = top - dome, top - dome - cylinder
+    bottom = -top
+    profile = [
+        (0.0, top),
+        (tank * np.sqrt(0.5), shoulder + dome * np.sqrt(0.5)),
+        (tank, shoulder),
+        (tank, aft),
+        (throat, aft - dome),
+        (exit_, bottom),
+        (0.95 * exit_, bottom),
+        (0.8 * throat, aft - dome),
+        (0.0, aft - dome),
+    ]
+    groups = ["tank"] * 4 + ["nozzle"] * 4
+    return _joined("upper_stage", [_revolved(profile, groups, segments)])
+
+
+def _check_positive(name, values):
+    """Refuse a model with a dimension or a number of pieces that is not positive."""
+    if not np.all(np.isfinite(values) & (np.asarray(values) > 0.0)):
+        raise ConfigurationError(
+            f"{name}: dimensions and numbers of pieces must be positive (3 segments at least)"
+        )
+
+
+def _box(size, pieces):
+    """Vertices and outward triangles of a box about the origin, cut in pieces along y."""
+    x, y, z = 0.5 * np.asarray(size, dtype=float)
+    cuts = np.linspace(-y, y, pieces + 1)
+    ring = [(-x, -z), (x, -z), (x, z), (-x, z)]
+    vertices = np.array([(a, cut, b) for cut in cuts for a, b in ring])
+    triangles = []
+    for piece in range(pieces):
+        for k in range(4):
+            a, b = 4 * piece + k, 4 * piece + (k + 1) % 4
+            triangles += [(a, a + 4, b), (b, a + 4, b + 4)]
+    last = 4 * pieces
+    triangles += [(0, 1, 2), (0, 2, 3), (last, last + 2, last + 1), (last, last + 3, last + 2)]
+    return vertices, np.array(triangles)
+
+
+def _revolved(profile, groups, segments):
+    """Vertices, triangles and groups of a profile (r, z) that starts and ends on the axis.
+
+    The solid lies to the right of the profile's way, `groups` is by step of the profile.
+    """
+    angles = 2.0 * np.pi * np.arange(segments) / segments
+    rings, vertices = [], []
+    for r, z in profile:
+        around = angles if r > 0.0 else angles[:1]
+        rings.append(len(vertices) + np.arange(segments) % len(around))
+        vertices += [(r * np.cos(a), r * np.sin(a), z) for a in around]
+    triangles, kinds = [], []
+    for (here, there), group in zip(pairwise(rings), groups, strict=True):
+        for k in range(segments):
+            m = (k + 1) % segments
+            quad = [(here[k], there[k], there[m]), (here[k], there[m], here[m])]
+            kept = [each for each in quad if len(set(each)) == 3]
+            triangles += kept
+            kinds += [group] * len(kept)
+    return np.array(vertices), np.array(triangles), tuple(kinds)
+
+
+def _joined(name, parts):
+    """One checked mesh of several parts, each vertices, triangles and groups."""
+    counts = np.cumsum([0, *(len(vertices) for vertices, _, _ in parts)])
+    return closed_mesh(
+        name,
+        np.concatenate([vertices for vertices, _, _ in parts]),
+        np.concatenate([each + n for (_, each, _), n in zip(parts, counts, strict=False)]),
+        sum((groups for _, _, groups in parts), ()),
+    )
