@@ -49,12 +49,16 @@ def _slopes(field, state, slopes):
     if special:
         for i in range(state.shape[1]):
             one = of_state(field, i)
-            ax, ay, az = acceleration(
-                one, state[0, i], state[1, i], state[2, i], state[3, i], state[4, i], state[5, i]
-            )
-            slopes[3, i] = ax
-            slopes[4, i] = ay
-            slopes[5, i] = az
+            if is_special(one, state[0, i], state[1, i], state[2, i]):
+                slopes[3, i], slopes[4, i], slopes[5, i] = acceleration(
+                    one,
+                    state[0, i],
+                    state[1, i],
+                    state[2, i],
+                    state[3, i],
+                    state[4, i],
+                    state[5, i],
+                )
 
 
 @njit(cache=True, error_model="numpy")

@@ -200,19 +200,22 @@ def visible_sun(body, sun, radius, sun_radius):
     tx, ty, tz = -sun[0], -sun[1], -sun[2]
     to_sun = np.sqrt(tx * tx + ty * ty + tz * tz)
     to_body = np.sqrt(x * x + y * y + z * z)
+    # All or nothing is decided by cosines, of the discs' distance and of their radii's sum or
+    # difference: angles are for the penumbra alone.
+    sun_sine, disc_sine = sun_radius / to_sun, min(1.0, radius / to_body)
+    both = np.sqrt((1.0 - sun_sine * sun_sine) * (1.0 - disc_sine * disc_sine))
+    cosine = -(tx * x + ty * y + tz * z) / (to_sun * to_body)
+    if cosine <= both - sun_sine * disc_sine:
+        return 1.0, 0.0, 0.0, 0.0
+    if disc_sine > sun_sine and cosine >= both + sun_sine * disc_sine:
+        return 0.0, 0.0, 0.0, 0.0
     px, py, pz = tx / to_sun, ty / to_sun, tz / to_sun
     qx, qy, qz = -x / to_body, -y / to_body, -z / to_body
-    sun = np.arcsin(min(1.0, sun_radius / to_sun))
-    disc = np.arcsin(min(1.0, radius / to_body))
+    sun, disc = np.arcsin(sun_sine), np.arcsin(disc_sine)
     # |p x q| and p . q: the arc cosine alone loses half of its digits near alignment.
     cx, cy, cz = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
     sine = np.sqrt(cx * cx + cy * cy + cz * cz)
-    cosine = px * qx + py * qy + pz * qz
     apart = np.arctan2(sine, cosine)
-    if apart >= sun + disc:
-        return 1.0, 0.0, 0.0, 0.0
-    if apart <= disc - sun:
-        return 0.0, 0.0, 0.0, 0.0
     area = np.pi * sun * sun
     if apart <= sun - disc:  # annular: the body's disc is within the Sun's
         covered = np.pi * disc * disc
