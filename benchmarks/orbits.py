@@ -3,8 +3,9 @@
     python benchmarks/orbits.py
 
 Prints how many times faster a family of halo orbits is generated with the compiled DOP853 than
-with the same corrector on `scipy.integrate.solve_ivp`, and how propagation compares with the
-Taylor integrator of heyoka. Times depend on the machine; ratios taken in the same run much less.
+with the same corrector on `scipy.integrate.solve_ivp`, how propagation compares with the Taylor
+integrator of heyoka, and what a step costs under ephemeris forces. Times depend on the machine;
+ratios taken in the same run much less.
 """
 
 import importlib.util
@@ -14,9 +15,13 @@ import numpy as np
 from _timing import best_time
 from scipy.integrate import solve_ivp
 
-from cislunar.constants import MU
+from cislunar.constants import MU, TIME_UNIT_S
+from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import EARTH_MOON, equations_of_motion, variational_matrix
+from cislunar.dynamics.ephemeris import UNITS, forces_between
+from cislunar.dynamics.frames import pulsating_frame, to_inertial
 from cislunar.dynamics.propagation import propagate, propagate_stm
+from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.orbits import branches, continuation, corrector
 from cislunar.orbits.families import family_members, observer_library, spaced_members
 
@@ -120,6 +125,48 @@ def compare_propagation() -> None:
         )
 
 
+def compare_forces() -> None:
+    """Print the cost of a step under ephemeris forces beside that of the CR3BP."""
+    first, last = "2024-10-01", "2024-10-03"
+    areas = np.full(25, 0.01)
+    models = {
+        "CR3BP": EARTH_MOON,
+        "Earth, Moon and Sun": forces_between(first, last, figure=False),
+        "with the Moon's figure": forces_between(first, last),
+        "with radiation": forces_between(first, last, area_to_mass=0.01),
+        "with radiation on each": forces_between(first, last, area_to_mass=areas),
+    }
+    # Near L1 of the Moon in the frame of each model, and out of its shadow.
+    halo = family_members("Halo_L1_S", period=2.6).state[0]
+    table = models["with radiation"].table
+    inertial = to_inertial(halo, pulsating_frame(table, tdb_seconds(first))) / UNITS
+    spread = 1e-5 * np.random.default_rng(0).standard_normal((25, 6))
+    step, count = 60.0 / TIME_UNIT_S, 200
+    starts = {name: (halo if name == "CR3BP" else inertial) + spread for name in models}
+    times = dict.fromkeys(models, np.inf)
+    for _ in range(40):
+        for name, forces in models.items():
+            seconds = best_time(
+                lambda n=name, f=forces: propagate_bundle(starts[n], step, count, forces=f), 1
+            )
+            times[name] = min(times[name], seconds)
+    for name, seconds in times.items():
+        print(
+            f"step of 25 states, {name}: {1e6 * seconds / count:.2f} us, "
+            f"{seconds / times['CR3BP']:.2f} times the CR3BP"
+        )
+    days = np.array([86_400.0 / TIME_UNIT_S])
+    alone = {"CR3BP": (halo, EARTH_MOON), "ephemeris": (inertial, models["with radiation"])}
+    for what, run in (
+        ("a day of one state", lambda s, f: propagate(s, days, forces=f, method="dop853")),
+        ("with its transition matrix", lambda s, f: propagate_stm(s, days[0], forces=f)),
+    ):
+        ours, theirs = (
+            best_time(lambda each=each, run=run: run(*each), 200) for each in alone.values()
+        )
+        print(f"{what}: {1e3 * theirs:.3f} ms, {theirs / ours:.2f} times the CR3BP")
+
+
 def to_canonical(state: np.ndarray) -> np.ndarray:
     """Canonical coordinates of heyoka's CR3BP, turned by half a revolution about z."""
     x, y, z, vx, vy, vz = np.moveaxis(state, -1, 0)
@@ -141,6 +188,7 @@ def main() -> None:
     )
     compare_generation()
     compare_propagation()
+    compare_forces()
 
 
 if __name__ == "__main__":
