@@ -1,1 +1,1 @@
-"""Apparent magnitude of spheres and of faceted objects."""
+"""Apparent magnitude of spheres, of convex facets and of bodies that shadow themselves."""

@@ -35,10 +35,10 @@ def box_with_wings(
 ) -> Mesh:
     """A box with two solar wings along +-y, which turn about that axis.
 
-    The defaults are a Galileo FOC satellite: body 2.7 m x 1.2 m x 1.1 m and span 14.67 m (ESA,
-    Galileo satellite facts and figures), wings of 1 m x 5 m (ESA, "Galileo spreads its wings", 11
-    July 2013). Yokes are left out; which side of the body is which axis, and the thickness of a
-    wing, are assumed.
+    The defaults are a Galileo FOC satellite: body 2.7 m x 1.2 m x 1.1 m and span 14.67 m
+    (spaceflights.news, "Two Galileo satellites tested and ready"), wings of 1 m x 5 m (European
+    Commission, "Galileo spreads its wings", newsroom item 46817). Yokes are left out; which side of
+    the body is which axis, and the thickness of a wing, are assumed.
 
     Parameters
     ----------
@@ -98,10 +98,10 @@ def dish_on_bus(
 ) -> Mesh:
     """A parabolic dish that opens along +z, above a box.
 
-    The defaults are the relay satellite Queqiao: body 1.4 m x 1.4 m x 0.85 m, dish of 4.2 m
-    diameter (Zhang, "Development and Prospect of Chinese Lunar Relay Communication Satellite",
-    Space: Science & Technology 2021, 3471608, table 1). Its wings and feed are left out; focal
-    ratio, gap and thickness are assumed.
+    The defaults are the relay satellite Queqiao: dish of 4.2 m diameter ("Development and Prospect
+    of Chinese Lunar Relay Communication Satellite", Space: Science & Technology 2021, 3471608,
+    table 1), body 1.4 m x 1.4 m x 0.85 m (Wikipedia, "Queqiao relay satellite"). Its wings and feed
+    are left out; focal ratio, gap and thickness are assumed.
 
     Parameters
     ----------
@@ -152,10 +152,9 @@ def upper_stage(
 ) -> Mesh:
     """A spent upper stage about z: domed cylinder with one nozzle, open towards -z.
 
-    The defaults are a Centaur of Atlas V, as sent past or to the Moon with Lunar Reconnaissance
-    Orbiter: 12.68 m long, 3.05 m across (United Launch Alliance, Atlas V Launch Services User's
-    Guide, 2010), one RL10A-4-2 of 1.17 m exit diameter (Aerojet Rocketdyne, RL10 data sheet). The
-    lengths of nozzle and domes are assumed; the payload adapter is left out.
+    The defaults are the Centaur of an Atlas V with one engine, 12.68 m long and 3.05 m across
+    (Wikipedia, "Centaur (rocket stage)"). The dimensions of nozzle and domes are assumed; the
+    payload adapter is left out.
 
     Parameters
     ----------
