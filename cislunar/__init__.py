@@ -7,7 +7,6 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "apparent_magnitude": "photometry.facets",
-    "assign": "tasking.assignment",
     "coordinate_search": "architecture.coordinate_search",
     "count_visibility": "visibility.counts",
     "family_members": "orbits.families",
@@ -16,6 +15,7 @@ _HOMES = {
     "observer_library": "orbits.families",
     "propagate": "dynamics.propagation",
     "propagate_periodic": "dynamics.propagation",
+    "propagate_utc": "dynamics.ephemeris",
     "run_closed_loop": "tasking.closed_loop",
     "sample_ephemeris": "ephemeris.sampling",
     "sightings": "observation.sightings",

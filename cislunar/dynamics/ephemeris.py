@@ -4,6 +4,8 @@ from cislunar.dynamics.ephemeris import propagate_utc
 propagate_utc(state, "2024-10-01T00:00:00", "2024-10-08T00:00:00", center="moon")
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
 
