@@ -4,6 +4,7 @@ import json
 import logging
 import os
 import re
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.campaign.architectures.search_runs import best_run_dataset, search_run_dataset
 from cislunar.campaign.data import progress
+from cislunar.campaign.data import provenance as provenance_of
 from cislunar.campaign.data.netcdf import read_dataset, variable, write_dataset, write_text
 from cislunar.campaign.data.progress import job, progress_log
 from cislunar.campaign.data.provenance import provenance
@@ -203,6 +205,17 @@ def test_job_keeps_the_traceback_of_an_unexpected_error(tmp_path):
     with pytest.raises(ZeroDivisionError), job(log):
         raise ZeroDivisionError("division by zero")
     assert "ZeroDivisionError" in log.read_text()
+
+
+def test_an_installed_package_has_no_revision_of_a_repository_around_it(tmp_path, monkeypatch):
+    installed = tmp_path / "provenance.py"
+    installed.touch()
+    subprocess.run(["git", "init", "--quiet", tmp_path], check=True)
+    who = ("-c", "user.name=a", "-c", "user.email=a@b")
+    command = ["git", "-C", tmp_path, *who, "commit", "--quiet", "--allow-empty", "-m", "a"]
+    subprocess.run(command, check=True)
+    monkeypatch.setattr(provenance_of, "__file__", str(installed))
+    assert provenance_of.git_revision() is None
 
 
 def test_provenance_is_the_same_for_the_same_inputs():

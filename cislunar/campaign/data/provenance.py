@@ -29,7 +29,9 @@ def git_revision() -> str | None:
             return None
         return done.stdout.strip()
 
-    revision = git("rev-parse", "--short=12", "HEAD")
+    # An installed package may lie in an environment within a repository that is not its own.
+    tracked = git("ls-files", "--error-unmatch", str(Path(__file__).resolve()))
+    revision = git("rev-parse", "--short=12", "HEAD") if tracked else None
     if not revision:
         return None
     changed = git("status", "--porcelain", "--untracked-files=no", "--", str(here.parent))
