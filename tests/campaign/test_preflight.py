@@ -13,6 +13,7 @@ from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.data.netcdf import variable, write_dataset
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.preflight import check_inputs, check_target_count
+from cislunar.campaign.settings.reading import merged
 from cislunar.errors import ConfigurationError, InputFileError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,6 +47,29 @@ def test_missing_mission_table_is_named(config, tmp_path):
 def test_missing_kernel_is_named(config, tmp_path):
     with pytest.raises(InputFileError, match=r"de440\.bsp: no such file"):
         check_inputs(with_change(config, "ephemeris.kernel", str(tmp_path / "de440.bsp")))
+
+
+@pytest.mark.parametrize(
+    ("key", "named"),
+    [
+        ("task2.body.shape", r"'task2\.body\.shape'"),
+        ("scenarios.B.settings.task2.truth.body.shape", r"'scenarios\.B\.settings.*truth.*shape'"),
+        (
+            "task2.variants.families.f.changes.odd.truth.body.shape",
+            r"families\.f\..*truth\.body\.shape'",
+        ),
+    ],
+)
+@pytest.mark.parametrize(("content", "said"), [(None, "cannot read"), ("v 0 0 0\n", "0 facets")])
+def test_a_mesh_that_cannot_be_used_is_named(config, tmp_path, key, named, content, said):
+    mesh = tmp_path / "body.obj"
+    if content is not None:
+        mesh.write_text(content, encoding="utf-8")
+    change = str(mesh)
+    for part in reversed(key.split(".")):
+        change = {part: change}
+    with pytest.raises(ConfigurationError, match=rf"{named}: .*body\.obj: {said}"):
+        check_inputs(merged(config, change))
 
 
 def test_horizon_that_is_no_whole_number_of_steps_is_named(config):

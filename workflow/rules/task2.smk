@@ -79,7 +79,7 @@ rule tracking_summary:
         settings=settings("task2"),
         seed=config["seed"],
     message:
-        "Summing up {params.settings[task2][seeds]} realizations of every cell"
+        "Summing up the realizations of every cell"
     script:
         "../scripts/tracking_summary.py"
 

@@ -70,3 +70,4 @@ if __name__ == "__main__":
     text = fill_blocks(readme.read_text(encoding="utf-8"), SETTINGS_BLOCKS, str(readme))
     readme.write_text(text, encoding="utf-8")
     Path(SCHEMA_FILE).write_text(schema_text(), encoding="utf-8")
+    print(f"made {SCHEMA_FILE} and the tables of {readme}")

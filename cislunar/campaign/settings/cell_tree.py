@@ -132,8 +132,11 @@ class Batch(Section):
         return self
 
 
+MESH_OR_ICOSAHEDRON = "^icosahedron$|[.]([oO][bB][jJ]|[sS][tT][lL])$"
+
+
 class Body(Section):
-    shape: Annotated[str, Field(pattern="^icosahedron$|[.]([oO][bB][jJ]|[sS][tT][lL])$")] = setting(
+    shape: Annotated[str, Field(pattern=MESH_OR_ICOSAHEDRON)] = setting(
         "`icosahedron`, or a closed convex triangle mesh (`.obj`, `.stl`)", paper="icosahedron")
     radius_m: Positive | None = setting(
         "the shape is scaled to the surface area of this sphere; null keeps the size of a mesh "

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from cislunar.architecture.published import PUBLISHED
-from cislunar.campaign.settings.cells import MOST_STEPS
-from cislunar.campaign.settings.families import with_families
+from cislunar.campaign.settings.cells import MOST_STEPS, cell_settings, true_settings, variant_place
+from cislunar.campaign.settings.families import stated_variants, with_families
 from cislunar.campaign.settings.scenarios import in_study, scenario_settings, shared_dataset
 from cislunar.ephemeris.sampling import check_coverage
-from cislunar.errors import ConfigurationError
+from cislunar.errors import CislunarError, ConfigurationError
+from cislunar.photometry.mesh_files import load_shape
 from cislunar.targets.missions import load_missions
 from cislunar.targets.tables import load_target_positions
 
@@ -26,10 +27,12 @@ def check_inputs(config: Mapping[str, Any]) -> None:
     """Check the files and packages a checked configuration asks for, and what its optimizers need.
 
     An `InputFileError` if an ephemeris kernel is missing or does not cover the horizon, or a table
-    of missions or targets is missing or faulty. A `ConfigurationError` if the horizon is no whole
-    number of steps, a scenario has more targets than sampled points, or an optimizer cannot run.
+    of missions or targets is missing or faulty. A `ConfigurationError` if a mesh is, the horizon is
+    no whole number of steps, a scenario has more targets than sampled points, or an optimizer
+    cannot run.
     """
-    config = with_families(in_study(config))
+    study = in_study(config)
+    config = with_families(study)
     _check_horizon("visibility", config["visibility"])
     load_missions(config["targets"]["missions"])
     for scenario in config["scenarios"]:
@@ -37,6 +40,7 @@ def check_inputs(config: Mapping[str, Any]) -> None:
         _check_horizon(f"scenarios.{scenario}.settings.visibility", settings["visibility"])
         _check_static_targets(config, scenario, settings["targets"])
     _check_ephemerides(config)
+    _check_meshes(study, config)
     architecture = config["architecture"]
     if "atpe" in architecture["optimizers"] and importlib.util.find_spec("lightgbm") is None:
         raise ConfigurationError(
@@ -85,6 +89,29 @@ def _check_ephemerides(config: Mapping[str, Any]) -> None:
                 f"more than {MOST_STEPS:,} samples; make it longer"
             )
         check_coverage(epoch_jd, days, minutes, kernel)
+
+
+def _check_meshes(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
+    """Every mesh of a body, believed or true, by itself and with what a family changes."""
+    task2 = config["task2"]
+    own = {name: scenario_settings(config, name)["task2"] for name in config["scenarios"]}
+    cells = {"task2.": task2}
+    cells |= {f"scenarios.{name}.settings.task2.": each for name, each in own.items()}
+    for variant in stated_variants(study):
+        scenario = variant_place(task2, variant.name)[0]
+        cells[f"{variant.key}: "] = cell_settings(own.get(scenario, task2), variant.name)
+    seen = {"icosahedron"}
+    for place, cell in cells.items():
+        for key, body in (("body", cell["body"]), ("truth.body", true_settings(cell)["body"])):
+            if body["shape"] in seen:
+                continue
+            seen.add(body["shape"])
+            try:
+                load_shape(body["shape"])
+            except CislunarError as error:
+                raise ConfigurationError(
+                    f"configuration key '{place}{key}.shape': {error}"
+                ) from None
 
 
 def _check_published(scenario: str, members: Mapping[str, int], max_satellites: int) -> None:

@@ -9,7 +9,7 @@ import yaml
 from pydantic import ValidationError
 
 from cislunar.campaign.settings.fields import Section
-from cislunar.campaign.settings.schema import allowed, inner, schema_of, types
+from cislunar.campaign.settings.schema import allowed, in_words, inner, schema_of, types
 from cislunar.campaign.settings.tree import Campaign
 from cislunar.errors import ConfigurationError
 
@@ -123,7 +123,8 @@ def _described(fault: Mapping[str, Any], model: type[Section], above: str) -> st
     if kind == "missing":
         return f"configuration key {place!r} is missing"
     if path and path[-1] == "[key]":
-        name = fault["ctx"].get("pattern") or fault["ctx"].get("expected")
+        pattern = fault["ctx"].get("pattern")
+        name = in_words(pattern) if pattern else fault["ctx"].get("expected")
         place = _join(above, *path[:-2])
         return f"configuration key {place!r}: name {shown(value)} is not allowed: must be {name}"
     schema = inner(schema, path[-1]) if path else schema

@@ -5,8 +5,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
 
+from cislunar.campaign.settings.cell_tree import MESH_OR_ICOSAHEDRON
 from cislunar.campaign.settings.fields import Section
-from cislunar.campaign.settings.tree import Campaign
+from cislunar.campaign.settings.tree import SCENARIO_NAME, SWEEP_NAME, VARIANT_NAME, Campaign
 
 SCHEMA_FILE = "workflow/schemas/config.schema.json"
 
@@ -16,6 +17,13 @@ _LIMITS = (
     ("maximum", "at most"),
     ("exclusiveMaximum", "below"),
 )
+_TOLD = ("description", "unit", "paper", "default")
+_PATTERNS = {
+    MESH_OR_ICOSAHEDRON: "`icosahedron`, or a file ending in .obj or .stl",
+    SCENARIO_NAME: "a name of letters, digits, dots and hyphens, a letter first",
+    SWEEP_NAME: "a name of small letters, digits and hyphens, a letter first",
+    VARIANT_NAME: "a name of small letters, digits, dots and hyphens, a letter first",
+}
 _KINDS = {
     "integer": "a whole number",
     "number": "a number",
@@ -73,10 +81,16 @@ def allowed(schema: Mapping[str, Any]) -> str:
         text = f"a list of {count}{allowed(schema['items'])}"
     else:
         limits = [f"{words} {schema[key]:,}" for key, words in _LIMITS if key in schema]
-        limits += [f"like {schema['pattern']}"] if "pattern" in schema else []
+        if "pattern" in schema:
+            return in_words(schema["pattern"])
         named = [_KINDS.get(kind, "a list") for kind in kinds if kind != "null"]
         text = f"{' or '.join(named)}{' ' * bool(limits)}{' and '.join(limits)}"
     return f"{text}, or null" if "null" in kinds else text
+
+
+def in_words(pattern: str) -> str:
+    """What a regular expression of a setting asks for."""
+    return _PATTERNS.get(pattern, f"a text like {pattern}")
 
 
 def stated_keys(
@@ -94,7 +108,9 @@ def stated_keys(
             if names == "NAME" or not part.get("description"):
                 yield from stated_keys(each, f"{place}{key}.{names}.")
         elif names and (each or part.get("name")):
-            yield f"{place}{key}.{names}", part
+            each = each or next(iter(part.get("properties", {}).values()), {})
+            told = {about: part[about] for about in _TOLD if about in part}
+            yield f"{place}{key}.{names}", {**each, **told}
         else:
             yield f"{place}{key}", part
 

@@ -36,9 +36,10 @@ FAMILIES = (
 Architecture = Literal["tpe", "random", "atpe", "exact", "published"]
 Center = Literal["moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5"]
 Labels = Literal["family_position", "index", "stability_rank", "categorical"]
-ScenarioName = Annotated[str, Field(pattern="^[A-Za-z][A-Za-z0-9.-]*$")]
-SweepName = Annotated[str, Field(pattern="^[a-z][a-z0-9-]*$")]
+SCENARIO_NAME, SWEEP_NAME = "^[A-Za-z][A-Za-z0-9.-]*$", "^[a-z][a-z0-9-]*$"
 VARIANT_NAME = "^[a-z][a-z0-9.-]*$"
+ScenarioName = Annotated[str, Field(pattern=SCENARIO_NAME)]
+SweepName = Annotated[str, Field(pattern=SWEEP_NAME)]
 VariantName = Annotated[str, Field(pattern=VARIANT_NAME)]
 TargetCounts = several(whole(ge=1))
 CountsByScenario = dict[str, TargetCounts]
