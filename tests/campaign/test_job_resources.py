@@ -37,7 +37,7 @@ def test_benchmarks_begin_with_the_rule_that_wrote_them(path):
     head = re.compile(r"^(?:use rule \w+ as |rule )(\w+)(?: with)?:$", flags=re.MULTILINE)
     parts = head.split(path.read_text(encoding="utf-8"))
     for rule, text in zip(parts[1::2], parts[2::2], strict=True):
-        jobs = re.findall(r'benchmark_of\(\s*"([^"]+)"', text)
+        jobs = re.findall(r'benchmark_of\(\s*f?"([^"]+)"', text)
         assert all(job.split("/")[0] == rule for job in jobs)
         assert jobs or not rule.startswith("tracking_cell")  # none is lent by another rule
 
