@@ -14,7 +14,7 @@ from cislunar.observation.sightline import direction_angles, wrap_angle
 from cislunar.photometry.facets import FLOOR_MAGNITUDE
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def expected_directions(bundle, observer, axes, expected, column):
     """Right ascension and declination, rad, into two columns from `column` on; the central ones.
 
@@ -44,7 +44,7 @@ def attitude_error(root, column, scale):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def expected_magnitudes(
     bundle, quaternion, root, spread, observer, sun, to_inertial, surfaces, j, expected
 ):

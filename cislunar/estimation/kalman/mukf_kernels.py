@@ -145,9 +145,17 @@ def update(state, j, measurements, row, k, scene, surfaces, constants, work):
     sigma_points(translation, root[6:], spread, work.bundle)
     ra, dec = expected_directions(work.bundle, place, axes, work.expected, angle)
     if constants.use_magnitude:
-        light = scene.sun_position[k], scene.frame_axes[k]
         magnitude, dark = expected_magnitudes(
-            work.bundle, quaternion, root, spread, place, *light, surfaces, j, work.expected
+            work.bundle,
+            quaternion,
+            root,
+            spread,
+            place,
+            scene.sun_position[k],
+            scene.frame_axes[k],
+            surfaces,
+            j,
+            work.expected,
         )
         innovation[0] = value[0] - magnitude
         counters[FLOOR_HITS] += dark
