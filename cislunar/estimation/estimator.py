@@ -92,7 +92,7 @@ class Estimates(NamedTuple):
         Standard deviations of attitude error (GRP, rad for small angles), angular velocity
         (rad/s), position and velocity (nondimensional).
     covariance : ndarray, shape (target, step, 6, 6)
-        Of the translation.
+        Of the translation; without steps where it was not asked for.
     used : ndarray of bool, shape (row,)
         Whether each of the measurements was used.
     """
@@ -105,7 +105,7 @@ class Estimates(NamedTuple):
     used: NDArray[np.bool_]
 
 
-def empty_estimates(measurements: Measurements) -> Estimates:
+def empty_estimates(measurements: Measurements, covariance: bool) -> Estimates:
     """Room for the estimates of an interval with these measurements."""
     n_targets, n_offsets = measurements.offset.shape
     steps = (n_targets, n_offsets - 1)
@@ -114,7 +114,7 @@ def empty_estimates(measurements: Measurements) -> Estimates:
         np.empty((*steps, 3)),
         np.empty((*steps, 6)),
         np.empty((*steps, 12)),
-        np.empty((*steps, 6, 6)),
+        np.empty((n_targets, steps[1] if covariance else 0, 6, 6)),
         np.empty(measurements.observer.size, dtype=np.bool_),
     )
 
@@ -136,10 +136,11 @@ class Estimator(Protocol):
         """Estimates at the next measurement time; the estimator itself does not move on."""
         ...
 
-    def advance(self, measurements: Measurements) -> Estimates:
+    def advance(self, measurements: Measurements, *, covariance: bool = False) -> Estimates:
         """Work through the next steps, those of the measurements' offsets.
 
-        Looks that found nothing (NaN) are among the measurements.
+        Looks that found nothing (NaN) are among the measurements. `covariance` asks for that of
+        the translation at every step.
         """
         ...
 

@@ -222,7 +222,9 @@ class _Run:
             motion.noise,
             truth.forces.mu,
         )
-        estimates = self.estimator.advance(measurements)
+        estimates = self.estimator.advance(
+            measurements, covariance="covariance" in self.settings.record
+        )
         fate[estimates.used] = USED
         error = estimation_errors(first, motion, estimates)
         used = measurements.where(estimates.used)

@@ -100,9 +100,10 @@ class Recorder:
         known = {
             "truth": {f"true_{name}": getattr(motion, name)[:, steps + 1] for name in _MOTION},
             "estimates": {name: getattr(estimates, name)[:, steps - start] for name in _MOTION},
-            "covariance": {"covariance": estimates.covariance[:, steps - start]},
             "pointing": {"pointing": self._pointing(start, steps, assigned, estimates)},
         }
+        if "covariance" in self._asked:
+            known["covariance"] = {"covariance": estimates.covariance[:, steps - start]}
         for name in {*self._asked} & {*known}:
             for key, values in known[name].items():
                 kept[key].append(values.swapaxes(0, 1))

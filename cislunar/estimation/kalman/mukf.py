@@ -110,9 +110,9 @@ class MultiplicativeUKF:
             self._index + 1, ahead.translation, covariance, ahead.quaternion, ahead.root
         )
 
-    def advance(self, measurements: Measurements) -> Estimates:
+    def advance(self, measurements: Measurements, *, covariance: bool = False) -> Estimates:
         """Work through the next steps; see `Estimator.advance`."""
-        out = empty_estimates(measurements)
+        out = empty_estimates(measurements, covariance)
         world = (self._scene, self._surfaces, self._bodies, self._constants)
         advance(self._index + 1, *world, measurements, self._state, out)
         self._index += measurements.offset.shape[1] - 1

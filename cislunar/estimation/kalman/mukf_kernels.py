@@ -207,13 +207,15 @@ def advance(first, scene, surfaces, bodies, constants, measurements, state, out)
                 out.angular_velocity[j, i, :] = np.nan
                 out.translation[j, i, :] = np.nan
                 out.sigma[j, i, :] = np.nan
-                out.covariance[j, i, :, :] = np.nan
+                if i < out.covariance.shape[1]:
+                    out.covariance[j, i, :, :] = np.nan
                 continue
             out.quaternion[j, i, :] = state.quaternion[j]
             out.angular_velocity[j, i, :] = state.omega[j]
             out.translation[j, i, :] = state.translation[j]
             deviations(state.root[j], out.sigma[j, i])
-            covariance_of(state.root[j, 6:], out.covariance[j, i])
+            if i < out.covariance.shape[1]:
+                covariance_of(state.root[j, 6:], out.covariance[j, i])
 
 
 @njit(cache=True, error_model="numpy")

@@ -186,9 +186,9 @@ class BatchEstimator:
         covariance = root @ np.swapaxes(root, 1, 2)
         return Prediction(self._index + 1, translation, covariance, mean, joint)
 
-    def advance(self, measurements: Measurements) -> Estimates:
+    def advance(self, measurements: Measurements, *, covariance: bool = False) -> Estimates:
         """Work through the next steps; see `Estimator.advance`."""
-        out = empty_estimates(measurements)
+        out = empty_estimates(measurements, covariance)
         looks = measurements.offset[:, -1] - measurements.offset[:, 0]
         for j, model in enumerate(self._models):
             self._make_room(j, int(looks[j]))

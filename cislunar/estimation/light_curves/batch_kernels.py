@@ -215,7 +215,8 @@ def advance_target(
             out.angular_velocity[j, i, :] = np.nan
             out.translation[j, i, :] = np.nan
             out.sigma[j, i, :] = np.nan
-            out.covariance[j, i, :, :] = np.nan
+            if i < out.covariance.shape[1]:
+                out.covariance[j, i, :, :] = np.nan
             continue
         _carry_points(points, state.points[j], scene.step_s, model)
         for row in range(offset[i], offset[i + 1]):
@@ -236,7 +237,8 @@ def advance_target(
         weighted_deviations(differences[:n], weight[:n], sigma[:UNKNOWNS])
         out.translation[j, i] = translation
         deviations(root, sigma[UNKNOWNS:])
-        covariance_of(root, out.covariance[j, i])
+        if i < out.covariance.shape[1]:
+            covariance_of(root, out.covariance[j, i])
     if state.condition[j] == HEALTHY:
         memory = np.exp(-n_steps * scene.step_s / constants.memory_s)
         end = (first + n_steps - 1) * scene.step_s
