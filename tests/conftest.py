@@ -6,6 +6,13 @@ from campaign_folder import QUICK, copy_workflow, snakemake
 from cislunar.orbits.families import observer_library
 
 
+def pytest_collection_modifyitems(items):
+    """With several workers, one of them runs what needs the finished campaign, made once."""
+    for item in items:
+        group = "finished" if "finished" in item.fixturenames else item.path.name
+        item.add_marker(pytest.mark.xdist_group(group))
+
+
 @pytest.fixture(scope="session")
 def library():
     """The 302 candidate observer orbits at the default settings."""
