@@ -27,6 +27,7 @@ from cislunar.tasking.assignment import assign
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.information import TaskingModel, pair_information
+from cislunar.tasking.preselection import assign_preselected
 from cislunar.tasking.simulation import draw_truth, initial_estimate
 
 SENSOR = Sensor(limiting_magnitude=24.0)
@@ -132,6 +133,25 @@ def tasking_times(n_observers: int, n_targets: int) -> None:
     print(line)
 
 
+def preselection_time(n_observers: int, n_targets: int) -> None:
+    """The exact assignment from all pairs, and from those preselected."""
+    scene, surfaces, epoch, _, loop = tracking_problem(n_observers, n_targets, duration_hours=1.0)
+    initial = initial_estimate(epoch, loop.initial.components())
+    prediction = MultiplicativeUKF(scene, surfaces, SENSOR, initial).predict()
+    known = prediction, scene, surfaces, SENSOR, TaskingModel(), EARTH_MOON
+    every, few = assign(pair_information(*known)), assign_preselected(*known)
+    times = [
+        best_time(lambda: assign(pair_information(*known))),
+        best_time(lambda: assign_preselected(*known)),
+    ]
+    print(
+        f"tasking, {n_observers} observers, {n_targets} targets: from all pairs "
+        f"{1e3 * times[0]:.0f} ms, preselected {1e3 * times[1]:.0f} ms   "
+        f"ratio {times[0] / times[1]:.1f}, "
+        f"{np.count_nonzero(every.target != few.target)} observers assigned otherwise"
+    )
+
+
 def cell_time(n_observers: int, n_targets: int) -> None:
     """A one-day cell with one seed and exact tasking, by each estimator."""
     problem = tracking_problem(n_observers, n_targets)
@@ -155,6 +175,7 @@ def main() -> None:
     propagation_times()
     for n_targets in options.targets:
         tasking_times(options.observers, n_targets)
+    preselection_time(100, 10_000)
     for n_targets in options.targets:
         cell_time(options.observers, n_targets)
 

@@ -35,6 +35,7 @@ from cislunar.observation.records import constant_schedule, highest, rows_of
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.tasking.assignment import assign
 from cislunar.tasking.information import pair_information
+from cislunar.tasking.preselection import assign_preselected, preselects
 from cislunar.tasking.recording import Recorder, Records
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.simulation import (
@@ -184,7 +185,7 @@ class _Run:
         """Assign the observers and work through the interval that follows."""
         settings, start = self.settings, int(self.settings.epochs[number])
         stop = min(start + settings.steps_per_interval, settings.n_steps)
-        pairs = pair_information(
+        known = (
             self.estimator.predict(),
             self.scene,
             self.surfaces,
@@ -192,13 +193,18 @@ class _Run:
             settings.tasking,
             self.forces,
         )
-        tasking = assign(
-            pairs,
-            settings.method,
-            rng=stream(TASKING, self.seed, number),
-            max_evaluations=settings.max_evaluations,
-            early_stop=settings.early_stop,
-        )
+        n_pairs = self.kept.assignment.shape[1] * self.kept.fate.shape[1]
+        if not settings.keep_information and preselects(settings.tasking, settings.method, n_pairs):
+            tasking = assign_preselected(*known)
+        else:
+            pairs = pair_information(*known)
+            tasking = assign(
+                pairs,
+                settings.method,
+                rng=stream(TASKING, self.seed, number),
+                max_evaluations=settings.max_evaluations,
+                early_stop=settings.early_stop,
+            )
         self.kept.assignment[number] = tasking.target
         self.kept.information[number] = tasking.information
         self.kept.evaluations[number] = tasking.history.size

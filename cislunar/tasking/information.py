@@ -27,6 +27,7 @@ from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.observation.sensor import Sensor, SensorLimits
 from cislunar.observation.sightline import METRES, in_clear_view, sphere_brighter
 from cislunar.photometry.sphere import faintness_per_squared_range
+from cislunar.tasking.information_bound import bound_all
 
 Array = NDArray[np.float64]
 
@@ -144,43 +145,61 @@ def _direction_sigma(cross, even, noise_variance, declination):
 
 
 @njit(cache=True, error_model="numpy")
-def _fill(prediction, joint, scene, surfaces, belief, out):
-    """Information of all pairs; see `pair_information`.
+def _sigma_points(translation, covariance, joint_root, belief, wanted, points, all_points):
+    """Sigma points of the targets wanted by any observer; false for those without an estimate.
+
+    The root being triangular with the position first, only three columns of it shift the place.
+    """
+    root, usable = np.empty((6, 6)), np.zeros(translation.shape[0], np.bool_)
+    for o in range(wanted.shape[0]):
+        usable |= wanted[o]
+    for j in range(translation.shape[0]):
+        if not usable[j]:
+            continue
+        root[:, :] = covariance[j]
+        usable[j] = np.isfinite(np.sum(translation[j])) and cholesky(root)
+        if not usable[j]:
+            continue
+        sigma_points(translation[j, :3], root[:3, :3], belief.six.spread, points[j])
+        if belief.full:
+            sigma_points(translation[j], joint_root[j, 6:], belief.twelve.spread, all_points[j])
+    return usable
+
+
+@njit(cache=True, error_model="numpy")
+def _fill(prediction, joint, scene, surfaces, belief, wanted, out):
+    """Information of the wanted pairs, others left as they are; see `pair_information`.
 
     `joint` is mean attitudes (target, 4) and joint roots (target, 12, 12), if all states count.
     """
     index, translation, covariance = prediction
     quaternion, joint_root = joint
-    root, points = np.empty((6, 6)), np.empty((6, 13))
-    expected, shift = np.empty((12, 2)), np.empty(2)
-    cross, even = np.empty((6, 2)), np.empty((2, 2))
-    all_points, all_expected, all_shift = np.empty((6, 25)), np.empty((24, 3)), np.empty(3)
+    n_targets = translation.shape[0]
+    points = np.empty((n_targets, 3, 7))
+    all_points = np.empty((n_targets if belief.full else 0, 6, 25))
+    usable = _sigma_points(translation, covariance, joint_root, belief, wanted, points, all_points)
+    expected, shift = np.empty((6, 2)), np.empty(2)
+    cross, even = np.empty((3, 2)), np.empty((2, 2))
+    all_expected, all_shift = np.empty((24, 3)), np.empty(3)
     all_cross, all_even = np.empty((12, 3)), np.empty((3, 3))
     sun, axes, variance = scene.sun_position[index], scene.observer_axes[index], belief.variance
-    out[:, :] = 0.0
-    for j in range(translation.shape[0]):
-        if not np.isfinite(np.sum(translation[j])):
-            continue
-        root[:, :] = covariance[j]
-        if not cholesky(root):
-            continue
-        sigma_points(translation[j], root, belief.six.spread, points)
-        if belief.full:
-            spread = belief.twelve.spread
-            sigma_points(translation[j], joint_root[j, 6:], spread, all_points)
-        for o in range(out.shape[0]):
-            observer = scene.observer_position[o, index]
-            if not _sphere_visible(observer, translation[j], sun, belief):
+    for o in range(out.shape[0]):
+        observer = scene.observer_position[o, index]
+        for j in range(n_targets):
+            if not wanted[o, j]:
                 continue
-            _, declination = expected_directions(points, observer, axes, expected, 0)
+            out[o, j] = 0.0
+            if not usable[j] or not _sphere_visible(observer, translation[j], sun, belief):
+                continue
+            _, declination = expected_directions(points[j], observer, axes, expected, 0)
             innovation_moments(expected, variance[1:], belief.six, shift, cross, even)
             sigma = _direction_sigma(cross, even, variance[1:], declination)
             if belief.gate and not sigma <= belief.limits.half_field:
                 continue
             if belief.full:
-                expected_directions(all_points, observer, axes, all_expected, 1)
+                expected_directions(all_points[j], observer, axes, all_expected, 1)
                 expected_magnitudes(
-                    all_points,
+                    all_points[j],
                     quaternion[j],
                     joint_root[j],
                     belief.twelve.spread,
@@ -208,6 +227,9 @@ def pair_information(
     sensor: Sensor,
     model: TaskingModel,
     forces: tuple,
+    *,
+    wanted: NDArray[np.bool_] | None = None,
+    out: Array | None = None,
 ) -> Array:
     """Mutual information of every pair, nats.
 
@@ -224,6 +246,10 @@ def pair_information(
         Settings.
     forces : NamedTuple
         Force model, see `cislunar.dynamics.forces`.
+    wanted : ndarray of bool, shape (observer, target), optional
+        The pairs to compute; all, if omitted.
+    out : ndarray, shape (observer, target), optional
+        Where to put them; pairs not wanted keep what is there, which is zero if omitted.
 
     Returns
     -------
@@ -243,11 +269,49 @@ def pair_information(
     joint = np.empty((n_targets, 0)), np.empty((n_targets, 0, 0))
     if full:
         joint = prediction.quaternion, prediction.root
-    out = np.empty((scene.observer_position.shape[0], n_targets))
-    translation = (
-        prediction.index,
+    shape = scene.observer_position.shape[0], n_targets
+    out = np.zeros(shape) if out is None else out
+    wanted = np.ones(shape, dtype=bool) if wanted is None else wanted
+    translation = prediction.index, *_translation(prediction)
+    belief = _belief(model, sensor, forces.mu)
+    _fill(translation, joint, scene, surfaces, belief, wanted, out)
+    return out
+
+
+def _translation(prediction: Prediction) -> tuple[Array, Array]:
+    """Mean and covariance of position and velocity as the kernels take them."""
+    return (
         np.ascontiguousarray(prediction.translation),
         np.ascontiguousarray(prediction.covariance),
     )
-    _fill(translation, joint, scene, surfaces, _belief(model, sensor, forces.mu), out)
+
+
+def information_bound(
+    prediction: Prediction, scene: Scene, sensor: Sensor, model: TaskingModel, forces: tuple
+) -> Array:
+    """Upper bound of the information of position and velocity of every pair, nats.
+
+    Far cheaper than `pair_information`: no sigma points are sent through the measurement. See
+    `cislunar.tasking.information_bound`.
+
+    Parameters
+    ----------
+    prediction, scene, sensor, model, forces
+        As for `pair_information`, with ``model.states == "translation"``.
+
+    Returns
+    -------
+    ndarray, shape (observer, target)
+        Infinite where nothing can be said, zero of a target without an estimate.
+    """
+    belief = _belief(model, sensor, forces.mu)
+    out = np.empty((scene.observer_position.shape[0], prediction.translation.shape[0]))
+    bound_all(
+        (prediction.index, *_translation(prediction)),
+        scene,
+        (belief.variance[1:], belief.limits.cosines, belief.faintness, belief.mu),
+        belief.six,
+        belief.limits.half_field if belief.gate else np.inf,
+        out,
+    )
     return out
