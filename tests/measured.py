@@ -35,6 +35,6 @@ def during(records, first, last):
 
 def evaluate(error, sigma, used, step_s, bound=None):
     """Metrics of a whole run at once; `used` has shape (target, time)."""
-    evaluation = Evaluation(step_s)
+    evaluation = Evaluation(*error.shape[:2], step_s)
     evaluation.update(error, sigma, used.any(axis=1), bound)
     return evaluation.result()

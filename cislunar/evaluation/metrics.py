@@ -7,6 +7,7 @@ Components are ordered attitude error (GRP), angular velocity (rad/s), position,
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
@@ -43,7 +44,10 @@ class TrackingMetrics(NamedTuple):
     final_attitude_error_deg : ndarray, shape (target,)
         Root mean square rotation angle of the attitude error over the final hours.
     bound_ratio : ndarray, shape (target, 4)
-        Error over Cramer-Rao bound in the final hours, see `bound_ratio`.
+        Error over Cramer-Rao bound in the final hours: root mean square length of the error vector
+        of each of `PARTS` over the square root of the mean sum of the bound's variances, at steps
+        at which both are finite. About 1 for an efficient estimator; NaN for a target that was
+        never observed.
     bound_attitude_deg : ndarray, shape (target,)
         Root mean square attitude error the bound allows over the final hours.
     """
@@ -59,9 +63,77 @@ class TrackingMetrics(NamedTuple):
     bound_attitude_deg: Array
 
 
-def _within_bounds(error: Array, sigma: Array) -> NDArray[np.bool_]:
-    """Whether errors lie within three standard deviations; never where they are not finite."""
-    return np.abs(error) <= BOUND_SIGMAS * sigma
+class _Sums(NamedTuple):
+    """Sums over time, and what is kept of the final hours.
+
+    Of every component, shape (target, 12): steps `covered` by the bounds in all and in the final
+    hours; `anees` and `square` of the error over the finite ones, and how many those are. Of the
+    final steps at which error and bound are finite, shape (target,) and (target, 4): `both`, and
+    the squared lengths `error` and `bound` of `PARTS`. At the final steps, shape (target, step):
+    squared angles `turn` of the error and `least` of the bound.
+    """
+
+    covered: NDArray[np.int64]
+    covered_finally: NDArray[np.int64]
+    anees: Array
+    n_anees: NDArray[np.int64]
+    square: Array
+    n_square: NDArray[np.int64]
+    both: NDArray[np.int64]
+    error: Array
+    bound: Array
+    turn: Array
+    least: Array
+
+
+def _no_sums(n_targets: int, n_final: int) -> _Sums:
+    """Before the first step."""
+    components, parts, final = (n_targets, 12), (n_targets, len(PARTS)), (n_targets, n_final)
+    counts = [np.zeros(components, dtype=np.int64) for _ in range(4)]
+    return _Sums(
+        counts[0],
+        counts[1],
+        np.zeros(components),
+        counts[2],
+        np.zeros(components),
+        counts[3],
+        np.zeros(n_targets, dtype=np.int64),
+        np.zeros(parts),
+        np.zeros(parts),
+        np.full(final, np.nan),
+        np.full(final, np.nan),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _add(n_before, error, sigma, bound, sums):
+    """Add the steps of an interval, the first `n_before` of which are before the final hours.
+
+    Always in the order of time, so that the lengths of the intervals do not matter.
+    """
+    for j in range(error.shape[0]):
+        for i in range(error.shape[1]):
+            finite = True
+            for c in range(error.shape[2]):
+                e, s = error[j, i, c], sigma[j, i, c]
+                if abs(e) <= BOUND_SIGMAS * s:
+                    sums.covered[j, c] += 1
+                    sums.covered_finally[j, c] += i >= n_before
+                ratio, square = (e / s) ** 2, e**2
+                if np.isfinite(ratio):
+                    sums.anees[j, c] += ratio
+                    sums.n_anees[j, c] += 1
+                if np.isfinite(square):
+                    sums.square[j, c] += square
+                    sums.n_square[j, c] += 1
+                finite &= np.isfinite(e) and np.isfinite(bound[j, i, c])
+            if i < n_before or not finite:
+                continue
+            sums.both[j] += 1
+            for part in range(sums.error.shape[1]):
+                e, b = error[j, i, 3 * part :], bound[j, i, 3 * part :]
+                sums.error[j, part] += e[0] ** 2 + e[1] ** 2 + e[2] ** 2
+                sums.bound[j, part] += b[0] ** 2 + b[1] ** 2 + b[2] ** 2
 
 
 def _quotient(total: Array, count: NDArray[np.int64]) -> Array:
@@ -73,53 +145,6 @@ def _mean_where_finite(values: Array) -> Array:
     """Mean over time, axis 1, of the finite values; NaN where there are none."""
     finite = np.isfinite(values)
     return _quotient(np.where(finite, values, 0.0).sum(axis=1), finite.sum(axis=1))
-
-
-class _RunningMean:
-    """Mean of the finite values of arrays (target, time, component), given one after the other."""
-
-    def __init__(self) -> None:
-        self._total, self._count = np.zeros(1), np.zeros(1, dtype=np.int64)
-
-    def update(self, values: ArrayLike) -> None:
-        given = np.asarray(values, dtype=float)
-        finite = np.isfinite(given)
-        # summed in the order of time, so that the lengths of the intervals do not matter
-        before = np.broadcast_to(self._total, (given.shape[0], given.shape[2]))[:, None]
-        kept = np.where(finite, given, 0.0)
-        self._total = np.concatenate([before, kept], axis=1).sum(axis=1)
-        self._count = self._count + finite.sum(axis=1)
-
-    @property
-    def mean(self) -> Array:
-        return _quotient(self._total, self._count)
-
-
-def bound_ratio(error: Array, bound: Array, observed: ArrayLike) -> Array:
-    """Error over Cramer-Rao bound of the parts of the state.
-
-    Parameters
-    ----------
-    error, bound : ndarray, shape (target, time, 12)
-        Errors, and standard deviations of the bound. Times at which either is NaN are left out.
-    observed : array_like of bool, shape (target,)
-        Whether any measurement of the target was used.
-
-    Returns
-    -------
-    ndarray, shape (target, 4)
-        Root mean square length of the error vector of each of `PARTS` over the square root of the
-        mean sum of the bound's variances. About 1 for an efficient estimator; NaN for a target
-        that was never observed.
-    """
-    both = np.isfinite(error).all(axis=2) & np.isfinite(bound).all(axis=2)
-    counted = both & np.asarray(observed)[:, None]
-
-    def squared(values: Array) -> Array:
-        kept = np.where(counted[..., None], values, np.nan)
-        return _mean_where_finite((kept**2).reshape(*kept.shape[:2], len(PARTS), 3).sum(axis=3))
-
-    return np.sqrt(squared(error) / squared(bound))
 
 
 def classify(covered: Array, observed: ArrayLike) -> NDArray[np.uint8]:
@@ -167,19 +192,22 @@ def attitude_angle_deg(error: Array, a: float = 0.5) -> Array:
 class Evaluation:
     """Metrics of a run, gathered from interval to interval (Paul & Fan, eq. 63).
 
-    Only the final hours are kept; they are those before the last time given so far.
+    Sums are carried on, not histories; of the final hours two angles a step are kept.
 
     Parameters
     ----------
+    n_targets, n_steps : int
+        Targets, and steps of the whole run.
     step_s : float
         Time between the steps, s.
     """
 
-    def __init__(self, step_s: float) -> None:
-        self._final = max(1, round(FINAL_HOURS * 3600.0 / step_s))
-        self._covered, self._normalised, self._squared = (_RunningMean() for _ in range(3))
-        self._observed: NDArray[np.bool_] | bool = False
-        self._last: tuple[Array, ...] = ()
+    def __init__(self, n_targets: int, n_steps: int, step_s: float) -> None:
+        n_final = min(n_steps, max(1, round(FINAL_HOURS * 3600.0 / step_s)))
+        self._begin, self._n_final = n_steps - n_final, n_final
+        self._sums = _no_sums(n_targets, n_final)
+        self._observed = np.zeros(n_targets, dtype=bool)
+        self._done = 0
 
     def update(
         self, error: Array, sigma: Array, observed: ArrayLike, bound: Array | None = None
@@ -194,34 +222,35 @@ class Evaluation:
         observed : array_like of bool, shape (target,)
             Whether a measurement of the target was used.
         bound : ndarray, shape (target, time, 12), optional
-            Standard deviations of the Cramer-Rao bound; without it, what depends on it is NaN.
+            Standard deviations of the Cramer-Rao bound, of which those of the final hours count;
+            without it, what depends on it is NaN.
         """
-        self._covered.update(_within_bounds(error, sigma))
-        self._normalised.update((error / sigma) ** 2)
-        self._squared.update(error**2)
-        self._observed = self._observed | np.asarray(observed)
-        given = (error, sigma, np.full(error.shape, np.nan) if bound is None else bound)
-        if self._last:
-            joined = zip(self._last, given, strict=True)
-            given = tuple(np.concatenate(pair, axis=1) for pair in joined)
-        self._last = tuple(each[:, -self._final :] for each in given)
+        least = np.full(error.shape, np.nan) if bound is None else bound
+        before = min(max(self._begin - self._done, 0), error.shape[1])
+        self._observed |= np.asarray(observed)
+        _add(before, error, sigma, least, self._sums)
+        self._done += error.shape[1]
+        last = slice(self._done - error.shape[1] + before - self._begin, self._done - self._begin)
+        if last.stop > 0:
+            self._sums.turn[:, last] = attitude_angle_deg(error[:, before:]) ** 2
+            self._sums.least[:, last] = (least[:, before:, :3] ** 2).sum(axis=2)
 
     def result(self) -> TrackingMetrics:
-        """Metrics of all intervals so far."""
-        error, sigma, bound = self._last
-        covered = _within_bounds(error, sigma).mean(axis=1)
+        """Metrics of a run that is done."""
+        sums, steps = self._sums, np.full(self._sums.covered.shape, self._done)
+        covered = sums.covered_finally / self._n_final
         rotation = classify(covered[:, ROTATION], self._observed)
         translation = classify(covered[:, TRANSLATION], self._observed)
-        angle = attitude_angle_deg(error)
+        both = np.where(self._observed, sums.both, 0)[:, None]
         return TrackingMetrics(
-            self._covered.mean,
-            self._normalised.mean,
-            np.sqrt(self._squared.mean),
+            _quotient(sums.covered, steps),
+            _quotient(sums.anees, sums.n_anees),
+            np.sqrt(_quotient(sums.square, sums.n_square)),
             # the codes are ordered, and a target is seen or not as a whole
             np.maximum(rotation, translation),
             rotation,
             translation,
-            np.sqrt(_mean_where_finite(angle**2)),
-            bound_ratio(error, bound, self._observed),
-            np.rad2deg(np.sqrt(_mean_where_finite((bound[..., :3] ** 2).sum(axis=2)))),
+            np.sqrt(_mean_where_finite(sums.turn)),
+            np.sqrt(_quotient(sums.error, both) / _quotient(sums.bound, both)),
+            np.rad2deg(np.sqrt(_mean_where_finite(sums.least))),
         )

@@ -94,7 +94,9 @@ def _look(scene, surfaces, limits, observer, j, k, state, attitude, noise, mu, o
 
 
 @njit(cache=True, error_model="numpy")
-def _measure(first, scene, surfaces, limits, looks, states, attitudes, noise, mu, out, fate):
+def _measure(
+    first, begins, scene, surfaces, limits, looks, states, attitudes, noise, mu, out, fate
+):
     """All looks over the steps first, first + 1 and so on; see `measure`."""
     out[:, :] = np.nan
     for j in range(looks.offset.shape[0]):
@@ -108,9 +110,9 @@ def _measure(first, scene, surfaces, limits, looks, states, attitudes, noise, mu
                     looks.observer[row],
                     j,
                     k,
-                    states[j, k],
-                    attitudes[j, k],
-                    noise[j, k, row - start],
+                    states[j, k - begins],
+                    attitudes[j, k - begins],
+                    noise[j, k - begins, row - start],
                     mu,
                     out[row],
                 )
@@ -126,6 +128,8 @@ def measure(
     attitudes: Array,
     noise: Array,
     mu: float = MU,
+    *,
+    begins: int = 0,
 ) -> tuple[Measurements, NDArray[np.uint8]]:
     """Simulate the measurements of an interval from the true states (Paul & Fan, eqs. 23, 43).
 
@@ -153,6 +157,8 @@ def measure(
         Errors of the first, second ... look at a target at a time: mag, rad, rad.
     mu : float
         Mass ratio.
+    begins : int
+        Index, among the scene's times, of the first of the states, attitudes and errors.
 
     Returns
     -------
@@ -174,7 +180,6 @@ def measure(
     limits = sensor.limits()
     value = np.empty((looks.observer.size, 3))
     fate = np.empty(looks.observer.size, dtype=np.uint8)
-    _measure(
-        first, scene, surfaces, limits, looks, states, attitudes, noise, float(mu), value, fate
-    )
+    world, truth = (scene, surfaces, limits, looks), (states, attitudes, noise)
+    _measure(first, begins, *world, *truth, float(mu), value, fate)
     return Measurements(*looks, value, np.tile(limits.noise_variance, (fate.size, 1))), fate

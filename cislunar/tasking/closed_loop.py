@@ -17,7 +17,7 @@ Assumptions and limitations
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -28,33 +28,14 @@ from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import EstimatorFactory, InitialEstimate
 from cislunar.estimation.registry import estimator_named
-from cislunar.evaluation.cramer_rao import CramerRaoBound
-from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
-from cislunar.observation.measurement import DETECTED, NOT_TASKED, measure
-from cislunar.observation.records import constant_schedule, highest, rows_of
+from cislunar.evaluation.metrics import TrackingMetrics
 from cislunar.observation.scene import Scene, TargetSurfaces
-from cislunar.tasking.assignment import assign
-from cislunar.tasking.information import pair_information
-from cislunar.tasking.preselection import assign_preselected, preselects
-from cislunar.tasking.recording import Recorder, Records
+from cislunar.tasking.realization import USED, Realization, World, begun, interval
+from cislunar.tasking.recording import Piece, Records, gathered, joined
 from cislunar.tasking.settings import LoopSettings
-from cislunar.tasking.simulation import (
-    ESTIMATOR,
-    TASKING,
-    TruthModel,
-    draw_truth,
-    estimation_errors,
-    initial_estimate,
-    stream,
-)
+from cislunar.tasking.simulation import TruthModel, initial_estimate
 
 Array = NDArray[np.float64]
-
-USED = DETECTED + 1
-"""Fate of a look whose measurement was used, beyond those of `cislunar.observation.measurement`."""
-
-FATE_NAMES = ("not_tasked", "faint", "excluded", "occulted", "rejected", "used")
-"""Names of the fates; "rejected" was out of the field of view, or the estimate had failed."""
 
 
 @dataclass(frozen=True)
@@ -86,10 +67,10 @@ class LoopResult:
     counters : ndarray of int, shape (seed, target, 4)
         Updates, measurements out of the field of view, dark sigma points, failed Cholesky
         factorisations.
-    pair_information : ndarray, shape (seed, epoch, observer, target), or None
-        Information of all pairs, if it was to be kept.
     records : Records
         What ``settings.record`` asked for.
+    pair_information : ndarray, shape (seed, epoch, observer, target), or None
+        Information of all pairs, if it was to be kept.
     """
 
     assignment: NDArray[np.int16]
@@ -103,8 +84,8 @@ class LoopResult:
     metrics: TrackingMetrics
     failed: NDArray[np.uint8]
     counters: NDArray[np.int64]
-    pair_information: Array | None
     records: Records
+    pair_information: Array | None = None
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -117,142 +98,108 @@ class LoopResult:
         return self.metrics.final_attitude_error_deg
 
 
-class _Histories(NamedTuple):
-    """What is kept of a run; `error`, `sigma` and `bound` at the recorded steps only."""
+class State(NamedTuple):
+    """How far a run has come: what a checkpoint has to hold.
 
-    assignment: NDArray[np.int16]
-    information: Array
-    evaluations: NDArray[np.int64]
-    error: NDArray[np.float32]
-    sigma: NDArray[np.float32]
-    bound: NDArray[np.float32]
-    fate: NDArray[np.uint8]
-    pairs: Array
+    `done` counts the tasking epochs of all seeds, `looks` the rows kept of looks; `ends` has the
+    `Realization.end` of every seed that is done, `current` the one at work.
+    """
 
-    @classmethod
-    def empty(
-        cls, settings: LoopSettings, n_seeds: int, n_observers: int, n_targets: int
-    ) -> _Histories:
-        """Room for all seeds, the first axis."""
-        epochs = (n_seeds, settings.epochs.size)
-        states = (n_seeds, settings.recorded.size, n_targets, 12)
-        pairs = (*epochs, n_observers, n_targets) if settings.keep_information else (n_seeds, 0)
-        return cls(
-            np.empty((*epochs, n_observers), np.int16),
-            np.empty(epochs),
-            np.empty(epochs, np.int64),
-            *(np.empty(states, np.float32) for _ in range(3)),
-            np.empty((n_seeds, settings.n_steps, n_targets), np.uint8),
-            np.empty(pairs),
-        )
+    done: int = 0
+    looks: int = 0
+    ends: tuple = ()
+    current: Realization | None = None
 
 
-class _Run:
-    """One seed of a cell: truth, estimator, bound and metrics, from epoch to epoch."""
+class ClosedLoop:
+    """All seeds of one cell, piece by piece.
+
+    Between two pieces the loop can be left and taken up again, by another process too: `state` is
+    all that it carries. It changes as the loop goes on, so that one to be kept has to be copied
+    (pickled).
+
+    Parameters
+    ----------
+    scene, surfaces, epoch_state, target_ids, seeds, settings, estimator, initial, truth, forces
+        As of `run_closed_loop`.
+
+    Attributes
+    ----------
+    world : World
+        What does not change.
+    state : State
+        How far it has come.
+
+    Raises
+    ------
+    ConfigurationError
+        As `run_closed_loop` does.
+    """
 
     def __init__(
         self,
         scene: Scene,
         surfaces: TargetSurfaces,
-        settings: LoopSettings,
-        factory: EstimatorFactory,
-        initial: InitialEstimate,
-        truth: TruthModel,
-        ids: NDArray[np.int64],
-        seed: int,
-        forces: tuple,
-        kept: _Histories,
-        recorder: Recorder,
+        epoch_state: ArrayLike,
+        target_ids: ArrayLike,
+        seeds: Sequence[int],
+        settings: LoopSettings | None = None,
+        *,
+        estimator: EstimatorFactory | str = "mukf",
+        initial: InitialEstimate | None = None,
+        truth: TruthModel | None = None,
+        forces: tuple = EARTH_MOON,
     ) -> None:
-        self.scene, self.surfaces, self.settings, self.truth = scene, surfaces, settings, truth
-        self.seed, self.forces, self.kept, self.recorder = seed, forces, kept, recorder
-        self.motion = draw_truth(
-            initial,
-            scene,
-            truth.noise,
-            seed,
-            ids,
-            forces=truth.forces,
-            inertia=truth.surfaces.inertia,
-            angular_acceleration=truth.angular_acceleration,
-        )
-        own = stream(ESTIMATOR, seed)
-        self.estimator = factory(scene, surfaces, settings.sensor, initial, own, forces)
-        self.bound = CramerRaoBound(scene, truth.surfaces, initial.sigma, forces=truth.forces)
-        self.evaluation = Evaluation(settings.step_s)
+        settings = LoopSettings() if settings is None else settings
+        factory = estimator_named(estimator) if isinstance(estimator, str) else estimator
+        ids = np.asarray(target_ids, dtype=np.int64)
+        if initial is None:
+            initial = initial_estimate(epoch_state, settings.initial.components())
+        if truth is None:
+            truth = TruthModel(surfaces, settings.sensor.noise, np.zeros(3), forces)
+        _require_consistency(scene, surfaces, truth, initial, ids, seeds, settings)
+        self.world = World(scene, surfaces, settings, factory, initial, truth, ids, forces)
+        self.seeds = [int(seed) for seed in seeds]
+        self.state = State()
 
-    def epoch(self, number: int) -> None:
-        """Assign the observers and work through the interval that follows."""
-        settings, start = self.settings, int(self.settings.epochs[number])
-        stop = min(start + settings.steps_per_interval, settings.n_steps)
-        known = (
-            self.estimator.predict(),
-            self.scene,
-            self.surfaces,
-            settings.sensor,
-            settings.tasking,
-            self.forces,
-        )
-        n_pairs = self.kept.assignment.shape[1] * self.kept.fate.shape[1]
-        if not settings.keep_information and preselects(settings.tasking, settings.method, n_pairs):
-            tasking = assign_preselected(*known)
-        else:
-            pairs = pair_information(*known)
-            tasking = assign(
-                pairs,
-                settings.method,
-                rng=stream(TASKING, self.seed, number),
-                max_evaluations=settings.max_evaluations,
-                early_stop=settings.early_stop,
-            )
-        self.kept.assignment[number] = tasking.target
-        self.kept.information[number] = tasking.information
-        self.kept.evaluations[number] = tasking.history.size
-        if settings.keep_information:
-            self.kept.pairs[number] = pairs
-        self._observe(start, stop, tasking.target)
+    @property
+    def lengths(self) -> dict[str, int]:
+        """Length of the run along what the values of a `Piece` are."""
+        settings = self.world.settings
+        counts = settings.epochs.size, settings.n_steps, settings.recorded.size
+        return dict(zip(("epoch", "step", "time"), counts, strict=True))
 
-    def _observe(self, start: int, stop: int, target: NDArray[np.int64]) -> None:
-        """Measure, estimate and judge the steps start .. stop - 1."""
-        n_targets = self.kept.fate.shape[1]
-        first = start + 1  # index 0 of the scene is the start of the run, without a measurement
-        motion, truth = self.motion, self.truth
-        measurements, fate = measure(
-            first,
-            constant_schedule(target, n_targets, stop - start),
-            self.scene,
-            truth.surfaces,
-            self.settings.sensor,
-            motion.translation,
-            motion.quaternion,
-            motion.noise,
-            truth.forces.mu,
-        )
-        estimates = self.estimator.advance(
-            measurements, covariance="covariance" in self.settings.record
-        )
-        fate[estimates.used] = USED
-        error = estimation_errors(first, motion, estimates)
-        used = measurements.where(estimates.used)
-        times = slice(start, stop + 1)
-        least = self.bound.advance(
-            motion.translation[:, times],
-            motion.quaternion[:, times],
-            motion.angular_velocity[:, times],
-            used._replace(variance=np.broadcast_to(truth.noise**2, used.variance.shape).copy()),
-        )
-        observed = np.isin(np.arange(n_targets), rows_of(used)[0])
-        self.evaluation.update(error, estimates.sigma, observed, least)
-        self.kept.fate[start:stop] = highest(measurements, fate, NOT_TASKED).T
-        recorded = self.settings.recorded
-        some = slice(*np.searchsorted(recorded, [start, stop]))
-        for history, values in (
-            (self.kept.error, error),
-            (self.kept.sigma, estimates.sigma),
-            (self.kept.bound, least),
-        ):
-            history[some] = values[:, recorded[some] - start].swapaxes(0, 1)
-        self.recorder.interval(start, target, motion, estimates, measurements, fate)
+    def pieces(self, progress: Callable[[int, int], None] | None = None) -> Iterator[Piece]:
+        """What is kept from where the loop stands on, a day or the rest of a seed at a time.
+
+        `progress` is called with (epochs done, epochs in all seeds).
+        """
+        n_epochs = self.lengths["epoch"]
+        a_day = max(1, round(24.0 * 60.0 / self.world.settings.interval_minutes))
+        while self.state.done < len(self.seeds) * n_epochs:
+            number, epoch = divmod(self.state.done, n_epochs)
+            current = self.state.current
+            if current is None:
+                current = begun(self.world, number, self.seeds[number])
+            parts = []
+            for each in range(epoch, min(epoch + a_day, n_epochs)):
+                parts.append(interval(self.world, current, each))
+                if progress is not None:
+                    progress(number * n_epochs + each + 1, len(self.seeds) * n_epochs)
+            piece = joined(parts)
+            looks = self.state.looks + (0 if piece.looks is None else piece.looks.step.size)
+            done, ends = self.state.done + len(parts), self.state.ends
+            if done % n_epochs:
+                self.state = State(done, looks, ends, current)
+            else:
+                self.state = State(done, looks, (*ends, current.end))
+            yield piece
+
+    def ends(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:
+        """Metrics, why estimates failed and counters of a run that is done, by seed first."""
+        metrics, failed, counters = zip(*self.state.ends, strict=True)
+        each = (np.array(column) for column in zip(*metrics, strict=True))
+        return TrackingMetrics(*each), np.array(failed), np.array(counters)
 
 
 def run_closed_loop(
@@ -308,43 +255,29 @@ def run_closed_loop(
     ConfigurationError
         If scene, targets and settings do not fit together, or there are no seeds.
     """
-    settings = LoopSettings() if settings is None else settings
-    factory = estimator_named(estimator) if isinstance(estimator, str) else estimator
-    ids = np.asarray(target_ids, dtype=np.int64)
-    if initial is None:
-        initial = initial_estimate(epoch_state, settings.initial.components())
-    if truth is None:
-        truth = TruthModel(surfaces, settings.sensor.noise, np.zeros(3), forces)
-    _require_consistency(scene, surfaces, truth, initial, ids, seeds, settings)
-    n_epochs, n_observers = settings.epochs.size, scene.observer_position.shape[0]
-    kept = _Histories.empty(settings, len(seeds), n_observers, ids.size)
-    recorder, ends = Recorder(settings, scene), []
-    for s, seed in enumerate(seeds):
-        own = _Histories(*(part[s] for part in kept))
-        recorder.next_seed()
-        run = _Run(
-            scene, surfaces, settings, factory, initial, truth, ids, seed, forces, own, recorder
-        )
-        for number in range(n_epochs):
-            run.epoch(number)
-            if progress is not None:
-                progress(s * n_epochs + number + 1, len(seeds) * n_epochs)
-        ends.append((*run.evaluation.result(), run.estimator.failed, run.estimator.counters))
-    *metrics, failed, counters = (np.array(column) for column in zip(*ends, strict=True))
+    loop = ClosedLoop(
+        scene,
+        surfaces,
+        epoch_state,
+        target_ids,
+        seeds,
+        settings,
+        estimator=estimator,
+        initial=initial,
+        truth=truth,
+        forces=forces,
+    )
+    kept, looks = gathered(loop.pieces(progress), len(loop.seeds), loop.lengths)
+    metrics, failed, counters = loop.ends()
+    own = {name: kept.pop(name) for name in LoopResult.__annotations__ if name in kept}
+    settings = loop.world.settings
     return LoopResult(
-        kept.assignment,
-        kept.information,
-        kept.evaluations,
-        settings.step_s * (settings.recorded + 1.0),
-        kept.error,
-        kept.sigma,
-        kept.bound,
-        kept.fate,
-        TrackingMetrics(*metrics),
-        failed,
-        counters,
-        kept.pairs if settings.keep_information else None,
-        recorder.result(),
+        elapsed_s=settings.step_s * (settings.recorded + 1.0),
+        metrics=metrics,
+        failed=failed,
+        counters=counters,
+        records=Records(**kept, looks=looks),
+        **own,
     )
 
 

@@ -1,7 +1,7 @@
-"""What a run keeps on request: truth, estimates, covariance, measurements, pointing."""
+"""What a run keeps: pieces of its histories, and on request truth, estimates, measurements ..."""
 
-from collections import defaultdict
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ class Looks(NamedTuple):
     value, variance : ndarray, shape (row, 3)
         As in `cislunar.observation.records.Measurements`; NaN where nothing was found.
     fate : ndarray of uint8
-        What became of it, index into `cislunar.tasking.closed_loop.FATE_NAMES`.
+        What became of it, index into `cislunar.tasking.realization.FATE_NAMES`.
     """
 
     seed: NDArray[np.int64]
@@ -69,73 +69,118 @@ class Records(NamedTuple):
     pointing: Array | None = None
 
 
-class Recorder:
-    """Gathers the `Records` of a run, interval by interval, seed by seed."""
+class Piece(NamedTuple):
+    """What a run keeps of consecutive intervals of one seed.
 
-    def __init__(self, settings: LoopSettings, scene: Scene) -> None:
-        self._asked, self._recorded, self._scene = settings.record, settings.recorded, scene
-        self._seeds: list[dict[str, list[Array]]] = []
-        self._looks: list[Looks] = []
+    Attributes
+    ----------
+    seed : int
+        Index of the realization.
+    places : dict
+        Where along "epoch", "step" and "time" (the recorded steps) of the run it lies, as slices.
+    kept : dict
+        By the names of `cislunar.tasking.closed_loop.LoopResult` and of `Records`: along which of
+        these, and the values, shape (that, ...).
+    looks : Looks or None
+        Those of these intervals, if they were asked for.
+    """
 
-    def next_seed(self) -> None:
-        """What follows is of another seed."""
-        self._seeds.append(defaultdict(list))
+    seed: int
+    places: dict[str, slice]
+    kept: dict[str, tuple[str, NDArray]]
+    looks: Looks | None = None
 
-    def interval(
-        self,
-        start: int,
-        assigned: NDArray[np.int64],
-        motion: Truth,
-        estimates: Estimates,
-        measurements: Measurements,
-        fate: NDArray[np.uint8],
-    ) -> None:
-        """Add the steps from `start` on; `assigned` has the target of each observer or -1."""
-        if not self._asked:
-            return
-        stop = start + measurements.offset.shape[1] - 1
-        some = slice(*np.searchsorted(self._recorded, [start, stop]))
-        steps, kept = self._recorded[some], self._seeds[-1]
-        # index 0 of truth and scene is the epoch, without a measurement
-        known = {
-            "truth": {f"true_{name}": getattr(motion, name)[:, steps + 1] for name in _MOTION},
-            "estimates": {name: getattr(estimates, name)[:, steps - start] for name in _MOTION},
-            "pointing": {"pointing": self._pointing(start, steps, assigned, estimates)},
-        }
-        if "covariance" in self._asked:
-            known["covariance"] = {"covariance": estimates.covariance[:, steps - start]}
-        for name in {*self._asked} & {*known}:
-            for key, values in known[name].items():
-                kept[key].append(values.swapaxes(0, 1))
-        if "measurements" in self._asked:
-            target, step = rows_of(measurements)
-            seed = np.full(target.size, len(self._seeds) - 1)
-            rest = measurements.observer, measurements.value, measurements.variance, fate
-            self._looks.append(Looks(seed, start + step, target, *rest))
 
-    def _pointing(
-        self,
-        start: int,
-        steps: NDArray[np.int64],
-        assigned: NDArray[np.int64],
-        estimates: Estimates,
-    ) -> Array:
-        """Angles (observer, time, 2) at some steps."""
-        place = estimates.translation[assigned][:, steps - start, :3]
-        way = place - self._scene.observer_position[:, steps + 1]
-        x, y, z = np.einsum("tij,otj->iot", self._scene.observer_axes[steps + 1], way)
-        angles = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=-1)
-        return np.where((np.asarray(assigned) >= 0)[:, None, None], angles, np.nan)
+def joined(pieces: Sequence[Piece]) -> Piece:
+    """Pieces that follow each other, as one."""
+    first, last = pieces[0], pieces[-1]
+    places = {
+        along: slice(place.start, last.places[along].stop) for along, place in first.places.items()
+    }
+    kept = {
+        name: (along, np.concatenate([piece.kept[name][1] for piece in pieces]))
+        for name, (along, _) in first.kept.items()
+    }
+    return Piece(first.seed, places, kept, joined_looks([piece.looks for piece in pieces]))
 
-    def result(self) -> Records:
-        """All of it."""
-        found = {
-            key: np.array([np.concatenate(seed[key]) for seed in self._seeds])
-            for key in self._seeds[0]
-        }
-        if self._looks:
-            found["looks"] = Looks(*map(np.concatenate, zip(*self._looks, strict=True)))
-        return Records(**found)
+
+def joined_looks(parts: Sequence[Looks | None]) -> Looks | None:
+    """Looks one after the other, if there were any to keep."""
+    if not parts or parts[0] is None:
+        return None
+    return Looks(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+def fill(whole: Mapping[str, Any], piece: Piece) -> None:
+    """Put a piece into arrays (or variables of an open file) that hold all of a run, by name."""
+    for name, (along, values) in piece.kept.items():
+        whole[name][piece.seed, piece.places[along]] = values
+
+
+def gathered(
+    pieces: Iterable[Piece], n_seeds: int, lengths: Mapping[str, int]
+) -> tuple[dict[str, NDArray], Looks | None]:
+    """All pieces of a run as arrays, shape (seed, ...), and its looks."""
+    whole: dict[str, NDArray] = {}
+    looks = []
+    for piece in pieces:
+        for name, (along, values) in piece.kept.items():
+            if name not in whole:
+                whole[name] = np.empty((n_seeds, lengths[along], *values.shape[1:]), values.dtype)
+        fill(whole, piece)
+        looks.append(piece.looks)
+    return whole, joined_looks(looks)
+
+
+def interval_records(
+    start: int,
+    seed: int,
+    assigned: NDArray[np.int64],
+    motion: Truth,
+    estimates: Estimates,
+    measurements: Measurements,
+    fate: NDArray[np.uint8],
+    settings: LoopSettings,
+    scene: Scene,
+) -> tuple[dict[str, tuple[str, NDArray]], Looks | None]:
+    """What `settings.record` asks for of the steps from `start` on, as in `Piece`.
+
+    `assigned` has the target of each observer or -1; `motion` begins a step before the first.
+    """
+    asked = settings.record
+    steps = settings.recorded_within(start, measurements.offset.shape[1] - 1)
+    found: dict[str, Array] = {}
+    if "truth" in asked:
+        found |= {f"true_{name}": getattr(motion, name)[:, steps + 1] for name in _MOTION}
+    if "estimates" in asked:
+        found |= {name: getattr(estimates, name)[:, steps] for name in _MOTION}
+    if "covariance" in asked:
+        found["covariance"] = estimates.covariance[:, steps]
+    if "pointing" in asked:
+        found["pointing"] = _pointing(start, steps, assigned, estimates, scene)
+    looks = None
+    if "measurements" in asked:
+        target, step = rows_of(measurements)
+        rest = measurements.observer, measurements.value, measurements.variance, fate
+        looks = Looks(np.full(target.size, seed), start + step, target, *rest)
+    return {name: ("time", values.swapaxes(0, 1)) for name, values in found.items()}, looks
+
+
+def _pointing(
+    start: int,
+    steps: NDArray[np.int64],
+    assigned: NDArray[np.int64],
+    estimates: Estimates,
+    scene: Scene,
+) -> Array:
+    """Angles (observer, time, 2) at some steps after `start`."""
+    place = estimates.translation[assigned][:, steps, :3]
+    # index 0 of the scene is the epoch, without a measurement
+    at = start + steps + 1
+    way = place - scene.observer_position[:, at]
+    x, y, z = np.einsum("tij,otj->iot", scene.observer_axes[at], way)
+    angles = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=-1)
+    return np.where((np.asarray(assigned) >= 0)[:, None, None], angles, np.nan)
 
 
 _MOTION = ("translation", "quaternion", "angular_velocity")

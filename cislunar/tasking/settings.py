@@ -114,3 +114,8 @@ class LoopSettings:
         """Indices, among the measurement times, of those at which errors are kept."""
         # Counted from the end, so that the final state is always among them.
         return np.arange(self.n_steps - 1, -1, -self.record_every)[::-1]
+
+    def recorded_within(self, start: int, n_steps: int) -> NDArray[np.int64]:
+        """Those of the `n_steps` measurement times from `start` on, counted from there."""
+        first, last = np.searchsorted(self.recorded, [start, start + n_steps])
+        return self.recorded[first:last] - start

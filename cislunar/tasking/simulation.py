@@ -4,29 +4,33 @@ Every random draw belongs to a seed and a target, so that cells that share a see
 and the measurement errors of the targets they share, whatever else differs between them.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude import grp
-from cislunar.attitude.inertia import is_spherical
-from cislunar.attitude.quaternion import compose, multiply_components
-from cislunar.attitude.rigid_body import propagate_under_torque
+from cislunar.attitude.inertia import rigid_bodies
+from cislunar.attitude.quaternion import compose, multiply_components, normalize
+from cislunar.attitude.rigid_body import propagate_kernel, propagate_spherical
 from cislunar.constants import MU
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON
+from cislunar.dynamics.forces import require_span
 from cislunar.dynamics.propagation import propagate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimates, InitialEstimate
-from cislunar.observation.scene import Scene, TargetSurfaces, constant_rate_attitude
+from cislunar.observation.scene import Scene, TargetSurfaces
 
 Array = NDArray[np.float64]
 
 INITIAL_QUATERNION = (0.0, 0.0, 0.0, 1.0)
 INITIAL_RATE_DEG_H = (-44.723808, -6.6573, -8.514216)
 """Mean attitude and angular velocity of the targets at the epoch (Paul & Fan, table 3)."""
+
+_TOLERANCE = 1e-13
+"""Of the rotation of bodies whose angular velocity changes, see `propagate_kernel`."""
 
 # Independent streams of random numbers; the first entry of a generator's seed.
 _PHASE, _SELECTION, _INITIAL_ERROR, _MEASUREMENT, TASKING, ESTIMATOR = range(6)
@@ -162,34 +166,50 @@ def initial_estimate(translation: ArrayLike, sigma: ArrayLike) -> InitialEstimat
     )
 
 
-def _rotation(
-    quaternion: Array, rate: Array, elapsed_s: Array, inertia: Array, acceleration: Array
-) -> tuple[Array, Array]:
-    """Attitude and angular velocity of one target at all times, in closed form where there is."""
-    if is_spherical(inertia) and not np.any(acceleration):
-        rates = np.tile(rate, (elapsed_s.size, 1))
-        return constant_rate_attitude(quaternion, rate, elapsed_s), rates
-    return propagate_under_torque(quaternion, rate, elapsed_s, inertia, acceleration)
+@njit(cache=True, error_model="numpy")
+def _turn(elapsed_s, bodies, forced, tolerance, attitude, rate, quaternion, omega):
+    """Attitudes (target, time, 4) and rates of all targets at some times.
+
+    `attitude` and `rate` are those at the epoch of targets that turn in closed form, and those at
+    the first of the times, or the epoch, of the others, which are carried on to the last.
+    """
+    free = not np.any(forced)
+    for j in range(attitude.shape[0]):
+        if bodies.spherical[j] and free:
+            for i in range(elapsed_s.size):
+                quaternion[j, i] = propagate_spherical(attitude[j], rate[j], elapsed_s[i])
+                omega[j, i] = rate[j]
+            continue
+        now = elapsed_s[0]
+        for i in range(elapsed_s.size):
+            if i > 0 or now == 0.0:  # the last state of an interval is the first of the next
+                propagate_kernel(
+                    attitude[j],
+                    rate[j],
+                    bodies.inertia[j],
+                    bodies.inverse[j],
+                    elapsed_s[i] - now,
+                    tolerance,
+                    attitude[j],
+                    rate[j],
+                    forced[0],
+                    forced[1],
+                    forced[2],
+                )
+            now = elapsed_s[i]
+            quaternion[j, i] = attitude[j]
+            omega[j, i] = rate[j]
 
 
-def draw_truth(
-    initial: InitialEstimate,
-    scene: Scene,
-    noise: ArrayLike,
-    seed: int,
-    target_ids: ArrayLike,
-    *,
-    forces: tuple = EARTH_MOON,
-    inertia: ArrayLike | None = None,
-    angular_acceleration: ArrayLike = (0.0, 0.0, 0.0),
-    looks: int = 1,
-) -> Truth:
-    """Sample the true states from the initial distribution and propagate them.
+class TrueMotion:
+    """True motion of the targets, carried on from interval to interval.
+
+    Where the intervals end does not matter, for forces that depend on time except for rounding.
 
     Parameters
     ----------
     initial : InitialEstimate
-        Mean and standard deviations at the epoch.
+        Mean and standard deviations at the epoch, from which the true states are drawn.
     scene : Scene
         Gives the grid of times.
     noise : array_like, shape (3,)
@@ -207,36 +227,97 @@ def draw_truth(
     looks : int
         Most looks at a target at a time; more leave the errors of the first ones as they are.
 
+    Raises
+    ------
+    ConfigurationError
+        If the force model has no data for some of the times, or an inertia is impossible.
+    """
+
+    def __init__(
+        self,
+        initial: InitialEstimate,
+        scene: Scene,
+        noise: ArrayLike,
+        seed: int,
+        target_ids: ArrayLike,
+        *,
+        forces: tuple = EARTH_MOON,
+        inertia: ArrayLike | None = None,
+        angular_acceleration: ArrayLike = (0.0, 0.0, 0.0),
+        looks: int = 1,
+    ) -> None:
+        ids = np.asarray(target_ids)
+        require_span(forces, 0.0, scene.step * (scene.sun_position.shape[0] - 1))
+        normals = [stream(_INITIAL_ERROR, seed, j).standard_normal(12) for j in ids]
+        error = np.array(normals) * initial.sigma
+        self._scene, self._forces = scene, forces
+        self._noise = np.asarray(noise, dtype=float)
+        spherical = np.tile(np.eye(3), (ids.size, 1, 1))
+        self._bodies = rigid_bodies(spherical if inertia is None else inertia)
+        self._forced = np.asarray(angular_acceleration, dtype=float)
+        self._translation = initial.translation + error[:, 6:]
+        self._attitude = compose(grp.to_quaternion(error[:, :3]), initial.quaternion)
+        self._rate = initial.angular_velocity + error[:, 3:6]
+        integrated = ~self._bodies.spherical | np.any(self._forced)
+        self._attitude[integrated] = normalize(self._attitude[integrated])
+        keys = [()] + [(look,) for look in range(1, looks)]
+        self._streams = [[stream(_MEASUREMENT, seed, j, *key) for key in keys] for j in ids]
+        self._last = self._draw(1)
+        self._index = 0
+
+    def _draw(self, n_times: int) -> Array:
+        """Measurement errors of the next times, shape (target, time, look, 3)."""
+        draws = [[each.standard_normal((n_times, 3)) for each in own] for own in self._streams]
+        return np.moveaxis(draws, 1, 2) * self._noise
+
+    def advance(self, n_steps: int) -> Truth:
+        """Motion over the next steps.
+
+        Parameters
+        ----------
+        n_steps : int
+
+        Returns
+        -------
+        Truth
+            At n_steps + 1 times, the first of which is the last so far.
+        """
+        first, scene, n_targets = self._index, self._scene, self._attitude.shape[0]
+        translation = propagate_bundle(
+            self._translation, scene.step, n_steps, forces=self._forces, start=first * scene.step
+        )
+        elapsed = scene.step_s * np.arange(first, first + n_steps + 1)
+        quaternion, omega = (np.empty((n_targets, n_steps + 1, n)) for n in (4, 3))
+        given = elapsed, self._bodies, self._forced, _TOLERANCE
+        _turn(*given, self._attitude, self._rate, quaternion, omega)
+        noise = np.concatenate([self._last, self._draw(n_steps)], axis=1)
+        self._translation, self._last = translation[:, -1].copy(), noise[:, -1:].copy()
+        self._index += n_steps
+        return Truth(translation, quaternion, omega, noise)
+
+
+def draw_truth(
+    initial: InitialEstimate,
+    scene: Scene,
+    noise: ArrayLike,
+    seed: int,
+    target_ids: ArrayLike,
+    **model: Any,
+) -> Truth:
+    """Sample the true states from the initial distribution and carry them through the scene.
+
+    Parameters
+    ----------
+    initial, scene, noise, seed, target_ids, **model
+        As of `TrueMotion`.
+
     Returns
     -------
     Truth
+        At all times of the scene.
     """
-    ids = np.asarray(target_ids)
-    n_times = scene.sun_position.shape[0]
-    normals = [stream(_INITIAL_ERROR, seed, j).standard_normal(12) for j in ids]
-    error = np.array(normals) * initial.sigma
-    start = compose(grp.to_quaternion(error[:, :3]), initial.quaternion)
-    omega = initial.angular_velocity + error[:, 3:6]
-    elapsed = scene.step_s * np.arange(n_times)
-    bodies = np.tile(np.eye(3), (ids.size, 1, 1)) if inertia is None else np.asarray(inertia)
-    forced = np.asarray(angular_acceleration, dtype=float)
-    keys = [()] + [(look,) for look in range(1, looks)]
-    rotations = [
-        _rotation(q, w, elapsed, body, forced)
-        for q, w, body in zip(start, omega, bodies, strict=True)
-    ]
-    draws = [
-        [stream(_MEASUREMENT, seed, j, *key).standard_normal((n_times, 3)) for key in keys]
-        for j in ids
-    ]
-    return Truth(
-        propagate_bundle(
-            initial.translation + error[:, 6:], scene.step, n_times - 1, forces=forces
-        ),
-        np.array([attitude for attitude, _ in rotations]),
-        np.array([rate for _, rate in rotations]),
-        np.ascontiguousarray(np.moveaxis(draws, 1, 2)) * np.asarray(noise, dtype=float),
-    )
+    motion = TrueMotion(initial, scene, noise, seed, target_ids, **model)
+    return motion.advance(scene.sun_position.shape[0] - 1)
 
 
 @njit(cache=True, error_model="numpy")

@@ -6,12 +6,12 @@ import xarray as xr
 from campaign_folder import ROOT, read_campaign
 
 from cislunar.campaign.data.inputs import sun_dataset
-from cislunar.campaign.data.netcdf import write_dataset
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
 from cislunar.campaign.settings.cells import Cell, cell_settings
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.tracking.cell import CellInputs
-from cislunar.campaign.tracking.dataset import cell_dataset
+from cislunar.campaign.tracking.dataset import cell_dataset, write_cell
 from cislunar.campaign.tracking.records import cell_arcs, frame_epoch
 from cislunar.constants import EPOCH_JD
 from cislunar.errors import ConfigurationError
@@ -45,13 +45,18 @@ def inputs():
     )
 
 
-def made(inputs, record, estimator="mukf"):
+def cell_of(record, estimator="mukf"):
+    """A small cell and its settings."""
     settings = cell_settings(
         read_campaign(ROOT / "config")["task2"]
         | {"seeds": 2, "duration_hours": 2, "record_minutes": 20, "record": record}
     )
     settings = merged(settings, {"sensor": {"limiting_magnitude": 25}})
-    cell = Cell("A", "tpe", estimator, 3, 60)
+    return Cell("A", "tpe", estimator, 3, 60), settings
+
+
+def made(inputs, record, estimator="mukf"):
+    cell, settings = cell_of(record, estimator)
     return cell_dataset(cell, inputs, settings, propagator="dop853", seed=3)
 
 
@@ -76,6 +81,20 @@ def recorded_estimator(cell):
 def test_everything_recorded_has_unit_and_meaning(recorded, tmp_path):
     write_dataset(recorded, tmp_path / "cell.nc")
     assert recorded["look_magnitude"].attrs["units"] == "mag"
+
+
+def test_the_file_of_a_cell_is_what_is_held_in_memory(inputs, recorded, tmp_path):
+    """Variables, values, types and attributes, however often it is kept on the way."""
+    cell, settings = cell_of(list(RECORDABLE), recorded_estimator(recorded))
+    for name, least_s in (("seldom.nc", 60.0), ("often.nc", 0.0)):
+        path = tmp_path / name
+        given = {"propagator": "dop853", "seed": 3, "checkpoint_s": least_s}
+        write_cell(cell, inputs, settings, path, **given)
+        xr.testing.assert_identical(read_dataset(path), recorded)
+        types = {name: each.dtype for name, each in read_dataset(path).variables.items()}
+        assert types == {name: each.dtype for name, each in recorded.variables.items()}
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["often.nc", "seldom.nc"]
+    assert (tmp_path / "often.nc").read_bytes() == (tmp_path / "seldom.nc").read_bytes()
 
 
 def test_truth_less_estimate_is_the_error(recorded):

@@ -13,7 +13,6 @@ from cislunar.dynamics.propagation import propagate, propagate_stm
 from cislunar.dynamics.runge_kutta import step_dop853
 from cislunar.errors import ConfigurationError
 from cislunar.evaluation.cramer_rao import CramerRaoBound
-from cislunar.evaluation.metrics import bound_ratio
 from cislunar.observation.measurement import target_magnitude
 from cislunar.observation.measurement_derivatives import measurement_rows
 from cislunar.observation.records import Measurements, schedule
@@ -394,11 +393,12 @@ def test_error_over_bound():
     least = np.repeat([0.1, 1e-5, 1e-3, 2.0], 3) * np.ones((3, 4000, 12))
     error = least * rng.standard_normal(least.shape) * np.repeat([1.0, 2.0, 3.0, 4.0], 3)
     error[1, 2000:] = np.nan
-    ratio = bound_ratio(error, least, [True, True, False])
+    used = np.array([[True], [True], [False]])
+    ratio = evaluate(error, least, used, 1.0, least).bound_ratio
     np.testing.assert_allclose(ratio[:2], np.tile([1.0, 2.0, 3.0, 4.0], (2, 1)), rtol=0.05)
     assert np.all(np.isnan(ratio[2]))
     error[0], least[1] = np.nan, np.nan
-    assert np.all(np.isnan(bound_ratio(error, least, [True, True, True])[:2]))
+    assert np.all(np.isnan(evaluate(error, least, used, 1.0, least).bound_ratio))
 
 
 def test_only_the_final_hours_count():

@@ -111,7 +111,7 @@ def test_the_lengths_of_the_intervals_do_not_matter(lengths):
     used = rng.random((4, N_STEPS)) < 0.01
     used[0], used[1, 5] = False, True
     error[1, 100:], sigma[1, 100:], bound[2, 130:] = np.nan, np.nan, np.nan
-    gathered = metrics.Evaluation(STEP_S)
+    gathered = metrics.Evaluation(*error.shape[:2], STEP_S)
     for end, length in zip(np.cumsum(lengths), lengths, strict=True):
         some = slice(end - length, end)
         observed = used[:, some].any(axis=1)

@@ -84,9 +84,9 @@ class Witness:
         made = mukf()(scene, surfaces, sensor, initial, rng, forces)
         advance = made.advance
 
-        def watched(measurements):
+        def watched(measurements, **asked):
             self.measurements.append(measurements.value)
-            estimates = advance(measurements)
+            estimates = advance(measurements, **asked)
             self.used.append(estimates.used)
             return estimates
 

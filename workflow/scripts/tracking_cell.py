@@ -1,10 +1,9 @@
 """Makes task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}.nc: a cell, all seeds."""
 
-from cislunar.campaign.data.netcdf import write_dataset
 from cislunar.campaign.data.progress import job, progress_log
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import read_inputs
-from cislunar.campaign.tracking.dataset import cell_dataset
+from cislunar.campaign.tracking.dataset import write_cell
 
 with job(snakemake.log[0]):
     wildcards = snakemake.wildcards
@@ -16,12 +15,12 @@ with job(snakemake.log[0]):
         int(wildcards.minutes),
         wildcards.get("variant", ""),
     )
-    tracking = cell_dataset(
+    write_cell(
         cell,
         read_inputs(snakemake.input),
         snakemake.params.settings,
+        snakemake.output[0],
         propagator=snakemake.params.propagator,
         seed=snakemake.params.seed,
         progress=progress_log("tasking epochs of all seeds"),
     )
-    write_dataset(tracking, snakemake.output[0])

@@ -1,9 +1,10 @@
 """Reading and writing data sets: whole or not at all, every variable described."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -11,6 +12,7 @@ import xarray as xr
 from cislunar.errors import InputFileError
 
 _COMPRESSED_FROM = 1024
+_CHUNK_BYTES = 2**21
 
 
 def variable(dims, values, units: str, long_name: str, **attributes) -> xr.Variable:
@@ -38,13 +40,25 @@ def whole_file(path: Path) -> Iterator[Path]:
         ) from error
 
 
+class Later(NamedTuple):
+    """A variable of a file whose values come piece by piece: dimensions, type, attributes."""
+
+    dims: tuple[str, ...]
+    dtype: str
+    attributes: Mapping[str, Any]
+
+
 def write_dataset(dataset: xr.Dataset, path: str | Path) -> None:
     """Write a data set to NetCDF-4 under a temporary name, then move it into place.
 
     A `ValueError` if a variable lacks `units` or `long_name`, an `InputFileError` if the folder,
     created where missing, cannot be written to.
     """
-    path = Path(path)
+    with whole_file(Path(path)) as temporary:
+        _write(dataset, temporary)
+
+
+def _write(dataset: xr.Dataset, path: Path) -> None:
     for name, data in dataset.variables.items():
         lacking = [key for key in ("units", "long_name") if key not in data.attrs]
         if lacking:
@@ -54,8 +68,48 @@ def write_dataset(dataset: xr.Dataset, path: str | Path) -> None:
         for name, data in dataset.variables.items()
         if data.size >= _COMPRESSED_FROM and np.issubdtype(data.dtype, np.number)
     }
-    with whole_file(path) as temporary:
-        dataset.to_netcdf(temporary, format="NETCDF4", engine="netcdf4", encoding=encoding)
+    dataset.to_netcdf(path, format="NETCDF4", engine="netcdf4", encoding=encoding)
+
+
+@contextmanager
+def growing_dataset(
+    dataset: xr.Dataset, path: str | Path, later: Mapping[str, Later], sizes: Mapping[str, int]
+) -> Iterator[Mapping[str, Any]]:
+    """Write a data set as `write_dataset` does, and variables whose values do not fit in memory.
+
+    Yields, by name, what takes values as an array does (``[...] = values``); the file moves into
+    place when that is done. `sizes` has the lengths of dimensions that the data set lacks.
+    """
+    import netCDF4
+
+    with whole_file(Path(path)) as temporary:
+        _write(dataset, temporary)
+        with netCDF4.Dataset(temporary, "a") as opened:
+            for name in {dim for each in later.values() for dim in each.dims}:
+                if name not in opened.dimensions:
+                    opened.createDimension(name, sizes[name])
+            yield {name: _room_for(opened, name, each) for name, each in later.items()}
+        with temporary.open("rb") as file:
+            os.fsync(file.fileno())
+
+
+def _room_for(opened: Any, name: str, each: Later) -> Any:
+    """A variable without values in an open file, compressed in parts of a few MB."""
+    shape = [opened.dimensions[dim].size for dim in each.dims]
+    dtype, compressed = np.dtype(each.dtype), {}
+    if np.prod(shape) >= _COMPRESSED_FROM:
+        # of the first axis one at a time, as it is written; of the second as many as fit
+        first = [1] if len(shape) > 1 else []
+        along, *rest = shape[len(first) :]
+        fitting = _CHUNK_BYTES // int(dtype.itemsize * np.prod(rest))
+        chunk = (*first, max(1, min(along, fitting)), *rest)
+        compressed = {"zlib": True, "complevel": 4, "shuffle": True, "chunksizes": chunk}
+    # what xarray gives numbers that may be missing
+    missing = np.nan if dtype.kind == "f" else None
+    made = opened.createVariable(name, dtype, each.dims, fill_value=missing, **compressed)
+    made.set_auto_mask(False)
+    made.setncatts(each.attributes)
+    return made
 
 
 def write_text(text: str, path: str | Path) -> None:

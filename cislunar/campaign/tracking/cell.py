@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from cislunar.architecture.coverage.measures import architecture_tracks
 from cislunar.campaign.data.inputs import sun_at
 from cislunar.campaign.data.netcdf import read_dataset
-from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell, check_cell
 from cislunar.campaign.settings.library import (
@@ -23,7 +22,7 @@ from cislunar.campaign.settings.reading import typed
 from cislunar.constants import TIME_UNIT_S
 from cislunar.errors import ConfigurationError
 from cislunar.observation.scene import Scene, TargetSurfaces, make_scene
-from cislunar.tasking.closed_loop import LoopResult, LoopSettings, run_closed_loop
+from cislunar.tasking.closed_loop import ClosedLoop, LoopSettings
 from cislunar.tasking.simulation import TruthModel, epoch_states, monitored_targets
 
 
@@ -106,7 +105,7 @@ def tracking_problem(
     )
 
 
-def run_cell(
+def cell_loop(
     cell: Cell,
     inputs: CellInputs,
     settings: Mapping[str, Any],
@@ -114,9 +113,8 @@ def run_cell(
     propagator: str,
     seed: int,
     keep_information: bool = False,
-    progress: Progress | None = None,
-) -> tuple[LoopResult, Problem, LoopSettings]:
-    """Run the closed loop of a cell with all its seeds, drawn from the `seed` of the campaign.
+) -> tuple[ClosedLoop, Problem]:
+    """The closed loop of a cell with all its seeds, drawn from the `seed` of the campaign.
 
     `settings` are those of `cell_settings`, `propagator` is that of the observers. A
     `ConfigurationError` if the cell cannot be run.
@@ -125,7 +123,7 @@ def run_cell(
     chosen = typed(settings, CellSettings)
     loop = loop_settings(chosen, cell.interval_minutes, keep_information=keep_information)
     problem = tracking_problem(cell, inputs, chosen, propagator, loop)
-    result = run_closed_loop(
+    run = ClosedLoop(
         problem.scene,
         problem.surfaces,
         problem.epoch_state,
@@ -134,6 +132,5 @@ def run_cell(
         loop,
         estimator=estimator_factory(cell.estimator, chosen),
         truth=problem.truth,
-        progress=progress,
     )
-    return result, problem, loop
+    return run, problem

@@ -1,18 +1,27 @@
 """Data sets of sensor tasking and tracking: the moving targets, and one cell of the campaign."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from cislunar.campaign.data.inputs import orbit_set_dataset
-from cislunar.campaign.data.netcdf import variable
+from cislunar.campaign.data.netcdf import Later, growing_dataset, variable
 from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking.cell import CellInputs, run_cell
-from cislunar.campaign.tracking.records import RECORD_COORDINATES, recorded_variables
+from cislunar.campaign.tracking.cell import CellInputs, Problem, cell_loop
+from cislunar.campaign.tracking.checkpoint import CHECKPOINT_S, Checkpoint, checkpoint_folder
+from cislunar.campaign.tracking.records import (
+    ESTIMATED,
+    RECORD_COORDINATES,
+    Described,
+    look_values,
+    observer_variables,
+    recorded_variables,
+)
 from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
     FLOOR_HITS,
@@ -21,7 +30,9 @@ from cislunar.estimation.estimator import (
 )
 from cislunar.evaluation.metrics import PARTS, STATUS_NAMES
 from cislunar.orbits.tracked import tracked_targets
-from cislunar.tasking.closed_loop import FATE_NAMES, LoopResult, LoopSettings
+from cislunar.tasking.closed_loop import ClosedLoop
+from cislunar.tasking.realization import FATE_NAMES, USED
+from cislunar.tasking.recording import Piece, fill
 
 COMPONENTS = tuple(
     f"{part}_{axis}"
@@ -47,21 +58,96 @@ def cell_dataset(
     seed: int,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """Run a cell: ``task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}.nc``."""
-    result, problem, loop = run_cell(
-        cell, inputs, settings, propagator=propagator, seed=seed, progress=progress
-    )
+    """Run a cell and hold all of it; `write_cell` makes the same as a file, with less memory.
+
+    Arguments are those of `cell_loop`.
+    """
+    loop, problem = cell_loop(cell, inputs, settings, propagator=propagator, seed=seed)
+    pieces = list(loop.pieces(progress))
+    used = {**settings, "propagator": propagator, **cell._asdict()}
+    described, sizes = _histories(loop), _sizes(loop)
+    whole = {
+        name: np.empty([sizes[dim] for dim in each.dims], each.dtype)
+        for name, each in described.items()
+    }
+    _fill(whole, pieces, loop)
+    values = {name: (each.dims, whole[name], *each[2:]) for name, each in described.items()}
+    return _dataset(cell, inputs, loop, problem, values, _provenance(cell, used, seed))
+
+
+def write_cell(
+    cell: Cell,
+    inputs: CellInputs,
+    settings: Mapping[str, Any],
+    path: str | Path,
+    *,
+    propagator: str,
+    seed: int,
+    progress: Progress | None = None,
+    checkpoint_s: float = CHECKPOINT_S,
+) -> None:
+    """Run a cell: ``task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}.nc``.
+
+    Its histories are written a day or a realization at a time. A run that is killed goes on from
+    its last `Checkpoint`.
+
+    Parameters
+    ----------
+    cell, inputs, settings, propagator, seed
+        As of `cell_loop`.
+    path : str or Path
+        The file to make; checkpoints lie in a folder beside it until it is whole.
+    progress : callable, optional
+        Called with (tasking epochs done, those of all seeds).
+    checkpoint_s : float
+        Least time between checkpoints, s.
+
+    Raises
+    ------
+    ConfigurationError
+        If the cell cannot be run, or there is a checkpoint of another one.
+    InputFileError
+        If the disk is full, or a checkpoint cannot be read; the last whole checkpoint is kept.
+    """
+    loop, problem = cell_loop(cell, inputs, settings, propagator=propagator, seed=seed)
+    used = {**settings, "propagator": propagator, **cell._asdict()}
+    attributes = _provenance(cell, used, seed)
+    checkpoint = Checkpoint(checkpoint_folder(path), loop, attributes, least_s=checkpoint_s)
+    checkpoint.run(progress)
+    rest = _dataset(cell, inputs, loop, problem, {}, attributes)
+    later = {
+        name: Later(each.dims, each.dtype, _attributes(name, each.unit, each.meaning))
+        for name, each in _histories(loop).items()
+    }
+    with growing_dataset(rest, path, later, {"look": loop.state.looks}) as whole:
+        _fill(whole, checkpoint.pieces(), loop)
+    checkpoint.remove()
+
+
+def _provenance(cell: Cell, used: Mapping[str, Any], seed: int) -> dict[str, Any]:
+    """Attributes of a cell's file."""
     title = (
         f"Tracking of {cell.targets} targets by the {cell.architecture} architecture of scenario "
         f"{cell.scenario}, tasking every {cell.interval_minutes} min"
     )
-    used = {**settings, "propagator": propagator, **cell._asdict()}
-    ids, slot = problem.target_ids, problem.observer_slot
+    return provenance(title, settings=used, seed=seed)
+
+
+def _dataset(
+    cell: Cell,
+    inputs: CellInputs,
+    loop: ClosedLoop,
+    problem: Problem,
+    histories: Mapping[str, tuple],
+    attributes: Mapping[str, Any],
+) -> xr.Dataset:
+    """Coordinates, histories as far as they are given, and what the run came to."""
+    settings, ids, slot = loop.world.settings, problem.target_ids, problem.observer_slot
     coords = {
-        "seed": ("seed", np.arange(settings["seeds"]), "1", "realization"),
-        "time": ("time", result.elapsed_s, "s", "time since the epoch"),
-        "step": ("step", loop.elapsed_s[1:], "s", "time since the epoch"),
-        "epoch": ("epoch", loop.step_s * loop.epochs, "s", "time since the epoch"),
+        "seed": ("seed", np.arange(len(loop.seeds)), "1", "realization"),
+        "time": ("time", settings.step_s * (settings.recorded + 1.0), "s", "time since the epoch"),
+        "step": ("step", settings.elapsed_s[1:], "s", "time since the epoch"),
+        "epoch": ("epoch", settings.step_s * settings.epochs, "s", "time since the epoch"),
         "component": ("component", list(COMPONENTS), "1", "component of the state"),
         "component_unit": ("component", list(COMPONENT_UNITS), "1", "unit of the component"),
         "part": ("part", list(PARTS), "1", "part of the state"),
@@ -72,13 +158,16 @@ def cell_dataset(
                            "row in orbits/families.nc"),
         "observer_slot": ("observer", slot, "1", "slot of the architecture"),
     }  # fmt: skip
-    described = _described(result, loop) | recorded_variables(result.records, problem.scene)
-    dims = {dim for along, *_ in described.values() for dim in along}
-    coords |= {name: each for name, each in RECORD_COORDINATES.items() if name in dims}
+    described = {**histories, **_results(loop)}
+    described |= observer_variables(settings.record, problem.scene)
+    coords |= {name: RECORD_COORDINATES[name] for name in _record_dims(loop)}
     return xr.Dataset(
-        {name: variable(*each, **_FLAGS.get(name, {})) for name, each in described.items()},
+        {
+            name: xr.Variable(dims, values, _attributes(name, unit, meaning))
+            for name, (dims, values, unit, meaning) in described.items()
+        },
         coords={name: variable(*each) for name, each in coords.items()},
-        attrs=provenance(title, settings=used, seed=seed),
+        attrs=attributes,
     )
 
 
@@ -98,6 +187,11 @@ _FLAGS = {
     "status_translation": _flags(STATUS_NAMES),
 }
 
+
+def _attributes(name: str, unit: str, meaning: str) -> dict[str, Any]:
+    return {"units": unit, "long_name": meaning, **_FLAGS.get(name, {})}
+
+
 _COUNTED = {
     "updates": (UPDATES, "measurements used"),
     "out_of_field": (OUT_OF_FIELD, "measurements outside the field of view"),
@@ -105,30 +199,79 @@ _COUNTED = {
     "cholesky_failures": (CHOLESKY_FAILURES, "failed Cholesky factorizations"),
 }
 
+_SEVERAL = "see component_unit"
+_HISTORY = ("seed", "time", "target", "component")
+_KEPT = {
+    "assignment": Described(
+        ("seed", "epoch", "observer"), "i2", "1",
+        "index of the target along dimension target, -1 for an idle observer"),
+    "information": Described(("seed", "epoch"), "f8", "nat", "mutual information of the tasking"),
+    "evaluations": Described(("seed", "epoch"), "i4", "1", "taskings tried"),
+    "valid": Described(("seed", "time", "target"), "i1", "1", "1 where a measurement was used"),
+    "fate": Described(("seed", "step", "target"), "u1", "1", "what became of the measurement"),
+    "error": Described(_HISTORY, "f4", _SEVERAL, "truth less estimate (attitude: GRP)"),
+    "sigma": Described(_HISTORY, "f4", _SEVERAL, "standard deviation"),
+    "bound": Described(
+        _HISTORY, "f4", _SEVERAL, "standard deviation of the posterior Cramer-Rao bound"),
+}  # fmt: skip
+"""Histories every cell has."""
 
-def _described(result: LoopResult, loop: LoopSettings) -> dict[str, tuple]:
-    """Dimensions, values, unit and meaning of every variable of a cell."""
-    found = result.metrics
-    target, epoch = ("seed", "target"), ("seed", "epoch")
-    history = ("seed", "time", "target", "component")
-    axes = ("seed", "target", "component")
-    valid = result.valid[:, loop.recorded].astype(np.int8)
-    several = "see component_unit"
+
+def _histories(loop: ClosedLoop) -> dict[str, Described]:
+    """What is kept of every realization."""
+    return _KEPT | recorded_variables(loop.world.settings.record)
+
+
+def _record_dims(loop: ClosedLoop) -> list[str]:
+    """Coordinates that what is recorded needs."""
+    record, scene = loop.world.settings.record, loop.world.scene
+    found = [each.dims for each in recorded_variables(record).values()]
+    found += [dims for dims, *_ in observer_variables(record, scene).values()]
+    return [name for name in RECORD_COORDINATES if any(name in dims for dims in found)]
+
+
+def _sizes(loop: ClosedLoop) -> dict[str, int]:
+    """Lengths of the dimensions of the histories."""
+    world = loop.world
+    own = {name: len(RECORD_COORDINATES[name][1]) for name in _record_dims(loop)}
+    return {
+        **loop.lengths,
+        **own,
+        "seed": len(loop.seeds),
+        "target": world.ids.size,
+        "observer": world.scene.observer_position.shape[0],
+        "component": len(COMPONENTS),
+        "look": loop.state.looks,
+    }
+
+
+def _fill(whole: Mapping[str, Any], pieces: Iterable[Piece], loop: ClosedLoop) -> None:
+    """Put pieces into arrays, or variables of an open file, of the names above."""
+    done = 0
+    for piece in pieces:
+        named = {
+            f"estimated_{name}" if name in ESTIMATED else name: each
+            for name, each in piece.kept.items()
+        }
+        steps = piece.places["step"]
+        recorded = loop.world.settings.recorded[piece.places["time"]] - steps.start
+        named["valid"] = "time", (named["fate"][1][recorded] == USED).astype(np.int8)
+        fill(whole, piece._replace(kept=named))
+        if piece.looks is not None:
+            rows = slice(done, done + piece.looks.step.size)
+            for name, values in look_values(piece.looks).items():
+                whole[name][rows] = values
+            done = rows.stop
+
+
+def _results(loop: ClosedLoop) -> dict[str, tuple]:
+    """Dimensions, values, unit and meaning of what a run came to, per target."""
+    found, failed, counters = loop.ends()
+    target, axes = ("seed", "target"), ("seed", "target", "component")
     described = {
-        "assignment": (
-            (*epoch, "observer"), result.assignment, "1",
-            "index of the target along dimension target, -1 for an idle observer"),
-        "information": (epoch, result.information, "nat", "mutual information of the tasking"),
-        "evaluations": (epoch, result.evaluations.astype(np.int32), "1", "taskings tried"),
-        "valid": (("seed", "time", "target"), valid, "1", "1 where a measurement was used"),
-        "fate": (("seed", "step", "target"), result.fate, "1", "what became of the measurement"),
-        "error": (history, result.error, several, "truth less estimate (attitude: GRP)"),
-        "sigma": (history, result.sigma, several, "standard deviation"),
-        "bound": (history, result.bound, several,
-                  "standard deviation of the posterior Cramer-Rao bound"),
         "coverage": (axes, found.coverage, "1", "share of the time within 3 sigma"),
         "anees": (axes, found.anees, "1", "average normalized estimation error squared"),
-        "rmse": (axes, found.rmse, several, "root mean square error"),
+        "rmse": (axes, found.rmse, _SEVERAL, "root mean square error"),
         "status": (target, found.status, "1", "status of the target"),
         "status_rotation": (
             target, found.status_rotation, "1", "status of attitude and angular velocity"),
@@ -143,6 +286,6 @@ def _described(result: LoopResult, loop: LoopSettings) -> dict[str, tuple]:
             "root mean square attitude of the Cramer-Rao bound over the final hours"),
     }  # fmt: skip
     for name, (index, meaning) in _COUNTED.items():
-        described[name] = (target, result.counters[..., index].astype(np.int32), "1", meaning)
-    described["failed"] = (target, result.failed, "1", "0, or why the estimate came to an end")
+        described[name] = (target, counters[..., index].astype(np.int32), "1", meaning)
+    described["failed"] = (target, failed, "1", "0, or why the estimate came to an end")
     return described

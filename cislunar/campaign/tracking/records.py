@@ -1,16 +1,18 @@
 """What a cell keeps for other tools (`task2.record`): its variables, and its arcs to export."""
 
-from typing import Any, Literal
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError
 from cislunar.exchange.arcs import arc
 from cislunar.exchange.inertial import Epoch
 from cislunar.exchange.oem import Segment
 from cislunar.observation.scene import Scene
-from cislunar.tasking.recording import Records
+from cislunar.tasking.recording import Looks
 
 _TRANSLATION = ["x", "y", "z", "vx", "vy", "vz"]
 
@@ -26,72 +28,104 @@ RECORD_COORDINATES = {
 
 _HISTORY = ("seed", "time", "target")
 _FRAME = "nondimensional, rotating frame"
+_LOOK = ("look",)
 
 
-def recorded_variables(records: Records, scene: Scene) -> dict[str, tuple]:
-    """Dimensions, values, unit and meaning of every variable that was asked for.
+class Described(NamedTuple):
+    """A variable of a cell without its values: dimensions, type, unit and meaning."""
 
-    Parameters
-    ----------
-    records : Records
-    scene : Scene
-        Where the observers were.
+    dims: tuple[str, ...]
+    dtype: str
+    unit: str
+    meaning: str
 
-    Returns
-    -------
-    dict
-        Empty if nothing was asked for.
-    """
-    kinds = {
-        "translation": ((*_HISTORY, "translation"), "1", f"position and velocity, {_FRAME}"),
-        "quaternion": ((*_HISTORY, "quaternion"), "1", "attitude, inertial to body"),
-        "angular_velocity": ((*_HISTORY, "body_axis"), "rad s-1", "angular velocity, body frame"),
+
+_MOTION = {
+    "translation": ("translation", "1", f"position and velocity, {_FRAME}"),
+    "quaternion": ("quaternion", "1", "attitude, inertial to body"),
+    "angular_velocity": ("body_axis", "rad s-1", "angular velocity, body frame"),
+}
+
+
+ESTIMATED = tuple(_MOTION)
+"""Names within `cislunar.tasking.recording.Records` of what a cell calls estimated."""
+
+
+def _motion(word: str) -> dict[str, Described]:
+    return {
+        f"{word}_{name}": Described((*_HISTORY, dim), "f8", unit, f"{word} {meaning}")
+        for name, (dim, unit, meaning) in _MOTION.items()
     }
-    found: dict[str, tuple] = {}
-    for prefix, field, words in (("true", "true_", "true"), ("estimated", "", "estimated")):
-        for name, (dims, unit, meaning) in kinds.items():
-            values = getattr(records, f"{field}{name}")
-            if values is not None:
-                found[f"{prefix}_{name}"] = (dims, values, unit, f"{words} {meaning}")
-    if records.covariance is not None:
-        dims = (*_HISTORY, "translation", "translation_2")
-        meaning = f"covariance of the estimated position and velocity, {_FRAME}"
-        found["covariance"] = (dims, records.covariance, "1", meaning)
-    if records.pointing is not None:
-        meaning = "direction of the target's estimated place, observer's body frame"
-        found["pointing"] = (
-            ("seed", "time", "observer", "angle"),
-            records.pointing,
-            "rad",
-            meaning,
+
+
+_RECORDABLE = {
+    "truth": _motion("true"),
+    "estimates": _motion("estimated"),
+    "covariance": {
+        "covariance": Described(
+            (*_HISTORY, "translation", "translation_2"), "f8", "1",
+            f"covariance of the estimated position and velocity, {_FRAME}"),
+    },
+    "pointing": {
+        "pointing": Described(
+            ("seed", "time", "observer", "angle"), "f8", "rad",
+            "direction of the target's estimated place, observer's body frame"),
+    },
+    "measurements": {
+        f"look_{name}": Described(_LOOK, dtype, unit, meaning)
+        for name, dtype, unit, meaning in (
+            ("seed", "i8", "1", "index of the realization"),
+            ("step", "i8", "1", "index along dimension step"),
+            ("target", "i8", "1", "index of the target along dimension target"),
+            ("observer", "i8", "1", "index of the observer"),
+            ("fate", "u1", "1", "what became of the look"),
+            ("magnitude", "f8", "mag", "measured magnitude, NaN if nothing was found"),
+            ("right_ascension", "f8", "rad", "measured in the observer's body frame"),
+            ("declination", "f8", "rad", "measured in the observer's body frame"),
+            ("magnitude_variance", "f8", "mag2", "of the measured magnitude"),
+            ("angle_variance", "f8", "rad2", "of right ascension and declination"),
         )
-    looks = records.looks
-    if looks is not None:
-        for name, values, unit, meaning in (
-            ("seed", looks.seed, "1", "index of the realization"),
-            ("step", looks.step, "1", "index along dimension step"),
-            ("target", looks.target, "1", "index of the target along dimension target"),
-            ("observer", looks.observer, "1", "index of the observer"),
-            ("fate", looks.fate, "1", "what became of the look"),
-            ("magnitude", looks.value[:, 0], "mag", "measured magnitude, NaN if nothing was found"),
-            ("right_ascension", looks.value[:, 1], "rad", "measured in the observer's body frame"),
-            ("declination", looks.value[:, 2], "rad", "measured in the observer's body frame"),
-            ("magnitude_variance", looks.variance[:, 0], "mag2", "of the measured magnitude"),
-            ("angle_variance", looks.variance[:, 1], "rad2", "of right ascension and declination"),
-        ):
-            found[f"look_{name}"] = (("look",), values, unit, meaning)
-    if looks is not None or records.pointing is not None:
-        # index 0 of the scene is the epoch, without a measurement
-        found["observer_position"] = (
-            ("observer", "step", "axis"),
-            scene.observer_position[:, 1:],
-            "1",
-            f"position of the observer, {_FRAME}",
-        )
-        found["observer_axes"] = (
-            ("step", "body_axis", "axis"), scene.observer_axes[1:], "1",
-            "rotation from the rotating frame to the observers' body frame")  # fmt: skip
+    },
+}  # fmt: skip
+
+
+def recorded_variables(record: Sequence[str]) -> dict[str, Described]:
+    """What is kept of every realization on request, for these values of `task2.record`."""
+    found: dict[str, Described] = {}
+    for asked in _RECORDABLE:
+        found |= _RECORDABLE[asked] if asked in record else {}
     return found
+
+
+def look_values(looks: Looks) -> dict[str, NDArray]:
+    """Values of the variables of looks."""
+    return {
+        "look_seed": looks.seed,
+        "look_step": looks.step,
+        "look_target": looks.target,
+        "look_observer": looks.observer,
+        "look_fate": looks.fate,
+        "look_magnitude": looks.value[:, 0],
+        "look_right_ascension": looks.value[:, 1],
+        "look_declination": looks.value[:, 2],
+        "look_magnitude_variance": looks.variance[:, 0],
+        "look_angle_variance": looks.variance[:, 1],
+    }
+
+
+def observer_variables(record: Sequence[str], scene: Scene) -> dict[str, tuple]:
+    """Dimensions, values, unit and meaning of where observers were, if that is needed."""
+    if not {"measurements", "pointing"} & {*record}:
+        return {}
+    # index 0 of the scene is the epoch, without a measurement
+    return {
+        "observer_position": (
+            ("observer", "step", "axis"), scene.observer_position[:, 1:], "1",
+            f"position of the observer, {_FRAME}"),
+        "observer_axes": (
+            ("step", "body_axis", "axis"), scene.observer_axes[1:], "1",
+            "rotation from the rotating frame to the observers' body frame"),
+    }  # fmt: skip
 
 
 def frame_epoch(sun: xr.Dataset) -> Epoch:

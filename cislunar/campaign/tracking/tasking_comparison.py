@@ -18,8 +18,9 @@ from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.data.seeds import generator
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking.cell import CellInputs, run_cell
+from cislunar.campaign.tracking.cell import CellInputs, cell_loop
 from cislunar.tasking.assignment import assign
+from cislunar.tasking.recording import gathered
 
 Array = NDArray[np.float64]
 
@@ -59,14 +60,15 @@ def compared_dataset(
 ) -> xr.Dataset:
     """Compare the tasking methods: ``task2/tasking/{scenario}_{architecture}_nt{n}.nc``.
 
-    Arguments are those of `run_cell`, and the configuration key `task2.tasking_comparison`.
+    Arguments are those of `cell_loop`, and the configuration key `task2.tasking_comparison`.
     """
     first = {**settings, "seeds": 1, "tasking": {**settings["tasking"], "method": "exact"}}
-    result, problem, _ = run_cell(
+    loop, problem = cell_loop(
         cell, inputs, first, propagator=propagator, seed=seed, keep_information=True
     )
+    kept, _ = gathered(loop.pieces(), 1, loop.lengths)
     epochs = list(comparison["epochs"])
-    pairs = [result.pair_information[0, epoch] for epoch in epochs]
+    pairs = [kept["pair_information"][0, epoch] for epoch in epochs]
     dims = ("search", "epoch", "run", "budget")
     described = {
         "information": (dims, "nat", "information reached"),

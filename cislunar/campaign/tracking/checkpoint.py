@@ -1,0 +1,197 @@
+"""What a run of a cell leaves on disk until it is done, so that a killed one goes on.
+
+A folder beside the result holds the pieces of its histories and, in one file, how far it has come
+and by what it was made. Every file is written under a temporary name, to the disk, and then moved
+into place, the state after the pieces it counts: what breaks off leaves the last whole checkpoint.
+"""
+
+import hashlib
+import json
+import os
+import pickle
+import shutil
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from cislunar.campaign.data.netcdf import whole_file
+from cislunar.campaign.data.progress import Progress, logger
+from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.tasking.closed_loop import ClosedLoop
+from cislunar.tasking.recording import Piece
+
+CHECKPOINT_S = 60.0
+"""Least time between checkpoints, s: what takes less is sooner made anew than kept."""
+
+_STATE = "state.pickle"
+
+
+def checkpoint_folder(path: str | Path) -> Path:
+    """Where checkpoints of a result lie."""
+    path = Path(path)
+    return path.with_name(f"{path.name}.checkpoint")
+
+
+class Checkpoint:
+    """Runs a loop, and keeps in a folder what it takes to go on.
+
+    The folder appears with the first checkpoint; what comes after the last one is held in memory.
+
+    Parameters
+    ----------
+    folder : Path
+        Only read if it is there.
+    loop : ClosedLoop
+        Taken up where a checkpoint left it.
+    made_by : mapping
+        Provenance of the result (settings, seed, version), which a checkpoint has to share.
+    least_s : float
+        Least time between checkpoints, s.
+
+    Raises
+    ------
+    ConfigurationError
+        If the checkpoint is of another run; the message names what differs.
+    InputFileError
+        If the checkpoint cannot be read.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        loop: ClosedLoop,
+        made_by: Mapping[str, Any],
+        *,
+        least_s: float = CHECKPOINT_S,
+    ) -> None:
+        self._folder, self._loop, self._least_s = folder, loop, least_s
+        self._made_by = {**made_by, "settings": json.loads(made_by.get("settings", "{}"))}
+        self._made_by["its data sets"] = _digest(loop)
+        self._files = 0
+        self._held: list[Piece] = []
+        if (folder / _STATE).is_file():
+            self._take_up()
+
+    def _constants(self) -> dict[str, Any]:
+        """What every realization refers to and no checkpoint holds."""
+        world = self._loop.world
+        return {
+            "scene": world.scene,
+            "surfaces": world.surfaces,
+            "true surfaces": world.truth.surfaces,
+        }
+
+    def _take_up(self) -> None:
+        path = self._folder / _STATE
+        try:
+            with path.open("rb") as file:
+                made_by = pickle.load(file)
+                differing = _differing(made_by, self._made_by)
+                if differing is None:
+                    reader = _Reader(file, self._constants())
+                    self._files, self._loop.state = reader.load()
+        except (OSError, EOFError, AttributeError, ImportError, pickle.UnpicklingError) as error:
+            raise InputFileError(
+                f"checkpoint {self._folder} cannot be read ({error}); delete it, and the cell is "
+                "made from its beginning"
+            ) from error
+        if differing is not None:
+            key, theirs, ours = differing
+            raise ConfigurationError(
+                f"checkpoint {self._folder} was made with {key} = {theirs}, not {ours}: take that "
+                "back to go on with it, or delete it to make the cell from its beginning"
+            )
+        number, epoch = divmod(self._loop.state.done, self._loop.lengths["epoch"])
+        logger.info("going on from realization %d, tasking epoch %d", number, epoch)
+
+    def run(self, progress: Progress | None = None) -> None:
+        """Run what is left of the loop."""
+        last = time.monotonic()
+        for piece in self._loop.pieces(progress):
+            self._held.append(piece)
+            if time.monotonic() - last >= self._least_s:
+                self._save()
+                last = time.monotonic()
+
+    def _save(self) -> None:
+        with _file_on_disk(self._pieces_file(self._files)) as file:
+            pickle.dump(self._held, file, protocol=5)
+        with _file_on_disk(self._folder / _STATE) as file:
+            pickle.dump(self._made_by, file)
+            _Writer(file, self._constants()).dump((self._files + 1, self._loop.state))
+        self._files, self._held = self._files + 1, []
+
+    def _pieces_file(self, number: int) -> Path:
+        return self._folder / f"pieces-{number:05d}.pickle"
+
+    def pieces(self) -> Iterator[Piece]:
+        """All pieces so far, one file at a time."""
+        for number in range(self._files):
+            with self._pieces_file(number).open("rb") as file:
+                yield from pickle.load(file)
+        yield from self._held
+
+    def remove(self) -> None:
+        """The result is whole: nothing of this is needed any more."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+class _Writer(pickle.Pickler):
+    """Writes a state without what `constants` names."""
+
+    def __init__(self, file: IO[bytes], constants: Mapping[str, Any]) -> None:
+        super().__init__(file, protocol=5)
+        self._names = {id(value): name for name, value in constants.items()}
+
+    def persistent_id(self, obj: Any) -> str | None:
+        return self._names.get(id(obj))
+
+
+class _Reader(pickle.Unpickler):
+    """Reads it, with those in place."""
+
+    def __init__(self, file: IO[bytes], constants: Mapping[str, Any]) -> None:
+        super().__init__(file)
+        self._constants = constants
+
+    def persistent_load(self, pid: str) -> Any:
+        return self._constants[pid]
+
+
+@contextmanager
+def _file_on_disk(path: Path) -> Iterator[IO[bytes]]:
+    """A file that appears once all of it is on the disk."""
+    with whole_file(path) as temporary, temporary.open("wb") as file:
+        yield file
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _digest(loop: ClosedLoop) -> str:
+    """A short name of all numbers a loop begins with."""
+    world, found = loop.world, hashlib.sha256()
+    for part in (world.scene, world.surfaces, world.truth, world.truth.surfaces, world.initial):
+        for values in part:
+            if isinstance(values, np.ndarray):
+                found.update(np.ascontiguousarray(values).data)
+    found.update(world.ids.data)
+    return found.hexdigest()[:12]
+
+
+def _differing(
+    theirs: Mapping[str, Any], ours: Mapping[str, Any], within: str = ""
+) -> tuple[str, Any, Any] | None:
+    """The first key whose values differ, dotted, with both; None if all are the same."""
+    for key in sorted({*theirs, *ours}):
+        left, right = theirs.get(key), ours.get(key)
+        if isinstance(left, Mapping) and isinstance(right, Mapping):
+            found = _differing(left, right, f"{within}{key}.")
+            if found is not None:
+                return found
+        elif left != right:
+            return f"{within}{key}", left, right
+    return None

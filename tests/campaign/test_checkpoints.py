@@ -1,0 +1,122 @@
+"""A run that breaks off goes on from its last whole checkpoint, and comes to the same."""
+
+import errno
+import os
+
+import numpy as np
+import pytest
+
+from cislunar.campaign.tracking.checkpoint import Checkpoint
+from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.observation.sensor import Sensor
+from cislunar.tasking.closed_loop import ClosedLoop
+from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.recording import gathered
+from cislunar.tasking.settings import RECORDABLE
+
+MADE_BY = {"title": "two seeds of 50 hours", "settings": '{"step_s": 600, "sensor": {"noise": 1}}'}
+
+
+class Killed(Exception):
+    """Raised where the run is to break off."""
+
+
+def loop_of(estimator="mukf", n_targets=3):
+    problem = tracking_problem(
+        2, n_targets, duration_hours=50.0, step_s=600.0, interval_minutes=120.0,
+        sensor=Sensor(limiting_magnitude=25.0), record=RECORDABLE,
+    )  # fmt: skip
+    return ClosedLoop(*problem[:4], (3, 8), problem.loop, estimator=estimator)
+
+
+def run(folder, estimator="mukf", made_by=MADE_BY, until=None, least_s=0.0):
+    """Pieces and metrics, and the first epoch that was worked through."""
+    calls = []
+
+    def progress(done, total):
+        calls.append(done)
+        if done == until:
+            raise Killed
+
+    loop = loop_of(estimator)
+    checkpoint = Checkpoint(folder, loop, made_by, least_s=least_s)
+    checkpoint.run(progress)
+    kept, looks = gathered(checkpoint.pieces(), 2, loop.lengths)
+    metrics, failed, counters = loop.ends()
+    named = kept | looks._asdict() | metrics._asdict() | {"failed": failed, "counters": counters}
+    return named, calls[0]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("never")
+    return {name: run(folder / name, name, least_s=np.inf)[0] for name in ("mukf", "batch")}
+
+
+def assert_same(found, wanted):
+    assert found.keys() == wanted.keys()
+    for name, values in wanted.items():
+        np.testing.assert_array_equal(found[name], values, err_msg=name)
+
+
+@pytest.mark.parametrize("estimator", ["mukf", "batch"])
+@pytest.mark.parametrize(("until", "again"), [(20, 13), (26, 26), (40, 38)])
+def test_a_killed_run_goes_on_from_its_last_day(tmp_path, whole, estimator, until, again):
+    """A seed has 25 tasking epochs, twelve a day; to the last bit."""
+    with pytest.raises(Killed):
+        run(tmp_path / "kept", estimator, until=until)
+    found, first = run(tmp_path / "kept", estimator)
+    assert first == again
+    assert_same(found, whole[estimator])
+
+
+def test_a_short_run_leaves_nothing_on_disk(tmp_path, whole):
+    with pytest.raises(Killed):
+        run(tmp_path / "kept", until=40, least_s=60.0)
+    assert not (tmp_path / "kept").exists()
+
+
+def test_a_full_disk_leaves_the_last_whole_checkpoint(tmp_path, whole, monkeypatch):
+    """Pieces of the second day fit, the state after them does not."""
+    calls = []
+
+    def full(descriptor):
+        calls.append(descriptor)
+        if len(calls) == 4:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputFileError, match=r"cannot write .*state.*No space left.*disk not full"):
+        run(tmp_path / "kept")
+    monkeypatch.undo()
+    left = sorted(path.name for path in (tmp_path / "kept").iterdir())
+    assert left == ["pieces-00000.pickle", "pieces-00001.pickle", "state.pickle"]
+    found, first = run(tmp_path / "kept")
+    assert first == 13
+    assert_same(found, whole["mukf"])
+
+
+def test_a_checkpoint_of_another_run_is_refused_by_name(tmp_path):
+    folder = tmp_path / "kept"
+    with pytest.raises(Killed):
+        run(folder, until=13)
+    other = {**MADE_BY, "settings": MADE_BY["settings"].replace('"noise": 1', '"noise": 2')}
+    with pytest.raises(ConfigurationError, match=r"settings\.sensor\.noise = 1, not 2: .*delete"):
+        run(folder, made_by=other)
+    with pytest.raises(ConfigurationError, match="seed = None, not 5"):
+        run(folder, made_by=MADE_BY | {"seed": 5})
+    with pytest.raises(ConfigurationError, match="its data sets"):
+        Checkpoint(folder, loop_of(n_targets=4), MADE_BY)
+    (folder / "state.pickle").write_bytes((folder / "state.pickle").read_bytes()[:-100])
+    with pytest.raises(InputFileError, match="cannot be read"):
+        run(folder)
+
+
+def test_what_is_carried_on_does_not_grow_with_the_length(tmp_path):
+    """The filter's checkpoint after two days is that after one, but for a few counters."""
+    sizes = []
+    for name, until in (("one", 13), ("two", 25)):
+        with pytest.raises(Killed):
+            run(tmp_path / name, until=until)
+        sizes.append((tmp_path / name / "state.pickle").stat().st_size)
+    assert sizes[1] == pytest.approx(sizes[0], rel=0.01)
