@@ -10,7 +10,8 @@ states, and without process noise
 States, order and units are those of `cislunar.evaluation.metrics`. A measurement at t_k is carried
 back to a reference time by the transition matrix and updates the Cholesky factor there, so that
 between measurements nothing is propagated but that matrix; without process noise the reference time
-stays the epoch. Process noise moves it on at every step.
+stays the epoch. Process noise moves it on at every step. The matrix of the translation is taken from
+the continuous extension of long steps where it is needed (docs/bound.md).
 
 Assumptions and limitations
 ---------------------------
@@ -35,7 +36,7 @@ from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.rigid_body import spherical_transition
 from cislunar.attitude.short_steps import rigid_transition
 from cislunar.dynamics.cr3bp import EARTH_MOON
-from cislunar.dynamics.runge_kutta import step_dop853
+from cislunar.dynamics.runge_kutta import DOP853, OK, integrate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import square_root_update
@@ -47,6 +48,9 @@ from cislunar.observation.sightline import inside_primary
 Array = NDArray[np.float64]
 
 SIZE = 12
+
+RTOL, ATOL = 1e-13, 1e-13
+"""Tolerances of the translation's transition matrix, per step of its integration."""
 
 
 class _BoundState(NamedTuple):
@@ -132,7 +136,53 @@ def _move_reference(turn, motion, root, carried, process_variance):
 
 
 @njit(cache=True, error_model="numpy")
-def _advance_target(j, first, world, truth, measurements, process_variance, forces, state, out):
+def _turn_on(omega, step_s, bodies, j, scratch, turn):
+    """Carry the rotation's transition matrix (6, 6) over a step, in place.
+
+    A rate does not depend on the attitude, so that the lower left blocks are zero.
+    """
+    step_turn, product = scratch[0], scratch[1]
+    if bodies.spherical[j]:
+        spherical_transition(omega, step_s, step_turn)
+    else:
+        rigid_transition(omega, step_s, bodies.inertia[j], bodies.inverse[j], step_turn)
+    for a in range(6):
+        for b in range(6):
+            total = 0.0
+            for c in range(0 if a < 3 else 3, 3 if b < 3 else 6):
+                total += step_turn[a, c] * turn[c, b]
+            product[a, b] = total
+    turn[:, :] = product
+
+
+@njit(cache=True, error_model="numpy")
+def _steps_outside(translation, mu):
+    """How many of the steps after the first time the truth takes outside Earth and Moon."""
+    for step in range(translation.shape[0] - 1):
+        x, y, z = translation[step + 1, 0], translation[step + 1, 1], translation[step + 1, 2]
+        if not np.isfinite(x + y + z) or inside_primary(x, y, z, mu):
+            return step
+    return translation.shape[0] - 1
+
+
+@njit(cache=True, error_model="numpy")
+def _motions(forces, start, state, motion, step, steps, out):
+    """Transition matrices after some of the steps from time `start` on; False if that fails.
+
+    `state` (6,) is the true one at the start, where the matrix is `motion` (36,); `steps`, rising,
+    count from 1. The matrices go into the last columns of `out` (steps, 42).
+    """
+    known = np.empty(42)
+    known[:6] = state
+    known[6:] = motion
+    nowhere = np.empty(0)
+    given = out, nowhere, nowhere
+    status, _ = integrate(DOP853, forces, start, known, step * steps, RTOL, ATOL, *given)
+    return status == OK
+
+
+@njit(cache=True, error_model="numpy")
+def _advance_target(j, first, world, truth, records, wanted, process_variance, forces, state, out):
     """Bound of target j over the steps that follow time `first`, (step, 12), into `out`."""
     scene, surfaces, bodies = world
     translation, quaternion, omega = truth[0][j], truth[1][j], truth[2][j]
@@ -146,65 +196,68 @@ def _advance_target(j, first, world, truth, measurements, process_variance, forc
         np.empty(SIZE),
         np.empty((SIZE, SIZE)),
     )
-    root, turn, offset = state.root[j], state.turn[j], measurements.offset[j]
-    step_turn, product = np.empty((6, 6)), np.empty((6, 6))
-    motion = np.empty(42)  # a state, then its transition matrix row by row
-    motion[6:] = state.motion[j]
+    root, turn, motion, offset = state.root[j], state.turn[j], state.motion[j], records.offset[j]
+    scratch = np.empty((2, 6, 6))
     out[:, :] = np.nan
-    for step in range(out.shape[0]):
-        if state.ended[j]:
-            return
-        state.ended[j] = True  # until the step is done
-        motion[:6] = translation[step]
-        motion = step_dop853(forces, (first + step) * scene.step, motion, scene.step)
-        if bodies.spherical[j]:
-            spherical_transition(omega[step], scene.step_s, step_turn)
-        else:
-            inertia, inverse = bodies.inertia[j], bodies.inverse[j]
-            rigid_transition(omega[step], scene.step_s, inertia, inverse, step_turn)
-        for a in range(6):
-            for b in range(6):
-                total = 0.0
-                for c in range(6):
-                    total += step_turn[a, c] * turn[c, b]
-                product[a, b] = total
-        turn[:, :] = product
-        place = translation[step + 1]
-        x, y, z = place[0], place[1], place[2]
-        if not np.isfinite(x + y + z) or inside_primary(x, y, z, forces.mu):
-            return
-        if noisy and not _move_reference(turn, motion[6:], root, carried, process_variance):
-            return
+    if state.ended[j]:
+        return
+    state.ended[j] = True  # until all steps are done
+    n_steps = _steps_outside(translation, forces.mu)
+    # between these the translation's matrix is not wanted
+    steps = np.flatnonzero(wanted[:n_steps] | (offset[1 : n_steps + 1] > offset[:n_steps])) + 1
+    if n_steps == out.shape[0] and (steps.size == 0 or steps[-1] < n_steps):
+        steps = np.append(steps, n_steps)
+    motions, one = np.empty((steps.size, 42)), np.ones(1)
+    if not noisy and not _motions(
+        forces, first * scene.step, translation[0], motion, scene.step, steps, motions
+    ):
+        return
+    done = 0
+    for step in range(n_steps):
+        _turn_on(omega[step], scene.step_s, bodies, j, scratch, turn)
+        at_hand = done < steps.size and steps[done] == step + 1
+        if noisy:
+            start = (first + step) * scene.step
+            if not _motions(forces, start, translation[step], motion, scene.step, one, motions[:1]):
+                return
+            motion[:] = motions[0, 6:]
+            if not _move_reference(turn, motion, root, carried, process_variance):
+                return
+        elif at_hand:
+            motion[:] = motions[done, 6:]
+        if not at_hand:
+            continue
+        done += 1
         for row in range(offset[step], offset[step + 1]):
             measurement_rows(
-                place,
+                translation[step + 1],
                 quaternion[step + 1],
-                measurements.observer[row],
+                records.observer[row],
                 first + step + 1,
                 j,
                 scene,
                 surfaces,
                 rows,
             )
-            if not _use(rows, turn, motion[6:], root, measurements.variance[row], work):
+            if not _use(rows, turn, motion, root, records.variance[row], work):
                 return
-        _carry(turn, motion[6:], root, carried)
+        if not wanted[step]:
+            continue
+        _carry(turn, motion, root, carried)
         for a in range(SIZE):
             total = 0.0
             for c in range(SIZE):
                 total += carried[a, c] * carried[a, c]
             out[step, a] = np.sqrt(total)
-        state.ended[j] = False
-    state.motion[j] = motion[6:]
+    state.ended[j] = n_steps < out.shape[0]
 
 
 @njit(cache=True, error_model="numpy")
-def _advance(first, world, truth, measurements, process_variance, forces, state, out):
+def _advance(first, world, truth, records, wanted, process_variance, forces, state, out):
     """Bounds of all targets, (target, step, 12), into `out`; see `CramerRaoBound.advance`."""
+    given = process_variance, forces, state
     for j in range(out.shape[0]):
-        _advance_target(
-            j, first, world, truth, measurements, process_variance, forces, state, out[j]
-        )
+        _advance_target(j, first, world, truth, records, wanted, *given, out[j])
 
 
 class CramerRaoBound:
@@ -265,6 +318,7 @@ class CramerRaoBound:
         quaternion: Array,
         angular_velocity: Array,
         measurements: Measurements,
+        wanted: ArrayLike | None = None,
     ) -> Array:
         """Work through the next steps, those of the measurements' offsets.
 
@@ -278,14 +332,16 @@ class CramerRaoBound:
             True angular velocities, rad/s, body frame.
         measurements : Measurements
             Those that were used, with the variances of their errors. Their values do not matter.
+        wanted : array_like of bool, shape (step,), optional
+            Steps at which the bound is wanted; all, if omitted.
 
         Returns
         -------
         ndarray, shape (target, step, 12)
             Standard deviations after the measurements of each step: small turn (rad, which a small
             GRP vector equals), angular velocity (rad/s), position and velocity (nondimensional).
-            NaN once the true trajectory has entered the Earth or the Moon, and from the first
-            measurement without noise on.
+            NaN where they are not wanted, once the true trajectory has entered the Earth or the
+            Moon, and from the first measurement without noise on.
 
         Raises
         ------
@@ -306,7 +362,8 @@ class CramerRaoBound:
             np.ascontiguousarray(each, dtype=float)
             for each in (translation, quaternion, angular_velocity)
         )
-        given = self._world, truth, measurements, self._process_variance, self._forces
+        asked = np.ones(n_offsets - 1, dtype=bool) if wanted is None else np.array(wanted, bool)
+        given = self._world, truth, measurements, asked, self._process_variance, self._forces
         _advance(self._index, *given, self._state, out)
         self._index += n_offsets - 1
         return out

@@ -209,6 +209,10 @@ class Evaluation:
         self._observed = np.zeros(n_targets, dtype=bool)
         self._done = 0
 
+    def final(self, n_steps: int) -> NDArray[np.bool_]:
+        """Which of the next steps are in the final hours."""
+        return np.arange(self._done, self._done + n_steps) >= self._begin
+
     def update(
         self, error: Array, sigma: Array, observed: ArrayLike, bound: Array | None = None
     ) -> None:

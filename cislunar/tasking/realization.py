@@ -173,11 +173,14 @@ def _judged(
     error = estimation_errors(1, motion, estimates)
     used = measurements.where(estimates.used)
     variance = np.broadcast_to(world.truth.noise**2, used.variance.shape).copy()
+    wanted = own.evaluation.final(error.shape[1])
+    wanted[world.settings.recorded_within(start, error.shape[1])] = True
     least = own.bound.advance(
         motion.translation,
         motion.quaternion,
         motion.angular_velocity,
         used._replace(variance=variance),
+        wanted,
     )
     observed = np.isin(np.arange(world.ids.size), rows_of(used)[0])
     own.evaluation.update(error, estimates.sigma, observed, least)
