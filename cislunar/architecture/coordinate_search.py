@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.objective import Objective
+from cislunar.architecture.objective import IMPROVES, Objective
 from cislunar.errors import ConfigurationError
 
 
@@ -219,11 +219,11 @@ def coordinate_search(
         climb.free() if total is None else climb.prescribed()
         values.append(climb.value)
         histories.append(np.array(climb.history, dtype=np.float64))
-        if best is None or climb.value > best.value:
+        if best is None or climb.value > best.value * IMPROVES:
             best = climb
         if progress is not None:
             progress(run + 1, n_runs)
-    order = np.argsort(best.orbit)
+    order = np.argsort(best.orbit, kind="stable")
     orbit, satellites = best.orbit[order], best.satellites[order]
     value = objective.value(orbit, satellites)
     return MultiStartResult(orbit, satellites, value, np.array(values), tuple(histories))
@@ -279,6 +279,7 @@ def _resized(objective, result: MultiStartResult, total: int) -> tuple[NDArray, 
         counts = satellites + step
         slots = np.flatnonzero((counts >= 1) & (counts <= objective.max_satellites))
         trials = [np.where(np.arange(satellites.size) == k, counts, satellites) for k in slots]
-        values = [objective.value(result.orbit, trial) for trial in trials]
-        satellites = trials[int(np.argmax(values))]
+        values = np.array([objective.value(result.orbit, trial) for trial in trials])
+        # the first of those that are best to rounding
+        satellites = trials[int(np.argmax(values * IMPROVES >= values.max()))]
     return result.orbit, satellites

@@ -209,7 +209,7 @@ def best_replacement(arrays, orbit, satellites, slot, lowest, highest, best):
                 1.0,
             )
     best_orbit, best_count, evaluations = -1, 0, 0
-    for position in np.argsort(-bound):
+    for position in np.argsort(-bound, kind="mergesort"):  # stable: ties by orbit and count
         if bound[position] <= best * IMPROVES:
             break
         i = position // width

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
 
-IMPROVES = 1.0 + 1e-12
-"""Least ratio of values that is a gain: below rounding a search could cycle."""
+IMPROVES = 1.0 + 1e-9
+"""Least ratio of values that is a gain: below rounding a search could cycle, or end elsewhere on
+another machine."""
 
 
 class Replacement(NamedTuple):

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cislunar.architecture.objective import Objective
 from cislunar.errors import ConfigurationError
@@ -23,11 +23,39 @@ LABELS = ("family_position", "index", "stability_rank", "categorical")
 """Ways to label an orbit: its family and its position along it; its index along all families;
 its rank by stability index; an unordered category."""
 
+SAME_STABILITY = 1e-6
+"""Relative difference of neighbouring stability indices below which they count as equal."""
+
 
 def _family_ranges(family: NDArray[np.str_]) -> list[tuple[int, int]]:
     """First index and number of members of each run of equal families."""
     starts = np.flatnonzero(np.r_[True, family[1:] != family[:-1]])
     return list(zip(starts.tolist(), np.diff(np.r_[starts, len(family)]).tolist(), strict=True))
+
+
+def stability_order(stability_index: ArrayLike) -> NDArray[np.int64]:
+    """Orbits from the steadiest on; those of equal stability in the order of the library.
+
+    A northern orbit and its southern mirror image have the same stability index, and their
+    numerical ones differ by rounding, which is another on every machine. An index within
+    `SAME_STABILITY` of the next smaller one therefore counts as equal to it. (Rounding to so many
+    digits would part equal indices either side of a rounding boundary.)
+
+    Parameters
+    ----------
+    stability_index : array_like, shape (orbit,)
+        Stability indices, at least 1.
+
+    Returns
+    -------
+    ndarray of int64, shape (orbit,)
+    """
+    index = np.asarray(stability_index, dtype=float)
+    order = np.argsort(index, kind="stable")
+    steps = np.diff(index[order]) > SAME_STABILITY * index[order][1:]
+    group = np.empty(index.size, dtype=np.int64)
+    group[order] = np.concatenate([[0], np.cumsum(steps)])
+    return np.argsort(group, kind="stable")
 
 
 def _integers(label: str, low: int, high: int) -> Any:
@@ -85,7 +113,7 @@ def build_space(
         f"satellites_{i}": _integers(f"satellites_{i}", 1, objective.max_satellites) for i in slots
     }
     ranges = _family_ranges(objective.family)
-    by_stability = np.argsort(objective.stability_index, kind="stable")
+    by_stability = stability_order(objective.stability_index)
     for i in slots:
         if labels == "family_position":
             space[f"family_{i}"] = hp.randint(f"family_{i}", len(ranges))

@@ -112,7 +112,7 @@ def propagate(
     for forward in (True, False):
         chosen = np.flatnonzero(times >= 0.0 if forward else times < 0.0)
         if chosen.size:
-            order = chosen[np.argsort(times[chosen] if forward else -times[chosen])]
+            order = chosen[np.argsort(times[chosen] if forward else -times[chosen], kind="stable")]
             out[order] = _integrate(code, forces, start, y0, times[order], rtol, atol)[0]
     return out
 

@@ -13,8 +13,12 @@ of 76 000 distinct points it takes 24 s of one core, and the rounds after it 35 
 47 times above, since most points crowd around the Moon and leave the wide regions without a
 center. ``benchmarks/clustering.py`` measures these and more.
 
-The result is the same on any number of cores: threads are limited to one, because a parallel sum
-depends on their number in its last digits, and a tie broken the other way moves whole clusters.
+The result is the same on any machine, whatever its number of cores and its processor, although
+both change the last digits of a matrix product. The points of a symmetric grid are equally far from
+many centers, and a tie broken the other way moves whole clusters. So repeated points are told, and
+the points ordered, by coordinates rounded to `ORDER_DECIMALS`; seeding and rounds see each point
+moved by up to `GENERIC` in every coordinate, which breaks ties by far more than rounding can; the
+centers are means of the points where they are. Threads are limited to one.
 
 Assumptions and limitations
 ---------------------------
@@ -46,6 +50,12 @@ DEFAULT_SEEDING = "greedy k-means++"
 MAX_ITERATIONS = 300
 TOLERANCE = 1e-6
 """Squared movement of the centers, relative to the variance of the points, that ends the rounds."""
+
+ORDER_DECIMALS = 9
+"""Decimals of a coordinate by which points are told apart and ordered: 0.4 m."""
+
+GENERIC = 1e-6
+"""Largest move of a coordinate that breaks the ties of a symmetric grid: 0.4 km."""
 
 
 class Clusters(NamedTuple):
@@ -115,12 +125,13 @@ def cluster(
     rng = np.random.default_rng(seed)
     # Differences of coordinates are what matters; about the mean they lose least to rounding.
     origin = np.average(points, axis=0, weights=weight)
+    # Child streams of the seed are independent of its own.
+    moves = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
+    moved = points - origin + moves.uniform(-GENERIC, GENERIC, points.shape)
     with threadpool_limits(limits=1):
-        start = seed_centers(
-            points - origin, weight, n_clusters, rng, seeding, progress("first centers")
-        )
-        center, label = _lloyd(points - origin, weight, start, progress("k-means iterations"))
-    center = center + origin
+        start = seed_centers(moved, weight, n_clusters, rng, seeding, progress("first centers"))
+        label = _lloyd(moved, weight, start, progress("k-means iterations"))
+    center = origin + _means(points - origin, weight, label, n_clusters)
     members = np.bincount(label, weights=weight, minlength=n_clusters)
     inertia = float(np.sum(weight * np.sum((points - center[label]) ** 2, axis=1)))
     return Clusters(center, np.rint(members).astype(np.int64), label[inverse], inertia)
@@ -137,7 +148,8 @@ def distinct_points(position: ArrayLike) -> tuple[Array, Array, NDArray[np.int64
     Returns
     -------
     points : ndarray, shape (distinct, 3)
-        In lexicographic order.
+        In lexicographic order of the coordinates rounded to `ORDER_DECIMALS`; points that agree in
+        these count as one, at the place of the first.
     weight : ndarray, shape (distinct,)
         Multiplicity, as float.
     inverse : ndarray of int, shape (point,)
@@ -153,8 +165,15 @@ def distinct_points(position: ArrayLike) -> tuple[Array, Array, NDArray[np.int64
         raise ConfigurationError(
             f"targets: the points to cluster must be a finite array (point, 3), got shape {p.shape}"
         )
-    points, inverse, count = np.unique(p, axis=0, return_inverse=True, return_counts=True)
-    return points, count.astype(float), inverse.reshape(-1)
+    # Adding zero makes zeros of either sign equal.
+    _, first, inverse, count = np.unique(
+        np.round(p, ORDER_DECIMALS) + 0.0,
+        axis=0,
+        return_index=True,
+        return_inverse=True,
+        return_counts=True,
+    )
+    return p[first], count.astype(float), inverse.reshape(-1)
 
 
 class _CountedDraws(np.random.RandomState):
@@ -254,8 +273,8 @@ class _Iterations(io.StringIO):
 
 def _lloyd(
     points: Array, weight: Array, start: Array, progress: Callable[[int, int], None]
-) -> tuple[Array, NDArray[np.int64]]:
-    """Lloyd's iteration to convergence, with no cluster left empty."""
+) -> NDArray[np.int64]:
+    """Cluster of each point after Lloyd's iteration to convergence, with no cluster left empty."""
     from sklearn.cluster import KMeans
 
     for _ in range(10):
@@ -267,8 +286,7 @@ def _lloyd(
         label = fit.labels_.astype(np.int64)
         empty = np.flatnonzero(np.bincount(label, minlength=len(start)) == 0)
         if not empty.size:
-            # The centers as plain means: the fit's own carry the rounding of running sums.
-            return _means(points, weight, label, len(start)), label
+            return label
         # Start again with the empty ones at the points that are worst served.
         distance, _ = cKDTree(fit.cluster_centers_).query(points)
         start = fit.cluster_centers_.copy()

@@ -139,14 +139,19 @@ def equiangular_directions(step_deg: float) -> Array:
     ndarray, shape (direction, 3)
         South pole, then rings from south to north, then the north pole.
     """
-    rings = round(180.0 / step_deg) - 1
-    around = round(360.0 / step_deg)
-    latitude = np.radians(step_deg) * (np.arange(rings) + 1) - 0.5 * np.pi
-    longitude = np.radians(step_deg) * np.arange(around)
-    lat, lon = (a.ravel() for a in np.meshgrid(latitude, longitude, indexing="ij"))
-    ring = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=-1)
+    half = round(180.0 / step_deg)
+    # Sines of the steps of half a turn, mirrored in a right angle: the grid is symmetric to the
+    # last digit, so that no order of its points hangs on rounding.
+    steps = np.arange(half + 1)
+    sine = np.sin(np.radians(step_deg) * np.minimum(steps, half - steps))
+    cosine = np.sign(half - 2 * steps) * np.sin(np.radians(step_deg) * np.abs(0.5 * half - steps))
+    cos_lat, sin_lat = sine[1:-1], -cosine[1:-1]
+    cos_lon = np.concatenate([cosine[:-1], -cosine[:-1]])
+    sin_lon = np.concatenate([sine[:-1], -sine[:-1]])
+    rings = [np.outer(cos_lat, cos_lon), np.outer(cos_lat, sin_lon)]
+    rings.append(np.repeat(sin_lat[:, None], 2 * half, axis=1))
     pole = np.array([[0.0, 0.0, 1.0]])
-    return np.concatenate([-pole, ring, pole])
+    return np.concatenate([-pole, np.stack(rings, axis=-1).reshape(-1, 3), pole])
 
 
 def sample_region(jacobi: float, settings: SamplingSettings | None = None, mu: float = MU) -> Array:

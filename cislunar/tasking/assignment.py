@@ -19,6 +19,9 @@ from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
 
+INFORMATION_DECIMALS = 9
+"""Decimals of the information, nats, by which taskings are compared."""
+
 IDLE = -1
 """Entry of an observer without a target."""
 
@@ -162,12 +165,13 @@ def assign(
     """Assign observers to targets, one to one.
 
     Where there are more observers than targets, those left over are idle, and so is an observer
-    whose target would bring no information.
+    whose target would bring no information. Information is rounded to `INFORMATION_DECIMALS`, so
+    that no tasking hangs on the last digits; ties fall by the order of observers and targets.
 
     Parameters
     ----------
     information : array_like, shape (observer, target)
-        Information of every pair, not negative.
+        Information of every pair, nats, not negative.
     method : {"exact", "tpe", "greedy", "random"}
         `exact` is optimal. `tpe` is the paper's; `random` tries random taskings; both keep the
         best one.
@@ -193,6 +197,7 @@ def assign(
         raise ConfigurationError(
             f"information of shape {matrix.shape} must be a matrix of finite numbers"
         )
+    matrix = np.round(matrix, INFORMATION_DECIMALS)
     if method not in METHODS:
         raise ConfigurationError(f"method = {method!r} is unknown: use one of {list(METHODS)}")
     if method in _DIRECT:

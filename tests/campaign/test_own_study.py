@@ -408,7 +408,7 @@ def test_the_figure_of_a_sweep_shows_every_value(study, tmp_path, values, archit
 SMALLER = {
     "orbits": {"members": dict.fromkeys(_yaml("config.yaml")["orbits"]["members"], 1)},
     "scenarios": {"D": {"targets": 8, "settings": {"task2": {"seeds": 1, "duration_hours": 2}}}},
-    "architecture": {"certificate": {"time_limit_s": 1}},
+    "architecture": {"certificate": {"nodes": 1000}},
     "task2": {"estimators": ["mukf"]},
     "sweeps": {"limit": {"values": [17, 20], "targets": [3]}},
 }

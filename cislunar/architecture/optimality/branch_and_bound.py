@@ -5,7 +5,6 @@ of one another against a fixed threshold, so that nodes and results do not depen
 """
 
 import heapq
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from cislunar.architecture.optimality.node import Stack, empty_stack, search
 
 _SUBTREES = 64
-_CHUNK = 200  # nodes between two looks at the clock
+_CHUNK = 200  # nodes between two reports of progress
 _FOUND = 256  # architectures a chunk can hand back
 
 
@@ -79,17 +78,12 @@ def _root(relaxation: Any) -> _Subtree:
     return _Subtree(stack, 1)
 
 
-def compile_search(relaxation: Any) -> None:
-    """Compile what `search_level` calls, without searching."""
-    _Subtree(empty_stack(relaxation, 1), 0).run(relaxation, 1.0, 0)
-
-
-def _spread(relaxation: Any, threshold: float, expired: Callable[[], bool]):
-    """Branch the largest shares until there are enough subtrees."""
+def _spread(relaxation: Any, threshold: float, most: float):
+    """Branch the largest shares until there are enough subtrees, or `most` nodes are spent."""
     closed = []
     waiting = [(-1.0, 0, _root(relaxation))]
     serial = 1
-    while waiting and len(waiting) < _SUBTREES and not expired():
+    while waiting and len(waiting) < _SUBTREES and len(closed) < most:
         _, _, tree = heapq.heappop(waiting)
         tree.run(relaxation, threshold, 1)
         closed.append(tree)
@@ -101,13 +95,13 @@ def _spread(relaxation: Any, threshold: float, expired: Callable[[], bool]):
     return closed, [tree for _, _, tree in sorted(waiting, key=lambda entry: entry[:2])]
 
 
-def _finish(tree: _Subtree, relaxation, threshold, expired) -> _Subtree:
-    """Search a subtree to its end or until time has expired."""
+def _finish(tree: _Subtree, relaxation, threshold, most: float, stopped: Event) -> _Subtree:
+    """Search a subtree to its end, or until `most` nodes are spent or the search is stopped."""
     # one row per branching on a path
     rows = relaxation.n_orbits + relaxation.n_slots * relaxation.counts + 128
     deep = tree.row(0, relaxation, rows)
-    while deep.top > 0 and not expired():
-        deep.run(relaxation, threshold, _CHUNK)
+    while deep.top > 0 and deep.nodes < most and not stopped.is_set():
+        deep.run(relaxation, threshold, int(min(_CHUNK, most - deep.nodes)))
         tree.top = deep.top
         tree.stack.share[0] = deep.share
         tree.nodes, tree.found = deep.nodes, deep.found
@@ -119,7 +113,7 @@ def search_level(
     threshold: float,
     *,
     threads: int = 2,
-    deadline: float = np.inf,
+    most_nodes: float = np.inf,
     progress: Callable[[float], None] | None = None,
 ) -> LevelOutcome:
     """Find every architecture of a level with value >= threshold.
@@ -132,20 +126,19 @@ def search_level(
         The value to reach.
     threads : int
         Subtrees searched at once.
-    deadline : float
-        Value of ``time.monotonic()`` at which to stop.
+    most_nodes : float
+        Nodes to bound at most; every subtree may use an equal share of them.
     progress : callable, optional
         Called with the share of the tree searched, 0 .. 1.
     """
 
     stopped = Event()
-
-    def expired() -> bool:
-        return stopped.is_set() or time.monotonic() >= deadline
-
-    closed, waiting = _spread(relaxation, threshold, expired)
+    closed, waiting = _spread(relaxation, threshold, most_nodes)
+    share = np.floor((most_nodes - len(closed)) / max(len(waiting), 1))
     with ThreadPoolExecutor(threads) as pool:
-        jobs = [pool.submit(_finish, tree, relaxation, threshold, expired) for tree in waiting]
+        jobs = [
+            pool.submit(_finish, tree, relaxation, threshold, share, stopped) for tree in waiting
+        ]
         try:
             pending = set(jobs)
             while pending:

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from cislunar.architecture.coordinate_search import coordinate_search
 from cislunar.architecture.objective import Objective
-from cislunar.architecture.optimality.branch_and_bound import compile_search, search_level
+from cislunar.architecture.optimality.branch_and_bound import search_level
 from cislunar.errors import ConfigurationError
 
 _TOLERANCE = 1e-6  # least relative gap between the threshold and the best
 _ROUNDING = 1e-9
+_SAME_DIGITS = 9  # values that agree in so many digits count as equal
 _PROGRESS_STEPS = 1000
 
 
@@ -76,13 +77,14 @@ class _Best:
     value: NDArray[np.float64]
 
     def add(self, orbit: NDArray, satellites: NDArray, value: NDArray) -> None:
-        """Merge, drop repeats, best first (ties by orbit and count)."""
+        """Merge, drop repeats, best first (ties, to rounding, by orbit and count)."""
         orbit = np.concatenate([self.orbit, orbit])
         satellites = np.concatenate([self.satellites, satellites])
         value = np.concatenate([self.value, value])
         keys = np.hstack([orbit, satellites])
         first = np.unique(keys, axis=0, return_index=True)[1]
-        order = first[np.argsort(-value[first], kind="stable")]
+        scale = max(float(value.max()), 1e-300)
+        order = first[np.argsort(-np.round(value[first] / scale, _SAME_DIGITS), kind="stable")]
         self.orbit, self.satellites, self.value = orbit[order], satellites[order], value[order]
 
     def threshold(self, margin: float) -> float:
@@ -99,7 +101,7 @@ def certify(
     epsilon: float = 0.01,
     restarts: int = 10,
     threads: int = 2,
-    time_limit: float | None = None,
+    most_nodes: float = np.inf,
     progress: Callable[[int, int], None] | None = None,
 ) -> Certificate:
     """Prove the largest value over every choice of distinct orbits and satellite counts.
@@ -121,8 +123,9 @@ def certify(
         Restarts of the coordinate search.
     threads : int
         Subtrees searched at once; the outcome does not depend on it.
-    time_limit : float, optional
-        Seconds of the tree after which the bound reached is reported; compilation does not count.
+    most_nodes : float
+        Nodes to bound at most; after them the bound reached is reported. The outcome does not
+        depend on the speed of the machine.
     progress : callable, optional
         Called with (done, total) in thousandths of the tree of each level.
 
@@ -145,11 +148,7 @@ def certify(
     best = _Best(found.orbit[None], found.satellites[None], np.array([found.value]))
     levels = objective.levels(n_slots)
     margin = 1.0 - max(epsilon, _TOLERANCE)
-    deadline = np.inf
-    if time_limit is not None:
-        compile_search(levels[0].relaxation())
-        deadline = time.monotonic() + time_limit
-    bounds, nodes = _search_levels(levels, best, margin, threads, deadline, progress)
+    bounds, nodes = _search_levels(levels, best, margin, threads, most_nodes, progress)
     value = float(best.value[0])
     bound = max([value] + [each for each in bounds if each > margin * value])
     near = best.value >= (1.0 - epsilon) * value
@@ -169,10 +168,11 @@ def certify(
     )
 
 
-def _search_levels(levels, best, margin, threads, deadline, progress) -> tuple[list[float], int]:
+def _search_levels(levels, best, margin, threads, most_nodes, progress) -> tuple[list[float], int]:
     """Deal with every level that its bound leaves open: a bound on each, and the nodes it took.
 
-    Levels of many satellites are the quick ones and come first; a time limit is spent on the rest.
+    Levels of many satellites are the quick ones and come first; what they leave of the nodes is
+    spent on the rest.
     """
     wanted = [level for level in reversed(levels) if level.bound >= best.threshold(margin)]
     bounds, nodes = [], 0
@@ -187,7 +187,11 @@ def _search_levels(levels, best, margin, threads, deadline, progress) -> tuple[l
                 progress(int(_PROGRESS_STEPS * (done + share)), _PROGRESS_STEPS * len(wanted))
 
         outcome = search_level(
-            level.relaxation(), threshold, threads=threads, deadline=deadline, progress=report
+            level.relaxation(),
+            threshold,
+            threads=threads,
+            most_nodes=most_nodes - nodes,
+            progress=report,
         )
         best.add(outcome.orbit, outcome.satellites, outcome.value)
         reached = max([threshold, outcome.open_bound, *outcome.value])

@@ -51,7 +51,7 @@ def exact_dataset(
         epsilon=certificate["within"],
         restarts=0,
         threads=threads,
-        time_limit=certificate["time_limit_s"],
+        most_nodes=certificate["nodes"],
         progress=progress_log("thousandths of the tree"),
     )
     logger.info(

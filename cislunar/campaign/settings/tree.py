@@ -107,8 +107,9 @@ class Visibility(Section):
 class Certificate(Section):
     within: number(ge=0, lt=1) = setting(
         "every architecture with J within this share of the optimum is listed", default=0.01)
-    time_limit_s: Positive = setting(
-        "after this time the bound reached is reported instead of a proof", "s", default=600)
+    nodes: whole(ge=1) = setting(
+        "after so many nodes of the tree the bound reached is reported instead of a proof",
+        default=1_000_000)
 
 
 class Front(Section):

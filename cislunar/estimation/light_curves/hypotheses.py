@@ -184,7 +184,7 @@ def _log_weight(value, information, root):
 @njit(cache=True, error_model="numpy")
 def _select(hypotheses, settings, found, roots, log_weights, origins):
     """Replace the live modes by the best of the minima found."""
-    order = np.argsort(-log_weights)
+    order = np.argsort(-log_weights, kind="mergesort")  # stable
     best = log_weights[order[0]]
     means = hypotheses.anchor_mean.copy()
     informations = hypotheses.anchor_information.copy()
