@@ -59,6 +59,11 @@ def family_text(family: str) -> str:
     return _FAMILIES.get(family, family.replace("_", " "))
 
 
+def target_text(cell: xr.Dataset, index: int) -> str:
+    """Name of a target of a cell: orbit class and identity."""
+    return f"{family_text(str(cell['family'].values[index]))} {int(cell['target_id'][index])}"
+
+
 def architecture_text(cell: Cell) -> str:
     """Whose observers track."""
     return f"architecture: {optimizer_style(cell.architecture).label}"

@@ -11,13 +11,17 @@ from numpy.typing import ArrayLike
 from cislunar.figures.axes import Array, Grid, panel_title, reach, set_vertical
 from cislunar.figures.style import SeriesStyle
 
+COUNT, PERCENT = (0.0, np.inf), (0.0, 100.0)
+"""What numbers of targets and percentages can be."""
+
 
 class Row(NamedTuple):
     """A row of panels, which share the vertical axis.
 
     `curves` is what is drawn, as the figure reads it; `factor` leads from the unit of the data to
     that of `label`; with `log`, intervals are those of the logarithm. `second` is the label of the
-    axis on the right and the factor from the left one to it, `reference` a value to compare with.
+    axis on the right and the factor from the left one to it, `reference` a value to compare with,
+    or the ends of a band. Nothing lies outside `within`, so that intervals end there.
     """
 
     label: str
@@ -25,7 +29,8 @@ class Row(NamedTuple):
     factor: float = 1.0
     log: bool = False
     second: tuple[str, float] | None = None
-    reference: float | None = None
+    reference: float | tuple[float, float] | None = None
+    within: tuple[float, float] = (-np.inf, np.inf)
 
 
 def draw_means(
@@ -33,14 +38,16 @@ def draw_means(
     at: ArrayLike,
     bounds: tuple[ArrayLike, ArrayLike, ArrayLike],
     look: SeriesStyle,
+    within: tuple[float, float] = (-np.inf, np.inf),
     **more: Any,
 ) -> None:
     """Means with their intervals, joined by the line of the series.
 
-    `bounds` are means, lower and upper ends; an end that is not a number is not drawn. `more` goes
-    to ``errorbar``.
+    `bounds` are means, lower and upper ends, which are cut at what is possible, `within`; an end
+    that is not a number is not drawn. `more` goes to ``errorbar``.
     """
     mean, low, high = (np.atleast_1d(each) for each in bounds)
+    low, high = (np.clip(end, *within) for end in (low, high))
     usual = {
         "color": look.color, "linestyle": look.line, "linewidth": 0.9, "elinewidth": 0.7,
         "capsize": 1.4, "capthick": 0.7, **look.marker_kwargs(3.2),

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -25,6 +26,7 @@ GREEN = "#009E73"
 BLUE = "#0072B2"
 VERMILION = "#D55E00"
 PURPLE = "#CC79A7"
+YELLOW = "#F0E442"
 BLACK = "#000000"
 GRAY = "#8A8A8A"
 
@@ -116,25 +118,31 @@ _PLANAR = {
 }
 
 
+def _tone(color: str, light: float) -> str:
+    """The same hue, darker towards -1 and lighter towards 1."""
+    return to_hex([(1.0 - abs(light)) * share + max(light, 0.0) for share in to_rgb(color)])
+
+
 def _family_styles() -> dict[str, SeriesStyle]:
     styles = {}
     for root, (label, color, marker) in _ROOTS.items():
         styles[f"{root}_N"] = SeriesStyle(f"{label} N", color, SOLID, marker)
-        styles[f"{root}_S"] = SeriesStyle(f"{label} S", color, DASHED, marker, filled=False)
+        dark = _tone(color, -0.5)
+        styles[f"{root}_S"] = SeriesStyle(f"{label} S", dark, DASHED, marker, filled=False)
     for name, (label, color, marker) in _PLANAR.items():
-        styles[name] = SeriesStyle(label, color, DASH_DOT, marker)
+        styles[name] = SeriesStyle(label, _tone(color, 0.4), DASH_DOT, marker)
     return styles
 
 
 FAMILY_STYLE: Mapping[str, SeriesStyle] = _family_styles()
-"""Color by libration point, line style by kind (north, south, planar), marker by branch."""
+"""Hue by libration point, tone and line style by kind (north, south, planar), marker by branch."""
 
 OPTIMIZER_STYLE: Mapping[str, SeriesStyle] = {
     "tpe": SeriesStyle("TPE", BLUE, SOLID, "o"),
     "random": SeriesStyle("random search", VERMILION, DASHED, "s"),
     "atpe": SeriesStyle("adaptive TPE", SKY, DASH_DOT, "P"),
     "exact": SeriesStyle("exact search", GREEN, DASH_DOT, "*"),
-    "published": SeriesStyle("published families, our members", PURPLE, DOTTED, "D"),
+    "published": SeriesStyle("paper's families, our members", PURPLE, DOTTED, "D"),
 }
 """How each optimizer is drawn."""
 

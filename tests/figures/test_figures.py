@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from matplotlib.colors import to_rgb
 
 from cislunar.architecture.published import PUBLISHED_COST
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
@@ -142,18 +143,42 @@ def figures(orbits, targets, searched):
     }
 
 
-@pytest.mark.parametrize("name", ["library", "orbits"])
-def test_axes_of_length_carry_their_unit(figures, name):
-    labels = labels_of(figures[name])
-    assert labels
+def test_axes_of_length_carry_their_unit(figures):
+    labels = [label for label in labels_of(figures["library"]) if label]
+    assert len(labels) == 6
     assert all(LENGTH_AXIS.match(label) for label in labels)
+
+
+def test_every_tile_has_a_bar_as_long_as_it_says(figures):
+    """A bar's label is its length, and the orbit and the Moon lie within the tile."""
+    for name in ("library", "orbits"):
+        tiles = [axes for axes in figures[name].axes if axes.name != "3d"]
+        assert tiles
+        for axes in tiles:
+            (label,) = axes.texts
+            length_km = float(label.get_text().removesuffix(" km").replace("\N{THIN SPACE}", ""))
+            ends = axes.lines[-1].get_xdata()
+            assert np.ptp(ends) * LENGTH_UNIT_KM == pytest.approx(length_km)
+            assert f"{length_km:.0f}"[0] in "125" and set(f"{length_km:.0f}"[1:]) == {"0"}
+            low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+            for line in axes.lines:
+                points = np.asarray(line.get_xydata(), dtype=float).reshape(-1, 2)
+                assert np.all(points >= low) and np.all(points <= high)
+
+
+def test_halves_of_a_family_have_tones_of_one_hue():
+    for root in ("Butterfly", "Dragonfly", "Halo_L1", "Halo_L2", "Halo_L3"):
+        north, south = (to_rgb(style.FAMILY_STYLE[f"{root}_{half}"].color) for half in "NS")
+        np.testing.assert_allclose(south, 0.5 * np.array(north), atol=0.01)
 
 
 def test_other_axes_carry_their_unit(figures):
     for name in ("map", "front", "convergence"):
         labels = [label for label in labels_of(figures[name]) if label]
         assert len(labels) >= 2
-        pattern = r"dimensionless$|nondimensional$|, days$|, %$|satellites$|evaluations of J$"
+        pattern = (
+            r"dimensionless( \(.*\))?$|nondimensional$|, days$|, %$|satellites$|evaluations of J$"
+        )
         assert all(re.search(pattern, label) for label in labels), labels
 
 
@@ -181,7 +206,8 @@ def test_no_text_leaves_the_figure_or_covers_a_title(figures):
 
 
 @pytest.mark.parametrize("name", ["library", "facet", "orbits", "front", "convergence", "map"])
-def test_saving_twice_gives_the_same_bytes(figures, name, tmp_path):
+def test_saving_twice_gives_the_same_bytes(figures, name, tmp_path, monkeypatch):
+    monkeypatch.setattr(style, "RASTER_DPI", 40)
     written = []
     for turn in ("first", "second"):
         paths = [tmp_path / turn / f"{name}.{kind}" for kind in ("png", "pdf")]
@@ -197,7 +223,8 @@ def test_saving_twice_gives_the_same_bytes(figures, name, tmp_path):
     ]
 
 
-def test_drawing_twice_gives_the_same_bytes(orbits, targets, figures, tmp_path):
+def test_drawing_twice_gives_the_same_bytes(orbits, targets, figures, tmp_path, monkeypatch):
+    monkeypatch.setattr(style, "RASTER_DPI", 40)
     for turn, figure in (("a", figures["library"]), ("b", orbit_library_figure(orbits, targets))):
         style.save_figure(figure, tmp_path / f"{turn}.png", tmp_path / f"{turn}.pdf")
     for kind in ("png", "pdf"):
@@ -261,7 +288,8 @@ def test_curve_of_a_two_body_circle():
 
 def test_panels_follow_the_scenarios(figures, orbits, searched):
     _, architectures, runs, _ = searched
-    assert len(figures["orbits"].axes) == 2 * 2
+    # the whole system, the orbits around the Moon, and two tiles, in each of two rows
+    assert len(figures["orbits"].axes) == 2 * 4
     assert len(figures["front"].axes) == 2 * 2
     titles = [axes.get_title(loc="left") for axes in figures["convergence"].axes]
     assert titles == ["(a) Scenario A", "(b) Scenario Extra"]
@@ -272,14 +300,25 @@ def test_panels_follow_the_scenarios(figures, orbits, searched):
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
 
-def test_legend_lists_every_orbit(figures):
-    legend = figures["orbits"].legends[0]
-    texts = [text.get_text() for text in legend.get_texts()]
+def test_every_orbit_has_a_tile_with_its_name(figures):
+    texts = [axes.get_title() for axes in figures["orbits"].axes][:4]
     days = TIME_UNIT_S / 86_400.0
-    times = "\N{MULTIPLICATION SIGN}"
-    assert texts[:2] == [f"L2 halo N {times} 2, {1.37 * days:.1f} d",
-                         f"L3 Lyapunov {times} 3, {days:.1f} d"]  # fmt: skip
-    assert texts[2:] == ["Earth", "Moon"]
+    assert texts[:2] == ["the whole system", "around the Moon"]
+    assert texts[2:] == [
+        f"1. L2 halo N\n2 sat., {1.37 * days:.1f} d",
+        f"2. L3 Lyapunov\n3 sat., {days:.1f} d",
+    ]
+
+
+def test_axis_of_whole_numbers_is_wide_enough_for_two(searched):
+    """A front of a single number of satellites, as of a small study."""
+    fronts, architectures, _, coverage = searched
+    single = {"Extra": fronts["Extra"].isel(total=[0])}
+    alone = {
+        "Extra": {"exact": architectures["Extra"]["exact"].assign(satellites=("slot", [4, 6]))}
+    }
+    low, high = satellite_front_figure(single, alone, coverage).axes[1].get_xlim()
+    assert low <= 9.0 and high >= 11.0
 
 
 def test_paper_marked_for_its_own_scenarios_alone(figures):

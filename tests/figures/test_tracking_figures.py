@@ -13,6 +13,7 @@ from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
 from cislunar.campaign.tracking.summary import summary_dataset
+from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED, TRACKED
 from cislunar.figures import style
 from cislunar.figures.axes import nice_ticks, spaced, tick_names
@@ -26,20 +27,27 @@ from cislunar.figures.tracking.choice import (
     tasking_variants,
 )
 from cislunar.figures.tracking.errors import (
+    components_figure,
     part_scale,
     representative_target,
     selected_targets,
-    selected_targets_figure,
 )
 from cislunar.figures.tracking.heatmaps import (
     block_rows,
+    high_load_figure,
     intervals_figure,
     scales,
     target_counts_figure,
+    target_rows,
 )
-from cislunar.figures.tracking.high_load import high_load_figure
+from cislunar.figures.tracking.norms import selected_targets_figure
+from cislunar.figures.tracking.representative import representative_target_figure
 from cislunar.figures.tracking.tasking import held, tasking_figure
-from cislunar.figures.tracking.trends import against_interval_figure, against_targets_figure
+from cislunar.figures.tracking.trends import (
+    EFFICIENT,
+    against_interval_figure,
+    against_targets_figure,
+)
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 SEEDS, STEPS, RECORDS = 3, 24, 12
@@ -145,8 +153,8 @@ def compared():
 
 VARIANTS = {"": "exact", "tpe": "tpe", "greedy": "greedy"}
 DRAW = {
-    "counts": lambda: target_counts_figure([cells("A", (6, 9, 12)), cells("A", (30,))]),
-    "load": lambda: high_load_figure(cells("A", (12,), (30, 60, 240))),
+    "counts": lambda: target_counts_figure([cells("A", (6, 9, 12, 30))]),
+    "representative": lambda: representative_target_figure(cells("A", (12,), (30, 240))),
     "interval": lambda: against_interval_figure(summary_of_cells()),
 }
 """Figures drawn a second time."""
@@ -163,7 +171,9 @@ def figures(summary, compared):
         "counts": DRAW["counts"](),
         "selected": selected_targets_figure(*next(iter(cells("A", (6,)).items()))),
         "intervals": intervals_figure([cells("A", (6,), (30, 60, 240)), cells("B", (9,), (30,))]),
-        "load": DRAW["load"](),
+        "components": components_figure(*next(iter(cells("A", (6,)).items()))),
+        "load": high_load_figure([cells("A", (12,), (30, 60, 240))]),
+        "representative": DRAW["representative"](),
         "targets": against_targets_figure(summary),
         "interval": DRAW["interval"](),
         "targets of one": against_targets_figure(one_scenario(summary)),
@@ -173,15 +183,15 @@ def figures(summary, compared):
 
 
 NAMES = (
-    *("counts", "selected", "intervals", "load", "targets", "interval", "targets of one"),
-    *("interval of one", "tasking"),
+    *("counts", "selected", "components", "intervals", "load", "representative", "targets"),
+    *("interval", "targets of one", "interval of one", "tasking"),
 )
 
 
 def test_paper_cells_are_chosen_from_the_full_configuration():
     settings = task2()
     columns = target_count_cells(settings, "tpe")
-    assert [[c.targets for c in column] for column in columns] == [[20, 30, 50], [100]]
+    assert [[c.targets for c in column] for column in columns] == [[20, 30, 50, 100]]
     found = {c[:3] + c[4:] for column in columns for c in column}
     assert found == {("A", "tpe", "mukf", settings["interval_minutes"], "")}
     assert selected_cell(settings, "published") == [Cell("A", "published", "mukf", 20, 60)]
@@ -209,7 +219,7 @@ def test_other_counts_and_missing_cells():
     settings = task2()
     settings["target_counts"] = {"C": [90, 45, 60, 70, 80]}
     columns = target_count_cells(settings, "tpe")
-    assert [[c.targets for c in column] for column in columns] == [[45, 60, 70], [90]]
+    assert [[c.targets for c in column] for column in columns] == [[45, 60, 70, 90]]
     settings["intervals"]["target_counts"] = {"A": [], "B": []}
     assert interval_cells(settings, "tpe") == high_load_cells(settings, "tpe") == []
     assert target_count_cells(settings, "unheard-of") == []
@@ -219,19 +229,25 @@ def test_other_counts_and_missing_cells():
 
 
 def test_rows_of_the_heat_maps():
-    blocks = [cell_data(6), cell_data(9)]
-    rows = block_rows(blocks, "anees")
-    assert rows.edges == [0, 6, 15]
-    np.testing.assert_array_equal(np.flatnonzero(rows.unseen), [0, 6])
-    np.testing.assert_array_equal(np.flatnonzero(rows.diverged[0]), [1, 7])
+    """A row for each target of any cell, named, and empty where a cell does not monitor it."""
+    few, many = cell_data(6), cell_data(9)
+    table = target_rows([few, many])
+    assert list(table) == list(range(40, 49))
+    assert list(table.values())[:3] == ["L2 halo N 40", "DRO 41", "polar, KPLO 42"]
+    rows = block_rows(few, "anees", list(table))
+    assert rows.last == 6 and np.isnan(rows.values[6:]).all()
+    np.testing.assert_array_equal(np.flatnonzero(rows.unseen), [0])
+    np.testing.assert_array_equal(np.flatnonzero(rows.diverged[0]), [1])
     assert not rows.diverged[1].any()
     assert np.isnan(rows.values[rows.unseen]).all()
-    np.testing.assert_allclose(rows.values[8], np.log10(blocks[1]["anees"].values[0, 2]))
+    swapped = block_rows(few, "anees", list(table)[::-1])
+    np.testing.assert_array_equal(swapped.values[::-1], rows.values)
+    np.testing.assert_allclose(rows.values[2], np.log10(few["anees"].values[0, 2]))
 
 
 def test_heat_map_shows_the_data(figures):
-    """Coverage of the single block of the second column, in percent."""
-    axes = next(a for a in figures["counts"].axes if a.get_title(loc="left").startswith("(b)"))
+    """Coverage of the last block, in percent."""
+    axes = next(a for a in figures["counts"].axes if a.get_title() == "$n_T$ = 30")
     mesh = next(each for each in axes.collections if isinstance(each, QuadMesh))
     expected = 100.0 * cell_data(30, 60)["coverage"].values[0]
     drawn = mesh.get_array()
@@ -240,7 +256,7 @@ def test_heat_map_shows_the_data(figures):
 
 
 def test_colors_of_the_parts_hold_their_decades():
-    rows = block_rows([cell_data(30)], "rmse")
+    rows = block_rows(cell_data(30), "rmse", range(40, 70))
     for scale in scales("rmse", [rows]):
         values = rows.values[1:, scale.columns]
         low, high = np.percentile(values, (1.0, 99.0))
@@ -251,7 +267,7 @@ def test_colors_of_the_parts_hold_their_decades():
         outside = values.min() < scale.norm.vmin, values.max() > scale.norm.vmax
         ends = {"neither": (0, 0), "min": (1, 0), "max": (0, 1), "both": (1, 1)}
         assert ends[scale.extend] == outside
-    (balanced,) = scales("anees", [block_rows([cell_data(30)], "anees")])
+    (balanced,) = scales("anees", [block_rows(cell_data(30), "anees", range(40, 70))])
     assert balanced.norm.vmin == -balanced.norm.vmax
 
 
@@ -259,12 +275,12 @@ def test_colors_without_any_observed_target():
     cell = cell_data(3)
     cell["status"][:] = NEVER_OBSERVED
     for measure in ("coverage", "anees", "rmse"):
-        assert scales(measure, [block_rows([cell], measure)])
+        assert scales(measure, [block_rows(cell, measure, range(40, 43))])
 
 
 def test_selected_targets_are_drawn_with_the_bound_where_there_is_one(figures):
     cell, data = next(iter(cells("A", (6,)).items()))
-    figures = figures["selected"], selected_targets_figure(cell, data.drop_vars("bound"))
+    figures = figures["components"], components_figure(cell, data.drop_vars("bound"))
     names = [[text.get_text() for text in each.legends[0].get_texts()] for each in figures]
     assert names[0][2].endswith("Cramér-Rao bound") and len(names[0]) == len(names[1]) + 1
     panels = [figure.axes[0].lines for figure in figures]
@@ -273,6 +289,26 @@ def test_selected_targets_are_drawn_with_the_bound_where_there_is_one(figures):
     drawn = [line.get_ydata() for line in panels[0]]
     least = 3.0 * data["bound"].values[0, :, target, 0]
     assert any(np.allclose(each, least) for each in drawn)
+
+
+def test_norms_are_those_of_the_errors_in_practical_units(figures):
+    """Degrees of the rotation, and kilometers; the region ends at three deviations."""
+    data = cell_data(6, 60)
+    target = next(iter(selected_targets(data)))
+    error, sigma = (data[name].values[0, :, target] for name in ("error", "sigma"))
+    panels = {axes.get_ylabel().split(",")[0]: axes for axes in figures["selected"].axes}
+    angle = np.rad2deg(np.linalg.norm(error[:, :3], axis=1))
+    (bound, drawn, *_) = panels["attitude error"].lines
+    # a GRP is the angle in radians up to its third power
+    np.testing.assert_allclose(drawn.get_ydata(), angle, rtol=0.02)
+    assert np.all(bound.get_ydata() > 0.0)
+    (bound, drawn, *_) = panels["position error"].lines
+    np.testing.assert_allclose(
+        drawn.get_ydata(), LENGTH_UNIT_KM * np.linalg.norm(error[:, 6:9], axis=1)
+    )
+    np.testing.assert_allclose(
+        bound.get_ydata(), 3.0 * LENGTH_UNIT_KM * np.linalg.norm(sigma[:, 6:9], axis=1)
+    )
 
 
 def test_targets_selected_by_rule():
@@ -302,7 +338,7 @@ def test_representative_target_is_the_median_of_those_tracked_in_both():
     assert representative_target(first, second) == 4
     second["status"][:] = DIVERGED
     assert representative_target(first, second) is None
-    figure = high_load_figure(
+    figure = representative_target_figure(
         {Cell("A", "tpe", "mukf", 6, m): data for m, data in ((30, first), (60, second))}
     )
     assert any("no target is tracked" in text.get_text() for text in figure.texts)
@@ -326,7 +362,7 @@ def test_sweep_shows_means_over_the_seeds(figures, summary):
         )[0]
     )
     coverage = t_interval(100.0 * summary["coverage"].values[index, :, 0])
-    rmse = log_interval(summary["rmse_median"].values[index, :, 0])
+    rmse = log_interval(np.rad2deg(1.0) * summary["rmse_median"].values[index, :, 0])
     for label, expected in (("within", coverage), ("attitude RMSE", rmse)):
         axes = next(a for a in figures["targets"].axes if a.get_ylabel().startswith(label))
         heights = [line.get_ydata()[0] for line in axes.lines if len(line.get_ydata())]
@@ -337,6 +373,34 @@ def test_sweep_shows_means_over_the_seeds(figures, summary):
             for segment in getattr(each, "get_segments", list)()
         ]
         assert any(np.allclose(e, [expected.low, expected.high], rtol=1e-9) for e in ends)
+
+
+def test_intervals_end_at_what_is_possible(figures):
+    """Shares between nothing and everything, though Student's intervals of few seeds go on."""
+    (axes, *_) = (a for a in figures["targets"].axes if a.get_ylabel().startswith("within"))
+    ends = [
+        height
+        for each in axes.collections
+        for segment in getattr(each, "get_segments", list)()
+        for height in segment[:, 1]
+    ]
+    assert ends and min(ends) >= 0.0 and max(ends) <= 100.0
+
+
+def test_median_of_an_efficient_estimator():
+    """Lengths of Gaussian vectors of any covariance, drawn, lie between the ends of the band."""
+    draws = np.random.default_rng(8).normal(size=(200_000, 3)) ** 2
+    for shares in ((1.0, 0.0, 0.0), (0.7, 0.2, 0.1), (0.5, 0.5, 0.0), (1 / 3, 1 / 3, 1 / 3)):
+        median = np.sqrt(np.median(draws @ shares))
+        assert EFFICIENT[0] - 0.004 < median < EFFICIENT[1] + 0.004
+
+
+def test_intervals_of_odd_lengths_are_in_minutes(summary):
+    odd = summary.isel(cell=np.flatnonzero(summary["interval_minutes"].values != 30))
+    odd["interval_minutes"] = odd["interval_minutes"] // 3
+    axes = against_interval_figure(odd).axes[-1]
+    assert axes.get_xlabel().endswith(", min")
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["20", "80"]
 
 
 def test_interval_figure_has_the_cells_that_were_swept(figures):
@@ -367,8 +431,9 @@ def test_best_value_is_held_to_the_end():
 
 
 UNITS = re.compile(
-    r"nondim\.$|rad/s$|% of time$|, degree$|^degree$|^km$|targets$|\$n_T\$$|, h$|dimensionless$"
-    r"|one row each$|share of time, %$|consistent\)$|, nat$|evaluations$|% of exact$|, s$|method$"
+    r"nondim\.$|rad/s$|degree/h$|m/s$|, min$|% of time$|, degree$|^degree$|^km$|targets$|\$n_T\$$"
+    r"|, h$|dimensionless$|share of time, %$|consistent\)$|, nat$|evaluations$|% of exact$|, s$"
+    r"|method$"
 )
 
 
@@ -377,8 +442,10 @@ def test_axes_carry_their_unit(figures, name):
     figure = figures[name]
     axes = [a for each in figure.axes for a in (each, *each.child_axes)]
     labels = [label for a in axes for label in (a.get_xlabel(), a.get_ylabel()) if label]
+    # above a color bar stands what it is of
+    labels += [a.get_title() for a in axes if hasattr(a, "_colorbar")]
     assert len(labels) >= 3
-    assert all(UNITS.search(label) for label in labels), labels
+    assert all(UNITS.search(label.split("\n")[-1]) for label in labels), labels
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -401,7 +468,7 @@ def test_no_text_leaves_the_figure_or_covers_another(figures, name):
         assert not any(box.padded(-0.5).overlaps(other) for other in boxes[:index])
 
 
-@pytest.mark.parametrize("name", ["counts", "load", "interval"])
+@pytest.mark.parametrize("name", ["counts", "representative", "interval"])
 def test_drawing_and_saving_twice_gives_the_same_bytes(figures, name, tmp_path, monkeypatch):
     monkeypatch.setattr(style, "RASTER_DPI", 40)
     for turn, figure in (("first", figures[name]), ("second", DRAW[name]())):

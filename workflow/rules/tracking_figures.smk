@@ -21,6 +21,11 @@ SELECTED_CELL = {of: selected_cell(TASK2, name) for of, name in SHOWN.items()}
 HIGH_LOAD = {of: high_load_cells(TASK2, name) for of, name in SHOWN.items()}
 
 
+def ends(cells):
+    """The first and the last of some cells."""
+    return [cells[0], cells[-1]] if cells else []
+
+
 wildcard_constraints:
     of=f"(?:{'|'.join(SHOWN)})",
 
@@ -70,10 +75,30 @@ rule selected_targets_figure:
         "../envs/cislunar.yaml"
     params:
         cell=lambda wildcards: list(map(tuple, SELECTED_CELL[wildcards.of])),
+        errors="norms",
     message:
         "Drawing the errors of a few targets"
     script:
         "../scripts/figure_selected_targets.py"
+
+
+use rule selected_targets_figure as components_figure with:
+    output:
+        png=report(
+            results("figures/fig06_components{of}.png"),
+            caption="../report/figure_components.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig06_components{of}.pdf"),
+    log:
+        log_of("figures/components{of}"),
+    benchmark:
+        benchmark_of("components_figure/figure{of}")
+    params:
+        cell=lambda wildcards: list(map(tuple, SELECTED_CELL[wildcards.of])),
+        errors="components",
+    message:
+        "Drawing the errors of a few targets, component by component"
 
 
 use rule target_counts_figure as intervals_figure with:
@@ -99,7 +124,7 @@ use rule target_counts_figure as intervals_figure with:
         "Drawing every target by tasking interval"
 
 
-rule high_load_figure:
+use rule target_counts_figure as high_load_figure with:
     input:
         lambda wildcards: [results(cell.path) for cell in HIGH_LOAD[wildcards.of]],
     output:
@@ -113,14 +138,35 @@ rule high_load_figure:
         log_of("figures/intervals_high_load{of}"),
     benchmark:
         benchmark_of("high_load_figure/figure{of}")
+    params:
+        along="high load",
+        columns=lambda wildcards: [list(map(tuple, HIGH_LOAD[wildcards.of]))],
+    message:
+        "Drawing every target by tasking interval, many targets"
+
+
+rule representative_target_figure:
+    input:
+        lambda wildcards: [results(cell.path) for cell in ends(HIGH_LOAD[wildcards.of])],
+    output:
+        png=report(
+            results("figures/fig08_representative_target{of}.png"),
+            caption="../report/figure_representative_target.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig08_representative_target{of}.pdf"),
+    log:
+        log_of("figures/representative_target{of}"),
+    benchmark:
+        benchmark_of("representative_target_figure/figure{of}")
     conda:
         "../envs/cislunar.yaml"
     params:
-        cells=lambda wildcards: list(map(tuple, HIGH_LOAD[wildcards.of])),
+        cells=lambda wildcards: list(map(tuple, ends(HIGH_LOAD[wildcards.of]))),
     message:
-        "Drawing every target by tasking interval, many targets"
+        "Drawing the errors of one of many targets"
     script:
-        "../scripts/figure_intervals_high_load.py"
+        "../scripts/figure_representative_target.py"
 
 
 rule against_targets_figure:
@@ -257,8 +303,13 @@ rule tracking_figures:
     input:
         expand(rules.target_counts_figure.output, of=[of for of in SHOWN if COUNT_COLUMNS[of]]),
         expand(rules.selected_targets_figure.output, of=[of for of in SHOWN if SELECTED_CELL[of]]),
+        expand(rules.components_figure.output, of=[of for of in SHOWN if SELECTED_CELL[of]]),
         expand(rules.intervals_figure.output, of=[of for of in SHOWN if INTERVAL_COLUMNS[of]]),
         expand(rules.high_load_figure.output, of=[of for of in SHOWN if HIGH_LOAD[of]]),
+        expand(
+            rules.representative_target_figure.output,
+            of=[of for of in SHOWN if len(HIGH_LOAD[of]) > 1],
+        ),
         rules.against_targets_figure.output if CELLS else [],
         rules.against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else [],
         rules.estimators_against_targets_figure.output if CELLS else [],

@@ -1,10 +1,14 @@
-"""Makes figures/fig05_target_counts, fig07_intervals: every target by number and by interval."""
+"""Makes figures/fig05_target_counts, fig07_intervals, fig08_intervals_high_load: every target."""
 
 from cislunar.campaign.data.progress import each, job
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.summary import read_cell_metrics
 from cislunar.figures.style import save_figure
-from cislunar.figures.tracking.heatmaps import intervals_figure, target_counts_figure
+from cislunar.figures.tracking.heatmaps import (
+    high_load_figure,
+    intervals_figure,
+    target_counts_figure,
+)
 
 with job(snakemake.log[0]):
     files = each(snakemake.input, "cells")
@@ -12,6 +16,10 @@ with job(snakemake.log[0]):
         {Cell(*cell): read_cell_metrics(next(files)) for cell in column}
         for column in snakemake.params.columns
     ]
-    draw = {"targets": target_counts_figure, "interval": intervals_figure}
+    draw = {
+        "targets": target_counts_figure,
+        "interval": intervals_figure,
+        "high load": high_load_figure,
+    }
     figure = draw[snakemake.params.along](columns)
     save_figure(figure, snakemake.output.png, snakemake.output.pdf)

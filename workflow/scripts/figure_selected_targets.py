@@ -1,12 +1,14 @@
-"""Makes figures/fig06_selected_targets: errors and bounds of a few targets."""
+"""Makes figures/fig06_selected_targets and fig06_components: errors and bounds of a few targets."""
 
 from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.data.progress import job
 from cislunar.campaign.settings.cells import Cell
 from cislunar.figures.style import save_figure
-from cislunar.figures.tracking.errors import selected_targets_figure
+from cislunar.figures.tracking.errors import components_figure
+from cislunar.figures.tracking.norms import selected_targets_figure
 
 with job(snakemake.log[0]):
     (cell,) = snakemake.params.cell
-    figure = selected_targets_figure(Cell(*cell), read_dataset(snakemake.input[0]))
+    draw = {"norms": selected_targets_figure, "components": components_figure}
+    figure = draw[snakemake.params.errors](Cell(*cell), read_dataset(snakemake.input[0]))
     save_figure(figure, snakemake.output.png, snakemake.output.pdf)

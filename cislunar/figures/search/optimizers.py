@@ -33,8 +33,10 @@ _OTHER_RUNS = {
     "alpha": 0.55,
     "markeredgewidth": 0,
 }
+_BEST = {"color": BLACK, "linewidth": 1.2, "zorder": 2}
+_DAYS = {"color": BLACK, "linewidth": 0.8, "linestyle": ":"}
 _PAPER_MARKER = {"tpe": "o", "random": "s"}
-_LEFT_IN, _RIGHT_IN, _GAP_IN = 0.61, 0.07, 0.54
+_LEFT_IN, _RIGHT_IN, _GAP_IN = 0.72, 0.07, 0.5
 
 
 def _layout(number: int, height_in: float, row_in: float, foot_in: float) -> tuple[Grid, Figure]:
@@ -67,9 +69,9 @@ def satellite_front_figure(
         upper, lower = (grid.place(figure, row, column) for grid in (above, below))
         panel_title(upper, index, f"Scenario {scenario}")
         total = front["total"].values
-        upper.plot(total, front["J"].values, color=BLACK, linewidth=1.2, zorder=2)
-        lower.plot(total, front["union_coverage"].values, color=BLACK, linewidth=1.2, zorder=2)
-        lower.plot(total, front["target_days"].values, color=BLACK, linewidth=0.8, linestyle=":")
+        upper.plot(total, front["J"].values, **_BEST)
+        lower.plot(total, front["union_coverage"].values, **_BEST)
+        lower.plot(total, front["target_days"].values, **_DAYS)
         _mark_optimizers(upper, lower, architectures[scenario], _of(coverage, scenario))
         for method, (value, count) in PUBLISHED_COST.get(scenario, {}).items():
             upper.plot(count, value, **_paper_kwargs(method))
@@ -78,15 +80,21 @@ def satellite_front_figure(
         lower.yaxis.set_major_formatter(PercentFormatter(xmax=1.0, symbol=""))
         reach = (upper.get_xlim(), lower.get_xlim())
         for axes in (upper, lower):
-            axes.set_xlim(min(r[0] for r in reach), max(r[1] for r in reach))
+            axes.set_xlim(_widened(min(r[0] for r in reach), max(r[1] for r in reach)))
             axes.xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True, steps=[1, 2, 5, 10]))
         upper.tick_params(labelbottom=False)
         lower.set_xlabel("number of satellites")
         if column == 0:
-            upper.set_ylabel("J, dimensionless")
-            lower.set_ylabel("share seen, %")
+            upper.set_ylabel("figure of merit J,\ndimensionless (more is better)")
+            lower.set_ylabel("target-hours seen by\nany satellite, %")
     _legend(figure, _front_handles(architectures, fronts))
     return figure
+
+
+def _widened(low: float, high: float) -> tuple[float, float]:
+    """Ends of an axis of whole numbers, two of them at least within it."""
+    spare = max(0.0, 0.5 * (2.5 - (high - low)))
+    return low - spare, high + spare
 
 
 def _of(coverage: pd.DataFrame, scenario: str) -> pd.DataFrame:
@@ -138,15 +146,15 @@ def _paper_methods(scenarios: Sequence[str]) -> list[str]:
 
 def _front_handles(architectures: Mapping, fronts: Mapping) -> list[Line2D]:
     handles = [
-        Line2D([], [], color=BLACK, linewidth=1.2, label="best J; target-hours it sees"),
-        Line2D([], [], color=BLACK, linewidth=0.8, linestyle=":", label="target-days it sees"),
+        Line2D([], [], label="best architecture found", **_BEST),
+        Line2D([], [], label="the same, target-days with a sighting", **_DAYS),
     ]
     for name in _present(architectures):
         handles.append(optimizer_style(name).legend_handle(line=False))
     if any("run_J" in each for found in architectures.values() for each in found.values()):
-        handles.append(Line2D([], [], label="other runs", color=GRAY, **_OTHER_RUNS))
+        handles.append(Line2D([], [], label="other runs of a search", color=GRAY, **_OTHER_RUNS))
     for method in _paper_methods(list(fronts)):
-        label = f"paper, {optimizer_style(method).label}"
+        label = f"the paper's value, {optimizer_style(method).label}"
         handles.append(Line2D([], [], label=label, **_paper_kwargs(method)))
     return handles
 
@@ -154,7 +162,7 @@ def _front_handles(architectures: Mapping, fronts: Mapping) -> list[Line2D]:
 def _legend(figure: Figure, handles: Sequence) -> None:
     narrow = figure.get_size_inches()[0] < PAGE_WIDTH_IN
     figure.legend(
-        handles=list(handles), loc="lower center", ncols=2 if narrow else 4, handlelength=2.6
+        handles=list(handles), loc="lower center", ncols=2 if narrow else 3, handlelength=2.6
     )
 
 
@@ -187,7 +195,7 @@ def convergence_figure(
             axes.axhline(value, color=GRAY, linewidth=0.9, linestyle=_paper_line(method), zorder=1)
         axes.set(xscale="log", yscale="log", xlabel="evaluations of J")
         if column == 0:
-            axes.set_ylabel("best J so far, dimensionless")
+            axes.set_ylabel("best J so far,\ndimensionless")
     _legend(figure, _convergence_handles(runs, architectures))
     return figure
 
@@ -274,5 +282,5 @@ def _convergence_handles(runs: Mapping, architectures: Mapping) -> Iterator:
     if any("bound" in found for each in architectures.values() for found in each.values()):
         yield Line2D([], [], color=BLACK, linewidth=0.8, label="proven upper bound")
     for method in _paper_methods(list(architectures)):
-        label = f"paper, {optimizer_style(method).label}"
+        label = f"the paper's value, {optimizer_style(method).label}"
         yield Line2D([], [], color=GRAY, linewidth=0.9, linestyle=_paper_line(method), label=label)

@@ -19,7 +19,7 @@ from cislunar.figures.axes import (
     set_vertical,
     spaced,
 )
-from cislunar.figures.panels import draw_means
+from cislunar.figures.panels import COUNT, PERCENT, draw_means
 from cislunar.figures.style import (
     PAGE_WIDTH_IN,
     estimator_style,
@@ -46,20 +46,21 @@ class Quantity(NamedTuple):
     factor: float = 1.0
     log: bool = False
     whole: bool = False
+    within: tuple[float, float] = (-np.inf, np.inf)
 
 
 ARCHITECTURE = (
     Quantity("J", "J, dimensionless", log=True),
-    Quantity("satellites", "satellites", whole=True),
-    Quantity("union_coverage", "share of target-hours\nseen, %", factor=100.0),
-    Quantity("static_never_seen", "static targets\nnever seen", whole=True),
+    Quantity("satellites", "satellites", whole=True, within=COUNT),
+    Quantity("union_coverage", "share of target-hours\nseen, %", factor=100.0, within=PERCENT),
+    Quantity("static_never_seen", "static targets\nnever seen", whole=True, within=COUNT),
 )
 TRACKING = (
     Quantity("coverage", "attitude within\n3\N{GREEK SMALL LETTER SIGMA}, % of time", "attitude",
-             factor=100.0),
+             factor=100.0, within=PERCENT),
     Quantity("final_attitude_error_median", "final attitude error,\nmedian, degree", log=True),
     Quantity("rmse_median", "position RMSE,\nmedian, km", "position", "km", log=True),
-    Quantity("never_observed", "moving targets\nnever observed"),
+    Quantity("never_observed", "moving targets\nnever observed", within=COUNT),
 )  # fmt: skip
 
 
@@ -135,7 +136,7 @@ def _draw(axes: Axes, table: pd.DataFrame, quantity: Quantity, values: _Values) 
             for key in ("mean", "low", "high", "smallest", "largest")
         )
         at = _beside(values, index - 0.5 * (len(groups) - 1))[order]
-        draw_means(axes, at, (mean, low, high), look)
+        draw_means(axes, at, (mean, low, high), look, quantity.within)
         # an interval of few seeds may leave the panel
         held += [mean, np.fmax(low, smallest), np.fmin(high, largest)]
     set_vertical(axes, reach(np.concatenate(held), log=quantity.log), log=quantity.log)

@@ -1,37 +1,31 @@
 """Figures of the chosen architectures: their orbits, with the satellites on them."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
-import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from cislunar.constants import SECONDS_PER_DAY
-from cislunar.figures.axes import Array
+from cislunar.figures.axes import Grid, legend_below, place
 from cislunar.figures.space.earth_moon import (
-    around_moon,
     body_handles,
-    draw_bodies,
-    limits,
-    space_axes,
     stays_around_moon,
     thousands,
 )
 from cislunar.figures.space.orbit_tracks import orbit_curve, satellite_tracks
-from cislunar.figures.style import family_style, house_style, new_figure, panel_letter
+from cislunar.figures.space.tiles import TileOrbit, draw_tile
+from cislunar.figures.style import (
+    family_style,
+    house_style,
+    new_figure,
+    panel_letter,
+)
 
-ROW_HEIGHT_IN = 3.0
-_SPACE = (0, 1, 2)
-
-
-class _ChosenOrbit(NamedTuple):
-    """An orbit of an architecture: family, one period, satellites at the epoch."""
-
-    family: str
-    curve: Array
-    satellites: Array
+_WHOLE_IN, _NEAR_IN, _HEAD_IN, _FOOT_IN = 1.95, 1.1, 0.24, 0.3
+_COLUMNS = 5
+_TILE_IN = (0.72, 0.86)
+_GAP_IN, _TEXT_IN = 0.06, 0.36
+_SMALL = {"fontsize": 6.2, "pad": 2.0, "linespacing": 1.15}
 
 
 def power_of_ten(value: float, digits: int = 3) -> str:
@@ -46,44 +40,41 @@ def selected_orbits_figure(
 ) -> Figure:
     """The orbits of one optimizer's architectures by scenario, with the satellites at the epoch.
 
-    A row for each scenario: the whole system, the surroundings of the Moon, the list of orbits.
-    From ``orbits/families.nc`` and ``architecture/{scenario}/{optimizer}.nc`` by scenario;
-    `targets` is the number of static targets of each.
+    A row for each scenario: the whole system, the orbits around the Moon together, and a tile for
+    each orbit with its number, family, satellites and period. From ``orbits/families.nc`` and
+    ``architecture/{scenario}/{optimizer}.nc`` by scenario; `targets` is the number of static
+    targets of each.
     """
-    rows = len(architectures)
-    figure = new_figure(ROW_HEIGHT_IN * rows)
+    mu, unit = float(orbits.attrs["mu"]), float(orbits.attrs["length_unit_km"])
     scenes = {scenario: _scene(orbits, each) for scenario, each in architectures.items()}
-    mu = float(orbits.attrs["mu"])
-    earth, moon = np.array([-mu, 0.0, 0.0]), np.array([1.0 - mu, 0.0, 0.0])
-    everything = [each.curve for drawn in scenes.values() for each in drawn]
-    whole = limits([*everything, earth, moon], margin=0.03)
-    near = around_moon(mu, everything)
-    for row, (scenario, architecture) in enumerate(architectures.items()):
-        top, height = 1.0 - row / rows, 1.0 / rows
-        figure.text(
-            0.015,
-            top - 0.03 * height,
-            f"{panel_letter(row)} {_title(scenario, architecture, targets[scenario])}",
-            fontsize=8.5,
-            va="top",
-        )
-        drawn = scenes[scenario]
+    lines = -(-max(len(drawn) for drawn in scenes.values()) // _COLUMNS)
+    row_in = _HEAD_IN + max(lines, 2) * (_TILE_IN[1] + _TEXT_IN)
+    figure = new_figure(row_in * len(scenes) + _FOOT_IN)
+    height = figure.get_size_inches()[1]
+    for row, (scenario, drawn) in enumerate(scenes.items()):
+        foot = _FOOT_IN + (len(scenes) - 1 - row) * row_in
+        title = _title(scenario, architectures[scenario], targets[scenario])
+        above = (0.015, (foot + row_in - 0.06) / height)
+        figure.text(*above, f"{panel_letter(row)} {title}", fontsize=8.5, va="top")
         close = [each for each in drawn if stays_around_moon(each.curve, mu)]
-        for left, bounds, within in ((-0.025, whole, drawn), (0.345, near, close)):
-            place = (left, top - 0.92 * height, 0.38, 0.86 * height)
-            axes = space_axes(
-                figure, place, bounds, float(orbits.attrs["length_unit_km"]), zoom=0.88
-            )
-            _draw(axes, within)
-            draw_bodies(axes, mu, _SPACE, bounds)
-        figure.legend(
-            handles=[*_handles(orbits, architecture), *body_handles()],
-            loc="center left",
-            bbox_to_anchor=(0.745, top - 0.52 * height),
-            handlelength=3.2,
-            fontsize=6.8,
-            labelspacing=0.45,
+        views = (
+            (drawn, "the whole system", 0.1, _WHOLE_IN, True),
+            (close, "around the Moon", 0.1 + _WHOLE_IN + _GAP_IN, _NEAR_IN, False),
         )
+        for chosen, text, left, wide, whole in views:
+            if chosen:
+                tile = place(figure, left, foot, wide, row_in - _HEAD_IN - 0.5 * _TEXT_IN)
+                draw_tile(tile, chosen, mu, unit, satellites=False, whole=whole)
+                tile.set_title(text, **_SMALL)
+        left = 0.1 + _WHOLE_IN + _NEAR_IN + 3.0 * _GAP_IN
+        grid = Grid(lines, _COLUMNS, *_TILE_IN, left, foot, _GAP_IN, _TEXT_IN)
+        for number, (each, text) in enumerate(
+            zip(drawn, _names(orbits, architectures[scenario]), strict=True)
+        ):
+            tile = grid.place(figure, *divmod(number, _COLUMNS))
+            draw_tile(tile, [each], mu, unit)
+            tile.set_title(text, **_SMALL)
+    legend_below(figure, body_handles(), 0.06)
     return figure
 
 
@@ -93,12 +84,13 @@ def _title(scenario: str, architecture: xr.Dataset, targets: int) -> str:
     return f"Scenario {scenario}: {thousands(targets)} targets, {total} satellites, J = {value}"
 
 
-def _scene(orbits: xr.Dataset, architecture: xr.Dataset) -> list[_ChosenOrbit]:
+def _scene(orbits: xr.Dataset, architecture: xr.Dataset) -> list[TileOrbit]:
     """Every chosen orbit with its satellites."""
+    family = orbits["family"].values.astype(str)
     return [
-        _ChosenOrbit(
-            str(orbits["family"].values[index]),
+        TileOrbit(
             orbit_curve(orbits, int(index)),
+            family_style(family[index]),
             satellite_tracks(orbits, int(index), int(count)),
         )
         for index, count in zip(
@@ -107,27 +99,15 @@ def _scene(orbits: xr.Dataset, architecture: xr.Dataset) -> list[_ChosenOrbit]:
     ]
 
 
-def _handles(orbits: xr.Dataset, architecture: xr.Dataset) -> list[Line2D]:
-    """Legend entry of every chosen orbit: family, satellites, period."""
+def _names(orbits: xr.Dataset, architecture: xr.Dataset) -> list[str]:
+    """Number, family, satellites and period of every chosen orbit, in two lines."""
     index = architecture["orbit"].values
     days = orbits["period"].values[index] * float(orbits.attrs["time_unit_s"]) / SECONDS_PER_DAY
-    handles = []
-    for name, count, period in zip(
-        orbits["family"].values.astype(str)[index],
-        architecture["satellites"].values,
-        days,
-        strict=True,
-    ):
-        style = family_style(name)
-        label = f"{style.label} \N{MULTIPLICATION SIGN} {count}, {period:.1f} d"
-        handles.append(style.legend_handle(label))
-    return handles
-
-
-def _draw(axes, drawn: list[_ChosenOrbit]) -> None:
-    """Orbits, and their satellites at the epoch."""
-    for each in drawn:
-        style = family_style(each.family)
-        axes.plot(*each.curve.T, color=style.color, linestyle=style.line, linewidth=0.9, zorder=2)
-        marks = {"linestyle": "none", "color": style.color} | style.marker_kwargs(3.6)
-        axes.plot(*each.satellites.T, zorder=5, **marks)
+    family = orbits["family"].values.astype(str)[index]
+    counts = architecture["satellites"].values
+    return [
+        f"{number}. {family_style(name).label}\n{count} sat., {period:.1f} d"
+        for number, (name, count, period) in enumerate(
+            zip(family, counts, days, strict=True), start=1
+        )
+    ]

@@ -13,6 +13,9 @@ from cislunar.figures.axes import Array
 from cislunar.figures.style import EARTH_COLOR, MOON_COLOR
 
 AXES = ("x", "y", "z")
+EYE_DEG = (22.0, -58.0)
+"""Elevation and azimuth of the eye in every view in space."""
+
 _CLOSE = 0.6
 """An orbit that stays this near to the Moon counts as one around it, nondimensional."""
 
@@ -67,6 +70,15 @@ def body_handles(size: float = 5.0) -> list[Line2D]:
     ]
 
 
+def projected(points: ArrayLike, eye_deg: tuple[float, float] = EYE_DEG) -> Array:
+    """Orthographic projection of points (..., 3) to (..., 2) for an eye at elevation, azimuth."""
+    elevation, azimuth = np.radians(eye_deg)
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    flat = np.cos(elevation)
+    towards = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+    return np.asarray(points) @ np.column_stack((right, np.cross(towards, right)))
+
+
 def limits(points: Sequence[ArrayLike], margin: float = 0.06) -> Array:
     """Bounds of sets of points (..., 3), widened by a share of the largest extent.
 
@@ -101,7 +113,7 @@ def space_axes(
     """
     axes = figure.add_axes(place, projection="3d", computed_zorder=False)
     axes.set_proj_type("ortho")
-    axes.view_init(elev=22.0, azim=-58.0)
+    axes.view_init(*EYE_DEG)
     axes.set(xlim=bounds[0], ylim=bounds[1], zlim=bounds[2])
     axes.set_box_aspect(np.diff(bounds, axis=1)[:, 0], zoom=zoom)
     axes.patch.set_visible(False)

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from cislunar.figures.axes import Array
+from cislunar.figures.space.earth_moon import projected
 from cislunar.figures.style import (
     BLACK,
     BLUE,
@@ -48,13 +49,9 @@ def arc_between(first: Array, second: Array, radius: float, samples: int = 40) -
     )
 
 
-def project(points: Array, eye_deg: tuple[float, float] = _EYE) -> Array:
-    """Orthographic projection of points (..., 3) to (..., 2) for an eye at elevation, azimuth."""
-    elevation, azimuth = np.radians(eye_deg)
-    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    flat = np.cos(elevation)
-    towards = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
-    return np.asarray(points) @ np.column_stack((right, np.cross(towards, right)))
+def _flat(points: Array) -> Array:
+    """The drawing's projection of points (..., 3) to (..., 2)."""
+    return projected(points, _EYE)
 
 
 @house_style()
@@ -66,7 +63,7 @@ def facet_geometry_figure() -> Figure:
     axes.set_aspect("equal")
     light, view = direction(28.0, -52.0), direction(76.0, 128.0)
     half = half_vector(light, view)
-    corners = project(_FACET)
+    corners = _flat(_FACET)
     axes.add_patch(Polygon(corners, facecolor="#E8E8E8", edgecolor=BLACK, linewidth=0.9, zorder=1))
     for tip, name, color, line, shift in (
         (direction(90.0, 0.0) * 0.62, r"$\mathbf{x}^B$", BLACK, "-", (-0.1, 0.06)),
@@ -79,7 +76,7 @@ def facet_geometry_figure() -> Figure:
         _arrow(axes, tip, name, color, line, shift)
     _angle(axes, arc_between(_NORMAL, half, 0.72), r"$\phi$", GREEN)
     for one in (light, view):
-        arc = project(arc_between(one, half, 0.36))
+        arc = _flat(arc_between(one, half, 0.36))
         axes.plot(*arc.T, color=GRAY, linewidth=0.8, zorder=2)
         _tick(axes, arc)
     _glyphs(axes, light, view)
@@ -90,7 +87,7 @@ def facet_geometry_figure() -> Figure:
 
 def _arrow(axes: Axes, tip: Array, name: str, color: str, line, shift) -> None:
     """A vector from the middle of the facet, with its name at the tip."""
-    end = project(tip)
+    end = _flat(tip)
     axes.annotate(
         "",
         xy=end,
@@ -110,7 +107,7 @@ def _arrow(axes: Axes, tip: Array, name: str, color: str, line, shift) -> None:
 
 def _angle(axes: Axes, arc: Array, name: str, color: str) -> None:
     """An arc with its name."""
-    drawn = project(arc)
+    drawn = _flat(arc)
     axes.plot(*drawn.T, color=color, linewidth=1.2, zorder=3)
     middle = drawn[len(drawn) // 2]
     axes.text(*(middle * 1.16), name, color=color, fontsize=11, ha="center", va="center")
@@ -125,7 +122,7 @@ def _tick(axes: Axes, arc: Array) -> None:
 
 def _glyphs(axes: Axes, light: Array, view: Array) -> None:
     """The Sun and the observer beyond the tips of their vectors, with what they are."""
-    sun, observer = project(light * 1.85), project(view * 1.9)
+    sun, observer = _flat(light * 1.85), _flat(view * 1.9)
     axes.add_patch(Circle(sun, 0.09, facecolor=ORANGE, edgecolor=BLACK, linewidth=0.5))
     for ray in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False):
         unit = np.array([np.cos(ray), np.sin(ray)])

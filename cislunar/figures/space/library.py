@@ -1,28 +1,30 @@
 """Figures of the orbit library: the orbits with the static targets, and the map of the members."""
 
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cislunar.constants import SECONDS_PER_DAY
-from cislunar.figures.axes import Array, panel_title
+from cislunar.figures.axes import Array, Grid, legend_below, panel_title
 from cislunar.figures.space.earth_moon import (
-    AXES,
     around_moon,
     body_handles,
     draw_bodies,
     limits,
-    plane_axes,
     space_axes,
     stays_around_moon,
     thousands,
 )
 from cislunar.figures.space.orbit_tracks import orbit_curve
+from cislunar.figures.space.tiles import TileOrbit, draw_tile
 from cislunar.figures.style import (
+    BLACK,
     FAMILY_STYLE,
     GRAY,
     family_style,
@@ -31,8 +33,6 @@ from cislunar.figures.style import (
     panel_letter,
 )
 
-_TARGET_COLOR = "#6E6E6E"
-_SPACE = (0, 1, 2)
 _JACOBI = "Jacobi constant, nondimensional"
 _PERIOD = "period, days"
 _STABILITY = "stability index, dimensionless"
@@ -54,12 +54,21 @@ def families_present(orbits: xr.Dataset) -> list[str]:
     return [name for name in FAMILY_STYLE if name in present] + sorted(present - set(FAMILY_STYLE))
 
 
+def halves(families: Sequence[str]) -> dict[str, list[str]]:
+    """Families by their common name, northern and southern halves together."""
+    found: dict[str, list[str]] = {}
+    for name in families:
+        found.setdefault(re.sub("_[NS]$", "", name), []).append(name)
+    return found
+
+
 @house_style()
 def orbit_library_figure(orbits: xr.Dataset, targets: xr.Dataset) -> Figure:
     """Every candidate observer orbit with the static targets of a scenario.
 
-    Above, the whole system and the surroundings of the Moon in space; below, their projections.
-    From ``orbits/families.nc`` and ``targets/static_{scenario}.nc``.
+    Above, the whole system and the surroundings of the Moon in space; below, a tile for each
+    family with its halves in two tones. From ``orbits/families.nc`` and
+    ``targets/static_{scenario}.nc``.
     """
     mu, unit = float(orbits.attrs["mu"]), float(orbits.attrs["length_unit_km"])
     family = orbits["family"].values.astype(str)
@@ -69,60 +78,69 @@ def orbit_library_figure(orbits: xr.Dataset, targets: xr.Dataset) -> Figure:
     close = [(curve, name) for curve, name in drawn if stays_around_moon(curve, mu)]
     whole = _View("the whole system", limits([*curves, points], margin=0.02), drawn)
     near = _View("orbits around the Moon", around_moon(mu, curves), close)
-    figure = new_figure(7.1)
+    groups = halves(families_present(orbits))
+    grid = _tiles(len(groups))
+    figure = new_figure(grid.foot + grid.size[1] + _SPACE_IN)
+    height = figure.get_size_inches()[1]
     for column, view in enumerate((whole, near)):
-        place = (-0.02 + 0.49 * column, 0.49, 0.53, 0.47)
-        axes = space_axes(figure, place, view.bounds, unit, zoom=0.92)
-        _draw(axes, view, points, _SPACE, mu)
+        box = (-0.02 + 0.49 * column, 1.0 - (_SPACE_IN - 0.42) / height, 0.53)
+        axes = space_axes(figure, (*box, (_SPACE_IN - 0.55) / height), view.bounds, unit, zoom=0.95)
+        _draw(axes, view, points, mu)
         title = f"{panel_letter(column)} {view.title}"
-        figure.text(0.02 + 0.5 * column, 0.965, title, fontsize=8.5, va="top")
-    for column, (plane, view) in enumerate((((0, 1), whole), ((0, 2), whole), ((0, 2), near))):
-        axes = figure.add_axes((0.07 + 0.33 * column, 0.165, 0.25, 0.27))
-        plane_axes(axes, plane, view.bounds, unit)
-        _draw(axes, view, points, plane, mu)
-        pair = f"{AXES[plane[0]]}\N{EN DASH}{AXES[plane[1]]}"
-        axes.set_title(f"{panel_letter(column + 2)} {pair}, {view.title}", fontsize=7.5)
-    handles = [_line_handle(name, int(np.sum(family == name))) for name in families_present(orbits)]
-    handles.append(
-        Line2D([], [], linestyle="none", marker=".", markersize=3, color=_TARGET_COLOR,
-               label=f"static targets ({thousands(len(points))})")
-    )  # fmt: skip
-    figure.legend(handles=[*handles, *body_handles()], loc="lower center", ncols=5, handlelength=3)
+        figure.text(0.02 + 0.5 * column, 1.0 - 0.1 / height, title, fontsize=8.5, va="top")
+    for number, names in enumerate(groups.values()):
+        axes = grid.place(figure, *divmod(number, grid.columns))
+        own = [TileOrbit(c, family_style(name)) for name in names for c, f in drawn if f == name]
+        draw_tile(axes, own, mu, unit, width=0.5)
+        counts = ", ".join(_count(name, int(np.sum(family == name))) for name in names)
+        text = f"{re.sub(' [NS]$', '', family_style(names[0]).label)}: {counts}"
+        panel_title(axes, number + 2, text, fontsize=7.0, pad=2.0)
+    handles = [
+        Line2D([], [], color=tone, label=label)
+        for tone, label in (
+            ("#707070", "N, northern half"),
+            (BLACK, "S, southern half: darker"),
+            ("#B8B8B8", "planar: lighter"),
+        )
+    ]
+    handles += [
+        Line2D(
+            [],
+            [],
+            label=f"static targets ({thousands(len(points))})",
+            **_TARGETS | {"markersize": 3.0},
+        ),
+    ]
+    legend_below(figure, [*handles, *body_handles()], 0.06)
     return figure
 
 
-def _line_handle(name: str, count: int) -> Line2D:
-    style = family_style(name)
-    return Line2D([], [], color=style.color, linestyle=style.line, label=f"{style.label} ({count})")
+_TARGETS = {"linestyle": "none", "marker": ".", "markersize": 2.4, "markeredgewidth": 0,
+            "color": BLACK}  # fmt: skip
+_SPACE_IN = 3.65
+"""Height of the views in space, inches."""
 
 
-def _draw(axes, view: _View, points: Array, shown: Sequence[int], mu: float) -> None:
-    """Targets, then orbits, then bodies, in the given coordinates."""
+def _tiles(number: int) -> Grid:
+    columns = 4
+    width, gap = 1.66, 0.12
+    return Grid(-(-number // columns), columns, width, 1.4, 0.1, 0.3, gap, 0.22)
+
+
+def _count(name: str, count: int) -> str:
+    """Orbits of a family, or of a half of it."""
+    return f"{count} {name[-1]}" if name.endswith(("_N", "_S")) else f"{count}"
+
+
+def _draw(axes: Axes, view: _View, points: Array, mu: float) -> None:
+    """Orbits, targets, then bodies, in space."""
     bounds = view.bounds
-    inside = points[np.all((points >= bounds[:, 0]) & (points <= bounds[:, 1]), axis=1)]
-    axes.plot(
-        *inside[:, shown].T,
-        linestyle="none",
-        marker=".",
-        markersize=1.4,
-        markeredgewidth=0,
-        color=_TARGET_COLOR,
-        alpha=0.8,
-        rasterized=True,
-        zorder=1,
-    )
     for curve, name in view.curves:
-        style = family_style(name)
-        axes.plot(
-            *curve[:, shown].T,
-            color=style.color,
-            linestyle=style.line,
-            linewidth=0.45,
-            alpha=0.75,
-            rasterized=True,
-            zorder=2,
-        )
-    draw_bodies(axes, mu, shown, bounds)
+        color = family_style(name).color
+        axes.plot(*curve.T, color=color, linewidth=0.4, alpha=0.6, rasterized=True, zorder=1)
+    inside = points[np.all((points >= bounds[:, 0]) & (points <= bounds[:, 1]), axis=1)]
+    axes.plot(*inside.T, rasterized=True, zorder=2, **_TARGETS)
+    draw_bodies(axes, mu, (0, 1, 2), bounds)
 
 
 @house_style()

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import plotly.graph_objects as go
 import xarray as xr
-from plotly.colors import sample_colorscale
 from plotly.io import to_html
 
 from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, SECONDS_PER_DAY
@@ -23,7 +22,7 @@ from cislunar.figures.space.orbit_tracks import (
     target_tracks_km,
 )
 from cislunar.figures.space.orbits_page_layout import PageParts, page_layout
-from cislunar.figures.style import FAMILY_STYLE, optimizer_style
+from cislunar.figures.style import BLUE, FAMILY_STYLE, YELLOW, optimizer_style, style_or_gray
 
 DIV_ID = "orbits"
 """Identifier of the plot's element in the page."""
@@ -35,7 +34,7 @@ FRAME_HOURS = np.arange(0.0, 24.01, 0.5)
 PATH_HOURS = np.arange(0.0, 24.01, 1.0 / 6.0)
 
 _HOVER_ORBIT = (
-    "<b>%{fullData.name}</b>, orbit %{customdata[0]:.0f}<br>stability index %{customdata[1]:.4~g}"
+    "<b>%{text}</b>, orbit %{customdata[0]:.0f}<br>stability index %{customdata[1]:.4~g}"
     "<br>period %{customdata[2]:.2f} d<br>Jacobi constant %{customdata[3]:.4f}"
     "<br>perilune %{customdata[4]:,.0f} km from the center of the Moon<extra></extra>"
 )
@@ -70,7 +69,7 @@ def orbits_page(
         layers[f"targets {scenario}"] = _static_layer(scenario, targets[scenario], orbits)
         for optimizer, architecture in found.items():
             name = f"{scenario}, {optimizer_style(optimizer).label}"
-            layers[name] = _architecture_layer(name, optimizer, orbits, architecture)
+            layers[name] = _architecture_layer(name, orbits, architecture)
             scenario_of[name] = scenario
     traces, indices, moving = [], {}, {}
     for name, layer in layers.items():
@@ -89,8 +88,6 @@ def orbits_page(
                 choices=choices,
                 library=indices["library"],
                 hours=FRAME_HOURS,
-                color_range=_color_range(orbits),
-                colors=[(share, _color(share)) for share in np.linspace(0.0, 1.0, 9).tolist()],
                 moon_km=(1.0 - float(orbits.attrs["mu"])) * float(orbits.attrs["length_unit_km"]),
                 bounds_km=_bounds(traces),
             )
@@ -176,46 +173,26 @@ def _told(orbits: xr.Dataset, members: Sequence[int], samples: int) -> np.ndarra
 
 
 def _library_traces(orbits: xr.Dataset) -> list[go.Scatter3d]:
-    """Every candidate orbit, a trace for each family, and a second one for its legend entry.
-
-    The legend cannot show a trace whose color varies; its entry has that of the median index.
-    """
+    """Every candidate orbit, a trace for each family in its color."""
     family = orbits["family"].values.astype(str)
-    highest = _color_range(orbits)[1]
     traces = []
     for name in dict.fromkeys(family.tolist()):
         members = np.flatnonzero(family == name).tolist()
-        told = _told(orbits, members, LIBRARY_SAMPLES)
+        label = _family_label(name)
         tracks = [orbit_track_km(orbits, index, LIBRARY_SAMPLES) for index in members]
-        index = np.log10(told[:, 1])
-        shared = {"mode": "lines", "legendgroup": name, "name": _family_label(name)}
-        entry = go.Scatter3d(
-            x=[None], y=[None], z=[None],
-            line={"color": _color(float(np.median(index)) / highest), "width": 3},
-            legendgrouptitle={"text": "Orbit library"} if not traces else None,
-            **shared | {"name": f"{_family_label(name)} ({len(members)})"},
-        )  # fmt: skip
         orbit = go.Scatter3d(
             **_xyz(_joined(tracks)),
-            line={"color": index, "coloraxis": "coloraxis", "width": 1.5},
-            opacity=0.7,
-            customdata=told,
-            hovertemplate=_HOVER_ORBIT,
-            showlegend=False,
-            **shared,
+            mode="lines",
+            name=f"{label} ({len(members)})",
+            legendgroup=name,
+            legendgrouptitle=None if traces else {"text": "Orbit library"},
+            line={"color": style_or_gray(FAMILY_STYLE, name).color, "width": 1.5},
+            opacity=0.8,
+            customdata=_told(orbits, members, LIBRARY_SAMPLES),
+            hovertemplate=_HOVER_ORBIT.replace("%{text}", label),
         )
-        traces += [entry, orbit]
+        traces.append(orbit)
     return traces
-
-
-def _color_range(orbits: xr.Dataset) -> tuple[float, float]:
-    """Decimal logarithms of the stability index, whole decades from 1."""
-    return 0.0, float(np.ceil(max(np.log10(orbits["stability_index"].values.max()), 1.0)))
-
-
-def _color(share: float) -> str:
-    """Color at a share of the range: stable is dark, unstable light, all visible on white."""
-    return sample_colorscale("Plasma", [0.85 * min(max(share, 0.0), 1.0)])[0]
 
 
 def _family_label(family: str) -> str:
@@ -269,11 +246,8 @@ def _static_layer(scenario: str, targets: xr.Dataset, orbits: xr.Dataset) -> _La
     return _Layer([trace], {})
 
 
-def _architecture_layer(
-    name: str, optimizer: str, orbits: xr.Dataset, architecture: xr.Dataset
-) -> _Layer:
-    """Chosen orbits and their satellites."""
-    color = optimizer_style(optimizer).color
+def _architecture_layer(name: str, orbits: xr.Dataset, architecture: xr.Dataset) -> _Layer:
+    """Chosen orbits and their satellites, in colors that no family has."""
     counts = architecture["satellites"].values.tolist()
     chosen = list(zip(architecture["orbit"].values.tolist(), counts, strict=True))
     members = [orbit for orbit, _ in chosen]
@@ -284,10 +258,10 @@ def _architecture_layer(
         name="chosen orbits",
         legendgroup=f"architecture {name}",
         legendgrouptitle={"text": f"Scenario {name}"},
-        line={"color": color, "width": 5},
+        line={"color": BLUE, "width": 6},
         customdata=_told(orbits, members, CHOSEN_SAMPLES),
         text=np.repeat([_family_label(f) for f in families], CHOSEN_SAMPLES + 1).tolist(),
-        hovertemplate=_HOVER_ORBIT.replace("%{fullData.name}", "%{text}"),
+        hovertemplate=_HOVER_ORBIT,
         visible=False,
     )
     tracks = [satellite_tracks(orbits, orbit, count, FRAME_HOURS) for orbit, count in chosen]
@@ -302,7 +276,7 @@ def _architecture_layer(
         mode="markers",
         name=f"satellites ({len(told)})",
         legendgroup=f"architecture {name}",
-        marker={"color": color, "size": 5, "line": {"color": "white", "width": 1}},
+        marker={"color": YELLOW, "size": 6, "line": {"color": "black", "width": 2}},
         text=told,
         hovertemplate="%{text}<extra></extra>",
         visible=False,

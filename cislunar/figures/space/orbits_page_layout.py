@@ -15,16 +15,13 @@ class PageParts(NamedTuple):
     """What the controls of the page act on.
 
     `choices` gives for each architecture the numbers of its traces and of its targets', `library`
-    those of the orbits; `hours` are the slider's, since the epoch. `color_range` is the decimal
-    logarithm of the stability index at both ends of the scale `colors`; `moon_km` is the x of the
-    Moon, `bounds_km`, shape (3, 2), the least and greatest coordinates of everything shown.
+    those of the orbits; `hours` are the slider's, since the epoch. `moon_km` is the x of the Moon,
+    `bounds_km`, shape (3, 2), the least and greatest coordinates of everything shown.
     """
 
     choices: Mapping[str, tuple[Sequence[int], Sequence[int]]]
     library: Sequence[int]
     hours: ArrayLike
-    color_range: tuple[float, float]
-    colors: list[tuple[float, str]]
     moon_km: float
     bounds_km: NDArray[np.float64]
 
@@ -38,7 +35,6 @@ def page_layout(parts: PageParts) -> dict[str, Any]:
         menu.update(x=x, xanchor="left", y=1.0, yanchor="top", bgcolor=_WHITE)
     return {
         "scene": _scene(parts.bounds_km),
-        "coloraxis": _color_axis(parts),
         "legend": {
             "x": 0.995, "xanchor": "right", "y": 0.98, "yanchor": "top", "bgcolor": _WHITE,
             "tracegroupgap": 2, "itemsizing": "constant", "font": {"size": 11},
@@ -75,23 +71,6 @@ def _scene(bounds_km: NDArray[np.float64]) -> dict[str, Any]:
         },
         "dragmode": "orbit",
     }
-
-
-def _color_axis(parts: PageParts) -> dict[str, Any]:
-    low, high = parts.color_range
-    decades = range(round(low), round(high) + 1)
-    return {
-        "cmin": low,
-        "cmax": high,
-        "colorscale": parts.colors,
-        "colorbar": {
-            "title": {"text": "stability index"},
-            "tickvals": list(decades),
-            "ticktext": [f"{10**k}" for k in decades],
-            "x": 0.0, "xanchor": "left", "y": 0.5, "len": 0.5, "thickness": 14,
-            "bgcolor": _WHITE,
-        },
-    }  # fmt: skip
 
 
 def _architecture_menu(choices: Mapping[str, tuple]) -> dict[str, Any]:

@@ -13,8 +13,8 @@ from cislunar.campaign.settings.cells import Cell, grid_cells, variant_cells
 PREFERRED_ARCHITECTURE = "tpe"
 """The paper tracks with the architectures of its own optimizer."""
 
-PAPER_FEW, PAPER_MANY = (20, 30, 50), (100,)
-"""Numbers of targets of the two columns of the paper's figure 5."""
+PAPER_COUNTS = (20, 30, 50, 100)
+"""Numbers of targets in the paper's figure 5."""
 
 
 def figure_architectures(task2: Mapping[str, Any]) -> list[str]:
@@ -46,16 +46,14 @@ def _usual(task2: Mapping[str, Any]) -> int:
 
 
 def target_count_cells(task2: Mapping[str, Any], architecture: str) -> list[list[Cell]]:
-    """Cells of the heat maps for each column of panels, rising in the number of targets.
+    """Cells of the heat maps in one group, rising in the number of targets; none gives no group.
 
-    The paper's few and many; without any of them, up to three of the fewest and the most. `task2`
-    is the configuration key.
+    The paper's; without any of them, up to three of the fewest and the most. `task2` is the
+    configuration key.
     """
     cells = _by_targets(task2, architecture)
-    columns = [[c for c in cells if c.targets in counts] for counts in (PAPER_FEW, PAPER_MANY)]
-    if not any(columns):
-        columns = [cells[:3], cells[3:][-1:]]
-    return [column for column in columns if column]
+    chosen = [c for c in cells if c.targets in PAPER_COUNTS] or [*cells[:3], *cells[3:][-1:]]
+    return [chosen] if chosen else []
 
 
 def selected_cell(task2: Mapping[str, Any], architecture: str) -> list[Cell]:

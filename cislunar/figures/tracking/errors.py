@@ -20,11 +20,11 @@ from cislunar.figures.labels import (
     REALIZATION,
     architecture_text,
     capitalized,
-    family_text,
     interval_text,
     observers_text,
     realization_text,
     shown,
+    target_text,
 )
 from cislunar.figures.style import (
     BLACK,
@@ -56,7 +56,7 @@ class Look(NamedTuple):
     dashes: str | tuple = SOLID
 
 
-_LEAST = {"color": VERMILION, "linewidth": 0.8, "linestyle": DASHED}
+LEAST = {"color": VERMILION, "linewidth": 0.8, "linestyle": DASHED}
 """Dashed, so that bounds of a filter that coincide with it show between the dashes."""
 
 SINGLE = Look(BLACK, SKY)
@@ -151,10 +151,10 @@ def _draw_error(axes: Axes, hours: Array, error: Array, sigma: Array, look: Look
 def _draw_least(axes: Axes, hours: Array, least: Array) -> None:
     """Three times the Cramer-Rao bound of one component, either side of zero."""
     for side in (-BOUND_SIGMAS, BOUND_SIGMAS):
-        axes.plot(hours, side * least, **_LEAST, zorder=3.5)
+        axes.plot(hours, side * least, **LEAST, zorder=3.5)
 
 
-def _mark_measurements(axes: Axes, cell: xr.Dataset, target: int) -> None:
+def mark_measurements(axes: Axes, cell: xr.Dataset, target: int) -> None:
     """A bar along the times at which a measurement of a target was used."""
     names = cell["fate"].attrs["flag_meanings"].split()
     used = shown(cell, "fate")[:, target] == names.index("used")
@@ -166,7 +166,7 @@ def _mark_measurements(axes: Axes, cell: xr.Dataset, target: int) -> None:
     axes.set_xlim(0.0, ends[-1])
 
 
-def _time_axis(axes: Axes, *, labeled: bool) -> None:
+def time_axis(axes: Axes, *, labeled: bool) -> None:
     """Hours, labelled below the lowest panel alone."""
     axes.xaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 3, 6, 10], integer=True))
     axes.tick_params(length=2, pad=1.5, labelsize=6.5, which="major", labelbottom=labeled)
@@ -176,7 +176,7 @@ def _time_axis(axes: Axes, *, labeled: bool) -> None:
         axes.set_xlabel("time, h", labelpad=1.5)
 
 
-def _histories(cell: xr.Dataset, target: int) -> tuple[Array, Array, Array]:
+def histories(cell: xr.Dataset, target: int) -> tuple[Array, Array, Array]:
     """Hours, errors and standard deviations of a target, starting where records start."""
     some = cell.isel(seed=REALIZATION, target=target)
     return (
@@ -186,15 +186,20 @@ def _histories(cell: xr.Dataset, target: int) -> tuple[Array, Array, Array]:
     )
 
 
-def _least(cell: xr.Dataset, target: int) -> Array:
+def least_errors(cell: xr.Dataset, target: int) -> Array:
     """Cramer-Rao bound of a target, shape (time, component); no times if the cell has none."""
     if "bound" not in cell:
         return np.empty((0, 12))
     return cell["bound"].isel(seed=REALIZATION, target=target).values.astype(float)
 
 
+def heading(data: xr.Dataset, target: int, number: int, why: str) -> str:
+    """Title of a column: its letter, why its target is shown, and the target."""
+    return f"{panel_letter(number)} {why}\n{target_text(data, target)}"
+
+
 @house_style()
-def selected_targets_figure(cell: Cell, data: xr.Dataset) -> Figure:
+def components_figure(cell: Cell, data: xr.Dataset) -> Figure:
     """Errors and bounds of a few targets: a column for each, a row for each component."""
     chosen = selected_targets(data)
     left_in, right_in, gap_in, head_in, foot_in = 0.78, 0.2, 0.14, 0.8, 0.66
@@ -202,9 +207,9 @@ def selected_targets_figure(cell: Cell, data: xr.Dataset) -> Figure:
     figure = new_figure(head_in + rows_in + foot_in)
     width, height = figure.get_size_inches()
     each = (PAGE_WIDTH_IN - left_in - right_in - gap_in * (SELECTED - 1)) / SELECTED
-    title_above(figure, _cell_title(cell, data))
-    found = {target: _histories(data, target) for target in chosen}
-    least = {target: _least(data, target) for target in chosen}
+    title_above(figure, cell_title(cell, data))
+    found = {target: histories(data, target) for target in chosen}
+    least = {target: least_errors(data, target) for target in chosen}
     ranges = [
         part_scale([e[:, part.columns] for _, e, _ in found.values()],
                    [s[:, part.columns] for _, _, s in found.values()]
@@ -213,33 +218,32 @@ def selected_targets_figure(cell: Cell, data: xr.Dataset) -> Figure:
     ]  # fmt: skip
     for column, (target, why) in enumerate(chosen.items()):
         left = left_in + column * (each + gap_in)
-        family = family_text(str(data["family"].values[target]))
-        identity = int(data["target_id"].values[target])
-        heading = f"{panel_letter(column)} {why}\ntarget {identity}, {family}"
         above = (left / width, 1.0 - (head_in - 0.07) / height)
-        figure.text(*above, heading, fontsize=7.0, va="bottom", linespacing=1.3)
+        text = heading(data, target, column, why)
+        figure.text(*above, text, fontsize=7.0, va="bottom", linespacing=1.3)
         hours, error, sigma = found[target]
         for component in range(12):
             part, axis = divmod(component, 3)
             bottom = height - head_in - (component + 1) * _PANEL_IN - component * 0.06 - part * 0.08
             axes = place(figure, left, bottom, each, _PANEL_IN)
-            _mark_measurements(axes, data, target)
+            mark_measurements(axes, data, target)
             _draw_error(axes, hours, error[:, component], sigma[:, component])
             if least[target].size:
                 _draw_least(axes, hours, least[target][:, component])
             ranges[part].apply(axes)
-            _time_axis(axes, labeled=component == 11)
+            time_axis(axes, labeled=component == 11)
             axes.tick_params(labelleft=column == 0)
             if column == 0 and axis == 1:
                 axes.set_ylabel(f"{PARTS[part].name} error,\n{PARTS[part].unit}", fontsize=7.0)
                 axes.yaxis.set_label_coords(-0.26, 0.5)
             if column == len(chosen) - 1:
                 axes.text(1.04, 0.5, AXES[axis], transform=axes.transAxes, va="center", fontsize=7)
-    _legend(figure, bound="bound" in data)
+    within = "within \N{PLUS-MINUS SIGN}3\N{GREEK SMALL LETTER SIGMA}"
+    targets_legend(figure, "error, truth less estimate", within, bound="bound" in data)
     return figure
 
 
-def _cell_title(cell: Cell, data: xr.Dataset) -> str:
+def cell_title(cell: Cell, data: xr.Dataset) -> str:
     return (
         f"{capitalized(observers_text(cell, data))} ({architecture_text(cell)}),\n$n_T$ = "
         f"{cell.targets}, tasking every {interval_text(cell.interval_minutes)}; "
@@ -247,16 +251,17 @@ def _cell_title(cell: Cell, data: xr.Dataset) -> str:
     )
 
 
-def _legend(figure: Figure, *, bound: bool) -> None:
+def targets_legend(figure: Figure, error: str, within: str, *, bound: bool) -> None:
+    """What is drawn of every target, in one row below."""
     handles = [
-        Line2D([], [], color=BLACK, linewidth=0.9, label="error, truth less estimate"),
+        Line2D([], [], color=BLACK, linewidth=0.9, label=error),
         Patch(facecolor=SKY, alpha=0.4, edgecolor=BLACK, linewidth=0.5,
-              label="within \N{PLUS-MINUS SIGN}3\N{GREEK SMALL LETTER SIGMA}"),
+              label=within),
         Patch(facecolor=MEASURED, label="measurements used"),
     ]  # fmt: skip
     if bound:
         label = "3 \N{MULTIPLICATION SIGN} Cramér-Rao bound"
-        handles.insert(2, Line2D([], [], **_LEAST, label=label))
+        handles.insert(2, Line2D([], [], **LEAST, label=label))
     legend_below(figure, handles, 0.07)
 
 
@@ -278,7 +283,7 @@ def draw_comparison(
     gap, between = 0.2, 0.1
     each, tall = (box["width"] - 2 * gap) / 3, (box["height"] - 3 * between) / 4
     grid = Grid(4, 3, each, tall, box["left"], box["bottom"], gap, between)
-    found = [_histories(item.data, target) for item in compared]
+    found = [histories(item.data, target) for item in compared]
     for row, part in enumerate(PARTS):
         scale = part_scale(
             [e[:, part.columns] for _, e, _ in found], [s[:, part.columns] for _, _, s in found]
@@ -290,7 +295,7 @@ def draw_comparison(
                 _draw_error(axes, hours, error[:, component], sigma[:, component], item.look)
                 axes.set_xlim(0.0, hours[-1])
             scale.apply(axes)
-            _time_axis(axes, labeled=row == 3)
+            time_axis(axes, labeled=row == 3)
             axes.tick_params(labelleft=axis == 0)
             if row == 0:
                 axes.set_title(AXES[axis], fontsize=7.5, pad=2.5)

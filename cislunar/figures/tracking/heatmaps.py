@@ -1,6 +1,6 @@
-"""Heat maps of tracking: a row for each target, a column for each component of the state."""
+"""Heat maps of tracking: a row for each target, a block of columns for each cell."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,13 +19,11 @@ from cislunar.figures.axes import (
     Array,
     fixed_ticks,
     legend_below,
-    panel_title,
     place,
     tick_names,
     title_above,
 )
 from cislunar.figures.labels import (
-    AXES,
     PARTS,
     architecture_text,
     capitalized,
@@ -33,57 +31,83 @@ from cislunar.figures.labels import (
     observers_text,
     realization_text,
     shown,
+    target_text,
 )
-from cislunar.figures.style import BLACK, VERMILION, house_style, new_figure
+from cislunar.figures.style import (
+    BLACK,
+    PAGE_WIDTH_IN,
+    VERMILION,
+    house_style,
+    new_figure,
+    panel_letter,
+)
 
 UNSEEN = "#B5B5B5"
 """Rows of targets that are never observed; in none of the color maps."""
 
-_MAP_WIDTH_IN, _MAP_HEIGHT_IN = 2.36, 2.3
-_LEFT, _GAP, _BARS = 0.62, 0.52, 1.34
-_TITLE, _TICKS = 0.22, 0.44
-_HEAD, _LEGEND = 0.6, 0.3
-_LEAST_WIDTH_IN = 4.8
-
-_MEASURES = {
-    "coverage": "share of time within 3\N{GREEK SMALL LETTER SIGMA}",
+MEASURES = {
+    "coverage": "time within 3\N{GREEK SMALL LETTER SIGMA}",
     "anees": "component-wise ANEES",
     "rmse": "RMSE",
 }
 _MOST_DECADES = 3.0
 
+_RIGHT, _ASIDE = 0.14, 0.14
+_LETTER_IN, _LONGEST = 0.043, 42
+"""Width of a letter of a target's name; longer names are cut."""
+_MARKS_IN, _GAP = 0.11, 0.04
+_HEAD, _GROUP_HEAD, _HEADING_IN, _COLUMNS_FOOT = 0.3, 0.34, 0.18, 0.5
+_BARS_IN, _LEGEND_IN = 0.74, 0.26
+_MAPS_IN, _ROW_RANGE_IN = 7.0, (0.065, 0.115)
+
 
 class Rows(NamedTuple):
-    """A measure of all blocks, one row for each target.
+    """A measure of a cell, one row for each target of the table.
 
-    `values`, shape (row, 12), are NaN for targets never observed, which `unseen`, shape (row,),
-    marks; `diverged`, shape (2, row), is of rotation and translation. `edges` are the first row of
-    every block, and the end.
+    `values`, shape (row, 12), are NaN for targets that the cell does not monitor and for those
+    never observed, which `unseen`, shape (row,), marks; `diverged`, shape (2, row), is of rotation
+    and translation. No row from `last` on is the cell's.
     """
 
     values: Array
     unseen: Array
     diverged: Array
-    edges: list[int]
+    last: int
 
 
-def block_rows(blocks: Sequence[xr.Dataset], measure: str) -> Rows:
-    """Stack a measure of cells: ``coverage``, ``anees`` (its decimal logarithm) or ``rmse``."""
-    values = np.concatenate([shown(cell, measure) for cell in blocks]).astype(float)
-    unseen = np.concatenate([shown(cell, "status") == NEVER_OBSERVED for cell in blocks])
-    diverged = np.stack(
-        [
-            np.concatenate([shown(cell, f"status_{which}") == DIVERGED for cell in blocks])
-            for which in ("rotation", "translation")
-        ]
-    )
-    values[unseen] = np.nan
+def target_rows(cells: Sequence[xr.Dataset]) -> dict[int, str]:
+    """Names of the targets of any cell by identity, in order of appearance."""
+    found: dict[int, str] = {}
+    for cell in cells:
+        for index, identity in enumerate(cell["target_id"].values):
+            name = target_text(cell, index)
+            short = (
+                name if len(name) <= _LONGEST else f"\N{HORIZONTAL ELLIPSIS}{name[1 - _LONGEST :]}"
+            )
+            found.setdefault(int(identity), short)
+    return found
+
+
+def block_rows(cell: xr.Dataset, measure: str, table: Sequence[int]) -> Rows:
+    """A measure of a cell: ``coverage``, ``anees`` (its decimal logarithm) or ``rmse``.
+
+    `table` holds the identities of the targets in the rows.
+    """
+    row = {identity: number for number, identity in enumerate(table)}
+    at = [row[int(identity)] for identity in cell["target_id"].values]
+    own = shown(cell, measure).astype(float)
     if measure == "anees":
         with np.errstate(divide="ignore"):
-            values = np.log10(values)
-    values[~np.isfinite(values)] = np.nan
-    edges = np.cumsum([0, *(cell.sizes["target"] for cell in blocks)])
-    return Rows(values, unseen, diverged, [int(edge) for edge in edges])
+            own = np.log10(own)
+    never = shown(cell, "status") == NEVER_OBSERVED
+    own[never] = np.nan
+    own[~np.isfinite(own)] = np.nan
+    values, unseen = np.full((len(row), own.shape[1]), np.nan), np.zeros(len(row), dtype=bool)
+    diverged = np.zeros((2, len(row)), dtype=bool)
+    values[at], unseen[at] = own, never
+    for which, name in enumerate(("rotation", "translation")):
+        diverged[which, at] = shown(cell, f"status_{name}") == DIVERGED
+    return Rows(values, unseen, diverged, max(at) + 1)
 
 
 class Scale(NamedTuple):
@@ -139,46 +163,45 @@ def _half_decade(half: float) -> float:
     return float((3.0 if half % 2 else 1.0) * 10.0 ** (half // 2))
 
 
-def _draw_map(axes: Axes, rows: Rows, colors: Sequence[Scale], labels: Sequence[str]) -> None:
-    """A heat map with its labelled blocks, the targets never observed and those that diverged."""
-    number, components = rows.values.shape
+def _draw_map(axes: Axes, rows: Rows, colors: Sequence[Scale]) -> None:
+    """A block: the measure, the targets never observed; white where none is monitored."""
+    number, components = rows.last, rows.values.shape[1]
     lines = np.arange(number + 1)
     factor = 100.0 if colors[0].label.endswith("%") else 1.0
     for scale in colors:
         columns = np.arange(scale.columns.start, scale.columns.stop + 1)
-        values = np.ma.masked_invalid(factor * rows.values[:, scale.columns])
+        values = np.ma.masked_invalid(factor * rows.values[:number, scale.columns])
         axes.pcolormesh(
             columns, lines, values, cmap=scale.cmap, norm=scale.norm, rasterized=True, zorder=2
         )
-    axes.set(xlim=(0, components), ylim=(number, 0), facecolor=UNSEEN)
+    axes.set(xlim=(0, components), ylim=(number, 0))
     axes.grid(False)
-    row_points = 72.0 * axes.get_window_extent().height / axes.get_figure().dpi / number
-    line = {**_UNSEEN_LINE, "linewidth": min(0.5, 0.4 * row_points)}
     for row in np.flatnonzero(rows.unseen):
-        axes.plot([0, components], [row + 0.5] * 2, **line)
+        axes.axhspan(row, row + 1, color=UNSEEN, linewidth=0, zorder=2)
+        axes.plot([0, components], [row + 0.5] * 2, **_UNSEEN_LINE)
     for part in PARTS[1:]:
-        axes.axvline(part.columns.start, color="white", linewidth=1.2, zorder=3)
-    for edge in rows.edges[1:-1]:
-        axes.axhline(edge, color=BLACK, linewidth=1.4, zorder=5)
-    for which, (mark, shift) in enumerate(zip(_MARKS, (0.35, 0.85), strict=True)):
-        at = np.flatnonzero(rows.diverged[which])
-        axes.plot(np.full(at.size, components + shift), at + 0.5, clip_on=False, **mark)
-    _label_columns(axes)
-    middles = np.convolve(rows.edges, [0.5, 0.5], mode="valid")
-    axes.set_yticks(middles, labels, rotation=90, va="center", fontsize=6.5)
-    axes.tick_params(length=0, pad=2)
+        axes.axvline(part.columns.start, color="white", linewidth=0.8, zorder=3)
+    axes.set_xticks([part.columns.start + 1.5 for part in PARTS],
+                    ["ang. vel." if part.stacked != part.name else part.name for part in PARTS],
+                    rotation=90, fontsize=5.6)  # fmt: skip
+    axes.tick_params(length=0, pad=2, labelleft=False)
 
 
-_UNSEEN_LINE = {
-    "color": BLACK,
-    "linestyle": (0, (2.0, 2.0)),
-    "zorder": 4,
-}
+def _mark_diverged(axes: Axes, rows: Rows) -> None:
+    """Marks beside the rows of targets that diverged."""
+    for which, (mark, points) in enumerate(zip(_MARKS, (2.4, 5.6), strict=True)):
+        for row in np.flatnonzero(rows.diverged[which]):
+            shift = points / 72.0 / (axes.get_position().width * PAGE_WIDTH_IN)
+            axes.plot(1.0 + shift, row + 0.5, transform=axes.get_yaxis_transform(),
+                      clip_on=False, **mark)  # fmt: skip
+
+
+_UNSEEN_LINE = {"color": BLACK, "linestyle": (0, (2.0, 2.0)), "zorder": 4, "linewidth": 0.4}
 _MARKS = tuple(
     {
         "linestyle": "none",
         "marker": marker,
-        "markersize": 2.6,
+        "markersize": 2.4,
         "color": color,
         "markeredgewidth": width,
         "zorder": 6,
@@ -187,46 +210,28 @@ _MARKS = tuple(
 )
 
 
-def _label_columns(axes: Axes) -> None:
-    """x, y, z below each column, the part of the state below three of them."""
-    axes.set_xticks(np.arange(12) + 0.5, AXES * len(PARTS), fontsize=6.5)
-    for part in PARTS:
-        axes.annotate(
-            part.stacked,
-            ((part.columns.start + 1.5) / 12.0, 0.0),
-            xycoords="axes fraction",
-            xytext=(0, -11.5),
-            textcoords="offset points",
-            ha="center",
-            va="top",
-            fontsize=6.5,
-            linespacing=0.95,
-        )
-
-
-def _draw_bars(
-    figure: Figure, left_in: float, bottom_in: float, height_in: float, colors: Sequence[Scale]
-) -> None:
-    """Color bars of a measure, one above the other."""
-    several = len(colors) > 1
-    above, below = (0.19, 0.05) if several else (0.0, 0.0)
-    each = height_in / len(colors)
+def _draw_bars(figure: Figure, left_in: float, width_in: float, colors: Sequence[Scale]) -> None:
+    """Color bars of a measure below its maps, two side by side where there are several."""
+    columns = min(len(colors), 2)
+    wide = (width_in - 0.3 * (columns - 1)) / columns
     for index, scale in enumerate(colors):
-        bottom = bottom_in + height_in - (index + 1) * each + below
-        axes = place(figure, left_in, bottom, 0.1, each - above - below)
+        row, column = divmod(index, columns)
+        left = left_in + column * (wide + 0.3)
+        bottom = _LEGEND_IN + _BARS_IN - 0.24 - 0.38 * row
+        axes = place(figure, left + 0.05, bottom, wide - 0.1, 0.07)
         mappable = ScalarMappable(norm=scale.norm, cmap=scale.cmap)
-        bar = figure.colorbar(mappable, cax=axes, extend=scale.extend, extendfrac=0.06)
+        bar = figure.colorbar(mappable, cax=axes, extend=scale.extend, orientation="horizontal")
         bar.outline.set_linewidth(0.5)
-        if several:
+        if columns > 1:
             ends = np.array([scale.norm.vmin, scale.norm.vmax])
-            fixed_ticks(bar.ax.yaxis, ends, tick_names(ends))
-            bar.ax.set_title(scale.label, fontsize=6.0, loc="left", pad=6)
+            fixed_ticks(bar.ax.xaxis, ends, tick_names(ends))
         else:
-            bar.ax.yaxis.set_major_locator(MaxNLocator(5, integer=True))
-            bar.set_label(scale.label)
+            bar.ax.xaxis.set_major_locator(MaxNLocator(5, integer=True))
+        bar.ax.tick_params(labelsize=5.8, length=1.5, pad=1.0)
+        bar.ax.set_title(scale.label, fontsize=5.8, pad=2.0)
 
 
-def marks_legend(figure: Figure, maps: Sequence[Rows], bottom_in: float = 0.06) -> None:
+def _marks_legend(figure: Figure, maps: Sequence[Rows]) -> None:
     """What is marked in the maps."""
     unseen = Patch(facecolor=UNSEEN, label="never observed (broken line)")
     names = ("rotation diverged", "translation diverged")
@@ -237,89 +242,149 @@ def marks_legend(figure: Figure, maps: Sequence[Rows], bottom_in: float = 0.06) 
         for name, mark, present in zip(names, _MARKS, used, strict=True)
         if present
     ]
-    handles.append(Line2D([], [], color=BLACK, linewidth=1.4, label="between cells"))
-    legend_below(figure, handles, bottom_in, columnspacing=1.6)
+    if handles:
+        legend_below(figure, handles, 0.06, columnspacing=1.6)
 
 
-def draw_measure(
-    figure: Figure,
-    measure: str,
-    columns: Sequence[Mapping[Cell, xr.Dataset]],
-    panels: Mapping[float, tuple[int, str]],
-    box: tuple[float, float, float, float],
-    label_of: Callable[[Cell], str],
-) -> list[Rows]:
-    """Maps of a measure side by side with common colors, and their color bars.
+class _Group(NamedTuple):
+    """Cells side by side: what they share, their data by label, their targets, a row's height."""
 
-    `panels` are number and title of every map by its left edge; `box` is the lower edge, width and
-    height of a map, and what lies between the last one and the color bars, all in inches.
-    `label_of` names a cell's block.
-    """
-    bottom, width, height, aside = box
-    maps = [block_rows(list(cells.values()), measure) for cells in columns]
-    colors = scales(measure, maps)
-    for cells, rows, (left, title) in zip(columns, maps, panels.items(), strict=True):
-        axes = place(figure, left, bottom, width, height)
-        panel_title(axes, *title, fontsize=8.0, pad=3.5)
-        _draw_map(axes, rows, colors, [label_of(cell) for cell in cells])
-        if cells is columns[0]:
-            axes.set_ylabel("targets, one row each", labelpad=6)
-    _draw_bars(figure, left + width + aside, bottom, height, colors)
-    return maps
+    heading: str
+    cells: dict[str, xr.Dataset]
+    table: dict[int, str]
+    row_in: float
+
+    @property
+    def height_in(self) -> float:
+        """Height of the maps."""
+        return self.row_in * len(self.table)
 
 
 def _heat_maps(
-    columns: Sequence[Mapping[Cell, xr.Dataset]],
-    headings: Sequence[str],
-    title: str,
-    label_of: Callable[[Cell], str],
+    groups: Sequence[tuple[str, Mapping[str, xr.Dataset]]], measures: Sequence[str], title: str
 ) -> Figure:
-    """Every measure by every column of cells."""
-    width = _LEFT + len(columns) * _MAP_WIDTH_IN + (len(columns) - 1) * _GAP + _BARS
-    step = _TITLE + _MAP_HEIGHT_IN + _TICKS
-    figure = new_figure(_HEAD + len(_MEASURES) * step + _LEGEND, max(width, _LEAST_WIDTH_IN))
-    width, height = figure.get_size_inches()
+    """Measures side by side, each with a block for every cell; groups of cells below each other.
+
+    A group has a heading and its cells by their labels. Colors are common to all groups. The row's
+    height lets the names of the targets be read as long as there are not too many.
+    """
+    tables = [target_rows(list(cells.values())) for _, cells in groups]
+    row_in = float(np.clip(_MAPS_IN / sum(map(len, tables)), *_ROW_RANGE_IN))
+    drawn = [
+        _Group(heading, dict(cells), table, row_in)
+        for (heading, cells), table in zip(groups, tables, strict=True)
+    ]
+    heights = [
+        _HEADING_IN * bool(group.heading) + _GROUP_HEAD + group.height_in + _COLUMNS_FOOT
+        for group in drawn
+    ]
+    figure = new_figure(_HEAD + sum(heights) + _BARS_IN + _LEGEND_IN)
     title_above(figure, title)
-    lefts = [_LEFT + index * (_MAP_WIDTH_IN + _GAP) for index in range(len(columns))]
-    for left, heading in zip(lefts, headings, strict=True):
-        above = (left / width, 1.0 - (_HEAD - 0.06) / height)
-        figure.text(*above, heading, fontsize=8.0, va="bottom")
-    for row, (measure, name) in enumerate(_MEASURES.items()):
-        bottom = height - _HEAD - row * step - _TITLE - _MAP_HEIGHT_IN
-        panels = {left: (row * len(columns) + index, name) for index, left in enumerate(lefts)}
-        box = (bottom, _MAP_WIDTH_IN, _MAP_HEIGHT_IN, 0.26)
-        maps = draw_measure(figure, measure, columns, panels, box, label_of)
-    marks_legend(figure, maps)
+    longest = max(len(name) for table in tables for name in table.values())
+    margin = 0.14 + _LETTER_IN * max(longest, 18)
+    wide = (PAGE_WIDTH_IN - margin - _RIGHT - _ASIDE * (len(measures) - 1)) / len(measures)
+    every: list[Rows] = []
+    for column, measure in enumerate(measures):
+        left = margin + column * (wide + _ASIDE)
+        maps = [
+            [block_rows(cell, measure, list(group.table)) for cell in group.cells.values()]
+            for group in drawn
+        ]
+        colors = scales(measure, [rows for each in maps for rows in each])
+        top = figure.get_size_inches()[1] - _HEAD
+        for number, (group, rows, height) in enumerate(zip(drawn, maps, heights, strict=True)):
+            letter = panel_letter(number * len(measures) + column)
+            foot = top - height + _COLUMNS_FOOT
+            _draw_group(figure, group, rows, colors, (left, foot, wide), first=column == 0)
+            above = foot + group.height_in + 0.18
+            text = f"{letter} {MEASURES[measure]}"
+            page = figure.get_size_inches()
+            figure.text(left / page[0], above / page[1], text, fontsize=7.5, va="bottom")
+            if column == 0:
+                at = (0.14 / page[0], (above + 0.16) / page[1])
+                figure.text(*at, group.heading, fontsize=7.5, va="bottom")
+            top -= height
+            every += rows
+        _draw_bars(figure, left, wide, colors)
+    _marks_legend(figure, every)
     return figure
+
+
+def _draw_group(
+    figure: Figure,
+    group: _Group,
+    maps: Sequence[Rows],
+    colors: Sequence[Scale],
+    box: tuple[float, float, float],
+    *,
+    first: bool,
+) -> None:
+    """The blocks of a measure; the first measure has names of targets and marks of divergence.
+
+    `box` is the lower left corner and the width of all blocks, inches.
+    """
+    left, foot, width = box
+    gap = _MARKS_IN if first else _GAP
+    each = width / len(maps) - gap
+    for number, (label, rows) in enumerate(zip(group.cells, maps, strict=True)):
+        tall = group.row_in * rows.last
+        bottom = foot + group.height_in - tall
+        axes = place(figure, left + number * (each + gap), bottom, each, tall)
+        axes.set_title(label, fontsize=6.5, pad=2.5)
+        _draw_map(axes, rows, colors)
+        if first:
+            _mark_diverged(axes, rows)
+    if first:
+        _name_rows(figure, group, (left - 0.03, foot))
+
+
+def _name_rows(figure: Figure, group: _Group, corner: tuple[float, float]) -> None:
+    """Names of the targets, which end at the corner's left coordinate, inches."""
+    page = figure.get_size_inches()
+    size = min(5.6, 0.92 * 72.0 * group.row_in)
+    for number, name in enumerate(group.table.values()):
+        middle = corner[1] + group.height_in - (number + 0.5) * group.row_in
+        at = (corner[0] / page[0], middle / page[1])
+        figure.text(*at, name, fontsize=size, ha="right", va="center_baseline")
 
 
 @house_style()
 def target_counts_figure(columns: Sequence[Mapping[Cell, xr.Dataset]]) -> Figure:
     """Coverage, ANEES and RMSE of every target, in blocks by number of targets.
 
-    `columns` are the cells of every column of panels, without time histories.
+    `columns` are the cells of every group, without time histories; so they are for the others.
     """
     cell, data = next(iter(columns[0].items()))
     title = (
-        f"{capitalized(observers_text(cell, data))} ({architecture_text(cell)}),\ntasking every "
+        f"{capitalized(observers_text(cell, data))} ({architecture_text(cell)}), tasking every "
         f"{interval_text(cell.interval_minutes)}; {realization_text(data)}"
     )
-    headings = [
-        f"$n_T$ = {', '.join(str(cell.targets) for cell in cells)} targets" for cells in columns
-    ]
-    return _heat_maps(columns, headings, title, lambda cell: f"$n_T$ = {cell.targets}")
+    groups = [("", {f"$n_T$ = {c.targets}": d for c, d in cells.items()}) for cells in columns]
+    return _heat_maps(groups, list(MEASURES), title)
 
 
 @house_style()
 def intervals_figure(columns: Sequence[Mapping[Cell, xr.Dataset]]) -> Figure:
     """Coverage, ANEES and RMSE of every target, in blocks by tasking interval."""
-    headings = []
+    return _by_interval(columns, list(MEASURES))
+
+
+@house_style()
+def high_load_figure(columns: Sequence[Mapping[Cell, xr.Dataset]]) -> Figure:
+    """ANEES and RMSE of every target, in blocks by tasking interval (Paul & Fan, figure 8)."""
+    return _by_interval(columns, ["anees", "rmse"])
+
+
+def _by_interval(columns: Sequence[Mapping[Cell, xr.Dataset]], measures: Sequence[str]) -> Figure:
+    """Measures of every target, a group for each column of cells."""
+    groups = []
     for cells in columns:
         cell, data = next(iter(cells.items()))
-        headings.append(capitalized(f"{observers_text(cell, data)}, $n_T$ = {cell.targets}"))
+        heading = capitalized(f"{observers_text(cell, data)}, $n_T$ = {cell.targets}")
+        groups.append((heading, {interval_text(c.interval_minutes): d for c, d in cells.items()}))
     cell, data = next(iter(columns[0].items()))
     title = (
-        f"{capitalized(architecture_text(cell))};\nblocks by tasking interval $T_{{ST}}$; "
+        f"{capitalized(architecture_text(cell))}; blocks by tasking interval $T_{{ST}}$; "
         f"{realization_text(data)}"
     )
-    return _heat_maps(columns, headings, title, lambda c: interval_text(c.interval_minutes))
+    return _heat_maps(groups, measures, title)

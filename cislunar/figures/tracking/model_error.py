@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from cislunar.campaign.settings.model_error import NONE
 from cislunar.errors import InputFileError
 from cislunar.figures.axes import Array, Grid, fixed_ticks, legend_below, reach
-from cislunar.figures.panels import Row, draw_means, draw_rows
+from cislunar.figures.panels import COUNT, PERCENT, Row, draw_means, draw_rows
 from cislunar.figures.style import (
     DOTTED,
     SeriesStyle,
@@ -28,9 +28,14 @@ _TICK_SPACING = 0.24
 
 
 ROWS = (
-    Row("attitude within\n3\N{GREEK SMALL LETTER SIGMA}, % of time", ("coverage",), 100.0),
+    Row(
+        "attitude within\n3\N{GREEK SMALL LETTER SIGMA}, % of time",
+        ("coverage",),
+        100.0,
+        within=PERCENT,
+    ),
     Row("final attitude error,\nmedian, degree", ("final_attitude_error_median",), log=True),
-    Row("diverged in\nrotation, targets", ("diverged_rotation",)),
+    Row("diverged in\nrotation, targets", ("diverged_rotation",), within=COUNT),
 )
 
 KIND_LABELS = {
@@ -150,7 +155,9 @@ def _draw(
             continue
         aside = 0.03 * np.ptp(sizes) * (index - 0.5 * (len(series) - 1))
         bounds = tuple(row.factor * found[key].to_numpy(float) for key in ("mean", "low", "high"))
-        draw_means(axes, found["size"].to_numpy(float) + aside, bounds, look, zorder=3)
+        bounds = bounds[0], *(np.clip(end, *row.within) for end in bounds[1:])
+        at = found["size"].to_numpy(float) + aside
+        draw_means(axes, at, bounds, look, row.within, zorder=3)
         # intervals of few seeds may leave the panel
         held += bounds if found["seeds"].max() > 2 else bounds[:1]
     axes.set_xlim(*reach(sizes, log=False, share=0.1))

@@ -15,7 +15,8 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from cislunar.campaign.tracking.realizations import cells_of, realizations, select, values_of
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
 from cislunar.figures.axes import Array, Grid, legend_below, panel_title, reach, set_vertical
-from cislunar.figures.panels import draw_best, draw_means
+from cislunar.figures.labels import interval_text
+from cislunar.figures.panels import PERCENT, draw_best, draw_means
 from cislunar.figures.style import (
     BLACK,
     BLUE,
@@ -55,11 +56,12 @@ class Outcome(NamedTuple):
     part: str | None
     factor: float
     log: bool
+    within: tuple[float, float] = (-np.inf, np.inf)
 
 
 OUTCOMES = (
     Outcome("attitude within 3\N{GREEK SMALL LETTER SIGMA},\n% of time", "coverage", "attitude",
-            100.0, False),
+            100.0, False, PERCENT),
     Outcome("attitude RMSE,\nGRP, nondim.", "rmse_median", "attitude", 1.0, True),
     Outcome("position RMSE,\nnondim.", "rmse_median", "position", 1.0, True),
 )  # fmt: skip
@@ -90,8 +92,8 @@ def tasking_figure(
         for row in range(epochs):
             axes = grid.place(figure, row, column)
             _against_evaluations(axes, here.isel(epoch=row))
-            hour = int(compared["epoch"].values[row]) * interval_minutes / 60.0
-            title = f"$n_T$ = {targets}, {observers} observers, {hour:g} h"
+            after = interval_text(int(compared["epoch"].values[row]) * interval_minutes)
+            title = f"$n_T$ = {targets}, {observers} observers, {after}"
             panel_title(axes, row * cells + column, title, fontsize=7.5)
             axes.set_ylabel("information, nat" if column == 0 else "")
         axes = grid.place(figure, epochs, column)
@@ -202,7 +204,7 @@ def _tracking(axes: Axes, tracked: Mapping[str, pd.DataFrame], outcome: Outcome)
             look = look._replace(filled=rank == 0, line="none")
             at = place_of + 0.22 * (rank - 0.5 * (len(counts) - 1))
             size = {"elinewidth": 0.9, "capsize": 2.0} | look.marker_kwargs(4.5)
-            draw_means(axes, at, bounds, look, **size)
+            draw_means(axes, at, bounds, look, outcome.within, **size)
     axes.set_xticks(range(len(tracked)), [method_style(m).label for m in tracked])
     axes.set_xlim(-0.6, len(tracked) - 0.4)
     axes.grid(False, axis="x")
@@ -212,6 +214,8 @@ def _tracking(axes: Axes, tracked: Mapping[str, pd.DataFrame], outcome: Outcome)
     log = outcome.log and np.nanmin(values) > 0.0
     limits = reach(values, log=log, share=0.0 if log else 0.1, least=1.3)
     set_vertical(axes, limits, log=log)
+    if not log:
+        axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
 
 
 def _legend(figure: Figure, compared: xr.Dataset, tracked: Mapping[str, pd.DataFrame]) -> None:

@@ -13,7 +13,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator
+from scipy.stats import chi2
 
 from cislunar.campaign.tracking.realizations import (
     PRACTICAL_UNITS,
@@ -25,7 +27,7 @@ from cislunar.campaign.tracking.realizations import (
 )
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
 from cislunar.figures.axes import Array, Grid, fixed_ticks, legend_below, log_ticks, reach, spaced
-from cislunar.figures.panels import Row, draw_means, draw_rows
+from cislunar.figures.panels import COUNT, PERCENT, Row, draw_means, draw_rows
 from cislunar.figures.style import (
     BLACK,
     DOTTED,
@@ -37,9 +39,10 @@ from cislunar.figures.style import (
     optimizer_style,
 )
 
-_LEFT, _RIGHT, _GAP = 1.0, 0.58, 0.14
+_LEFT, _RIGHT, _GAP = 1.0, 0.76, 0.14
 _ROW_IN, _BETWEEN_IN, _COLUMN_IN = 1.02, 0.16, 1.78
 _HEAD, _FOOT = 0.48, 1.02
+_BAND = {"color": GRAY, "alpha": 0.35, "linewidth": 0, "zorder": 1}
 
 
 class Curve(NamedTuple):
@@ -76,37 +79,47 @@ def _bound(quantity: str) -> Curve:
     return Curve(quantity, only="batch", style=BOUND_STYLE)
 
 
+EFFICIENT = float(np.sqrt(chi2.median(1))), float(np.sqrt(chi2.median(3) / 3.0))
+"""Median error of an efficient estimator over the root mean square error, which the bound is of.
+
+The length of a Gaussian vector in three dimensions: all its variance in one direction, or the same
+in all. Both hold for errors that last over the final hours; quicker ones come nearer to 1.
+"""
+
+DEGREE, KM = PRACTICAL_UNITS["attitude"][1], PRACTICAL_UNITS["position"][1]
+
 ROWS = {
     "architecture": (
         Row("within 3\N{GREEK SMALL LETTER SIGMA}, % of time",
-            (Curve("coverage", "attitude"), Curve("coverage", "position", False)), factor=100.0),
+            (Curve("coverage", "attitude"), Curve("coverage", "position", False)), factor=100.0,
+            within=PERCENT),
         Row("median ANEES,\ndimensionless",
             (Curve("anees_median", "attitude"), Curve("anees_median", "position", False)),
             log=True, reference=1.0),
-        Row("attitude RMSE,\nGRP, nondim.", (Curve("rmse_median", "attitude"),), log=True,
-            second=("degree", PRACTICAL_UNITS["attitude"][1])),
-        Row("position RMSE,\nnondim.", (Curve("rmse_median", "position", False),), log=True,
-            second=("km", PRACTICAL_UNITS["position"][1])),
+        Row("attitude RMSE,\ndegree", (Curve("rmse_median", "attitude"),), log=True,
+            factor=DEGREE, second=("GRP, nondim.", 1.0 / DEGREE)),
+        Row("position RMSE,\nkm", (Curve("rmse_median", "position", False),), log=True,
+            factor=KM, second=("nondim.", 1.0 / KM)),
         Row("final attitude\nerror, degree", (Curve("final_attitude_error_median"),), log=True),
-        Row("never observed,\ntargets", (Curve("never_observed"),)),
+        Row("never observed,\ntargets", (Curve("never_observed"),), within=COUNT),
         Row("diverged, % of\nobserved targets",
             (Curve("diverged_rotation_share"), Curve("diverged_translation_share", None, False)),
-            factor=100.0),
+            factor=100.0, within=PERCENT),
     ),
     "estimator": (
         Row("attitude within\n3\N{GREEK SMALL LETTER SIGMA}, % of time",
-            (Curve("coverage", "attitude"),), factor=100.0, reference=99.7),
+            (Curve("coverage", "attitude"),), factor=100.0, reference=99.7, within=PERCENT),
         Row("final attitude error,\nmedian, degree",
             (Curve("final_attitude_error_median"), _bound("bound_attitude_median")), log=True),
         Row("final attitude error,\n90th pct., degree",
             (Curve("final_attitude_error_90"), _bound("bound_attitude_90")), log=True),
         Row("attitude error over\nbound, median", (Curve("bound_ratio_median", "attitude"),),
-            log=True, reference=1.0),
+            log=True, reference=EFFICIENT),
         Row("attitude RMSE of the\nrun, median, degree", (Curve("rmse_median", "attitude"),),
-            factor=PRACTICAL_UNITS["attitude"][1], log=True),
-        Row("rotation diverged,\ntargets", (Curve("diverged_rotation"),)),
+            factor=DEGREE, log=True),
+        Row("rotation diverged,\ntargets", (Curve("diverged_rotation"),), within=COUNT),
         Row("position RMSE,\nmedian, km", (Curve("rmse_median", "position", False),),
-            factor=PRACTICAL_UNITS["position"][1], log=True),
+            factor=KM, log=True),
     ),
 }  # fmt: skip
 """What is shown of the series compared."""
@@ -162,8 +175,11 @@ def against_interval_figure(summary: xr.Dataset, by: str = "architecture") -> Fi
         title = f"scenario {scenario}, $n_T$ = {targets}"
         wanted = {"targets": targets}
         columns.append(_column(frame, by, title, scenario, "interval_minutes", 2, **wanted))
-    label = "tasking interval $T_{ST}$, h"
-    return _figure(by, columns, lambda cells: cells["interval_minutes"] / 60.0, label)
+    minutes = [each for column in columns for cells in column.cells.values()
+               for each in cells["interval_minutes"]]  # fmt: skip
+    unit, length = ("h", 60.0) if all(each % 30 == 0 for each in minutes) else ("min", 1.0)
+    label = f"tasking interval $T_{{ST}}$, {unit}"
+    return _figure(by, columns, lambda cells: cells["interval_minutes"] / length, label)
 
 
 def _figure(
@@ -191,7 +207,9 @@ def _figure(
             if name in cells:
                 at = x[name] * 1.018 ** (index - 0.5 * (len(styles) - 1))
                 held += _draw(axes, cells[name], at, row, name, look)
-        if row.reference is not None:
+        if isinstance(row.reference, tuple):
+            axes.axhspan(*row.reference, **_BAND)
+        elif row.reference is not None:
             axes.axhline(row.reference, color=GRAY, linewidth=0.8, zorder=1)
         _x_axis(axes, np.concatenate(list(x.values())))
         return np.array(held)
@@ -233,7 +251,7 @@ def _draw(
         found = [interval(values) for values in single]
         bounds = tuple(np.array([getattr(f, k) for f in found]) for k in ("mean", "low", "high"))
         own = curve.style or look._replace(filled=curve.filled)
-        draw_means(axes, at, bounds, own, zorder=3)
+        draw_means(axes, at, bounds, own, row.within, zorder=3)
         for (mean, *ends, _), values in zip(found, single, strict=True):
             counted = values[np.isfinite(values) & ((values > 0.0) | (not row.log))]
             if counted.size:
@@ -242,7 +260,7 @@ def _draw(
 
 
 def _second_axis(axes: Axes, label: str, factor: float) -> None:
-    """The same values in a practical unit, on the right."""
+    """The same values in the paper's unit, on the right."""
     other = axes.secondary_yaxis("right", functions=(lambda v: factor * v, lambda v: v / factor))
     low, high = axes.get_ylim()
     log_ticks(other.yaxis, factor * low, factor * high)
@@ -262,7 +280,8 @@ def _legend(figure: Figure, by: str, styles: Mapping[str, SeriesStyle]) -> None:
     width = figure.get_size_inches()[0]
     if by == "estimator":
         handles.append(BOUND_STYLE.legend_handle())
-        legend_below(figure, handles, 0.1, 3 if width > 5.0 else 1, handlelength=2.8)
+        handles.append(Patch(label="median expected of an estimator at the bound", **_BAND))
+        legend_below(figure, handles, 0.1, 2 if width > 5.0 else 1, handlelength=2.8)
         return
     plain = {"color": BLACK, "linestyle": "none", "marker": "o", "markersize": 4.0}
     handles += [

@@ -1,4 +1,4 @@
-"""Tracking with more targets than observers, by tasking interval (Paul & Fan, figure 8)."""
+"""One of more targets than observers, by tasking interval (Paul & Fan, figure 8)."""
 
 from collections.abc import Mapping
 
@@ -12,10 +12,10 @@ from cislunar.figures.axes import legend_below, title_above
 from cislunar.figures.labels import (
     architecture_text,
     capitalized,
-    family_text,
     interval_text,
     observers_text,
     realization_text,
+    target_text,
 )
 from cislunar.figures.style import BLUE, SKY, VERMILION, house_style, new_figure
 from cislunar.figures.tracking.errors import (
@@ -24,64 +24,40 @@ from cislunar.figures.tracking.errors import (
     draw_comparison,
     representative_target,
 )
-from cislunar.figures.tracking.heatmaps import draw_measure, marks_legend
 
 _SHORT, _LONG = Look(BLUE, SKY), Look(VERMILION, None, (0, (3.0, 1.2)))
-_MAP_IN, _MAP_WIDTH_IN = 2.75, 2.05
-_HEIGHT_IN = 9.3
+_HEAD, _FOOT, _PANELS_IN = 0.82, 0.68, 4.4
 
 
 @house_style()
-def high_load_figure(cells: Mapping[Cell, xr.Dataset]) -> Figure:
-    """ANEES and RMSE of every target by tasking interval, and the errors of one target.
+def representative_target_figure(cells: Mapping[Cell, xr.Dataset]) -> Figure:
+    """The errors of one target with the shortest and the longest tasking interval.
 
     The cells rise in their tasking interval; the first and the last one have time histories.
     """
-    figure = new_figure(_HEIGHT_IN)
-    width, height = figure.get_size_inches()
     (first, first_data), *_, (last, last_data) = cells.items()
-    title = (
-        f"{capitalized(observers_text(first, first_data))} ({architecture_text(first)}),\n$n_T$ = "
-        f"{first.targets}; {realization_text(first_data)}"
-    )
-    title_above(figure, title)
-    _maps(figure, cells)
+    figure = new_figure(_HEAD + _PANELS_IN + _FOOT)
     target = representative_target(first_data, last_data)
     ends = " against ".join(interval_text(cell.interval_minutes) for cell in (first, last))
     if target is None:
-        text = f"(c) no target is tracked throughout with both {ends}"
-        figure.text(0.14 / width, 4.9 / height, text, fontsize=8.0)
+        shown = f"no target is tracked throughout with both, $T_{{ST}}$ = {ends}"
+    else:
+        shown = f"target {target_text(first_data, target)}, tracked with both, $T_{{ST}}$ = {ends}"
+    title_above(
+        figure,
+        f"{capitalized(observers_text(first, first_data))} ({architecture_text(first)}),\n$n_T$ = "
+        f"{first.targets}; {realization_text(first_data)};\n{shown}",
+    )
+    if target is None:
         return figure
-    family = family_text(str(first_data["family"].values[target]))
-    identity = int(first_data["target_id"].values[target])
-    heading = f"(c) target {identity} ({family}), tracked with both: $T_{{ST}}$ = {ends}"
-    figure.text(0.14 / width, 5.0 / height, heading, fontsize=8.0)
     compared = [
         Compared(interval_text(cell.interval_minutes), data, look)
         for cell, data, look in ((first, first_data, _SHORT), (last, last_data, _LONG))
     ]
-    box = {"left": 0.78, "bottom": 0.68, "width": 6.3, "height": 4.08}
+    box = {"left": 0.78, "bottom": _FOOT, "width": 6.3, "height": _PANELS_IN}
     draw_comparison(figure, compared, target, box)
     _legend(figure, compared)
     return figure
-
-
-def _maps(figure: Figure, cells: Mapping[Cell, xr.Dataset]) -> None:
-    """Panels (a) and (b), each with its color bars."""
-    bottom = figure.get_size_inches()[1] - 0.62 - _MAP_IN
-    maps = []
-    for number, (measure, name, left) in enumerate(
-        (("anees", "component-wise ANEES", 0.58), ("rmse", "RMSE", 3.8))
-    ):
-        maps += draw_measure(
-            figure,
-            measure,
-            [cells],
-            {left: (number, name)},
-            (bottom, _MAP_WIDTH_IN, _MAP_IN, 0.24),
-            lambda cell: interval_text(cell.interval_minutes),
-        )
-    marks_legend(figure, maps, bottom_in=bottom - 0.66)
 
 
 def _legend(figure: Figure, compared: list[Compared]) -> None:
