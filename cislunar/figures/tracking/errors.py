@@ -244,6 +244,7 @@ def components_figure(cell: Cell, data: xr.Dataset) -> Figure:
 
 
 def cell_title(cell: Cell, data: xr.Dataset) -> str:
+    """Title of a figure of targets of one cell."""
     return (
         f"{capitalized(observers_text(cell, data))} ({architecture_text(cell)}),\n$n_T$ = "
         f"{cell.targets}, tasking every {interval_text(cell.interval_minutes)}; "
