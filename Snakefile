@@ -1,5 +1,9 @@
 """Autonomous cislunar space domain awareness: the campaign of Paul & Fan and beyond."""
 
+import os
+import re
+import sys
+
 from snakemake.utils import min_version
 
 min_version("9.0")
@@ -20,6 +24,26 @@ include: "workflow/rules/task2.smk"
 include: "workflow/rules/sweeps.smk"
 include: "workflow/rules/tracking_figures.smk"
 include: "workflow/rules/figures.smk"
+
+
+# A file asked for by a name that nothing makes is refused here in a line. Snakemake knows what was
+# asked for only after this file, so its command line is read.
+for option, asked in zip(sys.argv, sys.argv[1:]):
+    if not re.search(r"^[^-=][^=]*[.](nc|csv|md|svg|png|pdf|html)$", asked) or os.path.exists(
+        asked
+    ):
+        continue
+    if option in ("--report", "--report-html-path", "--archive", "--directory", "-d"):
+        continue
+    try:
+        check_request(
+            asked,
+            [str(output) for rule in workflow.rules for output in rule.output],
+            KNOWN_WILDCARDS,
+            any(rule.is_producer(asked) for rule in workflow.rules),
+        )
+    except CislunarError as error:
+        raise SystemExit(f"error: {error}") from None
 
 
 rule all:

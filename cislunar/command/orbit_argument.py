@@ -11,8 +11,6 @@ FORM = (
     "have that value and ,phase=FRACTION of the period to start further along; or a state "
     "x,y,z,vx,vy,vz in the rotating frame of Earth and Moon, origin at their barycenter."
 )
-_FURTHEST = 20.0
-"""Nondimensional; a state beyond is one of another unit."""
 
 
 class Orbit(NamedTuple):
@@ -85,6 +83,7 @@ def _state(text: str, parts: list[str], units: str) -> Any:
     import numpy as np
 
     from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
+    from cislunar.exchange.bounds import check_position, check_velocity
     from cislunar.observation.sightline import inside_primary
 
     state = np.array([_number(text, part) for part in parts])
@@ -97,11 +96,9 @@ def _state(text: str, parts: list[str], units: str) -> Any:
         raise ConfigurationError(
             f"orbit {text!r}: in units {units} this is a place inside the Earth or the Moon"
         )
-    if np.max(np.abs(state)) > _FURTHEST:
-        raise ConfigurationError(
-            f"orbit {text!r}: in units {units} this is further or faster than {_FURTHEST:g} units "
-            "of the Earth-Moon system; see --units"
-        )
+    unit = "km" if units == "km" else ""
+    check_position(f"orbit {text!r}", ("x", "y", "z"), state[:3], unit, "; see --units")
+    check_velocity(f"orbit {text!r}", ("vx", "vy", "vz"), state, unit, "; see --units")
     return state
 
 

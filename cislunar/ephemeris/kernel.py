@@ -107,3 +107,11 @@ def require_coverage(path: Path, start: float, stop: float) -> None:
             f"{calendar_date(start)} to {calendar_date(stop)}; change epoch_jd or duration_days, "
             "or give a kernel that covers them"
         )
+    try:
+        for body in BODIES:
+            for time in (start, stop):
+                spiceypy.spkgeo(body, time, "J2000", 0)
+    except SpiceyError as error:
+        raise InputFileError(
+            f"ephemeris kernel {path}: is not whole ({error.short}); copy or download it again"
+        ) from error

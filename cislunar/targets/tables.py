@@ -38,12 +38,16 @@ from cislunar.constants import (
     TIME_UNIT_S,
 )
 from cislunar.errors import InputFileError
-from cislunar.exchange.catalogue import is_catalogue, read_catalogue
+from cislunar.exchange.bounds import check_period, check_position, check_velocity
+from cislunar.exchange.catalogue import COLUMNS, is_catalogue, read_catalogue
 from cislunar.exchange.csv_lines import listed, read_lines
 from cislunar.exchange.inertial import Epoch, rotating_states
 from cislunar.exchange.oem import Segment, read_oem, state_at
 
 Array = NDArray[np.float64]
+
+_MESSAGE = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
+"""Components of the states of an OEM, turned to the rotating frame."""
 
 POSITION = (("x", "y", "z"), ("x_km", "y_km", "z_km"), LENGTH_UNIT_KM)
 VELOCITY = (
@@ -126,9 +130,10 @@ def load_target_states(path: str | Path, epoch: Epoch | None = None) -> TargetSt
     ------
     InputFileError
         If the file is missing, empty or no such table; if a target has no name or its name occurs
-        twice; if a number is missing or not finite, a period is negative, or a target is inside
-        the Earth or the Moon; if an OEM does not cover the epoch. The message names the file, the
-        row as an editor numbers it (the header is row 1) and the target.
+        twice; if a number is missing or not finite, or out of the bounds that tell one unit from
+        another (`cislunar.exchange.bounds`); if a target is inside the Earth or the Moon; if an OEM
+        does not cover the epoch. The message names the file, the row as an editor numbers it (the
+        header is row 1) and the target.
     """
     if is_message(path):
         return _of_message(path, epoch)
@@ -136,7 +141,7 @@ def load_target_states(path: str | Path, epoch: Epoch | None = None) -> TargetSt
     if first and is_catalogue(first[0][1]):
         found = read_catalogue(path)
         for name, state in zip(found.name, found.state, strict=True):
-            _outside(f"{path}, Id {name!r}", list(state[:3]))
+            _plausible(f"{path}, Id {name!r}", COLUMNS, state, "")
         return TargetStates(found.name, [OWN_FAMILY] * len(found.name), found.state, found.period)
     header, rows = _read(Path(path))
     position = _columns(path, header, POSITION)
@@ -145,12 +150,12 @@ def load_target_states(path: str | Path, epoch: Epoch | None = None) -> TargetSt
     names = _names(rows)
     states, periods, families = [], [], []
     for place, row in rows:
-        states.append(
-            [*_outside(place, _numbers(place, row, position)), *_numbers(place, row, velocity)]
-        )
+        state = [*_position(place, row, position), *_numbers(place, row, velocity)]
+        check_velocity(place, velocity[0], state, _unit(velocity), _instead(velocity, VELOCITY))
+        states.append(state)
         given = [] if period is None or not row[period[0][0]] else _numbers(place, row, period)
-        if given and given[0] < 0.0:
-            raise InputFileError(f"{place}: {period[0][0]} = {given[0]:g} must not be negative")
+        if given:
+            check_period(place, period[0][0], given[0], _unit(period))
         periods.append(given[0] if given else 0.0)
         families.append(row.get("family") or OWN_FAMILY)
     return TargetStates(names, families, np.array(states), np.array(periods))
@@ -170,7 +175,7 @@ def _of_message(path: str | Path, epoch: Epoch | None) -> TargetStates:
         except InputFileError as error:
             raise InputFileError(f"{path}: {error}") from error
         state = rotating_states(given[None], [0.0], epoch, center)[0]
-        _outside(f"{path}, object {name!r}", list(state[:3]))
+        _plausible(f"{path}, object {name!r}", _MESSAGE, state, "km")
         states.append(state)
     families = [OWN_FAMILY] * len(states)
     return TargetStates(list(objects), families, np.array(states), np.zeros(len(states)))
@@ -197,7 +202,7 @@ def load_target_positions(path: str | Path) -> TargetPositions:
     header, rows = _read(Path(path))
     position = _columns(path, header, POSITION)
     names = _names(rows)
-    found = [_outside(place, _numbers(place, row, position)) for place, row in rows]
+    found = [_position(place, row, position) for place, row in rows]
     return TargetPositions(names, np.array(found))
 
 
@@ -280,6 +285,32 @@ def _numbers(
             raise InputFileError(f"{place}: {name} = {row[name]!r} must be a finite number")
         values.append(value / unit)
     return values
+
+
+def _unit(columns: tuple[tuple[str, ...], float]) -> str:
+    return "" if columns[1] == 1.0 else "km"
+
+
+def _instead(columns: tuple[tuple[str, ...], float], quantity: Quantity) -> str:
+    """Where numbers in km or km/s belong, if these columns are not theirs."""
+    unit = "km" if quantity is POSITION else "km/s"
+    return "" if _unit(columns) else f"; {unit} belong in columns named {', '.join(quantity[1])}"
+
+
+def _position(
+    place: str, row: dict[str, str], columns: tuple[tuple[str, ...], float]
+) -> list[float]:
+    """Position of a row, which must be near Earth and Moon and in neither."""
+    position = _numbers(place, row, columns)
+    check_position(place, columns[0], position, _unit(columns), _instead(columns, POSITION))
+    return _outside(place, position)
+
+
+def _plausible(place: str, names: tuple[str, ...], state: Array, unit: str) -> None:
+    """Refuse a whole state as `_position` and `check_velocity` do."""
+    check_position(place, names[:3], state[:3], unit)
+    _outside(place, list(state[:3]))
+    check_velocity(place, names[3:6], state, unit)
 
 
 def _outside(place: str, position: list[float]) -> list[float]:

@@ -55,9 +55,11 @@ def study(paper, monkeypatch):
 
 
 def test_the_papers_scenarios_are_set_as_the_campaign(paper):
+    printed = {"photometry": {"irradiance": "4pi"}}
+    printed["tasking"] = {"diffuse_reflection_coefficient": 0.5}
     for scenario in "ABC":
         own = scenario_settings(paper, scenario)
-        assert own == {key: paper[key] for key in SECTIONS}
+        assert own == merged({key: paper[key] for key in SECTIONS}, {"task2": printed})
         for name in ("ephemeris/sun", "targets/zvs_points", "orbits/tracked"):
             assert shared_dataset(paper, scenario, name) == f"{name}.nc"
     whole = with_families(in_study(paper))
@@ -103,7 +105,7 @@ def test_what_refers_to_a_scenario_left_out_is_left_out(paper):
     assert variant_cells(with_families(left)["task2"]) == []
     for section, key in (("architecture", "readings"), ("task2", "tasking_comparison")):
         assert left[section][key]["scenario"] is None
-    assert paper["scenarios"]["A"] == {"targets": 100}
+    assert paper["scenarios"]["A"]["targets"] == 100
     with pytest.raises(ConfigurationError, match="'scenarios': every scenario is null"):
         check_campaign(merged(paper, {"scenarios": dict.fromkeys("ABC")}))
 
@@ -208,6 +210,7 @@ def test_epoch_outside_the_kernel_of_the_campaign_is_named(paper, monkeypatch):
 # Tables of targets
 
 HEADER = "id,x,y,z,vx,vy,vz"
+KM = "id,x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s"
 GOOD = "one,0.5,0.1,0,0.1,0.2,0"
 
 
@@ -250,7 +253,12 @@ def test_both_units_give_the_same_states(tmp_path):
         ([HEADER, "one,0.5,0.1"], "row 2: 3 fields where the header has 7"),
         ([HEADER, GOOD, "", "two,0.99,0.001,0,0,0,0"], "row 4, target 'two': lies inside the Moon"),
         ([HEADER, "one,-0.01,0,0.01,0,0,0"], "lies inside the Earth"),
-        ([HEADER + ",period", GOOD + ",-1"], "period = -1 must not be negative"),
+        ([HEADER + ",period", GOOD + ",-1"], "period = -1, taken in units of 4.34248 days, must"),
+        ([HEADER, "one,388000,1,0,0.1,0.2,0"], "'one': x = 388000 is taken in units of 384400 km"),
+        ([HEADER, "one,0.8,0,0.1,100,0,0"], "vx = 100 is taken in units of 1.02455 km/s, which"),
+        ([KM, "one,331602,-21210,0,-29,-120,89"], "'one': vy_km_s = -120 is taken in km/s"),
+        ([KM, "one,331602056,0,0,0,.1,0"], "x_km = 3.31602e+08 is taken in km, which puts"),
+        ([KM + ",period_days", "one,331602,0,0,0,.1,0,1e6"], "period_days = 1e+06, taken in days"),
     ],
 )
 def test_faulty_tables_of_targets_are_one_line_that_names_the_place(tmp_path, rows, message):

@@ -12,7 +12,11 @@ from campaign_folder import read_campaign, with_change
 from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.data.netcdf import variable, write_dataset
 from cislunar.campaign.data.provenance import provenance
-from cislunar.campaign.settings.preflight import check_inputs, check_target_count
+from cislunar.campaign.settings.preflight import (
+    check_inputs,
+    check_request,
+    check_target_count,
+)
 from cislunar.campaign.settings.reading import merged
 from cislunar.errors import ConfigurationError, InputFileError
 
@@ -42,6 +46,45 @@ def test_mission_without_a_possible_jacobi_constant_is_named(config, tmp_path, t
 def test_missing_mission_table_is_named(config, tmp_path):
     with pytest.raises(InputFileError, match=r"nowhere\.csv: no such file"):
         check_inputs(with_change(config, "targets.missions", str(tmp_path / "nowhere.csv")))
+
+
+def test_a_kernel_cut_short_is_named(config, tmp_path):
+    whole = (ROOT / "config/examples/de421_2027.bsp").read_bytes()
+    kernel = tmp_path / "short.bsp"
+    kernel.write_bytes(whole[: len(whole) // 2])
+    changed = config | {"epoch_jd": 2461465.5, "ephemeris": {"kernel": str(kernel)}}
+    changed["ephemeris"]["step_minutes"] = 10
+    with pytest.raises(InputFileError, match=r"short\.bsp: is not whole"):
+        check_inputs(changed)
+
+
+def test_a_mesh_in_another_unit_is_refused(config, tmp_path):
+    mesh = tmp_path / "millimetres.obj"
+    corners = "v 1e3 1e3 1e3\nv 1e3 -1e3 -1e3\nv -1e3 1e3 -1e3\nv -1e3 -1e3 1e3\n"
+    mesh.write_text(corners + "f 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n")
+    body = {"shape": str(mesh), "radius_m": None, "metres_per_unit": 1}
+    with pytest.raises(ConfigurationError, match=r"'task2\.body\.metres_per_unit' = 1: makes"):
+        check_inputs(merged(config, {"task2": {"body": body}}))
+    check_inputs(merged(config, {"task2": {"body": body | {"metres_per_unit": 0.001}}}))
+
+
+OUTPUTS = ["r/task2/{scenario}/{architecture}/nt{n,[1-9]}_dt{minutes}.nc", "r/orbits/tracked.nc"]
+KNOWN = {"scenario": ["A", "B"], "architecture": ["tpe"]}
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ("r/task2/Q/tpe/nt5_dt60.nc", "scenario 'Q' is none of this configuration, which has A, B"),
+        ("r/task2/A/tpx/nt5_dt60.nc", "architecture 'tpx' is none of this"),
+        ("r/fig99.png", "r/fig99.png: nothing makes a file of this name"),
+    ],
+)
+def test_a_file_nothing_makes_is_refused_by_what_is_wrong(asked, message):
+    check_request("r/task2/B/tpe/nt5_dt60.nc", OUTPUTS, KNOWN, made=True)
+    with pytest.raises(ConfigurationError) as refused:
+        check_request(asked, OUTPUTS, KNOWN, made=False)
+    assert message in str(refused.value) and "\n" not in str(refused.value)
 
 
 def test_missing_kernel_is_named(config, tmp_path):

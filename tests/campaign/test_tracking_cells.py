@@ -28,8 +28,10 @@ from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.library import body_facets, loop_settings, truth_model
 from cislunar.campaign.settings.reading import merged, with_types
+from cislunar.campaign.settings.scenarios import scenario_settings
 from cislunar.campaign.tracking.cell import CellInputs, realization_seeds
 from cislunar.campaign.tracking.dataset import cell_dataset
+from cislunar.campaign.tracking.fates import LOOK_FATES
 from cislunar.campaign.tracking.summary import (
     read_cell_metrics,
     seed_statistics,
@@ -89,7 +91,8 @@ def test_the_sweeps_are_the_papers(config):
 
 def test_default_settings_are_those_of_the_library(config):
     """The library's defaults are the paper's; the configuration must not drift from them."""
-    made = loop_settings(CellSettings(**cell_settings(config["task2"])), 60)
+    paper = scenario_settings(config, "A")["task2"]
+    made = loop_settings(CellSettings(**cell_settings(paper)), 60)
     default = LoopSettings(record_every=10)
     assert made.sensor == default.sensor
     assert made.initial == INITIAL_SPREAD
@@ -351,7 +354,8 @@ def sources():
 
 
 def _small(**changes):
-    settings = cell_settings(read_campaign(ROOT / "config")["task2"])
+    config = read_campaign(ROOT / "config")
+    settings = cell_settings(scenario_settings(config, "A")["task2"])
     base = {"seeds": 2, "duration_hours": 3, "sensor": {"limiting_magnitude": 22}}
     return merged(merged(settings, base), changes)
 
@@ -517,10 +521,24 @@ def test_statistics_are_over_the_observed_targets(tracked_cell):
     )
 
 
-def test_a_cell_where_nothing_is_seen_has_no_averages(sources):
+def test_a_cell_tells_what_became_of_its_looks(sources, caplog):
+    caplog.set_level("INFO", logger="cislunar")
+    cell = _cell(sources, sensor={"limiting_magnitude": 16})
+    shares = {name: of for name, of in seed_statistics(cell).items() if name in LOOK_FATES}
+    np.testing.assert_allclose(sum(shares.values()), 1.0)
+    names = cell["fate"].attrs["flag_meanings"].split()
+    looks = cell["fate"].values[1][cell["fate"].values[1] != names.index("not_tasked")]
+    assert shares["faint_share"][1] == np.mean(looks == names.index("faint")) > 0.3
+    assert "of the looks faint; raise task2.sensor.limiting_magnitude = 16" in caplog.text
+    assert "task2.photometry.irradiance = 4pi" in caplog.text
+
+
+def test_a_cell_where_nothing_is_seen_has_no_averages(sources, caplog):
     blind = _cell(sources, sensor={"limiting_magnitude": 5})
     found = seed_statistics(blind)
     assert np.isnan(found["rmse_median"]).all()
+    assert np.isnan(found["used_share"]).all()
+    assert "warning: no target was ever tasked" in caplog.text
     np.testing.assert_array_equal(found["never_observed"], [4, 4])
     np.testing.assert_array_equal(found["diverged_rotation_share"], [0, 0])
 

@@ -340,6 +340,8 @@ def test_a_message_is_shared_by_scenarios_of_the_same_epoch():
     tables = entry | {"tracked": "their.csv"}
     config = {key: {} for key in SECTIONS}
     config |= {"epoch_jd": EPOCH_JD, "ephemeris": {"kernel": "de421"}}
+    config["task2"] = {"photometry": {"irradiance": "4pi"}}
+    config["task2"]["tasking"] = {"diffuse_reflection_coefficient": 0.5}
     config["scenarios"] = {"D": entry, "E": entry, "F": later, "G": tables, "H": later | tables}
     shared = [shared_dataset(config, name, "orbits/tracked") for name in config["scenarios"]]
     assert [name[-4] for name in shared] == ["D", "D", "F", "G", "G"]

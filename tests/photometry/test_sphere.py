@@ -5,6 +5,10 @@ import pytest
 
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
+from cislunar.photometry.facets import apparent_magnitude
+from cislunar.photometry.materials import FOIL, PANEL, Material, PhotometryModel
+from cislunar.photometry.returned_light import equal_sphere_coefficient, returned_light
+from cislunar.photometry.shapes import Facets
 from cislunar.photometry.sphere import (
     faintness_per_squared_range,
     phase_angle,
@@ -96,3 +100,30 @@ def test_impossible_sphere_is_refused(value):
         faintness_per_squared_range(18.0, radius_m=value)
     with pytest.raises(ConfigurationError, match="diffuse_reflection_coefficient"):
         faintness_per_squared_range(18.0, diffuse_reflection_coefficient=value)
+
+
+@pytest.mark.parametrize("material", [Material(), Material(rms_slope=1.0), PANEL, FOIL])
+@pytest.mark.parametrize("incidence_deg", [0.0, 40.0, 75.0])
+def test_light_returned_is_the_brightness_summed_over_all_views(material, incidence_deg):
+    incidence, points = np.deg2rad(incidence_deg), 300
+    sun = np.array([np.sin(incidence), 0.0, np.cos(incidence)])
+    # midpoints equal in solid angle: the sum needs no weights
+    height, angle = np.meshgrid(*2 * [(np.arange(points) + 0.5) / points], indexing="ij")
+    z, flat = height.ravel(), np.sqrt(1.0 - height.ravel() ** 2)
+    angle = 2.0 * np.pi * angle.ravel()
+    view = np.column_stack((flat * np.cos(angle), flat * np.sin(angle), z))
+    facet = Facets(areas=np.ones(1), normals=np.array([[0.0, 0.0, 1.0]]))
+    model = PhotometryModel(irradiance="1/r^2")
+    magnitude = apparent_magnitude(
+        [0.0, 0.0, 0.0, 1.0], sun, view, 1.0, facet, material, model, sun_magnitude=0.0
+    )
+    summed = 2.0 * np.pi * np.mean(10.0 ** (-0.4 * magnitude)) / sun[2]
+    assert returned_light(material, incidence, model) == pytest.approx(summed, rel=4e-3)
+
+
+def test_the_equal_sphere_of_a_diffuse_material_has_its_albedo():
+    diffuse = Material(diffuse_weight=0.8, specular_weight=0.0, diffuse_albedo=0.5)
+    physical = PhotometryModel(irradiance="1/r^2")
+    assert equal_sphere_coefficient(diffuse, physical) == pytest.approx(0.4, rel=1e-12)
+    darker = equal_sphere_coefficient(diffuse, PhotometryModel(irradiance="4pi"))
+    assert darker == pytest.approx(0.4 / (4.0 * np.pi), rel=1e-12)

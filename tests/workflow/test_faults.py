@@ -238,6 +238,8 @@ def test_interrupt(campaign, undisturbed):
     assert code != 0
     assert re.search(r"interrupted after 0:\d\d; run the same command again", output)
     assert "Traceback" not in output
+    assert "Interrupted. What had finished is kept in " in output
+    assert re.search(rf"To go on from there:\n  snakemake .*{LARGE}", output)
     assert_kept(campaign, before)
     resumed(campaign, LARGE, OTHER)
     assert_same(campaign, undisturbed)

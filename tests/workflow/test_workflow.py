@@ -166,6 +166,13 @@ def test_bad_input_stops_at_once(finished, tmp_path, change, message):
     assert message in refused(finished, tmp_path, change)
 
 
+def test_a_file_of_no_scenario_is_refused_in_a_line(finished):
+    asked = "results/quick/task2/Q/tpe/mukf/nt20_dt60.nc"
+    output, code = snakemake(finished, "--dry-run", "--cores", "1", *QUICK, "--", asked)
+    assert code == 1 and f"error: {asked}: scenario 'Q' is none of this" in output
+    assert "Exception" not in output
+
+
 def test_mission_without_jacobi_constant_stops_at_once(finished, tmp_path):
     table, mission = broken_missions(tmp_path)
     output = refused(finished, tmp_path, {"targets": {"missions": str(table)}})

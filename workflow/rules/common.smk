@@ -2,11 +2,14 @@
 
 import os
 import re
+import shlex
+import sys
+from pathlib import Path
 
 from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import sweep_points, swept_cells, with_families
-from cislunar.campaign.settings.preflight import check_inputs
+from cislunar.campaign.settings.preflight import check_inputs, check_request
 from cislunar.campaign.settings.reading import with_types
 from cislunar.campaign.settings.scenarios import (
     in_study,
@@ -53,6 +56,15 @@ SAMPLED = [name for name in STUDY["scenarios"] if name not in OWN_STATIC]
 def any_of(names):
     """A pattern for wildcards: one of some names, or nothing at all."""
     return "|".join(map(re.escape, names)) or "(?!)"
+
+
+KNOWN_WILDCARDS = {
+    "scenario": list(STUDY["scenarios"]),
+    "architecture": [*SEARCHES, "exact", "published"],
+    "estimator": estimator_names(TASK2),
+    "variant": list(STUDY["task2"]["variants"]["cells"]),
+    "sweep": list(config["sweeps"]),
+}
 
 
 wildcard_constraints:
@@ -141,11 +153,24 @@ def comparison_settings(wildcards):
     return cell_settings(settings_in(wildcards.scenario, "task2")["task2"])
 
 
+# What Snakemake and its jobs write on Ctrl-C, and no job that fails.
+INTERRUPTED = ("on user request", "SIGINT", "exit status 130", "SIGTERM", "exit status 143")
+
+
 onerror:
-    print(
-        "\nNot every job has finished. What has finished is kept. Mend what the messages above name "
-        f"(each job's own are in {RESULTS}/logs), then run the same command again: it makes the rest."
-    )
+    said = "".join(Path(each).read_text(errors="replace") for each in log)
+    if any(words in said for words in INTERRUPTED):
+        print(
+            f"\nInterrupted. What had finished is kept in {RESULTS}, what was being made is not; the "
+            "messages above are of the jobs that were stopped. To go on from there:\n"
+            f"  {shlex.join(['snakemake', *sys.argv[1:]])}"
+        )
+    else:
+        print(
+            "\nNot every job has finished. What has finished is kept. Mend what the messages above "
+            f"name (each job's own are in {RESULTS}/logs), then run the same command again: it makes "
+            "the rest."
+        )
 
 
 SWEEPS = config["sweeps"]

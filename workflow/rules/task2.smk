@@ -9,6 +9,20 @@ CELL = "{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"
 WITH_ERRORS = [
     error for error in model_errors(TASK2) if TASK2["variants"]["cells"][error.variant]["targets"]
 ]
+# Tables that compare cells; without two kinds of cells there is nothing to write in them.
+COMPARING_TABLES = {}
+if any(cell.variant for cell in campaign_cells(TASK2)):
+    COMPARING_TABLES["readings"] = report(
+        results("tables/readings_tracking.csv"),
+        caption="../report/readings_tracking.rst",
+        category="Tables",
+    )
+if len(estimator_names(TASK2)) > 1:
+    COMPARING_TABLES["estimators"] = report(
+        results("tables/estimators.csv"),
+        caption="../report/estimators.rst",
+        category="Tables",
+    )
 
 
 # Long cells start first, so that no core is idle at the end: changed settings may search or take
@@ -88,19 +102,10 @@ rule tracking_tables:
     input:
         rules.tracking_summary.output[0],
     output:
+        **COMPARING_TABLES,
         tracking=report(
             results("tables/tracking.csv"),
             caption="../report/tracking.rst",
-            category="Tables",
-        ),
-        readings=report(
-            results("tables/readings_tracking.csv"),
-            caption="../report/readings_tracking.rst",
-            category="Tables",
-        ),
-        estimators=report(
-            results("tables/estimators.csv"),
-            caption="../report/estimators.rst",
             category="Tables",
         ),
     log:

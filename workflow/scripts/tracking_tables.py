@@ -1,4 +1,4 @@
-"""Makes tables/tracking.csv, readings_tracking.csv and estimators.csv: cells with intervals."""
+"""Makes tables/tracking.csv, and readings_tracking.csv and estimators.csv if cells compare."""
 
 from cislunar.campaign.data.netcdf import read_dataset, write_text
 from cislunar.campaign.data.progress import job
@@ -6,6 +6,6 @@ from cislunar.campaign.tracking.tables import estimator_rows, reading_rows, trac
 
 with job(snakemake.log[0]):
     summary = read_dataset(snakemake.input[0])
-    write_text(tracking_rows(summary).to_csv(index=False), snakemake.output.tracking)
-    write_text(reading_rows(summary).to_csv(index=False), snakemake.output.readings)
-    write_text(estimator_rows(summary).to_csv(index=False), snakemake.output.estimators)
+    tables = {"tracking": tracking_rows, "readings": reading_rows, "estimators": estimator_rows}
+    for name, path in snakemake.output.items():
+        write_text(tables[name](summary).to_csv(index=False), path)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from cislunar.photometry.facets import apparent_magnitude
 from cislunar.photometry.materials import IRRADIANCE_LAWS, Material, PhotometryModel
-from cislunar.photometry.shapes import Facets, icosahedron
+from cislunar.photometry.returned_light import returned_light
+from cislunar.photometry.shapes import icosahedron
 from cislunar.photometry.sphere import sphere_magnitude
 
 Array = NDArray[np.float64]
@@ -42,7 +43,10 @@ def photometry_table(
     rows = [
         *_ranges(surface, attitude, limiting_magnitude),
         *_fresnel(surface, attitude),
-        *((RETURNED, angle, "sqrt", _returned(surface, angle), "1") for angle in INCIDENCES_DEG),
+        *(
+            (RETURNED, angle, "sqrt", returned_light(surface, np.deg2rad(angle)), "1")
+            for angle in INCIDENCES_DEG
+        ),
     ]
     return pd.DataFrame(rows, columns=["quantity", "angle_deg", "model", "value", "unit"])
 
@@ -78,22 +82,3 @@ def _fresnel(surface: Material, attitude: Array) -> Iterator[tuple]:
         )
         lit = np.isfinite(root)
         yield BRIGHTER, phase, "printed", float(np.median((root - printed)[lit])), "mag"
-
-
-def _returned(surface: Material, incidence_deg: float, points: int = 400) -> float:
-    """Directional-hemispherical reflectance of a facet: its brightness summed over all views."""
-    incidence = np.deg2rad(incidence_deg)
-    sun = np.array([np.sin(incidence), 0.0, np.cos(incidence)])
-    # Midpoints equal in solid angle: the sum needs no weights.
-    height = (np.arange(points) + 0.5) / points
-    around = 2.0 * np.pi * (np.arange(points) + 0.5) / points
-    z, angle = (each.ravel() for each in np.meshgrid(height, around, indexing="ij"))
-    flat = np.sqrt(1.0 - z**2)
-    view = np.column_stack((flat * np.cos(angle), flat * np.sin(angle), z))
-    facet = Facets(areas=np.ones(1), normals=np.array([[0.0, 0.0, 1.0]]))
-    model = PhotometryModel(irradiance="1/r^2")
-    magnitude = apparent_magnitude(
-        [0.0, 0.0, 0.0, 1.0], sun, view, 1.0, facet, surface, model, sun_magnitude=0.0
-    )
-    flux = 10.0 ** (-0.4 * magnitude)
-    return float(2.0 * np.pi * flux.mean() / sun[2])

@@ -54,9 +54,10 @@ class Tasking(Section):
     track_gate: Flag = setting(
         "true: no information from a target whose predicted direction is uncertain by more than "
         "half the field of view", paper="not in the paper", default=True)
-    diffuse_reflection_coefficient: Positive = setting(
+    diffuse_reflection_coefficient: Positive | None = setting(
         "C_d of the sphere that stands for a target when tasking judges its visibility; its "
-        "radius is that of equal area", "1", "not given", default=0.5)
+        "radius is that of equal area. null: as `scenarios.NAME.photometry` says", "1",
+        "not given", default=None)
 
 
 class Sensor(Section):
@@ -165,9 +166,9 @@ class Material(Section):
 
 
 class Photometry(Section):
-    irradiance: Literal["4pi", "1/r^2"] = setting(
-        "spreading of a facet's light: `4pi` for 1/(4 pi r^2) as printed, `1/r^2` in line with "
-        "the sphere model", paper="4pi", default=PhotometryModel.irradiance)
+    irradiance: Literal["4pi", "1/r^2"] | None = setting(
+        "spreading of a facet's light: `4pi` for 1/(4 pi r^2) as printed, `1/r^2` as light does, "
+        "2.75 mag brighter. null: as `scenarios.NAME.photometry` says", paper="4pi", default=None)
     fresnel: Literal["sqrt", "printed"] = setting(
         "`sqrt` as in Cook & Torrance, `printed` without the root",
         paper="printed", default=PhotometryModel.fresnel)

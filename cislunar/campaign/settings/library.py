@@ -20,6 +20,7 @@ from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.orbits.extent import CATALOGUE_EXTENT, Extent
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.mesh_files import load_shape
+from cislunar.photometry.returned_light import equal_sphere_coefficient
 from cislunar.photometry.shapes import Facets, icosahedron, scale_to_sphere, stretch
 from cislunar.targets.sampling import SamplingSettings
 from cislunar.tasking.closed_loop import LoopSettings
@@ -68,13 +69,33 @@ def body_facets(body: cell_tree.Body) -> Facets:
     return scale_to_sphere(stretched, body.radius_m)
 
 
+def _photometry(cell: cell_tree.CellSettings) -> PhotometryModel:
+    """The reading of the photometric equations; the physical law where none is chosen."""
+    return PhotometryModel(cell.photometry.irradiance or "1/r^2", cell.photometry.fresnel)
+
+
+def _tasking_model(cell: cell_tree.CellSettings) -> TaskingModel:
+    """What tasking believes: the sphere that stands in for the body has its surface area."""
+    chosen = cell.tasking
+    coefficient = chosen.diffuse_reflection_coefficient
+    if coefficient is None:
+        coefficient = equal_sphere_coefficient(Material(**dict(cell.material)), _photometry(cell))
+    return TaskingModel(
+        diffuse_reflection_coefficient=coefficient,
+        radius_m=body_facets(cell.body).equivalent_radius,
+        states=chosen.states,
+        track_gate=chosen.track_gate,
+        measurements=chosen.credited_measurements,
+    )
+
+
 def believed_surfaces(cell: cell_tree.CellSettings, n_targets: int) -> TargetSurfaces:
     """Shape, material and inertia, the same for all targets."""
     return target_surfaces(
         body_facets(cell.body),
         Material(**dict(cell.material)),
         n_targets,
-        PhotometryModel(**dict(cell.photometry)),
+        _photometry(cell),
         inertia=1.0 if cell.body.inertia is None else cell.body.inertia,
     )
 
@@ -111,14 +132,7 @@ def loop_settings(
         max_evaluations=tasking.max_evaluations,
         early_stop=tasking.early_stop,
         sensor=sensor(cell.sensor),
-        tasking=TaskingModel(
-            diffuse_reflection_coefficient=tasking.diffuse_reflection_coefficient,
-            # the sphere that stands in for the body has its surface area
-            radius_m=body_facets(cell.body).equivalent_radius,
-            states=tasking.states,
-            track_gate=tasking.track_gate,
-            measurements=tasking.credited_measurements,
-        ),
+        tasking=_tasking_model(cell),
         initial=Spread(**dict(cell.initial_sigma)),
         record_every=round(60.0 * cell.record_minutes / cell.step_s),
         keep_information=keep_information,

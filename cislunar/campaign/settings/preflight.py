@@ -7,8 +7,9 @@ result of an earlier one. Faults that can be found beforehand are found here.
 import importlib.util
 import json
 import os
+import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,9 @@ from cislunar.errors import CislunarError, ConfigurationError
 from cislunar.photometry.mesh_files import load_shape
 from cislunar.targets.missions import load_missions
 from cislunar.targets.tables import load_target_positions
+
+SMALLEST_BODY_M, LARGEST_BODY_M = 0.01, 200.0
+"""Radii of bodies, of equal area; a mesh beyond is in another unit."""
 
 
 def check_inputs(config: Mapping[str, Any]) -> None:
@@ -100,18 +104,26 @@ def _check_meshes(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
     for variant in stated_variants(study):
         scenario = variant_place(task2, variant.name)[0]
         cells[f"{variant.key}: "] = cell_settings(own.get(scenario, task2), variant.name)
-    seen = {"icosahedron"}
+    seen = set()
     for place, cell in cells.items():
         for key, body in (("body", cell["body"]), ("truth.body", true_settings(cell)["body"])):
-            if body["shape"] in seen:
+            sized = {name: body[name] for name in ("metres_per_unit", "radius_m")}
+            shape = body["shape"], *sized.values()
+            if body["shape"] == "icosahedron" or shape in seen:
                 continue
-            seen.add(body["shape"])
+            seen.add(shape)
             try:
-                load_shape(body["shape"])
+                radius = load_shape(body["shape"], **sized).equivalent_radius
             except CislunarError as error:
                 raise ConfigurationError(
                     f"configuration key '{place}{key}.shape': {error}"
                 ) from None
+            if not SMALLEST_BODY_M <= radius <= LARGEST_BODY_M:
+                raise ConfigurationError(
+                    f"configuration key '{place}{key}.metres_per_unit' = "
+                    f"{body['metres_per_unit']}: makes {body['shape']} as large as a sphere of "
+                    f"{radius:.3g} m; {SMALLEST_BODY_M:g} to {LARGEST_BODY_M:g} m can be meant"
+                )
 
 
 def _check_published(scenario: str, members: Mapping[str, int], max_satellites: int) -> None:
@@ -157,4 +169,29 @@ def check_target_count(
             f"configuration key 'scenarios.{scenario}.targets' = {count}: only {distinct} distinct "
             f"points are in {points}; lower it or sample more finely (targets.angular_step_deg, "
             "targets.radial_points)"
+        )
+
+
+def check_request(
+    target: str, outputs: Iterable[str], known: Mapping[str, Collection[str]], made: bool
+) -> None:
+    """Refuse a file that is asked for by a name that nothing makes.
+
+    `outputs` are the names of files that rules make, with wildcards in braces; `known` are the
+    values of wildcards that this configuration has, and `made` says whether a rule takes the name.
+    """
+    for output in outputs:
+        pattern = re.sub(r"\\\{(\w+)(?:,[^}]*)?\\\}", r"(?P<\1>[^/]*)", re.escape(output))
+        found = re.fullmatch(pattern, target)
+        for key, value in found.groupdict().items() if found else ():
+            if value not in known.get(key, [value]):
+                raise ConfigurationError(
+                    f"{target}: {key} {value!r} is none of this configuration, which has "
+                    f"{', '.join(known[key])}; correct the file name, or add the --configfile it "
+                    "belongs to"
+                )
+    if not made:
+        raise ConfigurationError(
+            f"{target}: nothing makes a file of this name; correct it, or add the --configfile it "
+            "belongs to (`--dry-run` without a name lists what is made)"
         )

@@ -61,10 +61,24 @@ def in_study(config: Mapping[str, Any]) -> dict[str, Any]:
     return result
 
 
+PHOTOMETRY = {"printed": ("4pi", 0.5), "physical": ("1/r^2", None)}
+"""Irradiance and C_d of tasking's sphere of the scenarios that leave them open; None: that of the
+sphere as bright as the body's material."""
+
+
 def scenario_settings(config: Mapping[str, Any], scenario: str) -> dict[str, Any]:
     """The keys `SECTIONS` of the configuration as they hold for a scenario."""
-    own = config["scenarios"][scenario].get("settings", {})
-    return merged({key: config[key] for key in SECTIONS}, own)
+    entry = config["scenarios"][scenario]
+    own = merged({key: config[key] for key in SECTIONS}, entry.get("settings", {}))
+    task2 = own["task2"]
+    irradiance, coefficient = PHOTOMETRY[entry.get("photometry", "physical")]
+    for section, key, usual in (
+        ("photometry", "irradiance", irradiance),
+        ("tasking", "diffuse_reflection_coefficient", coefficient),
+    ):
+        if task2[section][key] is None:
+            task2 = task2 | {section: task2[section] | {key: usual}}
+    return own | {"task2": task2}
 
 
 def tracked_count(config: Mapping[str, Any], scenario: str) -> int:

@@ -135,6 +135,15 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
             f"configuration key '{place}duration_hours' = {hours} exceeds the ephemeris, which "
             f"covers 'visibility.duration_days' = {days}"
         )
+    material = settings["material"]
+    if not (
+        material["diffuse_weight"] * material["diffuse_albedo"]
+        or material["specular_weight"] * material["normal_reflectance"]
+    ):
+        raise ConfigurationError(
+            f"configuration key '{place}material' = {material} reflects nothing: raise "
+            "diffuse_weight and diffuse_albedo, or specular_weight and normal_reflectance"
+        )
     _check_body(f"{place}body", settings["body"])
     _check_body(f"{place}truth.body", true_settings(settings)["body"])
 

@@ -294,6 +294,11 @@ class Scenario(Partial):
         "of periodic orbits, or a table: `id`, position as above, velocity "
         "`vx`, `vy`, `vz` or `vx_km_s`, `vy_km_s`, `vz_km_s`, at the epoch in the rotating frame; "
         "optional `period` or `period_days`, and `family`", "path", default=None)
+    photometry: Literal["printed", "physical"] = _optional(
+        "how bright targets are where `task2` does not say. `printed`: as the paper prints it, "
+        "irradiance `4pi`, while tasking judges by a sphere of C_d = 0.5; `physical`, also where "
+        "left out: irradiance `1/r^2`, and tasking judges by the sphere that returns as much light "
+        "as the body's material")
     settings: partial(Surroundings) = _optional(
         "what the scenario sets otherwise: any of `epoch_jd`, `ephemeris`, `targets`, "
         "`visibility` and, of `task2`, the keys that set a cell, in the form they have here")

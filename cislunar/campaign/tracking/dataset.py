@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from cislunar.campaign.data.inputs import orbit_set_dataset
 from cislunar.campaign.data.netcdf import Later, growing_dataset, variable
@@ -14,6 +15,7 @@ from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import CellInputs, Problem, cell_loop
 from cislunar.campaign.tracking.checkpoint import CHECKPOINT_S, Checkpoint, checkpoint_folder
+from cislunar.campaign.tracking.fates import counted, report_fates
 from cislunar.campaign.tracking.records import (
     ESTIMATED,
     RECORD_COORDINATES,
@@ -70,7 +72,7 @@ def cell_dataset(
         name: np.empty([sizes[dim] for dim in each.dims], each.dtype)
         for name, each in described.items()
     }
-    _fill(whole, pieces, loop)
+    report_fates(_fill(whole, pieces, loop), settings)
     values = {name: (each.dims, whole[name], *each[2:]) for name, each in described.items()}
     return _dataset(cell, inputs, loop, problem, values, _provenance(cell, used, seed))
 
@@ -120,8 +122,9 @@ def write_cell(
         for name, each in _histories(loop).items()
     }
     with growing_dataset(rest, path, later, {"look": loop.state.looks}) as whole:
-        _fill(whole, checkpoint.pieces(), loop)
+        fates = _fill(whole, checkpoint.pieces(), loop)
     checkpoint.remove()
+    report_fates(fates, settings)
 
 
 def _provenance(cell: Cell, used: Mapping[str, Any], seed: int) -> dict[str, Any]:
@@ -245,9 +248,12 @@ def _sizes(loop: ClosedLoop) -> dict[str, int]:
     }
 
 
-def _fill(whole: Mapping[str, Any], pieces: Iterable[Piece], loop: ClosedLoop) -> None:
-    """Put pieces into arrays, or variables of an open file, of the names above."""
-    done = 0
+def _fill(whole: Mapping[str, Any], pieces: Iterable[Piece], loop: ClosedLoop) -> NDArray[np.int64]:
+    """Put pieces into arrays, or variables of an open file, of the names above.
+
+    Gives the number of looks of each fate.
+    """
+    done, fates = 0, np.zeros(len(FATE_NAMES), dtype=np.int64)
     for piece in pieces:
         named = {
             f"estimated_{name}" if name in ESTIMATED else name: each
@@ -256,12 +262,14 @@ def _fill(whole: Mapping[str, Any], pieces: Iterable[Piece], loop: ClosedLoop) -
         steps = piece.places["step"]
         recorded = loop.world.settings.recorded[piece.places["time"]] - steps.start
         named["valid"] = "time", (named["fate"][1][recorded] == USED).astype(np.int8)
+        fates += counted(named["fate"][1])
         fill(whole, piece._replace(kept=named))
         if piece.looks is not None:
             rows = slice(done, done + piece.looks.step.size)
             for name, values in look_values(piece.looks).items():
                 whole[name][rows] = values
             done = rows.stop
+    return fates
 
 
 def _results(loop: ClosedLoop) -> dict[str, tuple]:

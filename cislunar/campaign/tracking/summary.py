@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cislunar.campaign.data.netcdf import read_dataset, variable
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cells import Cell
+from cislunar.campaign.tracking.fates import LOOK_FATES, counted, fate_shares
 from cislunar.errors import InputFileError
 from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED, PARTS, TRACKED
 
@@ -54,19 +55,23 @@ PER_CELL = {
     "dark_sigma_points": ("1", "sigma points without reflected light"),
     "cholesky_failures": ("1", "failed Cholesky factorizations"),
     "failed": ("1", "targets whose estimate came to an end"),
+    **{name: ("1", f"share of the looks at tasked targets: {name[:-6]}") for name in LOOK_FATES},
 }
 """Quantities of a cell with their units."""
 
 LUNAR = "Polar_"
 """Prefix of the orbit classes that are no periodic orbits: the low lunar polar trajectories."""
 
-_HISTORIES = ("error", "sigma", "bound", "fate", "valid", "assignment")
-_NEEDED = ("coverage", "status", "updates", "bound_ratio", "bound_attitude")
+_HISTORIES = ("error", "sigma", "bound", "valid", "assignment")
+_NEEDED = ("coverage", "fate", "status", "updates", "bound_ratio", "bound_attitude")
 _ID = ("scenario", "architecture", "estimator", "variant")
 
 
 def read_cell_metrics(path: str | Path) -> xr.Dataset:
-    """Read the metrics of a cell without its time histories; an `InputFileError` if it has none."""
+    """Read the metrics of a cell, with `looks` in place of its time histories.
+
+    An `InputFileError` if it has none.
+    """
     cell = read_dataset(path, without=_HISTORIES)
     lacking = [name for name in _NEEDED if name not in cell]
     if lacking:
@@ -74,7 +79,15 @@ def read_cell_metrics(path: str | Path) -> xr.Dataset:
             f"data set {path} lacks {', '.join(lacking)}: it is no tracking cell, or one of an "
             "earlier version; delete it and run snakemake again"
         )
-    return cell
+    # counted at once: the fates of all cells together are too large to keep
+    return cell.drop_vars("fate").assign(looks=(("seed", "outcome"), _looks(cell)))
+
+
+def _looks(cell: xr.Dataset) -> NDArray[np.int64]:
+    """Number of looks of each fate, shape (seed, fate)."""
+    if "looks" in cell:
+        return cell["looks"].values
+    return np.array([counted(fate) for fate in cell["fate"].values])
 
 
 def _over_targets(values: Array, counted: NDArray[np.bool_], reduce) -> Array:
@@ -137,6 +150,7 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         "information": cell["information"].values.mean(axis=1),
         "failed": (cell["failed"].values != 0).sum(axis=1),
     }
+    found |= fate_shares(_looks(cell))
     for name in ("out_of_field", "dark_sigma_points", "cholesky_failures"):
         found[name] = cell[name].values.sum(axis=1)
     return {name: np.asarray(values, dtype=float) for name, values in found.items()}
