@@ -9,7 +9,7 @@ four (``tables/label_comparison.csv``), and it reached the largest J.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,15 +58,38 @@ def stability_order(stability_index: ArrayLike) -> NDArray[np.int64]:
     return np.argsort(group, kind="stable")
 
 
-def _integers(label: str, low: int, high: int) -> Any:
+class Range(NamedTuple):
+    """Values of a label: an interval, or with `categories` one of 0 .. categories - 1."""
+
+    low: float
+    high: float
+    categories: int = 0
+
+
+def _integers(low: int, high: int) -> Range:
     """Ordered integers, each as likely, as the whole part of a uniform label.
 
     `hp.uniformint` gives its two ends half the weight, and a quantised density costs TPE several
     times as much as a continuous one.
     """
+    return Range(low, high + 1)
+
+
+def _category(number: int) -> Range:
+    """One of so many."""
+    return Range(0, number, number)
+
+
+def hyperopt_space(ranges: Mapping[str, Range]) -> dict[str, Any]:
+    """Hyperopt's expressions of some labels."""
     from hyperopt import hp
 
-    return hp.uniform(label, low, high + 1)
+    return {
+        name: hp.randint(name, of.categories)
+        if of.categories
+        else hp.uniform(name, of.low, of.high)
+        for name, of in ranges.items()
+    }
 
 
 def _integer(value: float, low: int, high: int) -> int:
@@ -76,8 +99,8 @@ def _integer(value: float, low: int, high: int) -> int:
 
 def build_space(
     objective: Objective, *, n_slots: int = 10, labels: str = "stability_rank"
-) -> tuple[dict[str, Any], Callable[[Mapping[str, Any]], Architecture]]:
-    """Hyperopt search space of an architecture, and its decoder.
+) -> tuple[dict[str, Range], Callable[[Mapping[str, Any]], Architecture]]:
+    """Search space of an architecture, and its decoder.
 
     Parameters
     ----------
@@ -90,8 +113,8 @@ def build_space(
 
     Returns
     -------
-    space : dict
-        Hyperopt expressions by label.
+    space : dict of Range
+        By label.
     decode : callable
         Turns a sample of the space into ``(orbit, satellites)``, int64 arrays of shape (slot,).
 
@@ -100,8 +123,6 @@ def build_space(
     ConfigurationError
         If there are more slots than orbits, or the kind of label is not known.
     """
-    from hyperopt import hp
-
     if not 1 <= n_slots <= objective.n_orbits:
         raise ConfigurationError(
             f"slots = {n_slots} must lie in 1 .. {objective.n_orbits}, the number of orbits"
@@ -109,19 +130,17 @@ def build_space(
     if labels not in LABELS:
         raise ConfigurationError(f"labels = {labels!r} is not known: use one of {list(LABELS)}")
     slots = range(n_slots)
-    space: dict[str, Any] = {
-        f"satellites_{i}": _integers(f"satellites_{i}", 1, objective.max_satellites) for i in slots
-    }
+    space = {f"satellites_{i}": _integers(1, objective.max_satellites) for i in slots}
     ranges = _family_ranges(objective.family)
     by_stability = stability_order(objective.stability_index)
     for i in slots:
         if labels == "family_position":
-            space[f"family_{i}"] = hp.randint(f"family_{i}", len(ranges))
-            space[f"position_{i}"] = hp.uniform(f"position_{i}", 0.0, 1.0)
+            space[f"family_{i}"] = _category(len(ranges))
+            space[f"position_{i}"] = Range(0.0, 1.0)
         elif labels == "categorical":
-            space[f"orbit_{i}"] = hp.randint(f"orbit_{i}", objective.n_orbits)
+            space[f"orbit_{i}"] = _category(objective.n_orbits)
         else:
-            space[f"orbit_{i}"] = _integers(f"orbit_{i}", 0, objective.n_orbits - 1)
+            space[f"orbit_{i}"] = _integers(0, objective.n_orbits - 1)
 
     def decode_orbit(sample: Mapping[str, Any], i: int) -> int:
         if labels == "family_position":

@@ -3,7 +3,8 @@
 The information of a tasking is the sum over its pairs, which makes the best tasking a linear
 assignment problem, solved exactly in microseconds. The paper searches instead with Hyperopt's
 tree-structured Parzen estimator over one continuous weight per target: the targets with the K
-largest weights go to the observers in that order. Both are here, with two plain baselines.
+largest weights go to the observers in that order. Both are here, the latter also with a compiled
+sampler of the same algorithm, and two plain baselines.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
 from cislunar.errors import ConfigurationError
+from cislunar.parzen import ParzenSearch
 
 Array = NDArray[np.float64]
 
@@ -103,11 +105,37 @@ def _random(
     information: Array, rng: np.random.Generator, max_evaluations: int, early_stop: int
 ) -> tuple[NDArray[np.int64], Array]:
     """Best of many random taskings."""
-    n_observers, n_targets = information.shape
+    return _best_of(
+        information, lambda: rng.random(information.shape[1]), max_evaluations, early_stop
+    )
+
+
+def _compiled_tpe(
+    information: Array, rng: np.random.Generator, max_evaluations: int, early_stop: int
+) -> tuple[NDArray[np.int64], Array]:
+    """The paper's search by the compiled sampler of the same algorithm."""
+    n_targets = information.shape[1]
+    zeros = np.zeros(n_targets)
+    search = ParzenSearch(zeros, zeros + 1.0, zeros, rng)
+    return _best_of(information, search.suggest, max_evaluations, early_stop, told=search.tell)
+
+
+def _best_of(
+    information: Array,
+    suggest: Callable[[], Array],
+    max_evaluations: int,
+    early_stop: int,
+    told: Callable[[Array, float], None] | None = None,
+) -> tuple[NDArray[np.int64], Array]:
+    """Best tasking by suggested weights, whose losses are told; and the course of the search."""
+    n_observers = information.shape[0]
     best, best_value, last_progress, history = None, -np.inf, 0, []
     for evaluation in range(max_evaluations):
-        target = _top(rng.random(n_targets), n_observers)
+        weights = suggest()
+        target = _top(weights, n_observers)
         value = total_information(information, target)
+        if told is not None:
+            told(weights, -value)
         if value > best_value:
             best, best_value, last_progress = target, value, evaluation
         history.append(best_value)
@@ -150,8 +178,12 @@ def _tpe(
 
 
 _DIRECT: dict[str, Callable] = {"exact": _exact, "greedy": _greedy}
-_SEARCHES: dict[str, Callable] = {"tpe": _tpe, "random": _random}
-METHODS = ("exact", "tpe", "greedy", "random")
+_SEARCHES: dict[str, Callable] = {
+    "tpe": _tpe,
+    "tpe-compiled": _compiled_tpe,
+    "random": _random,
+}
+METHODS = ("exact", "tpe", "tpe-compiled", "greedy", "random")
 
 
 def assign(
@@ -172,13 +204,13 @@ def assign(
     ----------
     information : array_like, shape (observer, target)
         Information of every pair, nats, not negative.
-    method : {"exact", "tpe", "greedy", "random"}
-        `exact` is optimal. `tpe` is the paper's; `random` tries random taskings; both keep the
-        best one.
+    method : {"exact", "tpe", "tpe-compiled", "greedy", "random"}
+        `exact` is optimal. `tpe` is the paper's, by Hyperopt, `tpe-compiled` the same algorithm by
+        `cislunar.parzen`; `random` tries random taskings; all three keep the best one.
     rng : numpy.random.Generator, optional
-        Needed by `tpe` and `random`.
+        Needed by the three that search.
     max_evaluations : int
-        Taskings that `tpe` and `random` try at most; 1 makes `random` a single random tasking.
+        Taskings that these try at most; 1 makes `random` a single random tasking.
     early_stop : int
         Taskings without progress after which they end.
 

@@ -25,8 +25,9 @@ from cislunar.tasking.information import TaskingModel, information_bound, pair_i
 Array = NDArray[np.float64]
 Pairs = NDArray[np.bool_]
 
-MARGIN = 1e-9
-"""What another assignment must fall short by, nats, for rounding not to matter."""
+MARGIN = 1e-7
+"""What another assignment must fall short by, nats, for rounding of the information of some hundred
+pairs not to matter."""
 
 FEWEST_PAIRS = 20_000
 """With fewer, little time is to be saved and all pairs are computed."""

@@ -9,7 +9,7 @@ from scipy.stats import chisquare
 
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.hyperopt_search import hyperopt_search, stopping_evaluation
-from cislunar.architecture.search_space import LABELS, build_space
+from cislunar.architecture.search_space import LABELS, build_space, hyperopt_space
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.errors import ConfigurationError
 
@@ -35,8 +35,8 @@ def draw(space, n, seed=0):
     """Samples of a search space, drawn by hyperopt."""
     from hyperopt.pyll.stochastic import sample
 
-    rng = np.random.default_rng(seed)
-    return [sample(space, rng) for _ in range(n)]
+    rng, expressions = np.random.default_rng(seed), hyperopt_space(space)
+    return [sample(expressions, rng) for _ in range(n)]
 
 
 @pytest.mark.parametrize("labels", LABELS)
@@ -101,7 +101,7 @@ def search(method="random", seed=1, **options):
     return hyperopt_search(make_objective(), method=method, rng=rng, **setting)
 
 
-@pytest.mark.parametrize("method", ["tpe", "random"])
+@pytest.mark.parametrize("method", ["tpe", "tpe-compiled", "random"])
 def test_same_seed_same_search(method):
     first, again, other = search(method), search(method), search(method, seed=2)
     np.testing.assert_array_equal(first.history, again.history)

@@ -261,7 +261,7 @@ def random_runs(early_stop):
     runs = [
         search_run_dataset(
             cost, visibility, scenario="A", method="random", labels="family_position", run=run,
-            seed=7, slots=4, max_evaluations=150, early_stop=early_stop,
+            seed=7, slots=4, max_evaluations=150, early_stop=early_stop, sampler="compiled",
         )
         for run in range(3)
     ]  # fmt: skip

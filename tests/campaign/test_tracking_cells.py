@@ -631,6 +631,7 @@ def test_tasking_methods_are_compared_on_the_same_problems(sources):
         "runs": 2,
         "evaluations": [20, 5],
         "tpe_evaluations": 5,
+        "sampler": "compiled",
         "early_stop": 100,
     }
     settings = _small()

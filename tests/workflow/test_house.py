@@ -15,7 +15,7 @@ PATHS = {
 FOLDERS = sorted({path.parent for path in PATHS.values()})
 
 FLOORS = (
-    "constants errors compiled",
+    "constants errors compiled parzen",
     "ephemeris",
     "dynamics",
     "exchange",

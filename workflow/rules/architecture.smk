@@ -15,6 +15,7 @@ rule search_run:
         slots=ARCHITECTURE["slots"],
         max_evaluations=ARCHITECTURE["max_evaluations"],
         early_stop=ARCHITECTURE["early_stop"],
+        sampler=ARCHITECTURE["sampler"],
         seed=config["seed"],
     message:
         "Searching with {wildcards.method}, run {wildcards.run} (scenario {wildcards.scenario})"

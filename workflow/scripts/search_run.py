@@ -18,5 +18,6 @@ with job(snakemake.log[0]):
         slots=snakemake.params.slots,
         max_evaluations=snakemake.params.max_evaluations,
         early_stop=snakemake.params.early_stop,
+        sampler=snakemake.params.sampler,
     )
     write_dataset(run, snakemake.output[0])

@@ -29,14 +29,16 @@ def search_run_dataset(
     slots: int,
     max_evaluations: int,
     early_stop: int,
+    sampler: str,
 ) -> xr.Dataset:
-    """``architecture/{scenario}/runs/{method}_{labels}_{run}.nc``: a Hyperopt search, every trial.
+    """``architecture/{scenario}/runs/{method}_{labels}_{run}.nc``: a search, every trial.
 
     Random search runs to the full number of evaluations; its early stop is a prefix of that.
+    The `sampler` is who draws for TPE: "hyperopt" or "compiled".
     """
     result = hyperopt_search(
         cost,
-        method=method,
+        method="tpe-compiled" if (method, sampler) == ("tpe", "compiled") else method,
         rng=generator(seed, scenario, method, labels, run),
         n_slots=slots,
         labels=labels,
@@ -48,6 +50,7 @@ def search_run_dataset(
     settings = {
         "method": method, "labels": labels, "run": run, "slots": slots,
         "max_evaluations": max_evaluations, "early_stop": early_stop,
+        "sampler": sampler,
     }  # fmt: skip
     return xr.Dataset(
         architecture_variables(result.orbit, result.satellites, cost)

@@ -40,10 +40,10 @@ class Exclusion(Section):
 
 
 class Tasking(Section):
-    method: Literal["exact", "tpe", "greedy", "random"] = setting(
-        "assignment of observers: `exact` (linear assignment, optimal), `tpe` (the paper's), "
-        "`greedy`, `random`", paper="tpe")
-    max_evaluations: Count = setting("taskings `tpe` and `random` try at an epoch", "1", "5000")
+    method: Literal["exact", "tpe", "tpe-compiled", "greedy", "random"] = setting(
+        "assignment of observers: `exact` (linear assignment, optimal), `tpe` (the paper's, by "
+        "Hyperopt), `tpe-compiled` (the same algorithm, compiled), `greedy`, `random`", paper="tpe")
+    max_evaluations: Count = setting("taskings a search tries at an epoch", "1", "5000")
     early_stop: Count = setting("taskings without progress after which they end", "1", "700")
     states: Literal["translation", "full"] = setting(
         "whose information counts: `translation` by the two angles, or `full`, all twelve states "

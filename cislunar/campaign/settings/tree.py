@@ -35,6 +35,7 @@ FAMILIES = (
 )
 Architecture = Literal["tpe", "random", "atpe", "exact", "published"]
 Center = Literal["moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5"]
+Sampler = Literal["hyperopt", "compiled"]
 Labels = Literal["family_position", "index", "stability_rank", "categorical"]
 SCENARIO_NAME, SWEEP_NAME = "^[A-Za-z][A-Za-z0-9.-]*$", "^[a-z][a-z0-9-]*$"
 VARIANT_NAME = "^[a-z][a-z0-9.-]*$"
@@ -141,9 +142,12 @@ class Search(Section):
     early_stop: Count = setting("evaluations without improvement that end a search", paper="500")
     labels: Labels = setting(
         "how an orbit is labelled for Hyperopt; see `docs/deviations.md`", default="stability_rank")
+    sampler: Sampler = setting(
+        "who draws for `tpe`: Hyperopt, or the compiled sampler of the same algorithm "
+        "(`cislunar/parzen.py`)", paper="Hyperopt", default="compiled")
     runs: whole(ge=1, le=1000) = setting(
         "searches with different random numbers; the best becomes the architecture, all make the "
-        "spread", paper="1", default=5)
+        "spread", paper="1", default=20)
     restarts: whole(ge=1, le=1_000_000) = setting(
         "starts of the coordinate search (`exact`, `published`)", default=10)
     certificate: Certificate = Certificate()
@@ -245,8 +249,9 @@ class TaskingComparison(Section):
     evaluations: Annotated[several(Count), Field(min_length=1)] = setting(
         "budgets, each a search of its own with its own clock", "1", "5000")
     tpe_evaluations: Count = setting(
-        "largest budget of TPE, whose time grows faster than its evaluations; "
-        "`config/paper_tpe.yaml` has the paper's", "1", "5000")
+        "largest budget of TPE, whose time grows faster than its evaluations", "1", "5000")
+    sampler: Sampler = setting(
+        "who draws for TPE, as `architecture.sampler`", paper="Hyperopt", default="compiled")
     early_stop: Count = setting(
         "evaluations without progress after which a search ends", "1", "700")
 

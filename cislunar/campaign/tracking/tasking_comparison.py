@@ -106,6 +106,7 @@ def _search_all(
     """All searches: what they reach, when, and the course of the longest one."""
     budgets, runs = sorted(comparison["evaluations"]), comparison["runs"]
     allowed = {"tpe": comparison["tpe_evaluations"], "random": budgets[-1]}
+    called = {"tpe": "tpe-compiled"} if comparison["sampler"] == "compiled" else {}
     shape = (len(SEARCHES), len(pairs), runs, len(budgets))
     found = {
         "information": np.full(shape, np.nan),
@@ -118,7 +119,7 @@ def _search_all(
         method, (_, e, r, b) = SEARCHES[at[0]], at
         reached, found["elapsed"][at] = _timed(
             pairs[e],
-            method,
+            called.get(method, method),
             rng=generator(seed, cell.scenario, cell.architecture, cell.targets, method, e, r),
             max_evaluations=budgets[b],
             early_stop=comparison["early_stop"],
