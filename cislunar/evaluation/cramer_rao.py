@@ -9,9 +9,9 @@ states, and without process noise
 
 States, order and units are those of `cislunar.evaluation.metrics`. A measurement at t_k is carried
 back to a reference time by the transition matrix and updates the Cholesky factor there, so that
-between measurements nothing is propagated but that matrix; without process noise the reference time
-stays the epoch. Process noise moves it on at every step. The matrix of the translation is taken from
-the continuous extension of long steps where it is needed (docs/bound.md).
+between measurements nothing is propagated but that matrix; without process noise the reference
+time stays the epoch. Process noise moves it on at every step. The matrix of the translation is
+taken from the continuous extension of long steps where it is needed (docs/bound.md).
 
 Assumptions and limitations
 ---------------------------

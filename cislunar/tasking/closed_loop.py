@@ -42,6 +42,8 @@ Array = NDArray[np.float64]
 class LoopResult:
     """What became of all seeds of a cell. Targets are numbered within the monitored set.
 
+    Histories are None where ``settings.histories`` leaves them out.
+
     Attributes
     ----------
     assignment : ndarray of int16, shape (seed, epoch, observer)
@@ -85,7 +87,7 @@ class LoopResult:
     failed: NDArray[np.uint8]
     counters: NDArray[np.int64]
     records: Records
-    pair_information: Array | None = None
+    pair_information: Array | None
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -96,6 +98,13 @@ class LoopResult:
     def final_attitude_error_deg(self) -> Array:
         """Root mean square attitude error over the final hours, shape (seed, target)."""
         return self.metrics.final_attitude_error_deg
+
+
+_KEPT = (
+    *("assignment", "information", "evaluations", "error", "sigma", "bound", "fate"),
+    "pair_information",
+)
+"""Attributes that are gathered from pieces."""
 
 
 class State(NamedTuple):
@@ -269,7 +278,7 @@ def run_closed_loop(
     )
     kept, looks = gathered(loop.pieces(progress), len(loop.seeds), loop.lengths)
     metrics, failed, counters = loop.ends()
-    own = {name: kept.pop(name) for name in LoopResult.__annotations__ if name in kept}
+    own = {name: kept.pop(name, None) for name in _KEPT}
     settings = loop.world.settings
     return LoopResult(
         elapsed_s=settings.step_s * (settings.recorded + 1.0),

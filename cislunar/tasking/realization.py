@@ -103,14 +103,19 @@ def interval(world: World, own: Realization, number: int) -> Piece:
         start, own.number, tasking.target, motion, estimates, measurements, fate, settings,
         world.scene,
     )  # fmt: skip
-    kept = {
+    kept: dict[str, tuple[str, NDArray]] = {
         "assignment": ("epoch", tasking.target[None].astype(np.int16)),
         "information": ("epoch", np.array([tasking.information])),
         "evaluations": ("epoch", np.array([tasking.history.size])),
         "fate": ("step", highest(measurements, fate, NOT_TASKED).T),
     }
-    for name, values in (("error", error), ("sigma", estimates.sigma), ("bound", least)):
-        kept[name] = "time", values[:, some].swapaxes(0, 1).astype(np.float32)
+    for history, name, values in (
+        ("errors", "error", error),
+        ("errors", "sigma", estimates.sigma),
+        ("bound", "bound", least),
+    ):
+        if history in settings.histories:
+            kept[name] = "time", values[:, some].swapaxes(0, 1).astype(np.float32)
     if pairs is not None and settings.keep_information:
         kept["pair_information"] = "epoch", pairs[None]
     stop = start + n_steps

@@ -14,6 +14,9 @@ from cislunar.tasking.information import TaskingModel
 Array = NDArray[np.float64]
 
 
+HISTORIES = ("errors", "bound")
+"""Histories that are kept unless a run is told otherwise."""
+
 RECORDABLE = ("truth", "estimates", "covariance", "measurements", "pointing")
 """What a run can keep besides errors and deviations."""
 
@@ -44,6 +47,8 @@ class LoopSettings:
         Steps between the times at which errors and deviations are kept; metrics use every step.
     keep_information : bool
         Keep the information of all pairs at every epoch.
+    histories : tuple of str
+        Which of `HISTORIES` are kept: errors and deviations, the bound. Metrics need neither.
     record : tuple of str
         What else is kept, of `RECORDABLE`; see `cislunar.tasking.recording.Records`.
 
@@ -64,6 +69,7 @@ class LoopSettings:
     initial: Spread = INITIAL_SPREAD
     record_every: int = 1
     keep_information: bool = False
+    histories: tuple[str, ...] = HISTORIES
     record: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -84,8 +90,9 @@ class LoopSettings:
         for key in ("max_evaluations", "early_stop", "record_every"):
             if getattr(self, key) < 1:
                 raise ConfigurationError(f"{key} = {getattr(self, key)} must be at least 1")
-        if not set(self.record) <= set(RECORDABLE):
-            raise ConfigurationError(f"record = {self.record} must be some of {RECORDABLE}")
+        for key, possible in (("histories", HISTORIES), ("record", RECORDABLE)):
+            if not {*getattr(self, key)} <= {*possible}:
+                raise ConfigurationError(f"{key} = {getattr(self, key)} must be some of {possible}")
         if not np.all(self.initial.components() > 0.0):
             raise ConfigurationError(f"initial = {self.initial} must be positive throughout")
 

@@ -18,6 +18,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.evaluation.metrics import attitude_angle_deg
 from cislunar.exchange.arcs import COMMENTS, rotating_arc
 from cislunar.exchange.oem import oem_text, read_oem
+from cislunar.figures.tracking.norms import selected_targets_figure
 from cislunar.orbits.families import observer_library
 from cislunar.tasking.settings import RECORDABLE
 
@@ -95,6 +96,21 @@ def test_the_file_of_a_cell_is_what_is_held_in_memory(inputs, recorded, tmp_path
         assert types == {name: each.dtype for name, each in recorded.variables.items()}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["often.nc", "seldom.nc"]
     assert (tmp_path / "often.nc").read_bytes() == (tmp_path / "seldom.nc").read_bytes()
+
+
+def test_histories_may_be_left_out_and_change_nothing_else(inputs, recorded, tmp_path):
+    cell, settings = cell_of([], recorded_estimator(recorded))
+    settings, path = settings | {"histories": []}, tmp_path / "cell.nc"
+    write_cell(cell, inputs, settings, path, propagator="dop853", seed=3)
+    some = read_dataset(path)
+    assert {"error", "sigma", "bound"}.isdisjoint(some.variables)
+    assert (
+        '"histories"' in some.attrs["settings"] and '"histories"' not in recorded.attrs["settings"]
+    )
+    for name in some.variables:
+        np.testing.assert_array_equal(some[name], recorded[name])
+    with pytest.raises(ConfigurationError, match=r"no errors: add errors to 'task2\.histories'"):
+        selected_targets_figure(cell, some)
 
 
 def test_truth_less_estimate_is_the_error(recorded):

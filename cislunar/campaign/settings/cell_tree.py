@@ -30,6 +30,7 @@ from cislunar.photometry.materials import PhotometryModel
 
 # fmt: off
 
+History = Literal["errors", "bound"]
 Recordable = Literal["truth", "estimates", "covariance", "measurements", "pointing"]
 
 
@@ -198,6 +199,11 @@ class CellSettings(Section):
     record_minutes: Positive = setting(
         "time between the errors and deviations kept in a cell's file (the last state always is); "
         "the metrics use every step", "min", default=10)
+    histories: several(History) = setting(
+        "what a cell keeps of every target at the recorded times: `errors` (and deviations) and "
+        "`bound` (Cramér-Rao); metrics, tables and most figures need neither. What became of a "
+        "look is kept at every step, a byte each before compression",
+        default=["errors", "bound"])
     record: several(Recordable) = setting(
         "what a cell keeps besides, for other tools: any of `truth` and `estimates` (states at the "
         "recorded times), `covariance` (of position and velocity), `measurements` (every look of "

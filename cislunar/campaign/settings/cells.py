@@ -62,8 +62,9 @@ def cell_settings(task2: Mapping[str, Any], variant: str = "") -> dict[str, Any]
 
 
 def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
-    """Settings that record nothing do not say so: the file is the same as without the key."""
-    return {key: value for key, value in settings.items() if key != "record" or value}
+    """Settings that keep what is usual do not say so: the file is the same as without the key."""
+    usual = {key: CellSettings.model_fields[key].default for key in ("histories", "record")}
+    return {key: value for key, value in settings.items() if value != usual.get(key, ...)}
 
 
 def true_settings(settings: Mapping[str, Any]) -> dict[str, Any]:

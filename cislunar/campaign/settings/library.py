@@ -136,6 +136,7 @@ def loop_settings(
         initial=Spread(**dict(cell.initial_sigma)),
         record_every=round(60.0 * cell.record_minutes / cell.step_s),
         keep_information=keep_information,
+        histories=tuple(cell.histories),
         record=tuple(cell.record),
     )
 

@@ -217,12 +217,23 @@ _KEPT = {
     "bound": Described(
         _HISTORY, "f4", _SEVERAL, "standard deviation of the posterior Cramer-Rao bound"),
 }  # fmt: skip
-"""Histories every cell has."""
+"""Histories of a cell."""
+
+_OPTIONAL = {"errors": ("error", "sigma"), "bound": ("bound",)}
+"""Those that `task2.histories` may leave out."""
 
 
 def _histories(loop: ClosedLoop) -> dict[str, Described]:
     """What is kept of every realization."""
-    return _KEPT | recorded_variables(loop.world.settings.record)
+    settings = loop.world.settings
+    left_out = {
+        name
+        for history, names in _OPTIONAL.items()
+        for name in names
+        if history not in settings.histories
+    }
+    usual = {name: each for name, each in _KEPT.items() if name not in left_out}
+    return usual | recorded_variables(settings.record)
 
 
 def _record_dims(loop: ClosedLoop) -> list[str]:

@@ -16,8 +16,10 @@ from cislunar.campaign.data.netcdf import read_dataset, variable
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.fates import LOOK_FATES, counted, fate_shares
+from cislunar.campaign.tracking.records import recorded_variables
 from cislunar.errors import InputFileError
 from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED, PARTS, TRACKED
+from cislunar.tasking.settings import RECORDABLE
 
 Array = NDArray[np.float64]
 
@@ -62,7 +64,8 @@ PER_CELL = {
 LUNAR = "Polar_"
 """Prefix of the orbit classes that are no periodic orbits: the low lunar polar trajectories."""
 
-_HISTORIES = ("error", "sigma", "bound", "valid", "assignment")
+_HISTORIES = ("error", "sigma", "bound", "valid", "assignment", "observer_position")
+_HISTORIES += tuple(recorded_variables(RECORDABLE))
 _NEEDED = ("coverage", "fate", "status", "updates", "bound_ratio", "bound_attitude")
 _ID = ("scenario", "architecture", "estimator", "variant")
 

@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from cislunar.campaign.settings.cells import Cell
+from cislunar.errors import ConfigurationError
 from cislunar.evaluation.metrics import BOUND_SIGMAS, DIVERGED, NEVER_OBSERVED, TRACKED
 from cislunar.figures.axes import Array, Grid, fixed_ticks, legend_below, place, title_above
 from cislunar.figures.labels import (
@@ -177,7 +178,14 @@ def time_axis(axes: Axes, *, labeled: bool) -> None:
 
 
 def histories(cell: xr.Dataset, target: int) -> tuple[Array, Array, Array]:
-    """Hours, errors and standard deviations of a target, starting where records start."""
+    """Hours, errors and standard deviations of a target, starting where records start.
+
+    A `ConfigurationError` if the cell was made without the history that figures show.
+    """
+    if "error" not in cell:
+        raise ConfigurationError(
+            "the cell holds no errors: add errors to 'task2.histories' and make it again"
+        )
     some = cell.isel(seed=REALIZATION, target=target)
     return (
         cell["time"].values / _SECONDS_PER_HOUR,
