@@ -50,7 +50,7 @@ def draw_means(
     low, high = (np.clip(end, *within) for end in (low, high))
     usual = {
         "color": look.color, "linestyle": look.line, "linewidth": 0.9, "elinewidth": 0.7,
-        "capsize": 1.4, "capthick": 0.7, **look.marker_kwargs(3.2),
+        "capsize": 1.4, "capthick": 0.7, "ecolor": (look.color, 0.55), **look.marker_kwargs(3.2),
     }  # fmt: skip
     axes.errorbar(at, mean, yerr=np.nan_to_num([mean - low, high - mean]), **usual | more)
 

@@ -135,6 +135,9 @@ return {
   first, second: shown(), moved: before.some((x, k) => x !== named("moving targets").x[k]),
   ratios, earth: size("Earth"), moon: size("Moon"),
   axes: ["x", "y", "z"].map(axis => gd.layout.scene[axis + "axis"].title.text),
+  colors: gd.data.filter(t => /\\(\\d+\\)$/.test(t.name || "") && t.line && t.mode === "lines")
+    .map(t => t.line.color),
+  foot: innerHeight - gd.querySelector(".slider-container").getBoundingClientRect().bottom,
 };
 """
 
@@ -153,4 +156,6 @@ def test_browser_draws_the_page_without_complaint(page, tmp_path):
         assert ratio == pytest.approx([ratio[0]] * 3, rel=1e-6), "the axes have unequal scales"
     assert found["earth"] == pytest.approx(2 * EARTH_RADIUS_KM, rel=1e-3)
     assert found["moon"] == pytest.approx(2 * MOON_RADIUS_KM, rel=1e-3)
+    assert len(found["colors"]) == len(set(found["colors"])) == 13, "families look alike"
+    assert 0 <= found["foot"] < 12, "an empty band below the slider"
     assert found["axes"] == [f"{axis}, km, rotating frame" for axis in "xyz"]

@@ -173,6 +173,8 @@ def family_map_figure(orbits: xr.Dataset) -> Figure:
                 color=style.color,
                 linestyle=style.line,
                 linewidth=0.6,
+                # northern halves lie over their southern mirror images
+                zorder=2.1 if style.filled else 2.0,
                 **style.marker_kwargs(2.8 if style.filled else 4.8),
             )
         axes.set(xlabel=x_name, ylabel=y_name)

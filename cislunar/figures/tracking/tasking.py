@@ -12,7 +12,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from cislunar.campaign.tracking.realizations import cells_of, realizations, select, values_of
+from cislunar.campaign.tracking.realizations import (
+    PRACTICAL_UNITS,
+    cells_of,
+    realizations,
+    select,
+    values_of,
+)
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
 from cislunar.figures.axes import Array, Grid, legend_below, panel_title, reach, set_vertical
 from cislunar.figures.labels import interval_text
@@ -62,8 +68,10 @@ class Outcome(NamedTuple):
 OUTCOMES = (
     Outcome("attitude within 3\N{GREEK SMALL LETTER SIGMA},\n% of time", "coverage", "attitude",
             100.0, False, PERCENT),
-    Outcome("attitude RMSE,\nGRP, nondim.", "rmse_median", "attitude", 1.0, True),
-    Outcome("position RMSE,\nnondim.", "rmse_median", "position", 1.0, True),
+    Outcome("attitude RMSE,\nmedian, degree", "rmse_median", "attitude",
+            PRACTICAL_UNITS["attitude"][1], True),
+    Outcome("position RMSE,\nmedian, km", "rmse_median", "position",
+            PRACTICAL_UNITS["position"][1], True),
 )  # fmt: skip
 
 
