@@ -432,8 +432,8 @@ def test_best_value_is_held_to_the_end():
 
 UNITS = re.compile(
     r"nondim\.$|rad/s$|degree/h$|m/s$|, min$|% of time$|, degree$|^degree$|(^|, )km$|targets$"
-    r"|\$n_T\$$|, h$|dimensionless$|share of time, %$|consistent\)$|, nat$|evaluations$|% of exact$|, s$"
-    r"|method$"
+    r"|\$n_T\$$|, h$|dimensionless$|share of time, %$|consistent\)$|, nat$|evaluations$|% of exact$"
+    r"|, s$|method$"
 )
 
 
