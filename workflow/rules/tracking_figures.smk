@@ -20,6 +20,9 @@ INTERVAL_COLUMNS = {of: interval_cells(TASK2, name) for of, name in SHOWN.items(
 SELECTED_CELL = {of: selected_cell(TASK2, name) for of, name in SHOWN.items()}
 HIGH_LOAD = {of: high_load_cells(TASK2, name) for of, name in SHOWN.items()}
 
+# Cells may leave out the errors over time, and then there is nothing of single targets to draw.
+ERRORS_KEPT = "errors" in TASK2["histories"]
+
 
 def ends(cells):
     """The first and the last of some cells."""
@@ -302,13 +305,15 @@ rule model_error_figure:
 rule tracking_figures:
     input:
         expand(rules.target_counts_figure.output, of=[of for of in SHOWN if COUNT_COLUMNS[of]]),
-        expand(rules.selected_targets_figure.output, of=[of for of in SHOWN if SELECTED_CELL[of]]),
-        expand(rules.components_figure.output, of=[of for of in SHOWN if SELECTED_CELL[of]]),
+        expand(
+            rules.selected_targets_figure.output + rules.components_figure.output,
+            of=[of for of in SHOWN if ERRORS_KEPT and SELECTED_CELL[of]],
+        ),
         expand(rules.intervals_figure.output, of=[of for of in SHOWN if INTERVAL_COLUMNS[of]]),
         expand(rules.high_load_figure.output, of=[of for of in SHOWN if HIGH_LOAD[of]]),
         expand(
             rules.representative_target_figure.output,
-            of=[of for of in SHOWN if len(HIGH_LOAD[of]) > 1],
+            of=[of for of in SHOWN if ERRORS_KEPT and len(HIGH_LOAD[of]) > 1],
         ),
         rules.against_targets_figure.output if CELLS else [],
         rules.against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else [],
