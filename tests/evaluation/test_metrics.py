@@ -101,16 +101,50 @@ def test_final_attitude_error_is_the_rms_angle():
     np.testing.assert_allclose(final, [20.0 / np.sqrt(2.0), 0.0], rtol=1e-12)
 
 
-@pytest.mark.parametrize("lengths", [(144,), (1,) * 144, (7, 60, 77), (140, 4)])
-def test_the_lengths_of_the_intervals_do_not_matter(lengths):
-    """To the last bit, with a failed estimate, an ended bound and a target never observed."""
+def _histories():
+    """A run with a failed estimate, an ended bound and a target never observed."""
     rng = np.random.default_rng(8)
     sigma = rng.uniform(0.5, 2.0, size=(4, N_STEPS, 12))
     error = sigma * rng.standard_normal(sigma.shape)
     bound = 0.7 * sigma
     used = rng.random((4, N_STEPS)) < 0.01
-    used[0], used[1, 5] = False, True
-    error[1, 100:], sigma[1, 100:], bound[2, 130:] = np.nan, np.nan, np.nan
+    used[0], used[1, 5], used[2:, 7] = False, True, True
+    error[1, 130:], sigma[1, 130:], bound[2, 130:] = np.nan, np.nan, np.nan
+    return error, sigma, bound, used
+
+
+def test_sums_are_those_of_whole_histories():
+    """Against plain averages of all that a run would keep."""
+    error, sigma, bound, used = _histories()
+    found = evaluate(error, sigma, used, STEP_S, bound)
+    last = slice(N_STEPS - 24, None)
+    both = np.isfinite(error + bound)[:, last]
+    squared = [np.where(both, each[:, last] ** 2, 0.0).sum(axis=1) for each in (error, bound)]
+    lengths = [each.reshape(4, 4, 3).sum(axis=2) for each in squared]
+    ratio = np.where(used.any(axis=1)[:, None], np.sqrt(lengths[0] / lengths[1]), np.nan)
+    angle = metrics.attitude_angle_deg(error[:, last])
+    least = np.sqrt((bound[:, last, :3] ** 2).sum(axis=2))
+    covered = np.abs(error) <= 3.0 * sigma
+    for name, wanted in {
+        "coverage": covered.mean(axis=1),
+        "anees": np.nanmean((error / sigma) ** 2, axis=1),
+        "rmse": np.sqrt(np.nanmean(error**2, axis=1)),
+        "final_attitude_error_deg": np.sqrt(np.nanmean(angle**2, axis=1)),
+        "bound_ratio": ratio,
+        "bound_attitude_deg": np.rad2deg(np.sqrt(np.nanmean(least**2, axis=1))),
+    }.items():
+        np.testing.assert_allclose(getattr(found, name), wanted, rtol=1e-12, err_msg=name)
+    rotation = covered[:, last, :6].mean(axis=(1, 2))
+    assert found.status_rotation[0] == NEVER_OBSERVED
+    np.testing.assert_array_equal(
+        found.status_rotation[1:], np.where(rotation[1:] < 0.5, DIVERGED, TRACKED)
+    )
+
+
+@pytest.mark.parametrize("lengths", [(144,), (1,) * 144, (7, 60, 77), (140, 4)])
+def test_the_lengths_of_the_intervals_do_not_matter(lengths):
+    """To the last bit."""
+    error, sigma, bound, used = _histories()
     gathered = metrics.Evaluation(*error.shape[:2], STEP_S)
     for end, length in zip(np.cumsum(lengths), lengths, strict=True):
         some = slice(end - length, end)

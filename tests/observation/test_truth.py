@@ -14,7 +14,7 @@ from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.simulation import TruthModel, draw_truth, initial_estimate
+from cislunar.tasking.simulation import TrueMotion, TruthModel, draw_truth, initial_estimate
 
 BRIGHT = Sensor(limiting_magnitude=22.0)
 INERTIA = np.diag([1.0, 1.3, 1.6])
@@ -65,6 +65,21 @@ def test_torque_acts_on_every_target(problem):
     start = (plain.quaternion[2, 0], plain.angular_velocity[2, 0])
     q, _ = propagate_under_torque(*start, elapsed, 1.0, acceleration)
     np.testing.assert_allclose(truth.quaternion[2], q, atol=1e-12)
+
+
+def test_truth_by_intervals_is_that_of_the_whole(problem):
+    """To the last bit, for bodies that turn in closed form and others, and for every look."""
+    scene, _, epoch, ids, loop = problem
+    initial = initial_estimate(epoch, loop.initial.components())
+    bodies = np.array([np.eye(3), INERTIA, INERTIA, np.eye(3), np.eye(3)])
+    whole = _truth(problem, inertia=bodies, looks=2)
+    motion = TrueMotion(initial, scene, BRIGHT.noise, 3, ids, inertia=bodies, looks=2)
+    start = 0
+    for end in (1, 61, 240):
+        part = motion.advance(end - start)
+        for name, values in whole._asdict().items():
+            np.testing.assert_array_equal(getattr(part, name), values[:, start : end + 1], name)
+        start = end
 
 
 def _loop(problem, truth=None, factory="mukf"):

@@ -3,6 +3,7 @@
 A folder beside the result holds the pieces of its histories and, in one file, how far it has come
 and by what it was made. Every file is written under a temporary name, to the disk, and then moved
 into place, the state after the pieces it counts: what breaks off leaves the last whole checkpoint.
+The files are pickles, which the same sources alone can read, and nobody should take from others.
 """
 
 import hashlib
@@ -13,6 +14,7 @@ import shutil
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import IO, Any
 
@@ -108,10 +110,10 @@ class Checkpoint:
         number, epoch = divmod(self._loop.state.done, self._loop.lengths["epoch"])
         logger.info("going on from realization %d, tasking epoch %d", number, epoch)
 
-    def run(self, progress: Progress | None = None) -> None:
-        """Run what is left of the loop."""
+    def run(self, progress: Progress | None = None, *, pieces: int | None = None) -> None:
+        """Run what is left of the loop, or so many pieces of it."""
         last = time.monotonic()
-        for piece in self._loop.pieces(progress):
+        for piece in islice(self._loop.pieces(progress), pieces):
             self._held.append(piece)
             if time.monotonic() - last >= self._least_s:
                 self._save()
