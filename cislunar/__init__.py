@@ -32,6 +32,8 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
+    if not _HOMES.keys() & globals().keys():  # before the first kernel
+        import_module(f"{__name__}.campaign.operation.kernels").drop_stale_kernels()
     value = globals()[name] = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
     return value
 

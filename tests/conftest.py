@@ -3,7 +3,22 @@
 import pytest
 from campaign_folder import QUICK, copy_workflow, snakemake
 
+from cislunar.campaign.operation.kernels import drop_stale_kernels
 from cislunar.orbits.families import observer_library
+
+
+def pytest_configure(config):
+    """Kernels whose sources have changed are compiled anew; it is said, for it takes a while."""
+    config.stash[STALE] = drop_stale_kernels()
+
+
+def pytest_report_header(config):
+    """A line on top of the run, if there is anything to compile."""
+    count = len(config.stash[STALE])
+    return f"kernels of {count} files will be compiled when first needed" if count else None
+
+
+STALE = pytest.StashKey[list[str]]()
 
 
 def pytest_collection_modifyitems(items):

@@ -2,13 +2,13 @@
 
 import logging
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import click
 
-from cislunar.campaign.data.progress import Progress, logger, progress_log
+from cislunar.campaign.data.compilation import announced
+from cislunar.campaign.data.progress import Progress, logger, on_terminal, progress_log
+from cislunar.campaign.operation.kernels import drop_stale_kernels
 from cislunar.errors import CislunarError
 
 FAILED, INTERRUPTED = 2, 130
@@ -41,7 +41,8 @@ class Command(_Talking):
 
     def invoke(self, context: click.Context) -> Any:
         """Run it."""
-        with _on_terminal(level()):
+        drop_stale_kernels()
+        with on_terminal(level()), announced():
             try:
                 return super().invoke(context)
             except CislunarError:
@@ -80,19 +81,6 @@ class Group(_Talking, click.Group):
 def _failed(message: str) -> int:
     click.echo(f"error: {' '.join(message.split())}", err=True)
     return FAILED
-
-
-@contextmanager
-def _on_terminal(chosen: int) -> Iterator[None]:
-    """What the library logs from this level on goes to the terminal."""
-    handler, before = logging.StreamHandler(), logger.level
-    logger.addHandler(handler)
-    logger.setLevel(chosen)
-    try:
-        yield
-    finally:
-        logger.removeHandler(handler)
-        logger.setLevel(before)
 
 
 def level() -> int:

@@ -18,8 +18,9 @@ from cislunar.architecture.tables import ArchitectureTables
 from cislunar.campaign.architectures.search_runs import best_run_dataset, search_run_dataset
 from cislunar.campaign.data import progress
 from cislunar.campaign.data import provenance as provenance_of
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, variable, write_dataset, write_text
-from cislunar.campaign.data.progress import job, progress_log
+from cislunar.campaign.data.progress import progress_log
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.data.seeds import generator
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
@@ -182,7 +183,7 @@ def test_progress_without_anything_done_does_not_divide_by_zero(monkeypatch, cap
 
 def test_job_logs_to_its_file_and_the_terminal(tmp_path, capfd):
     log = tmp_path / "logs" / "stage" / "job.log"
-    with job(log):
+    with job([log]):
         progress.logger.info("halfway")
     assert re.search(r"halfway\n.* done in 0:00\n", log.read_text())
     assert "halfway" in capfd.readouterr().err
@@ -191,7 +192,7 @@ def test_job_logs_to_its_file_and_the_terminal(tmp_path, capfd):
 
 def test_job_ends_with_the_message_of_an_expected_error(tmp_path, capfd):
     log = tmp_path / "job.log"
-    with pytest.raises(SystemExit) as stopped, job(log):
+    with pytest.raises(SystemExit) as stopped, job([log]):
         raise InputFileError("missions.csv, row 7: no Jacobi constant")
     assert stopped.value.code == 1
     for text in (log.read_text(), capfd.readouterr().err):
@@ -202,7 +203,7 @@ def test_job_ends_with_the_message_of_an_expected_error(tmp_path, capfd):
 
 def test_job_keeps_the_traceback_of_an_unexpected_error(tmp_path):
     log = tmp_path / "job.log"
-    with pytest.raises(ZeroDivisionError), job(log):
+    with pytest.raises(ZeroDivisionError), job([log]):
         raise ZeroDivisionError("division by zero")
     assert "ZeroDivisionError" in log.read_text()
 

@@ -6,8 +6,7 @@ rule search_run:
         results("architecture/{scenario}/runs/{method}_{labels}_{run}.nc"),
     log:
         log_of("architecture/{scenario}/{method}_{labels}_{run}"),
-    benchmark:
-        benchmark_of("search_run/{method}/{scenario}_{labels}_{run}")
+        times=benchmark_of("search_run/{method}/{scenario}_{labels}_{run}"),
     priority: 10
     conda:
         "../envs/cislunar.yaml"
@@ -54,8 +53,7 @@ rule exact:
         results("architecture/{scenario}/exact.nc"),
     log:
         log_of("architecture/{scenario}/exact"),
-    benchmark:
-        benchmark_of("exact/{scenario}")
+        times=benchmark_of("exact/{scenario}"),
     conda:
         "../envs/cislunar.yaml"
     threads: ALL_CORES
@@ -78,8 +76,7 @@ rule published:
         results("architecture/{scenario}/published.nc"),
     log:
         log_of("architecture/{scenario}/published"),
-    benchmark:
-        benchmark_of("published/{scenario}")
+        times=benchmark_of("published/{scenario}"),
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -101,8 +98,7 @@ rule front:
         results("architecture/{scenario}/front.nc"),
     log:
         log_of("architecture/{scenario}/front"),
-    benchmark:
-        benchmark_of("front/{scenario}")
+        times=benchmark_of("front/{scenario}"),
     priority: 5
     conda:
         "../envs/cislunar.yaml"

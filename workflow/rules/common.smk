@@ -24,6 +24,8 @@ from cislunar.campaign.settings.cells import (
     estimator_names,
     mesh_file,
 )
+from cislunar.campaign.operation.handing_over import offer_worker
+from cislunar.campaign.operation.kernels import drop_stale_kernels
 from cislunar.errors import CislunarError
 
 try:
@@ -37,6 +39,10 @@ try:
 except CislunarError as error:
     # not an exception that Snakemake would wrap in lines of its own
     raise SystemExit(f"error: {error}\n(see config/README.md)") from None
+
+if workflow.is_main_process:
+    drop_stale_kernels()
+offer_worker(workflow.is_main_process)
 
 RESULTS = config["results"].rstrip("/")
 SCENARIOS = list(config["scenarios"])
@@ -106,7 +112,10 @@ def log_of(path):
 
 
 def benchmark_of(path):
-    """The file with a job's time and memory; its path begins with the name of the rule."""
+    """The file with a job's time and memory; its path begins with the name of the rule.
+
+    The job writes it: Snakemake would measure the process that waits for the worker.
+    """
     return f"{RESULTS}/benchmarks/{path}.tsv"
 
 

@@ -3,8 +3,7 @@ rule ephemeris:
         results("ephemeris/sun.nc"),
     log:
         log_of("ephemeris/sun"),
-    benchmark:
-        benchmark_of("ephemeris")
+        times=benchmark_of("ephemeris"),
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -20,8 +19,7 @@ use rule ephemeris as ephemeris_of_scenario with:
         results("ephemeris/sun_{scenario}.nc"),
     log:
         log_of("ephemeris/sun_{scenario}"),
-    benchmark:
-        benchmark_of("ephemeris_of_scenario/{scenario}")
+        times=benchmark_of("ephemeris_of_scenario/{scenario}"),
     params:
         settings=settings_of("epoch_jd", "ephemeris", "visibility"),
     message:

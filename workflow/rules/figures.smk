@@ -19,8 +19,7 @@ rule orbit_library_figure:
         pdf=results("figures/fig02_orbit_library.pdf"),
     log:
         log_of("figures/orbit_library"),
-    benchmark:
-        benchmark_of("orbit_library_figure")
+        times=benchmark_of("orbit_library_figure"),
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -39,8 +38,7 @@ rule facet_geometry_figure:
         pdf=results("figures/fig01_facet_geometry.pdf"),
     log:
         log_of("figures/facet_geometry"),
-    benchmark:
-        benchmark_of("facet_geometry_figure")
+        times=benchmark_of("facet_geometry_figure"),
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -63,8 +61,7 @@ rule tpe_orbits_figure:
         pdf=results("figures/fig03_tpe_orbits.pdf"),
     log:
         log_of("figures/tpe_orbits"),
-    benchmark:
-        benchmark_of("tpe_orbits_figure")
+        times=benchmark_of("tpe_orbits_figure"),
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -89,8 +86,7 @@ use rule tpe_orbits_figure as random_orbits_figure with:
         pdf=results("figures/fig04_random_orbits.pdf"),
     log:
         log_of("figures/random_orbits"),
-    benchmark:
-        benchmark_of("random_orbits_figure")
+        times=benchmark_of("random_orbits_figure"),
     message:
         "Drawing the orbits chosen by random search"
 
@@ -109,8 +105,7 @@ use rule tpe_orbits_figure as exact_orbits_figure with:
         pdf=results("figures/fig09_exact_orbits.pdf"),
     log:
         log_of("figures/exact_orbits"),
-    benchmark:
-        benchmark_of("exact_orbits_figure")
+        times=benchmark_of("exact_orbits_figure"),
     message:
         "Drawing the orbits of the best architecture known"
 
@@ -129,8 +124,7 @@ rule satellite_front_figure:
         pdf=results("figures/fig10_satellite_front.pdf"),
     log:
         log_of("figures/satellite_front"),
-    benchmark:
-        benchmark_of("satellite_front_figure")
+        times=benchmark_of("satellite_front_figure"),
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -158,8 +152,7 @@ rule convergence_figure:
         pdf=results("figures/fig11_convergence.pdf"),
     log:
         log_of("figures/convergence"),
-    benchmark:
-        benchmark_of("convergence_figure")
+        times=benchmark_of("convergence_figure"),
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -180,8 +173,7 @@ rule family_map_figure:
         pdf=results("figures/fig12_family_map.pdf"),
     log:
         log_of("figures/family_map"),
-    benchmark:
-        benchmark_of("family_map_figure")
+        times=benchmark_of("family_map_figure"),
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -204,8 +196,7 @@ rule orbits_page:
         ),
     log:
         log_of("figures/orbits_page"),
-    benchmark:
-        benchmark_of("orbits_page")
+        times=benchmark_of("orbits_page"),
     conda:
         "../envs/cislunar.yaml"
     params:

@@ -3,8 +3,7 @@ rule families:
         results("orbits/families.nc"),
     log:
         log_of("orbits/families"),
-    benchmark:
-        benchmark_of("families")
+        times=benchmark_of("families"),
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -20,8 +19,7 @@ rule tracked_targets:
         results("orbits/tracked.nc"),
     log:
         log_of("orbits/tracked"),
-    benchmark:
-        benchmark_of("tracked_targets")
+        times=benchmark_of("tracked_targets"),
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -37,8 +35,7 @@ rule own_tracked_targets:
         results("orbits/tracked_{scenario}.nc"),
     log:
         log_of("orbits/tracked_{scenario}"),
-    benchmark:
-        benchmark_of("own_tracked_targets/{scenario}")
+        times=benchmark_of("own_tracked_targets/{scenario}"),
     wildcard_constraints:
         scenario=any_of(name for name, entry in STUDY["scenarios"].items() if "tracked" in entry),
     conda:

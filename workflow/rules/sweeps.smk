@@ -27,8 +27,7 @@ rule sweep_table:
         ),
     log:
         log_of("tables/sweep_{sweep}"),
-    benchmark:
-        benchmark_of("sweep_table/{sweep}")
+        times=benchmark_of("sweep_table/{sweep}"),
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -58,8 +57,7 @@ rule sweep_figure:
         pdf=results("figures/sweep_{sweep}.pdf"),
     log:
         log_of("figures/sweep_{sweep}"),
-    benchmark:
-        benchmark_of("sweep_figure/{sweep}")
+        times=benchmark_of("sweep_figure/{sweep}"),
     conda:
         "../envs/cislunar.yaml"
     message:

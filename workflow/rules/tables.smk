@@ -20,8 +20,7 @@ rule architecture_table:
         ),
     log:
         log_of("tables/architecture"),
-    benchmark:
-        benchmark_of("architecture_table")
+        times=benchmark_of("architecture_table"),
     conda:
         "../envs/cislunar.yaml"
     threads: ALL_CORES
@@ -73,8 +72,7 @@ rule readings:
         ),
     log:
         log_of("tables/readings_architecture"),
-    benchmark:
-        benchmark_of("readings")
+        times=benchmark_of("readings"),
     conda:
         "../envs/cislunar.yaml"
     threads: ALL_CORES

@@ -5,8 +5,7 @@ rule zvs_points:
         results("targets/zvs_points.nc"),
     log:
         log_of("targets/zvs_points"),
-    benchmark:
-        benchmark_of("zvs_points")
+        times=benchmark_of("zvs_points"),
     priority: 100
     conda:
         "../envs/cislunar.yaml"
@@ -25,8 +24,7 @@ use rule zvs_points as zvs_points_of_scenario with:
         results("targets/zvs_points_{scenario}.nc"),
     log:
         log_of("targets/zvs_points_{scenario}"),
-    benchmark:
-        benchmark_of("zvs_points_of_scenario/{scenario}")
+        times=benchmark_of("zvs_points_of_scenario/{scenario}"),
     params:
         settings=settings_of("targets"),
 
@@ -38,8 +36,7 @@ rule static_targets:
         results("targets/static_{scenario}.nc"),
     log:
         log_of("targets/static_{scenario}"),
-    benchmark:
-        benchmark_of("static_targets/{scenario}")
+        times=benchmark_of("static_targets/{scenario}"),
     wildcard_constraints:
         scenario=any_of(SAMPLED),
     priority: 50
@@ -62,8 +59,7 @@ rule own_static_targets:
         results("targets/static_{scenario}.nc"),
     log:
         log_of("targets/static_{scenario}"),
-    benchmark:
-        benchmark_of("own_static_targets/{scenario}")
+        times=benchmark_of("own_static_targets/{scenario}"),
     wildcard_constraints:
         scenario=any_of(OWN_STATIC),
     conda:

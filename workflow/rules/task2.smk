@@ -38,8 +38,7 @@ rule tracking_cell_variant:
         results("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}_{variant}.nc"),
     log:
         log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}_{variant}"),
-    benchmark:
-        benchmark_of(f"tracking_cell_variant/{CELL}_{{variant}}")
+        times=benchmark_of(f"tracking_cell_variant/{CELL}_{{variant}}"),
     priority: 4
     conda:
         "../envs/cislunar.yaml"
@@ -62,8 +61,7 @@ use rule tracking_cell_variant as tracking_cell_large with:
         results("task2/{scenario}/{architecture}/{estimator}/nt{n,[1-9][0-9][0-9]+}_dt{minutes}.nc"),
     log:
         log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"),
-    benchmark:
-        benchmark_of(f"tracking_cell_large/{CELL}")
+        times=benchmark_of(f"tracking_cell_large/{CELL}"),
     priority: 3
     message:
         "Tracking {wildcards.n} targets, tasking every {wildcards.minutes} min "
@@ -73,8 +71,9 @@ use rule tracking_cell_variant as tracking_cell_large with:
 use rule tracking_cell_large as tracking_cell_small with:
     output:
         results("task2/{scenario}/{architecture}/{estimator}/nt{n,[1-9][0-9]?}_dt{minutes}.nc"),
-    benchmark:
-        benchmark_of(f"tracking_cell_small/{CELL}")
+    log:
+        log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"),
+        times=benchmark_of(f"tracking_cell_small/{CELL}"),
     priority: 2
 
 
@@ -85,8 +84,7 @@ rule tracking_summary:
         results("task2/summary.nc"),
     log:
         log_of("task2/summary"),
-    benchmark:
-        benchmark_of("tracking_summary")
+        times=benchmark_of("tracking_summary"),
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -150,8 +148,7 @@ rule tasking_comparison_cell:
         results("task2/tasking/{scenario}_{architecture}_nt{n}.nc"),
     log:
         log_of("task2/tasking/{scenario}_{architecture}_nt{n}"),
-    benchmark:
-        benchmark_of("tasking_comparison_cell/{scenario}_{architecture}_nt{n}")
+        times=benchmark_of("tasking_comparison_cell/{scenario}_{architecture}_nt{n}"),
     priority: 6
     conda:
         "../envs/cislunar.yaml"

@@ -47,8 +47,7 @@ rule target_counts_figure:
         pdf=results("figures/fig05_target_counts{of}.pdf"),
     log:
         log_of("figures/target_counts{of}"),
-    benchmark:
-        benchmark_of("target_counts_figure/figure{of}")
+        times=benchmark_of("target_counts_figure/figure{of}"),
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -72,8 +71,7 @@ rule selected_targets_figure:
         pdf=results("figures/fig06_selected_targets{of}.pdf"),
     log:
         log_of("figures/selected_targets{of}"),
-    benchmark:
-        benchmark_of("selected_targets_figure/figure{of}")
+        times=benchmark_of("selected_targets_figure/figure{of}"),
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -95,8 +93,7 @@ use rule selected_targets_figure as components_figure with:
         pdf=results("figures/fig06_components{of}.pdf"),
     log:
         log_of("figures/components{of}"),
-    benchmark:
-        benchmark_of("components_figure/figure{of}")
+        times=benchmark_of("components_figure/figure{of}"),
     params:
         cell=lambda wildcards: list(map(tuple, SELECTED_CELL[wildcards.of])),
         errors="components",
@@ -118,8 +115,7 @@ use rule target_counts_figure as intervals_figure with:
         pdf=results("figures/fig07_intervals{of}.pdf"),
     log:
         log_of("figures/intervals{of}"),
-    benchmark:
-        benchmark_of("intervals_figure/figure{of}")
+        times=benchmark_of("intervals_figure/figure{of}"),
     params:
         along="interval",
         columns=lambda wildcards: [list(map(tuple, c)) for c in INTERVAL_COLUMNS[wildcards.of]],
@@ -139,8 +135,7 @@ use rule target_counts_figure as high_load_figure with:
         pdf=results("figures/fig08_intervals_high_load{of}.pdf"),
     log:
         log_of("figures/intervals_high_load{of}"),
-    benchmark:
-        benchmark_of("high_load_figure/figure{of}")
+        times=benchmark_of("high_load_figure/figure{of}"),
     params:
         along="high load",
         columns=lambda wildcards: [list(map(tuple, HIGH_LOAD[wildcards.of]))],
@@ -160,8 +155,7 @@ rule representative_target_figure:
         pdf=results("figures/fig08_representative_target{of}.pdf"),
     log:
         log_of("figures/representative_target{of}"),
-    benchmark:
-        benchmark_of("representative_target_figure/figure{of}")
+        times=benchmark_of("representative_target_figure/figure{of}"),
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -184,8 +178,7 @@ rule against_targets_figure:
         pdf=results("figures/fig13_tracking_against_targets.pdf"),
     log:
         log_of("figures/tracking_against_targets"),
-    benchmark:
-        benchmark_of("against_targets_figure")
+        times=benchmark_of("against_targets_figure"),
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -207,8 +200,7 @@ use rule against_targets_figure as against_interval_figure with:
         pdf=results("figures/fig14_tracking_against_interval.pdf"),
     log:
         log_of("figures/tracking_against_interval"),
-    benchmark:
-        benchmark_of("against_interval_figure")
+        times=benchmark_of("against_interval_figure"),
     params:
         along="interval",
         by="architecture",
@@ -226,8 +218,7 @@ use rule against_targets_figure as estimators_against_targets_figure with:
         pdf=results("figures/fig16_estimators_against_targets.pdf"),
     log:
         log_of("figures/estimators_against_targets"),
-    benchmark:
-        benchmark_of("estimators_against_targets_figure")
+        times=benchmark_of("estimators_against_targets_figure"),
     params:
         along="targets",
         by="estimator",
@@ -245,8 +236,7 @@ use rule against_targets_figure as estimators_against_interval_figure with:
         pdf=results("figures/fig17_estimators_against_interval.pdf"),
     log:
         log_of("figures/estimators_against_interval"),
-    benchmark:
-        benchmark_of("estimators_against_interval_figure")
+        times=benchmark_of("estimators_against_interval_figure"),
     params:
         along="interval",
         by="estimator",
@@ -267,8 +257,7 @@ rule tasking_figure:
         pdf=results("figures/fig15_tasking_comparison.pdf"),
     log:
         log_of("figures/tasking_comparison"),
-    benchmark:
-        benchmark_of("tasking_figure")
+        times=benchmark_of("tasking_figure"),
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -292,8 +281,7 @@ rule model_error_figure:
         pdf=results("figures/fig18_model_error.pdf"),
     log:
         log_of("figures/model_error"),
-    benchmark:
-        benchmark_of("model_error_figure")
+        times=benchmark_of("model_error_figure"),
     conda:
         "../envs/cislunar.yaml"
     message:

@@ -7,8 +7,7 @@ rule visibility:
         results("visibility/{scenario}.nc"),
     log:
         log_of("visibility/{scenario}"),
-    benchmark:
-        benchmark_of("visibility/{scenario}")
+        times=benchmark_of("visibility/{scenario}"),
     priority: 50
     conda:
         "../envs/cislunar.yaml"

@@ -1,14 +1,18 @@
 """Makes tables/claims_architecture.csv: the paper's numbers and claims on the architecture."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
 from collections import defaultdict
 from pathlib import Path
 
 from cislunar.campaign.claims.architecture import comparison_claims, cost_claims, library_claims
 from cislunar.campaign.claims.judges import claims_table
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_text
-from cislunar.campaign.data.progress import job
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     orbits = read_dataset(snakemake.input.orbits)
     architectures = defaultdict(dict)
     for path in map(Path, snakemake.input.architectures):

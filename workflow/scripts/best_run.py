@@ -1,11 +1,15 @@
 """Makes architecture/{scenario}/{method}.nc: the best of several searches, and their spread."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
 from cislunar.campaign.architectures.search_runs import best_run_dataset
 from cislunar.campaign.architectures.visibility import cost_function
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
-from cislunar.campaign.data.progress import job
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     cost = cost_function(
         read_dataset(snakemake.input.visibility), read_dataset(snakemake.input.orbits)
     )

@@ -1,11 +1,15 @@
 """Makes architecture/{scenario}/exact.nc: the best architecture, and the proof that it is."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
 from cislunar.campaign.architectures.exact import exact_dataset
 from cislunar.campaign.architectures.visibility import cost_function
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
-from cislunar.campaign.data.progress import job
 
-with job(snakemake.log[0], snakemake.threads):
+with job(snakemake.log, snakemake.threads):
     visibility = read_dataset(snakemake.input.visibility)
     exact = exact_dataset(
         cost_function(visibility, read_dataset(snakemake.input.orbits)),

@@ -1,6 +1,11 @@
 """Makes figures/fig05_target_counts, fig07_intervals, fig08_intervals_high_load: every target."""
 
-from cislunar.campaign.data.progress import each, job
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
+from cislunar.campaign.data.job import job
+from cislunar.campaign.data.progress import each
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.summary import read_cell_metrics
 from cislunar.figures.style import save_figure
@@ -10,7 +15,7 @@ from cislunar.figures.tracking.heatmaps import (
     target_counts_figure,
 )
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     files = each(snakemake.input, "cells")
     columns = [
         {Cell(*cell): read_cell_metrics(next(files)) for cell in column}

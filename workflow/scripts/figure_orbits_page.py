@@ -1,13 +1,17 @@
 """Makes figures/orbits_3d.html: the interactive page of orbits, architectures and targets."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
 from collections import defaultdict
 from pathlib import Path
 
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_text
-from cislunar.campaign.data.progress import job
 from cislunar.figures.space.orbits_page import orbits_page
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     architectures = defaultdict(dict)
     for path in map(Path, snakemake.input.architectures):
         architectures[path.parent.name][path.stem] = read_dataset(path)

@@ -1,12 +1,17 @@
 """Makes figures/fig08_representative_target: one target's errors with two tasking intervals."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset
-from cislunar.campaign.data.progress import each, job
+from cislunar.campaign.data.progress import each
 from cislunar.campaign.settings.cells import Cell
 from cislunar.figures.style import save_figure
 from cislunar.figures.tracking.representative import representative_target_figure
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     found = zip(snakemake.params.cells, each(snakemake.input, "cells"), strict=True)
     figure = representative_target_figure({Cell(*cell): read_dataset(path) for cell, path in found})
     save_figure(figure, snakemake.output.png, snakemake.output.pdf)

@@ -1,11 +1,15 @@
 """Makes figures/fig03_tpe_orbits, fig04_random_orbits, fig09_exact_orbits: the chosen orbits."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset
-from cislunar.campaign.data.progress import job
 from cislunar.figures.space.architectures import selected_orbits_figure
 from cislunar.figures.style import save_figure
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     scenarios = snakemake.params.scenarios
     architectures = map(read_dataset, snakemake.input.architectures)
     targets = (read_dataset(path).sizes["target"] for path in snakemake.input.targets)

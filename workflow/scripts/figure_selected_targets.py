@@ -1,13 +1,17 @@
 """Makes figures/fig06_selected_targets and fig06_components: errors and bounds of a few targets."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset
-from cislunar.campaign.data.progress import job
 from cislunar.campaign.settings.cells import Cell
 from cislunar.figures.style import save_figure
 from cislunar.figures.tracking.errors import components_figure
 from cislunar.figures.tracking.norms import selected_targets_figure
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     (cell,) = snakemake.params.cell
     draw = {"norms": selected_targets_figure, "components": components_figure}
     figure = draw[snakemake.params.errors](Cell(*cell), read_dataset(snakemake.input[0]))

@@ -1,11 +1,15 @@
 """Makes figures/sweep_{sweep}: a sweep over a key of a scenario."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
 import pandas as pd
 
-from cislunar.campaign.data.progress import job
+from cislunar.campaign.data.job import job
 from cislunar.figures.search.sweep import sweep_figure
 from cislunar.figures.style import save_figure
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     figure = sweep_figure(pd.read_csv(snakemake.input[0]))
     save_figure(figure, snakemake.output.png, snakemake.output.pdf)

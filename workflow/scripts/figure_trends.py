@@ -1,11 +1,15 @@
 """Makes figures/fig13, fig14 (architectures compared), fig16 and fig17 (estimators compared)."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset
-from cislunar.campaign.data.progress import job
 from cislunar.figures.style import save_figure
 from cislunar.figures.tracking.trends import against_interval_figure, against_targets_figure
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     draw = {"targets": against_targets_figure, "interval": against_interval_figure}
     figure = draw[snakemake.params.along](read_dataset(snakemake.input[0]), snakemake.params.by)
     save_figure(figure, snakemake.output.png, snakemake.output.pdf)

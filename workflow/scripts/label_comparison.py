@@ -1,13 +1,17 @@
 """Makes tables/label_comparison.csv: J of TPE by the way orbits are labelled."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
 from pathlib import Path
 
 import pandas as pd
 
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_text
-from cislunar.campaign.data.progress import job
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     rows = []
     for path in map(Path, snakemake.input):
         run = read_dataset(path)

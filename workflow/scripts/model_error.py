@@ -1,11 +1,15 @@
 """Makes tables/model_error.csv: what a truth unlike the estimators' belief costs."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_text
-from cislunar.campaign.data.progress import job
 from cislunar.campaign.settings.model_error import model_errors
 from cislunar.campaign.tracking.model_error_table import model_error_rows
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     errors = model_errors(snakemake.params.settings["task2"])
     rows = model_error_rows(read_dataset(snakemake.input[0]), errors)
     write_text(rows.to_csv(index=False), snakemake.output[0])

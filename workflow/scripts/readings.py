@@ -1,10 +1,15 @@
 """Makes tables/readings.csv: J under each reading of the paper."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_text
-from cislunar.campaign.data.progress import job, progress_log
+from cislunar.campaign.data.progress import progress_log
 from cislunar.campaign.readings.architecture import readings_table
 
-with job(snakemake.log[0], snakemake.threads):
+with job(snakemake.log, snakemake.threads):
     table = readings_table(
         snakemake.params.config,
         snakemake.params.scenario,

@@ -1,12 +1,16 @@
 """Makes tables/results.md: every number and claim of the paper beside ours, to be read."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
 import pandas as pd
 
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_text
-from cislunar.campaign.data.progress import job
 from cislunar.campaign.documents.results_page import results_page, verdicts_svg
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     tables = {
         "paper_vs_ours": pd.read_csv(snakemake.input.paper_vs_ours, dtype=str),
         "architecture": pd.read_csv(snakemake.input.architecture),

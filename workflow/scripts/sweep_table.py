@@ -1,13 +1,17 @@
 """Makes tables/sweep_{sweep}.csv: what every value of a sweep gives."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_text
-from cislunar.campaign.data.progress import job
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.settings.families import SweepPoint
 from cislunar.campaign.tracking.summary import read_cell_metrics, summary_dataset
 from cislunar.campaign.tracking.sweep_table import architecture_values, sweep_rows
 
-with job(snakemake.log[0], snakemake.threads):
+with job(snakemake.log, snakemake.threads):
     read, params = snakemake.input, snakemake.params
     orbits = read_dataset(read.orbits)
     places = zip(read.architectures, read.targets, read.suns, params.settings, strict=True)

@@ -1,11 +1,16 @@
 """Makes task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}.nc: a cell, all seeds."""
 
-from cislunar.campaign.data.progress import job, progress_log
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker("tracking")
+
+from cislunar.campaign.data.job import job
+from cislunar.campaign.data.progress import progress_log
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import read_inputs
 from cislunar.campaign.tracking.dataset import write_cell
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     wildcards = snakemake.wildcards
     cell = Cell(
         wildcards.scenario,

@@ -1,11 +1,15 @@
 """Makes tables/claims_tracking.csv: the paper's claims on tasking and tracking beside ours."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
 from cislunar.campaign.claims.judges import claims_table
 from cislunar.campaign.claims.tracking import tasking_claims, tracking_claims
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_text
-from cislunar.campaign.data.progress import job
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     summary = read_dataset(snakemake.input.summary)
     claims = tracking_claims(summary)
     comparison = snakemake.input.get("comparison")

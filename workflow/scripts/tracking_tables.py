@@ -1,10 +1,14 @@
 """Makes tables/tracking.csv, and readings_tracking.csv and estimators.csv if cells compare."""
 
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
+from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_text
-from cislunar.campaign.data.progress import job
 from cislunar.campaign.tracking.tables import estimator_rows, reading_rows, tracking_rows
 
-with job(snakemake.log[0]):
+with job(snakemake.log):
     summary = read_dataset(snakemake.input[0])
     tables = {"tracking": tracking_rows, "readings": reading_rows, "estimators": estimator_rows}
     for name, path in snakemake.output.items():

@@ -1,10 +1,15 @@
 """Makes visibility/{scenario}.nc: observations for every orbit, satellite count and target."""
 
-from cislunar.campaign.architectures.visibility import visibility_dataset
-from cislunar.campaign.data.netcdf import read_dataset, write_dataset
-from cislunar.campaign.data.progress import job, progress_log
+from cislunar.campaign.operation.handing_over import in_worker
 
-with job(snakemake.log[0], snakemake.threads):
+in_worker()
+
+from cislunar.campaign.architectures.visibility import visibility_dataset
+from cislunar.campaign.data.job import job
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.progress import progress_log
+
+with job(snakemake.log, snakemake.threads):
     counts = visibility_dataset(
         read_dataset(snakemake.input.orbits),
         read_dataset(snakemake.input.targets),

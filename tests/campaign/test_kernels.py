@@ -1,0 +1,97 @@
+"""Compiled kernels: dropped where sources have changed, and compiled in sight."""
+
+import logging
+import re
+
+import pytest
+from numba import njit
+
+from cislunar.campaign.data.compilation import announced
+from cislunar.campaign.operation import kernels
+from cislunar.estimation.kalman import mukf_kernels
+from cislunar.photometry import facets
+
+KERNEL = "from numba import njit\n{}\n\n@njit(cache=True)\ndef kernel(x):\n    return x\n"
+SOURCES = {
+    "first.py": KERNEL.format("from cislunar.room import (\n    constant,\n    other,\n)"),
+    "second.py": KERNEL.format("from cislunar.room.other import value"),
+    "room/__init__.py": "",
+    "room/constant.py": "value = 1\n",
+    "room/other.py": "value = 2\n",
+    "room/chosen.py": "@implements(function, Model)\ndef body(x):\n    return x\n",
+    "tables.py": "from cislunar.first import kernel\n",
+}
+
+
+@pytest.fixture
+def library(tmp_path, monkeypatch):
+    """A library of two kernels, both cached."""
+    folder = tmp_path / "cislunar"
+    (folder / "room").mkdir(parents=True)
+    for name, text in SOURCES.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    monkeypatch.setattr(kernels, "_PACKAGE", folder)
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    assert kernels.drop_stale_kernels() == ["first.py", "second.py"]
+    for name in ("first", "second"):
+        for ending in ("nbi", "1.nbc"):
+            (folder / f"__pycache__/{name}.kernel-4.py311.{ending}").touch()
+    return folder
+
+
+def cached(folder):
+    return sorted({path.name.split(".")[0] for path in folder.glob("__pycache__/*.nb[ic]")})
+
+
+@pytest.mark.parametrize(
+    "name, kept",
+    [
+        ("first.py", ["second"]),
+        ("room/constant.py", ["second"]),
+        ("room/other.py", []),
+        ("room/chosen.py", []),
+        ("tables.py", ["first", "second"]),
+    ],
+)
+def test_kernels_of_changed_sources_are_dropped(library, name, kept):
+    assert kernels.drop_stale_kernels() == []
+    assert cached(library) == ["first", "second"]
+    path = library / name
+    path.write_text(path.read_text(encoding="utf-8") + "more = 1\n", encoding="utf-8")
+    kernels.drop_stale_kernels()
+    assert cached(library) == kept
+    assert kernels.drop_stale_kernels() == []
+
+
+def test_a_cache_elsewhere_is_kept_apart(library, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "elsewhere"))
+    assert kernels.drop_stale_kernels() == ["first.py", "second.py"]
+    assert kernels.drop_stale_kernels() == []
+    assert cached(library) == ["first", "second"]
+
+
+def test_every_file_a_kernel_calls_into_counts():
+    """As the globals of the kernels say, of which the imports know nothing."""
+    found = kernels._closure(
+        [kernels.Path(mukf_kernels.__file__)],
+        lambda path: filter(
+            kernels.Path.is_file, kernels._imports(path.read_text(encoding="utf-8"))
+        ),
+    )
+    assert kernels.Path(facets.__file__) in found
+
+
+def test_compilation_is_announced(caplog):
+    caplog.set_level(logging.INFO, "cislunar")
+    with announced():
+        pass
+    assert caplog.messages == []
+
+    @njit
+    def half(x):
+        return 0.5 * x
+
+    with announced():
+        assert half(1.0) == 0.5
+    assert caplog.messages[0] == "compiling kernels; they are cached, so that it is done once"
+    assert re.search(r"^\d+ of \d+ kernels ready, 0:\d\d$", caplog.messages[-1])

@@ -1,0 +1,166 @@
+"""Scripts in the worker of a run: they begin with all in memory and end as if they ran alone."""
+
+import ast
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+
+from cislunar.campaign.operation import handing_over
+from cislunar.campaign.operation.handing_over import FOLDER
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPTS = sorted((ROOT / "workflow/scripts").glob("*.py"))
+BEGINNING = "from cislunar.campaign.operation.handing_over import in_worker\n\nin_worker("
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="there is none beyond Linux")
+
+
+class Run:
+    """What stands for a Snakemake whose jobs share a worker."""
+
+    def __init__(self, scripts):
+        self.scripts = scripts
+        self.process = subprocess.Popen(["sleep", "600"])
+        name = f"cislunar-{os.getuid()}-{self.process.pid}"
+        self.folder = Path(tempfile.gettempdir()) / name
+
+    def start(self, text, **environment):
+        """Start a script that goes to the worker."""
+        path = self.scripts / f"script{len(list(self.scripts.iterdir()))}.py"
+        path.write_text(f"{BEGINNING})\n\n{text}", encoding="utf-8")
+        return subprocess.Popen(
+            [sys.executable, str(path)],
+            env=os.environ | {FOLDER: str(self.folder)} | environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def outcome(self, text, **environment):
+        """Output, errors and exit code of a script."""
+        script = self.start(text, **environment)
+        return *script.communicate(timeout=60), script.returncode
+
+    def end(self):
+        self.process.kill()
+        self.process.wait()
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    run = Run(tmp_path_factory.mktemp("scripts"))
+    yield run
+    run.end()
+
+
+def first_line(script):
+    """What a script says first; it is at work then."""
+    return script.stdout.readline().strip()
+
+
+def waited(condition):
+    """Whether it comes true within a minute."""
+    start = time.monotonic()
+    while not condition() and time.monotonic() - start < 60.0:
+        time.sleep(0.02)
+    return condition()
+
+
+def test_a_script_finds_its_imports_in_memory_and_its_own_surroundings(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = """
+import sys
+print("colorsys" in sys.modules)
+import os
+print(os.getcwd(), os.environ["ASKED"], os.getppid())
+print("said", file=sys.stderr)
+import colorsys
+sys.exit(3)
+"""
+    output, errors, code = run.outcome(text, ASKED="yes")
+    loaded, (folder, asked, worker) = (line.split() for line in output.splitlines())
+    assert loaded == ["True"]
+    assert (folder, asked, errors, code) == (str(tmp_path), "yes", "said\n", 3)
+    again = run.outcome("import os\nprint(os.getppid())")
+    assert again == (f"{worker}\n", "", 0)
+
+
+def test_an_error_is_told_where_it_rose(run):
+    _, errors, code = run.outcome("import no_such_module")
+    assert code == 1
+    assert "ModuleNotFoundError: No module named 'no_such_module'" in errors
+
+
+def test_a_killed_job_kills_who_waits_for_it_and_nobody_else(run):
+    other = run.start("import time\nprint(1, flush=True)\ntime.sleep(1)\nprint(2)")
+    assert first_line(other) == "1"
+    assert run.outcome("import os\nos.kill(os.getpid(), 9)")[2] == -signal.SIGKILL
+    assert other.communicate(timeout=60) == ("2\n", "")
+
+
+STOPPED = """
+import os, pathlib, signal, sys, time
+signal.signal(signal.SIGTERM, lambda *_: (pathlib.Path(os.environ["NOTE"]).touch(), sys.exit(143)))
+print("at work", flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_who_waits_is_stopped_and_so_is_the_job(run, tmp_path, number):
+    script = run.start(STOPPED, NOTE=str(tmp_path / "note"))
+    assert first_line(script) == "at work"
+    script.send_signal(number)
+    assert script.wait(60) == (143 if number == signal.SIGTERM else -number)
+    assert waited((tmp_path / "note").exists)
+
+
+def test_the_worker_goes_with_its_run_and_leaves_jobs_to_end(tmp_path):
+    own = Run(tmp_path)
+    text = "import os, time\nprint(os.getppid(), flush=True)\ntime.sleep(1)\nprint('whole')"
+    script = own.start(text)
+    worker = int(first_line(script))
+    own.end()
+    assert waited(lambda: not own.folder.exists())
+    assert script.communicate(timeout=60) == ("whole\n", "")
+    assert waited(lambda: not Path(f"/proc/{worker}/exe").exists())
+
+
+def test_without_a_worker_a_script_goes_on_by_itself(run):
+    output, _, code = run.outcome("import os\nprint(os.getppid())", **{FOLDER: ""})
+    assert (output, code) == (f"{os.getpid()}\n", 0)
+
+
+def test_only_the_main_process_of_a_run_offers_a_worker(monkeypatch):
+    monkeypatch.setenv(FOLDER, "of another run")
+    handing_over.offer_worker(main=False)
+    assert FOLDER not in os.environ
+    handing_over.offer_worker(main=True)
+    assert os.environ[FOLDER].endswith(f"-{os.getpid()}")
+    monkeypatch.setenv(FOLDER, "")
+    handing_over.offer_worker(main=True)
+    assert os.environ[FOLDER] == ""
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
+def test_every_script_begins_in_the_worker(path):
+    _, imported, handed, *_ = ast.parse(path.read_text(encoding="utf-8")).body
+    assert f"{ast.unparse(imported)}\n\n{ast.unparse(handed)}".startswith(BEGINNING)
+
+
+def test_tracking_loads_neither_hyperopt_nor_matplotlib():
+    text = (ROOT / "workflow/scripts/tracking_cell.py").read_text(encoding="utf-8")
+    imports = [
+        ast.unparse(node) for node in ast.parse(text).body if isinstance(node, ast.ImportFrom)
+    ]
+    told = "import sys\nprint(*sys.modules)"
+    command = [sys.executable, "-c", "\n".join([*imports, told])]
+    loaded = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    assert "cislunar.tasking.closed_loop" in loaded
+    assert not {"hyperopt", "matplotlib", "plotly", "sklearn", "snakemake"} & set(loaded)
