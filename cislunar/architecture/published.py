@@ -8,8 +8,9 @@ paper's own members give on our tables.
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cislunar.architecture.objective import Objective
+from cislunar.architecture.objective import IMPROVES, Objective
 from cislunar.architecture.result import SearchResult
 from cislunar.errors import ConfigurationError
 
@@ -103,15 +104,7 @@ def choose_members(
             f"a published slot has {satellites.max()} satellites, the tables stop at "
             f"max_satellites = {objective.max_satellites}"
         )
-    members = {}
-    for family in dict.fromkeys(name for name, _ in slots):  # a set has no fixed order
-        members[family] = np.flatnonzero(objective.family == family)
-        wanted = sum(name == family for name, _ in slots)
-        if len(members[family]) < wanted:
-            raise ConfigurationError(
-                f"orbit family {family} has {len(members[family])} members in the library, "
-                f"the published architecture needs {wanted}: raise orbits.members"
-            )
+    members = _members(objective, slots)
     tried: list[tuple[np.ndarray, np.ndarray]] = []
     history: list[float] = []
 
@@ -134,11 +127,57 @@ def choose_members(
                     trial = orbit.copy()
                     trial[slot] = candidate
                     value = judge(trial)
-                    if value > best:
+                    if value > best * IMPROVES:
                         orbit, best, improved = trial, value, True
         if progress is not None:
             progress(restart + 1, restarts)
     return SearchResult.from_trials(objective, tried, history, keep_slots=True)
+
+
+def values_by_chance(
+    objective: Objective,
+    slots: tuple[tuple[str, int], ...],
+    rng: np.random.Generator,
+    draws: int = 1000,
+) -> NDArray[np.float64]:
+    """Values of random choices of the members of each family, counts being given.
+
+    Parameters
+    ----------
+    objective, slots
+        As for `choose_members`.
+    rng : numpy.random.Generator
+        Source of the members.
+    draws : int
+        Number of choices.
+
+    Returns
+    -------
+    ndarray, shape (draws,)
+
+    Raises
+    ------
+    ConfigurationError
+        If a family has fewer members in the tables than it has slots.
+    """
+    satellites = np.array([count for _, count in slots], dtype=np.int64)
+    members = _members(objective, slots)
+    chosen = (_random_members(slots, members, rng) for _ in range(draws))
+    return np.array([objective.value(orbit, satellites) for orbit in chosen])
+
+
+def _members(objective: Objective, slots) -> dict[str, NDArray[np.int64]]:
+    """Orbits of each family; an error if they are too few."""
+    members = {}
+    for family in dict.fromkeys(name for name, _ in slots):  # a set has no fixed order
+        members[family] = np.flatnonzero(objective.family == family)
+        wanted = sum(name == family for name, _ in slots)
+        if len(members[family]) < wanted:
+            raise ConfigurationError(
+                f"orbit family {family} has {len(members[family])} members in the library, "
+                f"the published architecture needs {wanted}: raise orbits.members"
+            )
+    return members
 
 
 def _random_members(slots, members, rng) -> np.ndarray:

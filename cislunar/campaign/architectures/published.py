@@ -3,10 +3,11 @@
 import xarray as xr
 
 from cislunar.architecture.cost import CostFunction
-from cislunar.architecture.published import PUBLISHED, choose_members
+from cislunar.architecture.published import PUBLISHED, choose_members, values_by_chance
 from cislunar.campaign.architectures.variables import (
     architecture_attributes,
     architecture_variables,
+    dimensionless,
     history_variables,
 )
 from cislunar.campaign.data.progress import logger, progress_log
@@ -34,9 +35,15 @@ def published_dataset(
         progress=progress_log("restarts"),
     )
     logger.info("J = %.4e with %d satellites", result.value, result.n_satellites)
+    by_chance = values_by_chance(
+        cost, PUBLISHED[scenario], generator(seed, scenario, "published", "members by chance")
+    )
     return xr.Dataset(
         architecture_variables(result.orbit, result.satellites, cost)
-        | history_variables(result.history, result.satellites_history),
+        | history_variables(result.history, result.satellites_history)
+        | dimensionless(
+            chance_J=("draw", by_chance, "J of random members of the published families")
+        ),
         attrs=architecture_attributes(
             visibility,
             f"Scenario {scenario}, published families and counts",

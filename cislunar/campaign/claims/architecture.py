@@ -1,5 +1,6 @@
 """What the library and the searches have to say of the paper's claims on the architecture."""
 
+import json
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -8,11 +9,12 @@ import xarray as xr
 
 from cislunar.architecture.published import PUBLISHED, PUBLISHED_COST
 from cislunar.campaign.claims.judges import Claim, judge, table
+from cislunar.campaign.tracking.statistics import prediction_interval
 from cislunar.constants import LENGTH_UNIT_KM
 
 
 class Spread(NamedTuple):
-    """Median and range of some runs."""
+    """Median of some runs, and where one more lies with 95 % confidence."""
 
     median: float
     low: float
@@ -24,8 +26,15 @@ class Spread(NamedTuple):
 
 
 def _spread(values: xr.DataArray) -> Spread:
-    found = values.values
-    return Spread(np.median(found), np.min(found), np.max(found), len(found))
+    """Of J, which spans decades, by its logarithm."""
+    found = prediction_interval(np.log10(values.values))
+    return Spread(*(float(10.0**each) for each in found[:3]), found.count)
+
+
+def _counts(values: xr.DataArray, slots: int) -> Spread:
+    """Of satellites, of which each slot has one at least."""
+    found = prediction_interval(values.values)
+    return Spread(*found._replace(low=max(float(slots), found.low)))
 
 
 def _judged(part: str, **facts: Any) -> list[Claim]:
@@ -66,7 +75,9 @@ def cost_claims(scenario: str, architectures: Mapping[str, xr.Dataset]) -> list[
             continue
         value, count = PUBLISHED_COST[scenario][method]
         reached = _spread(architectures[method]["run_J"])
-        satellites = _spread(architectures[method]["run_satellites"])
+        satellites = _counts(
+            architectures[method]["run_satellites"], architectures[method].sizes["slot"]
+        )
         claims += _judged(
             "searches",
             scenario=scenario,
@@ -74,6 +85,7 @@ def cost_claims(scenario: str, architectures: Mapping[str, xr.Dataset]) -> list[
             **{"paper_J": value, "J": reached, "J_ratio": value / reached.median},
             **{"paper_satellites": count, "satellites": satellites},
             satellites_off=count - satellites.median,
+            early_stop=json.loads(architectures[method].attrs["settings"])["early_stop"],
         )
     if "random" in architectures:
         run = architectures["random"]
@@ -83,7 +95,14 @@ def cost_claims(scenario: str, architectures: Mapping[str, xr.Dataset]) -> list[
         )
     if "published" in architectures:
         ours, paper = float(architectures["published"]["J"]), PUBLISHED_COST[scenario]["tpe"][0]
-        claims += _judged("published", scenario=scenario, J=ours, paper_J=paper, ratio=ours / paper)
+        claims += _judged(
+            "published",
+            scenario=scenario,
+            J=ours,
+            paper_J=paper,
+            ratio=ours / paper,
+            by_chance=float(np.median(architectures["published"]["chance_J"])),
+        )
     if "exact" in architectures:
         exact = architectures["exact"]
         value, bound = float(exact["J"]), float(exact["bound"])

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from cislunar.campaign.claims.judges import table
 from cislunar.campaign.tracking.realizations import cells_of, values_of
-from cislunar.campaign.tracking.statistics import Interval, log_interval, slopes, t_interval
+from cislunar.campaign.tracking.statistics import (
+    Interval,
+    interval_of,
+    log_interval,
+    prediction_interval,
+    slopes,
+    t_interval,
+)
 from cislunar.campaign.tracking.summary import PARTS
 
 Array = NDArray[np.float64]
@@ -82,34 +89,20 @@ def _behind(sweep: Sweep, quantity: str) -> Part:
 
 
 def _range(sweep: Sweep, *measure: str) -> Interval:
-    """Mean, smallest and largest of the first cell."""
-    found = _values(sweep.frame, *measure)[:, 0]
-    return Interval(np.nan, np.nanmin(found), np.nanmax(found), len(found))
+    """Where one more realization of the first cell lies; a quantity that is not negative."""
+    found = prediction_interval(_values(sweep.frame, *measure)[:, 0])
+    return found._replace(low=max(0.0, found.low))
 
 
-def unsatisfactory(frame: pd.DataFrame, consistency: str = "anees_mean") -> list[str]:
-    """Cells whose translation is not satisfactory (phrase of the table), with the reason.
-
-    `consistency` is the quantity the consistency is judged by.
-    """
-    limits, reasons = table()["limits"], [[] for _ in range(len(cells_of(frame)))]
-    for part in PARTS[2:]:
-        covered, anees = (values_of(frame, name, part).T for name in ("coverage", consistency))
-        for own, inside, ratio in zip(reasons, covered, anees, strict=True):
-            share, anees_mean = t_interval(inside).mean, log_interval(ratio).mean
-            if share < limits.coverage:
-                own.append(f"coverage of {part} {share:.3f}")
-            if not limits.anees_low <= anees_mean <= limits.anees_high:
-                own.append(f"ANEES of {part} {anees_mean:.2f}")
-    for own, lost in zip(reasons, values_of(frame, "diverged_translation_share").T, strict=True):
-        share = t_interval(lost).mean
-        if share > limits.diverged:
-            own.append(f"{share:.1%} diverged")
-    return [
-        f"{cell.targets} targets, {cell.interval_minutes} min: {', '.join(own)}"
-        for cell, own in zip(cells_of(frame).itertuples(), reasons, strict=True)
-        if own
-    ]
+def unsatisfactory(frame: pd.DataFrame) -> list[str]:
+    """Cells whose translation is not satisfactory (phrase of the table), with the reason."""
+    most, shares = table()["limits"].outside, values_of(frame, "translation_outside_share").T
+    found = []
+    for cell, own in zip(cells_of(frame).itertuples(), shares, strict=True):
+        share = interval_of("translation_outside_share", own)
+        if not share.ceiling <= most:
+            found.append(f"{cell.targets} targets, {cell.interval_minutes} min: {share:.3f}")
+    return found
 
 
 def _satisfactory(sweep: Sweep) -> Part:
@@ -118,23 +111,22 @@ def _satisfactory(sweep: Sweep) -> Part:
 
 
 def _shortfall(sweep: Sweep) -> str:
-    """What is not satisfactory, and how much of it is owed to low lunar trajectories."""
+    """What is not satisfactory, and how many lost targets are on low lunar trajectories."""
     failing = unsatisfactory(sweep.frame)
     if not failing:
         return ""
-    periodic = len(cells_of(sweep.frame)) - len(unsatisfactory(sweep.frame, "anees_mean_periodic"))
     lunar, lost = (
         np.nansum(values_of(sweep.frame, name))
         for name in ("diverged_translation_lunar", "diverged_translation")
     )
     return (
-        f" (not: {' | '.join(failing[:3])}); with the ANEES of targets on periodic orbits alone in "
-        f"{periodic}; {lunar:.0f} of {lost:.0f} diverged targets are on low lunar trajectories"
+        f" (not: {' | '.join(failing[:3])}); {lunar:.0f} of {lost:.0f} diverged targets are on low "
+        "lunar trajectories"
     )
 
 
 STATISTICS: dict[str, Callable[..., Any]] = {
-    "mean": lambda sweep, *m: t_interval(_values(sweep.frame, *m)[:, 0]),
+    "mean": lambda sweep, *m: interval_of(m[0], values_of(sweep.frame, *m)[:, 0]),
     "spread": _range,
     "first": lambda sweep, *m: np.nanmean(_values(sweep.frame, *m)[:, 0]),
     "last": lambda sweep, *m: np.nanmean(_values(sweep.frame, *m)[:, -1]),

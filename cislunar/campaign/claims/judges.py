@@ -13,8 +13,13 @@ import yaml
 REPRODUCED = "reproduced"
 PARTLY = "partly reproduced"
 NOT_REPRODUCED = "not reproduced"
+INPUT = "input"
+CALIBRATED = "calibrated"
 BEYOND = "not in the paper"
-VERDICTS = (REPRODUCED, PARTLY, NOT_REPRODUCED, BEYOND)
+COULD_FAIL = (REPRODUCED, PARTLY, NOT_REPRODUCED)
+"""Verdicts on what could have come out otherwise."""
+VERDICTS = (*COULD_FAIL, INPUT, CALIBRATED, BEYOND)
+"""With those on what was put in, on what a setting was chosen for, and on what the paper lacks."""
 
 Facts = Mapping[str, Any]
 
@@ -77,12 +82,23 @@ def verdict(row: Mapping[str, Any], facts: Facts) -> str:
     """The verdict of a row of the table.
 
     The row has `reproduced` and perhaps `partly` (a condition or several that must all hold), or
-    `each` (conditions: reproduced if all hold, partly if any does), or neither.
+    `each` (conditions: reproduced if all hold, partly if more than half do), or neither. What would
+    be reproduced is an input or calibrated where all conditions under `input` or `calibrated` hold.
     """
     facts = known(facts)
+    reached = _reached(row, facts)
+    for name, kind in (("input", INPUT), ("calibrated", CALIBRATED)):
+        if reached == REPRODUCED and name in row and all(holds(c, facts) for c in row[name]):
+            return kind
+    return reached
+
+
+def _reached(row: Mapping[str, Any], facts: Facts) -> str:
+    """The verdict as if every row could fail."""
     if "each" in row:
         found = [holds(condition, facts) for condition in row["each"]]
-        return REPRODUCED if all(found) else PARTLY if any(found) else NOT_REPRODUCED
+        mostly = PARTLY if 2 * sum(found) > len(found) else NOT_REPRODUCED
+        return REPRODUCED if all(found) else mostly
     if "reproduced" not in row:
         return BEYOND
     for name, reached in (("reproduced", REPRODUCED), ("partly", PARTLY)):
@@ -96,19 +112,24 @@ def verdict(row: Mapping[str, Any], facts: Facts) -> str:
 def judge(row: Mapping[str, Any], *facts: Facts, names: Sequence[str] = ()) -> Claim:
     """Put a row of the table to what was found, for one or several named architectures.
 
-    The first of them decides.
+    All of them count: where their verdicts differ, the claim is partly reproduced.
     """
     decisive = known(facts[0])
     ours = [row["ours"].format(**known(each)) for each in facts]
     shown = [f"{name}: {text}" for name, text in zip(names, ours, strict=True)] if names else ours
     how = row["how"].format(**decisive)
+    verdicts = [verdict(row, each) for each in facts]
+    agreed = verdicts[0] if len(set(verdicts)) == 1 else PARTLY
+    if len(set(verdicts)) > 1:
+        told = [f"{name}: {each}" for name, each in zip(names, verdicts, strict=True)]
+        how = f"{how} ({', '.join(told)})"
     return Claim(
         where=row.get("where", "-"),
         claim=row["claim"].format(**decisive),
         paper=str(row.get("paper", "-")).format(**decisive),
         ours="; ".join(shown),
-        how=f"{how} (architecture {names[0]} decides)" if names else how,
-        verdict=verdict(row, facts[0]),
+        how=how,
+        verdict=agreed,
         value=row["value"].format(**decisive) if "value" in row else ours[0],
     )
 

@@ -16,6 +16,7 @@ from cislunar.campaign.documents.results_page import (
     verdicts_sentence,
 )
 from cislunar.campaign.readings.photometry import BRIGHTER, RANGE, RETURNED
+from cislunar.campaign.tracking.statistics import certain
 
 _FILES = (
     ("fig. 1, facet geometry", "figures/fig01_facet_geometry.png", ()),
@@ -106,14 +107,21 @@ _READING_COLUMNS = tuple(
 
 
 def readings_tracking_block(tables: Tables) -> str:
-    """What each changed setting does to tracking; an asterisk marks a sure difference."""
+    """What each changed setting does to tracking.
+
+    An asterisk marks a difference that is sure, with all of the block judged together.
+    """
     readings = tables["readings_tracking"]
     # what the estimators make of a wrong model, and of attitude in the tasking, is told elsewhere
     elsewhere = {*AWARE, *tables["model_error"]["variant"].dropna()}
     readings = readings[
         (readings["estimator"] == readings["estimator"].iloc[0])
         & ~readings["variant"].isin(elsewhere)
-    ]
+    ].reset_index(drop=True)
+    shown = [quantity_rows(readings, name) for name in _READING_COLUMNS]
+    places = pd.concat(shown).dropna(subset=["changed"])
+    sure = certain(places["difference"], places["low"], places["high"], places["seeds"])
+    readings = readings.assign(sure=pd.Series(sure, index=places.index))
     parts = []
     places = ["scenario", "architecture", "estimator", "interval_minutes"]
     groups = list(readings.groupby(places, sort=False))
@@ -130,7 +138,7 @@ def _readings_of_one(rows: pd.DataFrame) -> str:
     for name in _READING_COLUMNS:
         form = LISTED[name][3]
         for row in quantity_rows(rows, name).itertuples():
-            sure = "*" if row.low > 0.0 or row.high < 0.0 else ""
+            sure = "*" if row.sure is True else ""
             usual.setdefault((row.targets, name), f"{row.usual:{form}}")
             if not pd.isna(row.changed):
                 changed[row.variant, row.targets, name] = f"{row.changed:{form}}{sure}"

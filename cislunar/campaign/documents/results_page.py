@@ -9,7 +9,16 @@ import pandas as pd
 import xarray as xr
 import yaml
 
-from cislunar.campaign.claims.judges import BEYOND, NOT_REPRODUCED, PARTLY, REPRODUCED, VERDICTS
+from cislunar.campaign.claims.judges import (
+    BEYOND,
+    CALIBRATED,
+    COULD_FAIL,
+    INPUT,
+    NOT_REPRODUCED,
+    PARTLY,
+    REPRODUCED,
+    VERDICTS,
+)
 from cislunar.campaign.documents.markdown import generated_block, markdown_table
 
 DASH = "\N{EN DASH}"
@@ -82,12 +91,13 @@ def _heading(where: str) -> str:
 
 def verdicts_sentence(claims: pd.DataFrame) -> str:
     """One sentence: how many claims of the paper got which verdict."""
-    counts = claims["verdict"].value_counts()
-    ours = int(counts.get(BEYOND, 0))
-    told = [f"{counts.get(verdict, 0)} {verdict}" for verdict in VERDICTS if verdict != BEYOND]
+    counts = claims["verdict"].value_counts().reindex(list(VERDICTS), fill_value=0)
+    told = [f"{counts[verdict]} {verdict}" for verdict in COULD_FAIL]
     return (
-        f"Of {int(counts.sum()) - ours} numbers and claims of the paper, {', '.join(told[:-1])} "
-        f"and {told[-1]}; {ours} more comparisons have no counterpart in it."
+        f"Of {counts[list(COULD_FAIL)].sum()} numbers and claims of the paper that could have "
+        f"failed, {', '.join(told[:-1])} and {told[-1]}; {counts[INPUT]} more are inputs, "
+        f"{counts[CALIBRATED]} calibrated, and {counts[BEYOND]} comparisons have no counterpart in "
+        "it."
     )
 
 
@@ -100,7 +110,14 @@ def verdict_counts(claims: pd.DataFrame) -> str:
     return markdown_table(["where in the paper", *VERDICTS], [*rows, ["all", *counts.sum(axis=0)]])
 
 
-COLORS = {REPRODUCED: "#0072B2", PARTLY: "#E69F00", NOT_REPRODUCED: "#D55E00", BEYOND: "#BBBBBB"}
+COLORS = {
+    REPRODUCED: "#0072B2",
+    PARTLY: "#E69F00",
+    NOT_REPRODUCED: "#D55E00",
+    INPUT: "#56B4E9",
+    CALIBRATED: "#CC79A7",
+    BEYOND: "#BBBBBB",
+}
 """Colors of the verdicts, told apart by the color-blind too."""
 
 _SIDE, _STEP, _TOP, _LABEL = 14, 18, 34, 200
@@ -234,7 +251,8 @@ def tracking_list(tracking: pd.DataFrame) -> str:
     )
     return (
         "Means over realizations of truth and noise with 95 % confidence intervals (ANEES: "
-        "geometric means). Coverage is a mean, ANEES and errors are medians over the observed "
+        "geometric means; counts: no narrower than Poisson's). Coverage is a mean, ANEES and "
+        "errors are medians over the observed "
         f"targets; the last two columns count targets.\n\n{table}"
     )
 

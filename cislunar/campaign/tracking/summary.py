@@ -35,6 +35,7 @@ PER_PART = {
     "bound_ratio_90": "final-hours error over Cramer-Rao bound, 90th percentile over targets",
     "rmse_median": "root mean square error, median over targets and axes",
     "rmse_90": "root mean square error, 90th percentile over targets and axes",
+    "rmse_median_all": "root mean square error, median over all targets, seen or not, and axes",
 }
 """Quantities of every part, over observed targets."""
 
@@ -50,6 +51,10 @@ PER_CELL = {
     "diverged_rotation_only": ("1", "targets with diverged rotation and tracked translation"),
     "diverged_rotation_share": ("1", "share of observed targets whose rotation diverged"),
     "diverged_translation_share": ("1", "share of observed targets whose translation diverged"),
+    "translation_outside_share": (
+        "1",
+        "share of observed targets whose translation is outside the band",
+    ),
     "tracked_share": ("1", "share of all targets tracked in all states"),
     "valid_fraction": ("1", "share of targets and steps with a measurement used"),
     "information": ("nat", "mutual information of a tasking, mean over epochs"),
@@ -60,6 +65,10 @@ PER_CELL = {
     **{name: ("1", f"share of the looks at tasked targets: {name[:-6]}") for name in LOOK_FATES},
 }
 """Quantities of a cell with their units."""
+
+BAND_COVERAGE, BAND_ANEES = 0.9, 3.0
+"""The translation of a target is outside the band if position or velocity is within 3 sigma for
+less than this share of the time, or has a larger ANEES, as means over the axes; or is lost."""
 
 LUNAR = "Polar_"
 """Prefix of the orbit classes that are no periodic orbits: the low lunar polar trajectories."""
@@ -138,6 +147,14 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         parts = np.split(values, len(PARTS), axis=-1)
         return np.stack([_over_targets(part, counted, reduce) for part in parts], axis=-1)
 
+    def of_translation(name: str) -> Array:
+        """Means over the axes of position and velocity, shape (seed, target, 2)."""
+        values = cell[name].values[..., 6:]
+        return values.reshape(*values.shape[:2], 2, 3).mean(axis=-1)
+
+    outside = (of_translation("coverage") < BAND_COVERAGE).any(axis=-1)
+    outside |= (of_translation("anees") > BAND_ANEES).any(axis=-1)
+    outside = observed & (outside | translation)
     found = {name: reduced(*how, observed) for name, how in _OF_TARGETS.items()}
     found |= {
         "anees_mean_periodic": reduced("anees", np.mean, periodic),
@@ -148,6 +165,8 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         "diverged_rotation_only": (rotation & ~translation).sum(axis=1),
         "diverged_rotation_share": rotation.sum(axis=1) / seen,
         "diverged_translation_share": translation.sum(axis=1) / seen,
+        "translation_outside_share": outside.sum(axis=1) / seen,
+        "rmse_median_all": reduced("rmse", np.median, np.ones_like(observed)),
         "tracked_share": (status == TRACKED).mean(axis=1),
         "valid_fraction": cell["updates"].values.mean(axis=1) / cell.sizes["step"],
         "information": cell["information"].values.mean(axis=1),
@@ -180,7 +199,7 @@ def summary_dataset(
         name: variable(("cell", "seed", "part"), stacked(name), "1", meaning)
         for name, meaning in PER_PART.items()
     }
-    for name in ("rmse_median", "rmse_90"):
+    for name in ("rmse_median", "rmse_90", "rmse_median_all"):
         data[name].attrs["units"] = "see part_unit"
     data |= {
         name: variable(("cell", "seed"), stacked(name), unit, meaning)

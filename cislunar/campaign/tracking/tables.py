@@ -5,13 +5,10 @@ import pandas as pd
 import xarray as xr
 
 from cislunar.campaign.tracking.realizations import CELL, MEASURE, by_measure, realizations
-from cislunar.campaign.tracking.statistics import Paired, log_interval, paired, t_interval
+from cislunar.campaign.tracking.statistics import SPANS_DECADES, Paired, interval_of, paired
 
 _PLACE = ["scenario", "architecture", "estimator", "variant"]
 _PLACE += ["observers", "targets", "interval_minutes"]
-
-SPANS_DECADES = ("anees", "bound_ratio")
-"""Quantities that are averaged and compared by their logarithm."""
 
 
 def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
@@ -19,21 +16,17 @@ def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
 
     For every cell and quantity, with every part of the state and unit: mean over the realizations
     with its 95 % confidence interval (Student's t; of the logarithm for ANEES and error over bound,
-    which span decades) as far as it is possible, smallest and largest. Quantity `rmse_*` appears in
+    which span decades; of counts no narrower than Poisson's) as far as it is possible, smallest and
+    largest. Quantity `rmse_*` appears in
     the paper's units and in practical ones.
     """
     heads, values = by_measure(realizations(summary))
     found = []
     for name, row in zip(heads["quantity"], values, strict=True):
         finite = row[np.isfinite(row)]
-        mean, low, high, seeds = (
-            log_interval if name.startswith(SPANS_DECADES) else t_interval
-        )(row)  # fmt: skip
-        is_share = name == "coverage" or name.endswith(("_share", "_fraction"))
-        # a mean of shares of 1 may round to a little more
-        possible = max(1.0, mean) if is_share else np.inf
+        mean, low, high, seeds = interval_of(name, row)
         ends = (finite.min(), finite.max()) if finite.size else (np.nan, np.nan)
-        found.append((mean, np.maximum(low, 0.0), np.minimum(high, possible), *ends, seeds))
+        found.append((mean, low, high, *ends, seeds))
     columns = ["mean", "low", "high", "smallest", "largest", "seeds"]
     return heads[[*_PLACE, *MEASURE]].join(pd.DataFrame(found, columns=columns))
 
