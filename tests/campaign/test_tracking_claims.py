@@ -16,7 +16,12 @@ from cislunar.campaign.claims.judges import (
     table,
     verdict,
 )
-from cislunar.campaign.claims.tracking import estimator_claims, tasking_claims, tracking_claims
+from cislunar.campaign.claims.tracking import (
+    estimator_claims,
+    set_claims,
+    tasking_claims,
+    tracking_claims,
+)
 from cislunar.campaign.tracking.realizations import realizations, select, usual_interval, values_of
 from cislunar.campaign.tracking.statistics import (
     Interval,
@@ -241,6 +246,20 @@ def test_other_architectures_are_put_beside():
         for n in counts
     }
     assert all("exact (" in c.ours and "tpe (" in c.ours for c in rows)
+
+
+def test_intervals_over_target_sets_hold_their_choice():
+    parts = [make_summary().isel(cell=[0])]
+    for k, name in enumerate(("other-set", "set-2", "set-3", "set-4"), start=3):
+        other = make_summary(lambda *cell, k=k: {"diverged_rotation": float(k)}).isel(cell=[0])
+        parts.append(other.assign_coords(variant=("cell", [name])))
+    claims = list(set_claims(realizations(xr.concat(parts, "cell"))))
+    assert [c.claim for c in claims] == [
+        "choice of the monitored targets, scenario A, published, 20 targets"
+    ]
+    assert claims[0].value == f"rotation diverged {t_interval([2, 3, 4, 5, 6]):.1f}"
+    assert "of 5 sets" in claims[0].how
+    assert not list(set_claims(realizations(parts[0])))
 
 
 def _comparison(share):

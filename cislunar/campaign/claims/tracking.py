@@ -1,6 +1,7 @@
 """What the tracked cells have to say of the paper's claims, and comparisons of our own."""
 
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -10,18 +11,28 @@ import xarray as xr
 from cislunar.campaign.claims.facts import STATISTICS, Sweep
 from cislunar.campaign.claims.judges import Claim, Facts, judge, table
 from cislunar.campaign.tracking.realizations import (
+    CELL,
     cells_of,
     realizations,
     select,
     usual_interval,
     values_of,
 )
-from cislunar.campaign.tracking.statistics import interval_of, paired, t_interval
+from cislunar.campaign.tracking.statistics import (
+    Interval,
+    interval_of,
+    paired,
+    t_interval,
+    within_bounds,
+)
 
 ARCHITECTURES = ("published", "tpe")
 """Architectures the paper's claims are put to; all that were tracked count."""
 
 FILTER, BATCH = "mukf", "batch"
+
+OTHER_SETS = ("other-set", "set-2", "set-3", "set-4")
+"""Variants that differ in the monitored targets alone."""
 
 COUNTS = (20, 33, 43, 50, 100, 202)
 """Numbers of targets at which estimators are compared: the fewest of each scenario of the paper, a
@@ -37,7 +48,8 @@ def tracking_claims(summary: xr.Dataset) -> list[Claim]:
             own = select(frame, scenario=scenario, estimator=FILTER, variant="")
             for row in group["claims"]:
                 claims += _put(row, scenario, own, usual_interval(frame))
-    return [*claims, *_architectures(frame), *estimator_claims(frame), _events(frame)]
+    ours = _architectures(frame), set_claims(frame), estimator_claims(frame)
+    return [*claims, *chain(*ours), _events(frame)]
 
 
 def _put(row: Mapping[str, Any], scenario: str, frame: pd.DataFrame, usual: int) -> list[Claim]:
@@ -95,6 +107,32 @@ def _architectures(frame: pd.DataFrame) -> Iterator[Claim]:
             facts = {"targets": targets, "scenario": scenario, "all": "; ".join(parts)}
             facts["first"] = parts[0].split(", final")[0] if parts else "-"
             yield judge(table()["comparisons"]["architectures"], facts)
+
+
+def set_claims(frame: pd.DataFrame) -> Iterator[Claim]:
+    """How far the choice of the monitored targets goes: cells of the usual set and of others.
+
+    Seeds are nested in sets, so that each set counts once, by its mean over seeds.
+    """
+    for labels, usual in _cells(select(frame, variant="")):
+        place = {key: labels[key] for key in CELL if key != "variant"}
+        same = select(frame, **place)
+        sets = [usual, *(own for at, own in _cells(same) if at["variant"] in OTHER_SETS)]
+        if len(sets) < 2:
+            continue
+
+        def over_sets(*measure: str, sets=sets) -> Interval:
+            means = [np.nanmean(values_of(own, *measure)) for own in sets]
+            return within_bounds(measure[0], t_interval(means))
+
+        facts = {
+            "sets": len(sets),
+            "coverage": over_sets("coverage", "attitude"),
+            "diverged": over_sets("diverged_rotation"),
+            "unseen": over_sets("never_observed"),
+            "outside": over_sets("translation_outside_share"),
+        }
+        yield judge(table()["comparisons"]["sets"], labels | facts)
 
 
 def _described(labels: Mapping[str, Any], cell: pd.DataFrame) -> str:

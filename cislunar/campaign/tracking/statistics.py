@@ -106,7 +106,11 @@ def interval_of(quantity: str, values: ArrayLike) -> Interval:
         return count_interval(values)
     if quantity.startswith(SPANS_DECADES):
         return log_interval(values)
-    found = t_interval(values)
+    return within_bounds(quantity, t_interval(values))
+
+
+def within_bounds(quantity: str, found: Interval) -> Interval:
+    """An interval of a quantity of a cell, cut to what is possible."""
     is_share = quantity.startswith("coverage") or quantity.endswith(("_share", "_fraction"))
     # a mean of shares of 1 may round to a little more
     highest = max(1.0, found.mean) if is_share else np.inf
