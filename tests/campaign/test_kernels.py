@@ -94,4 +94,4 @@ def test_compilation_is_announced(caplog):
     with announced():
         assert half(1.0) == 0.5
     assert caplog.messages[0] == "compiling kernels; they are cached, so that it is done once"
-    assert re.search(r"^\d+ of \d+ kernels ready, 0:\d\d$", caplog.messages[-1])
+    assert re.search(r"^compiled \d+ kernels in 0:\d\d$", caplog.messages[-1])

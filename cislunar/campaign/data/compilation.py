@@ -13,8 +13,8 @@ from cislunar.campaign.data.progress import clock, logger, progress_log
 def announced(files: Collection[str] | None = None) -> Iterator[None]:
     """Log that kernels of the library are compiled, how far that is, and the time it took.
 
-    All kernels in these `files`, or else in the modules that are loaded, are taken for those to
-    compile; some may not be needed.
+    All kernels in these `files` are taken for those to compile; some may not be needed. Without
+    files it is not known how many there are to come.
     """
     from numba.core import event
 
@@ -30,13 +30,15 @@ def announced(files: Collection[str] | None = None) -> Iterator[None]:
             if not self.spent and self.depth == 0:
                 logger.info("compiling kernels; they are cached, so that it is done once")
                 self.report = progress_log("kernels")
+                self.before = _counted(files)[0]
             self.depth += 1
 
         def on_end(self, _: Any) -> None:
             self.depth -= 1
             if self.depth == 0:
                 self.spent += time.monotonic() - self.began
-            self.report(*_counted(files))
+            if files is not None:
+                self.report(*_counted(files))
 
     listener = Listener()
     event.register("numba:compile", listener)
@@ -45,8 +47,8 @@ def announced(files: Collection[str] | None = None) -> Iterator[None]:
     finally:
         event.unregister("numba:compile", listener)
         if listener.spent:
-            ready, of = _counted(files)
-            logger.info("%d of %d kernels ready, %s", ready, of, clock(listener.spent))
+            count = _counted(files)[0] - listener.before
+            logger.info("compiled %d kernels in %s", count, clock(listener.spent))
 
 
 def _counted(files: Collection[str] | None) -> tuple[int, int]:
