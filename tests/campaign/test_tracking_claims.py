@@ -179,6 +179,16 @@ def test_trends_of_rotation_need_an_interval_beyond_zero(exponent, verdict):
     assert _verdict(claims, "coverage falls", "scenario B") != REPRODUCED
 
 
+def test_a_rise_that_turns_is_no_progressive_rise():
+    rmse = {33: 1.0, 50: 3.0, 100: 2.5}
+
+    def change(scenario, _, targets, minutes):
+        return {"rmse_median": (rmse.get(targets, 1.0), 1e-5, 1e-5, 1e-5)}
+
+    claims = tracking_claims(make_summary(change))
+    assert _verdict(claims, "attitude RMSE rises", "scenario B") == PARTLY
+
+
 def test_noise_over_seeds_forbids_a_trend():
     summary = make_summary(
         lambda s, a, n, t: {"diverged_rotation": float(n) / 50.0} if s == "A" else {}

@@ -55,6 +55,13 @@ class Part(NamedTuple):
         return "satisfactory" if self.number == self.cells else "not satisfactory"
 
 
+class Halves(NamedTuple):
+    """Whether a trend keeps its sense: no half of the range surely goes the other way."""
+
+    none_falls: bool
+    none_rises: bool
+
+
 def _values(frame: pd.DataFrame, quantity: str, *measure: str) -> Array:
     found = values_of(frame, quantity, *measure)
     return np.log10(found) if quantity.startswith("anees") else found
@@ -69,6 +76,18 @@ def _growth(sweep: Sweep, *measure: str) -> Interval:
     """Ratio of the last to the first cell."""
     found = _values(sweep.frame, *measure)
     return log_interval(found[:, -1] / found[:, 0])
+
+
+def _halves(sweep: Sweep, *measure: str) -> Halves:
+    """Trends over the lower and over the upper half of the places, the middle in both."""
+    found, half = _values(sweep.frame, *measure), len(sweep.places) // 2 + 1
+    parts = [
+        t_interval(slopes(sweep.places[at], found[:, at]))
+        for at in (slice(None, half), slice(-half, None))
+    ]
+    return Halves(
+        not any(each.below_zero for each in parts), not any(each.above_zero for each in parts)
+    )
 
 
 def _dip(sweep: Sweep, quantity: str) -> Interval | None:
@@ -136,6 +155,7 @@ STATISTICS: dict[str, Callable[..., Any]] = {
     "change": lambda sweep, *m: t_interval(_change(sweep.frame, *m)),
     "excess": lambda sweep, *m: t_interval(_change(sweep.frame, *m) - _change(sweep.beside, *m)),
     "growth": _growth,
+    "halves": _halves,
     "dip": _dip,
     "behind": _behind,
     "satisfactory": _satisfactory,
