@@ -8,7 +8,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
+from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.figures.style import panel_letter
@@ -108,6 +108,17 @@ def reach(
         return low / margin, high * margin
     margin = share * (high - low) or 0.5
     return low - margin, high + margin
+
+
+def widened(low: float, high: float) -> tuple[float, float]:
+    """Ends of an axis of whole numbers, two of them at least between them."""
+    spare = max(0.0, 0.5 * (2.5 - (high - low)))
+    return low - spare, high + spare
+
+
+def whole_numbers(axis: Axis, most: int = 4) -> None:
+    """Ticks at whole numbers alone, so many steps at most."""
+    axis.set_major_locator(MaxNLocator(most, integer=True, min_n_ticks=1))
 
 
 def set_vertical(axes: Axes, limits: tuple[float, float], *, log: bool) -> None:

@@ -8,7 +8,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from cislunar.figures.axes import Array, Grid, panel_title, reach, set_vertical
+from cislunar.figures.axes import (
+    Array,
+    Grid,
+    panel_title,
+    reach,
+    set_vertical,
+    whole_numbers,
+    widened,
+)
 from cislunar.figures.style import SeriesStyle
 
 COUNT, PERCENT = (0.0, np.inf), (0.0, 100.0)
@@ -80,7 +88,11 @@ def draw_rows(
             drawn.append(axes)
         limits = reach(np.concatenate(values), log=row.log)
         for axes in drawn:
-            set_vertical(axes, limits, log=row.log)
+            if row.within == COUNT:
+                set_vertical(axes, widened(*limits), log=False)
+                whole_numbers(axes.yaxis)
+            else:
+                set_vertical(axes, limits, log=row.log)
         if drawn:
             drawn[0].set_ylabel(row.label, fontsize=7.5)
         panels.append(drawn)

@@ -178,13 +178,15 @@ def figures(summary, compared):
         "interval": DRAW["interval"](),
         "targets of one": against_targets_figure(one_scenario(summary)),
         "interval of one": against_interval_figure(one_scenario(summary_of_cells())),
+        "estimators of one": against_targets_figure(one_scenario(summary), by="estimator"),
         "tasking": tasking_figure(compared, summary, VARIANTS, 60),
     }
 
 
 NAMES = (
     *("counts", "selected", "components", "intervals", "load", "representative", "targets"),
-    *("interval", "targets of one", "interval of one", "tasking"),
+    *("interval", "targets of one", "interval of one", "estimators of one"),
+    "tasking",
 )
 
 
@@ -385,6 +387,14 @@ def test_intervals_end_at_what_is_possible(figures):
         for height in segment[:, 1]
     ]
     assert ends and min(ends) >= 0.0 and max(ends) <= 100.0
+
+
+def test_counts_have_whole_ticks(figures):
+    for axes in figures["targets of one"].axes:
+        if axes.get_ylabel().startswith("never observed"):
+            low, high = axes.get_ylim()
+            ticks = [tick for tick in axes.get_yticks() if low <= tick <= high]
+            assert len(ticks) >= 2 and all(tick == round(tick) for tick in ticks)
 
 
 def test_median_of_an_efficient_estimator():

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from cislunar.architecture.published import PUBLISHED_COST
-from cislunar.figures.axes import Array, Grid, panel_title
+from cislunar.figures.axes import Array, Grid, panel_title, widened
 from cislunar.figures.panels import draw_best
 from cislunar.figures.style import (
     BLACK,
@@ -80,7 +80,7 @@ def satellite_front_figure(
         lower.yaxis.set_major_formatter(PercentFormatter(xmax=1.0, symbol=""))
         reach = (upper.get_xlim(), lower.get_xlim())
         for axes in (upper, lower):
-            axes.set_xlim(_widened(min(r[0] for r in reach), max(r[1] for r in reach)))
+            axes.set_xlim(widened(min(r[0] for r in reach), max(r[1] for r in reach)))
             axes.xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True, steps=[1, 2, 5, 10]))
         upper.tick_params(labelbottom=False)
         lower.set_xlabel("number of satellites")
@@ -89,12 +89,6 @@ def satellite_front_figure(
             lower.set_ylabel("target-hours seen by\nany satellite, %")
     _legend(figure, _front_handles(architectures, fronts))
     return figure
-
-
-def _widened(low: float, high: float) -> tuple[float, float]:
-    """Ends of an axis of whole numbers, two of them at least within it."""
-    spare = max(0.0, 0.5 * (2.5 - (high - low)))
-    return low - spare, high + spare
 
 
 def _of(coverage: pd.DataFrame, scenario: str) -> pd.DataFrame:

@@ -18,6 +18,8 @@ from cislunar.figures.axes import (
     reach,
     set_vertical,
     spaced,
+    whole_numbers,
+    widened,
 )
 from cislunar.figures.panels import COUNT, PERCENT, draw_means
 from cislunar.figures.style import (
@@ -45,15 +47,14 @@ class Quantity(NamedTuple):
     unit: str = ""
     factor: float = 1.0
     log: bool = False
-    whole: bool = False
     within: tuple[float, float] = (-np.inf, np.inf)
 
 
 ARCHITECTURE = (
     Quantity("J", "J, dimensionless", log=True),
-    Quantity("satellites", "satellites", whole=True, within=COUNT),
+    Quantity("satellites", "satellites", within=COUNT),
     Quantity("union_coverage", "share of target-hours\nseen, %", factor=100.0, within=PERCENT),
-    Quantity("static_never_seen", "static targets\nnever seen", whole=True, within=COUNT),
+    Quantity("static_never_seen", "static targets\nnever seen", within=COUNT),
 )
 TRACKING = (
     Quantity("coverage", "attitude within\n3\N{GREEK SMALL LETTER SIGMA}, % of time", "attitude",
@@ -139,9 +140,14 @@ def _draw(axes: Axes, table: pd.DataFrame, quantity: Quantity, values: _Values) 
         draw_means(axes, at, (mean, low, high), look, quantity.within)
         # an interval of few seeds may leave the panel
         held += [mean, np.fmax(low, smallest), np.fmin(high, largest)]
-    set_vertical(axes, reach(np.concatenate(held), log=quantity.log), log=quantity.log)
-    if not quantity.log:
-        axes.yaxis.set_major_locator(MaxNLocator(4, integer=quantity.whole, min_n_ticks=1))
+    limits = reach(np.concatenate(held), log=quantity.log)
+    if quantity.within == COUNT:
+        set_vertical(axes, widened(*limits), log=False)
+        whole_numbers(axes.yaxis)
+    else:
+        set_vertical(axes, limits, log=quantity.log)
+        if not quantity.log:
+            axes.yaxis.set_major_locator(MaxNLocator(4, min_n_ticks=1))
 
 
 def _beside(values: _Values, number: float) -> Array:

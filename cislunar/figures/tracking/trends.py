@@ -193,11 +193,13 @@ def _figure(
     else:
         styles = {name: ESTIMATOR_STYLES[name] for name in names}
     rows = ROWS[by]
+    # A narrow figure has its legend in one column.
+    foot = _FOOT + (0.36 if by == "estimator" and len(columns) < 2 else 0.0)
     grid = Grid(
-        len(rows), max(len(columns), 1), _COLUMN_IN, _ROW_IN, _LEFT, _FOOT, _GAP, _BETWEEN_IN
+        len(rows), max(len(columns), 1), _COLUMN_IN, _ROW_IN, _LEFT, foot, _GAP, _BETWEEN_IN
     )
     width, height = grid.size
-    figure = new_figure(_HEAD + height + _FOOT, _LEFT + width + _RIGHT)
+    figure = new_figure(_HEAD + height + foot, _LEFT + width + _RIGHT)
 
     def draw(axes: Axes, row: Row, number: int) -> Array:
         cells = columns[number].cells
@@ -281,7 +283,7 @@ def _legend(figure: Figure, by: str, styles: Mapping[str, SeriesStyle]) -> None:
     if by == "estimator":
         handles.append(BOUND_STYLE.legend_handle())
         handles.append(Patch(label="median expected of an estimator at the bound", **_BAND))
-        legend_below(figure, handles, 0.1, 2 if width > 5.0 else 1, handlelength=2.8)
+        legend_below(figure, handles, 0.1, 2 if width > 4.5 else 1, handlelength=2.8)
         return
     plain = {"color": BLACK, "linestyle": "none", "marker": "o", "markersize": 4.0}
     handles += [
