@@ -33,6 +33,7 @@ from cislunar.figures.style import (
     GREEN,
     ORANGE,
     PAGE_WIDTH_IN,
+    SKY,
     SOLID,
     VERMILION,
     SeriesStyle,
@@ -45,6 +46,7 @@ METHODS: Mapping[str, SeriesStyle] = {
     "exact": SeriesStyle("exact", GREEN, DASH_DOT, "*"),
     "greedy": SeriesStyle("greedy", ORANGE, DOTTED, "^"),
     "tpe": SeriesStyle("TPE", BLUE, SOLID, "o"),
+    "tpe-compiled": SeriesStyle("compiled TPE", SKY, SOLID, "D"),
     "random": SeriesStyle("random", VERMILION, DASHED, "s"),
 }
 """How each tasking method is drawn."""

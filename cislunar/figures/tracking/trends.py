@@ -113,7 +113,7 @@ ROWS = {
             (Curve("final_attitude_error_median"), _bound("bound_attitude_median")), log=True),
         Row("final attitude error,\n90th pct., degree",
             (Curve("final_attitude_error_90"), _bound("bound_attitude_90")), log=True),
-        Row("attitude error over\nbound, median", (Curve("bound_ratio_median", "attitude"),),
+        Row("median error over\nbound, dimensionless", (Curve("bound_ratio_median", "attitude"),),
             log=True, reference=EFFICIENT),
         Row("attitude RMSE of the\nrun, median, degree", (Curve("rmse_median", "attitude"),),
             factor=DEGREE, log=True),
