@@ -19,15 +19,7 @@ from cislunar.estimation.light_curves.hypotheses import (
 )
 from cislunar.estimation.light_curves.levenberg_marquardt import refine
 from cislunar.estimation.light_curves.light_curve import (
-    COLUMNS,
-    MAGNITUDE,
     OTHER_CAUSES,
-    RANGE,
-    SEEN,
-    SUN,
-    TIME,
-    VIEW,
-    WEIGHT,
     Anchor,
     LightCurveModel,
     cost,
@@ -38,6 +30,16 @@ from cislunar.estimation.light_curves.mixture import (
     mixture_moments,
     step_points,
     weighted_deviations,
+)
+from cislunar.estimation.light_curves.row_blocks import (
+    COLUMNS,
+    MAGNITUDE,
+    RANGE,
+    SEEN,
+    SUN,
+    TIME,
+    VIEW,
+    WEIGHT,
 )
 from cislunar.photometry.facets import apparent_magnitude
 from cislunar.photometry.materials import Material

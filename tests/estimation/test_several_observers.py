@@ -14,7 +14,8 @@ from cislunar.dynamics.propagation import propagate_stm
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import BatchEstimator
 from cislunar.estimation.light_curves.batch_settings import PRESETS
-from cislunar.estimation.light_curves.light_curve import WEIGHT, cost_and_derivatives
+from cislunar.estimation.light_curves.light_curve import cost_and_derivatives
+from cislunar.estimation.light_curves.row_blocks import WEIGHT
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.observation.measurement import measure
 from cislunar.observation.measurement_derivatives import measurement_rows

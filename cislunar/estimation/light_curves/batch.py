@@ -38,7 +38,8 @@ from cislunar.estimation.light_curves.batch_kernels import (
 )
 from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
 from cislunar.estimation.light_curves.hypotheses import Hypotheses, mixture_points, prior_hypotheses
-from cislunar.estimation.light_curves.light_curve import COLUMNS, UNKNOWNS, Anchor, LightCurveModel
+from cislunar.estimation.light_curves.light_curve import Anchor, LightCurveModel
+from cislunar.estimation.light_curves.row_blocks import COLUMNS, UNKNOWNS
 from cislunar.estimation.spread import Spread
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces

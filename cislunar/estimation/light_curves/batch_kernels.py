@@ -28,7 +28,12 @@ from cislunar.estimation.kalman.workspace import (
 )
 from cislunar.estimation.light_curves.batch_settings import SearchSettings
 from cislunar.estimation.light_curves.hypotheses import condense, mixture_points, search
-from cislunar.estimation.light_curves.light_curve import (
+from cislunar.estimation.light_curves.mixture import (
+    mixture_moments,
+    step_points,
+    weighted_deviations,
+)
+from cislunar.estimation.light_curves.row_blocks import (
     MAGNITUDE,
     RANGE,
     SEEN,
@@ -37,11 +42,6 @@ from cislunar.estimation.light_curves.light_curve import (
     UNKNOWNS,
     VIEW,
     WEIGHT,
-)
-from cislunar.estimation.light_curves.mixture import (
-    mixture_moments,
-    step_points,
-    weighted_deviations,
 )
 from cislunar.estimation.triangular import cholesky
 from cislunar.observation.sensor import SensorLimits

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from cislunar.estimation.light_curves.levenberg_marquardt import refine, squared_distance
 from cislunar.estimation.light_curves.light_curve import (
-    UNKNOWNS,
     Anchor,
     anchor_cost,
     cost,
     cost_and_derivatives,
     initial_state,
 )
+from cislunar.estimation.light_curves.row_blocks import UNKNOWNS
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 
 Array = NDArray[np.float64]

@@ -8,7 +8,8 @@ lambda is lowered; otherwise lambda is raised and the step tried again.
 import numpy as np
 from numba import njit
 
-from cislunar.estimation.light_curves.light_curve import UNKNOWNS, cost_and_derivatives
+from cislunar.estimation.light_curves.light_curve import cost_and_derivatives
+from cislunar.estimation.light_curves.row_blocks import UNKNOWNS
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 
 INITIAL_DAMPING = 1e-2

@@ -20,20 +20,34 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.attitude.grp import GRP_A, GRP_F, pull_back_to_grp, quaternion_from_grp_components
-from cislunar.attitude.quaternion import multiply_components, rotate_components
-from cislunar.attitude.rigid_body import propagate_spherical, pull_back_gradient
-from cislunar.attitude.short_steps import propagate_with_errors
-from cislunar.photometry.facets import facet_magnitude, facet_magnitude_gradient
+from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
+from cislunar.attitude.quaternion import multiply_components
+from cislunar.estimation.light_curves.row_blocks import (
+    CURVATURE,
+    MAGNITUDE,
+    MISFIT_SLOPE,
+    MOTION_ROWS,
+    OFFSET_WEIGHT,
+    SEEN,
+    SUM_ROWS,
+    UNKNOWNS,
+    WEIGHT,
+    add_products,
+    carry_attitude,
+    fill_block,
+    fold,
+    pull_back,
+    pull_back_matrix,
+)
+from cislunar.photometry.facet_blocks import (
+    BLOCK_ROWS,
+    LANES,
+    block_magnitude_gradients,
+    block_magnitudes,
+)
+from cislunar.photometry.facet_blocks import MAGNITUDE as EXPECTED
 
 Array = NDArray[np.float64]
-
-UNKNOWNS = 6
-"""Attitude error (GRP) and angular velocity at the epoch, in prior standard deviations."""
-
-# Columns of a light curve.
-TIME, MAGNITUDE, SUN, VIEW, RANGE, SEEN, WEIGHT = 0, 1, slice(2, 5), slice(5, 8), 8, 9, 10
-COLUMNS = 11
 
 OTHER_CAUSES = 1e-3
 """Chance that a target in clear view is not seen for another reason than its faintness; bounds what
@@ -133,6 +147,12 @@ def fainter_than_limit(z):
     return -math.log(chance), slope, max(slope * slope + z * density / chance, 0.0)
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def _surface(model):
+    """Shape, material and readings, in the order the magnitudes take them."""
+    return model.areas, model.normals, model.material, model.irradiance_4pi, model.fresnel_sqrt
+
+
 @njit(cache=True, error_model="numpy")
 def cost(u, data, anchor, model, stop_above):
     """Negative logarithm of the posterior, up to a constant (compiled).
@@ -157,42 +177,33 @@ def cost(u, data, anchor, model, stop_above):
         The cost, or a lower bound of it above `stop_above`.
     """
     total = anchor_cost(u, anchor)
-    start, omega = np.empty(4), np.empty(3)
+    start, omega, now = np.empty(4), np.empty(3), 0.0
     initial_state(u, model, start, omega)
-    q, rate, no_errors = start.copy(), omega.copy(), np.empty((6, 0))
-    now = 0.0
+    q, rate = start.copy(), omega.copy()
+    block, work = np.empty((BLOCK_ROWS, LANES)), np.empty((MOTION_ROWS, LANES))
+    no_errors = np.empty((6, 0))
     squares, sums, count = 0.0, 0.0, 0.0
+    spherical, surface = model.spherical, _surface(model)
     inverse_noise = 1.0 / np.sqrt(model.noise_variance)
-    for k in range(data.shape[0]):
-        row = data[k]
-        if model.spherical:
-            q = propagate_spherical(start, omega, row[TIME])
-        else:
-            propagate_with_errors(
-                q, rate, no_errors, row[TIME] - now, model.inertia, model.inverse_inertia
+    for first in range(0, data.shape[0], LANES):
+        rows = min(LANES, data.shape[0] - first)
+        fill_block(block, work, data, first, rows, start, omega)
+        if not spherical:
+            now = carry_attitude(
+                block, work, rows, now, q, rate, no_errors, model.inertia, model.inverse_inertia
             )
-            now = row[TIME]
-        h = facet_magnitude(
-            q,
-            row[SUN],
-            row[VIEW],
-            row[RANGE],
-            model.areas,
-            model.normals,
-            model.material,
-            model.irradiance_4pi,
-            model.fresnel_sqrt,
-        )
-        weight = row[WEIGHT]
-        if row[SEEN] == 1.0:
-            residual = row[MAGNITUDE] - h
-            squares += weight * residual * residual
-            sums += weight * residual
-            count += weight
-        else:
-            excess = (h - model.limiting_magnitude) * inverse_noise
-            total += fainter_than_limit(excess * np.sqrt(weight))[0]
-        if k % 8 == 7 and total + _misfit(squares, sums, count, model) > stop_above:
+        block_magnitudes(block, rows, *surface)
+        for k in range(rows):
+            h, weight = block[EXPECTED, k], data[first + k, WEIGHT]
+            if data[first + k, SEEN] == 1.0:
+                residual = data[first + k, MAGNITUDE] - h
+                squares += weight * residual * residual
+                sums += weight * residual
+                count += weight
+            else:
+                excess = (h - model.limiting_magnitude) * inverse_noise
+                total += fainter_than_limit(excess * np.sqrt(weight))[0]
+        if total + _misfit(squares, sums, count, model) > stop_above:
             break
     return total + _misfit(squares, sums, count, model)
 
@@ -216,81 +227,53 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
     The latter is ``Lambda + sum_k w_k a_k a_k^T / R``, a_k the gradient of h_k; see `cost`.
     """
     total = anchor_cost(u, anchor)
-    gradient[:] = 0.0
-    for i in range(UNKNOWNS):
-        for j in range(UNKNOWNS):
-            gradient[i] += anchor.information[i, j] * (u[j] - anchor.mean[j])
-    information[:, :] = anchor.information
-    start, omega = np.empty(4), np.empty(3)
+    start, omega, now = np.empty(4), np.empty(3), 0.0
     initial_state(u, model, start, omega)
-    q, rate, sensitivity = start.copy(), omega.copy(), np.zeros((6, 3))
+    q, rate = start.copy(), omega.copy()
+    block, work = np.empty((BLOCK_ROWS, LANES)), np.empty((MOTION_ROWS, LANES))
+    products, errors = np.zeros((SUM_ROWS, LANES)), np.zeros((6, 3))
     for i in range(3):
-        sensitivity[3 + i, i] = 1.0  # d omega(0) / d omega(0)
-    p = model.sigma[:3] * u[:3]
+        errors[3 + i, i] = 1.0  # d omega(0) / d omega(0)
     inverse_variance = 1.0 / model.noise_variance
     inverse_noise = np.sqrt(inverse_variance)
-    squares, sums, count, now = 0.0, 0.0, 0.0, 0.0
-    by_grp, a, mean_a = np.empty(3), np.empty(UNKNOWNS), np.zeros(UNKNOWNS)
-    for k in range(data.shape[0]):
-        row = data[k]
-        t = row[TIME]
-        if model.spherical:
-            q = propagate_spherical(start, omega, t)
-        else:
-            propagate_with_errors(
-                q, rate, sensitivity, t - now, model.inertia, model.inverse_inertia
+    squares, sums, count = 0.0, 0.0, 0.0
+    spherical, surface = model.spherical, _surface(model)
+    for first in range(0, data.shape[0], LANES):
+        rows = min(LANES, data.shape[0] - first)
+        fill_block(block, work, data, first, rows, start, omega)
+        if not spherical:
+            now = carry_attitude(
+                block, work, rows, now, q, rate, errors, model.inertia, model.inverse_inertia
             )
-            now = t
-        h, gx, gy, gz = facet_magnitude_gradient(
-            q,
-            row[SUN],
-            row[VIEW],
-            row[RANGE],
-            model.areas,
-            model.normals,
-            model.material,
-            model.irradiance_4pi,
-            model.fresnel_sqrt,
-        )
-        if model.spherical:
-            e1, e2, e3, w1, w2, w3 = pull_back_gradient(omega, t, gx, gy, gz)
-        else:
-            t1, t2, t3, t4 = multiply_components(
-                q[0], q[1], q[2], q[3], -start[0], -start[1], -start[2], start[3]
-            )
-            e1, e2, e3 = rotate_components(-t1, -t2, -t3, t4, gx, gy, gz)
-            w1 = sensitivity[0, 0] * gx + sensitivity[1, 0] * gy + sensitivity[2, 0] * gz
-            w2 = sensitivity[0, 1] * gx + sensitivity[1, 1] * gy + sensitivity[2, 1] * gz
-            w3 = sensitivity[0, 2] * gx + sensitivity[1, 2] * gy + sensitivity[2, 2] * gz
-        by_grp[0], by_grp[1], by_grp[2] = e1, e2, e3
-        by_grp = pull_back_to_grp(p, by_grp, GRP_A, GRP_F)
-        for c in range(3):
-            a[c] = model.sigma[c] * by_grp[c]
-        a[3], a[4], a[5] = model.sigma[3] * w1, model.sigma[4] * w2, model.sigma[5] * w3
-        weight = row[WEIGHT]
-        if row[SEEN] == 1.0:
-            residual = row[MAGNITUDE] - h
-            squares += weight * residual * residual
-            sums += weight * residual
-            count += weight
-            curvature = weight * inverse_variance
-            slope = -residual * curvature
-            for i in range(UNKNOWNS):
-                mean_a[i] += weight * a[i]
-        else:
-            sharpness = inverse_noise * np.sqrt(weight)
-            value, slope, curvature = fainter_than_limit((h - model.limiting_magnitude) * sharpness)
-            total += value
-            slope *= sharpness
-            curvature *= weight * inverse_variance
-        for i in range(UNKNOWNS):
-            gradient[i] += slope * a[i]
-            for j in range(i + 1):
-                information[i, j] += curvature * a[i] * a[j]
+        block_magnitude_gradients(block, rows, *surface)
+        for k in range(rows):
+            h, weight = block[EXPECTED, k], data[first + k, WEIGHT]
+            if data[first + k, SEEN] == 1.0:
+                residual = data[first + k, MAGNITUDE] - h
+                squares += weight * residual * residual
+                sums += weight * residual
+                count += weight
+                curvature = weight * inverse_variance
+                slope, of_offset = -residual * curvature, weight
+            else:
+                sharpness = inverse_noise * np.sqrt(weight)
+                excess = (h - model.limiting_magnitude) * sharpness
+                value, slope, curvature = fainter_than_limit(excess)
+                total += value
+                slope *= sharpness
+                curvature *= weight * inverse_variance
+                of_offset = 0.0
+            work[MISFIT_SLOPE, k], work[CURVATURE, k] = slope, curvature
+            work[OFFSET_WEIGHT, k] = of_offset
+        pull_back(block, work, rows, omega, spherical)
+        add_products(work, rows, products)
+    to_unknowns = pull_back_matrix(u, start, model.sigma)
+    curvatures, slopes, offsets = fold(products, to_unknowns)
     shrinkage = inverse_variance * _shrinkage(count, model)
     for i in range(UNKNOWNS):
-        gradient[i] += shrinkage * sums * mean_a[i]
-        for j in range(i + 1):
-            information[i, j] -= shrinkage * mean_a[i] * mean_a[j]
-            information[j, i] = information[i, j]
+        gradient[i] = slopes[i] + shrinkage * sums * offsets[i]
+        for j in range(UNKNOWNS):
+            gradient[i] += anchor.information[i, j] * (u[j] - anchor.mean[j])
+            information[i, j] = anchor.information[i, j] + curvatures[i, j]
+            information[i, j] -= shrinkage * offsets[i] * offsets[j]
     return total + _misfit(squares, sums, count, model)

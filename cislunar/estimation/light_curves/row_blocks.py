@@ -1,0 +1,189 @@
+"""Rows of a light curve in blocks: attitudes, and sums of derivatives (compiled).
+
+Rows are worked through `LANES` at a time, a quantity to a row of the arrays, so that each loop
+runs along them (`cislunar.photometry.facet_blocks` does the same for the magnitudes). Sums over
+all rows are kept lane by lane and folded at the end in one fixed order.
+
+The derivatives are summed with respect to a small turn of the initial attitude in the inertial
+frame and to the initial angular velocity. What leads from there to the unknowns is the same for
+all rows and applied to the sums.
+"""
+
+import numpy as np
+from numba import njit
+
+from cislunar.attitude.grp import GRP_A, GRP_F, pull_back_to_grp
+from cislunar.attitude.quaternion import multiply_components, rotate_components
+from cislunar.attitude.short_steps import propagate_with_errors
+from cislunar.elementary import sine_and_cosine
+from cislunar.photometry import facet_blocks
+from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, QUATERNION, TURN
+
+UNKNOWNS = 6
+"""Attitude error (GRP) and angular velocity at the epoch, in prior standard deviations."""
+
+# Columns of a light curve.
+TIME, MAGNITUDE, SUN, VIEW, RANGE, SEEN, WEIGHT = 0, 1, slice(2, 5), slice(5, 8), 8, 9, 10
+COLUMNS = 11
+_GEOMETRY = 2
+"""First of the seven columns of directions and range."""
+
+# Rows of a block's work besides the magnitudes.
+MISFIT_SLOPE, CURVATURE, OFFSET_WEIGHT = 0, 1, 2
+"""Of a row: derivative of its cost by the magnitude, the second, and its weight in the offset."""
+_ELAPSED, _DERIVATIVE, _LAG, _REST, _RATE_ERRORS = 3, 4, 10, 11, 12
+MOTION_ROWS = 21
+
+_PAIRS = UNKNOWNS * (UNKNOWNS + 1) // 2
+SUM_ROWS = _PAIRS + 2 * UNKNOWNS
+"""Products of the derivatives in pairs, and the derivatives by slope and by offset."""
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _axis(omega):
+    """Angular velocity as its length, the inverse of that and a unit vector; zeros for none."""
+    rate = np.sqrt(omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
+    inverse = 1.0 / rate if rate > 0.0 else 0.0
+    return rate, inverse, omega[0] * inverse, omega[1] * inverse, omega[2] * inverse
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _turn_evenly(b, w, count, start, omega):
+    """Attitudes of a body of constant angular velocity, and the factors of `pull_back`."""
+    rate, inverse, nx, ny, nz = _axis(omega)
+    s1, s2, s3, s4 = start[0], start[1], start[2], start[3]
+    for k in range(count):
+        t = w[_ELAPSED, k]
+        sine, cosine = sine_and_cosine(0.5 * rate * t)
+        q1, q2, q3, q4 = multiply_components(
+            nx * sine, ny * sine, nz * sine, cosine, s1, s2, s3, s4
+        )
+        b[QUATERNION, k], b[QUATERNION + 1, k] = q1, q2
+        b[QUATERNION + 2, k], b[QUATERNION + 3, k] = q3, q4
+        w[_LAG, k] = 2.0 * sine * sine * inverse
+        w[_REST, k] = t - 2.0 * sine * cosine * inverse
+
+
+@njit(cache=True, error_model="numpy")
+def fill_block(block, work, data, first, count, start, omega):
+    """Geometry of the rows from `first` on, as `facet_blocks` takes it.
+
+    The attitudes follow from that at the epoch and a constant angular velocity.
+    """
+    b = block.reshape((BLOCK_ROWS, LANES))
+    w = work.reshape((MOTION_ROWS, LANES))
+    for k in range(count):
+        w[_ELAPSED, k] = data[first + k, TIME]
+        for c in range(7):
+            b[facet_blocks.SUN + c, k] = data[first + k, _GEOMETRY + c]
+    _turn_evenly(b, w, count, start, omega)
+
+
+@njit(cache=True, error_model="numpy")
+def carry_attitude(block, work, count, now, q, rate, errors, inertia, inverse_inertia):
+    """Attitudes of a body that is not spherical, in place of those of `fill_block`.
+
+    Attitude, angular velocity and `errors` (6, 0 or 3) are carried on from time `now`; returns the
+    time reached.
+    """
+    for k in range(count):
+        propagate_with_errors(q, rate, errors, work[_ELAPSED, k] - now, inertia, inverse_inertia)
+        now = work[_ELAPSED, k]
+        for c in range(4):
+            block[QUATERNION + c, k] = q[c]
+        for c in range(errors.shape[1]):
+            for i in range(3):
+                work[_RATE_ERRORS + 3 * c + i, k] = errors[i, c]
+    return now
+
+
+@njit(cache=True, error_model="numpy")
+def pull_back(block, work, count, omega, spherical):
+    """Carry the magnitudes' derivatives by a turn back to the epoch.
+
+    With phi = omega t, n its direction and g the derivative at t, that by omega is
+    ``t g + (1 - cos|phi|)/|omega| n x g + (t - sin|phi|/|omega|) n x (n x g)`` for a spherical body
+    (`cislunar.attitude.rigid_body.pull_back_gradient`), that by the turn ``A(q)^T g``.
+    """
+    b = block.reshape((BLOCK_ROWS, LANES))
+    w = work.reshape((MOTION_ROWS, LANES))
+    _, _, nx, ny, nz = _axis(omega)
+    for k in range(count):
+        gx, gy, gz = b[TURN, k], b[TURN + 1, k], b[TURN + 2, k]
+        q1, q2, q3, q4 = b[QUATERNION, k], b[QUATERNION + 1, k], b[QUATERNION + 2, k], b[3, k]
+        ex, ey, ez = rotate_components(-q1, -q2, -q3, q4, gx, gy, gz)
+        w[_DERIVATIVE, k], w[_DERIVATIVE + 1, k], w[_DERIVATIVE + 2, k] = ex, ey, ez
+    if spherical:
+        for k in range(count):
+            gx, gy, gz = b[TURN, k], b[TURN + 1, k], b[TURN + 2, k]
+            t, lag, rest = w[_ELAPSED, k], w[_LAG, k], w[_REST, k]
+            cx, cy, cz = ny * gz - nz * gy, nz * gx - nx * gz, nx * gy - ny * gx
+            w[_DERIVATIVE + 3, k] = t * gx + lag * cx + rest * (ny * cz - nz * cy)
+            w[_DERIVATIVE + 4, k] = t * gy + lag * cy + rest * (nz * cx - nx * cz)
+            w[_DERIVATIVE + 5, k] = t * gz + lag * cz + rest * (nx * cy - ny * cx)
+        return
+    for c in range(3):
+        for k in range(count):
+            w[_DERIVATIVE + 3 + c, k] = (
+                w[_RATE_ERRORS + 3 * c, k] * b[TURN, k]
+                + w[_RATE_ERRORS + 3 * c + 1, k] * b[TURN + 1, k]
+                + w[_RATE_ERRORS + 3 * c + 2, k] * b[TURN + 2, k]
+            )
+
+
+@njit(cache=True, error_model="numpy")
+def add_products(work, count, sums):
+    """Add a block's products of derivatives to the sums (SUM_ROWS, LANES), lane by lane."""
+    w = work.reshape((MOTION_ROWS, LANES))
+    s = sums.reshape((SUM_ROWS, LANES))
+    pair = 0
+    for i in range(UNKNOWNS):
+        for j in range(i + 1):
+            for k in range(count):
+                s[pair, k] += w[CURVATURE, k] * w[_DERIVATIVE + i, k] * w[_DERIVATIVE + j, k]
+            pair += 1
+        for k in range(count):
+            s[_PAIRS + i, k] += w[MISFIT_SLOPE, k] * w[_DERIVATIVE + i, k]
+            s[_PAIRS + UNKNOWNS + i, k] += w[OFFSET_WEIGHT, k] * w[_DERIVATIVE + i, k]
+
+
+@njit(cache=True, error_model="numpy")
+def pull_back_matrix(u, start, sigma):
+    """Matrix (6, 6) from derivatives by turn (inertial) and rate at the epoch to the unknowns'."""
+    matrix, turn = np.zeros((UNKNOWNS, UNKNOWNS)), np.empty(3)
+    p = sigma[:3] * u[:3]
+    for i in range(3):
+        turn[0], turn[1], turn[2] = rotate_components(
+            start[0], start[1], start[2], start[3], 1.0 * (i == 0), 1.0 * (i == 1), 1.0 * (i == 2)
+        )
+        by_grp = pull_back_to_grp(p, turn, GRP_A, GRP_F)
+        for c in range(3):
+            matrix[c, i] = sigma[c] * by_grp[c]
+        matrix[3 + i, 3 + i] = sigma[3 + i]
+    return matrix
+
+
+@njit(cache=True, error_model="numpy")
+def fold(sums, matrix):
+    """Sums over all lanes in the unknowns: of products (6, 6), by slope (6,) and by offset (6,)."""
+    width = LANES // 2
+    while width > 0:
+        for row in range(SUM_ROWS):
+            for k in range(width):
+                sums[row, k] += sums[row, width + k]
+        width //= 2
+    half, products = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((UNKNOWNS, UNKNOWNS))
+    by_slope, by_offset = np.zeros(UNKNOWNS), np.zeros(UNKNOWNS)
+    for i in range(UNKNOWNS):
+        for k in range(UNKNOWNS):
+            by_slope[i] += matrix[i, k] * sums[_PAIRS + k, 0]
+            by_offset[i] += matrix[i, k] * sums[_PAIRS + UNKNOWNS + k, 0]
+            for j in range(UNKNOWNS):
+                high, low = max(j, k), min(j, k)
+                half[i, j] += matrix[i, k] * sums[high * (high + 1) // 2 + low, 0]
+    for i in range(UNKNOWNS):
+        for j in range(i + 1):
+            for k in range(UNKNOWNS):
+                products[i, j] += half[i, k] * matrix[j, k]
+            products[j, i] = products[i, j]
+    return products, by_slope, by_offset

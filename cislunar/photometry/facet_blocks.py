@@ -1,0 +1,187 @@
+"""Apparent magnitudes of one faceted object in a block of geometries at a time (compiled).
+
+The model and its arguments are those of `cislunar.photometry.facets`. A block, shape
+(BLOCK_ROWS, LANES), holds a number of each geometry in a column and a quantity in a row, and every
+loop runs along the rows: facet by facet, what it throws back in all geometries at once. A facet
+dark in all of them costs its cosines only. Each geometry is summed by itself in the order of the
+facets, so that the result depends neither on its neighbours nor on how many the machine takes at
+a time.
+
+A caller fills the rows `QUATERNION` (four of them), `SUN`, `VIEW` (three) and `RANGE` of as many
+columns as it needs. `SUN` and `VIEW` are afterwards in the body frame.
+"""
+
+import numpy as np
+from numba import njit
+
+from cislunar.attitude.quaternion import rotate_components
+from cislunar.constants import SUN_APPARENT_MAGNITUDE
+from cislunar.elementary import exponential
+from cislunar.photometry.facets import (
+    FLOOR_MAGNITUDE,
+    IRRADIANCE_FLOOR,
+    LN10,
+    reflection_constants,
+)
+
+LANES = 32
+"""Geometries of a block."""
+
+# First rows of a block: what is given, what is returned, and in between.
+QUATERNION, SUN, VIEW, RANGE = 0, 4, 7, 10
+MAGNITUDE, TURN = 11, 12
+_TOTAL, _INVERSE_HALF2, _SPECULAR, _LIT, _SEEN, _BY_LIT, _BY_SEEN = 15, 16, 17, 18, 19, 20, 23
+BLOCK_ROWS = 26
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _known_shape(block):
+    """The block with its shape as constants, which tell the compiler that rows do not overlap."""
+    return block.reshape((BLOCK_ROWS, LANES))
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _turn_into_body(b, count, material, fresnel_sqrt):
+    """Directions in the body frame, and the factors that all facets share."""
+    for k in range(count):
+        q1, q2, q3, q4 = b[QUATERNION, k], b[QUATERNION + 1, k], b[QUATERNION + 2, k], b[3, k]
+        lx, ly, lz = b[SUN, k], b[SUN + 1, k], b[SUN + 2, k]
+        vx, vy, vz = b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k]
+        half2 = (lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2
+        b[_INVERSE_HALF2, k] = 1.0 / half2
+        b[_SPECULAR, k] = reflection_constants(material, half2, fresnel_sqrt)[1]
+        b[SUN, k], b[SUN + 1, k], b[SUN + 2, k] = rotate_components(q1, q2, q3, q4, lx, ly, lz)
+        b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k] = rotate_components(q1, q2, q3, q4, vx, vy, vz)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _cosines(b, count, nx, ny, nz):
+    """N.L and N.V of a facet; in how many geometries it is both lit and seen."""
+    bright = 0
+    for k in range(count):
+        lit = nx * b[SUN, k] + ny * b[SUN + 1, k] + nz * b[SUN + 2, k]
+        seen = nx * b[VIEW, k] + ny * b[VIEW + 1, k] + nz * b[VIEW + 2, k]
+        b[_LIT, k], b[_SEEN, k] = lit, seen
+        bright += (lit > 0.0) & (seen > 0.0)
+    return bright
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _glint(lit, seen, inverse_half2, specular, steepness, far):
+    """Glint of a facet before attenuation, the attenuation, sec^2(phi), N.L + N.V and the area's
+    share: 1 where it is lit and seen, else 0."""
+    lower = lit if lit < seen else seen
+    both = lit + seen
+    cosine2 = both * both * inverse_half2
+    shines = (lower > 0.0) & (1.0 - cosine2 < far * cosine2)  # else the glint underflows
+    secant2 = 1.0 / (cosine2 if shines else 1.0)
+    beckmann = exponential((1.0 - secant2) * steepness) * secant2 * secant2
+    attenuation = 4.0 * both * lower * inverse_half2
+    return (specular if shines else 0.0) * beckmann, attenuation, secant2, both, lower
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _add_facet(b, count, area, diffuse, steepness, far):
+    """Add what a facet throws back to the totals."""
+    for k in range(count):
+        lit, seen = b[_LIT, k], b[_SEEN, k]
+        glint, attenuation, _, _, lower = _glint(
+            lit, seen, b[_INVERSE_HALF2, k], b[_SPECULAR, k], steepness, far
+        )
+        reflectance = diffuse * lit * seen + glint * (attenuation if attenuation < 1.0 else 1.0)
+        b[_TOTAL, k] += area * reflectance if lower > 0.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _add_facet_and_slopes(b, count, area, nx, ny, nz, diffuse, steepness, far):
+    """Add what a facet throws back, and its derivatives by the directions."""
+    for k in range(count):
+        lit, seen, inverse_half2 = b[_LIT, k], b[_SEEN, k], b[_INVERSE_HALF2, k]
+        glint, attenuation, secant2, both, lower = _glint(
+            lit, seen, inverse_half2, b[_SPECULAR, k], steepness, far
+        )
+        slope = (secant2 * steepness - 2.0) * secant2 * glint * 2.0 * both * inverse_half2
+        edge = 4.0 * inverse_half2 * glint if attenuation < 1.0 else 0.0
+        attenuation = attenuation if attenuation < 1.0 else 1.0
+        size = area if lower > 0.0 else 0.0
+        slope *= attenuation
+        by_lit = size * (diffuse * seen + slope + edge * (lower + (both if lit < seen else 0.0)))
+        by_seen = size * (diffuse * lit + slope + edge * (lower + (0.0 if lit < seen else both)))
+        b[_TOTAL, k] += size * (diffuse * lit * seen + glint * attenuation)
+        b[_BY_LIT, k] += by_lit * nx
+        b[_BY_LIT + 1, k] += by_lit * ny
+        b[_BY_LIT + 2, k] += by_lit * nz
+        b[_BY_SEEN, k] += by_seen * nx
+        b[_BY_SEEN + 1, k] += by_seen * ny
+        b[_BY_SEEN + 2, k] += by_seen * nz
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _sum_facets(b, count, areas, normals, material, with_slopes):
+    """Sums over the facets, into the rows of the totals and of their derivatives."""
+    diffuse, _, steepness, far = reflection_constants(material, 1.0, True)
+    for row in range(_BY_LIT, BLOCK_ROWS):
+        b[row, :count] = 0.0
+    b[_TOTAL, :count] = 0.0
+    for i in range(areas.shape[0]):
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        if _cosines(b, count, nx, ny, nz) == 0:
+            continue
+        if with_slopes:
+            _add_facet_and_slopes(b, count, areas[i], nx, ny, nz, diffuse, steepness, far)
+        else:
+            _add_facet(b, count, areas[i], diffuse, steepness, far)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _magnitudes_of_totals(b, count, irradiance_4pi):
+    """Apparent magnitudes of the sums over the facets (Paul & Fan, eq. 6)."""
+    for k in range(count):
+        spread = np.pi * b[RANGE, k] * b[RANGE, k]
+        if irradiance_4pi:
+            spread *= 4.0 * np.pi
+        flux = b[_TOTAL, k] / spread
+        if flux <= IRRADIANCE_FLOOR:
+            b[MAGNITUDE, k] = FLOOR_MAGNITUDE
+        else:
+            b[MAGNITUDE, k] = SUN_APPARENT_MAGNITUDE - 2.5 * np.log10(flux)
+
+
+@njit(cache=True, error_model="numpy")
+def block_magnitudes(block, count, areas, normals, material, irradiance_4pi, fresnel_sqrt):
+    """Apparent magnitudes of a block's first `count` geometries, into its row `MAGNITUDE`.
+
+    The other arguments, and the magnitude of a dark object, are as in
+    `cislunar.photometry.facets.facet_magnitude`.
+    """
+    b = _known_shape(block)
+    _turn_into_body(b, count, material, fresnel_sqrt)
+    _sum_facets(b, count, areas, normals, material, False)
+    _magnitudes_of_totals(b, count, irradiance_4pi)
+
+
+@njit(cache=True, error_model="numpy")
+def block_magnitude_gradients(block, count, areas, normals, material, irradiance_4pi, fresnel_sqrt):
+    """Magnitudes as by `block_magnitudes`, and their derivatives by a small turn of the body.
+
+    The latter, mag/rad, go into the three rows from `TURN` on. With ``q(e) = dq(e) (x) q`` and e a
+    rotation vector in the body frame, the facet sum depends on e only through N.L and N.V, whose
+    derivatives are ``N x L`` and ``N x V``; L.V, and with it the Fresnel factor, stays. The
+    derivative is zero for a dark object, one-sided where a facet comes into light or view or the
+    attenuation changes branch.
+    """
+    b = _known_shape(block)
+    _turn_into_body(b, count, material, fresnel_sqrt)
+    _sum_facets(b, count, areas, normals, material, True)
+    _magnitudes_of_totals(b, count, irradiance_4pi)
+    for k in range(count):
+        lx, ly, lz = b[SUN, k], b[SUN + 1, k], b[SUN + 2, k]
+        vx, vy, vz = b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k]
+        ax, ay, az = b[_BY_LIT, k], b[_BY_LIT + 1, k], b[_BY_LIT + 2, k]
+        bx, by, bz = b[_BY_SEEN, k], b[_BY_SEEN + 1, k], b[_BY_SEEN + 2, k]
+        bright = b[MAGNITUDE, k] < FLOOR_MAGNITUDE
+        scale = -2.5 / (LN10 * (b[_TOTAL, k] if bright else 1.0))
+        scale = scale if bright else 0.0
+        b[TURN, k] = scale * (ay * lz - az * ly + by * vz - bz * vy)
+        b[TURN + 1, k] = scale * (az * lx - ax * lz + bz * vx - bx * vz)
+        b[TURN + 2, k] = scale * (ax * ly - ay * lx + bx * vy - by * vx)
