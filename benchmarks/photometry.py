@@ -1,7 +1,8 @@
 """Time of one apparent magnitude: compiled kernel against plain NumPy, and bodies with shadows.
 
 Run ``python benchmarks/photometry.py``. Prints the best of several repeats, in microseconds per
-magnitude, and the ratios; exits with an error if the two kernels of an icosahedron disagree. A body
+magnitude, and the ratios: NumPy against the compiled kernel of one geometry, and that against the
+one of blocks. It exits with an error if they disagree. A body
 with shadows and several materials is compared with the convex kernel on as many facets, its own,
 measured in turns; the directions are random, and those of a slow tumble.
 """
@@ -16,10 +17,20 @@ from cislunar.attitude.quaternion import from_rotation_vector, normalize, to_ine
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.photometry import spacecraft
 from cislunar.photometry.bodies import body_magnitude, build_body
+from cislunar.photometry.facet_blocks import (
+    BLOCK_ROWS,
+    LANES,
+    MAGNITUDE,
+    RANGE,
+    SUN,
+    VIEW,
+    block_magnitude_gradients,
+    block_magnitudes,
+)
+from cislunar.photometry.facet_derivatives import facet_magnitude_derivatives
 from cislunar.photometry.facets import (
     FLOOR_MAGNITUDE,
     facet_magnitude,
-    facet_magnitude_gradient,
 )
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import Facets, icosphere
@@ -61,12 +72,31 @@ def compiled_magnitudes(quaternion, sun, view, areas, normals, material, out):
 
 
 @njit
-def compiled_gradients(quaternion, sun, view, areas, normals, material, out):
-    """`facet_magnitude_gradient` of n geometries."""
+def compiled_derivatives(quaternion, sun, view, areas, normals, material, out):
+    """`facet_magnitude_derivatives` of n geometries."""
     for i in range(out.shape[0]):
-        out[i] = facet_magnitude_gradient(
+        out[i] = facet_magnitude_derivatives(
             quaternion[i], sun[i], view[i], RANGE_M, areas, normals, material, True, True
         )[0]
+
+
+@njit
+def blocked(quaternion, sun, view, areas, normals, material, with_gradient, out):
+    """`block_magnitudes`, or `block_magnitude_gradients`, of n geometries, filled in as well."""
+    block = np.empty((BLOCK_ROWS, LANES))
+    block[RANGE] = RANGE_M
+    for first in range(0, out.shape[0], LANES):
+        count = min(LANES, out.shape[0] - first)
+        for k in range(count):
+            for c in range(4):
+                block[c, k] = quaternion[first + k, c]
+            for c in range(3):
+                block[SUN + c, k], block[VIEW + c, k] = sun[first + k, c], view[first + k, c]
+        if with_gradient:
+            block_magnitude_gradients(block, count, areas, normals, material, True, True)
+        else:
+            block_magnitudes(block, count, areas, normals, material, True, True)
+        out[first : first + count] = block[MAGNITUDE, :count]
 
 
 @njit
@@ -110,40 +140,47 @@ def main() -> None:
     quaternion = normalize(rng.normal(size=(n, 4)))
     sun, view = (v / np.linalg.norm(v, axis=1)[:, None] for v in rng.normal(size=(2, n, 3)))
     material = Material()
-    print(f"{'facets':>6} {'compiled':>9} {'gradient':>9} {'one by one':>11} {'batch':>7}  us")
+    print("us per magnitude; the rows of a tumbling body in a block share their bright facets")
+    axis = np.array([0.3, -0.5, 0.81])
+    tumble = np.array([from_rotation_vector(angle * axis) for angle in np.linspace(0.0, 40.0, n)])
+    still = [np.repeat(v[:1], n, axis=0) for v in (sun, view)]
     for subdivisions in (0, 2):
         facets = icosphere(subdivisions)
-        out = np.empty(n)
-        inputs = (quaternion, sun, view, facets.areas, facets.normals, material.as_array(), out)
-        compiled_gradients(*inputs)
-        compiled_magnitudes(*inputs)
+        out, out_of_blocks = np.empty(n), np.empty(n)
+        shape = (facets.areas, facets.normals, material.as_array())
+        inputs = (quaternion, sun, view, *shape)
+        compiled_magnitudes(*inputs, out)
+        blocked(*inputs, False, out_of_blocks)
+        np.testing.assert_allclose(out_of_blocks, out, atol=1e-11, rtol=0.0)
         np.testing.assert_allclose(
             out, numpy_magnitude(quaternion, sun, view, facets, material), rtol=1e-12
         )
         few = range(min(n, 200))
         tasks = {
-            "compiled": (lambda i=inputs: compiled_magnitudes(*i), n),
-            "gradient": (lambda i=inputs: compiled_gradients(*i), n),
-            "single": (
+            "one by one": (lambda i=inputs, o=out: compiled_magnitudes(*i, o), n),
+            "blocks": (lambda i=inputs, o=out: blocked(*i, False, o), n),
+            "derivatives one by one": (lambda i=inputs, o=out: compiled_derivatives(*i, o), n),
+            "gradient in blocks": (lambda i=inputs, o=out: blocked(*i, True, o), n),
+            "NumPy one by one": (
                 lambda f=facets, k=few: [
                     numpy_magnitude(quaternion[i], sun[i], view[i], f, material) for i in k
                 ],
                 len(few),
             ),
-            "batch": (lambda f=facets: numpy_magnitude(quaternion, sun, view, f, material), n),
+            "NumPy": (lambda f=facets: numpy_magnitude(quaternion, sun, view, f, material), n),
         }
+        for name, kernel in (("one by one", compiled_magnitudes), ("blocks", blocked)):
+            given = (tumble, *still, *shape, *(() if name == "one by one" else (False,)), out)
+            tasks[f"tumble {name}"] = (lambda k=kernel, g=given: k(*g), n)
         us = {
             name: 1e6 * best_time(task, arguments.repeats if count == n else 3) / count
             for name, (task, count) in tasks.items()
         }
-        print(
-            f"{facets.areas.size:6d} {us['compiled']:9.3f} {us['gradient']:9.3f} "
-            f"{us['single']:11.1f} {us['batch']:7.2f}"
-        )
-        print(
-            f"       NumPy one by one / compiled = {us['single'] / us['compiled']:.0f}, "
-            f"NumPy batch / compiled = {us['batch'] / us['compiled']:.0f}"
-        )
+        print(f"{facets.areas.size} facets: ", ", ".join(f"{k} {v:.3f}" for k, v in us.items()))
+        pairs = [(key, "one by one") for key in ("NumPy one by one", "NumPy")]
+        pairs += [("one by one", "blocks"), ("tumble one by one", "tumble blocks")]
+        pairs += [("derivatives one by one", "gradient in blocks")]
+        print("  ratios: ", ", ".join(f"{a} / {b} = {us[a] / us[b]:.1f}" for a, b in pairs))
     compare_bodies(quaternion, sun, view, arguments.repeats)
 
 

@@ -1,8 +1,8 @@
 """Apparent magnitudes of one faceted object in a block of geometries at a time (compiled).
 
 The model and its arguments are those of `cislunar.photometry.facets`. A block, shape
-(BLOCK_ROWS, LANES), holds a number of each geometry in a column and a quantity in a row, and every
-loop runs along the rows: facet by facet, what it throws back in all geometries at once. A facet
+(BLOCK_ROWS, LANES), holds a geometry in each column and a quantity in each row, and every loop
+runs along the rows: facet by facet, what it throws back in all geometries at once. A facet
 dark in all of them costs its cosines only. Each geometry is summed by itself in the order of the
 facets, so that the result depends neither on its neighbours nor on how many the machine takes at
 a time.
@@ -68,8 +68,8 @@ def _cosines(b, count, nx, ny, nz):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _glint(lit, seen, inverse_half2, specular, steepness, far):
-    """Glint of a facet before attenuation, the attenuation, sec^2(phi), N.L + N.V and the area's
-    share: 1 where it is lit and seen, else 0."""
+    """Glint of a facet before attenuation, the attenuation without its bound of 1, sec^2(phi),
+    N.L + N.V and the lesser of the two; see `cislunar.photometry.facets.facet_sums`."""
     lower = lit if lit < seen else seen
     both = lit + seen
     cosine2 = both * both * inverse_half2
@@ -103,11 +103,14 @@ def _add_facet_and_slopes(b, count, area, nx, ny, nz, diffuse, steepness, far):
         slope = (secant2 * steepness - 2.0) * secant2 * glint * 2.0 * both * inverse_half2
         edge = 4.0 * inverse_half2 * glint if attenuation < 1.0 else 0.0
         attenuation = attenuation if attenuation < 1.0 else 1.0
-        size = area if lower > 0.0 else 0.0
         slope *= attenuation
-        by_lit = size * (diffuse * seen + slope + edge * (lower + (both if lit < seen else 0.0)))
-        by_seen = size * (diffuse * lit + slope + edge * (lower + (0.0 if lit < seen else both)))
-        b[_TOTAL, k] += size * (diffuse * lit * seen + glint * attenuation)
+        by_lit = diffuse * seen + slope + edge * (lower + (both if lit < seen else 0.0))
+        by_seen = diffuse * lit + slope + edge * (lower + (0.0 if lit < seen else both))
+        reflectance = diffuse * lit * seen + glint * attenuation
+        # a choice each, not a product with zero: with the Sun straight behind they are not numbers
+        b[_TOTAL, k] += area * reflectance if lower > 0.0 else 0.0
+        by_lit = area * by_lit if lower > 0.0 else 0.0
+        by_seen = area * by_seen if lower > 0.0 else 0.0
         b[_BY_LIT, k] += by_lit * nx
         b[_BY_LIT + 1, k] += by_lit * ny
         b[_BY_LIT + 2, k] += by_lit * nz

@@ -1,8 +1,8 @@
 """Derivatives of the facet model's magnitude by attitude, direction and range (compiled).
 
-`cislunar.photometry.facets` gives the derivative by a small turn of the body. Here the directions
-to the Sun and to the observer may change as well, as they do when the body moves; with them changes
-|L + V|, and so the slope distribution, the attenuation and the Fresnel factor.
+`cislunar.photometry.facet_blocks` gives the derivative by a small turn of the body. Here the
+directions to the Sun and to the observer may change as well, as they do when the body moves; with
+them changes |L + V|, and so the slope distribution, the attenuation and the Fresnel factor.
 """
 
 import numpy as np
@@ -50,7 +50,7 @@ def facet_magnitude_derivatives(
     """Apparent magnitude with its derivatives by attitude, directions and range (compiled).
 
     Arguments as in `cislunar.photometry.facets.facet_irradiance`. The derivatives are by a small
-    turn (mag/rad, body frame, as in `cislunar.photometry.facets.facet_magnitude_gradient`), by the
+    turn (mag/rad, body frame, as in `facet_blocks.block_magnitude_gradients`), by the
     unit vectors to the Sun and to the observer (mag/rad, inertial frame; only what lies across the
     vector has a meaning), and by log r (mag). All are zero for a dark object.
     """

@@ -10,8 +10,9 @@ again by (N.L)(N.V). The two are cancelled here, so a facet near grazing costs n
 
     R_i = A_i / pi * (d rho (N.L)(N.V) + s alpha_i D_i F).
 
-`facet_irradiance`, `facet_magnitude` and `facet_magnitude_gradient` are compiled kernels for one
-geometry; `apparent_magnitude` broadcasts over arrays.
+`facet_irradiance` and `facet_magnitude` are compiled kernels for one geometry,
+`cislunar.photometry.facet_blocks` has those for many at a time and `apparent_magnitude` broadcasts
+over arrays.
 """
 
 from __future__ import annotations
@@ -216,42 +217,6 @@ def facet_sums(light, view, half2, fresnel, areas, normals, material):
         ax, ay, az = ax + by_lit * nx, ay + by_lit * ny, az + by_lit * nz
         bx, by, bz = bx + by_seen * nx, by + by_seen * ny, bz + by_seen * nz
     return total, (ax, ay, az), (bx, by, bz), by_half2, shine
-
-
-@njit(cache=True, error_model="numpy")
-def facet_magnitude_gradient(
-    quaternion, sun_direction, view_direction, range_m, areas, normals, material,
-    irradiance_4pi, fresnel_sqrt,
-):  # fmt: skip
-    """Apparent magnitude, and its derivative by a small turn of the body, mag/rad (compiled).
-
-    Arguments as in `facet_irradiance`. With ``q(e) = dq(e) (x) q`` and e a rotation vector in the
-    body frame, the facet sum depends on e only through N.L and N.V, whose derivatives are
-    ``N x L`` and ``N x V``; L.V, and with it the Fresnel factor, stays. The derivative is zero for
-    a dark object, one-sided where a facet comes into light or view or the attenuation changes
-    branch.
-    """
-    q1, q2, q3, q4 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    lx, ly, lz = sun_direction[0], sun_direction[1], sun_direction[2]
-    vx, vy, vz = view_direction[0], view_direction[1], view_direction[2]
-    half2 = (lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2
-    lx, ly, lz = rotate_components(q1, q2, q3, q4, lx, ly, lz)
-    vx, vy, vz = rotate_components(q1, q2, q3, q4, vx, vy, vz)
-    fresnel = fresnel_reflectance(0.5 * np.sqrt(half2), material[4], fresnel_sqrt)
-    total, (ax, ay, az), (bx, by, bz), _, _ = facet_sums(
-        (lx, ly, lz), (vx, vy, vz), half2, fresnel, areas, normals, material
-    )
-    spread = np.pi * range_m * range_m
-    if irradiance_4pi:
-        spread *= 4.0 * np.pi
-    flux = total / spread
-    if flux <= IRRADIANCE_FLOOR:
-        return FLOOR_MAGNITUDE, 0.0, 0.0, 0.0
-    scale = -2.5 / (LN10 * total)
-    gx = scale * (ay * lz - az * ly + by * vz - bz * vy)
-    gy = scale * (az * lx - ax * lz + bz * vx - bx * vz)
-    gz = scale * (ax * ly - ay * lx + bx * vy - by * vx)
-    return SUN_APPARENT_MAGNITUDE - 2.5 * np.log10(flux), gx, gy, gz
 
 
 @njit(cache=True)
