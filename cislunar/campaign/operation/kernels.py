@@ -3,7 +3,7 @@
 Numba caches a kernel in the folder ``__pycache__`` of its module, or below ``NUMBA_CACHE_DIR``. Two
 processes that call it first at the same time both compile it, and what is cached does not notice a
 change in another file that it draws on. ``python -m cislunar.campaign.operation.kernels`` compiles
-what tracking takes, before many jobs need it.
+what searches and tracking take, before many jobs need it.
 """
 
 import contextlib
@@ -15,6 +15,8 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 import cislunar
 from cislunar.campaign.data.compilation import announced
@@ -115,14 +117,15 @@ def _one_at_a_time(what: str) -> Iterator[None]:
 def compile_kernels(of: str) -> None:
     """Compile and cache the kernels of a kind of jobs, a key of `KINDS`, or load them if cached.
 
-    One process at a time does so; another waits and then loads them. Progress goes to the terminal.
+    One process at a time does so for a kind; others wait, then load them. Progress goes to the
+    terminal.
     """
     kind = KINDS[of]
     modules = [_PACKAGE / name for name in kind.modules]
     files = _closure(modules, lambda path: filter(Path.is_file, _imports(path.read_text())))
     with on_terminal(), contextlib.ExitStack() as held:
         with contextlib.suppress(OSError):
-            held.enter_context(_one_at_a_time("compiling_kernels"))
+            held.enter_context(_one_at_a_time(f"compiling_kernels_of_{of}"))
         held.enter_context(announced({*map(str, files)}))
         kind.load()
 
@@ -138,8 +141,27 @@ def _track() -> None:
 
 
 def _search() -> None:
-    """What a search for architectures takes besides: Hyperopt, half a second."""
-    import hyperopt.tpe  # noqa: F401
+    """Both samplers and the cost J on tables as small as can be; Hyperopt is loaded on the way."""
+    from cislunar.architecture.cost import CostFunction
+    from cislunar.architecture.hyperopt_search import hyperopt_search
+    from cislunar.architecture.tables import ArchitectureTables
+
+    tables = ArchitectureTables(
+        observations=np.arange(12, dtype=np.uint16).reshape(3, 2, 2),
+        distance=np.ones((3, 2)),
+        stability_index=np.arange(1.0, 4.0),
+        family=np.array(["Halo_L1_N"] * 3),
+        n_steps=12,
+    )
+    for method in ("random", "tpe-compiled"):
+        hyperopt_search(
+            CostFunction(tables),
+            method=method,
+            rng=np.random.default_rng(0),
+            n_slots=2,
+            max_evaluations=25,
+            early_stop=None,
+        )
 
 
 class Kind(NamedTuple):
@@ -151,10 +173,12 @@ class Kind(NamedTuple):
 
 KINDS = {
     "tracking": Kind(_track, ("tasking/closed_loop.py", "tasking/demonstration.py")),
-    "search": Kind(_search),
+    "search": Kind(_search, ("architecture/hyperopt_search.py", "architecture/cost.py")),
 }
 """What jobs share that costs much to make ready."""
 
 
 if __name__ == "__main__":
-    compile_kernels("tracking")
+    drop_stale_kernels()
+    for each in KINDS:
+        compile_kernels(each)
