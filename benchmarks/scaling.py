@@ -1,18 +1,21 @@
 """How the cost of tracking grows with targets, observers, realizations and length.
 
-    python benchmarks/scaling.py [--redraw]
+    python benchmarks/scaling.py [--redraw | --memory]
 
 measures processor time and memory of closed loops about a usual size, each in a process of its
 own, one size varied at a time; writes them to ``docs/scaling.csv``, draws
 ``docs/images/scaling.png``, and puts exponents and the estimate for a large campaign into
-``docs/scaling.md``. ``--redraw`` leaves out the measuring. The scene needs no file. Everything runs
+``docs/scaling.md``. ``--memory`` measures the memory of long runs alone, day by day, for
+``docs/memory.csv``; ``--redraw`` leaves out the measuring. The scene needs no file. Everything runs
 on one thread; compilation is not counted.
 """
 
 import argparse
 import multiprocessing
 import resource
+from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import process_time
 
 import numpy as np
@@ -20,14 +23,16 @@ import pandas as pd
 
 from cislunar.campaign.data.netcdf import write_text
 from cislunar.campaign.documents.markdown import markdown_table, replace_between
+from cislunar.campaign.tracking.checkpoint import Checkpoint
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.registry import estimator_named
 from cislunar.figures.style import estimator_style, house_style, new_figure, save_figure
-from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.closed_loop import ClosedLoop
 from cislunar.tasking.demonstration import tracking_problem
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "docs/scaling.csv"
+MEMORY_TABLE = ROOT / "docs/memory.csv"
 DOCUMENT = ROOT / "docs/scaling.md"
 IMAGE = ROOT / "docs/images/scaling"
 BEGIN, END = "<!-- begin measured -->\n", "<!-- end measured -->\n"
@@ -50,6 +55,12 @@ LARGE = {"targets": 10_000, "observers": 100, "seeds": 1, "hours": 2}
 
 LARGE_HOURS = 30 * 24
 
+LONG_RUNS = (
+    {"targets": 100, "observers": 20, "days": 8, "worked_through": 8},
+    {"targets": 10_000, "observers": 100, "days": 30, "worked_through": 1},
+)
+"""Runs whose memory is measured after every day; the large one is left after its first."""
+
 LONG_HOURS = 6.0
 """Data window of the batch estimator for long campaigns."""
 
@@ -60,23 +71,58 @@ ESTIMATORS = {
 }
 
 
-def run(estimator: str, targets: int, observers: int, seeds: int, hours: float) -> None:
-    """One closed loop, recorded hourly."""
+def begun(estimator: str, targets: int, observers: int, seeds: int, hours: float) -> ClosedLoop:
+    """A closed loop, recorded hourly."""
     problem = tracking_problem(observers, targets, duration_hours=float(hours), record_every=60)
-    run_closed_loop(*problem[:4], list(range(seeds)), problem[4], estimator=ESTIMATORS[estimator])
+    return ClosedLoop(*problem[:4], range(seeds), problem.loop, estimator=ESTIMATORS[estimator])
 
 
-def _measure_here(pipe, estimator: str, size: dict[str, int]) -> None:
-    before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    start = process_time()
+def run(estimator: str, targets: int, observers: int, seeds: int, hours: float) -> None:
+    """One closed loop, kept as a cell is."""
+    loop = begun(estimator, targets, observers, seeds, hours)
+    with TemporaryDirectory() as folder:
+        Checkpoint(Path(folder) / "kept", loop, {}).run()
+
+
+def _peak_mb() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def _cost(estimator: str, size: dict[str, int]) -> list[tuple[float, ...]]:
+    """Processor time (s) and growth of memory (MB) of a loop."""
+    before_mb, start = _peak_mb(), process_time()
     run(estimator, **size)
-    cpu_s = process_time() - start
-    grown_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb
-    pipe.send((cpu_s, grown_kb / 1024.0))
+    return [(process_time() - start, _peak_mb() - before_mb)]
+
+
+def _days(estimator: str, size: dict[str, int]) -> list[tuple[float, ...]]:
+    """Day, processor time so far (s) and peak of memory (MB) of the whole process after each day.
+
+    Every day is kept on disk before the next one.
+    """
+    start, found = process_time(), []
+    loop = begun(estimator, size["targets"], size["observers"], 1, 24.0 * size["days"])
+    with TemporaryDirectory() as folder:
+        kept = Checkpoint(Path(folder) / "kept", loop, {}, least_s=0.0)
+        for day in range(1, size["worked_through"] + 1):
+            kept.run(pieces=1)
+            found.append((day, process_time() - start, _peak_mb()))
+    return found
+
+
+def in_a_fork(measured: Callable, *given: object) -> list[tuple[float, ...]]:
+    """What a function gives in a fork of this warm process, which ends with it."""
+    fork = multiprocessing.get_context("fork")
+    ours, theirs = fork.Pipe()
+    child = fork.Process(target=lambda: theirs.send(measured(*given)))
+    child.start()
+    found = ours.recv()
+    child.join()
+    return found
 
 
 def measure(estimator: str, size: dict[str, int]) -> dict[str, object]:
-    """Processor time and growth of memory of a loop, in a fork of this warm process.
+    """Processor time and growth of memory of a loop.
 
     Parameters
     ----------
@@ -90,15 +136,20 @@ def measure(estimator: str, size: dict[str, int]) -> dict[str, object]:
     dict
         A row of the table; time in s, memory in MB.
     """
-    fork = multiprocessing.get_context("fork")
-    ours, theirs = fork.Pipe()
-    child = fork.Process(target=_measure_here, args=(theirs, estimator, size))
-    child.start()
-    cpu_s, memory_mb = ours.recv()
-    child.join()
+    ((cpu_s, memory_mb),) = in_a_fork(_cost, estimator, size)
     row = {"estimator": estimator, **size, "cpu_s": round(cpu_s, 4), "memory_mb": round(memory_mb)}
     print(row, flush=True)
     return row
+
+
+def measure_days(estimator: str, size: dict[str, int]) -> list[dict[str, object]]:
+    """Rows of the table of memory, one for each day of a run of `LONG_RUNS`."""
+    rows = [
+        {"estimator": estimator, **size, "day": day, "cpu_s": round(cpu_s, 1), "peak_mb": round(mb)}
+        for day, cpu_s, mb in in_a_fork(_days, estimator, size)
+    ]
+    print(*rows, sep="\n", flush=True)
+    return rows
 
 
 def sizes() -> list[dict[str, int]]:
@@ -156,45 +207,57 @@ def exponents_table(table: pd.DataFrame) -> str:
 
 def large_table(table: pd.DataFrame) -> str:
     """What the large campaign would take, in proportion to its length, in Markdown."""
-    header = [
-        *("estimator", "2 h, measured, s", "2 h, measured, MB"),
-        *("30 days, one core a realization, h", "30 days, memory of each job, GB"),
-    ]
+    header = ["estimator", "2 h, measured, s", "30 days, one core a realization, h"]
     rows = []
     for estimator in table["estimator"].unique():
         own = table[table["estimator"] == estimator]
         row = own[(own[list(LARGE)] == list(LARGE.values())).all(axis=1)]
         if row.empty:
             continue
-        measured = row.iloc[0]
-        longer = LARGE_HOURS / LARGE["hours"]
-        hours = measured["cpu_s"] * longer / 3600.0
-        memory = measured["memory_mb"] / 1024.0 * longer
-        figures = (f"{measured['cpu_s']:.1f}", measured["memory_mb"], f"{hours:.1f}")
-        rows.append([estimator, *figures, f"{memory:.0f}"])
+        cpu_s = row.iloc[0]["cpu_s"]
+        hours = cpu_s * LARGE_HOURS / LARGE["hours"] / 3600.0
+        rows.append([estimator, f"{cpu_s:.1f}", f"{hours:.1f}"])
     return markdown_table(header, rows)
 
 
-def describe(table: pd.DataFrame) -> None:
+def memory_table(table: pd.DataFrame) -> str:
+    """Peak of memory after each day, in Markdown."""
+    days = sorted(table["day"].unique())
+    rows = []
+    for key, own in table.groupby(["targets", "observers", "days", "estimator"], sort=False):
+        targets, observers, length, estimator = key
+        peaks = own.set_index("day")["peak_mb"]
+        cells = [str(peaks[day]) if day in peaks.index else "" for day in days]
+        rows.append([f"{targets:,} x {observers}", str(length), estimator, *cells])
+    header = ["targets x observers", "days of the run", "estimator"]
+    return markdown_table([*header, *(f"day {day}, MB" for day in days)], rows)
+
+
+def describe(table: pd.DataFrame, memory: pd.DataFrame) -> None:
     """Put the figures into the document."""
     text = DOCUMENT.read_text(encoding="utf-8")
-    block = f"\n{exponents_table(table)}\n{large_table(table)}\n"
+    parts = exponents_table(table), large_table(table), memory_table(memory)
+    block = "\n" + "".join(f"{part}\n" for part in parts)
     write_text(replace_between(text, BEGIN, END, block, str(DOCUMENT)), DOCUMENT)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--redraw", action="store_true", help="from the table, without measuring")
+    only = parser.add_mutually_exclusive_group()
+    only.add_argument("--redraw", action="store_true", help="from the tables, without measuring")
+    only.add_argument("--memory", action="store_true", help="measure the memory of long runs alone")
     options = parser.parse_args()
-    if not options.redraw:
-        rows = []
-        for estimator in ESTIMATORS:
-            run(estimator, 5, 5, 1, 1.0)  # compiles
-            rows += [measure(estimator, size) for size in sizes()]
-        write_text(pd.DataFrame(rows).to_csv(index=False), TABLE)
+    rows, days = [], []
+    for estimator in () if options.redraw else ESTIMATORS:
+        run(estimator, 5, 5, 1, 1.0)  # compiles
+        rows += [] if options.memory else [measure(estimator, size) for size in sizes()]
+        days += [row for size in LONG_RUNS for row in measure_days(estimator, size)]
+    for path, found in ((TABLE, rows), (MEMORY_TABLE, days)):
+        if found:
+            write_text(pd.DataFrame(found).to_csv(index=False), path)
     table = pd.read_csv(TABLE)
     draw(table)
-    describe(table)
+    describe(table, pd.read_csv(MEMORY_TABLE))
 
 
 if __name__ == "__main__":
