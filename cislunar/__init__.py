@@ -1,6 +1,6 @@
 """Autonomous cislunar space domain awareness: observer architecture, tasking and estimation.
 What most notebooks begin with is here, loaded when it is asked for: with `import cislunar as cs`,
-`cs.family_members("Halo_L2_S", jacobi=3.05)`. The rest is in the rooms, such as `cislunar.orbits`.
+`cs.periodic_orbits("Halo_L2_S", jacobi=3.05)`. The rest is in the rooms, such as `cislunar.orbits`.
 """
 
 __version__ = "0.1.0"
@@ -9,10 +9,10 @@ _HOMES = {
     "apparent_magnitude": "photometry.facets",
     "coordinate_search": "architecture.coordinate_search",
     "count_visibility": "visibility.counts",
-    "family_members": "orbits.families",
     "icosahedron": "photometry.shapes",
     "make_scene": "observation.scene",
     "observer_library": "orbits.families",
+    "periodic_orbits": "orbits.catalogue",
     "propagate": "dynamics.propagation",
     "propagate_periodic": "dynamics.propagation",
     "propagate_utc": "dynamics.ephemeris",

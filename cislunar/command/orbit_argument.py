@@ -28,8 +28,16 @@ class Orbit(NamedTuple):
         return propagate(self.state, times)
 
 
-def members_at(family: str, quantity: str, value: float) -> Any:
-    """`family_members` at a Jacobi constant, or a period in days; never none.
+def members_of(
+    family: str,
+    *,
+    jacobi: Any = None,
+    period: Any = None,
+    stability: Any = None,
+    count: int | None = None,
+    **progress: Any,
+) -> Any:
+    """`periodic_orbits` with the period in days; never none.
 
     Raises
     ------
@@ -39,21 +47,30 @@ def members_at(family: str, quantity: str, value: float) -> Any:
     import numpy as np
 
     from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
+    from cislunar.orbits.catalogue import catalogue_branch, periodic_orbits
     from cislunar.orbits.extent import measure_of
-    from cislunar.orbits.families import family_branch, family_members
 
-    unit, name = (SECONDS_PER_DAY / TIME_UNIT_S, " days") if quantity == "period" else (1.0, "")
-    if not np.isfinite(value):
-        raise ConfigurationError(f"{quantity} = {value} of {family} is no finite number")
-    members = family_members(family, **{quantity: value * unit})
-    if members.period.size == 0:
-        measure = measure_of(quantity, MU)
-        taken = [measure(member) / unit for member in family_branch(family)]
-        raise ConfigurationError(
-            f"no member of {family} has {quantity} = {value:g}{name}; they have about "
-            f"{min(taken):.3f} to {max(taken):.3f}{name}"
-        )
-    return members
+    day = SECONDS_PER_DAY / TIME_UNIT_S
+    asked = {"jacobi": jacobi, "period": period, "stability": stability}
+    for key, value in asked.items():
+        if value is not None and not np.all(np.isfinite(value)):
+            raise ConfigurationError(f"{key} = {value} of {family} is no finite number")
+    if period is not None:
+        asked["period"] = day * period if np.ndim(period) == 0 else tuple(day * p for p in period)
+    members = periodic_orbits(family, **asked, count=count, **progress)
+    single = [key for key, value in asked.items() if value is not None and np.ndim(value) == 0]
+    if members.period.size:
+        return members
+    if not single:
+        raise ConfigurationError(f"no member of {family} lies within these ranges; raise --count")
+    ((quantity, value),) = ((key, asked[key]) for key in single)
+    unit, name = (day, " days") if quantity == "period" else (1.0, "")
+    measure = measure_of("stability_index" if quantity == "stability" else quantity, MU)
+    taken = [measure(member) / unit for member in catalogue_branch(family, MU)]
+    raise ConfigurationError(
+        f"no member of {family} clear of Earth and Moon has {quantity} = {value / unit:g}{name}; "
+        f"the family has about {min(taken):.3f} to {max(taken):.3f}{name}"
+    )
 
 
 def read_orbit(text: str, units: str) -> Orbit:
@@ -120,7 +137,7 @@ def _member(text: str, family: str, options: list[str]) -> Orbit:
     chosen = [key for key in ("jacobi", "period") if key in given]
     if len(chosen) != 1:
         raise ConfigurationError(f"orbit {text!r}: give either jacobi= or period=, and only one")
-    members = members_at(family, chosen[0], given[chosen[0]])
+    members = members_of(family, **{chosen[0]: given[chosen[0]]})
     number = given.get("member", 1.0 if members.period.size == 1 else 0.0)
     if number not in range(1, members.period.size + 1):
         raise ConfigurationError(

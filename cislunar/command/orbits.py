@@ -1,22 +1,35 @@
 """``cislunar orbits``: families of periodic orbits and their members."""
 
+import logging
 from contextlib import suppress
 from typing import Any
 
 import click
 
 from cislunar.command.base import Group, progress
-from cislunar.command.orbit_argument import members_at
+from cislunar.command.orbit_argument import members_of
 from cislunar.command.table import OUTPUT, UNITS, Column, show, state_columns
 from cislunar.errors import ConfigurationError
 
-_KINDS = {
-    "Butterfly": "butterfly, from the halos about L2",
-    "Dragonfly": "dragonfly",
-    "Halo": "halo",
-    "Lyap": "planar Lyapunov",
-}
-_HALVES = {"N": ", northern", "S": ", southern"}
+logger = logging.getLogger("cislunar")
+
+
+class Wanted(click.ParamType):
+    """A value, or a range LOW:HIGH."""
+
+    name = "VALUE|LOW:HIGH"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> float | tuple[float, float]:
+        """The number, or the two."""
+        if not isinstance(value, str):
+            return value
+        try:
+            numbers = tuple(float(part) for part in value.split(":"))
+        except ValueError:
+            numbers = ()
+        if len(numbers) not in (1, 2):
+            self.fail(f"{value!r} is no number and no range LOW:HIGH", param, ctx)
+        return numbers[0] if len(numbers) == 1 else numbers
 
 
 @click.group(cls=Group)
@@ -39,55 +52,53 @@ def list_families(output: str | None) -> None:
     Example:
       cislunar orbits list
     """
-    from cislunar.orbits.families import FAMILIES
+    from cislunar.orbits.catalogue import CATALOGUE
 
-    meanings = []
-    for family in FAMILIES:
-        kind, *rest = family.split("_")
-        about = f" about {rest[0]}" if rest[0].startswith("L") else ""
-        meanings.append(f"{_KINDS[kind]}{about}{_HALVES.get(rest[-1], '')}")
-    show([Column("family", FAMILIES), Column("orbits", meanings)], output)
+    meanings = [family.meaning for family in CATALOGUE.values()]
+    show([Column("family", [*CATALOGUE]), Column("orbits", meanings)], output)
 
 
 @orbits.command()
 @click.argument("families", nargs=-1, metavar="[FAMILY]...")
-@click.option("--jacobi", type=float, metavar="VALUE", help="All members of this Jacobi constant.")
-@click.option("--period", type=float, metavar="DAYS", help="All members of this period.")
+@click.option("--jacobi", type=Wanted(), help="Of this Jacobi constant, or within a range.")
+@click.option("--period", type=Wanted(), help="Of this period, or within a range, days.")
+@click.option("--stability", type=Wanted(), help="Of this stability index, or within a range.")
 @click.option("--count", type=click.IntRange(min=1), help="This many, evenly along the family.")
 @UNITS
 @OUTPUT
 def members(
     families: tuple[str, ...],
-    jacobi: float | None,
-    period: float | None,
+    jacobi: float | tuple[float, float] | None,
+    period: float | tuple[float, float] | None,
+    stability: float | tuple[float, float] | None,
     count: int | None,
     units: str,
     output: str | None,
 ) -> None:
-    """Members of families (of all, if none is named), one row each.
+    """Members of families, one row each.
 
-    Exactly one of --jacobi, --period and --count. States are at the crossing of the xz plane that
-    counts as epoch. In km the file can be the table of moving targets of a study of one's own.
+    If no family is named, of the observers' thirteen. One value of --jacobi, --period or
+    --stability that members have, or --count of them, evenly along the family; ranges LOW:HIGH
+    leave out what lies beyond. Orbits through the Earth or the Moon are left out. In km the file
+    can be the table of moving targets of a study of one's own.
 
     \b
     Examples:
       cislunar orbits members Halo_L2_S --jacobi 3.05
       cislunar orbits members Lyap_L1 Halo_L1_N --period 12
-      cislunar orbits members --count 5 --output orbits.csv
+      cislunar orbits members Vertical_L2 --count 40 --stability 1:20
     """
     from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
-    from cislunar.orbits.families import FAMILIES, concatenate, observer_library, root_of
+    from cislunar.orbits.catalogue import family_named
+    from cislunar.orbits.families import FAMILIES, concatenate
 
-    if sum(value is not None for value in (jacobi, period, count)) != 1:
-        raise click.UsageError("give exactly one of --jacobi, --period and --count")
+    asked = {"jacobi": jacobi, "period": period, "stability": stability, "count": count}
+    if all(value is None for value in asked.values()):
+        raise click.UsageError("give one of --jacobi, --period, --stability and --count")
     for family in families:
-        root_of(family)
+        family_named(family)
     chosen = [*dict.fromkeys(families)] or [*FAMILIES]
-    if count is not None:
-        found = observer_library(dict.fromkeys(chosen, count), progress=progress("orbits"))
-    else:
-        quantity, value = ("jacobi", jacobi) if period is None else ("period", period)
-        found = concatenate(_those_with(chosen, quantity, value))
+    found = concatenate(_members(chosen, asked))
     names = found.family.tolist()
     number = [1 + names[:row].count(name) for row, name in enumerate(names)]
     days = found.period * TIME_UNIT_S / SECONDS_PER_DAY
@@ -111,15 +122,29 @@ def members(
     )
 
 
-def _those_with(families: list[str], quantity: str, value: float) -> list[Any]:
-    """Members of each family that has any."""
+def _members(families: list[str], asked: dict[str, Any]) -> list[Any]:
+    """Members of each family that has any; a single family has to."""
     if len(families) == 1:
-        return [members_at(families[0], quantity, value)]
+        following = progress("members followed, iterations")
+        found = members_of(families[0], **asked, progress=progress("orbits"), following=following)
+        _say_if_several(found, asked)
+        return [found]
     report, found = progress("families"), []
     for done, family in enumerate(families, start=1):
         with suppress(ConfigurationError):
-            found.append(members_at(family, quantity, value))
+            found.append(members_of(family, **asked))
+            _say_if_several(found[-1], asked)
         report(done, len(families))
     if not found:
-        raise ConfigurationError(f"no member of {', '.join(families)} has {quantity} = {value:g}")
+        wanted = ", ".join(f"{key} = {each}" for key, each in asked.items() if each is not None)
+        raise ConfigurationError(f"no member of {', '.join(families)} has {wanted}")
     return found
+
+
+def _say_if_several(found: Any, asked: dict[str, Any]) -> None:
+    """A value may be that of several members, which one easily takes for one."""
+    for key, value in asked.items():
+        if isinstance(value, float) and found.period.size > 1:
+            logger.info(
+                "%d members of %s have %s = %g", found.period.size, found.family[0], key, value
+            )

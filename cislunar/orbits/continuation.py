@@ -13,7 +13,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from cislunar.constants import MU
 from cislunar.errors import ConvergenceError
-from cislunar.orbits.corrector import HALF_PERIOD, VY, HalfOrbit, X, correct, hyperplane
+from cislunar.orbits.corrector import HalfOrbit, correct, hyperplane
 
 Array = NDArray[np.float64]
 
@@ -52,10 +52,10 @@ def tangent_of(half: HalfOrbit, along: Array) -> Array:
     -------
     ndarray, shape (4,)
     """
-    tangent = np.zeros(4)
+    tangent = np.zeros(half.crossing.size)
     if half.planar:
-        columns = [X, VY, HALF_PERIOD]
-        tangent[columns] = np.linalg.svd(half.jacobian[:2, columns])[2][-1]
+        rows, columns = (list(each) for each in half.section.flat)
+        tangent[columns] = np.linalg.svd(half.jacobian[np.ix_(rows, columns)])[2][-1]
     else:
         tangent = np.linalg.svd(half.jacobian)[2][-1]
     return tangent if tangent @ along >= 0.0 else -tangent
@@ -70,6 +70,8 @@ def continue_branch(
     first_step: float = 1e-3,
     max_step: float = MAX_STEP,
     max_points: int = 5000,
+    partial: bool = False,
+    easy_iterations: int = EASY_ITERATIONS,
 ) -> Branch:
     """Follow a branch from one member until a condition holds.
 
@@ -87,6 +89,10 @@ def continue_branch(
         Arc length steps, nondimensional.
     max_points : int
         Bound on the length of the branch.
+    partial : bool
+        Where the continuation cannot go on, end the branch instead of raising an error.
+    easy_iterations : int
+        Steps grow after corrections that took no more.
 
     Returns
     -------
@@ -101,6 +107,8 @@ def continue_branch(
     branch = [Point(start, tangent_of(start, direction))]
     step = first_step
     while not (len(branch) > 1 and stop(branch[-1])):
+        if len(branch) >= max_points and partial:
+            return branch
         if len(branch) >= max_points:
             raise ConvergenceError(
                 f"continuation did not meet its stop condition in {max_points} members; "
@@ -110,7 +118,11 @@ def continue_branch(
         guess = last.half.crossing + step * last.tangent
         try:
             half = correct(
-                guess, hyperplane(guess, last.tangent), mu, max_iterations=MAX_ITERATIONS
+                guess,
+                hyperplane(guess, last.tangent),
+                mu,
+                max_iterations=MAX_ITERATIONS,
+                section=start.section,
             )
             tangent = tangent_of(half, last.tangent)
             turn = np.arccos(min(1.0, float(tangent @ last.tangent)))
@@ -120,6 +132,8 @@ def continue_branch(
             turn = departure = np.inf
         if turn > MAX_TURN or departure > MAX_DEPARTURE:
             step *= 0.5
+            if step < MIN_STEP and partial:
+                return branch
             if step < MIN_STEP:
                 raise ConvergenceError(
                     f"continuation stalled after {len(branch)} members at crossing "
@@ -127,7 +141,7 @@ def continue_branch(
                 )
             continue
         branch.append(Point(half, tangent))
-        if half.iterations <= EASY_ITERATIONS and turn < EASY_TURN:
+        if half.iterations <= easy_iterations and turn < EASY_TURN:
             step = min(max_step, 1.4 * step)
     return branch
 
@@ -172,7 +186,7 @@ def between(first: Point, second: Point, fraction: float, mu: float = MU) -> Poi
     if fraction in (0.0, 1.0):
         return second if fraction else first
     guess, tangent = interpolate(first, second, fraction)
-    half = correct(guess, hyperplane(guess, tangent), mu)
+    half = correct(guess, hyperplane(guess, tangent), mu, section=first.half.section)
     return Point(half, tangent_of(half, tangent))
 
 

@@ -12,7 +12,8 @@ from cislunar.dynamics.propagation import closest_approaches
 from cislunar.errors import ConfigurationError
 from cislunar.orbits import branches
 from cislunar.orbits.continuation import MAX_STEP, Branch, Measure, Point, continue_branch, locate
-from cislunar.orbits.corrector import HALF_PERIOD, HalfOrbit, X, Z
+from cislunar.orbits.corrector import HalfOrbit, X, Z
+from cislunar.orbits.stability import stability_index
 
 MEMBERS_BEFORE_CLEARANCE = 100
 """A branch that has not left the keep-out spheres after so many steps is given up."""
@@ -75,13 +76,13 @@ def branch_seed(root: str, mu: float = MU) -> branches.Seed:
 
 def distances_km(half: HalfOrbit, mu: float = MU) -> tuple[float, float]:
     """Least distances of a symmetric orbit to the centres of Earth and Moon, km."""
-    # The other half is the mirror image of this one.
-    perigee, perilune = closest_approaches(half.state, half.crossing[HALF_PERIOD], mu=mu)
+    # The other half, if there is one, is the mirror image of this one.
+    perigee, perilune = closest_approaches(half.state, half.crossing[-1], mu=mu)
     return perigee * LENGTH_UNIT_KM, perilune * LENGTH_UNIT_KM
 
 
 def measure_of(quantity: str, mu: float = MU) -> Measure:
-    """Function of a member by name: "x", "z", "period", "jacobi", "perilune_km", "perigee_km".
+    """Function of a member by name: "x", "z", "period", "jacobi", "stability_index", ...
 
     Raises
     ------
@@ -93,6 +94,9 @@ def measure_of(quantity: str, mu: float = MU) -> Measure:
         "z": lambda member: float(member.half.crossing[Z]),
         "period": lambda member: member.half.period,
         "jacobi": lambda member: float(jacobi_constant(member.half.state, mu)),
+        "stability_index": lambda member: stability_index(
+            member.half.state, member.half.period, mu
+        ),
         "perilune_km": lambda member: distances_km(member.half, mu)[1],
         "perigee_km": lambda member: distances_km(member.half, mu)[0],
     }

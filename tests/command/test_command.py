@@ -18,7 +18,7 @@ from cislunar.command.base import FAILED
 from cislunar.command.main import cislunar
 from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics.propagation import propagate
-from cislunar.orbits.families import FAMILIES, family_members
+from cislunar.orbits.catalogue import CATALOGUE, periodic_orbits
 from cislunar.targets.tables import load_target_states
 
 HALO = "Halo_L2_S,jacobi=3.05,member=2"
@@ -84,14 +84,14 @@ def test_python_runs_it_as_a_module():
 
 def test_families_are_listed():
     rows = table("orbits", "list")
-    assert tuple(row["family"] for row in rows) == FAMILIES
+    assert tuple(row["family"] for row in rows) == (*CATALOGUE,)
     assert "halo about L2, southern" in {row["orbits"] for row in rows}
 
 
 @pytest.mark.parametrize("units", ["km", "nd"])
 def test_members_are_those_of_the_library(units):
     rows = table("orbits", "members", "Halo_L2_S", "--jacobi", 3.05, "--units", units)
-    members = family_members("Halo_L2_S", jacobi=3.05)
+    members = periodic_orbits("Halo_L2_S", jacobi=3.05)
     length, speed = (LENGTH_UNIT_KM, LENGTH_UNIT_KM / TIME_UNIT_S) if units == "km" else (1.0, 1.0)
     tails = ("_km", "_km_s") if units == "km" else ("_nd", "_nd")
     names = [axis + tails[0] for axis in "xyz"] + [f"v{axis}{tails[1]}" for axis in "xyz"]
@@ -116,7 +116,7 @@ def test_exported_members_are_targets_of_a_study(tmp_path):
 
 
 def test_a_periodic_orbit_comes_back():
-    days = family_members("Halo_L2_S", jacobi=3.05).period[1] * TIME_UNIT_S / SECONDS_PER_DAY
+    days = periodic_orbits("Halo_L2_S", jacobi=3.05).period[1] * TIME_UNIT_S / SECONDS_PER_DAY
     names = ("x_km", "y_km", "z_km")
     path = numbers(table("propagate", "--orbit", HALO, "--days", days, "--steps", 4), *names)
     assert path.shape == (5, 3)
@@ -150,12 +150,12 @@ def test_who_sees_what_is_said_for_every_time():
 STATE = "1.12,0,0.18,0,-0.22,0"
 HOSTILE = {
     "unknown family": ("orbits members Hallo --jacobi 3", "unknown orbit family 'Hallo'"),
-    "no such period": ("orbits members Halo_L2_S --period 99", "they have about 5.97"),
+    "no such period": ("orbits members Halo_L2_S --period 99", "the family has about 5.92"),
     "none anywhere": (
         "orbits members Lyap_L1 Lyap_L2 --jacobi 9 -q",
         "no member of Lyap_L1, Lyap_L2",
     ),
-    "nothing chosen": ("orbits members Halo_L2_S", "give exactly one of"),
+    "nothing chosen": ("orbits members Halo_L2_S", "give one of --jacobi"),
     "a period of nan": ("orbits members Halo_L2_S --period nan", "is no finite number"),
     "no count": ("orbits members --count 0", "--count"),
     "no folder": ("orbits list --output /proc/none/a.csv", "/proc/none"),

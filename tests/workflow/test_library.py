@@ -46,7 +46,7 @@ def test_a_name_that_is_not_there_is_said_so():
 
 
 def test_a_first_notebook():
-    halo = cs.family_members("Halo_L2_S", jacobi=3.05)
+    halo = cs.periodic_orbits("Halo_L2_S", jacobi=3.05)
     path = cs.propagate_periodic(halo.state[0], halo.period[0], [0.0, halo.period[0]])
     assert path[1] == pytest.approx(path[0], abs=1e-12)
     problem = cs.tracking_problem(2, 2, duration_hours=1.0, interval_minutes=30.0)

@@ -1,0 +1,380 @@
+"""Periodic orbits of the Earth-Moon system by family, with filters: one call for all of them.
+
+Families go as far as JPL's catalogue of three-body periodic orbits lists them, where that is known;
+branches that continuation follows are kept in memory.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, MU
+from cislunar.errors import ConfigurationError, ConvergenceError
+from cislunar.orbits import catalogue_seeds as seeds
+from cislunar.orbits.branches import Seed
+from cislunar.orbits.continuation import Branch, Measure, Point, between, continue_branch, locate
+from cislunar.orbits.corrector import Z
+from cislunar.orbits.extent import CATALOGUE_EXTENT, distances_km, follow_branch, measure_of
+from cislunar.orbits.families import FAMILIES, OrbitSet, orbit_set, root_of
+from cislunar.orbits.selection import select
+
+Array = NDArray[np.float64]
+Wanted = float | tuple[float, float]
+
+MOST_MEMBERS = 1000
+"""A branch that has not met its end after so many members ends there."""
+
+FLATTEST = 1e-4
+"""Speed out of the plane of the last orbit before a flat one, where branches meet."""
+
+EASY_ITERATIONS = 6
+"""Unstable orbits take more iterations of the corrector for their last digits."""
+
+OFF_RESONANCE = 0.1
+"""Resonant orbits end where their period is further than this share from that of the resonance."""
+
+DEFAULT_COUNT = 40
+
+_SOUTH = np.array([1.0, 1.0, -1.0, 1.0, 1.0, -1.0])
+_ACROSS = np.array([1.0, -1.0, 1.0, -1.0, 1.0, 1.0])
+
+
+class Family(NamedTuple):
+    """Where a family begins, where it ends, and how its name's other half is mirrored."""
+
+    meaning: str
+    seed: Callable[[float], Seed] | None = None
+    """None for a branch of `cislunar.orbits.extent`."""
+    ends: tuple[str, ...] = ()
+    """Of "flat", "turn" (of the Jacobi constant), "bodies", "turns" of the Moon that the period is
+    near, or a quantity and its value."""
+    mirror: Array | None = None
+
+
+def _catalogue() -> dict[str, Family]:
+    found = {}
+    kinds = {"Butterfly": "butterfly about L2", "Dragonfly": "dragonfly about L2"}
+    for name in FAMILIES:
+        kind, *rest = name.split("_")
+        about = {"Halo": "halo about", "Lyap": "planar Lyapunov about"}.get(kind)
+        meaning = f"{about} {rest[0]}" if about else kinds[kind]
+        half = {"N": ", northern", "S": ", southern"}.get(rest[-1], "")
+        found[name] = Family(meaning + half, mirror=_SOUTH if half == ", southern" else None)
+    for point in (1, 2, 3):
+        found[f"Vertical_L{point}"] = Family(
+            f"vertical about L{point}", partial(seeds.vertical_seed, point), ("flat",)
+        )
+        found[f"Axial_L{point}"] = Family(
+            f"axial about L{point}", partial(seeds.axial_seed, point), ("turn",)
+        )
+    for name, long, end in (("Short", False, "2.0181025"), ("Long", True, "2.7116867")):
+        for point, mirror in ((4, None), (5, _ACROSS)):
+            found[f"{name}_L{point}"] = Family(
+                f"{name.lower()} period about L{point}",
+                partial(seeds.triangular_seed, long),
+                (f"jacobi {end}",),
+                mirror,
+            )
+    found["DRO"] = Family("distant retrograde")
+    found["DPO"] = Family("distant prograde", seeds.distant_prograde_seed, ("period 9.6400373",))
+    found["LPO_E"] = Family("low prograde, eastern", seeds.eastern_seed, ("jacobi 3.1566979",))
+    found["LPO_W"] = Family("low prograde, western", seeds.low_prograde_seed, ("jacobi 3.1794087",))
+    for name in ("4:1", "3:1", "3:1b", "2:1", "3:2", "3:2b", "4:3", "2:3b", "1:2b"):
+        found[f"Resonant_{name}"] = _resonant(*_RESONANT.fullmatch(f"Resonant_{name}").groups())
+    return found
+
+
+_RESONANT = re.compile(r"Resonant_([1-9]):([1-9])(b?)")
+
+
+def _resonant(p: str, q: str, mark: str) -> Family:
+    return Family(
+        f"{p}:{q} resonant, a perigee {'opposite the Moon' if mark else 'on the side of the Moon'}",
+        partial(seeds.resonant_seed, int(p), int(q), moonward=not mark),
+        ("turn", "bodies", f"turns {q}"),
+    )
+
+
+CATALOGUE: dict[str, Family] = _catalogue()
+"""The families by name."""
+
+_DRO_END = ("perigee_km", EARTH_RADIUS_KM)
+
+
+def family_named(name: str) -> Family:
+    """The family; besides those of `CATALOGUE`, other resonances as "Resonant_5:2".
+
+    Raises
+    ------
+    ConfigurationError
+        If there is none of that name.
+    """
+    resonance = _RESONANT.fullmatch(name)
+    if resonance and name not in CATALOGUE:
+        return _resonant(*resonance.groups())
+    if name not in CATALOGUE:
+        raise ConfigurationError(
+            f"unknown orbit family {name!r}; the families are {', '.join(CATALOGUE)}, and any "
+            "other Resonant_p:q"
+        )
+    return CATALOGUE[name]
+
+
+def _conditions(family: Family, seed: Seed, mu: float) -> list[Measure]:
+    """Functions of a member that are positive up to the end of a family."""
+    first = Point(seed.half, seed.direction)
+    found: list[Measure] = []
+    for end in family.ends:
+        quantity, _, value = end.partition(" ")
+        if quantity == "flat":
+            found.append(partial(_height, upward=np.sign(seed.half.crossing[Z])))
+        elif quantity == "turn":
+            # the slope at the seed itself may be that of the fold the family begins at
+            found.append(_turn(mu))
+        elif quantity == "bodies":
+            found.append(
+                lambda member: float(
+                    np.min(np.subtract(distances_km(member.half, mu), _RADII_KM)) / _RADII_KM[1]
+                )
+            )
+        elif quantity == "turns":
+            found.append(partial(_near_resonance, period=2.0 * np.pi * float(value)))
+        else:
+            found.append(_before(quantity, float(value), first, mu))
+    return found
+
+
+def _before(quantity: str, last: float, first: Point, mu: float) -> Measure:
+    """Positive as long as a quantity is on the side of a value that it is on at first."""
+    measure = measure_of(quantity, mu)
+    sign = float(np.sign(last - measure(first)))
+    return lambda member: sign * (last - measure(member))
+
+
+def _height(member: Point, upward: float) -> float:
+    return float(upward * member.half.crossing[Z]) - FLATTEST
+
+
+def _near_resonance(member: Point, period: float) -> float:
+    return OFF_RESONANCE - abs(member.half.period / period - 1.0)
+
+
+_RADII_KM = (EARTH_RADIUS_KM, MOON_RADIUS_KM)
+
+
+def _turn(mu: float) -> Measure:
+    """Positive until the Jacobi constant, which first falls or rises, turns."""
+    signs: list[float] = []
+
+    def ahead(member: Point) -> float:
+        slope = seeds.jacobi_slope(member, mu)
+        if not signs:
+            signs.append(float(np.sign(slope)))
+        return signs[0] * slope
+
+    return ahead
+
+
+_BRANCHES: dict[tuple[str, float], Branch] = {}
+"""Branches followed so far."""
+
+
+def catalogue_branch(
+    name: str, mu: float = MU, *, progress: Callable[[int, int], None] | None = None
+) -> Branch:
+    """Continuation of a family between its ends, before it is mirrored.
+
+    Parameters
+    ----------
+    name : str
+        Of the family.
+    mu : float
+        Mass ratio.
+    progress : callable, optional
+        Called with (members followed, the most there may be).
+
+    Returns
+    -------
+    list of Point
+        Shared between callers: not to be modified.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such family.
+    ConvergenceError
+        If its first member is not found.
+    """
+    if name.startswith(("Short_L5", "Long_L5")):
+        name = name.replace("L5", "L4")
+    key = name, float(mu)
+    if key not in _BRANCHES:
+        _BRANCHES[key] = _between_ends(*key, progress)
+    return _BRANCHES[key]
+
+
+def _between_ends(name: str, mu: float, progress: Callable[[int, int], None] | None) -> Branch:
+    """A family followed anew."""
+    family = family_named(name)
+    if family.seed is None:
+        root = name if name == "DRO" else root_of(name)
+        end = _DRO_END if name == "DRO" else CATALOGUE_EXTENT.ends.get(root)
+        return follow_branch(root, float(mu), 0.0, 0.0, end)
+    seed = family.seed(mu)
+    forward = _followed(family, seed, mu, progress)
+    if not name.startswith("Resonant"):
+        return forward
+    backward = _followed(family, Seed(seed.half, -seed.direction), mu, progress)
+    return [Point(member.half, -member.tangent) for member in backward[:0:-1]] + forward
+
+
+def _followed(
+    family: Family, seed: Seed, mu: float, progress: Callable[[int, int], None] | None
+) -> Branch:
+    """A branch from its seed to the first of its ends, where it is cut off."""
+    conditions, done = _conditions(family, seed, mu), 0
+
+    def stop(member: Point) -> bool:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, MOST_MEMBERS)
+        return min(condition(member) for condition in conditions) <= 0.0
+
+    branch = continue_branch(
+        seed.half,
+        seed.direction,
+        stop,
+        mu=mu,
+        max_points=MOST_MEMBERS,
+        partial=True,
+        easy_iterations=EASY_ITERATIONS,
+    )
+    for condition in conditions:
+        if condition(branch[-1]) < 0.0 < condition(branch[-2]):
+            try:
+                branch = [*branch[:-1], locate(branch[-2:], condition, mu)[-1][1]]
+            except ConvergenceError:  # next to a body no orbit closes to the last digits
+                branch = branch[:-1]
+    return branch
+
+
+def spread_members(branch: Branch, count: int, mu: float = MU) -> Branch:
+    """Members equally spaced along a branch by the arc length of continuation, ends included."""
+    if len(branch) < 2:
+        return branch
+    crossings = np.array([member.half.crossing for member in branch])
+    travelled = np.concatenate(
+        [[0.0], np.cumsum(np.linalg.norm(np.diff(crossings, axis=0), axis=1))]
+    )
+    wanted = np.linspace(0.0, travelled[-1], count)
+    places = np.interp(wanted, travelled, np.arange(travelled.size))
+    found = []
+    for place in places:
+        first = min(int(place), len(branch) - 2)
+        fraction = float(place - first)
+        found.append(between(branch[first], branch[first + 1], fraction, mu))
+    return found
+
+
+def _clear_part(branch: Branch, mu: float) -> Branch:
+    """A branch between the first and the last of its members that clear Earth and Moon."""
+    clear = [
+        place
+        for place, member in enumerate(branch)
+        if np.all(np.greater(distances_km(member.half, mu), _RADII_KM))
+    ]
+    return branch[clear[0] : clear[-1] + 1] if clear else []
+
+
+def periodic_orbits(
+    family: str,
+    *,
+    jacobi: Wanted | None = None,
+    period: Wanted | None = None,
+    stability: Wanted | None = None,
+    count: int | None = None,
+    clear: bool = True,
+    mu: float = MU,
+    progress: Callable[[int, int], None] | None = None,
+    following: Callable[[int, int], None] | None = None,
+) -> OrbitSet:
+    """Members of a family of periodic orbits that take values, or lie within ranges.
+
+    Parameters
+    ----------
+    family : str
+        Name in `CATALOGUE`, such as "Halo_L2_S", "Vertical_L1", "DPO" or "Resonant_3:2".
+    jacobi, period, stability : float or (float, float)
+        Jacobi constant and period, nondimensional, and stability index: a value that members take,
+        of one of the three, or the range they lie in.
+    count : int, optional
+        Without a value: so many members evenly along the family, of which those within the ranges
+        are given; 40 if omitted.
+    clear : bool
+        Leave out orbits that pass through the Earth or the Moon.
+    mu : float
+        Mass ratio.
+    progress : callable, optional
+        Called with (members done, members in all).
+    following : callable, optional
+        Called with (members followed, the most there may be) while the family is continued.
+
+    Returns
+    -------
+    OrbitSet
+        In order along the family; there may be several members of one value, or none.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such family, a range is empty, or more than one value is given.
+    ConvergenceError
+        If the family cannot be followed.
+    """
+    entry = family_named(family)
+    given = {"jacobi": jacobi, "period": period, "stability_index": stability}
+    ranges = {key: each for key, each in given.items() if isinstance(each, tuple | list)}
+    values = {
+        key: float(each) for key, each in given.items() if each is not None and key not in ranges
+    }
+    if len(values) > 1 or (values and count is not None):
+        raise ConfigurationError(
+            f"members of {family}: give one value of jacobi, period or stability, or count; the "
+            "others as ranges (lowest, highest)"
+        )
+    for key, (low, high) in ranges.items():
+        if not low <= high:
+            raise ConfigurationError(f"members of {family}: {key} from {low} to {high} is no range")
+    if count is not None and count < 1:
+        raise ConfigurationError(f"members of {family}: count = {count} must be at least 1")
+    branch = catalogue_branch(family, float(mu), progress=following)
+    if values:
+        ((quantity, value),) = values.items()
+        members = select(branch, quantity, value, mu)
+    else:
+        shown = _clear_part(branch, mu) if clear else branch
+        members = spread_members(shown, DEFAULT_COUNT if count is None else count, mu)
+    done = 0
+
+    def advance() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, len(members))
+
+    found = orbit_set(family, members, mu=mu, progress=advance)
+    if entry.mirror is not None:
+        found = found._replace(state=found.state * entry.mirror + 0.0)
+    kept = np.ones(len(members), dtype=bool)
+    for key, (low, high) in ranges.items():
+        kept &= (getattr(found, key) >= low) & (getattr(found, key) <= high)
+    if clear:
+        kept &= (found.perigee_km > EARTH_RADIUS_KM) & (found.perilune_km > MOON_RADIUS_KM)
+    return OrbitSet(*(column[kept] for column in found))
