@@ -20,7 +20,6 @@ _FLAGS = [
     "--disable-component-update",
     "--disable-sync",
     "--disable-dev-shm-usage",
-    "--window-size=1200,800",
 ]
 _HEAD = """
 window.troubles = [];
@@ -43,7 +42,7 @@ _TAIL = """
 """
 
 
-def probe(html, folder, script, seconds=40):
+def probe(html, folder, script, seconds=40, width=1200):
     """Open a page, run the body of an asynchronous function in it.
 
     Returns what the function returns, and the list of errors and warnings of the page.
@@ -55,7 +54,7 @@ def probe(html, folder, script, seconds=40):
     before, after = html.rsplit("</body>", 1)
     page.write_text(f"{before}{tail}</body>{after}", encoding="utf-8")
     done = subprocess.run(
-        [CHROMIUM, *_FLAGS, f"--user-data-dir={folder / 'profile'}",
+        [CHROMIUM, *_FLAGS, f"--window-size={width},800", f"--user-data-dir={folder / 'profile'}",
          f"--virtual-time-budget={1000 * seconds}", "--dump-dom", page.as_uri()],
         capture_output=True, text=True, check=False, timeout=180,
     )  # fmt: skip

@@ -21,6 +21,12 @@ def pytest_report_header(config):
 STALE = pytest.StashKey[list[str]]()
 
 
+def pytest_addoption(parser):
+    parser.addoption(
+        "--fill-output", action="store_true", help="write what the documents' code prints into them"
+    )
+
+
 def pytest_collection_modifyitems(items):
     """With several workers, one of them runs what needs the finished campaign, made once."""
     for item in items:

@@ -187,7 +187,7 @@ def docs() -> None:
     \b
     Examples:
       cislunar docs update
-      cislunar docs reference
+      cislunar docs site
     """
 
 
@@ -212,17 +212,23 @@ def update(directory: str, results: str, check: bool) -> int:
 
 
 @docs.command()
-@click.option("--output", default="docs/api", show_default=True, help="Folder to write to.")
-def reference(output: str) -> int:
-    """Write the reference of every function as HTML.
+@DIRECTORY
+@click.option("--output", default="build/site", show_default=True, help="Folder to write to.")
+def site(directory: str, output: str) -> None:
+    """Make the site: tutorials, gallery, theory and the reference of every function.
+
+    Runs the gallery; a minute or two at first, then only for what has changed. Open index.html.
 
     \b
     Example:
-      cislunar docs reference --output api
+      cislunar docs site --output site
     """
-    from cislunar.campaign.documents import reference
-
-    if find_spec("pdoc") is None:
-        raise ConfigurationError("pdoc is not installed: pip install pdoc")
-    with _silenced():
-        return reference.main(["--output", output])
+    folder = campaign_folder(directory)
+    if find_spec("sphinx_gallery") is None:
+        raise ConfigurationError(
+            "Sphinx is not installed: pip install -r environment.txt in the repository"
+        )
+    said = ["--quiet"] if level() >= logging.WARNING else []
+    # -P: packages come from where they are installed, as with the command `sphinx-build`.
+    command = [sys.executable, "-P", "-m", "sphinx", *said, "-c", "docs", "."]
+    _become(folder, [*command, str(Path(output).absolute())])

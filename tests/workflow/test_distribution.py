@@ -22,7 +22,7 @@ BUILD = (
     "build_meta.build_sdist(folder); build_meta.build_wheel(folder)"
 )
 FOLDERS = ("benchmarks", "cislunar", "config", "docs", "profiles", "tests", "workflow")
-CACHES = shutil.ignore_patterns("__pycache__", "api")
+CACHES = shutil.ignore_patterns("__pycache__", "api", "gallery")
 
 
 @pytest.fixture(scope="module")

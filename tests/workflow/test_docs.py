@@ -17,59 +17,79 @@ BLOCK = re.compile(
 )
 TUTORIALS = sorted((ROOT / "docs/tutorials").glob("*.md"))
 README = ROOT / "README.md"
-RUN = "run"
-NOT_RUN = "not run: "
+DOCUMENTS = [
+    README,
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "config/README.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+]
+NOT_RUN = ("not run: ", "campaign-command", "test-command")
+"""Marks of what is not run here: why not, or that continuous integration does it."""
+OUTPUT = "output"
+NEXT_BLOCK = "\x1e"
 
 
 class Block(NamedTuple):
-    """A fenced block of a document with the comment above it."""
+    """A fenced block of a document with the comment above it, and the output shown below it."""
 
     language: str
     text: str
     mark: str
+    output: str | None = None
 
 
 def blocks(path):
-    """Fenced blocks of a document."""
-    found = BLOCK.finditer(path.read_text(encoding="utf-8"))
-    return [Block(each["language"], each["text"], each["mark"] or "") for each in found]
+    """Fenced blocks of a document, outputs with the blocks that print them."""
+    found = []
+    for each in BLOCK.finditer(path.read_text(encoding="utf-8")):
+        if each["mark"] == OUTPUT:
+            found[-1] = found[-1]._replace(output=each["text"])
+        else:
+            found.append(Block(each["language"], each["text"], each["mark"] or ""))
+    return found
 
 
 def scripts(path):
-    """What is run of a document: commands, and Python with neighboring blocks joined.
-
-    In a tutorial that is all but what is marked as not run; elsewhere what is marked to be run.
-    """
+    """What is run of a document: lists of blocks, neighbors in Python in one list."""
     chosen = []
-    for language, text, mark in blocks(path):
-        if language not in ("bash", "python") or mark.startswith(NOT_RUN):
+    for block in blocks(path):
+        if block.language not in ("bash", "python") or block.mark.startswith(NOT_RUN):
             continue
-        if path not in TUTORIALS and mark != RUN:
-            continue
-        if chosen and chosen[-1][0] == language == "python":
-            chosen[-1] = (language, chosen[-1][1] + text)
+        if chosen and chosen[-1][0].language == block.language == "python":
+            chosen[-1].append(block)
         else:
-            chosen.append((language, text))
+            chosen.append([block])
     return chosen
 
 
-def execute(folder, language, text):
-    """Run a script in a folder; what it says, and its exit code."""
+def execute(folder, script):
+    """Run blocks as one script in a folder; what each prints, the errors, and the exit code."""
+    mark = f"\nprint({NEXT_BLOCK!r}, end='')\n"
+    text = mark.join(block.text for block in script)
     command = {
         "bash": ["bash", "-o", "errexit", "-o", "nounset", "-o", "pipefail", "-c", text],
         "python": [sys.executable, "-c", text],
-    }[language]
+    }[script[0].language]
     path = f"{os.path.dirname(sys.executable)}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(
         command,
         cwd=folder,
         env=os.environ | {"PATH": path},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
+        capture_output=True,
         text=True,
         check=False,
     )
-    return done.stdout, done.returncode
+    return done.stdout.split(NEXT_BLOCK), done.stderr, done.returncode
+
+
+def fill_output(path, block, output):
+    """Write below a block of a document what it printed."""
+    text = path.read_text(encoding="utf-8")
+    fence = f"```{block.language}\n{block.text}```\n"
+    shown = "\n<!-- output -->\n```text\n{}```\n"
+    old = fence + ("" if block.output is None else shown.format(block.output))
+    assert text.count(old) == 1, block.text
+    path.write_text(text.replace(old, fence + shown.format(output)), encoding="utf-8")
 
 
 def test_every_block_of_a_tutorial_says_its_language():
@@ -90,7 +110,6 @@ def test_the_configuration_in_the_tutorial_is_that_of_the_example():
 LINK = re.compile(r"\]\((?!https?:|#)([^)#\s]+)[^)]*\)")
 GENERATED = {"docs/results.md"}
 """What only a finished campaign makes."""
-DOCUMENTS = [README, *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.stem)
@@ -110,13 +129,22 @@ def test_modules_named_exist(path):
 
 
 @pytest.mark.workflow
-@pytest.mark.parametrize(
-    "path", [*filter(scripts, [README, *TUTORIALS])], ids=lambda path: path.stem
-)
-def test_document_runs(path, finished, tmp_path):
-    """In a copy of a finished small campaign, so that only what a command asks for is made."""
+@pytest.mark.parametrize("path", [*filter(scripts, DOCUMENTS)], ids=lambda path: path.stem)
+def test_document_runs(path, finished, tmp_path, pytestconfig):
+    """In a copy of a finished small campaign, so that only what a command asks for is made.
+
+    What is made goes to `results`, which git ignores.
+    """
     folder = tmp_path / "campaign"
     shutil.copytree(finished, folder, symlinks=True)
-    for language, text in scripts(path):
-        output, code = execute(folder, language, text)
-        assert code == 0, f"{text}\n{output[-3000:]}"
+    before = {each.name for each in folder.iterdir()}
+    for script in scripts(path):
+        outputs, errors, code = execute(folder, script)
+        said = f"{script[-1].text}\n{outputs[-1][-3000:]}\n{errors[-3000:]}"
+        assert code == 0, said
+        for block, output in zip(script, outputs, strict=True):
+            if pytestconfig.getoption("--fill-output") and block.language == "python" and output:
+                fill_output(path, block, output)
+            elif block.output is not None:
+                assert output == block.output, f"{block.text}\nprinted\n{output}"
+    assert {each.name for each in folder.iterdir()} <= before | {".snakemake", "results"}

@@ -1,0 +1,152 @@
+"""The site: built without a warning, whole without a network, and read by a browser."""
+
+import ast
+import importlib
+import inspect
+import pkgutil
+import shutil
+from html.parser import HTMLParser
+from urllib.parse import unquote, urlsplit
+
+import pytest
+from browser import CHROMIUM, probe
+from campaign_folder import ROOT, run
+
+import cislunar
+
+SOURCES = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "config", "docs")
+EXAMPLES = sorted((ROOT / "docs/examples").rglob("*.py"))
+# `python -m cislunar` has no public name of its own.
+MODULES = sorted(
+    each.name
+    for each in pkgutil.walk_packages(cislunar.__path__, prefix="cislunar.")
+    if each.name != "cislunar.__main__"
+)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The folder of the site, made from a copy of the documents; a warning is an error there."""
+    folder = tmp_path_factory.mktemp("site")
+    for name in SOURCES:
+        if (ROOT / name).is_dir():
+            made = shutil.ignore_patterns("api", "gallery")
+            shutil.copytree(ROOT / name, folder / name, ignore=made)
+        else:
+            shutil.copy(ROOT / name, folder)
+    said, code = run("sphinx", "-W", "--keep-going", "-q", "-c", "docs", ".", "out", cwd=folder)
+    assert code == 0, said[-3000:]
+    return folder / "out"
+
+
+class Page(HTMLParser):
+    """What a page refers to, and the places in it that can be referred to."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.links, self.loads, self.names = [], [], set()
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attributes):
+        given = dict(attributes)
+        self.names |= {given.get("id"), given.get("name")}
+        if tag == "a" and given.get("href"):
+            self.links.append(given["href"])
+        elif tag == "link" and "stylesheet" in given.get("rel", ""):
+            self.loads.append(given["href"])
+        elif tag in ("img", "script") and given.get("src"):
+            self.loads.append(given["src"])
+
+
+@pytest.fixture(scope="module")
+def pages(site):
+    """Every page of the site by its path."""
+    return {path: Page(path) for path in site.rglob("*.html")}
+
+
+def test_no_link_is_broken_and_nothing_is_fetched(pages):
+    broken = []
+    for path, page in pages.items():
+        for link in page.links + page.loads:
+            parts = urlsplit(link)
+            if parts.scheme or parts.netloc:
+                if link in page.loads and parts.scheme != "data":
+                    broken.append(f"{path.name} fetches {link}")
+                continue
+            found = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            anchor = unquote(parts.fragment)
+            if not found.is_file() or (anchor and anchor not in pages[found].names):
+                broken.append(f"{path.name}: {link}")
+    assert not broken
+
+
+def public(module):
+    """Functions and classes that a module defines for others, compiled ones too."""
+    for name, value in vars(module).items():
+        function = getattr(value, "py_func", value)
+        kind = inspect.isfunction(function) or inspect.isclass(function)
+        if kind and not name.startswith("_") and function.__module__ == module.__name__:
+            yield name, function
+
+
+def test_every_public_name_is_in_the_reference_with_its_docstring(pages):
+    shown = set().union(*(page.names for page in pages.values()))
+    for name in MODULES:
+        for member, value in public(importlib.import_module(name)):
+            assert f"{name}.{member}" in shown, f"{name}.{member} is not in the reference"
+            assert inspect.getdoc(value), f"{name}.{member} has no docstring"
+
+
+def test_sections_and_types_of_docstrings_are_rendered(site):
+    text = (site / "docs/api/cislunar.dynamics.html").read_text(encoding="utf-8")
+    assert "Parameters<span" in text and "ArrayLike" in text
+    for page in (site / "docs/api").glob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        assert "_SupportsArray" not in text, page
+        assert "----------" not in text, page
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_example_has_a_caption_and_a_plot(path, site):
+    title, _, caption = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))).split(
+        "\n", 2
+    )
+    assert len(caption.split()) > 10
+    index = (site / f"docs/gallery/{path.parent.name}/index.html").read_text(encoding="utf-8")
+    assert title in index
+    assert [*(site / "_images").glob(f"sphx_glr_{path.stem}_001.png")]
+
+
+LOOK = """
+if (document.readyState !== "complete") await new Promise(done => addEventListener("load", done));
+if (window.MathJax && MathJax.startup) await MathJax.startup.promise;
+return {
+  empty: [...document.images].filter(i => i.naturalWidth === 0).map(i => i.src),
+  formulas: document.querySelectorAll("mjx-container").length,
+  mistakes: document.querySelectorAll("mjx-merror").length,
+  wide: document.documentElement.scrollWidth - window.innerWidth,
+  words: document.querySelector("article").innerText.length,
+};
+"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+@pytest.mark.parametrize(
+    "name, width, formulas",
+    [
+        ("docs/index", 1200, 0),
+        ("docs/bound", 500, 30),
+        ("docs/gallery/tutorials/closed_loop", 500, 0),
+        ("docs/reference", 1200, 0),
+    ],
+)
+def test_page_opens_in_a_browser(name, width, formulas, site):
+    page = site / f"{name}.html"
+    html = page.read_text(encoding="utf-8")
+    found, troubles = probe(html, page.parent, LOOK, width=width)
+    assert not troubles
+    assert not found["empty"]
+    assert found["formulas"] >= formulas
+    assert found["mistakes"] == 0
+    assert found["wide"] <= 0
+    assert found["words"] > 500
