@@ -9,6 +9,9 @@ from snakemake.utils import min_version
 min_version("9.0")
 
 
+report: "workflow/report/start.rst"
+
+
 configfile: "config/config.yaml"
 configfile: "config/variants.yaml"
 

@@ -222,20 +222,22 @@ def calls(monkeypatch):
     os.chdir(before)
 
 
-def test_the_campaign_is_snakemakes(calls):
+def test_the_campaign_is_snakemakes_and_the_site_sphinxs(calls):
     here = ("--directory", ROOT, "--configfile", QUICK[1])
     quick = " ".join(QUICK)
     call("run", *here, "--", "task1")
     call("run", "--directory", ROOT, "--cores", 3, "--quiet", "--", "--dry-run")
     call("resume", *here, "--verbose")
     call("report", *here, "--output", "/tmp/a.html")
+    call("docs", "site", "--directory", ROOT, "--output", "/tmp/site")
     assert {folder for folder, _ in calls} == {str(ROOT)}
-    assert [" ".join(line).partition(" snakemake ")[2] for _, line in calls] == [
-        f"{quick} --cores 2 -- task1",
-        "--cores 3 --quiet all --dry-run",
-        f"{quick} --cores 1 --unlock --verbose",
-        f"{quick} --cores 2 --verbose",
-        f"{quick} --report /tmp/a.html",
+    assert [" ".join(line).partition(" -m ")[2] for _, line in calls] == [
+        f"snakemake {quick} --cores 2 -- task1",
+        "snakemake --cores 3 --quiet all --dry-run",
+        f"snakemake {quick} --cores 1 --unlock --verbose",
+        f"snakemake {quick} --cores 2 --verbose",
+        f"snakemake {quick} --report /tmp/a.html",
+        "sphinx -c docs . /tmp/site",
     ]
 
 

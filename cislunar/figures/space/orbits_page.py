@@ -1,10 +1,13 @@
 """A page in three dimensions: orbit library, architectures, static and moving targets.
 
-The page needs nothing but a browser with WebGL: plotly.js is within it. Axes are those of the
-rotating frame in kilometers, at equal scales; Earth and Moon have their true size. The time slider
-moves the targets and the satellites through one day from the epoch.
+The page needs nothing but a browser with WebGL: plotly.js is within it, compressed. Axes are those
+of the rotating frame in kilometers, at equal scales; Earth and Moon have their true size. The time
+slider moves the targets and the satellites through one day from the epoch.
 """
 
+import base64
+import gzip
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -12,6 +15,7 @@ import numpy as np
 import plotly.graph_objects as go
 import xarray as xr
 from plotly.io import to_html
+from plotly.offline import get_plotlyjs
 
 from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, SECONDS_PER_DAY
 from cislunar.figures.axes import Array
@@ -32,6 +36,18 @@ CHOSEN_SAMPLES = 241
 FRAME_HOURS = np.arange(0.0, 24.01, 0.5)
 """Times of the slider, h since the epoch."""
 PATH_HOURS = np.arange(0.0, 24.01, 1.0 / 6.0)
+
+_SCRIPT = re.compile(r"<script[^>]*>(.*?)</script>", re.DOTALL)
+_UNPACK = """
+<script>
+const unpacked = (async () => {
+  const packed = Uint8Array.from(atob("%s"), letter => letter.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const script = document.createElement("script");
+  script.textContent = await new Response(stream).text();
+  document.body.append(script);
+})();
+</script>"""
 
 _HOVER_ORBIT = (
     "<b>%{text}</b>, orbit %{customdata[0]:.0f}<br>stability index %{customdata[1]:.4~g}"
@@ -302,7 +318,7 @@ def _page(figure: go.Figure) -> str:
         figure,
         config=config,
         auto_play=False,
-        include_plotlyjs=True,
+        include_plotlyjs=False,
         full_html=False,
         default_height="100vh",
         div_id=DIV_ID,
@@ -311,5 +327,12 @@ def _page(figure: go.Figure) -> str:
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         "<title>Cislunar orbits, architectures and targets</title>\n"
         "<style>html, body { margin: 0; font-family: sans-serif; }</style>\n</head>\n<body>\n"
-        f"{plot}\n</body>\n</html>\n"
+        f"{_packed(plot)}\n</body>\n</html>\n"
     )
+
+
+def _packed(plot: str) -> str:
+    """The plot with its scripts and plotly.js compressed, a third of their size."""
+    text = "\n".join([get_plotlyjs(), *_SCRIPT.findall(plot)])
+    packed = base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
+    return _SCRIPT.sub("", plot) + _UNPACK % packed
