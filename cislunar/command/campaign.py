@@ -215,9 +215,10 @@ def update(directory: str, results: str, check: bool) -> int:
 @DIRECTORY
 @click.option("--output", default="build/site", show_default=True, help="Folder to write to.")
 def site(directory: str, output: str) -> None:
-    """Make the site: tutorials, gallery, theory and the reference of every function.
+    """Make the site of documents, gallery and reference.
 
-    Runs the gallery; a minute or two at first, then only for what has changed. Open index.html.
+    It runs the gallery: a minute or two at first, then only what has changed. Open index.html in
+    the folder.
 
     \b
     Example:

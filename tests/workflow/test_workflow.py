@@ -7,6 +7,7 @@ import re
 
 import pytest
 import yaml
+from browser import CHROMIUM, probe
 from campaign_folder import QUICK, ROOT, copy_workflow, read_campaign, run, snakemake
 
 pytestmark = pytest.mark.workflow
@@ -113,11 +114,21 @@ def test_second_run_finds_nothing_to_do(finished):
     assert "Nothing to be done" in output
 
 
-def test_report_is_one_file(finished):
+OPENED = """
+while (!document.querySelector("#app img[src^='data:image/png']"))
+  await new Promise(done => setTimeout(done, 100));
+return app.state.category;
+"""
+
+
+def test_report_is_one_file(finished, tmp_path):
     output, code = snakemake(finished, *QUICK, "--report", "report.html")
     assert code == 0, output[-3000:]
     report = (finished / "report.html").read_text(encoding="utf-8")
     assert "paper_vs_ours.csv" in report
+    assert len(report) < 15e6
+    if CHROMIUM is not None:
+        assert probe(report, tmp_path, OPENED)[0] == "Figures"
     # The interactive page is inside, byte for byte, with its own copy of plotly.js.
     page = (finished / "results/quick/figures/orbits_3d.html").read_bytes()
     assert base64.b64encode(page).decode() in report
