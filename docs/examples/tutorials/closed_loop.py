@@ -31,8 +31,8 @@ times = settings.elapsed_s / TIME_UNIT_S
 
 days = 86_400.0 / TIME_UNIT_S
 observers = [
-    cs.family_members("Halo_L2_S", period=6.56 * days),
-    cs.family_members("Halo_L1_N", period=9.5 * days),
+    cs.periodic_orbits("Halo_L2_S", period=6.56 * days),
+    cs.periodic_orbits("Halo_L1_N", period=9.5 * days),
 ]
 for orbits in observers:
     print(orbits.family[0], "perilune", orbits.perilune_km.round(), "km")
@@ -47,7 +47,7 @@ scene = cs.make_scene(tracks, sun.sun_position, settings.step_s)
 # Four places of one L2 halo, a quarter of a period apart. Each is an icosahedron of 2 m radius; any
 # convex shape and any material will do.
 
-halo = cs.family_members("Halo_L2_S", jacobi=3.05)
+halo = cs.periodic_orbits("Halo_L2_S", jacobi=3.05)
 start = cs.propagate(halo.state[0], halo.period[0] * np.arange(4) / 4)
 surfaces = cs.target_surfaces(cs.icosahedron(2.0), Material(), n_targets=4)
 

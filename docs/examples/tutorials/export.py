@@ -21,7 +21,7 @@ from cislunar.exchange.oem import oem_text, read_oem
 # %%
 # A halo for one period, each ten minutes, in the rotating frame of the circular problem.
 
-halo = cs.family_members("Halo_L2_S", jacobi=3.05)
+halo = cs.periodic_orbits("Halo_L2_S", jacobi=3.05)
 times_s = np.arange(0.0, halo.period[0] * TIME_UNIT_S, 600.0)
 path = cs.propagate(halo.state[0], times_s / TIME_UNIT_S)
 

@@ -35,8 +35,8 @@ sky = cs.sample_ephemeris(epoch_jd=2460584.5, duration_days=30.0, step_minutes=6
 observer, target = (
     cs.propagate_periodic(orbits.state[0], orbits.period[0], sky.time)[:, :3]
     for orbits in (
-        cs.family_members("Halo_L2_S", period=6.56 * days),
-        cs.family_members("Halo_L2_S", period=13.0 * days),
+        cs.periodic_orbits("Halo_L2_S", period=6.56 * days),
+        cs.periodic_orbits("Halo_L2_S", period=13.0 * days),
     )
 )
 
