@@ -15,8 +15,8 @@ from cislunar.photometry.facets import FLOOR_MAGNITUDE
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def expected_directions(bundle, observer, axes, expected, column):
-    """Right ascension and declination, rad, into two columns from `column` on; the central ones.
+def expected_directions(bundle, observer, axes, expected):
+    """Right ascension and declination, rad, into the two columns; returns the central ones.
 
     `observer` (3,) is its position, `axes` the rotation from the rotating frame to its body.
     """
@@ -31,8 +31,8 @@ def expected_directions(bundle, observer, axes, expected, column):
         if point == 0:
             ra0, dec0 = ra, dec
         else:
-            expected[point - 1, column] = wrap_angle(ra - ra0)
-            expected[point - 1, column + 1] = dec - dec0
+            expected[point - 1, 0] = wrap_angle(ra - ra0)
+            expected[point - 1, 1] = dec - dec0
     return ra0, dec0
 
 
@@ -45,18 +45,20 @@ def attitude_error(root, column, scale):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def expected_magnitudes(
-    bundle, quaternion, root, spread, observer, sun, to_inertial, surfaces, j, expected
+def expected_measurements(
+    bundle, quaternion, root, spread, observer, axes, sun, to_inertial, surfaces, j, expected
 ):
-    """Magnitudes of target j at the sigma points' attitudes (Paul & Fan, eqs. 35, 36, 42).
+    """Magnitudes of target j at the sigma points' attitudes, and directions (Paul & Fan, eq. 42).
 
-    They go into column 0; returns the central one, and how many points are dark.
+    The magnitudes (eqs. 35, 36) go into column 0, right ascension and declination, as in
+    `expected_directions`, into the next two; returns the central ones, and how many points are
+    dark. One pass lets the processor overlap the two.
     The root (12, 12) being triangular with the attitude first, only the points of its first six
     columns differ from the mean attitude.
     """
     q = (quaternion[0], quaternion[1], quaternion[2], quaternion[3])
     size = root.shape[0]
-    magnitude0, dark = 0.0, 0
+    magnitude0, ra0, dec0, dark = 0.0, 0.0, 0.0, 0
     for point in range(bundle.shape[1]):
         x, y, z = bundle[0, point], bundle[1, point], bundle[2, point]
         attitude = q
@@ -64,21 +66,16 @@ def expected_magnitudes(
         if point > 0 and column < 6:
             d1, d2, d3, d4 = attitude_error(root, column, spread if point <= size else -spread)
             attitude = multiply_components(d1, d2, d3, d4, q[0], q[1], q[2], q[3])
+        dx, dy, dz = x - observer[0], y - observer[1], z - observer[2]
+        ra, dec = direction_angles(dx, dy, dz, axes)
         magnitude = target_magnitude(
-            x - observer[0],
-            y - observer[1],
-            z - observer[2],
-            sun[0] - x,
-            sun[1] - y,
-            sun[2] - z,
-            to_inertial,
-            attitude,
-            surfaces,
-            j,
+            dx, dy, dz, sun[0] - x, sun[1] - y, sun[2] - z, to_inertial, attitude, surfaces, j
         )
         dark += magnitude == FLOOR_MAGNITUDE
         if point == 0:
-            magnitude0 = magnitude
+            magnitude0, ra0, dec0 = magnitude, ra, dec
         else:
             expected[point - 1, 0] = magnitude - magnitude0
-    return magnitude0, dark
+            expected[point - 1, 1] = wrap_angle(ra - ra0)
+            expected[point - 1, 2] = dec - dec0
+    return magnitude0, ra0, dec0, dark

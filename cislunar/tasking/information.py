@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Prediction
-from cislunar.estimation.expected import expected_directions, expected_magnitudes
+from cislunar.estimation.expected import expected_directions, expected_measurements
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import (
     UnscentedWeights,
@@ -191,19 +191,19 @@ def _fill(prediction, joint, scene, surfaces, belief, wanted, out):
             out[o, j] = 0.0
             if not usable[j] or not _sphere_visible(observer, translation[j], sun, belief):
                 continue
-            _, declination = expected_directions(points[j], observer, axes, expected, 0)
+            _, declination = expected_directions(points[j], observer, axes, expected)
             innovation_moments(expected, variance[1:], belief.six, shift, cross, even)
             sigma = _direction_sigma(cross, even, variance[1:], declination)
             if belief.gate and not sigma <= belief.limits.half_field:
                 continue
             if belief.full:
-                expected_directions(all_points[j], observer, axes, all_expected, 1)
-                expected_magnitudes(
+                expected_measurements(
                     all_points[j],
                     quaternion[j],
                     joint_root[j],
                     belief.twelve.spread,
                     observer,
+                    axes,
                     sun,
                     scene.frame_axes[index],
                     surfaces,

@@ -23,7 +23,7 @@ from cislunar.estimation.estimator import (
     OUT_OF_FIELD,
     UPDATES,
 )
-from cislunar.estimation.expected import expected_directions, expected_magnitudes
+from cislunar.estimation.expected import expected_directions, expected_measurements
 from cislunar.estimation.kalman.attitude_spread import rotation_differences
 from cislunar.estimation.kalman.workspace import (
     covariance_of,
@@ -134,8 +134,8 @@ def update(state, j, measurements, row, k, scene, surfaces, constants, work):
     It is not if it holds NaN or lies further than half the field of view from the expected
     direction.
     """
-    value, variance = measurements.value[row], measurements.variance[row]
-    if not np.isfinite(value[0] + value[1] + value[2]):
+    value, variance = measurements.value, measurements.variance[row]
+    if not np.isfinite(value[row, 0] + value[row, 1] + value[row, 2]):
         return False
     quaternion, translation, root = state.quaternion[j], state.translation[j], state.root[j]
     counters, spread, innovation = state.counters[j], constants.weights.spread, work.innovation
@@ -143,23 +143,25 @@ def update(state, j, measurements, row, k, scene, surfaces, constants, work):
     axes = scene.observer_axes[k]
     angle = 1 if constants.use_magnitude else 0
     sigma_points(translation, root[6:], spread, work.bundle)
-    ra, dec = expected_directions(work.bundle, place, axes, work.expected, angle)
     if constants.use_magnitude:
-        magnitude, dark = expected_magnitudes(
+        magnitude, ra, dec, dark = expected_measurements(
             work.bundle,
             quaternion,
             root,
             spread,
             place,
+            axes,
             scene.sun_position[k],
             scene.frame_axes[k],
             surfaces,
             j,
             work.expected,
         )
-        innovation[0] = value[0] - magnitude
+        innovation[0] = value[row, 0] - magnitude
         counters[FLOOR_HITS] += dark
-    off_ra, off_dec = wrap_angle(value[1] - ra), value[2] - dec
+    else:
+        ra, dec = expected_directions(work.bundle, place, axes, work.expected)
+    off_ra, off_dec = wrap_angle(value[row, 1] - ra), value[row, 2] - dec
     if not in_field(off_ra, off_dec, dec, constants.half_field):
         counters[OUT_OF_FIELD] += 1
         return False

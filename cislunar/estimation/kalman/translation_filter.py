@@ -53,7 +53,7 @@ def update_translation(
     from the rotating frame to its body. Only an accepted direction changes the estimate.
     """
     sigma_points(translation, root, constants.weights.spread, work.bundle)
-    ra0, dec0 = expected_directions(work.bundle, observer, axes, work.expected, 0)
+    ra0, dec0 = expected_directions(work.bundle, observer, axes, work.expected)
     off_ra, off_dec = wrap_angle(right_ascension - ra0), declination - dec0
     if not in_field(off_ra, off_dec, dec0, constants.half_field):
         return OUTSIDE_FIELD
