@@ -35,6 +35,7 @@ def members_of(
     period: Any = None,
     stability: Any = None,
     count: int | None = None,
+    clear: bool = True,
     **progress: Any,
 ) -> Any:
     """`periodic_orbits` with the period in days; never none.
@@ -49,6 +50,7 @@ def members_of(
     from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
     from cislunar.orbits.catalogue import catalogue_branch, periodic_orbits
     from cislunar.orbits.extent import measure_of
+    from cislunar.orbits.selection import clear_part
 
     day = SECONDS_PER_DAY / TIME_UNIT_S
     asked = {"jacobi": jacobi, "period": period, "stability": stability}
@@ -57,7 +59,7 @@ def members_of(
             raise ConfigurationError(f"{key} = {value} of {family} is no finite number")
     if period is not None:
         asked["period"] = day * period if np.ndim(period) == 0 else tuple(day * p for p in period)
-    members = periodic_orbits(family, **asked, count=count, **progress)
+    members = periodic_orbits(family, **asked, count=count, clear=clear, **progress)
     single = [key for key, value in asked.items() if value is not None and np.ndim(value) == 0]
     if members.period.size:
         return members
@@ -66,10 +68,11 @@ def members_of(
     ((quantity, value),) = ((key, asked[key]) for key in single)
     unit, name = (day, " days") if quantity == "period" else (1.0, "")
     measure = measure_of("stability_index" if quantity == "stability" else quantity, MU)
-    taken = [measure(member) / unit for member in catalogue_branch(family, MU)]
+    branch = catalogue_branch(family, MU)
+    taken = [measure(member) / unit for member in (clear_part(branch) if clear else branch)]
     raise ConfigurationError(
-        f"no member of {family} clear of Earth and Moon has {quantity} = {value / unit:g}{name}; "
-        f"the family has about {min(taken):.3f} to {max(taken):.3f}{name}"
+        f"no member of {family}{' clear of Earth and Moon' * clear} has {quantity} = "
+        f"{value / unit:g}{name}; the family has about {min(taken):.3f} to {max(taken):.3f}{name}"
     )
 
 

@@ -46,16 +46,19 @@ def orbits() -> None:
 @orbits.command("list")
 @OUTPUT
 def list_families(output: str | None) -> None:
-    """List the families.
+    """List the families and where they end.
+
+    Values of x at the crossing, of the period and of the Jacobi constant are nondimensional.
 
     \b
     Example:
       cislunar orbits list
     """
-    from cislunar.orbits.catalogue import CATALOGUE
+    from cislunar.orbits.catalogue import CATALOGUE, end_in_words
 
     meanings = [family.meaning for family in CATALOGUE.values()]
-    show([Column("family", [*CATALOGUE]), Column("orbits", meanings)], output)
+    ends = [end_in_words(family) for family in CATALOGUE.values()]
+    show([Column("family", [*CATALOGUE]), Column("orbits", meanings), Column("end", ends)], output)
 
 
 @orbits.command()
@@ -64,6 +67,7 @@ def list_families(output: str | None) -> None:
 @click.option("--period", type=Wanted(), help="Of this period, or within a range, days.")
 @click.option("--stability", type=Wanted(), help="Of this stability index, or within a range.")
 @click.option("--count", type=click.IntRange(min=1), help="This many, evenly along the family.")
+@click.option("--through", is_flag=True, help="Orbits through the Earth or the Moon too.")
 @UNITS
 @OUTPUT
 def members(
@@ -72,6 +76,7 @@ def members(
     period: float | tuple[float, float] | None,
     stability: float | tuple[float, float] | None,
     count: int | None,
+    through: bool,
     units: str,
     output: str | None,
 ) -> None:
@@ -79,14 +84,16 @@ def members(
 
     If no family is named, of the observers' thirteen. One value of --jacobi, --period or
     --stability that members have, or --count of them, evenly along the family; ranges LOW:HIGH
-    leave out what lies beyond. Orbits through the Earth or the Moon are left out. In km the file
-    can be the table of moving targets of a study of one's own.
+    leave out what lies beyond. Orbits through the Earth or the Moon, where some families end, are
+    left out without --through. In km the file can be the table of moving targets of a study of
+    one's own.
 
     \b
     Examples:
       cislunar orbits members Halo_L2_S --jacobi 3.05
       cislunar orbits members Lyap_L1 Halo_L1_N --period 12
       cislunar orbits members Vertical_L2 --count 40 --stability 1:20
+      cislunar orbits members Halo_L3_N --count 5 --through
     """
     from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
     from cislunar.orbits.catalogue import family_named
@@ -98,7 +105,7 @@ def members(
     for family in families:
         family_named(family)
     chosen = [*dict.fromkeys(families)] or [*FAMILIES]
-    found = concatenate(_members(chosen, asked))
+    found = concatenate(_members(chosen, asked, clear=not through))
     names = found.family.tolist()
     number = [1 + names[:row].count(name) for row, name in enumerate(names)]
     days = found.period * TIME_UNIT_S / SECONDS_PER_DAY
@@ -122,17 +129,18 @@ def members(
     )
 
 
-def _members(families: list[str], asked: dict[str, Any]) -> list[Any]:
+def _members(families: list[str], asked: dict[str, Any], *, clear: bool) -> list[Any]:
     """Members of each family that has any; a single family has to."""
+    steps = "members followed, iterations"
     if len(families) == 1:
-        following = progress("members followed, iterations")
-        found = members_of(families[0], **asked, progress=progress("orbits"), following=following)
+        counted = {"progress": progress("orbits"), "following": progress(steps)}
+        found = members_of(families[0], **asked, clear=clear, **counted)
         _say_if_several(found, asked)
         return [found]
     report, found = progress("families"), []
     for done, family in enumerate(families, start=1):
         with suppress(ConfigurationError):
-            found.append(members_of(family, **asked))
+            found.append(members_of(family, **asked, clear=clear, following=progress(steps)))
             _say_if_several(found[-1], asked)
         report(done, len(families))
     if not found:

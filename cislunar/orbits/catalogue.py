@@ -1,7 +1,7 @@
 """Periodic orbits of the Earth-Moon system by family, with filters: one call for all of them.
 
-Families go as far as JPL's catalogue of three-body periodic orbits lists them, where that is known;
-branches that continuation follows are kept in memory.
+Families go as far as JPL's catalogue of three-body periodic orbits lists them, where that is known,
+through the Earth and the Moon if need be; branches that continuation follows are kept in memory.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, MU
 from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.orbits import catalogue_seeds as seeds
 from cislunar.orbits.branches import Seed
-from cislunar.orbits.continuation import Branch, Measure, Point, between, continue_branch, locate
+from cislunar.orbits.continuation import Branch, Measure, Point, continue_branch, locate
 from cislunar.orbits.corrector import Z
-from cislunar.orbits.extent import CATALOGUE_EXTENT, distances_km, follow_branch, measure_of
+from cislunar.orbits.extent import CATALOGUE_EXTENT, altitude_km, branch_seed, measure_of
 from cislunar.orbits.families import FAMILIES, OrbitSet, orbit_set, root_of
-from cislunar.orbits.selection import select
+from cislunar.orbits.selection import clear_part, select, spread_members
 
 Array = NDArray[np.float64]
 Wanted = float | tuple[float, float]
@@ -49,12 +49,22 @@ class Family(NamedTuple):
     """Where a family begins, where it ends, and how its name's other half is mirrored."""
 
     meaning: str
-    seed: Callable[[float], Seed] | None = None
-    """None for a branch of `cislunar.orbits.extent`."""
-    ends: tuple[str, ...] = ()
+    seed: Callable[[float], Seed]
+    ends: tuple[str, ...]
     """Of "flat", "turn" (of the Jacobi constant), "bodies", "turns" of the Moon that the period is
     near, or a quantity and its value."""
     mirror: Array | None = None
+
+
+_ENDS = {root: f"{key} {value}" for root, (key, value) in CATALOGUE_EXTENT.ends.items()} | {
+    "Halo_L1": "x -0.414562",
+    "Halo_L2": "period 0.7191706",
+    "Halo_L3": "x -0.1786714",
+    "Lyap_L1": "bodies",
+    "Lyap_L2": "period 8.2139134",
+    "Lyap_L3": "bodies",
+}
+"""Ends of the observers' families: JPL's, unless those are short of the surface of a body."""
 
 
 def _catalogue() -> dict[str, Family]:
@@ -65,7 +75,13 @@ def _catalogue() -> dict[str, Family]:
         about = {"Halo": "halo about", "Lyap": "planar Lyapunov about"}.get(kind)
         meaning = f"{about} {rest[0]}" if about else kinds[kind]
         half = {"N": ", northern", "S": ", southern"}.get(rest[-1], "")
-        found[name] = Family(meaning + half, mirror=_SOUTH if half == ", southern" else None)
+        root = root_of(name)
+        found[name] = Family(
+            meaning + half,
+            partial(branch_seed, root),
+            (_ENDS[root],),
+            _SOUTH if half == ", southern" else None,
+        )
     for point in (1, 2, 3):
         found[f"Vertical_L{point}"] = Family(
             f"vertical about L{point}", partial(seeds.vertical_seed, point), ("flat",)
@@ -81,7 +97,7 @@ def _catalogue() -> dict[str, Family]:
                 (f"jacobi {end}",),
                 mirror,
             )
-    found["DRO"] = Family("distant retrograde")
+    found["DRO"] = Family("distant retrograde", partial(branch_seed, "DRO"), ("bodies",))
     found["DPO"] = Family("distant prograde", seeds.distant_prograde_seed, ("period 9.6400373",))
     found["LPO_E"] = Family("low prograde, eastern", seeds.eastern_seed, ("jacobi 3.1566979",))
     found["LPO_W"] = Family("low prograde, western", seeds.low_prograde_seed, ("jacobi 3.1794087",))
@@ -104,8 +120,6 @@ def _resonant(p: str, q: str, mark: str) -> Family:
 CATALOGUE: dict[str, Family] = _catalogue()
 """The families by name."""
 
-_DRO_END = ("perigee_km", EARTH_RADIUS_KM)
-
 
 def family_named(name: str) -> Family:
     """The family; besides those of `CATALOGUE`, other resonances as "Resonant_5:2".
@@ -126,6 +140,23 @@ def family_named(name: str) -> Family:
     return CATALOGUE[name]
 
 
+def end_in_words(family: Family) -> str:
+    """Where a family ends."""
+    words = {
+        "flat": "where it is flat",
+        "turn": "where the Jacobi constant turns",
+        "bodies": "at the surface of the Earth or the Moon",
+    }
+    found = []
+    for end in family.ends:
+        quantity, _, value = end.partition(" ")
+        if quantity == "turns":
+            found.append(f"{OFF_RESONANCE:.0%} off {value} sidereal months")
+        else:
+            found.append(words.get(quantity, f"at {quantity} = {value}"))
+    return ", ".join(found)
+
+
 def _conditions(family: Family, seed: Seed, mu: float) -> list[Measure]:
     """Functions of a member that are positive up to the end of a family."""
     first = Point(seed.half, seed.direction)
@@ -138,11 +169,7 @@ def _conditions(family: Family, seed: Seed, mu: float) -> list[Measure]:
             # the slope at the seed itself may be that of the fold the family begins at
             found.append(_turn(mu))
         elif quantity == "bodies":
-            found.append(
-                lambda member: float(
-                    np.min(np.subtract(distances_km(member.half, mu), _RADII_KM)) / _RADII_KM[1]
-                )
-            )
+            found.append(partial(altitude_km, mu=mu))
         elif quantity == "turns":
             found.append(partial(_near_resonance, period=2.0 * np.pi * float(value)))
         else:
@@ -163,9 +190,6 @@ def _height(member: Point, upward: float) -> float:
 
 def _near_resonance(member: Point, period: float) -> float:
     return OFF_RESONANCE - abs(member.half.period / period - 1.0)
-
-
-_RADII_KM = (EARTH_RADIUS_KM, MOON_RADIUS_KM)
 
 
 def _turn(mu: float) -> Measure:
@@ -211,8 +235,11 @@ def catalogue_branch(
     ConvergenceError
         If its first member is not found.
     """
+    family_named(name)
     if name.startswith(("Short_L5", "Long_L5")):
         name = name.replace("L5", "L4")
+    if name.endswith("_S"):
+        name = name.removesuffix("S") + "N"
     key = name, float(mu)
     if key not in _BRANCHES:
         _BRANCHES[key] = _between_ends(*key, progress)
@@ -222,10 +249,6 @@ def catalogue_branch(
 def _between_ends(name: str, mu: float, progress: Callable[[int, int], None] | None) -> Branch:
     """A family followed anew."""
     family = family_named(name)
-    if family.seed is None:
-        root = name if name == "DRO" else root_of(name)
-        end = _DRO_END if name == "DRO" else CATALOGUE_EXTENT.ends.get(root)
-        return follow_branch(root, float(mu), 0.0, 0.0, end)
     seed = family.seed(mu)
     forward = _followed(family, seed, mu, progress)
     if not name.startswith("Resonant"):
@@ -263,34 +286,6 @@ def _followed(
             except ConvergenceError:  # next to a body no orbit closes to the last digits
                 branch = branch[:-1]
     return branch
-
-
-def spread_members(branch: Branch, count: int, mu: float = MU) -> Branch:
-    """Members equally spaced along a branch by the arc length of continuation, ends included."""
-    if len(branch) < 2:
-        return branch
-    crossings = np.array([member.half.crossing for member in branch])
-    travelled = np.concatenate(
-        [[0.0], np.cumsum(np.linalg.norm(np.diff(crossings, axis=0), axis=1))]
-    )
-    wanted = np.linspace(0.0, travelled[-1], count)
-    places = np.interp(wanted, travelled, np.arange(travelled.size))
-    found = []
-    for place in places:
-        first = min(int(place), len(branch) - 2)
-        fraction = float(place - first)
-        found.append(between(branch[first], branch[first + 1], fraction, mu))
-    return found
-
-
-def _clear_part(branch: Branch, mu: float) -> Branch:
-    """A branch between the first and the last of its members that clear Earth and Moon."""
-    clear = [
-        place
-        for place, member in enumerate(branch)
-        if np.all(np.greater(distances_km(member.half, mu), _RADII_KM))
-    ]
-    return branch[clear[0] : clear[-1] + 1] if clear else []
 
 
 def periodic_orbits(
@@ -355,12 +350,13 @@ def periodic_orbits(
     if count is not None and count < 1:
         raise ConfigurationError(f"members of {family}: count = {count} must be at least 1")
     branch = catalogue_branch(family, float(mu), progress=following)
+    if clear:
+        branch = clear_part(branch, mu)
     if values:
         ((quantity, value),) = values.items()
-        members = select(branch, quantity, value, mu)
+        members = select(branch, quantity, value, mu) if branch else []
     else:
-        shown = _clear_part(branch, mu) if clear else branch
-        members = spread_members(shown, DEFAULT_COUNT if count is None else count, mu)
+        members = spread_members(branch, DEFAULT_COUNT if count is None else count, mu)
     done = 0
 
     def advance() -> None:

@@ -52,9 +52,10 @@ CATALOGUE_EXTENT = Extent(
 )
 """Families as far as a published catalogue lists them, through the primaries if need be.
 
-The ends are those of the JPL three-body periodic orbit catalogue where known (the L3 halos stop
-just short of it, where continuation stalls), otherwise the surface of the Moon. The L1 and L3 halos
-then envelop the Moon and the Earth at spacings near 30 000 km (Paul & Fan, section 3).
+The ends are those of the JPL three-body periodic orbit catalogue for the butterflies, dragonflies,
+L1 halos and L3 Lyapunov orbits, three rows short of it for the L3 halos, and the surface of the
+Moon for the others, of which `cislunar.orbits.catalogue` follows more. The L1 and L3 halos then
+envelop the Moon and the Earth at spacings near 30 000 km (Paul & Fan, section 3).
 """
 
 
@@ -79,6 +80,12 @@ def distances_km(half: HalfOrbit, mu: float = MU) -> tuple[float, float]:
     # The other half, if there is one, is the mirror image of this one.
     perigee, perilune = closest_approaches(half.state, half.crossing[-1], mu=mu)
     return perigee * LENGTH_UNIT_KM, perilune * LENGTH_UNIT_KM
+
+
+def altitude_km(member: Point, mu: float = MU, above: float = 0.0) -> float:
+    """Least altitude over the Earth and the Moon, above an altitude, km."""
+    radii = EARTH_RADIUS_KM, MOON_RADIUS_KM
+    return float(np.min(np.subtract(distances_km(member.half, mu), radii))) - above
 
 
 def measure_of(quantity: str, mu: float = MU) -> Measure:

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 import cislunar as package
 from cislunar.command.base import FAILED
 from cislunar.command.main import cislunar
-from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics.propagation import propagate
 from cislunar.orbits.catalogue import CATALOGUE, periodic_orbits
 from cislunar.targets.tables import load_target_states
@@ -86,6 +86,7 @@ def test_families_are_listed():
     rows = table("orbits", "list")
     assert tuple(row["family"] for row in rows) == (*CATALOGUE,)
     assert "halo about L2, southern" in {row["orbits"] for row in rows}
+    assert {row["end"] for row in rows if row["family"] == "Vertical_L2"} == {"where it is flat"}
 
 
 @pytest.mark.parametrize("units", ["km", "nd"])
@@ -104,6 +105,13 @@ def test_a_period_in_days_selects_members_of_all_families_that_take_it():
     rows = table("orbits", "members", "Lyap_L3", "Halo_L1_N", "--period", 12)
     assert [row["id"] for row in rows] == ["Halo_L1_N_1", "Halo_L1_N_2"]
     assert numbers(rows, "period_days") == pytest.approx(12.0)
+
+
+def test_orbits_through_the_earth_are_members_if_they_are_asked_for():
+    wanted = ("orbits", "members", "Halo_L3_N", "--period", 26.2)
+    assert "clear of Earth and Moon has period" in call(*wanted).stderr
+    (row,) = table(*wanted, "--through")
+    assert float(row["perigee_km"]) < EARTH_RADIUS_KM
 
 
 def test_exported_members_are_targets_of_a_study(tmp_path):
