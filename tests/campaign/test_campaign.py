@@ -435,7 +435,7 @@ def all_keys(config):
     own = (ROOT / "config/examples/own_study.yaml").read_text(encoding="utf-8")
     study = merged(config, yaml.safe_load(own))
     rarely = {
-        "scenarios": {"E": {"static_targets": "table.csv"}},
+        "scenarios": {"E": {"static_targets": "table.csv", "photometry": "physical"}},
         "sweeps": {"noise": {"estimators": ["mukf"]}},
         "task2": {"variants": {"families": {"slope": {"scenario": "D", "architecture": "exact"}}}},
     }

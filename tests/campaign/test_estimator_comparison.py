@@ -93,7 +93,12 @@ def test_model_errors_stand_beside_their_remedies():
 def test_figures_hold_both_estimators_and_the_bound(summary, draw):
     figure = draw(summary, "estimator")
     texts = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert texts == {"filter of the paper (MUKF)", "multi-hypothesis batch", "Cramér-Rao bound"}
+    assert texts == {
+        "filter of the paper (MUKF)",
+        "multi-hypothesis batch",
+        "Cramér-Rao bound",
+        "median expected of an estimator at the bound",
+    }
     lost = next(axes for axes in figure.axes if "diverged" in axes.get_ylabel())
     heights = {round(float(np.mean(line.get_ydata())), 3)
                for line in lost.lines if len(line.get_xdata()) > 1}  # fmt: skip

@@ -55,10 +55,11 @@ def write_dataset(dataset: xr.Dataset, path: str | Path) -> None:
     created where missing, cannot be written to.
     """
     with whole_file(Path(path)) as temporary:
-        _write(dataset, temporary)
+        _write(dataset, temporary, Path(path))
 
 
-def _write(dataset: xr.Dataset, path: Path) -> None:
+def _write(dataset: xr.Dataset, temporary: Path, path: Path) -> None:
+    """Write what will be `path`; ValueError if a variable lacks unit or meaning."""
     for name, data in dataset.variables.items():
         lacking = [key for key in ("units", "long_name") if key not in data.attrs]
         if lacking:
@@ -68,7 +69,7 @@ def _write(dataset: xr.Dataset, path: Path) -> None:
         for name, data in dataset.variables.items()
         if data.size >= _COMPRESSED_FROM and np.issubdtype(data.dtype, np.number)
     }
-    dataset.to_netcdf(path, format="NETCDF4", engine="netcdf4", encoding=encoding)
+    dataset.to_netcdf(temporary, format="NETCDF4", engine="netcdf4", encoding=encoding)
 
 
 @contextmanager
@@ -83,7 +84,7 @@ def growing_dataset(
     import netCDF4
 
     with whole_file(Path(path)) as temporary:
-        _write(dataset, temporary)
+        _write(dataset, temporary, Path(path))
         with netCDF4.Dataset(temporary, "a") as opened:
             for name in {dim for each in later.values() for dim in each.dims}:
                 if name not in opened.dimensions:
