@@ -1,0 +1,193 @@
+"""Rows of tables of one's own: names, states in either unit, and what is refused of them.
+
+The readers of targets and of observers share the columns of positions, velocities and periods, the
+checks of their numbers, and the way a message names a place.
+"""
+
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.constants import (
+    EARTH_RADIUS_KM,
+    LENGTH_UNIT_KM,
+    MOON_RADIUS_KM,
+    MU,
+    SECONDS_PER_DAY,
+    TIME_UNIT_S,
+)
+from cislunar.errors import InputFileError
+from cislunar.exchange.bounds import check_period, check_position, check_velocity
+from cislunar.exchange.csv_lines import listed, read_lines
+
+Array = NDArray[np.float64]
+Quantity = tuple[tuple[str, ...], tuple[str, ...], float]
+"""Columns of a quantity, nondimensional and practical, and its unit in the practical one."""
+Columns = tuple[tuple[str, ...], float]
+"""Columns that hold a quantity, and the size of its nondimensional unit in theirs."""
+Row = dict[str, str]
+
+POSITION = (("x", "y", "z"), ("x_km", "y_km", "z_km"), LENGTH_UNIT_KM)
+VELOCITY = (
+    ("vx", "vy", "vz"),
+    ("vx_km_s", "vy_km_s", "vz_km_s"),
+    LENGTH_UNIT_KM / TIME_UNIT_S,
+)
+PERIOD = (("period",), ("period_days",), TIME_UNIT_S / SECONDS_PER_DAY)
+
+BODIES = (("Earth", -MU, EARTH_RADIUS_KM), ("Moon", 1.0 - MU, MOON_RADIUS_KM))
+"""Name, place on the x axis (nondimensional) and radius (km)."""
+
+
+def named_rows(path: str | Path, what: str) -> tuple[list[str], list[tuple[str, Row]]]:
+    """Header of a table, and its rows with their place as it is named in messages.
+
+    Parameters
+    ----------
+    path : str or Path
+        Comma-separated table in UTF-8, with a column ``id``.
+    what : str
+        What a row holds, for messages.
+
+    Returns
+    -------
+    header : list of str
+    rows : list of (str, dict)
+        Place and texts by column; blank lines are left out.
+
+    Raises
+    ------
+    InputFileError
+        If the file is missing or empty, a column occurs twice, or a row has too few fields.
+    """
+    lines = read_lines(path, what)
+    header = [name.strip() for name in lines[0][1]] if lines else []
+    twice = [name for name in header if name and header.count(name) > 1]
+    if twice:
+        raise InputFileError(f"{path}, row 1: column {twice[0]} occurs twice; remove one of them")
+    rows = []
+    for number, fields in lines[1:]:
+        if not any(field.strip() for field in fields):
+            continue
+        place = f"{path}, row {number}"
+        if len(fields) != len(header):
+            raise InputFileError(
+                f"{place}: {len(fields)} fields where the header has {len(header)}; complete the "
+                "row, and quote fields that contain commas"
+            )
+        row = {name: field.strip() for name, field in zip(header, fields, strict=True)}
+        rows.append((f"{place}, {what} {row['id']!r}" if row.get("id") else place, row))
+    if "id" not in header:
+        raise InputFileError(f"{path}, row 1: no column id; the header has {listed(header)}")
+    if not rows:
+        raise InputFileError(f"{path}: holds no {what}; add a row per {what}")
+    return header, rows
+
+
+def quantity_columns(
+    path: str | Path, header: list[str], quantity: Quantity, *, optional: bool = False
+) -> Columns | None:
+    """Columns that hold a quantity, and the size of its nondimensional unit in theirs."""
+    plain, practical, unit = quantity
+    found = [
+        (columns, size)
+        for columns, size in ((plain, 1.0), (practical, unit))
+        if set(columns) <= set(header)
+    ]
+    if len(found) == 1 or (optional and not found):
+        return found[0] if found else None
+    if found:
+        raise InputFileError(
+            f"{path}, row 1: both {', '.join(plain)} and {', '.join(practical)}; remove one of "
+            "the two"
+        )
+    raise InputFileError(
+        f"{path}, row 1: needs the columns {', '.join(plain)} (nondimensional) or "
+        f"{', '.join(practical)}; the header has {listed(header)}"
+    )
+
+
+def row_names(rows: list[tuple[str, Row]], what: str) -> list[str]:
+    """Names of the rows, each of which must be given and occur once."""
+    first: dict[str, str] = {}
+    for place, row in rows:
+        if not row["id"]:
+            raise InputFileError(f"{place}: the {what} has no id; give it one")
+        if row["id"] in first:
+            raise InputFileError(
+                f"{place}: the id is taken already in {first[row['id']].split(', ')[1]}; give "
+                f"every {what} an id of its own"
+            )
+        first[row["id"]] = place
+    return list(first)
+
+
+def row_numbers(place: str, row: Row, columns: Columns) -> list[float]:
+    """Finite numbers of some columns, nondimensional."""
+    names, unit = columns
+    values = []
+    for name in names:
+        try:
+            value = float(row[name])
+        except ValueError:
+            value = float("nan")
+        if not isfinite(value):
+            raise InputFileError(f"{place}: {name} = {row[name]!r} must be a finite number")
+        values.append(value / unit)
+    return values
+
+
+def _unit(columns: Columns) -> str:
+    return "" if columns[1] == 1.0 else "km"
+
+
+def _instead(columns: Columns, quantity: Quantity) -> str:
+    """Where numbers in km or km/s belong, if these columns are not theirs."""
+    unit = "km" if quantity is POSITION else "km/s"
+    return "" if _unit(columns) else f"; {unit} belong in columns named {', '.join(quantity[1])}"
+
+
+def row_position(place: str, row: Row, columns: Columns) -> list[float]:
+    """Position of a row, which must be near Earth and Moon and in neither."""
+    position = row_numbers(place, row, columns)
+    check_position(place, columns[0], position, _unit(columns), _instead(columns, POSITION))
+    return check_outside(place, position)
+
+
+def row_state(place: str, row: Row, position: Columns, velocity: Columns) -> list[float]:
+    """State of a row, nondimensional, refused outside of the bounds that tell units apart."""
+    state = [*row_position(place, row, position), *row_numbers(place, row, velocity)]
+    check_velocity(place, velocity[0], state, _unit(velocity), _instead(velocity, VELOCITY))
+    return state
+
+
+def row_period(place: str, row: Row, period: Columns | None) -> float:
+    """Period of a row, nondimensional; 0 where none is given."""
+    if period is None or not row[period[0][0]]:
+        return 0.0
+    (given,) = row_numbers(place, row, period)
+    check_period(place, period[0][0], given, _unit(period))
+    return given
+
+
+def check_state(place: str, names: tuple[str, ...], state: Array, unit: str) -> None:
+    """Refuse a whole state as `row_position` and `check_velocity` do."""
+    check_position(place, names[:3], state[:3], unit)
+    check_outside(place, list(state[:3]))
+    check_velocity(place, names[3:6], state, unit)
+
+
+def check_outside(place: str, position: list[float]) -> list[float]:
+    """A position that is in none of the bodies."""
+    for body, center, radius in BODIES:
+        x, y, z = position
+        distance = LENGTH_UNIT_KM * float(np.hypot(np.hypot(x - center, y), z))
+        if distance < radius:
+            raise InputFileError(
+                f"{place}: lies inside the {body}, {distance:.0f} km from its center (radius "
+                f"{radius:.0f} km); positions are from the Earth-Moon barycenter, in the rotating "
+                f"frame, in kilometers in columns named *_km, else in units of {LENGTH_UNIT_KM} km"
+            )
+    return position
