@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
-from cislunar.dynamics.cr3bp import primary_distances
-from cislunar.dynamics.propagation import propagate_periodic
+from cislunar.dynamics.cr3bp import CR3BP, primary_distances
+from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError
 from cislunar.observation.sensor import ExclusionAngles
 from cislunar.photometry.sphere import faintness_per_squared_range
@@ -126,7 +126,7 @@ def satellite_tracks(
     state : array_like, shape (orbit, 6)
         Epoch states of the first satellites, nondimensional, rotating frame.
     period : array_like, shape (orbit,)
-        Periods, nondimensional.
+        Periods, nondimensional; 0 for a path that is not closed and has no phases.
     phase : array_like, shape (phase,)
         Fractions of the period ahead of the first satellite.
     times : array_like, shape (time,)
@@ -146,7 +146,10 @@ def satellite_tracks(
     tracks = []
     for initial, duration in zip(np.asarray(state), np.asarray(period), strict=True):
         wanted = (times[None, :] + phase[:, None] * duration).ravel()
-        path = propagate_periodic(initial, duration, wanted, mu=mu, method=propagator)
+        if duration == 0.0:
+            path = propagate(initial, wanted, forces=CR3BP(mu), method=propagator)
+        else:
+            path = propagate_periodic(initial, duration, wanted, mu=mu, method=propagator)
         tracks.append(path[:, :3].reshape(len(phase), len(times), 3))
     return np.stack(tracks)
 

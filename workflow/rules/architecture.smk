@@ -88,6 +88,23 @@ rule published:
         "../scripts/published.py"
 
 
+rule own_architecture:
+    input:
+        visibility=rules.observer_visibility.output[0],
+        orbits=rules.own_observers.output[0],
+    output:
+        results("architecture/{scenario}/{observers}.nc"),
+    log:
+        log_of("architecture/{scenario}/{observers}"),
+        times=benchmark_of("own_architecture/{scenario}_{observers}"),
+    conda:
+        "../envs/cislunar.yaml"
+    message:
+        "Measuring the observers {wildcards.observers} (scenario {wildcards.scenario})"
+    script:
+        "../scripts/own_architecture.py"
+
+
 rule front:
     input:
         visibility=rules.visibility.output[0],

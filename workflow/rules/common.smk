@@ -9,10 +9,12 @@ from pathlib import Path
 from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import sweep_points, swept_cells, with_families
-from cislunar.campaign.settings.preflight import check_inputs, check_request
+from cislunar.campaign.settings.preflight import check_inputs, check_observers, check_request
 from cislunar.campaign.settings.reading import with_types
 from cislunar.campaign.settings.scenarios import (
     in_study,
+    longest_horizon,
+    orbits_of,
     scenario_settings,
     shared_dataset,
     tracked_count,
@@ -35,6 +37,8 @@ try:
     # with the variants, and with those and the scenarios of sweeps as well
     CAMPAIGN = with_families({**config, "sweeps": {}})
     STUDY = with_families(config)
+    if workflow.is_main_process:
+        check_observers(STUDY)
     TRACKED_COUNT = {name: tracked_count(STUDY, name) for name in STUDY["scenarios"]}
 except CislunarError as error:
     # not an exception that Snakemake would wrap in lines of its own
@@ -54,6 +58,7 @@ OPTIMIZERS = ARCHITECTURE["optimizers"]
 # Lowered to --cores by Snakemake, and known to commands that take no --cores, such as --report.
 ALL_CORES = os.cpu_count()
 SEARCHES = ["tpe", "random", "atpe"]
+OBSERVERS = config["observers"]
 RUNS = range(ARCHITECTURE["runs"])
 OWN_STATIC = [name for name, entry in STUDY["scenarios"].items() if "static_targets" in entry]
 SAMPLED = [name for name in STUDY["scenarios"] if name not in OWN_STATIC]
@@ -66,7 +71,7 @@ def any_of(names):
 
 KNOWN_WILDCARDS = {
     "scenario": list(STUDY["scenarios"]),
-    "architecture": [*SEARCHES, "exact", "published"],
+    "architecture": [*SEARCHES, "exact", "published", *OBSERVERS],
     "estimator": estimator_names(TASK2),
     "variant": list(STUDY["task2"]["variants"]["cells"]),
     "sweep": list(config["sweeps"]),
@@ -76,6 +81,7 @@ KNOWN_WILDCARDS = {
 wildcard_constraints:
     scenario=any_of(STUDY["scenarios"]),
     method="|".join(SEARCHES),
+    observers=any_of(OBSERVERS),
     labels="family_position|index|stability_rank|categorical",
     run=r"\d+",
     architecture="[A-Za-z][A-Za-z0-9-]*",
@@ -124,6 +130,11 @@ def shared(name, scenario=None):
     if scenario is None:
         return lambda wildcards: shared(name, wildcards.scenario)
     return results(shared_dataset(STUDY, scenario, name))
+
+
+def observer_orbits(wildcards):
+    """The orbits that the architecture of a job refers to."""
+    return results(orbits_of(wildcards.architecture))
 
 
 def optimizers_of(scenario):

@@ -14,6 +14,24 @@ rule families:
         "../scripts/families.py"
 
 
+rule own_observers:
+    input:
+        lambda wildcards: OBSERVERS[wildcards.observers],
+    output:
+        results("orbits/observers_{observers}.nc"),
+    log:
+        log_of("orbits/observers_{observers}"),
+        times=benchmark_of("own_observers/{observers}"),
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        days=longest_horizon(STUDY),
+    message:
+        "Finding the orbits of the observers in {input}"
+    script:
+        "../scripts/own_observers.py"
+
+
 rule tracked_targets:
     output:
         results("orbits/tracked.nc"),

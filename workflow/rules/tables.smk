@@ -6,7 +6,9 @@ rule architecture_table:
         orbits=rules.families.output[0],
         suns=[shared("ephemeris/sun", scenario) for scenario in SCENARIOS],
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
-        architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
+        architectures=architecture_files("architecture/{scenario}/{optimizer}.nc")
+        + expand(rules.own_architecture.output, scenario=SCENARIOS, observers=OBSERVERS),
+        observers=expand(rules.own_observers.output, observers=OBSERVERS),
     output:
         architecture=report(
             results("tables/architecture.csv"),

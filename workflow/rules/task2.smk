@@ -30,7 +30,7 @@ if len(estimator_names(TASK2)) > 1:
 rule tracking_cell_variant:
     input:
         architecture=results("architecture/{scenario}/{architecture}.nc"),
-        orbits=rules.families.output[0],
+        orbits=observer_orbits,
         tracked=shared("orbits/tracked"),
         sun=shared("ephemeris/sun"),
         mesh=tracking_mesh,
@@ -140,7 +140,7 @@ rule model_error_table:
 rule tasking_comparison_cell:
     input:
         architecture=results("architecture/{scenario}/{architecture}.nc"),
-        orbits=rules.families.output[0],
+        orbits=observer_orbits,
         tracked=shared("orbits/tracked"),
         sun=shared("ephemeris/sun"),
         mesh=lambda wildcards: mesh_file(comparison_settings(wildcards)),
@@ -258,7 +258,7 @@ rule results_page:
     conda:
         "../envs/cislunar.yaml"
     params:
-        config=dict(config),
+        config={key: value for key, value in config.items() if value or key != "observers"},
     message:
         "Writing the page of results"
     script:

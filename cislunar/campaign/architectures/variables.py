@@ -51,7 +51,7 @@ def history_variables(values: np.ndarray, satellites: np.ndarray) -> dict[str, x
 
 
 def architecture_attributes(
-    visibility: xr.Dataset, title: str, settings: Mapping[str, Any], seed: int
+    visibility: xr.Dataset, title: str, settings: Mapping[str, Any], seed: int | None = None
 ) -> dict[str, Any]:
     """Global attributes of an architecture's data set; those of the photometry are handed on."""
     kept = ("diffuse_reflection_coefficient", "visibility_magnitude", "n_steps")

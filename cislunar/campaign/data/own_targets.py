@@ -1,15 +1,17 @@
-"""Data sets of targets from one's own tables."""
+"""Data sets of targets and observers from one's own tables."""
 
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from cislunar.campaign.data.inputs import AXES, COMPONENTS
+from cislunar.campaign.data.inputs import AXES, COMPONENTS, orbit_set_dataset
 from cislunar.campaign.data.netcdf import variable
+from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.provenance import provenance
 from cislunar.dynamics.cr3bp import jacobi_constant
 from cislunar.exchange.inertial import epoch_at
+from cislunar.orbits.observers import load_observers, observer_orbits
 from cislunar.targets.tables import load_target_positions, load_target_states
 
 
@@ -61,3 +63,30 @@ def own_static_dataset(path: str | Path, scenario: str) -> xr.Dataset:
             settings={"scenario": scenario, "static_targets": str(path)},
         ),
     )
+
+
+def own_observers_dataset(
+    path: str | Path, days: float, progress: Progress | None = None
+) -> xr.Dataset:
+    """``orbits/observers_{architecture}.nc`` of a table (`cislunar.orbits.observers`).
+
+    Like ``orbits/families.nc``; `days` is how long observers on no closed orbit fly.
+    """
+    observers = load_observers(path)
+    orbits = orbit_set_dataset(
+        observer_orbits(observers, days, progress),
+        "orbit",
+        "Observers of a table",
+        {"observers": str(path), "days": days},
+    )
+    names = variable("orbit", [each.name for each in observers], "1", "name of the observer")
+    phases = variable(
+        "orbit",
+        [each.phase for each in observers],
+        "1",
+        "share of the period by which the state is ahead of the one in the table",
+    )
+    orbits["state"].attrs["long_name"] = "state at the epoch, nondimensional, rotating frame"
+    orbits["period"].attrs["long_name"] += "; 0 for a path that is not closed"
+    orbits["stability_index"].attrs["long_name"] += "; NaN for a path that is not closed"
+    return orbits.assign(name=names, phase=phases)

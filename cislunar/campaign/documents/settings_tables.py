@@ -25,7 +25,8 @@ from cislunar.campaign.settings.schema import (
 from cislunar.campaign.settings.tree import Campaign
 
 _DASH = "\N{EN DASH}"
-_SECTIONS = ("ephemeris", "orbits", "targets", "visibility", "scenarios", "sweeps", "architecture")
+_SECTIONS = ("ephemeris", "orbits", "targets", "visibility", "scenarios", "observers")
+_SECTIONS += ("sweeps", "architecture")
 
 
 def _section(key: str) -> str:

@@ -1,7 +1,7 @@
 """What ties the keys of a configuration to each other, and the whole check of a campaign."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +14,13 @@ from cislunar.campaign.settings.families import (
     with_families,
 )
 from cislunar.campaign.settings.reading import checked, shown
-from cislunar.campaign.settings.scenarios import in_study, scenario_settings
+from cislunar.campaign.settings.scenarios import OPTIMIZERS, in_study, scenario_settings
 from cislunar.campaign.settings.tracking_checks import check_tracking
 from cislunar.campaign.settings.tree import Campaign, Scenario, Surroundings
 from cislunar.errors import ConfigurationError
+
+_TAKEN = ("front", "runs")
+"""What else is beside the architectures of a scenario."""
 
 _SPECIAL = set("{}*?[]")
 """Characters that Snakemake does not take as they stand in a file name."""
@@ -32,6 +35,7 @@ def check_campaign(config: Mapping[str, Any]) -> dict[str, Any]:
     """
     config = checked(config, Campaign)
     study = in_study(config)
+    _check_architectures(config)
     _check_scenarios(study)
     _check_optimization(study)
     check_families(config, study)
@@ -123,6 +127,38 @@ def _check_optimization(config: Mapping[str, Any]) -> None:
             f"configuration key 'architecture.front': fewest = {front['fewest']} and most = "
             f"{front['most']} must rise within {fewest} .. {most} (slots, slots x max_satellites)"
         )
+
+
+def _named_architectures(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Every key that names an architecture, and the name."""
+    task2 = config["task2"]
+    for number, name in enumerate(task2["architectures"]):
+        yield f"task2.architectures.{number}", name
+    for name in task2["other_architectures"]:
+        yield "task2.other_architectures", name
+    single = {f"task2.{key}": task2[key] for key in ("variants", "tasking_comparison")}
+    for name, family in task2["variants"]["families"].items():
+        single[f"task2.variants.families.{name}"] = family
+    single |= {f"sweeps.{name}": sweep for name, sweep in config["sweeps"].items()}
+    for key, entry in single.items():
+        if "architecture" in entry:
+            yield f"{key}.architecture", entry["architecture"]
+
+
+def _check_architectures(config: Mapping[str, Any]) -> None:
+    """Refuse architectures that nothing makes, and two of one name."""
+    for name in config["observers"]:
+        if name in (*OPTIMIZERS, *_TAKEN):
+            raise ConfigurationError(
+                f"configuration key 'observers': name {name!r} is taken; choose another"
+            )
+    known = (*OPTIMIZERS, *config["observers"])
+    for key, name in _named_architectures(config):
+        if name not in known:
+            raise ConfigurationError(
+                f"configuration key '{key}' = {name!r}: must be one of {', '.join(known)}, or "
+                "a name given a table in 'observers'"
+            )
 
 
 def _check_writable(results: Path) -> None:

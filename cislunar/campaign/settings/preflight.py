@@ -16,7 +16,13 @@ from typing import Any
 from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.settings.cells import MOST_STEPS, cell_settings, true_settings, variant_place
 from cislunar.campaign.settings.families import stated_variants, with_families
-from cislunar.campaign.settings.scenarios import in_study, scenario_settings, shared_dataset
+from cislunar.campaign.settings.scenarios import (
+    in_study,
+    longest_horizon,
+    orbits_of,
+    scenario_settings,
+    shared_dataset,
+)
 from cislunar.ephemeris.sampling import check_coverage
 from cislunar.errors import CislunarError, ConfigurationError
 from cislunar.photometry.mesh_files import load_shape
@@ -54,6 +60,25 @@ def check_inputs(config: Mapping[str, Any]) -> None:
     if "published" in architecture["optimizers"]:
         for scenario in config["scenarios"]:
             _check_published(scenario, config["orbits"]["members"], architecture["max_satellites"])
+
+
+def check_observers(config: Mapping[str, Any]) -> None:
+    """Check the tables of observers of a study with its families, and find their orbits.
+
+    An `InputFileError` if a table is missing or faulty, or an orbit cannot be flown. A table whose
+    orbits have been made since it was changed is not looked at again.
+    """
+    for name, table in config["observers"].items():
+        made = Path(config["results"]) / orbits_of(name)
+        try:
+            known = made.stat().st_mtime > Path(table).stat().st_mtime
+        except OSError:
+            known = False
+        if not known:
+            # the library of orbits takes a second to import
+            from cislunar.orbits.observers import load_observers, observer_orbits
+
+            observer_orbits(load_observers(table), longest_horizon(config))
 
 
 def _check_horizon(key: str, visibility: Mapping[str, Any]) -> None:

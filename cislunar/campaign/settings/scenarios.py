@@ -7,11 +7,11 @@ checked at once.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, get_args
 
 from cislunar.campaign.settings.cells import TRACKED_TARGETS
 from cislunar.campaign.settings.reading import merged
-from cislunar.campaign.settings.tree import Surroundings
+from cislunar.campaign.settings.tree import Optimizer, Surroundings
 from cislunar.exchange.inertial import epoch_at
 from cislunar.targets.tables import is_message, load_target_states
 
@@ -79,6 +79,25 @@ def scenario_settings(config: Mapping[str, Any], scenario: str) -> dict[str, Any
         if task2[section][key] is None:
             task2 = task2 | {section: task2[section] | {key: usual}}
     return own | {"task2": task2}
+
+
+OPTIMIZERS = get_args(Optimizer)
+"""Architectures that are found among the candidate orbits; all others are of one's own."""
+
+
+def orbits_of(architecture: str) -> str:
+    """Data set of the orbits an architecture refers to, relative to the results folder."""
+    if architecture in OPTIMIZERS:
+        return "orbits/families.nc"
+    return f"orbits/observers_{architecture}.nc"
+
+
+def longest_horizon(config: Mapping[str, Any]) -> float:
+    """Days of the longest horizon of a scenario."""
+    return max(
+        scenario_settings(config, name)["visibility"]["duration_days"]
+        for name in config["scenarios"]
+    )
 
 
 def tracked_count(config: Mapping[str, Any], scenario: str) -> int:

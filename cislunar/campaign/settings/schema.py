@@ -3,11 +3,18 @@
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, get_args
 
 from cislunar.campaign.settings.cell_tree import MESH_OR_ICOSAHEDRON
 from cislunar.campaign.settings.fields import Section
-from cislunar.campaign.settings.tree import SCENARIO_NAME, SWEEP_NAME, VARIANT_NAME, Campaign
+from cislunar.campaign.settings.tree import (
+    ARCHITECTURE_NAME,
+    SCENARIO_NAME,
+    SWEEP_NAME,
+    VARIANT_NAME,
+    Campaign,
+    Optimizer,
+)
 
 SCHEMA_FILE = "workflow/schemas/config.schema.json"
 
@@ -19,6 +26,8 @@ _LIMITS = (
 )
 _TOLD = ("description", "unit", "paper", "default")
 _PATTERNS = {
+    ARCHITECTURE_NAME: f"one of {', '.join(get_args(Optimizer))}, or of `observers` a name of "
+    "letters, digits and hyphens, a letter first",
     MESH_OR_ICOSAHEDRON: "`icosahedron`, or a file ending in .obj or .stl",
     SCENARIO_NAME: "a name of letters, digits, dots and hyphens, a letter first",
     SWEEP_NAME: "a name of small letters, digits and hyphens, a letter first",

@@ -33,7 +33,9 @@ FAMILIES = (
     *("Butterfly_N", "Butterfly_S", "Dragonfly_N", "Dragonfly_S", "Halo_L1_N", "Halo_L1_S"),
     *("Halo_L2_N", "Halo_L2_S", "Halo_L3_N", "Halo_L3_S", "Lyap_L1", "Lyap_L2", "Lyap_L3"),
 )
-Architecture = Literal["tpe", "random", "atpe", "exact", "published"]
+Optimizer = Literal["tpe", "random", "atpe", "exact", "published"]
+ARCHITECTURE_NAME = "^[A-Za-z][A-Za-z0-9-]*$"
+Architecture = Annotated[str, Field(pattern=ARCHITECTURE_NAME)]
 Center = Literal["moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5"]
 Sampler = Literal["hyperopt", "compiled"]
 Labels = Literal["family_position", "index", "stability_rank", "categorical"]
@@ -134,7 +136,7 @@ class Readings(Section):
 
 
 class Search(Section):
-    optimizers: Annotated[several(Architecture), Field(min_length=1)] = setting(
+    optimizers: Annotated[several(Optimizer), Field(min_length=1)] = setting(
         "how architectures are found; `atpe` needs the package lightgbm", paper="tpe, random")
     slots: whole(ge=1, le=1000) = setting("distinct orbits of an architecture", paper="10")
     max_satellites: whole(ge=1, le=90) = setting("most satellites on one orbit", paper="10")
@@ -319,6 +321,11 @@ class Campaign(Surroundings):
         "how observers are propagated: `dopri5` (5(4) at 1e-10) or `dop853` (at 1e-13)",
         paper="dopri5")
     orbits: Orbits = setting("")
+    observers: dict[Architecture, Text] = setting(
+        "architecture of one's own: table of observers, each with `id` and either its state at the "
+        "epoch (columns as of `scenarios.NAME.tracked`, optional `period_days`) or `family` and "
+        "one of `jacobi`, `period_days`; optional `phase`, a share of the period; see "
+        "`cislunar/orbits/observers.py`", "path", default={})
     scenarios: Annotated[dict[ScenarioName, Scenario | None], Field(min_length=1)] = setting(
         "static targets and all that is done with them; null leaves the scenario out, with all "
         "that refers to it", paper="A, B, C")

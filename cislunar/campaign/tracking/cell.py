@@ -19,6 +19,7 @@ from cislunar.campaign.settings.library import (
     truth_model,
 )
 from cislunar.campaign.settings.reading import typed
+from cislunar.campaign.settings.scenarios import orbits_of
 from cislunar.constants import TIME_UNIT_S
 from cislunar.errors import ConfigurationError
 from cislunar.observation.scene import Scene, TargetSurfaces, make_scene
@@ -29,8 +30,8 @@ from cislunar.tasking.simulation import TruthModel, epoch_states, monitored_targ
 class CellInputs(NamedTuple):
     """Data sets a cell is run on, by the names the workflow gives their files.
 
-    ``architecture/{scenario}/{architecture}.nc``, ``orbits/families.nc``, ``orbits/tracked.nc``
-    and ``ephemeris/sun.nc``, the last two of the scenario.
+    ``architecture/{scenario}/{architecture}.nc``, ``orbits/families.nc`` or its own observers,
+    ``orbits/tracked.nc`` and ``ephemeris/sun.nc``, the last two of the scenario.
     """
 
     architecture: xr.Dataset
@@ -80,7 +81,8 @@ def tracking_problem(
     if orbit.min() < 0 or orbit.max() >= orbits.sizes["orbit"]:
         raise ConfigurationError(
             f"{where} refers to orbit {orbit.max()} of a library of {orbits.sizes['orbit']}: it "
-            "was made with another orbits/families.nc; delete it and run snakemake again"
+            f"was made with another {orbits_of(cell.architecture)}; delete it and run snakemake "
+            "again"
         )
     times = loop.elapsed_s / TIME_UNIT_S
     tracks = architecture_tracks(

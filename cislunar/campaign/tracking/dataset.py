@@ -13,6 +13,7 @@ from cislunar.campaign.data.netcdf import Later, growing_dataset, variable
 from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cells import Cell
+from cislunar.campaign.settings.scenarios import orbits_of
 from cislunar.campaign.tracking.cell import CellInputs, Problem, cell_loop
 from cislunar.campaign.tracking.checkpoint import CHECKPOINT_S, Checkpoint, checkpoint_folder
 from cislunar.campaign.tracking.fates import counted, report_fates
@@ -158,7 +159,7 @@ def _dataset(
         "family": ("target", list(inputs.tracked["family"].values[ids]), "1",
                    "orbit class of the target"),
         "observer_orbit": ("observer", inputs.architecture["orbit"].values[slot], "1",
-                           "row in orbits/families.nc"),
+                           f"row in {orbits_of(cell.architecture)}"),
         "observer_slot": ("observer", slot, "1", "slot of the architecture"),
     }  # fmt: skip
     described = {**histories, **_results(loop)}

@@ -1,0 +1,31 @@
+"""Data set of an architecture of one's own: observers of a table."""
+
+import numpy as np
+import xarray as xr
+
+from cislunar.architecture.cost import CostFunction
+from cislunar.campaign.architectures.variables import (
+    architecture_attributes,
+    architecture_variables,
+    dimensionless,
+)
+from cislunar.campaign.settings.scenarios import orbits_of
+
+
+def own_dataset(
+    cost: CostFunction, visibility: xr.Dataset, *, scenario: str, name: str
+) -> xr.Dataset:
+    """``architecture/{scenario}/{name}.nc``: one satellite on each orbit of a table.
+
+    `visibility` and `cost` are those of these orbits. J is NaN where a path is not closed, as it
+    has no stability index.
+    """
+    orbit = np.arange(cost.n_orbits)
+    found = architecture_variables(orbit, np.ones_like(orbit), cost)
+    found["orbit"].attrs["long_name"] = f"index into {orbits_of(name)}"
+    seen = visibility["observations"].values[:, 0]
+    found |= dimensionless(
+        observations=(("slot", "target"), seen, "times the static target is observable"),
+    )
+    title = f"Scenario {scenario}, observers {name}"
+    return xr.Dataset(found, attrs=architecture_attributes(visibility, title, {"observers": name}))

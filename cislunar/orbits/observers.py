@@ -1,0 +1,275 @@
+"""Observers of one's own: their table, and the orbits it means.
+
+Comma-separated, UTF-8, one observer per row, with its name in the column ``id``. It is given either
+by its state at the epoch, in the columns of tables of targets (`cislunar.targets.tables`), or by a
+``family`` of periodic orbits (`cislunar.orbits.catalogue`) and the value of one of ``jacobi`` and
+``period`` (nondimensional) or ``period_days`` that one member takes. A state with a period is on a
+closed orbit, one without flies on freely. With ``phase``, a share of the period, the observer is
+that far ahead of the state, or of the point where the catalogue begins the orbit. Cells that do not
+apply are left empty.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.constants import (
+    EARTH_RADIUS_KM,
+    LENGTH_UNIT_KM,
+    MOON_RADIUS_KM,
+    SECONDS_PER_DAY,
+    TIME_UNIT_S,
+)
+from cislunar.dynamics.cr3bp import jacobi_constant
+from cislunar.dynamics.propagation import closest_approaches, propagate, propagate_periodic
+from cislunar.errors import ConfigurationError, ConvergenceError, InputFileError
+from cislunar.exchange.table_rows import (
+    PERIOD,
+    POSITION,
+    VELOCITY,
+    Columns,
+    Row,
+    named_rows,
+    quantity_columns,
+    row_names,
+    row_numbers,
+    row_period,
+    row_state,
+)
+from cislunar.orbits.catalogue import catalogue_branch, family_named, periodic_orbits
+from cislunar.orbits.extent import measure_of
+from cislunar.orbits.families import OrbitSet, concatenate
+from cislunar.orbits.stability import stability_index
+
+Array = NDArray[np.float64]
+
+OWN_FAMILY = "own"
+"""Family of an observer given by its state."""
+
+LARGEST_GAP_KM = 100.0
+"""Between the ends of an orbit said to be closed."""
+
+_DAYS = TIME_UNIT_S / SECONDS_PER_DAY
+_JACOBI: Columns = (("jacobi",), 1.0)
+_PHASE: Columns = (("phase",), 1.0)
+
+
+class Observer(NamedTuple):
+    """A row of a table of observers.
+
+    Attributes
+    ----------
+    place : str
+        File, row and name, for messages.
+    name : str
+        Of the observer.
+    family : str
+        Of its orbit; `OWN_FAMILY` if the state is given.
+    state : list of float or None
+        Nondimensional, rotating frame.
+    jacobi, period : float
+        Nondimensional; 0 where not given.
+    phase : float
+        Share of the period, 0 .. 1.
+    """
+
+    place: str
+    name: str
+    family: str
+    state: list[float] | None
+    jacobi: float
+    period: float
+    phase: float
+
+
+def load_observers(path: str | Path) -> list[Observer]:
+    """Read a table of observers, and refuse what can be told without their orbits.
+
+    Parameters
+    ----------
+    path : str or Path
+        The table.
+
+    Returns
+    -------
+    list of Observer
+        In the order of the file.
+
+    Raises
+    ------
+    InputFileError
+        If the file is missing, empty or no such table; if a column is not known, such as one of a
+        sensor of its own; if an observer has no name or one that occurs twice, both a state and a
+        family or neither, an unknown family, not one value to choose its member by, or a phase
+        outside of 0 .. 1; if a state is inside a body, or in another unit. The message names the
+        file, the row and the observer.
+    """
+    header, rows = named_rows(path, "observer")
+    columns = {name for quantity in (POSITION, VELOCITY) for name in (*quantity[0], *quantity[1])}
+    needed = (POSITION, VELOCITY) if columns & set(header) else ()
+    states = [quantity_columns(path, header, quantity) for quantity in needed]
+    period = quantity_columns(path, header, PERIOD, optional=True)
+    of_state = [name for names, _ in states for name in names]
+    known = ["id", "family", "jacobi", "phase", *of_state, *(period[0] if period else ())]
+    for column in header:
+        if column not in known:
+            raise InputFileError(
+                f"{path}, row 1: column {column!r} is none of those of observers; all of them have "
+                "the sensor of the configuration (task2.sensor), none has its own"
+            )
+    observers = []
+    for name, (place, row) in zip(row_names(rows, "observer"), rows, strict=True):
+        has_state = any(row[column] for column in of_state)
+        if has_state == bool(row.get("family")):
+            fault = "both a state and a family" if has_state else "neither a state nor a family"
+            raise InputFileError(f"{place}: {fault}; give one of the two")
+        state = row_state(place, row, *states) if has_state else None
+        jacobi = row_numbers(place, row, _JACOBI)[0] if row.get("jacobi") else 0.0
+        duration = row_period(place, row, period)
+        phase = row_numbers(place, row, _PHASE)[0] if row.get("phase") else 0.0
+        family = row.get("family") or OWN_FAMILY
+        found = Observer(place, name, family, state, jacobi, duration, phase)
+        _check_orbit(found, row)
+        observers.append(found)
+    return observers
+
+
+def _check_orbit(observer: Observer, row: Row) -> None:
+    """What chooses the orbit, and the phase on it."""
+    place = observer.place
+    if not 0.0 <= observer.phase <= 1.0:
+        raise InputFileError(
+            f"{place}: phase = {row['phase']} must be within 0 .. 1, a share of the period"
+        )
+    if observer.state is None:
+        try:
+            family_named(observer.family)
+        except ConfigurationError as error:
+            raise InputFileError(f"{place}: {error}") from None
+        if bool(row.get("jacobi")) == (observer.period > 0.0):
+            raise InputFileError(
+                f"{place}: give one of jacobi and period_days (or period), which chooses the "
+                f"member of {observer.family}"
+            )
+    elif row.get("jacobi"):
+        raise InputFileError(f"{place}: a state has its own Jacobi constant; leave jacobi empty")
+    elif observer.phase and not observer.period:
+        raise InputFileError(
+            f"{place}: phase is a share of the period; give period_days (or period), or no phase"
+        )
+
+
+def observer_orbits(
+    observers: Sequence[Observer],
+    days: float,
+    progress: Callable[[int, int], None] | None = None,
+) -> OrbitSet:
+    """Orbits of observers, each at the phase wanted.
+
+    Parameters
+    ----------
+    observers : sequence of Observer
+        From `load_observers`.
+    days : float
+        How long those on no closed orbit fly, d.
+    progress : callable, optional
+        Called with (observers done, observers in all).
+
+    Returns
+    -------
+    OrbitSet
+        One row for each observer. The period of a path that is not closed is 0, its stability index
+        NaN, its least distances those of the time given.
+
+    Raises
+    ------
+    InputFileError
+        If a family has no such member or several, an orbit meets the Earth or the Moon, or one with
+        a period is not closed; the message names file, row and observer.
+    """
+    found = []
+    for done, observer in enumerate(observers, start=1):
+        try:
+            orbit = _member(observer) if observer.state is None else _given(observer, days)
+        except ConvergenceError as error:
+            raise InputFileError(
+                f"{observer.place}: its orbit cannot be followed ({error}); it may meet a body"
+            ) from error
+        found.append(_at_phase(orbit, observer.phase))
+        if progress is not None:
+            progress(done, len(observers))
+    return concatenate(found)
+
+
+def _member(observer: Observer) -> OrbitSet:
+    """The one member of a family that takes a value."""
+    place, family = observer.place, observer.family
+    quantity = "period" if observer.period else "jacobi"
+    value = getattr(observer, quantity)
+    unit = _DAYS if observer.period else 1.0
+    told = "period_days" if observer.period else "jacobi"
+    found = periodic_orbits(family, clear=False, **{quantity: value})
+    if len(found.period) == 1:
+        _check_clear(observer, float(found.perigee_km[0]), float(found.perilune_km[0]))
+        return found
+    if len(found.period):
+        members = "; ".join(
+            f"jacobi {c:.6g}, period_days {t * _DAYS:.6g}, perilune {low:,.0f} km"
+            for c, t, low in zip(found.jacobi, found.period, found.perilune_km, strict=True)
+        )
+        other = "jacobi" if observer.period else "period_days"
+        raise InputFileError(
+            f"{place}: {len(found.period)} members of {family} have {told} = {value * unit:.6g}: "
+            f"{members}; choose one by its {other} instead, or by its state"
+        )
+    reached = [measure_of(quantity)(member) * unit for member in catalogue_branch(family)]
+    raise InputFileError(
+        f"{place}: {family} has no member with {told} = {value * unit:.6g}; it goes from "
+        f"{min(reached):.6g} to {max(reached):.6g}"
+    )
+
+
+def _given(observer: Observer, days: float) -> OrbitSet:
+    """The orbit or path through a state."""
+    state, period = np.array(observer.state), observer.period
+    least = [LENGTH_UNIT_KM * each for each in closest_approaches(state, period or days / _DAYS)]
+    _check_clear(observer, *least)
+    index = np.nan
+    if period:
+        before, after = propagate(state, [-0.5 * period, 0.5 * period], method="dop853")
+        gap = LENGTH_UNIT_KM * float(np.linalg.norm((after - before)[:3]))
+        if gap > LARGEST_GAP_KM:
+            raise InputFileError(
+                f"{observer.place}: not closed: half a period ahead and half a period back it is "
+                f"{gap:,.0f} km apart (at most {LARGEST_GAP_KM:g}); correct state or period, or "
+                "leave the period empty for a path that flies on"
+            )
+        index = stability_index(state, period)
+    values = period, float(jacobi_constant(state)), index, *least[::-1]
+    columns = (np.array([each]) for each in values)
+    return OrbitSet(np.array([observer.family]), state[None], *columns)
+
+
+def _check_clear(observer: Observer, perigee_km: float, perilune_km: float) -> None:
+    """Refuse an orbit that meets a body."""
+    for body, distance, radius in (
+        ("Earth", perigee_km, EARTH_RADIUS_KM),
+        ("Moon", perilune_km, MOON_RADIUS_KM),
+    ):
+        if distance <= radius:
+            raise InputFileError(
+                f"{observer.place}: its orbit meets the {body}: it comes within {distance:,.0f} km "
+                f"of its center (radius {radius:,.0f} km); choose another orbit"
+            )
+
+
+def _at_phase(orbit: OrbitSet, phase: float) -> OrbitSet:
+    """The same orbit from a later point."""
+    if not phase:
+        return orbit
+    period = float(orbit.period[0])
+    later = propagate_periodic(orbit.state[0], period, [phase * period], method="dop853")
+    return orbit._replace(state=later)
