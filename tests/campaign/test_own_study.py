@@ -2,6 +2,7 @@
 
 import datetime
 import json
+import os
 import re
 
 import numpy as np
@@ -16,11 +17,13 @@ from cislunar.campaign.data.own_targets import own_static_dataset, own_tracked_d
 from cislunar.campaign.settings.cells import campaign_cells, cell_settings, variant_cells
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import sweep_points, swept_cells, with_families
-from cislunar.campaign.settings.preflight import check_inputs
+from cislunar.campaign.settings.preflight import check_inputs, check_observers
 from cislunar.campaign.settings.reading import merged, with_types
 from cislunar.campaign.settings.scenarios import (
     SECTIONS,
     in_study,
+    longest_horizon,
+    orbits_of,
     scenario_settings,
     shared_dataset,
     tracked_count,
@@ -175,6 +178,11 @@ def test_an_epoch_that_is_no_date_is_refused_in_a_line(paper, date, message):
         ("sweeps.noise.values", ["a b", "a-b"], "would be called 'noise-a-b'"),
         ("sweeps.limit.key", "visibility.limiting_magnitude", "scenarios.D-limit-17.visibility'"),
         ("sweeps.limit.architecture", "published", "'sweeps.limit.architecture' = 'published'"),
+        ("sweeps.noise.architecture", "pear", "'sweeps.noise.architecture' = 'pear': must be one"),
+        ("task2.architectures", ["exact", "pear"], "'task2.architectures.1' = 'pear': must be one"),
+        ("task2.other_architectures.pear", {"D": [6]}, "'task2.other_architectures' = 'pear': mus"),
+        ("observers.exact", "some.csv", "'observers': name 'exact' is taken; choose another"),
+        ("observers.a_b", "some.csv", "'observers': name 'a_b' is not allowed: must be one of tpe"),
     ],
 )
 def test_faults_of_a_study_are_one_line_that_names_the_key(study, key, value, message):
@@ -199,6 +207,33 @@ def test_faulty_files_of_a_scenario_are_found_before_anything_runs(study, key, v
     with pytest.raises((ConfigurationError, InputFileError), match=re.escape(message)) as refused:
         check_inputs(changed)
     assert "\n" not in str(refused.value)
+
+
+def test_a_faulty_table_of_observers_is_found_before_anything_runs(study, tmp_path):
+    table, made = tmp_path / "observers.csv", tmp_path / "orbits/observers_pair.nc"
+    changed = in_study(check_campaign(with_change(study, "observers.pair", str(table))))
+    with pytest.raises(InputFileError, match=r"observers\.csv: no such file"):
+        check_observers(changed)
+    table.write_text("id,family,jacobi\none,Vertical_L1,5\n")
+    with pytest.raises(InputFileError, match=r"row 2, observer 'one': Vertical_L1 has no member"):
+        check_observers(changed)
+    table.write_text("id,x,y,z,vx,vy,vz\none,0.8,0.1,0.05,0.1,-0.2,0.1\n")
+    check_observers(changed)
+    # orbits that have been made since are not looked for again
+    made.parent.mkdir()
+    made.touch()
+    table.write_text("nonsense")
+    os.utime(table, (1e9, 1e9))
+    check_observers(changed)
+
+
+def test_observers_of_ones_own_are_an_architecture(study):
+    changed = with_change(study, "sweeps.noise.architecture", "pair")
+    check_campaign(changed)
+    assert swept_cells(changed, "noise")[0].path.startswith("task2/D/pair/")
+    assert orbits_of("pair") == "orbits/observers_pair.nc"
+    assert {orbits_of(name) for name in ("tpe", "exact", "published")} == {"orbits/families.nc"}
+    assert longest_horizon(with_families(in_study(study))) == 10
 
 
 def test_epoch_outside_the_kernel_of_the_campaign_is_named(paper, monkeypatch):

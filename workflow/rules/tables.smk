@@ -6,9 +6,7 @@ rule architecture_table:
         orbits=rules.families.output[0],
         suns=[shared("ephemeris/sun", scenario) for scenario in SCENARIOS],
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
-        architectures=architecture_files("architecture/{scenario}/{optimizer}.nc")
-        + expand(rules.own_architecture.output, scenario=SCENARIOS, observers=OBSERVERS),
-        observers=expand(rules.own_observers.output, observers=OBSERVERS),
+        architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
     output:
         architecture=report(
             results("tables/architecture.csv"),
@@ -35,6 +33,36 @@ rule architecture_table:
         "Writing table 2 beside the paper's, with the coverage of each architecture"
     script:
         "../scripts/architecture_table.py"
+
+
+rule observers_table:
+    input:
+        orbits=expand(rules.own_observers.output, observers=OBSERVERS),
+        suns=[shared("ephemeris/sun", scenario) for scenario in SCENARIOS],
+        targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
+        architectures=expand(rules.own_architecture.output, scenario=SCENARIOS, observers=OBSERVERS),
+    output:
+        report(
+            results("tables/observers.csv"),
+            caption="../report/observers.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/observers"),
+        times=benchmark_of("observers_table"),
+    conda:
+        "../envs/cislunar.yaml"
+    threads: ALL_CORES
+    params:
+        observers=list(OBSERVERS),
+        settings={
+            scenario: settings_in(scenario, "epoch_jd", "propagator", "visibility")
+            for scenario in SCENARIOS
+        },
+    message:
+        "Writing what observers of one's own reach"
+    script:
+        "../scripts/observers_table.py"
 
 
 rule label_comparison:
@@ -117,6 +145,7 @@ rule architecture_claims:
 rule task1:
     input:
         rules.architecture_table.output,
+        rules.observers_table.output if OBSERVERS else [],
         rules.label_comparison.output if ARCHITECTURE["label_comparison"]["scenario"] else [],
         rules.readings.output if READ else [],
         rules.architecture_claims.output if OF_THE_PAPER else [],

@@ -31,6 +31,7 @@ use rule visibility as observer_visibility with:
     log:
         log_of("visibility/{scenario}_{observers}"),
         times=benchmark_of("observer_visibility/{scenario}_{observers}"),
+    threads: 1
     params:
         settings=settings_of("epoch_jd", "propagator", "visibility"),
         max_satellites=1,

@@ -12,11 +12,9 @@ from cislunar.campaign.architectures.table2 import architecture_rows, near_optim
 from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_text
 from cislunar.campaign.data.progress import each
-from cislunar.campaign.settings.scenarios import orbits_of
 
 with job(snakemake.log, snakemake.threads):
     orbits = read_dataset(snakemake.input.orbits)
-    own = {path.stem: read_dataset(path) for path in map(Path, snakemake.input.observers)}
     settings = snakemake.params.settings
     suns = dict(zip(settings, snakemake.input.suns, strict=True))
     targets = dict(zip(settings, snakemake.input.targets, strict=True))
@@ -29,7 +27,7 @@ with job(snakemake.log, snakemake.threads):
                 scenario,
                 optimizer,
                 architecture,
-                own.get(Path(orbits_of(optimizer)).stem, orbits),
+                orbits,
                 read_dataset(targets[scenario]),
                 read_dataset(suns[scenario]),
                 settings[scenario],
