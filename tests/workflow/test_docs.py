@@ -103,7 +103,7 @@ def test_the_configuration_in_the_tutorial_is_that_of_the_example():
     shown = [
         b.text for b in blocks(ROOT / "docs/tutorials/own_scenario.md") if b.language == "yaml"
     ]
-    assert len(shown) == 2
+    assert len(shown) == 4
     assert all(text in example for text in shown)
 
 
