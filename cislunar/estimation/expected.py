@@ -48,11 +48,11 @@ def attitude_error(root, column, scale):
 def expected_measurements(
     bundle, quaternion, root, spread, observer, axes, sun, to_inertial, surfaces, j, expected
 ):
-    """Magnitudes of target j at the sigma points' attitudes, and directions (Paul & Fan, eq. 42).
+    """Magnitudes of target j and directions at the sigma points (Paul & Fan, eqs. 35, 36, 42).
 
-    The magnitudes (eqs. 35, 36) go into column 0, right ascension and declination, as in
-    `expected_directions`, into the next two; returns the central ones, and how many points are
-    dark. One pass lets the processor overlap the two.
+    The magnitudes go into column 0, right ascension and declination, as in `expected_directions`,
+    into the next two; returns the central ones, and how many points are dark. One pass lets the
+    processor overlap the two.
     The root (12, 12) being triangular with the attitude first, only the points of its first six
     columns differ from the mean attitude.
     """
