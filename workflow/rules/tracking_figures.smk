@@ -22,11 +22,8 @@ HIGH_LOAD = {of: high_load_cells(TASK2, name) for of, name in SHOWN.items()}
 
 # Cells may leave out the errors over time, and then there is nothing of single targets to draw.
 ERRORS_KEPT = "errors" in TASK2["histories"]
-
-
-def ends(cells):
-    """The first and the last of some cells."""
-    return [cells[0], cells[-1]] if cells else []
+# Of one of many targets, with the shortest and the longest interval.
+HIGH_LOAD_ENDS = {of: [cells[0], cells[-1]] if cells else [] for of, cells in HIGH_LOAD.items()}
 
 
 wildcard_constraints:
@@ -145,7 +142,7 @@ use rule target_counts_figure as high_load_figure with:
 
 rule representative_target_figure:
     input:
-        lambda wildcards: [results(cell.path) for cell in ends(HIGH_LOAD[wildcards.of])],
+        lambda wildcards: [results(cell.path) for cell in HIGH_LOAD_ENDS[wildcards.of]],
     output:
         png=report(
             results("figures/fig08_representative_target{of}.png"),
@@ -159,7 +156,7 @@ rule representative_target_figure:
     conda:
         "../envs/cislunar.yaml"
     params:
-        cells=lambda wildcards: list(map(tuple, ends(HIGH_LOAD[wildcards.of]))),
+        cells=lambda wildcards: list(map(tuple, HIGH_LOAD_ENDS[wildcards.of])),
     message:
         "Drawing the errors of one of many targets"
     script:

@@ -16,8 +16,6 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 import cislunar
 from cislunar.campaign.data.compilation import announced
 from cislunar.campaign.data.progress import logger, on_terminal
@@ -142,6 +140,8 @@ def _track() -> None:
 
 def _search() -> None:
     """Both samplers and the cost J on tables as small as can be; Hyperopt is loaded on the way."""
+    import numpy as np
+
     from cislunar.architecture.cost import CostFunction
     from cislunar.architecture.hyperopt_search import hyperopt_search
     from cislunar.architecture.tables import ArchitectureTables
