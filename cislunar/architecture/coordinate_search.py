@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.objective import IMPROVES, Objective
+from cislunar.architecture.objective import IMPROVES, Objective, first_best
 from cislunar.errors import ConfigurationError
 
 
@@ -281,5 +281,5 @@ def _resized(objective, result: MultiStartResult, total: int) -> tuple[NDArray, 
         trials = [np.where(np.arange(satellites.size) == k, counts, satellites) for k in slots]
         values = np.array([objective.value(result.orbit, trial) for trial in trials])
         # the first of those that are best to rounding
-        satellites = trials[int(np.argmax(values * IMPROVES >= values.max()))]
+        satellites = trials[first_best(values)]
     return result.orbit, satellites

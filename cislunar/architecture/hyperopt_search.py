@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.objective import Objective
+from cislunar.architecture.objective import IMPROVES, Objective
 from cislunar.architecture.result import SearchResult
 from cislunar.architecture.search_space import Range, build_space, hyperopt_space
 from cislunar.errors import ConfigurationError
@@ -40,15 +40,35 @@ def _suggestion(method: str) -> Callable:
     return atpe.suggest
 
 
+class _Patience:
+    """Watches for so many evaluations in a row that do not improve by `IMPROVES`.
+
+    The same architecture in other slots differs by rounding, which is no improvement.
+    """
+
+    def __init__(self, patience: int | None) -> None:
+        self._patience, self._best, self._done, self._since = patience, -np.inf, 0, 0
+        self.stop: int | None = None
+        """Evaluations allowed, once patience has ended."""
+
+    def tell(self, value: float) -> None:
+        """The value of the next evaluation."""
+        self._done += 1
+        self._since += 1
+        if value > self._best * IMPROVES:
+            self._best, self._since = value, 0
+        if self.stop is None and self._patience is not None and self._since >= self._patience:
+            self.stop = self._done
+
+
 def stopping_evaluation(history: NDArray[np.float64], patience: int) -> int:
     """Evaluations that a stop after so many (``patience``) without improvement would have allowed,
     given the value of each, shape (evaluation,).
     """
-    best = np.maximum.accumulate(history)
-    improved = np.flatnonzero(np.r_[True, best[1:] > best[:-1]])
-    gaps = np.diff(np.r_[improved, len(history)])
-    stalled = np.flatnonzero(gaps > patience)
-    return int(improved[stalled[0]] + patience + 1) if stalled.size else len(history)
+    watch = _Patience(patience)
+    for value in history.tolist():
+        watch.tell(value)
+    return len(history) if watch.stop is None else watch.stop
 
 
 def _run_hyperopt(
@@ -123,7 +143,8 @@ def hyperopt_search(
     max_evaluations : int
         Evaluations at most (paper: 10 000).
     early_stop : int or None
-        Stop after so many evaluations without improvement (paper: 500); None = never.
+        Stop after so many evaluations in a row without an improvement beyond rounding
+        (`cislunar.architecture.objective.IMPROVES`; paper: 500); None = never.
     progress : callable, optional
         Called with (evaluations done, `max_evaluations`).
 
@@ -143,25 +164,19 @@ def hyperopt_search(
     space, decode = build_space(objective, n_slots=n_slots, labels=labels)
     tried: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
     history: list[float] = []
+    watch = _Patience(early_stop)
 
     def loss(sample: Mapping[str, Any]) -> float:
         orbit, satellites = decode(sample)
         value = objective.value(orbit, satellites)
         tried.append((orbit, satellites))
         history.append(value)
+        watch.tell(value)
         if progress is not None:
             progress(len(history), max_evaluations)
         return -value
 
-    def stalled() -> bool:
-        # Evaluations come in batches for random search, so the patience is counted in them.
-        since_best = len(history) - 1 - int(np.argmax(history))
-        return early_stop is not None and since_best >= early_stop
-
     run = _run_compiled if method == "tpe-compiled" else partial(_run_hyperopt, method)
-    run(space, loss, stalled, rng, max_evaluations)
+    run(space, loss, lambda: watch.stop is not None, rng, max_evaluations)
     # A batch of random draws may run past the stop; draws beyond it do not count.
-    allowed = len(history)
-    if early_stop is not None:
-        allowed = stopping_evaluation(np.array(history), early_stop)
-    return SearchResult.from_trials(objective, tried[:allowed], history[:allowed])
+    return SearchResult.from_trials(objective, tried[: watch.stop], history[: watch.stop])

@@ -15,6 +15,11 @@ IMPROVES = 1.0 + 1e-9
 another machine."""
 
 
+def first_best(values: NDArray[np.float64]) -> int:
+    """Index of the first of the values, not negative, that none surpasses by `IMPROVES`."""
+    return int(np.argmax(values * IMPROVES >= values.max()))
+
+
 class Replacement(NamedTuple):
     """The best choice for one slot: orbit (-1 without a gain), its satellites, value, effort."""
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.objective import Objective
+from cislunar.architecture.objective import Objective, first_best
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class SearchResult:
 
         The slots are sorted by orbit, or left in their order.
         """
-        orbit, satellites = tried[int(np.argmax(history))]
+        orbit, satellites = tried[first_best(np.asarray(history))]
         order = np.arange(len(orbit)) if keep_slots else np.argsort(orbit, kind="stable")
         return cls(
             orbit=orbit[order],

@@ -148,10 +148,10 @@ def test_tpe_learns_where_random_search_does_not():
 
 
 def stop_by_definition(history, patience):
-    """Evaluations until `patience` in a row have not improved, one at a time."""
+    """Evaluations until `patience` in a row have not improved by 1e-9, one at a time."""
     best, since = -np.inf, 0
     for evaluation, value in enumerate(history):
-        if value > best:
+        if value > best * (1.0 + 1e-9):
             best, since = value, 0
         else:
             since += 1
@@ -167,6 +167,13 @@ def test_stopping_evaluation_by_definition(patience):
         for _ in range(40):
             history = rng.integers(0, 6, length) * rng.random()
             assert stopping_evaluation(history, patience) == stop_by_definition(history, patience)
+
+
+def test_a_gain_of_rounding_does_not_renew_patience():
+    history = np.array([1.0, 2.0, *(2.0 + 1e-15 * np.arange(1, 40)), 3.0])
+    assert np.all(np.diff(history) > 0.0)
+    assert stopping_evaluation(history, 10) == 12
+    assert stopping_evaluation(history, 39) == 41 and stopping_evaluation(history, 40) == 42
 
 
 @pytest.mark.parametrize("method", ["tpe", "random"])

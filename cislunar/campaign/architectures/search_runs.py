@@ -7,6 +7,7 @@ import xarray as xr
 
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.hyperopt_search import hyperopt_search, stopping_evaluation
+from cislunar.architecture.objective import first_best
 from cislunar.campaign.architectures.variables import (
     architecture_attributes,
     architecture_variables,
@@ -77,7 +78,7 @@ def _stopped(run: xr.Dataset, early_stop: int) -> tuple[int, int]:
     """Evaluations an early stop allows, and the best of them."""
     history = run["J_history"].values
     allowed = stopping_evaluation(history, early_stop)
-    return allowed, int(np.argmax(history[:allowed]))
+    return allowed, first_best(history[:allowed])
 
 
 def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunction) -> xr.Dataset:
@@ -93,7 +94,7 @@ def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunc
     stops = [_stopped(run, early_stop) for run in runs]
     at_stop = [best for _, best in stops]
     reached = of_runs("J_history", at_stop)
-    chosen = int(np.argmax(reached))
+    chosen = first_best(reached)
     run, (allowed, best) = runs[chosen], stops[chosen]
     orbit, satellites = run["trial_orbit"].values[best], run["trial_satellites"].values[best]
     order = np.argsort(orbit, kind="stable")
@@ -102,7 +103,7 @@ def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunc
     histories = np.full((len(runs), longest), np.nan)
     for row, (each, (count, _)) in enumerate(zip(runs, stops, strict=True)):
         histories[row, :count] = each["J_history"].values[:count]
-    full = [int(np.argmax(each["J_history"].values)) for each in runs]
+    full = [first_best(each["J_history"].values) for each in runs]
     data = architecture_variables(orbit, satellites, cost)
     data |= history_variables(
         run["J_history"].values[:allowed], run["satellites_history"].values[:allowed]
