@@ -4,16 +4,21 @@ Components are ordered attitude error (GRP), angular velocity (rad/s), position,
 (nondimensional), three each, as in the error state of the filter.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.errors import ConfigurationError
+
 Array = NDArray[np.float64]
 
-TRACKED, NEVER_OBSERVED, DIVERGED = range(3)
+TRACKED, NEVER_OBSERVED, INCONSISTENT = range(3)
 STATUS_NAMES = ("tracked", "never_observed", "diverged")
+"""Names of the codes in data sets, where "diverged" is the older name of inconsistent."""
 
 ROTATION, TRANSLATION = slice(0, 6), slice(6, 12)
 
@@ -23,11 +28,53 @@ PARTS = ("attitude", "angular_velocity", "position", "velocity")
 BOUND_SIGMAS = 3.0
 """Half-width of the bounds, standard deviations."""
 
-DIVERGED_COVERAGE = 0.5
+CONSISTENT_COVERAGE = 0.5
 """Least share of the final hours within the bounds of a target that is tracked."""
 
 FINAL_HOURS = 4.0
 """Hours at the end of a run that decide whether a target is tracked."""
+
+
+@dataclass(frozen=True)
+class Custody:
+    """How well a target has to be known at the end of a run to count as held.
+
+    Attributes
+    ----------
+    position_km : float
+        Largest error of the position.
+    attitude_deg : float
+        Largest angle of the rotation between true and estimated attitude.
+
+    Raises
+    ------
+    ConfigurationError
+        If one is not positive.
+    """
+
+    position_km: float = 10.0
+    attitude_deg: float = 5.0
+
+    def __post_init__(self) -> None:
+        for key in ("position_km", "attitude_deg"):
+            if not getattr(self, key) > 0.0:
+                raise ConfigurationError(f"custody.{key} = {getattr(self, key)} must be positive")
+
+    def holds(self, error: Array) -> NDArray[np.bool_]:
+        """Which errors lie within.
+
+        Parameters
+        ----------
+        error : ndarray, shape (..., 12)
+            Errors of states; those of a failed estimate are NaN, and not within.
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+        """
+        away_km = LENGTH_UNIT_KM * np.sqrt((error[..., 6:9] ** 2).sum(axis=-1))
+        near = away_km <= self.position_km
+        return near & (attitude_angle_deg(error) <= self.attitude_deg)
 
 
 class TrackingMetrics(NamedTuple):
@@ -35,11 +82,12 @@ class TrackingMetrics(NamedTuple):
 
     Attributes
     ----------
-    coverage, anees, rmse : ndarray, shape (target, 12)
-        Share of the time within three standard deviations, average normalised squared error (1 for
-        a consistent filter, larger if it is overconfident), root mean square error.
+    coverage, final_coverage, anees, rmse : ndarray, shape (target, 12)
+        Share of the time within three standard deviations, the same of the final hours, average
+        normalised squared error (1 for a consistent filter, larger if it is overconfident), root
+        mean square error.
     status, status_rotation, status_translation : ndarray of uint8, shape (target,)
-        TRACKED, NEVER_OBSERVED or DIVERGED: of all states, of attitude and angular velocity, of
+        TRACKED, NEVER_OBSERVED or INCONSISTENT: of all states, of attitude and angular velocity, of
         position and velocity.
     final_attitude_error_deg : ndarray, shape (target,)
         Root mean square rotation angle of the attitude error over the final hours.
@@ -50,9 +98,13 @@ class TrackingMetrics(NamedTuple):
         never observed.
     bound_attitude_deg : ndarray, shape (target,)
         Root mean square attitude error the bound allows over the final hours.
+    custody : ndarray of bool, shape (target,)
+        Whether the last state is known as well as a `Custody` asks; of every target, observed or
+        not.
     """
 
     coverage: Array
+    final_coverage: Array
     anees: Array
     rmse: Array
     status: NDArray[np.uint8]
@@ -61,6 +113,7 @@ class TrackingMetrics(NamedTuple):
     final_attitude_error_deg: Array
     bound_ratio: Array
     bound_attitude_deg: Array
+    custody: NDArray[np.bool_]
 
 
 class _Sums(NamedTuple):
@@ -160,10 +213,10 @@ def classify(covered: Array, observed: ArrayLike) -> NDArray[np.uint8]:
     Returns
     -------
     ndarray of uint8, shape (target,)
-        NEVER_OBSERVED; DIVERGED if observed and, averaged over the components, less than half
+        NEVER_OBSERVED; INCONSISTENT if observed and, averaged over the components, less than half
         lies within; otherwise TRACKED.
     """
-    status = np.where(covered.mean(axis=1) < DIVERGED_COVERAGE, DIVERGED, TRACKED)
+    status = np.where(covered.mean(axis=1) < CONSISTENT_COVERAGE, INCONSISTENT, TRACKED)
     return np.where(np.asarray(observed), status, NEVER_OBSERVED).astype(np.uint8)
 
 
@@ -200,13 +253,18 @@ class Evaluation:
         Targets, and steps of the whole run.
     step_s : float
         Time between the steps, s.
+    custody : Custody
+        What it takes to hold a target.
     """
 
-    def __init__(self, n_targets: int, n_steps: int, step_s: float) -> None:
+    def __init__(
+        self, n_targets: int, n_steps: int, step_s: float, custody: Custody = Custody()
+    ) -> None:
         n_final = min(n_steps, max(1, round(FINAL_HOURS * 3600.0 / step_s)))
         self._begin, self._n_final = n_steps - n_final, n_final
         self._sums = _no_sums(n_targets, n_final)
         self._observed = np.zeros(n_targets, dtype=bool)
+        self._custody, self._held = custody, np.zeros(n_targets, dtype=bool)
         self._done = 0
 
     def final(self, n_steps: int) -> NDArray[np.bool_]:
@@ -232,6 +290,7 @@ class Evaluation:
         least = np.full(error.shape, np.nan) if bound is None else bound
         before = min(max(self._begin - self._done, 0), error.shape[1])
         self._observed |= np.asarray(observed)
+        self._held = self._custody.holds(error[:, -1])
         _add(before, error, sigma, least, self._sums)
         self._done += error.shape[1]
         last = slice(self._done - error.shape[1] + before - self._begin, self._done - self._begin)
@@ -248,6 +307,7 @@ class Evaluation:
         both = np.where(self._observed, sums.both, 0)[:, None]
         return TrackingMetrics(
             _quotient(sums.covered, steps),
+            covered,
             _quotient(sums.anees, sums.n_anees),
             np.sqrt(_quotient(sums.square, sums.n_square)),
             # the codes are ordered, and a target is seen or not as a whole
@@ -257,4 +317,5 @@ class Evaluation:
             np.sqrt(_mean_where_finite(sums.turn)),
             np.sqrt(_quotient(sums.error, both) / _quotient(sums.bound, both)),
             np.rad2deg(np.sqrt(_mean_where_finite(sums.least))),
+            self._held,
         )

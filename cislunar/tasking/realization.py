@@ -87,7 +87,7 @@ def begun(world: World, number: int, seed: int) -> Realization:
     given = settings.sensor, world.initial, own, world.forces
     estimator = world.factory(scene, world.surfaces, *given)
     bound = CramerRaoBound(scene, truth.surfaces, world.initial.sigma, forces=truth.forces)
-    evaluation = Evaluation(world.ids.size, settings.n_steps, settings.step_s)
+    evaluation = Evaluation(world.ids.size, settings.n_steps, settings.step_s, settings.custody)
     return Realization(number, seed, motion, estimator, bound, evaluation)
 
 

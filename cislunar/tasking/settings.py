@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.spread import INITIAL_SPREAD, Spread
+from cislunar.evaluation.metrics import Custody
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.assignment import EARLY_STOP, MAX_EVALUATIONS, METHODS
 from cislunar.tasking.information import TaskingModel
@@ -43,6 +44,8 @@ class LoopSettings:
         What the tasking step believes.
     initial : Spread
         Uncertainty of the targets at the epoch.
+    custody : Custody
+        How well a target has to be known at the end to count as held.
     record_every : int
         Steps between the times at which errors and deviations are kept; metrics use every step.
     keep_information : bool
@@ -67,6 +70,7 @@ class LoopSettings:
     sensor: Sensor = field(default_factory=Sensor)
     tasking: TaskingModel = field(default_factory=TaskingModel)
     initial: Spread = INITIAL_SPREAD
+    custody: Custody = field(default_factory=Custody)
     record_every: int = 1
     keep_information: bool = False
     histories: tuple[str, ...] = HISTORIES

@@ -27,9 +27,9 @@ def summary():
     """The filter loses ten targets in every cell, the batch estimator one."""
     bound = {"bound_ratio_median": (1.0,) * 4, "bound_attitude_median": 0.4,
              "bound_attitude_90": 2.0, "final_attitude_error_90": 3.0}  # fmt: skip
-    filtered = make_summary(lambda *cell: bound | {"diverged_rotation": 10.0})
-    fitted = make_summary(lambda *cell: bound | {"diverged_rotation": 1.0})
-    aware = make_summary(lambda *cell: bound | {"diverged_rotation": 3.0})
+    filtered = make_summary(lambda *cell: bound | {"inconsistent_rotation": 10.0})
+    fitted = make_summary(lambda *cell: bound | {"inconsistent_rotation": 1.0})
+    aware = make_summary(lambda *cell: bound | {"inconsistent_rotation": 3.0})
     return xr.concat(
         [
             filtered,
@@ -48,7 +48,7 @@ def tables(summary):
 
 def test_the_difference_is_the_other_less_the_first(summary):
     rows = estimator_rows(summary)
-    lost = rows[(rows["quantity"] == "diverged_rotation") & (rows["variant"] == "")]
+    lost = rows[(rows["quantity"] == "inconsistent_rotation") & (rows["variant"] == "")]
     assert set(lost["first_estimator"]) == {"mukf"} and set(lost["other_estimator"]) == {"batch"}
     np.testing.assert_allclose(lost["difference"], -9.0)
     np.testing.assert_allclose(lost["first_largest"], 10.1)
@@ -81,7 +81,7 @@ def test_model_errors_stand_beside_their_remedies():
         common | {"estimator": estimator, "variant": variant, "also": also,
                   "quantity": quantity, "mean": coverage if quantity == "coverage" else 2.0}
         for estimator, variant, also, coverage in cells
-        for quantity in ("coverage", "diverged_rotation", "final_attitude_error_median")
+        for quantity in ("coverage", "inconsistent_rotation", "final_attitude_error_median")
     ]  # fmt: skip
     block = model_errors_block({"model_error": pd.DataFrame(rows)})
     line = block.splitlines()[-1]
@@ -99,7 +99,7 @@ def test_figures_hold_both_estimators_and_the_bound(summary, draw):
         "Cramér-Rao bound",
         "median expected of an estimator at the bound",
     }
-    lost = next(axes for axes in figure.axes if "diverged" in axes.get_ylabel())
+    lost = next(axes for axes in figure.axes if "inconsistent" in axes.get_ylabel())
     heights = {round(float(np.mean(line.get_ydata())), 3)
                for line in lost.lines if len(line.get_xdata()) > 1}  # fmt: skip
     assert {10.0, 1.0} <= heights

@@ -34,15 +34,17 @@ def cell_data(level, seed):
     shape = (SEEDS, TARGETS)
     offset = np.linspace(0.0, 0.1, SEEDS)[:, None]
     zeros = np.zeros(shape, dtype=np.uint8)
-    diverged = zeros.copy()
-    diverged[:, : int(level)] = 2
+    inconsistent = zeros.copy()
+    inconsistent[:, : int(level)] = 2
     parts = offset[..., None] * np.ones((*shape, 12))
     data = {
         "coverage": (("seed", "target", "component"), 0.8 - 0.1 * level + parts),
+        "final_coverage": (("seed", "target", "component"), 0.8 + parts),
+        "custody": (("seed", "target"), (inconsistent == 0).astype(int)),
         "anees": (("seed", "target", "component"), rng.lognormal(size=(*shape, 12))),
         "rmse": (("seed", "target", "component"), 1e-5 * (1.0 + level) + 1e-6 * parts),
-        "status": (("seed", "target"), diverged),
-        "status_rotation": (("seed", "target"), diverged),
+        "status": (("seed", "target"), inconsistent),
+        "status_rotation": (("seed", "target"), inconsistent),
         "status_translation": (("seed", "target"), zeros),
         "final_attitude_error": (("seed", "target"), 1.0 + level + offset * np.ones(shape)),
         "bound_ratio": (("seed", "target", "part"), np.ones((*shape, 4))),
@@ -131,8 +133,10 @@ def test_table_compares_seed_by_seed(task2):
     none = table[table.kind == NONE]
     assert len(none) == len(QUANTITIES)
     np.testing.assert_array_equal(none["difference"], 0.0)
-    diverged = table[(table.variant == "torque-5") & (table.quantity == "diverged_rotation")]
-    assert diverged["difference"].item() == 3.0
+    inconsistent = table[
+        (table.variant == "torque-5") & (table.quantity == "inconsistent_rotation")
+    ]
+    assert inconsistent["difference"].item() == 3.0
 
 
 def test_any_estimators_may_be_there(task2):

@@ -147,6 +147,7 @@ def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
         ("task2.sensor.field_of_view_deg", 0),
         ("task2.initial_sigma.position_km", 0),
         ("task2.process_noise.attitude_deg", -0.1),
+        ("task2.custody.position_km", 0),
         ("task2.seeds", 0),
         ("task2.step_s", 0),
         ("task2.target_counts.A", [20, 203]),
@@ -381,6 +382,8 @@ def test_a_cell_holds_what_is_promised(tracked_cell):
         "error": ("seed", "time", "target", "component"),
         "sigma": ("seed", "time", "target", "component"),
         "coverage": ("seed", "target", "component"),
+        "final_coverage": ("seed", "target", "component"),
+        "custody": ("seed", "target"),
         "anees": ("seed", "target", "component"),
         "rmse": ("seed", "target", "component"),
         "bound": ("seed", "time", "target", "component"),
@@ -410,6 +413,13 @@ def test_metrics_agree_with_the_stored_histories(sources):
         full["coverage"], (np.abs(error) <= 3.0 * sigma).mean(axis=1), atol=1e-6
     )
     np.testing.assert_allclose(full["rmse"], np.sqrt((error**2).mean(axis=1)), rtol=1e-5)
+    away = np.linalg.norm(error[:, -1, :, 6:9], axis=-1)
+    limit = np.sort(away.ravel())[3:5].mean()
+    within = {"position_km": LENGTH_UNIT_KM * limit, "attitude_deg": 180}
+    found = _cell(sources, custody=within)
+    np.testing.assert_array_equal(found["custody"], away <= limit)
+    held = seed_statistics(found)["custody_share"]
+    np.testing.assert_allclose(held, (away <= limit).mean(axis=1))
 
 
 def test_a_rerun_writes_the_same_bytes(sources, tracked_cell, tmp_path):
@@ -510,11 +520,11 @@ def test_statistics_are_over_the_observed_targets(tracked_cell):
     kept = doctored["anees"].values[0, [0, 3], 6:9]
     assert lunar["anees_mean_periodic"][0, 2] == pytest.approx(kept.mean())
     assert found["anees_mean_periodic"][0, 2] != pytest.approx(kept.mean())
-    np.testing.assert_array_equal(lunar["diverged_translation_lunar"], [0, 1])
-    np.testing.assert_array_equal(found["diverged_translation_lunar"], [0, 0])
-    np.testing.assert_array_equal(found["diverged_rotation"], [1, 2])
-    np.testing.assert_array_equal(found["diverged_rotation_only"], [1, 1])
-    np.testing.assert_allclose(found["diverged_rotation_share"], [1 / 3, 1 / 2])
+    np.testing.assert_array_equal(lunar["inconsistent_translation_lunar"], [0, 1])
+    np.testing.assert_array_equal(found["inconsistent_translation_lunar"], [0, 0])
+    np.testing.assert_array_equal(found["inconsistent_rotation"], [1, 2])
+    np.testing.assert_array_equal(found["inconsistent_rotation_only"], [1, 1])
+    np.testing.assert_allclose(found["inconsistent_rotation_share"], [1 / 3, 1 / 2])
     np.testing.assert_allclose(found["tracked_share"], [0.5, 0.5])
     np.testing.assert_allclose(
         found["valid_fraction"], tracked_cell["updates"].values.mean(axis=1) / 180
@@ -540,7 +550,7 @@ def test_a_cell_where_nothing_is_seen_has_no_averages(sources, caplog):
     assert np.isnan(found["used_share"]).all()
     assert "warning: no target was ever tasked" in caplog.text
     np.testing.assert_array_equal(found["never_observed"], [4, 4])
-    np.testing.assert_array_equal(found["diverged_rotation_share"], [0, 0])
+    np.testing.assert_array_equal(found["inconsistent_rotation_share"], [0, 0])
 
 
 @pytest.fixture(scope="module")

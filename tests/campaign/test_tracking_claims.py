@@ -30,7 +30,9 @@ from cislunar.campaign.tracking.statistics import (
     interval_of,
     log_interval,
     paired,
+    pairs_interval,
     prediction_interval,
+    share_interval,
     slopes,
     t_interval,
 )
@@ -47,8 +49,8 @@ GOOD = {
     "final_attitude_error_median": 0.5,
     "tracked_share": 0.9,
     "never_observed": 1.0,
-    "diverged_rotation": 2.0,
-    "diverged_rotation_only": 2.0,
+    "inconsistent_rotation": 2.0,
+    "inconsistent_rotation_only": 2.0,
 }
 COUNTS = {"A": (20, 50, 100), "B": (33, 50, 100), "C": (43, 50, 100)}
 INTERVALS = {("A", 20), ("B", 33), ("A", 50)}
@@ -136,10 +138,10 @@ def test_nothing_tracked_nothing_claimed():
 def test_counts_are_judged_by_where_one_more_run_lies(counts, paper, verdict):
     summary = make_summary()
     smallest = (summary["scenario"] == "A") & (summary["targets"] == 20)
-    values = summary["diverged_rotation_only"].where(~smallest, np.resize(counts, SEEDS))
-    summary["diverged_rotation_only"] = values
+    values = summary["inconsistent_rotation_only"].where(~smallest, np.resize(counts, SEEDS))
+    summary["inconsistent_rotation_only"] = values
     claims = tracking_claims(summary)
-    row = next(c for c in claims if "while translation converges" in c.claim)
+    row = next(c for c in claims if "and consistent translation" in c.claim)
     assert (row.paper, row.verdict) == (str(paper), verdict)
 
 
@@ -169,10 +171,10 @@ def test_the_whole_interval_of_the_share_must_be_low():
 def test_trends_of_rotation_need_an_interval_beyond_zero(exponent, verdict):
     def change(scenario, _, targets, minutes):
         rmse = 0.02 * (targets / 20.0) ** exponent
-        return {"rmse_median": (rmse, 1e-5, 1e-5, 1e-5), "diverged_rotation": 100.0 * rmse}
+        return {"rmse_median": (rmse, 1e-5, 1e-5, 1e-5), "inconsistent_rotation": 100.0 * rmse}
 
     claims = tracking_claims(make_summary(change))
-    for words in (("attitude RMSE rises",), ("more frequent", "(count)")):
+    for words in (("attitude RMSE rises",), ("more often", "(count)")):
         found = _verdict(claims, *words, "scenario B")
         assert found == verdict if verdict else found != REPRODUCED
     # constant coverage does not fall
@@ -191,15 +193,17 @@ def test_a_rise_that_turns_is_no_progressive_rise():
 
 def test_noise_over_seeds_forbids_a_trend():
     summary = make_summary(
-        lambda s, a, n, t: {"diverged_rotation": float(n) / 50.0} if s == "A" else {}
+        lambda s, a, n, t: {"inconsistent_rotation": float(n) / 50.0} if s == "A" else {}
     )
     claims = tracking_claims(summary)
-    assert _verdict(claims, "more frequent", "(count)", "scenario A") == REPRODUCED
+    assert _verdict(claims, "more often", "(count)", "scenario A") == REPRODUCED
     noisy = summary.copy(deep=True)
     rng = np.random.default_rng(0)
-    noisy["diverged_rotation"].values += rng.normal(0.0, 20.0, noisy["diverged_rotation"].shape)
+    noisy["inconsistent_rotation"].values += rng.normal(
+        0.0, 20.0, noisy["inconsistent_rotation"].shape
+    )
     claims = tracking_claims(noisy)
-    assert _verdict(claims, "more frequent", "(count)", "scenario A") != REPRODUCED
+    assert _verdict(claims, "more often", "(count)", "scenario A") != REPRODUCED
 
 
 def test_tasking_intervals_modest_noticeable_and_flat():
@@ -210,7 +214,7 @@ def test_tasking_intervals_modest_noticeable_and_flat():
             "rmse_median": (0.02 * rotation, 1e-5, 1e-5 * growth, 1e-5),
             "coverage": (0.95 / rotation, 0.95, 0.99, 0.99),
             "anees_median": (rotation, 1.0, 1.0, 1.0),
-            "diverged_rotation": 3.0 * rotation,
+            "inconsistent_rotation": 3.0 * rotation,
         }
 
     claims = tracking_claims(make_summary(change))
@@ -218,9 +222,9 @@ def test_tasking_intervals_modest_noticeable_and_flat():
     assert _verdict(claims, "translation against", "scenario B") == REPRODUCED
     assert _verdict(claims, "rotation against", "20 targets") == REPRODUCED
     assert _verdict(claims, "rotation from the shortest", "scenario B") == REPRODUCED
-    assert _verdict(claims, "attitude divergence from", "scenario B") == REPRODUCED
+    assert _verdict(claims, "inconsistent attitude from", "scenario B") == REPRODUCED
     assert _verdict(claims, "rotation against", "50 targets") == NOT_REPRODUCED
-    assert _verdict(claims, "rotational divergences over") == REPRODUCED
+    assert _verdict(claims, "inconsistent rotation over") == REPRODUCED
     flat = tracking_claims(make_summary())
     assert _verdict(flat, "translation against", "scenario A") == PARTLY
     assert _verdict(flat, "rotation from the shortest", "scenario B") == NOT_REPRODUCED
@@ -261,13 +265,13 @@ def test_other_architectures_are_put_beside():
 def test_intervals_over_target_sets_hold_their_choice():
     parts = [make_summary().isel(cell=[0])]
     for k, name in enumerate(("other-set", "set-2", "set-3", "set-4"), start=3):
-        other = make_summary(lambda *cell, k=k: {"diverged_rotation": float(k)}).isel(cell=[0])
+        other = make_summary(lambda *cell, k=k: {"inconsistent_rotation": float(k)}).isel(cell=[0])
         parts.append(other.assign_coords(variant=("cell", [name])))
     claims = list(set_claims(realizations(xr.concat(parts, "cell"))))
     assert [c.claim for c in claims] == [
         "choice of the monitored targets, scenario A, published, 20 targets"
     ]
-    assert claims[0].value == f"rotation diverged {t_interval([2, 3, 4, 5, 6]):.1f}"
+    assert claims[0].value == f"rotation inconsistent {t_interval([2, 3, 4, 5, 6]):.1f}"
     assert "of 5 sets" in claims[0].how
     assert not list(set_claims(realizations(parts[0])))
 
@@ -330,12 +334,44 @@ def test_counts_have_exact_intervals():
     assert count_interval(wild).high == t_interval(wild).high and count_interval(wild).low == 0.0
 
 
+def test_shares_of_targets_have_exact_intervals():
+    """As SciPy's own Clopper and Pearson, where realizations agree; never narrower than that."""
+    for share in (0.0, 0.05, 1.0):
+        found = interval_of("custody_share", np.full(10, share), 20)
+        exact = stats.binomtest(round(200 * share), 200).proportion_ci(0.95, "exact")
+        np.testing.assert_allclose(found[:3], (share, exact.low, exact.high), atol=1e-12)
+    wild = [0.3, 0.7, 0.4, 0.5]
+    assert share_interval(wild, 20)[1:3] == pytest.approx(t_interval(wild)[1:3])
+
+
+def test_pairs_of_runs_have_the_score_interval():
+    """Ends by Hanley and McNeil's variance; the true share lies within as often as said."""
+    rng = np.random.default_rng(6)
+    found = pairs_interval(rng.normal(1.2, 1.0, 20), rng.normal(size=20))
+    for end in (found.low, found.high):
+        one, two = end / (2.0 - end), 2.0 * end**2 / (1.0 + end)
+        variance = end * (1.0 - end) + 19.0 * (one + two - 2.0 * end**2)
+        limit = stats.norm.ppf(0.975) ** 2 * variance / 400.0
+        assert (found.mean - end) ** 2 == pytest.approx(limit)
+    truth = stats.norm.cdf(1.2 / np.sqrt(2.0))
+    several = [pairs_interval(rng.normal(1.2, 1.0, 20), rng.normal(size=20)) for _ in range(600)]
+    assert 0.93 <= np.mean([own.low <= truth <= own.high for own in several]) <= 0.98
+    apart = pairs_interval(np.arange(20) + 50.0, np.arange(20))
+    assert apart.mean == apart.high == 1.0 and 0.89 < apart.low < 0.91
+    turned = pairs_interval(-np.arange(20.0), 1.0 + np.arange(20))
+    assert (turned.mean, turned.low, turned.high) == pytest.approx((0.0, 0.0, 1.0 - apart.low))
+    equal = pairs_interval([2.0, 3.0], [2.0 + 1e-12, 3.0])
+    assert equal.mean == 0.5 and equal.low + equal.high == pytest.approx(1.0)
+
+
 def test_nothing_impossible_is_within_an_interval():
     shares = [1.0, 1.0, 0.9, 1.0]
-    assert interval_of("coverage", shares).high == 1.0 < t_interval(shares).high
-    assert interval_of("valid_fraction", [0.0, 0.0, 0.1]).low == 0.0
-    assert interval_of("rmse_median", [0.0, 0.0, 9.0]).low == 0.0
-    assert interval_of("anees_mean", [1.0, 100.0]).mean == pytest.approx(10.0)
+    assert interval_of("coverage", shares, 20).high == 1.0 < t_interval(shares).high
+    assert interval_of("final_coverage", shares, 20).high == 1.0
+    assert interval_of("custody_share", [0.0, 0.0, 0.1], 20).low >= 0.0
+    assert interval_of("valid_fraction", [0.0, 0.0, 0.1], 20).low == 0.0
+    assert interval_of("rmse_median", [0.0, 0.0, 9.0], 20).low == 0.0
+    assert interval_of("anees_mean", [1.0, 100.0], 20).mean == pytest.approx(10.0)
 
 
 def test_one_more_run_lies_where_it_is_predicted():
@@ -370,12 +406,12 @@ def test_slopes_are_per_doubling_and_skip_gaps():
 
 def test_both_estimators_are_compared_on_the_same_realizations():
     filtered = make_summary()
-    fitted = make_summary(lambda *cell: {"diverged_rotation": 0.0})
+    fitted = make_summary(lambda *cell: {"inconsistent_rotation": 0.0})
     fitted = fitted.assign_coords(estimator=("cell", ["batch"] * fitted.sizes["cell"]))
     claims = list(estimator_claims(realizations(xr.concat([filtered, fitted], "cell"))))
     counted = [c for c in claims if "scenario A, published, 50 targets" in c.claim]
     assert len(counted) == 1 and counted[0].verdict == BEYOND
-    assert "diverged 0.0 [0.0, 0.5] and " in counted[0].ours
+    assert "inconsistent 0.0 [0.0, 0.5] and " in counted[0].ours
     assert not list(estimator_claims(realizations(filtered)))
 
 

@@ -4,8 +4,9 @@ from measured import evaluate
 
 from cislunar.attitude import grp
 from cislunar.attitude.quaternion import from_rotation_vector
+from cislunar.errors import ConfigurationError
 from cislunar.evaluation import metrics
-from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED, TRACKED
+from cislunar.evaluation.metrics import INCONSISTENT, NEVER_OBSERVED, TRACKED
 
 STEP_S = 600.0
 N_STEPS = 144
@@ -65,8 +66,8 @@ def _run(rotation_outside, translation_outside, observed):
     [
         (0.0, 0.0, True, (TRACKED, TRACKED, TRACKED)),
         (0.4, 0.4, True, (TRACKED, TRACKED, TRACKED)),
-        (0.6, 0.0, True, (DIVERGED, DIVERGED, TRACKED)),
-        (0.0, 0.6, True, (DIVERGED, TRACKED, DIVERGED)),
+        (0.6, 0.0, True, (INCONSISTENT, INCONSISTENT, TRACKED)),
+        (0.0, 0.6, True, (INCONSISTENT, TRACKED, INCONSISTENT)),
         (1.0, 1.0, False, (NEVER_OBSERVED, NEVER_OBSERVED, NEVER_OBSERVED)),
     ],
 )
@@ -101,6 +102,31 @@ def test_final_attitude_error_is_the_rms_angle():
     np.testing.assert_allclose(final, [20.0 / np.sqrt(2.0), 0.0], rtol=1e-12)
 
 
+def test_custody_is_of_the_last_state_of_every_target():
+    """By hand: 9 km and 4 deg are within 10 km and 5 deg, both have to be, at the end alone."""
+
+    def state(km, degrees):
+        turn = from_rotation_vector(np.deg2rad(degrees) * np.array([0.6, 0.0, 0.8]))
+        found = np.zeros(12)
+        found[:3] = grp.from_quaternion(turn)
+        found[6:9] = km / 384_400.0 * np.array([2.0, -1.0, 2.0]) / 3.0
+        return found
+
+    last = [(9.0, 4.0), (11.0, 4.0), (9.0, 6.0), (np.nan, 4.0), (9.0, 4.0)]
+    error = np.zeros((5, N_STEPS, 12))
+    error[0, :-1], error[:, -1] = state(50.0, 90.0), [state(*each) for each in last]
+    used = np.ones((5, N_STEPS), dtype=bool)
+    used[4] = False
+    found = evaluate(error, np.ones_like(error), used, STEP_S)
+    np.testing.assert_array_equal(found.custody, [True, False, False, False, True])
+    assert found.status[4] == NEVER_OBSERVED
+    wide = metrics.Evaluation(5, N_STEPS, STEP_S, metrics.Custody(12.0, 7.0))
+    wide.update(error, np.ones_like(error), used.any(axis=1))
+    np.testing.assert_array_equal(wide.result().custody, [True, True, True, False, True])
+    with pytest.raises(ConfigurationError, match=r"custody\.position_km = 0 must be positive"):
+        metrics.Custody(position_km=0)
+
+
 def _histories():
     """A run with a failed estimate, an ended bound and a target never observed."""
     rng = np.random.default_rng(8)
@@ -127,6 +153,7 @@ def test_sums_are_those_of_whole_histories():
     covered = np.abs(error) <= 3.0 * sigma
     for name, wanted in {
         "coverage": covered.mean(axis=1),
+        "final_coverage": covered[:, last].mean(axis=1),
         "anees": np.nanmean((error / sigma) ** 2, axis=1),
         "rmse": np.sqrt(np.nanmean(error**2, axis=1)),
         "final_attitude_error_deg": np.sqrt(np.nanmean(angle**2, axis=1)),
@@ -137,7 +164,7 @@ def test_sums_are_those_of_whole_histories():
     rotation = covered[:, last, :6].mean(axis=(1, 2))
     assert found.status_rotation[0] == NEVER_OBSERVED
     np.testing.assert_array_equal(
-        found.status_rotation[1:], np.where(rotation[1:] < 0.5, DIVERGED, TRACKED)
+        found.status_rotation[1:], np.where(rotation[1:] < 0.5, INCONSISTENT, TRACKED)
     )
 
 

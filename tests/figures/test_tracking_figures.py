@@ -14,7 +14,7 @@ from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
 from cislunar.campaign.tracking.summary import summary_dataset
 from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED, TRACKED
+from cislunar.evaluation.metrics import INCONSISTENT, NEVER_OBSERVED, TRACKED
 from cislunar.figures import style
 from cislunar.figures.axes import nice_ticks, spaced, tick_names
 from cislunar.figures.labels import family_text, interval_text
@@ -69,8 +69,8 @@ def cell_data(targets, seed=0):
     sigma = SIZES * np.geomspace(1.0, 0.02, RECORDS)[:, None, None] * np.ones(time)
     error = sigma * rng.normal(size=time)
     rotation = np.full(shape, TRACKED, dtype=np.uint8)
-    rotation[:, 0], rotation[:, 1] = NEVER_OBSERVED, DIVERGED
-    translation = np.where(rotation == DIVERGED, TRACKED, rotation)
+    rotation[:, 0], rotation[:, 1] = NEVER_OBSERVED, INCONSISTENT
+    translation = np.where(rotation == INCONSISTENT, TRACKED, rotation)
     error[:, :, 1, :6] *= 40.0
     data = {
         "error": (("seed", "time", "target", "component"), error),
@@ -79,6 +79,8 @@ def cell_data(targets, seed=0):
         "bound_ratio": (("seed", "target", "part"), rng.lognormal(1.0, 0.3, (*shape, 4))),
         "bound_attitude": (status, rng.uniform(0.1, 0.5, shape)),
         "coverage": (dims, rng.uniform(0.3, 1.0, (*shape, 12))),
+        "final_coverage": (dims, np.full((*shape, 12), 0.9)),
+        "custody": (status, (rotation == TRACKED).astype(int)),
         "anees": (dims, rng.lognormal(0.0, 1.0, (*shape, 12))),
         "rmse": (dims, SIZES * rng.lognormal(0.0, 0.5, (*shape, 12))),
         "status": (status, rotation),
@@ -240,8 +242,8 @@ def test_rows_of_the_heat_maps():
     rows = block_rows(few, "anees", list(table))
     assert rows.last == 6 and np.isnan(rows.values[6:]).all()
     np.testing.assert_array_equal(np.flatnonzero(rows.unseen), [0])
-    np.testing.assert_array_equal(np.flatnonzero(rows.diverged[0]), [1])
-    assert not rows.diverged[1].any()
+    np.testing.assert_array_equal(np.flatnonzero(rows.inconsistent[0]), [1])
+    assert not rows.inconsistent[1].any()
     assert np.isnan(rows.values[rows.unseen]).all()
     swapped = block_rows(few, "anees", list(table)[::-1])
     np.testing.assert_array_equal(swapped.values[::-1], rows.values)
@@ -322,24 +324,24 @@ def test_targets_selected_by_rule():
     assert chosen == {
         int(tracked[0]): "best attitude",
         int(tracked[4]): "median attitude",
-        1: "rotation diverged",
+        1: "rotation inconsistent",
         0: "never observed",
     }
     cell["status"][:] = TRACKED
     order = np.argsort(final)
     assert list(selected_targets(cell)) == [order[0], order[5], order[11], order[10]]
-    cell["status"][:] = DIVERGED
-    cell["status_translation"][:] = DIVERGED
-    assert selected_targets(cell) == {0: "all diverged"}
+    cell["status"][:] = INCONSISTENT
+    cell["status_translation"][:] = INCONSISTENT
+    assert selected_targets(cell) == {0: "all inconsistent"}
 
 
 def test_representative_target_is_the_median_of_those_tracked_in_both():
     first, second = cell_data(6), cell_data(6)
     factors = np.array([9.0, 9.0, 1.0, 5.0, 2.0, 3.0])
     second["rmse"] = first["rmse"] * xr.DataArray(factors, dims="target")
-    second["status"][:, 3] = DIVERGED
+    second["status"][:, 3] = INCONSISTENT
     assert representative_target(first, second) == 4
-    second["status"][:] = DIVERGED
+    second["status"][:] = INCONSISTENT
     assert representative_target(first, second) is None
     figure = representative_target_figure(
         {Cell("A", "tpe", "mukf", 6, m): data for m, data in ((30, first), (60, second))}

@@ -230,7 +230,7 @@ def test_a_failing_target_never_ends_the_run():
 
 
 def test_measurements_are_what_separates_observed_from_never_observed():
-    """Nothing brighter than magnitude 5 is ever seen: every target coasts, none diverges."""
+    """Nothing brighter than magnitude 5 is ever seen: every target coasts, none is inconsistent."""
     blind = _run(sensor=Sensor(limiting_magnitude=5.0), duration_hours=1.0)
     assert np.all(blind.metrics.status == NEVER_OBSERVED)
     assert np.all(blind.assignment == -1)

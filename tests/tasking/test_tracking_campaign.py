@@ -13,7 +13,7 @@ from cislunar.dynamics.propagation import propagate_periodic
 from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
 from cislunar.estimation.estimator import CHOLESKY_FAILURES
 from cislunar.estimation.kalman.mukf import mukf
-from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED
+from cislunar.evaluation.metrics import INCONSISTENT, NEVER_OBSERVED
 from cislunar.observation.scene import make_scene, target_surfaces
 from cislunar.orbits.families import observer_library
 from cislunar.orbits.tracked import tracked_targets
@@ -85,8 +85,8 @@ def test_translation_is_tracked_whatever_the_load(by_target_count, n_targets):
     assert coverage[3:].mean() >= 0.97
     assert 0.8 <= anees[:3].mean() <= 3.0
     assert 0.8 <= anees[3:].mean() <= 3.0
-    diverged = (result.metrics.status_translation == DIVERGED).sum()
-    assert diverged <= 0.03 * observed.sum()
+    inconsistent = (result.metrics.status_translation == INCONSISTENT).sum()
+    assert inconsistent <= 0.03 * observed.sum()
     assert result.counters[..., CHOLESKY_FAILURES].sum() == 0
 
 
@@ -94,7 +94,7 @@ def test_rotation_is_tracked_with_an_observer_for_each_target(by_target_count):
     result = by_target_count[20]
     observed = _observed(result)
     assert result.metrics.coverage[observed][:, :3].mean() >= 0.85
-    assert np.all((result.metrics.status_rotation == DIVERGED).sum(axis=1) <= 5)
+    assert np.all((result.metrics.status_rotation == INCONSISTENT).sum(axis=1) <= 5)
     assert np.median(result.final_attitude_error_deg[observed]) < 2.0
 
 

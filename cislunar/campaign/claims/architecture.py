@@ -9,7 +9,7 @@ import xarray as xr
 
 from cislunar.architecture.published import PUBLISHED, PUBLISHED_COST
 from cislunar.campaign.claims.judges import Claim, judge, table
-from cislunar.campaign.tracking.statistics import prediction_interval
+from cislunar.campaign.tracking.statistics import Interval, pairs_interval, prediction_interval
 from cislunar.constants import LENGTH_UNIT_KM
 
 
@@ -128,13 +128,12 @@ def comparison_claims(
     if not both:
         return []
 
-    def pairs(quantity: str, sign: int) -> dict[str, float]:
+    def pairs(quantity: str, sign: int) -> dict[str, Interval]:
         """Share of (TPE run, random run) pairs in which TPE has more (1) or less (-1)."""
-        shares = {}
-        for name, runs in both.items():
-            tpe, random = (sign * run[quantity].values for run in runs)
-            shares[name] = np.mean(tpe[:, None] > random[None, :])
-        return shares
+        return {
+            name: pairs_interval(*(sign * run[quantity].values for run in runs))
+            for name, runs in both.items()
+        }
 
     better, fewer = pairs("run_J", 1), pairs("run_satellites", -1)
     family = orbits["family"].values.astype(str)
@@ -144,9 +143,9 @@ def comparison_claims(
     return _judged(
         "optimizers",
         better=", ".join(f"{name}: {share:.2f}" for name, share in better.items()),
-        better_least=min(better.values()),
+        better_least=min(share.floor for share in better.values()),
         fewer=", ".join(f"{name}: {share:.2f}" for name, share in fewer.items()),
-        fewer_least=min(fewer.values()),
+        fewer_least=min(share.floor for share in fewer.values()),
         share=np.mean(np.char.startswith(chosen, "Halo_L2")),
         of_library=np.mean(np.char.startswith(family, "Halo_L2")),
         most=", ".join(f"{names[i]} {counts[i]}" for i in order[:4]),

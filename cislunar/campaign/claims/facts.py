@@ -118,7 +118,7 @@ def unsatisfactory(frame: pd.DataFrame) -> list[str]:
     most, shares = table()["limits"].outside, values_of(frame, "translation_outside_share").T
     found = []
     for cell, own in zip(cells_of(frame).itertuples(), shares, strict=True):
-        share = interval_of("translation_outside_share", own)
+        share = interval_of("translation_outside_share", own, cell.targets)
         if not share.ceiling <= most:
             found.append(f"{cell.targets} targets, {cell.interval_minutes} min: {share:.3f}")
     return found
@@ -136,16 +136,18 @@ def _shortfall(sweep: Sweep) -> str:
         return ""
     lunar, lost = (
         np.nansum(values_of(sweep.frame, name))
-        for name in ("diverged_translation_lunar", "diverged_translation")
+        for name in ("inconsistent_translation_lunar", "inconsistent_translation")
     )
     return (
-        f" (not: {' | '.join(failing[:3])}); {lunar:.0f} of {lost:.0f} diverged targets are on low "
-        "lunar trajectories"
+        f" (not: {' | '.join(failing[:3])}); {lunar:.0f} of {lost:.0f} inconsistent targets are on "
+        "low lunar trajectories"
     )
 
 
 STATISTICS: dict[str, Callable[..., Any]] = {
-    "mean": lambda sweep, *m: interval_of(m[0], values_of(sweep.frame, *m)[:, 0]),
+    "mean": lambda sweep, *m: interval_of(
+        m[0], values_of(sweep.frame, *m)[:, 0], sweep.frame["targets"].iloc[0]
+    ),
     "spread": _range,
     "first": lambda sweep, *m: np.nanmean(_values(sweep.frame, *m)[:, 0]),
     "last": lambda sweep, *m: np.nanmean(_values(sweep.frame, *m)[:, -1]),

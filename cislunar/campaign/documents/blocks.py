@@ -102,7 +102,9 @@ def labels_block(tables: Tables) -> str:
 _READING_COLUMNS = tuple(
     name
     for name, (quantity, *_) in LISTED.items()
-    if not quantity.startswith(("anees", "bound_ratio", "final_attitude_error_90"))
+    if not quantity.startswith(
+        ("anees", "bound_ratio", "final_attitude_error_90", "final_coverage")
+    )
 )
 
 

@@ -22,12 +22,13 @@ COMPARED = (20, 50, 100, 202)
 
 _SHOWN = (
     "attitude coverage",
-    "rotation diverged",
+    "rotation inconsistent",
     "final attitude error, deg",
     "final attitude error, 90th pct., deg",
     "attitude error over bound",
     "attitude RMSE, deg",
     "position RMSE, km",
+    "share in custody",
 )
 
 
@@ -40,16 +41,16 @@ def _cells(table: pd.DataFrame, **wanted: str) -> pd.DataFrame:
 
 
 def _shown(cells: pd.DataFrame, name: str) -> str:
-    """One quantity of one cell; divergences with their largest number."""
+    """One quantity of one cell; inconsistent targets with their largest number."""
     rows = quantity_rows(cells, name)
     if rows.empty or pd.isna(rows["mean"].iloc[0]):
         return DASH
     text = f"{rows['mean'].iloc[0]:{LISTED[name][3]}}"
-    return f"{text} ({rows['largest'].iloc[0]:.0f})" if name == "rotation diverged" else text
+    return f"{text} ({rows['largest'].iloc[0]:.0f})" if name == "rotation inconsistent" else text
 
 
 def _header(*first: str) -> list[str]:
-    return [*first, *(name.replace("diverged", "diverged (most)") for name in _SHOWN)]
+    return [*first, *(name.replace("inconsistent", "inconsistent (most)") for name in _SHOWN)]
 
 
 def estimators_block(tables: Tables) -> str:
@@ -64,7 +65,7 @@ def estimators_block(tables: Tables) -> str:
     return markdown_table(_header("targets", "estimator"), named)
 
 
-_HEADLINE = ("rotation diverged", "attitude coverage", "attitude error over bound")
+_HEADLINE = ("rotation inconsistent", "attitude coverage", "attitude error over bound")
 
 
 def headline_block(tables: Tables) -> str:
@@ -120,7 +121,7 @@ def _difference(cells: pd.DataFrame, name: str) -> str:
 
 
 def model_errors_block(tables: Tables) -> str:
-    """Coverage and divergences by model error, for both estimators and with a remedy."""
+    """Coverage and inconsistent targets by model error, for both estimators and with a remedy."""
     rows = []
     table = _cells(tables["model_error"])
     for (kind, size, unit), of_size in table.groupby(
@@ -140,9 +141,9 @@ def model_errors_block(tables: Tables) -> str:
 
 
 def _share(cells: pd.DataFrame) -> str:
-    """Coverage, divergences and final error of a cell."""
+    """Coverage, inconsistent targets and final error of a cell."""
     means = cells.set_index("quantity")["mean"]
-    shown = ("coverage", "diverged_rotation", "final_attitude_error_median")
+    shown = ("coverage", "inconsistent_rotation", "final_attitude_error_median")
     if not set(shown) <= set(means.index):
         return DASH
     return "{:.3f}, {:.1f}, {:.1f}°".format(*means[list(shown)])

@@ -205,14 +205,16 @@ def architecture_list(architecture: pd.DataFrame) -> str:
 
 LISTED = {
     "attitude coverage": ("coverage", "attitude", "1", ".3f"),
+    "attitude coverage, final hours": ("final_coverage", "attitude", "1", ".3f"),
     "attitude ANEES": ("anees_median", "attitude", "1", ".2f"),
     "attitude RMSE, deg": ("rmse_median", "attitude", "degree", ".2f"),
     "final attitude error, deg": ("final_attitude_error_median", "", "degree", ".2f"),
     "final attitude error, 90th pct., deg": ("final_attitude_error_90", "", "degree", ".1f"),
     "attitude error over bound": ("bound_ratio_median", "attitude", "1", ".2f"),
     "position RMSE, km": ("rmse_median", "position", "km", ".2f"),
+    "share in custody": ("custody_share", "", "1", ".2f"),
     "never observed": ("never_observed", "", "1", ".1f"),
-    "rotation diverged": ("diverged_rotation", "", "1", ".1f"),
+    "rotation inconsistent": ("inconsistent_rotation", "", "1", ".1f"),
 }
 """Columns of the lists of cells: quantity, part, unit and format."""
 
@@ -251,9 +253,11 @@ def tracking_list(tracking: pd.DataFrame) -> str:
     )
     return (
         "Means over realizations of truth and noise with 95 % confidence intervals (ANEES: "
-        "geometric means; counts: no narrower than Poisson's). Coverage is a mean, ANEES and "
-        "errors are medians over the observed "
-        f"targets; the last two columns count targets.\n\n{table}"
+        "geometric means; counts and shares of targets: no narrower than exact ones). Coverage, of "
+        "the whole run and of its final hours, is a mean, ANEES and errors are medians over the "
+        "observed targets. Custody is the share of all targets, never observed ones too, whose "
+        "last position and attitude errors are within `task2.custody`. The last two columns count "
+        f"targets.\n\n{table}"
     )
 
 

@@ -88,6 +88,14 @@ class InitialSigma(Section):
         "of each component of the velocity", "m/s", "0.0316 (variance 0.1 x 0.1^2)")
 
 
+class Custody(Section):
+    position_km: Positive = setting(
+        "largest position error at the end of a run of a target that counts as held",
+        "km", "not in the paper", default=10)
+    attitude_deg: Positive = setting(
+        "largest attitude error of such a target", "deg", "not in the paper", default=5)
+
+
 class ProcessNoise(Section):
     attitude_deg: NotNegative = setting(
         "standard deviation of the attitude that accumulates in 60 s; 0.03 in the variant "
@@ -212,6 +220,7 @@ class CellSettings(Section):
     sensor: Sensor = setting("")
     initial_sigma: InitialSigma = setting("")
     process_noise: ProcessNoise = ProcessNoise()
+    custody: Custody = Custody()
     batch: Batch = Batch()
     body: Body = setting("")
     material: Material = Material()

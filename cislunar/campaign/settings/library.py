@@ -15,6 +15,7 @@ from cislunar.estimation.estimator import EstimatorFactory
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.registry import estimator_named
 from cislunar.estimation.spread import Spread
+from cislunar.evaluation.metrics import Custody
 from cislunar.observation.scene import TargetSurfaces, target_surfaces
 from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.orbits.extent import CATALOGUE_EXTENT, Extent
@@ -134,6 +135,7 @@ def loop_settings(
         sensor=sensor(cell.sensor),
         tasking=_tasking_model(cell),
         initial=Spread(**dict(cell.initial_sigma)),
+        custody=Custody(**dict(cell.custody)),
         record_every=round(60.0 * cell.record_minutes / cell.step_s),
         keep_information=keep_information,
         histories=tuple(cell.histories),

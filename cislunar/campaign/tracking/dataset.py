@@ -183,6 +183,8 @@ def _flags(names: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
+_DIVERGED = "; diverged: observed, and inconsistent with its covariance in the final hours"
+
 _FLAGS = {
     "fate": _flags(FATE_NAMES),
     "look_fate": _flags(FATE_NAMES),
@@ -290,13 +292,20 @@ def _results(loop: ClosedLoop) -> dict[str, tuple]:
     target, axes = ("seed", "target"), ("seed", "target", "component")
     described = {
         "coverage": (axes, found.coverage, "1", "share of the time within 3 sigma"),
+        "final_coverage": (
+            axes, found.final_coverage, "1", "share of the final hours within 3 sigma"),
+        "custody": (
+            target, found.custody.astype(np.int8), "1",
+            "1 where the last position and attitude are within task2.custody"),
         "anees": (axes, found.anees, "1", "average normalized estimation error squared"),
         "rmse": (axes, found.rmse, _SEVERAL, "root mean square error"),
-        "status": (target, found.status, "1", "status of the target"),
+        "status": (target, found.status, "1", f"status of the target{_DIVERGED}"),
         "status_rotation": (
-            target, found.status_rotation, "1", "status of attitude and angular velocity"),
+            target, found.status_rotation, "1",
+            f"status of attitude and angular velocity{_DIVERGED}"),
         "status_translation": (
-            target, found.status_translation, "1", "status of position and velocity"),
+            target, found.status_translation, "1",
+            f"status of position and velocity{_DIVERGED}"),
         "final_attitude_error": (target, found.final_attitude_error_deg, "degree",
                                  "root mean square attitude error over the final hours"),
         "bound_ratio": ((*target, "part"), found.bound_ratio, "1",

@@ -8,14 +8,14 @@ import xarray as xr
 
 from cislunar.campaign.settings.model_error import NONE, ModelError
 from cislunar.campaign.tracking.realizations import MEASURE, by_measure, realizations, select
-from cislunar.campaign.tracking.statistics import t_interval
+from cislunar.campaign.tracking.statistics import interval_of
 from cislunar.campaign.tracking.tables import compared
 
 QUANTITIES = (
     ("coverage", "attitude", "1"),
     ("final_attitude_error_median", "", "degree"),
     ("final_attitude_error_90", "", "degree"),
-    ("diverged_rotation", "", "1"),
+    ("inconsistent_rotation", "", "1"),
     ("rmse_median", "position", "km"),
 )
 """Quantities with part and unit."""
@@ -33,9 +33,10 @@ def model_error_rows(summary: xr.Dataset, errors: Sequence[ModelError]) -> pd.Da
     """Rows of ``tables/model_error.csv``, from ``task2/summary.nc`` and `model_errors`.
 
     For every cell of these variants, for the cell without the error (kind `NONE`, size 0), and for
-    every quantity: mean over the realizations with its 95 % confidence interval (Student's t), and
-    the difference to the cell without the error, realization by realization, with its interval.
-    Estimators, errors and cells that the summary lacks are left out.
+    every quantity: mean over the realizations with its 95 % confidence interval (as in
+    ``tables/tracking.csv``), and the difference to the cell without the error, realization by
+    realization, with its interval (Student's t). Estimators, errors and cells that the summary
+    lacks are left out.
     """
     frame = realizations(summary).set_index(MEASURE, drop=False)
     frame = frame.loc[frame.index.isin(QUANTITIES)].reset_index(drop=True)
@@ -59,12 +60,14 @@ def _rows(own: pd.DataFrame, usual: pd.DataFrame, error: ModelError) -> Iterator
     described = error._asdict()
     described["size_unit"] = described.pop("unit")
     heads, pairs = compared(own, usual, "variant")
-    means = map(t_interval, by_measure(own)[1])
     found = {
-        tuple(head[key] for key in MEASURE): (head, each, mean)
-        for head, each, mean in zip(heads.to_dict("records"), pairs, means, strict=True)
+        tuple(head[key] for key in MEASURE): (head, each, values)
+        for head, each, values in zip(
+            heads.to_dict("records"), pairs, by_measure(own)[1], strict=True
+        )
     }
-    for head, each, mean in map(found.get, QUANTITIES):
+    for head, each, values in map(found.get, QUANTITIES):
+        mean = interval_of(head["quantity"], values, head["targets"])
         yield {
             **head,
             **described,

@@ -18,7 +18,7 @@ from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.fates import LOOK_FATES, counted, fate_shares
 from cislunar.campaign.tracking.records import recorded_variables
 from cislunar.errors import InputFileError
-from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED, PARTS, TRACKED
+from cislunar.evaluation.metrics import INCONSISTENT, NEVER_OBSERVED, PARTS, TRACKED
 from cislunar.tasking.settings import RECORDABLE
 
 Array = NDArray[np.float64]
@@ -28,6 +28,7 @@ PART_UNITS = ("1", "rad s-1", "1", "1")
 
 PER_PART = {
     "coverage": "share of the time within 3 sigma, mean over targets and axes",
+    "final_coverage": "share of the final hours within 3 sigma, mean over targets and axes",
     "anees_median": "component-wise ANEES, median over targets and axes",
     "anees_mean": "component-wise ANEES, mean over targets and axes",
     "anees_mean_periodic": "component-wise ANEES, mean over targets on periodic orbits and axes",
@@ -45,16 +46,20 @@ PER_CELL = {
     "bound_attitude_median": ("degree", "Cramer-Rao bound of that error, median"),
     "bound_attitude_90": ("degree", "Cramer-Rao bound of that error, 90th percentile"),
     "never_observed": ("1", "targets never observed"),
-    "diverged_rotation": ("1", "observed targets whose rotation diverged"),
-    "diverged_translation": ("1", "observed targets whose translation diverged"),
-    "diverged_translation_lunar": ("1", "of those, on low lunar polar trajectories"),
-    "diverged_rotation_only": ("1", "targets with diverged rotation and tracked translation"),
-    "diverged_rotation_share": ("1", "share of observed targets whose rotation diverged"),
-    "diverged_translation_share": ("1", "share of observed targets whose translation diverged"),
+    "inconsistent_rotation": ("1", "observed targets whose rotation is inconsistent"),
+    "inconsistent_translation": ("1", "observed targets whose translation is inconsistent"),
+    "inconsistent_translation_lunar": ("1", "of those, on low lunar polar trajectories"),
+    "inconsistent_rotation_only": ("1", "targets with inconsistent rotation, tracked translation"),
+    "inconsistent_rotation_share": ("1", "share of observed targets with inconsistent rotation"),
+    "inconsistent_translation_share": (
+        "1",
+        "share of observed targets with inconsistent translation",
+    ),
     "translation_outside_share": (
         "1",
         "share of observed targets whose translation is outside the band",
     ),
+    "custody_share": ("1", "share of all targets held at the end, task2.custody"),
     "tracked_share": ("1", "share of all targets tracked in all states"),
     "valid_fraction": ("1", "share of targets and steps with a measurement used"),
     "information": ("nat", "mutual information of a tasking, mean over epochs"),
@@ -75,7 +80,7 @@ LUNAR = "Polar_"
 
 _HISTORIES = ("error", "sigma", "bound", "valid", "assignment", "observer_position")
 _HISTORIES += tuple(recorded_variables(RECORDABLE))
-_NEEDED = ("coverage", "fate", "status", "updates", "bound_ratio", "bound_attitude")
+_NEEDED = ("coverage", "custody", "fate", "status", "updates", "bound_ratio", "bound_attitude")
 _ID = ("scenario", "architecture", "estimator", "variant")
 
 
@@ -114,6 +119,7 @@ def _percentile_90(values: Array) -> float:
 
 _OF_TARGETS = {
     "coverage": ("coverage", np.mean),
+    "final_coverage": ("final_coverage", np.mean),
     "anees_median": ("anees", np.median),
     "anees_mean": ("anees", np.mean),
     "rmse_median": ("rmse", np.median),
@@ -136,8 +142,8 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
     status = cell["status"].values
     observed = status != NEVER_OBSERVED
     seen = np.maximum(observed.sum(axis=1), 1)
-    rotation = cell["status_rotation"].values == DIVERGED
-    translation = cell["status_translation"].values == DIVERGED
+    rotation = cell["status_rotation"].values == INCONSISTENT
+    translation = cell["status_translation"].values == INCONSISTENT
     periodic = observed & ~np.char.startswith(cell["family"].values.astype(str), LUNAR)
 
     def reduced(source: str, reduce, counted: NDArray[np.bool_]) -> Array:
@@ -159,14 +165,15 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
     found |= {
         "anees_mean_periodic": reduced("anees", np.mean, periodic),
         "never_observed": (~observed).sum(axis=1),
-        "diverged_rotation": rotation.sum(axis=1),
-        "diverged_translation": translation.sum(axis=1),
-        "diverged_translation_lunar": (translation & observed & ~periodic).sum(axis=1),
-        "diverged_rotation_only": (rotation & ~translation).sum(axis=1),
-        "diverged_rotation_share": rotation.sum(axis=1) / seen,
-        "diverged_translation_share": translation.sum(axis=1) / seen,
+        "inconsistent_rotation": rotation.sum(axis=1),
+        "inconsistent_translation": translation.sum(axis=1),
+        "inconsistent_translation_lunar": (translation & observed & ~periodic).sum(axis=1),
+        "inconsistent_rotation_only": (rotation & ~translation).sum(axis=1),
+        "inconsistent_rotation_share": rotation.sum(axis=1) / seen,
+        "inconsistent_translation_share": translation.sum(axis=1) / seen,
         "translation_outside_share": outside.sum(axis=1) / seen,
         "rmse_median_all": reduced("rmse", np.median, np.ones_like(observed)),
+        "custody_share": cell["custody"].values.mean(axis=1),
         "tracked_share": (status == TRACKED).mean(axis=1),
         "valid_fraction": cell["updates"].values.mean(axis=1) / cell.sizes["step"],
         "information": cell["information"].values.mean(axis=1),

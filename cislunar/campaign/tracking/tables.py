@@ -16,15 +16,15 @@ def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
 
     For every cell and quantity, with every part of the state and unit: mean over the realizations
     with its 95 % confidence interval (Student's t; of the logarithm for ANEES and error over bound,
-    which span decades; of counts no narrower than Poisson's) as far as it is possible, smallest and
-    largest. Quantity `rmse_*` appears in
-    the paper's units and in practical ones.
+    which span decades; of counts and shares of targets no narrower than the exact ones) as far as
+    it is possible, smallest and largest. Quantity `rmse_*` appears in the paper's units and in
+    practical ones.
     """
     heads, values = by_measure(realizations(summary))
     found = []
-    for name, row in zip(heads["quantity"], values, strict=True):
+    for name, targets, row in zip(heads["quantity"], heads["targets"], values, strict=True):
         finite = row[np.isfinite(row)]
-        mean, low, high, seeds = interval_of(name, row)
+        mean, low, high, seeds = interval_of(name, row, targets)
         ends = (finite.min(), finite.max()) if finite.size else (np.nan, np.nan)
         found.append((mean, low, high, *ends, seeds))
     columns = ["mean", "low", "high", "smallest", "largest", "seeds"]

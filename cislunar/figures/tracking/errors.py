@@ -13,7 +13,7 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.errors import ConfigurationError
-from cislunar.evaluation.metrics import BOUND_SIGMAS, DIVERGED, NEVER_OBSERVED, TRACKED
+from cislunar.evaluation.metrics import BOUND_SIGMAS, INCONSISTENT, NEVER_OBSERVED, TRACKED
 from cislunar.figures.axes import Array, Grid, fixed_ticks, legend_below, place, title_above
 from cislunar.figures.labels import (
     AXES,
@@ -66,9 +66,9 @@ SINGLE = Look(BLACK, SKY)
 def selected_targets(cell: xr.Dataset, number: int = SELECTED) -> dict[int, str]:
     """Index of a few targets that show what happens in a cell, to why each is shown.
 
-    The best and the median tracked target by the final attitude error, one whose rotation diverged
-    (with tracked translation, if there is one), one never observed; the rest are the poorest of the
-    tracked ones.
+    The best and the median tracked target by the final attitude error, one of inconsistent
+    rotation (with tracked translation, if there is one), one never observed; the rest are the
+    poorest of the tracked ones.
     """
     status = shown(cell, "status")
     translation = shown(cell, "status_translation")
@@ -79,11 +79,11 @@ def selected_targets(cell: xr.Dataset, number: int = SELECTED) -> dict[int, str]
     if tracked.size:
         chosen[int(tracked[0])] = "best attitude"
         chosen.setdefault(int(tracked[(tracked.size - 1) // 2]), "median attitude")
-    diverged = np.flatnonzero(status == DIVERGED)
-    if diverged.size:
-        order = np.argsort(translation[diverged] == DIVERGED, kind="stable")
-        lost = "all" if translation[diverged[order[0]]] == DIVERGED else "rotation"
-        chosen[int(diverged[order[0]])] = f"{lost} diverged"
+    inconsistent = np.flatnonzero(status == INCONSISTENT)
+    if inconsistent.size:
+        order = np.argsort(translation[inconsistent] == INCONSISTENT, kind="stable")
+        lost = "all" if translation[inconsistent[order[0]]] == INCONSISTENT else "rotation"
+        chosen[int(inconsistent[order[0]])] = f"{lost} inconsistent"
     unseen = np.flatnonzero(status == NEVER_OBSERVED)
     if unseen.size:
         chosen[int(unseen[0])] = "never observed"

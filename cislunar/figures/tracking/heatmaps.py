@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from cislunar.campaign.settings.cells import Cell
-from cislunar.evaluation.metrics import DIVERGED, NEVER_OBSERVED
+from cislunar.evaluation.metrics import INCONSISTENT, NEVER_OBSERVED
 from cislunar.figures.axes import (
     Array,
     fixed_ticks,
@@ -65,13 +65,13 @@ class Rows(NamedTuple):
     """A measure of a cell, one row for each target of the table.
 
     `values`, shape (row, 12), are NaN for targets that the cell does not monitor and for those
-    never observed, which `unseen`, shape (row,), marks; `diverged`, shape (2, row), is of rotation
-    and translation. No row from `last` on is the cell's.
+    never observed, which `unseen`, shape (row,), marks; `inconsistent`, shape (2, row), is of
+    rotation and translation. No row from `last` on is the cell's.
     """
 
     values: Array
     unseen: Array
-    diverged: Array
+    inconsistent: Array
     last: int
 
 
@@ -103,11 +103,11 @@ def block_rows(cell: xr.Dataset, measure: str, table: Sequence[int]) -> Rows:
     own[never] = np.nan
     own[~np.isfinite(own)] = np.nan
     values, unseen = np.full((len(row), own.shape[1]), np.nan), np.zeros(len(row), dtype=bool)
-    diverged = np.zeros((2, len(row)), dtype=bool)
+    inconsistent = np.zeros((2, len(row)), dtype=bool)
     values[at], unseen[at] = own, never
     for which, name in enumerate(("rotation", "translation")):
-        diverged[which, at] = shown(cell, f"status_{name}") == DIVERGED
-    return Rows(values, unseen, diverged, max(at) + 1)
+        inconsistent[which, at] = shown(cell, f"status_{name}") == INCONSISTENT
+    return Rows(values, unseen, inconsistent, max(at) + 1)
 
 
 class Scale(NamedTuple):
@@ -187,10 +187,10 @@ def _draw_map(axes: Axes, rows: Rows, colors: Sequence[Scale]) -> None:
     axes.tick_params(length=0, pad=2, labelleft=False)
 
 
-def _mark_diverged(axes: Axes, rows: Rows) -> None:
-    """Marks beside the rows of targets that diverged."""
+def _mark_inconsistent(axes: Axes, rows: Rows) -> None:
+    """Marks beside the rows of inconsistent targets."""
     for which, (mark, points) in enumerate(zip(_MARKS, (2.4, 5.6), strict=True)):
-        for row in np.flatnonzero(rows.diverged[which]):
+        for row in np.flatnonzero(rows.inconsistent[which]):
             shift = points / 72.0 / (axes.get_position().width * PAGE_WIDTH_IN)
             axes.plot(1.0 + shift, row + 0.5, transform=axes.get_yaxis_transform(),
                       clip_on=False, **mark)  # fmt: skip
@@ -234,8 +234,8 @@ def _draw_bars(figure: Figure, left_in: float, width_in: float, colors: Sequence
 def _marks_legend(figure: Figure, maps: Sequence[Rows]) -> None:
     """What is marked in the maps."""
     unseen = Patch(facecolor=UNSEEN, label="never observed (broken line)")
-    names = ("rotation diverged", "translation diverged")
-    used = [np.any([each.diverged[which].any() for each in maps]) for which in range(2)]
+    names = ("rotation inconsistent", "translation inconsistent")
+    used = [np.any([each.inconsistent[which].any() for each in maps]) for which in range(2)]
     handles = [unseen] if any(each.unseen.any() for each in maps) else []
     handles += [
         Line2D([], [], label=name, **{**mark, "markersize": 4.5})
@@ -319,7 +319,7 @@ def _draw_group(
     *,
     first: bool,
 ) -> None:
-    """The blocks of a measure; the first measure has names of targets and marks of divergence.
+    """The blocks of a measure; the first measure has names of targets and marks of inconsistency.
 
     `box` is the lower left corner and the width of all blocks, inches.
     """
@@ -333,7 +333,7 @@ def _draw_group(
         axes.set_title(label, fontsize=6.5, pad=2.5)
         _draw_map(axes, rows, colors)
         if first:
-            _mark_diverged(axes, rows)
+            _mark_inconsistent(axes, rows)
     if first:
         _name_rows(figure, group, (left - 0.03, foot))
 

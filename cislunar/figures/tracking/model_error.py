@@ -35,7 +35,7 @@ ROWS = (
         within=PERCENT,
     ),
     Row("final attitude error,\nmedian, degree", ("final_attitude_error_median",), log=True),
-    Row("diverged in\nrotation, targets", ("diverged_rotation",), within=COUNT),
+    Row("inconsistent\nrotation, targets", ("inconsistent_rotation",), within=COUNT),
 )
 
 KIND_LABELS = {
@@ -108,7 +108,7 @@ def _series(table: pd.DataFrame) -> list[tuple[str, bool, SeriesStyle]]:
 
 @house_style()
 def model_error_figure(table: pd.DataFrame) -> Figure:
-    """Coverage, final attitude error and divergences, a column for each kind of error.
+    """Coverage, final attitude error and inconsistent targets, a column for each kind of error.
 
     Of several scenarios, architectures or numbers of targets in ``tables/model_error.csv`` the one
     with the most errors is drawn. Variants that change more than the truth are taken for remedies.

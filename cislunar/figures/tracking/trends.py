@@ -25,7 +25,7 @@ from cislunar.campaign.tracking.realizations import (
     usual_interval,
     values_of,
 )
-from cislunar.campaign.tracking.statistics import log_interval, t_interval
+from cislunar.campaign.tracking.statistics import interval_of, log_interval
 from cislunar.figures.axes import Array, Grid, fixed_ticks, legend_below, log_ticks, reach, spaced
 from cislunar.figures.panels import COUNT, PERCENT, Row, draw_means, draw_rows
 from cislunar.figures.style import (
@@ -101,9 +101,12 @@ ROWS = {
         Row("position RMSE,\nkm", (Curve("rmse_median", "position", False),), log=True,
             factor=KM, second=("nondim.", 1.0 / KM)),
         Row("final attitude\nerror, degree", (Curve("final_attitude_error_median"),), log=True),
+        Row("in custody, % of\nall targets", (Curve("custody_share"),), factor=100.0,
+            within=PERCENT),
         Row("never observed,\ntargets", (Curve("never_observed"),), within=COUNT),
-        Row("diverged, % of\nobserved targets",
-            (Curve("diverged_rotation_share"), Curve("diverged_translation_share", None, False)),
+        Row("inconsistent, % of\nobserved targets",
+            (Curve("inconsistent_rotation_share"),
+             Curve("inconsistent_translation_share", None, False)),
             factor=100.0, within=PERCENT),
     ),
     "estimator": (
@@ -117,7 +120,7 @@ ROWS = {
             log=True, reference=EFFICIENT),
         Row("attitude RMSE of the\nrun, median, degree", (Curve("rmse_median", "attitude"),),
             factor=DEGREE, log=True),
-        Row("rotation diverged,\ntargets", (Curve("diverged_rotation"),), within=COUNT),
+        Row("rotation inconsistent,\ntargets", (Curve("inconsistent_rotation"),), within=COUNT),
         Row("position RMSE,\nmedian, km", (Curve("rmse_median", "position", False),),
             factor=KM, log=True),
     ),
@@ -245,19 +248,23 @@ def _draw(
     Ends beyond all single values, as those of few seeds are, do not count.
     """
     held = []
-    interval: Callable = log_interval if row.log else t_interval
+    targets = cells_of(cells)["targets"]
     for curve in row.curves:
         if curve.only not in (None, name):
             continue
-        single = row.factor * values_of(cells, curve.quantity, curve.part).T
-        found = [interval(values) for values in single]
-        bounds = tuple(np.array([getattr(f, k) for f in found]) for k in ("mean", "low", "high"))
+        single = values_of(cells, curve.quantity, curve.part).T
+        found = [
+            log_interval(values) if row.log else interval_of(curve.quantity, values, count)
+            for values, count in zip(single, targets, strict=True)
+        ]
+        bounds = tuple(row.factor * np.array([each[k] for each in found]) for k in range(3))
         own = curve.style or look._replace(filled=curve.filled)
         draw_means(axes, at, bounds, own, row.within, zorder=3)
         for (mean, *ends, _), values in zip(found, single, strict=True):
             counted = values[np.isfinite(values) & ((values > 0.0) | (not row.log))]
             if counted.size:
-                held += [mean, *np.clip(ends, counted.min(), counted.max())]
+                ends = np.clip(ends, counted.min(), counted.max())
+                held += [row.factor * each for each in (mean, *ends)]
     return held
 
 
