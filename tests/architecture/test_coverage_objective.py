@@ -11,8 +11,9 @@ from scipy.sparse import csr_array
 
 from cislunar.architecture.coordinate_search import coordinate_search
 from cislunar.architecture.coverage.certificate import certify_coverage, greedy_coverage
+from cislunar.architecture.coverage.gap_objective import GAP_MEASURES, GapObjective, certify_gaps
 from cislunar.architecture.coverage.lagrangian import coverage_bound
-from cislunar.architecture.coverage.measures import architecture_tracks, coverage
+from cislunar.architecture.coverage.measures import architecture_tracks, coverage, gaps
 from cislunar.architecture.coverage.objective import CoverageObjective
 from cislunar.architecture.coverage.tables import CoverageTables, as_words, coverage_tables
 from cislunar.architecture.hyperopt_search import hyperopt_search
@@ -176,6 +177,49 @@ def test_runs_agree_in_every_bit():
     one, two = (certify_coverage(objective, 8, n_slots=5, steps=60) for _ in range(2))
     assert one.orbit.tolist() == two.orbit.tolist()
     assert (one.value, one.bound, one.steps) == (two.value, two.bound, two.steps)
+
+
+def longest_mean_and_wait(seen):
+    """Mean over the targets of the three measures, in samples, from runs of a text."""
+    found = []
+    for column in seen.T:
+        gaps = [len(run) for run in "".join("x" if s else "." for s in column).split("x") if run]
+        wait = sum(n * n for n in gaps) / (2 * len(column))
+        found.append((max(gaps, default=0), sum(gaps) / max(len(gaps), 1), wait))
+    return np.mean(found, axis=0)
+
+
+@pytest.mark.parametrize("most", [1, 3])
+def test_gap_objectives_are_those_of_the_definition_and_of_enumeration(most):
+    counts = random_counts(6, most=most, elements=17 * 11, share=0.3)
+    objective = objective_of(counts, 1, (17, 11))
+    for number, measure in enumerate(GAP_MEASURES):
+        gap = GapObjective(objective.tables, measure)
+
+        def direct_gap(orbit, n, number=number):
+            seen = counts[list(orbit), np.asarray(n) - 1].sum(axis=0) > 0
+            return 1.0 - longest_mean_and_wait(seen.reshape(17, 11))[number] / 17.0
+
+        orbit, n = np.array([5, 1, 3]), np.full(3, most)
+        value = gap.value(orbit, n)
+        assert value == pytest.approx(direct_gap(orbit, n), rel=1e-14)
+        h = gaps(objective.seen(orbit, n), 0.5)
+        of_gaps = {"longest": h.longest_h, "mean": h.mean_h, "wait": h.wait_h}[measure]
+        assert (1.0 - value) * 8.5 == pytest.approx(np.mean(of_gaps))
+        assert gap.value([2, 2], [1, 1]) == 0.0
+        replaced = gap.best_replacement(orbit, n, 1, 1, most, value)
+        assert replaced == pytest.approx(
+            Objective.best_replacement(gap, orbit, n, 1, 1, most, value)
+        )
+        found = certify_gaps(gap, 3 * most, n_slots=3, restarts=4)
+        sizes = [k for k in product(range(1, most + 1), repeat=3) if sum(k) == 3 * most]
+        best = max(direct_gap(c, k) for c in combinations(range(8), 3) for k in sizes)
+        assert found.greedy <= found.value <= best * (1.0 + 1e-12) and best <= found.bound
+        assert found.value >= 0.99 * best
+    with pytest.raises(ConfigurationError, match="measure = 'least'"):
+        GapObjective(objective.tables, "least")
+    with pytest.raises(ConfigurationError, match="fold = 2"):
+        GapObjective(objective_of(counts, 2, (17, 11)).tables, "wait")
 
 
 def test_all_places_are_proven_to_be_best():

@@ -20,11 +20,10 @@ A candidate whose presence keeps L below one element more than the best known ar
 out for good: that never removes a better architecture, and it makes the steps cheap.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from cislunar.architecture.certified import Bound
 from cislunar.architecture.coverage.kernels import add_layers, count_ones, weighted_sums
 from cislunar.architecture.coverage.objective import CoverageObjective
 from cislunar.architecture.optimality.knapsack import (
@@ -39,28 +38,6 @@ _SHORTEN = 0.7
 _MEMORY = 0.9  # share of the former direction: the subgradients jump between near-equal choices
 _FIX_EVERY = 10
 _PROGRESS = 1e-3  # share of the distance to the value that counts as a lower bound
-
-
-@dataclass(frozen=True)
-class CoverageBound:
-    """Upper bound on coverage and what was found on the way.
-
-    Attributes
-    ----------
-    bound : float
-        No architecture of the places and satellites asked for has a larger value.
-    steps : int
-        Subgradient steps taken; fewer than allowed when the bound met the value.
-    candidates : int
-        Candidates that may still belong to a better architecture.
-    choices : list of (orbit, satellites)
-        Some of the choices that maximised the relaxation, for starts of a search.
-    """
-
-    bound: float
-    steps: int
-    candidates: int
-    choices: list[tuple[NDArray[np.int64], NDArray[np.int64]]]
 
 
 class _Relaxation:
@@ -117,7 +94,7 @@ def _inside(direction: NDArray, multiplier: NDArray) -> NDArray[np.float64]:
 
 def coverage_bound(
     objective: CoverageObjective, orbit: NDArray, satellites: NDArray, *, steps: int = 150
-) -> CoverageBound:
+) -> Bound:
     """Bound the coverage of all architectures of as many places and satellites as a known one.
 
     The number of steps, not a time, limits the effort: the bound does not depend on the machine.
@@ -133,7 +110,7 @@ def coverage_bound(
 
     Returns
     -------
-    CoverageBound
+    Bound
     """
     fold = objective.tables.fold
     known = round(objective.value(orbit, satellites) * objective.scale)
@@ -168,9 +145,8 @@ def coverage_bound(
         if square == 0.0:  # a subgradient that leads nowhere: L is at its least
             break
         multiplier = np.clip(multiplier + length * (bound - known) / square * direction, 0.0, 1.0)
-    return CoverageBound(
+    return Bound(
         bound=max(known, min(ceiling, int(np.floor(lowest)))) / objective.scale,
         steps=step,
-        candidates=int(relaxation.active.size),
         choices=choices,
     )

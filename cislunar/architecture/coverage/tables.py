@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.architecture.coverage.kernels import add_layers
 from cislunar.architecture.coverage.measures import day_starts
+from cislunar.architecture.places import places_of, steady_orbits
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.families import OrbitSet
@@ -148,12 +149,7 @@ def coverage_tables(
         raise ConfigurationError(f"fold = {fold} must be at least 1")
     if window not in WINDOWS:
         raise ConfigurationError(f"window = {window!r} is not known: use one of {list(WINDOWS)}")
-    allowed = np.flatnonzero(orbits.stability_index <= max_stability_index)
-    if allowed.size == 0:
-        raise ConfigurationError(
-            f"max_stability_index = {max_stability_index} leaves no orbit: the least is "
-            f"{orbits.stability_index.min():.4g}"
-        )
+    allowed = steady_orbits(orbits, max_stability_index)
     if phases is None:
         phase, members = distinct_phases(max_satellites)
         places, counts, layer = 1, max_satellites, min(fold, max_satellites)
@@ -188,13 +184,10 @@ def coverage_tables(
                     add_layers(layers[place, count], rows[orbit, row : row + 1])
         if progress is not None:
             progress(first + len(batch), len(allowed))
-    of_place = np.repeat(allowed, places)
+    first_phase = phase if phases is not None else np.zeros(1)
     return CoverageTables(
         layers=layers,
-        orbit=of_place,
-        phase=np.tile(phase, len(allowed)) if phases is not None else np.zeros(len(allowed)),
-        family=np.asarray(orbits.family)[of_place],
-        stability_index=np.asarray(orbits.stability_index)[of_place],
         fold=fold,
         shape=(n_windows, len(target)),
+        **places_of(orbits, allowed, first_phase)._asdict(),
     )
