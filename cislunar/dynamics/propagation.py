@@ -166,7 +166,7 @@ def propagate_periodic(
 
 def propagate_stm(
     state: ArrayLike,
-    duration: float,
+    duration: float | ArrayLike,
     *,
     forces: tuple = EARTH_MOON,
     start: float = 0.0,
@@ -179,8 +179,9 @@ def propagate_stm(
     ----------
     state : array_like, shape (6,)
         State at `start`, nondimensional, frame of the force model.
-    duration : float
-        Nondimensional, either sign.
+    duration : float or array_like, shape (m,)
+        Nondimensional, either sign; several of one sign, the shortest first, are served by the
+        continuous extension.
     forces : NamedTuple
         A force model, see `cislunar.dynamics.forces`.
     start : float
@@ -190,9 +191,9 @@ def propagate_stm(
 
     Returns
     -------
-    state_f : ndarray, shape (6,)
+    state_f : ndarray, shape (6,) or (m, 6)
         State at the end.
-    stm : ndarray, shape (6, 6)
+    stm : ndarray, shape (6, 6) or (m, 6, 6)
         Derivative of the final state with respect to the initial one.
 
     Raises
@@ -202,8 +203,44 @@ def propagate_stm(
     """
     code, rtol, atol = _method_and_tolerances("dop853", rtol, atol)
     y0 = np.concatenate([_state_vector(state), np.eye(6).ravel()])
-    (end,), _ = _integrate(code, forces, start, y0, np.array([float(duration)]), rtol, atol)
-    return end[:6], end[6:].reshape(6, 6)
+    wanted = np.asarray(duration, dtype=float)
+    end, _ = _integrate(code, forces, start, y0, np.atleast_1d(wanted), rtol, atol)
+    return end[:, :6].reshape(*wanted.shape, 6), end[:, 6:].reshape(*wanted.shape, 6, 6)
+
+
+def advance_orbits(state: ArrayLike, period: ArrayLike, time: float, mu: float = MU) -> Array:
+    """States some time later: around a closed orbit, or flown on freely.
+
+    Parameters
+    ----------
+    state : array_like, shape (orbit, 6)
+        Nondimensional, rotating frame.
+    period : array_like, shape (orbit,)
+        Nondimensional; whole periods change nothing. 0 for a path that is not closed.
+    time : float
+        Nondimensional; 0 gives back the same states.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    ndarray, shape (orbit, 6)
+
+    Raises
+    ------
+    ConvergenceError
+        As in `propagate`.
+    """
+    states = np.array(state, dtype=float)
+    if time == 0.0:
+        return states
+    for k, duration in enumerate(np.asarray(period, dtype=float)):
+        if duration > 0.0:
+            later = propagate_periodic(states[k], duration, [time], mu=mu, method="dop853")
+        else:
+            later = propagate(states[k], [time], forces=CR3BP(mu), method="dop853")
+        states[k] = later[0]
+    return states
 
 
 def closest_approaches(

@@ -1,0 +1,1 @@
+"""Information about moving targets: tables, objectives, greedy, search and certified bound."""

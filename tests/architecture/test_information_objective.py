@@ -1,0 +1,295 @@
+"""Information objectives, search and bound: against plain linear algebra and enumeration."""
+
+from functools import cache, partial
+from itertools import combinations, product
+
+import numpy as np
+import pytest
+from oracles.visibility import visible
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+
+from cislunar.architecture.information.certificate import certify_information, greedy_information
+from cislunar.architecture.information.kernels import gains, slopes
+from cislunar.architecture.information.objective import InformationObjective
+from cislunar.architecture.information.relaxation import information_bound
+from cislunar.architecture.information.tables import (
+    InformationTables,
+    Looks,
+    attitude_information,
+    orbit_information,
+    windows_of,
+)
+from cislunar.architecture.objective import Objective
+from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.dynamics.propagation import advance_orbits, propagate, propagate_periodic
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.spread import Spread
+from cislunar.observation.scene import target_surfaces
+from cislunar.observation.sensor import ARCSECOND, Sensor
+from cislunar.orbits.families import observer_library
+from cislunar.photometry.facets import apparent_magnitude
+from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.shapes import icosahedron
+from cislunar.visibility.counts import VisibilitySettings, satellite_tracks
+
+LOWER = np.tril_indices(6)
+SENSOR = Sensor(limiting_magnitude=17.5, occultation=False)
+LOOKS = Looks(SENSOR, per_hour=20.0, initial=Spread(3.0, 2.0, 20.0, 0.02))
+MEMBERS = {"Halo_L2_S": 2, "Lyap_L3": 1}
+
+
+def full(packed):
+    """Symmetric matrices (..., 6, 6) of packed ones (..., 21)."""
+    out = np.zeros((*packed.shape[:-1], 6, 6))
+    out[..., LOWER[0], LOWER[1]] = packed
+    return out + np.tril(out, -1).swapaxes(-1, -2)
+
+
+@cache
+def objective_of(seed, nuisance, places=9, items=12):
+    """Objective of random matrices, some of them singular, some zero."""
+    rng = np.random.default_rng(seed)
+    looks = rng.standard_normal((places, items, 4, 6)) * rng.exponential(2.0, (places, items, 4, 1))
+    looks[rng.random((places, items)) < 0.3] = 0.0
+    matrix = np.einsum("pila,pilb->piab", looks, looks)[..., LOWER[0], LOWER[1]]
+    index = np.arange(places)
+    return InformationObjective(
+        InformationTables(
+            np.ascontiguousarray(matrix), nuisance, (1, items, 1), index, np.zeros(places),
+            np.full(places, "Halo_L1_N"), np.ones(places),
+        )
+    )  # fmt: skip
+
+
+def direct(objective, chosen):
+    """Mean information from the definition, the Schur complement by its own formula."""
+    total = np.eye(6) + full(objective.tables.matrix[list(chosen)].sum(axis=0))
+    k = objective.tables.nuisance
+    left = total[:, k:, k:] - total[:, k:, :k] @ np.linalg.solve(total[:, :k, :k], total[:, :k, k:])
+    return 0.5 * np.mean(np.linalg.slogdet(left)[1])
+
+
+@pytest.mark.parametrize("nuisance", [0, 3])
+def test_value_replacement_and_slope_are_those_of_the_definition(nuisance):
+    objective = objective_of(1, nuisance)
+    orbit, ones = np.array([7, 2, 4]), np.ones(3, dtype=np.int64)
+    value = objective.value(orbit, ones)
+    assert value == pytest.approx(direct(objective, orbit), rel=1e-12)
+    assert objective.value([2, 2], [1, 1]) == 0.0
+    found = objective.best_replacement(orbit, ones, 1, 1, 1, value)
+    plain = Objective.best_replacement(objective, orbit, ones, 1, 1, 1, value)
+    assert found[:2] == plain[:2] and found.value == pytest.approx(plain.value)
+    base = objective.sums(orbit)
+    slope = np.empty_like(base)
+    slopes(base, nuisance, slope)
+    step = 1e-6 * objective.tables.matrix[5]
+    change = [np.sum(objective.item_values(base + s * step)) for s in (-1.0, 1.0)]
+    assert np.sum(slope * step) == pytest.approx(0.5 * (change[1] - change[0]), rel=1e-7)
+
+
+def test_gains_only_fall_and_lazy_greedy_is_greedy():
+    objective = objective_of(2, 0, places=30)
+    matrix = objective.tables.matrix.copy()
+    matrix[15:] = matrix[:15]  # every place twice: ties
+    twice = InformationObjective(
+        InformationTables(matrix, *(vars(objective.tables)[key] for key in (
+            "nuisance", "shape", "orbit", "phase", "family", "stability_index"
+        )))
+    )  # fmt: skip
+    chosen, last = [], np.full(30, np.inf)
+    for _ in range(8):
+        base = twice.sums(chosen)
+        gain = gains(base, twice.item_values(base), matrix, np.arange(30), 0)
+        assert (gain <= last * (1.0 + 1e-12)).all()
+        last, gain[chosen] = gain.copy(), -1.0
+        chosen.append(int(np.flatnonzero(gain >= gain.max() - 1e-9)[0]))
+    assert greedy_information(twice, 8)[0].tolist() == chosen
+
+
+@pytest.mark.parametrize("nuisance", [0, 3])
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("number", [1, 2, 4, 8])
+def test_bound_and_search_enclose_what_enumeration_finds(seed, nuisance, number):
+    objective = objective_of(seed, nuisance)
+    best = max(direct(objective, chosen) for chosen in combinations(range(9), number))
+    found = certify_information(objective, number)
+    assert found.greedy <= found.value <= best * (1.0 + 1e-12)
+    assert found.value >= 0.99 * best
+    assert found.bound >= best * (1.0 - 1e-12)
+    assert found.gap == pytest.approx(found.bound / found.value - 1.0)
+    # a tangent is a bound at any share, also far from the best
+    poor = information_bound(objective, np.arange(number), steps=2)
+    assert poor.bound >= best * (1.0 - 1e-12)
+    if nuisance == 0:
+        assert found.greedy >= (1.0 - np.exp(-1.0)) * best
+        assert found.gap < 0.12
+
+
+@pytest.mark.parametrize("nuisance", [0, 3])
+def test_relaxation_is_solved(nuisance):
+    objective = objective_of(4, nuisance)
+
+    def value(share):
+        total = np.eye(6) + full(np.einsum("p,pie->ie", share, objective.tables.matrix))
+        left = np.linalg.slogdet(total)[1] - np.linalg.slogdet(total[:, :nuisance, :nuisance])[1]
+        return 0.5 * np.mean(left)
+
+    equal = {"type": "eq", "fun": lambda share: share.sum() - 4.0}
+    solved = minimize(
+        lambda share: -value(share), np.full(9, 4.0 / 9.0), bounds=[(0.0, 1.0)] * 9,
+        constraints=[equal], options={"ftol": 1e-10},
+    )  # fmt: skip
+    relaxed = information_bound(objective, np.arange(4), steps=200).bound
+    assert -solved.fun <= relaxed * (1.0 + 1e-9)
+    if nuisance:  # elsewhere a bound of gains may be lower
+        assert relaxed <= -solved.fun * (1.0 + 2e-4)
+
+
+def test_all_places_are_proven_and_runs_agree_in_every_bit():
+    objective = objective_of(3, 3)
+    every = certify_information(objective, 9)
+    assert every.proven or every.gap < 1e-8
+    one, two = (certify_information(objective, 4) for _ in range(2))
+    assert one.orbit.tolist() == two.orbit.tolist()
+    assert (one.value, one.bound, one.steps) == (two.value, two.bound, two.steps)
+
+
+@cache
+def scene():
+    """Observers' orbits, moving targets (one on no closed orbit), windows and Sun."""
+    orbits = observer_library(MEMBERS)
+    targets = observer_library({"Halo_L1_N": 2, "Halo_L2_N": 1})
+    period = targets.period * np.array([1.0, 1.0, 0.0])
+    windows = windows_of(6.0, 2, hours=12.0, step_hours=4.0)
+    angle = -2.0 * np.pi * windows.times * TIME_UNIT_S / (29.53 * 86_400.0)
+    sun = 389.0 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=-1)
+    return orbits, targets.state, period, windows, sun
+
+
+def seen_at(window, sample, place, tables, positions):
+    """Observer of a place at a time, and which of the targets (target, 3) it sees."""
+    orbits, _, _, windows, sun = scene()
+    orbit, phase = tables.orbit[place], tables.phase[place]
+    time = windows.times[window, [sample]]
+    track = satellite_tracks(orbits.state[[orbit]], orbits.period[[orbit]], [phase], time)[0, 0]
+    settings = VisibilitySettings(SENSOR.limiting_magnitude, 1.0, 0.5, SENSOR.exclusion)
+    return track[0], visible(track, positions, sun[window, [sample]], settings)[0]
+
+
+def later(state, elapsed):
+    """State after a while in a window."""
+    return propagate(state, [elapsed], method="dop853")[0] if elapsed else state
+
+
+def each_look():
+    """Window, sample, states of the targets at the window's start, and time since then."""
+    _, state, period, windows, _ = scene()
+    for w, start in enumerate(windows.start):
+        at_start = np.array([
+            propagate_periodic(s, p, [start], method="dop853")[0] if p else later(s, start)
+            for s, p in zip(state, period, strict=True)
+        ])  # fmt: skip
+        np.testing.assert_allclose(advance_orbits(state, period, start), at_start, atol=1e-13)
+        for k, time in enumerate(windows.times[w]):
+            yield w, k, at_start, time - start
+
+
+def test_orbit_tables_hold_the_information_of_differences():
+    orbits, state, period, windows, sun = scene()
+    tables = orbit_information(orbits, state, period, windows, sun, LOOKS, phases=2)
+    assert tables.shape == (2, 3, 1) and tables.nuisance == 0
+    sigma = LOOKS.initial.components()[6:]
+    expected = np.zeros((6, 2, 3, 6, 6))
+    shift = 1e-3 * np.diag(sigma)
+    for w, k, at_start, elapsed in each_look():
+        place_of = [later(each, elapsed)[:3] for each in at_start]
+        near = [
+            [[later(each + sign * d, elapsed)[:3] for d in shift] for sign in (1.0, -1.0)]
+            for each in at_start
+        ]
+        for place in range(6):
+            observer, seen = seen_at(w, k, place, tables, np.array(place_of))
+            for j in np.flatnonzero(seen):
+                line = np.array(near[j]) - observer
+                plus, minus = line / np.linalg.norm(line, axis=-1, keepdims=True)
+                slope = (plus - minus) / 2e-3
+                worth = 20.0 * 4.0 / seen.sum() / (3.0 * ARCSECOND) ** 2
+                expected[place, w, j] += worth * slope @ slope.T
+    found = full(tables.matrix).reshape(expected.shape)
+    scale = np.sqrt(np.einsum("...ii->...", expected))[..., None, None] ** 2
+    assert 0.0 < np.mean(scale > 0.0) < 1.0
+    assert np.all(np.abs(found - expected) <= 1e-6 * scale + 1e-12)
+
+
+RATE = np.deg2rad([-40.0, 5.0, 8.0]) / 3600.0
+MATERIAL, MODEL = Material(), PhotometryModel(irradiance="1/r^2")
+
+
+def turned_magnitude(quaternion, elapsed, light, toward, shape, change):
+    """Magnitude after a while, of a body whose first angular velocity and attitude were changed."""
+    q = Rotation.from_rotvec(change[3:]).inv() * Rotation.from_quat(quaternion).inv()
+    q = Rotation.from_rotvec((RATE + change[:3]) * elapsed * TIME_UNIT_S).inv() * q
+    distance = np.linalg.norm(toward)
+    ways = light / np.linalg.norm(light), toward / distance, distance * LENGTH_UNIT_KM * 1e3
+    return float(apparent_magnitude(q.inv().as_quat(), *ways, shape, MATERIAL, MODEL))
+
+
+def test_attitude_tables_hold_the_information_of_differences():
+    orbits, state, period, windows, sun = scene()
+    shape = icosahedron(1.0)
+    surfaces = target_surfaces(shape, MATERIAL, 3, MODEL)
+    tables = attitude_information(
+        orbits, state, period, windows, sun, LOOKS, surfaces, RATE, np.random.default_rng(5),
+        attitudes=2, phases=2,
+    )  # fmt: skip
+    assert tables.shape == (2, 3, 2) and tables.nuisance == 3
+    drawn = np.random.default_rng(5).standard_normal((2, 3, 2, 4))
+    drawn /= np.linalg.norm(drawn, axis=-1, keepdims=True)
+    sigma = LOOKS.initial.components()[:6]
+    expected = np.zeros((6, 2, 3, 2, 6, 6))
+    for w, k, at_start, elapsed in each_look():
+        turn = Rotation.from_euler("z", elapsed).as_matrix()
+        positions = np.array([later(each, elapsed)[:3] for each in at_start])
+        for place in range(6):
+            observer, seen = seen_at(w, k, place, tables, positions)
+            for j, s in product(np.flatnonzero(seen), range(2)):
+                ways = turn @ (sun[w, k] - positions[j]), turn @ (observer - positions[j])
+                magnitude = partial(turned_magnitude, drawn[w, j, s], elapsed, *ways, shape)
+                if not magnitude(np.zeros(6)) < SENSOR.limiting_magnitude:
+                    continue
+                step = np.diag(1e-4 * np.roll(sigma, 3))
+                slope = np.array([magnitude(d) - magnitude(-d) for d in step]) / 2e-4
+                worth = 20.0 * 4.0 / seen.sum() / SENSOR.magnitude_noise**2
+                expected[place, w, j, s] += worth * np.outer(slope, slope)
+    found = full(tables.matrix).reshape(expected.shape)
+    scale = np.einsum("...ii->...", expected)[..., None, None]
+    assert 0.0 < np.mean(scale > 0.0) < 1.0
+    assert np.all(np.abs(found - expected) <= 1e-4 * scale + 1e-12)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"count": 0}, "windows = 0"),
+        ({"hours": 200.0}, "window_hours"),
+        ({"step_hours": 5.0}, "step_hours"),
+    ],
+)
+def test_impossible_windows_are_refused(change, message):
+    with pytest.raises(ConfigurationError, match=message):
+        windows_of(**{"horizon_days": 6.0, "count": 2, "hours": 24.0} | change)
+
+
+def test_impossible_looks_tables_and_numbers_are_refused():
+    with pytest.raises(ConfigurationError, match="per_hour"):
+        Looks(per_hour=0.0)
+    with pytest.raises(ConfigurationError, match="initial"):
+        Looks(initial=Spread(1.0, 1.0, 1.0, 0.0))
+    for change, message in (({"phases": 0}, "phases"), ({"max_stability_index": 0.5}, "leaves no")):
+        with pytest.raises(ConfigurationError, match=message):
+            orbit_information(*scene(), LOOKS, **{"phases": 1} | change)
+    with pytest.raises(ConfigurationError, match="n_slots = 10"):
+        certify_information(objective_of(0, 0), 10)
+    with pytest.raises(ConfigurationError, match="steps = 0"):
+        certify_information(objective_of(0, 0), 3, steps=0)
