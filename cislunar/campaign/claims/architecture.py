@@ -9,7 +9,12 @@ import xarray as xr
 
 from cislunar.architecture.published import PUBLISHED, PUBLISHED_COST
 from cislunar.campaign.claims.judges import Claim, judge, table
-from cislunar.campaign.tracking.statistics import Interval, pairs_interval, prediction_interval
+from cislunar.campaign.tracking.statistics import (
+    Interval,
+    pairs_interval,
+    prediction_interval,
+    share_interval,
+)
 from cislunar.constants import LENGTH_UNIT_KM
 
 
@@ -137,7 +142,9 @@ def comparison_claims(
 
     better, fewer = pairs("run_J", 1), pairs("run_satellites", -1)
     family = orbits["family"].values.astype(str)
-    chosen = np.concatenate([family[tpe["run_orbit"].values.ravel()] for tpe, _ in both.values()])
+    of_runs = [family[tpe["run_orbit"].values] for tpe, _ in both.values()]
+    chosen = np.concatenate([each.ravel() for each in of_runs])
+    halos = [np.char.startswith(each, "Halo_L2").mean(axis=1) for each in of_runs]
     names, counts = np.unique(chosen, return_counts=True)
     order = np.argsort(-counts, kind="stable")
     return _judged(
@@ -146,7 +153,7 @@ def comparison_claims(
         better_least=min(share.floor for share in better.values()),
         fewer=", ".join(f"{name}: {share:.2f}" for name, share in fewer.items()),
         fewer_least=min(share.floor for share in fewer.values()),
-        share=np.mean(np.char.startswith(chosen, "Halo_L2")),
+        share=share_interval(np.concatenate(halos), targets=1),
         of_library=np.mean(np.char.startswith(family, "Halo_L2")),
         most=", ".join(f"{names[i]} {counts[i]}" for i in order[:4]),
         both_lead=set(names[order[:2]]) == {"Halo_L2_N", "Halo_L2_S"},

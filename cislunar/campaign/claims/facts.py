@@ -18,6 +18,7 @@ from cislunar.campaign.tracking.statistics import (
     interval_of,
     log_interval,
     prediction_interval,
+    share_interval,
     slopes,
     t_interval,
 )
@@ -152,8 +153,13 @@ STATISTICS: dict[str, Callable[..., Any]] = {
     "first": lambda sweep, *m: np.nanmean(_values(sweep.frame, *m)[:, 0]),
     "last": lambda sweep, *m: np.nanmean(_values(sweep.frame, *m)[:, -1]),
     "average": lambda sweep, *m: np.nanmean(_values(sweep.frame, *m)),
-    "several": lambda sweep, *m: np.nanmean(_values(sweep.frame, *m) >= 2),
+    "several": lambda sweep, *m: share_interval(
+        (_values(sweep.frame, *m) >= 2).mean(axis=1), targets=1
+    ),
     "trend": lambda sweep, *m: t_interval(slopes(sweep.places, _values(sweep.frame, *m))),
+    "decades": lambda sweep, *m: t_interval(
+        slopes(sweep.places, np.log10(values_of(sweep.frame, *m)))
+    ),
     "change": lambda sweep, *m: t_interval(_change(sweep.frame, *m)),
     "excess": lambda sweep, *m: t_interval(_change(sweep.frame, *m) - _change(sweep.beside, *m)),
     "growth": _growth,

@@ -46,9 +46,9 @@ class Interval(NamedTuple):
         return self.high if self.count > 1 else self.mean
 
     @property
-    def around_zero(self) -> bool:
-        """Whether it lies on neither side of zero."""
-        return not (self.above_zero or self.below_zero)
+    def reach(self) -> float:
+        """How far it goes from zero."""
+        return max(abs(self.low), abs(self.high))
 
     def __format__(self, form: str) -> str:
         """The mean with its interval in brackets, numbers in the form given."""
