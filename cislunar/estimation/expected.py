@@ -9,8 +9,15 @@ from numba import njit
 
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
-from cislunar.observation.measurement import target_magnitude
-from cislunar.observation.sightline import direction_angles, wrap_angle
+from cislunar.observation.sightline import METRES, direction_angles, lit_directions, wrap_angle
+from cislunar.photometry.facet_blocks import (
+    MAGNITUDE,
+    QUATERNION,
+    RANGE,
+    SUN,
+    VIEW,
+    block_magnitudes,
+)
 from cislunar.photometry.facets import FLOOR_MAGNITUDE
 
 
@@ -45,37 +52,70 @@ def attitude_error(root, column, scale):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
+def _set_geometry(block, point, bundle, observer, sun, to_inertial):
+    """Directions to Sun and observer (inertial frame) and the range of a point, into the block."""
+    x, y, z = bundle[0, point], bundle[1, point], bundle[2, point]
+    light, view, distance, _ = lit_directions(
+        x - observer[0],
+        y - observer[1],
+        z - observer[2],
+        sun[0] - x,
+        sun[1] - y,
+        sun[2] - z,
+        to_inertial,
+    )
+    block[SUN, point], block[SUN + 1, point], block[SUN + 2, point] = light
+    block[VIEW, point], block[VIEW + 1, point], block[VIEW + 2, point] = view
+    block[RANGE, point] = distance * METRES
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _set_attitudes(block, count, quaternion, root, spread):
+    """Attitudes of the sigma points, into the block.
+
+    The root (12, 12) being triangular with the attitude first, only the points of its first six
+    columns differ from the mean attitude.
+    """
+    q1, q2, q3, q4 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    size = root.shape[0]
+    for point in range(count):
+        a1, a2, a3, a4 = q1, q2, q3, q4
+        column = (point - 1) % size
+        if point > 0 and column < 6:
+            d1, d2, d3, d4 = attitude_error(root, column, spread if point <= size else -spread)
+            a1, a2, a3, a4 = multiply_components(d1, d2, d3, d4, q1, q2, q3, q4)
+        block[QUATERNION, point], block[QUATERNION + 1, point] = a1, a2
+        block[QUATERNION + 2, point], block[QUATERNION + 3, point] = a3, a4
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def expected_measurements(
-    bundle, quaternion, root, spread, observer, axes, sun, to_inertial, surfaces, j, expected
+    bundle, quaternion, root, spread, observer, axes, sun, to_inertial, surfaces, j, block, expected
 ):
     """Magnitudes of target j and directions at the sigma points (Paul & Fan, eqs. 35, 36, 42).
 
     The magnitudes go into column 0, right ascension and declination, as in `expected_directions`,
-    into the next two; returns the central ones, and how many points are dark. One pass lets the
-    processor overlap the two.
-    The root (12, 12) being triangular with the attitude first, only the points of its first six
-    columns differ from the mean attitude.
+    into the next two; returns the central ones, and how many points are dark. `block` is scratch
+    of the shape that `cislunar.photometry.facet_blocks` takes.
     """
-    q = (quaternion[0], quaternion[1], quaternion[2], quaternion[3])
-    size = root.shape[0]
-    magnitude0, ra0, dec0, dark = 0.0, 0.0, 0.0, 0
-    for point in range(bundle.shape[1]):
-        x, y, z = bundle[0, point], bundle[1, point], bundle[2, point]
-        attitude = q
-        column = (point - 1) % size
-        if point > 0 and column < 6:
-            d1, d2, d3, d4 = attitude_error(root, column, spread if point <= size else -spread)
-            attitude = multiply_components(d1, d2, d3, d4, q[0], q[1], q[2], q[3])
-        dx, dy, dz = x - observer[0], y - observer[1], z - observer[2]
-        ra, dec = direction_angles(dx, dy, dz, axes)
-        magnitude = target_magnitude(
-            dx, dy, dz, sun[0] - x, sun[1] - y, sun[2] - z, to_inertial, attitude, surfaces, j
-        )
-        dark += magnitude == FLOOR_MAGNITUDE
-        if point == 0:
-            magnitude0, ra0, dec0 = magnitude, ra, dec
-        else:
-            expected[point - 1, 0] = magnitude - magnitude0
-            expected[point - 1, 1] = wrap_angle(ra - ra0)
-            expected[point - 1, 2] = dec - dec0
+    count = bundle.shape[1]
+    for point in range(count):
+        _set_geometry(block, point, bundle, observer, sun, to_inertial)
+    _set_attitudes(block, count, quaternion, root, spread)
+    first, last = surfaces.first[j], surfaces.first[j + 1]
+    block_magnitudes(
+        block,
+        count,
+        surfaces.areas[first:last],
+        surfaces.normals[first:last],
+        surfaces.material[j],
+        surfaces.irradiance_4pi,
+        surfaces.fresnel_sqrt,
+    )
+    magnitude0, dark = block[MAGNITUDE, 0], 0
+    for point in range(count):
+        dark += block[MAGNITUDE, point] == FLOOR_MAGNITUDE
+        if point > 0:
+            expected[point - 1, 0] = block[MAGNITUDE, point] - magnitude0
+    ra0, dec0 = expected_directions(bundle, observer, axes, expected[:, 1:])
     return magnitude0, ra0, dec0, dark

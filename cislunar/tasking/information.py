@@ -26,6 +26,7 @@ from cislunar.estimation.unscented import (
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.observation.sensor import Sensor, SensorLimits
 from cislunar.observation.sightline import METRES, in_clear_view, sphere_brighter
+from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
 from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.tasking.information_bound import bound_all
 
@@ -182,6 +183,7 @@ def _fill(prediction, joint, scene, surfaces, belief, wanted, out):
     cross, even = np.empty((3, 2)), np.empty((2, 2))
     all_expected, all_shift = np.empty((24, 3)), np.empty(3)
     all_cross, all_even = np.empty((12, 3)), np.empty((3, 3))
+    block = np.empty((BLOCK_ROWS, LANES))
     sun, axes, variance = scene.sun_position[index], scene.observer_axes[index], belief.variance
     for o in range(out.shape[0]):
         observer = scene.observer_position[o, index]
@@ -208,6 +210,7 @@ def _fill(prediction, joint, scene, surfaces, belief, wanted, out):
                     scene.frame_axes[index],
                     surfaces,
                     j,
+                    block,
                     all_expected,
                 )
                 innovation_moments(

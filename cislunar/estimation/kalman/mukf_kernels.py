@@ -155,6 +155,7 @@ def update(state, j, measurements, row, k, scene, surfaces, constants, work):
             scene.frame_axes[k],
             surfaces,
             j,
+            work.block,
             work.expected,
         )
         innovation[0] = value[row, 0] - magnitude

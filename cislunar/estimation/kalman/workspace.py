@@ -19,6 +19,7 @@ from cislunar.estimation.unscented import UnscentedWeights, unscented_weights
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.sightline import inside_primary
+from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
 
 Array = NDArray[np.float64]
 
@@ -73,6 +74,7 @@ class Workspace(NamedTuple):
     slopes: Array
     stage: Array
     differences: Array
+    block: Array
     shift: Array
     covariance: Array
     expected: Array
@@ -92,6 +94,7 @@ def make_workspace(size, measured):
         np.empty((STAGES8, 6, outer + 1)),
         np.empty((6, outer + 1)),
         np.empty((outer, size)),
+        np.empty((BLOCK_ROWS, LANES)),
         np.empty(size),
         np.empty((size, size)),
         np.empty((outer, measured)),
