@@ -1,19 +1,24 @@
 """What a cell keeps on request: it is what the run had, and it goes out and comes back."""
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
 from campaign_folder import ROOT, read_campaign
 
-from cislunar.campaign.data.inputs import sun_dataset
+from cislunar.campaign.data.inputs import sun_at, sun_dataset
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell, cell_settings
 from cislunar.campaign.settings.checks import check_campaign
-from cislunar.campaign.settings.reading import merged
-from cislunar.campaign.tracking.cell import CellInputs
+from cislunar.campaign.settings.library import loop_settings
+from cislunar.campaign.settings.reading import merged, typed
+from cislunar.campaign.tracking.cell import CellInputs, tracking_problem
 from cislunar.campaign.tracking.dataset import cell_dataset, write_cell
 from cislunar.campaign.tracking.records import cell_arcs, frame_epoch
-from cislunar.constants import EPOCH_JD
+from cislunar.constants import EPOCH_JD, SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError
 from cislunar.evaluation.metrics import attitude_angle_deg
 from cislunar.exchange.arcs import COMMENTS, rotating_arc
@@ -157,6 +162,40 @@ def test_looks_are_the_fates_and_see_the_truth(recorded):
     # and the telescope points there, within its field of view
     pointing = recorded["pointing"].values[own["seed"][rows], at[rows], own["observer"][rows]]
     assert np.all(np.abs(pointing[:, 1] - np.arctan2(z, np.hypot(x, y))) < np.deg2rad(1.5))
+
+
+def test_a_later_day_and_free_phases_move_everything_to_where_it_is_then(inputs):
+    cell, settings = cell_of([])
+    assert "start_day" not in settings
+    phased = inputs.architecture.assign(phase=("slot", [0.25, 0.5]))
+    found = []
+    for own, change in ((inputs.architecture, {}), (phased, {"start_day": 0.5})):
+        chosen = typed(settings | change, CellSettings)
+        given = chosen, "dopri5", loop_settings(chosen, 60)
+        found.append(tracking_problem(cell, inputs._replace(architecture=own), *given))
+    first, later = found
+    half_a_day = 0.5 * SECONDS_PER_DAY / TIME_UNIT_S
+    times = half_a_day + 60.0 * np.arange(121) / TIME_UNIT_S
+    state, period = inputs.orbits["state"].values, inputs.orbits["period"].values
+    for observer, (orbit, ahead) in enumerate([(0, 0.25), (0, 0.75), (2, 0.5)]):
+        path = propagate_periodic(state[orbit], period[orbit], times + ahead * period[orbit])
+        np.testing.assert_allclose(later.scene.observer_position[observer], path[:, :3], atol=1e-9)
+    np.testing.assert_array_equal(later.scene.sun_position, sun_at(inputs.sun, times))
+    for before, after in zip(first.epoch_state, later.epoch_state, strict=True):
+        flown = propagate(before, [half_a_day], method="dop853")[0]
+        np.testing.assert_allclose(after, flown, atol=1e-8)
+    wrong = inputs.architecture.assign(phase=("slot", [0.25, 1.5]))
+    with pytest.raises(ConfigurationError, match=r"phase = \[0\.25, 1\.5\] must be shares"):
+        tracking_problem(cell, inputs._replace(architecture=wrong), *given)
+
+
+def test_arcs_of_a_later_day_have_its_dates(inputs, recorded):
+    settings = json.loads(recorded.attrs["settings"]) | {"start_day": 0.5}
+    later = recorded.assign_attrs(settings=json.dumps(settings))
+    for one, two in zip(cell_arcs(recorded, inputs.sun), cell_arcs(later, inputs.sun), strict=True):
+        frame = frame_epoch(inputs.sun)
+        elapsed = [rotating_arc(each, frame)[0] for each in (one, two)]
+        np.testing.assert_allclose(elapsed[1] - elapsed[0], 0.5 * SECONDS_PER_DAY, atol=1e-5)
 
 
 @pytest.mark.parametrize("which", ["estimated", "true"])

@@ -8,6 +8,7 @@ import pandas as pd
 import xarray as xr
 
 from cislunar.architecture.published import PUBLISHED
+from cislunar.campaign.architectures.variables import phases_of
 from cislunar.campaign.architectures.visibility import architecture_coverage
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 
@@ -30,7 +31,8 @@ def architecture_rows(
     """
     orbit = architecture["orbit"].values
     satellites = architecture["satellites"].values
-    covered = architecture_coverage(orbit, satellites, orbits, targets, sun, settings)
+    flown = orbit, satellites, orbits, targets, sun, settings
+    covered = architecture_coverage(*flown, phases_of(architecture))
     paper = PUBLISHED.get(scenario, ())
     paper_at = [paper[slot] if slot < len(paper) else ("", "") for slot in range(len(orbit))]
     return pd.DataFrame(

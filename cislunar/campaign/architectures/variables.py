@@ -9,6 +9,7 @@ import xarray as xr
 from cislunar.architecture.cost import CostFunction
 from cislunar.campaign.data.netcdf import variable
 from cislunar.campaign.data.provenance import provenance
+from cislunar.errors import ConfigurationError
 
 LAMBDA_MEANING = (
     "1 / satellites",
@@ -39,6 +40,23 @@ def architecture_variables(
         J=((), cost.value(orbit, satellites), "figure of merit J; larger is better"),
         **{f"lambda_{k}": ((), *described) for k, described in enumerate(factors, start=1)},
     )
+
+
+def phases_of(architecture: xr.Dataset) -> np.ndarray:
+    """How far the satellites of each slot are ahead of the paper's, shares of the period (slot,).
+
+    The variable `phase`, which a file need not have: zeros without it. A `ConfigurationError` if
+    one is no share.
+    """
+    if "phase" not in architecture:
+        return np.zeros(architecture["orbit"].shape)
+    phase = architecture["phase"].values
+    if not np.all((phase >= 0.0) & (phase <= 1.0)):
+        raise ConfigurationError(
+            f"architecture {architecture.attrs.get('title', '')!r}: phase = {phase.tolist()} must "
+            "be shares of the period, within 0 .. 1"
+        )
+    return phase
 
 
 def history_variables(values: np.ndarray, satellites: np.ndarray) -> dict[str, xr.Variable]:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.coverage.measures import Coverage, architecture_tracks, coverage
@@ -92,8 +93,12 @@ def architecture_coverage(
     targets: xr.Dataset,
     sun: xr.Dataset,
     settings: Mapping[str, Any],
+    phase: ArrayLike = 0.0,
 ) -> Coverage:
-    """Union coverage of one architecture (slot,), data sets and settings as for visibility."""
+    """Union coverage of one architecture (slot,), data sets and settings as for visibility.
+
+    `phase` (slot,) as of `phases_of`.
+    """
     chosen = visibility_settings(settings)
     times = horizon(settings)
     track = architecture_tracks(
@@ -101,6 +106,7 @@ def architecture_coverage(
         orbits["period"].values[orbit],
         satellites,
         times,
+        phase=phase,
         propagator=chosen.propagator,
     )
     return coverage(track, targets["position"].values, times, sun_at(sun, times), chosen)

@@ -200,7 +200,10 @@ class CellSettings(Section):
         "chooses which targets are monitored (smaller sets are contained in larger ones) and "
         "where on their orbits they start", "1", '"a fixed random seed"', default=20241001)
     duration_hours: Positive = setting(
-        "length of a run; at most `visibility.duration_days`", "h", "24")
+        "length of a run, which ends within `visibility.duration_days`", "h", "24")
+    start_day: NotNegative = setting(
+        "day of the horizon on which a run begins; observers, Sun and targets are where they are "
+        "then, those with a period having gone around it", "d", "0", default=0)
     step_s: Positive = setting(
         "time between measurements, and step of filter and truth",
         "s", "60 (table 3; 30 in the text)")

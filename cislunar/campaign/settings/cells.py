@@ -63,7 +63,8 @@ def cell_settings(task2: Mapping[str, Any], variant: str = "") -> dict[str, Any]
 
 def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings that keep what is usual do not say so: the file is the same as without the key."""
-    usual = {key: CellSettings.model_fields[key].default for key in ("histories", "record")}
+    fields = CellSettings.model_fields
+    usual = {key: fields[key].default for key in ("start_day", "histories", "record")}
     return {key: value for key, value in settings.items() if value != usual.get(key, ...)}
 
 

@@ -130,10 +130,12 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
             f"'task2.interval_minutes' = {config['task2']['interval_minutes']}"
         )
     days = config["visibility"]["duration_days"]
-    if hours > 24.0 * days:
+    start = settings.get("start_day", 0)
+    if hours > 24.0 * (days - start):
         raise ConfigurationError(
             f"configuration key '{place}duration_hours' = {hours} exceeds the ephemeris, which "
             f"covers 'visibility.duration_days' = {days}"
+            + (f", from '{place}start_day' = {start} on" if start else "")
         )
     material = settings["material"]
     if not (

@@ -8,6 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from cislunar.architecture.coverage.measures import architecture_tracks
+from cislunar.campaign.architectures.variables import phases_of
 from cislunar.campaign.data.inputs import sun_at
 from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.settings.cell_tree import CellSettings
@@ -20,7 +21,8 @@ from cislunar.campaign.settings.library import (
 )
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.scenarios import orbits_of
-from cislunar.constants import TIME_UNIT_S
+from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.dynamics.propagation import advance_orbits
 from cislunar.errors import ConfigurationError
 from cislunar.observation.scene import Scene, TargetSurfaces, make_scene
 from cislunar.tasking.closed_loop import ClosedLoop, LoopSettings
@@ -49,9 +51,9 @@ class Problem(NamedTuple):
     """What a cell needs of the world.
 
     `surfaces` are as the estimator believes them, `truth` what they truly are, with the true noise.
-    `epoch_state`, shape (target, 6), holds the targets' mean states, nondimensional, rotating
-    frame; `target_ids` their rows in ``orbits/tracked.nc``; `observer_slot` the slot of the
-    architecture each observer flies in.
+    `epoch_state`, shape (target, 6), holds the targets' mean states as the run begins,
+    nondimensional, rotating frame; `target_ids` their rows in ``orbits/tracked.nc``;
+    `observer_slot` the slot of the architecture each observer flies in.
     """
 
     scene: Scene
@@ -84,24 +86,25 @@ def tracking_problem(
             f"was made with another {orbits_of(cell.architecture)}; delete it and run snakemake "
             "again"
         )
-    times = loop.elapsed_s / TIME_UNIT_S
+    start = settings.start_day * SECONDS_PER_DAY / TIME_UNIT_S
+    times = start + loop.elapsed_s / TIME_UNIT_S
     tracks = architecture_tracks(
         orbits["state"].values[orbit],
         orbits["period"].values[orbit],
         satellites,
         times,
+        phase=phases_of(architecture),
         propagator=propagator,
     )
     ids = monitored_targets(tracked.sizes["target"], cell.targets, settings.monitored_seed)
     # All targets are placed, so that a target starts at the same point in every monitored set.
-    states = epoch_states(
-        tracked["state"].values, tracked["period"].values, settings.monitored_seed
-    )
+    periods = tracked["period"].values
+    states = epoch_states(tracked["state"].values, periods, settings.monitored_seed)
     return Problem(
         make_scene(tracks, sun_at(sun, times), loop.step_s),
         believed_surfaces(settings, cell.targets),
         truth_model(settings, cell.targets),
-        states[ids],
+        advance_orbits(states[ids], periods[ids], start),
         ids,
         np.repeat(np.arange(orbit.size), satellites),
     )

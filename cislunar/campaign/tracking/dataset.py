@@ -24,6 +24,7 @@ from cislunar.campaign.tracking.records import (
     look_values,
     observer_variables,
     recorded_variables,
+    start_day,
 )
 from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
@@ -147,11 +148,13 @@ def _dataset(
 ) -> xr.Dataset:
     """Coordinates, histories as far as they are given, and what the run came to."""
     settings, ids, slot = loop.world.settings, problem.target_ids, problem.observer_slot
+    since, days = "time since the epoch", start_day(attributes)
+    since += f" and {days:g} days" if days else ""
     coords = {
         "seed": ("seed", np.arange(len(loop.seeds)), "1", "realization"),
-        "time": ("time", settings.step_s * (settings.recorded + 1.0), "s", "time since the epoch"),
-        "step": ("step", settings.elapsed_s[1:], "s", "time since the epoch"),
-        "epoch": ("epoch", settings.step_s * settings.epochs, "s", "time since the epoch"),
+        "time": ("time", settings.step_s * (settings.recorded + 1.0), "s", since),
+        "step": ("step", settings.elapsed_s[1:], "s", since),
+        "epoch": ("epoch", settings.step_s * settings.epochs, "s", since),
         "component": ("component", list(COMPONENTS), "1", "component of the state"),
         "component_unit": ("component", list(COMPONENT_UNITS), "1", "unit of the component"),
         "part": ("part", list(PARTS), "1", "part of the state"),

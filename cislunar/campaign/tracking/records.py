@@ -1,12 +1,14 @@
 """What a cell keeps for other tools (`task2.record`): its variables, and its arcs to export."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from cislunar.constants import SECONDS_PER_DAY
 from cislunar.errors import ConfigurationError
 from cislunar.exchange.arcs import arc
 from cislunar.exchange.inertial import Epoch
@@ -133,6 +135,11 @@ def frame_epoch(sun: xr.Dataset) -> Epoch:
     return Epoch(float(sun["et"].values[0]), sun["moon_rotation"].values[0])
 
 
+def start_day(attributes: Mapping[str, Any]) -> float:
+    """Days from the epoch to the start of a cell with these attributes."""
+    return float(json.loads(attributes["settings"]).get("start_day", 0.0))
+
+
 def cell_arcs(
     cell: xr.Dataset,
     sun: xr.Dataset,
@@ -174,7 +181,8 @@ def cell_arcs(
     own: dict[str, Any] = {name: cell[name].values[seed]}
     if which == "estimated" and "covariance" in cell:
         own["covariance"] = cell["covariance"].values[seed]
-    epoch, times = frame_epoch(sun), cell["time"].values
+    epoch = frame_epoch(sun)
+    times = cell["time"].values + SECONDS_PER_DAY * start_day(cell.attrs)
     arcs = []
     for j, (row, family) in enumerate(
         zip(cell["target_id"].values, cell["family"].values, strict=True)

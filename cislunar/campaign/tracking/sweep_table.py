@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from cislunar.campaign.architectures.variables import phases_of
 from cislunar.campaign.architectures.visibility import architecture_coverage
 from cislunar.campaign.settings.families import SweepPoint
 from cislunar.campaign.tracking.tables import tracking_rows
@@ -31,7 +32,8 @@ def architecture_values(
     `settings` are the configuration keys `propagator` and `visibility` of the scenario.
     """
     orbit, satellites = architecture["orbit"].values, architecture["satellites"].values
-    covered = architecture_coverage(orbit, satellites, orbits, targets, sun, settings)
+    flown = orbit, satellites, orbits, targets, sun, settings
+    covered = architecture_coverage(*flown, phases_of(architecture))
     return {
         "J": float(architecture["J"]),
         "satellites": float(satellites.sum()),

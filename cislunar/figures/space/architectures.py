@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import xarray as xr
 from matplotlib.figure import Figure
 
+from cislunar.campaign.architectures.variables import phases_of
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.figures.axes import Grid, legend_below, place
 from cislunar.figures.space.earth_moon import (
@@ -91,10 +92,13 @@ def _scene(orbits: xr.Dataset, architecture: xr.Dataset) -> list[TileOrbit]:
         TileOrbit(
             orbit_curve(orbits, int(index)),
             family_style(family[index]),
-            satellite_tracks(orbits, int(index), int(count)),
+            satellite_tracks(orbits, int(index), int(count), phase=float(phase)),
         )
-        for index, count in zip(
-            architecture["orbit"].values, architecture["satellites"].values, strict=True
+        for index, count, phase in zip(
+            architecture["orbit"].values,
+            architecture["satellites"].values,
+            phases_of(architecture),
+            strict=True,
         )
     ]
 

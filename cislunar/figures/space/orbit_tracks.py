@@ -52,14 +52,15 @@ def orbit_track_km(orbits: xr.Dataset, index: int, samples: int) -> Array:
 
 
 def satellite_tracks(
-    orbits: xr.Dataset, index: int, satellites: int, hours: ArrayLike = 0.0
+    orbits: xr.Dataset, index: int, satellites: int, hours: ArrayLike = 0.0, phase: float = 0.0
 ) -> Array:
     """Satellites of the orbit in a row of ``orbits/families.nc``, equally spaced in time.
 
     At `hours` since the epoch, shape (...); gives (..., satellites, 3), rotating frame,
-    nondimensional.
+    nondimensional. All are ahead by `phase`, a share of the period.
     """
-    phases = np.arange(satellites) * float(orbits["period"].values[index]) / satellites
+    period = float(orbits["period"].values[index])
+    phases = phase * period + np.arange(satellites) * period / satellites
     times = _nondimensional(orbits, hours)[..., None] + phases
     return _positions(orbits, index, times.ravel()).reshape(*times.shape, 3)
 

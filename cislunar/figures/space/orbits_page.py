@@ -17,6 +17,7 @@ import xarray as xr
 from plotly.io import to_html
 from plotly.offline import get_plotlyjs
 
+from cislunar.campaign.architectures.variables import phases_of
 from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, SECONDS_PER_DAY
 from cislunar.figures.axes import Array
 from cislunar.figures.space.earth_moon import bodies, thousands
@@ -280,7 +281,10 @@ def _architecture_layer(name: str, orbits: xr.Dataset, architecture: xr.Dataset)
         hovertemplate=_HOVER_ORBIT,
         visible=False,
     )
-    tracks = [satellite_tracks(orbits, orbit, count, FRAME_HOURS) for orbit, count in chosen]
+    tracks = [
+        satellite_tracks(orbits, orbit, count, FRAME_HOURS, phase)
+        for (orbit, count), phase in zip(chosen, phases_of(architecture), strict=True)
+    ]
     track = np.concatenate(tracks, axis=1) * float(orbits.attrs["length_unit_km"])
     told = [
         f"satellite {k + 1} of {count} on orbit {orbit}, {_family_label(family)}"
