@@ -17,10 +17,12 @@ from cislunar.architecture.information.tables import (
     InformationTables,
     Looks,
     attitude_information,
+    moving_targets,
     orbit_information,
     windows_of,
 )
 from cislunar.architecture.objective import Objective
+from cislunar.architecture.places import free_places, satellite_places
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics.propagation import advance_orbits, propagate, propagate_periodic
 from cislunar.errors import ConfigurationError
@@ -197,7 +199,8 @@ def each_look():
 
 def test_orbit_tables_hold_the_information_of_differences():
     orbits, state, period, windows, sun = scene()
-    tables = orbit_information(orbits, state, period, windows, sun, LOOKS, phases=2)
+    targets, places = moving_targets(state, period, windows), free_places(orbits, 2)
+    tables = orbit_information(orbits, places, targets, windows, sun, LOOKS)
     assert tables.shape == (2, 3, 1) and tables.nuisance == 0
     sigma = LOOKS.initial.components()[6:]
     expected = np.zeros((6, 2, 3, 6, 6))
@@ -239,10 +242,9 @@ def test_attitude_tables_hold_the_information_of_differences():
     orbits, state, period, windows, sun = scene()
     shape = icosahedron(1.0)
     surfaces = target_surfaces(shape, MATERIAL, 3, MODEL)
-    tables = attitude_information(
-        orbits, state, period, windows, sun, LOOKS, surfaces, RATE, np.random.default_rng(5),
-        attitudes=2, phases=2,
-    )  # fmt: skip
+    targets, places = moving_targets(state, period, windows), free_places(orbits, 2)
+    given = LOOKS, surfaces, RATE, np.random.default_rng(5)
+    tables = attitude_information(orbits, places, targets, windows, sun, *given, attitudes=2)
     assert tables.shape == (2, 3, 2) and tables.nuisance == 3
     drawn = np.random.default_rng(5).standard_normal((2, 3, 2, 4))
     drawn /= np.linalg.norm(drawn, axis=-1, keepdims=True)
@@ -268,6 +270,12 @@ def test_attitude_tables_hold_the_information_of_differences():
     assert np.all(np.abs(found - expected) <= 1e-4 * scale + 1e-12)
 
 
+def test_satellites_of_slots_stand_where_the_paper_puts_them():
+    places = satellite_places(scene()[0], [2, 0], [3, 1], [0.0, 0.25])
+    assert places.orbit.tolist() == [2, 2, 2, 0]
+    assert places.phase == pytest.approx([0.0, 1.0 / 3.0, 2.0 / 3.0, 0.25])
+
+
 @pytest.mark.parametrize(
     "change, message",
     [
@@ -286,9 +294,10 @@ def test_impossible_looks_tables_and_numbers_are_refused():
         Looks(per_hour=0.0)
     with pytest.raises(ConfigurationError, match="initial"):
         Looks(initial=Spread(1.0, 1.0, 1.0, 0.0))
-    for change, message in (({"phases": 0}, "phases"), ({"max_stability_index": 0.5}, "leaves no")):
-        with pytest.raises(ConfigurationError, match=message):
-            orbit_information(*scene(), LOOKS, **{"phases": 1} | change)
+    with pytest.raises(ConfigurationError, match="phases = 0"):
+        free_places(scene()[0], 0)
+    with pytest.raises(ConfigurationError, match="leaves no orbit"):
+        free_places(scene()[0], 1, 0.5)
     with pytest.raises(ConfigurationError, match="n_slots = 10"):
         certify_information(objective_of(0, 0), 10)
     with pytest.raises(ConfigurationError, match="steps = 0"):

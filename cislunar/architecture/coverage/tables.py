@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.architecture.coverage.kernels import add_layers
 from cislunar.architecture.coverage.measures import day_starts
-from cislunar.architecture.places import places_of, steady_orbits
+from cislunar.architecture.places import free_places, places_at, steady_orbits
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.families import OrbitSet
@@ -184,10 +184,13 @@ def coverage_tables(
                     add_layers(layers[place, count], rows[orbit, row : row + 1])
         if progress is not None:
             progress(first + len(batch), len(allowed))
-    first_phase = phase if phases is not None else np.zeros(1)
+    if phases is None:
+        taken = places_at(orbits, allowed, np.zeros(allowed.size))
+    else:
+        taken = free_places(orbits, phases, max_stability_index)
     return CoverageTables(
         layers=layers,
         fold=fold,
         shape=(n_windows, len(target)),
-        **places_of(orbits, allowed, first_phase)._asdict(),
+        **taken._asdict(),
     )

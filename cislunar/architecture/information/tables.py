@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.architecture.information.looks import PACKED, add_directions, add_magnitudes
-from cislunar.architecture.places import places_of, steady_orbits
+from cislunar.architecture.places import Places
 from cislunar.attitude.quaternion import normalize
 from cislunar.attitude.rigid_body import propagate_spherical, spherical_transition
 from cislunar.constants import MU, TIME_UNIT_S
@@ -164,94 +164,115 @@ class InformationTables:
     stability_index: Array
 
 
-class _Targets(NamedTuple):
-    """Positions (window, sample, target, 3), and their derivative by the state at the start."""
+class MovingTargets(NamedTuple):
+    """Targets in every window.
+
+    Attributes
+    ----------
+    position : ndarray, shape (window, sample, target, 3)
+        Nondimensional, rotating frame.
+    motion : ndarray, shape (window, sample, target, 3, 6)
+        Its derivative by the state at the start of the window.
+    """
 
     position: Array
     motion: Array
 
 
-def _moving(state: ArrayLike, period: ArrayLike, windows: Windows, mu: float) -> _Targets:
-    """Targets in every window."""
+def moving_targets(
+    state: ArrayLike, period: ArrayLike, windows: Windows, mu: float = MU
+) -> MovingTargets:
+    """Follow targets through every window.
+
+    Parameters
+    ----------
+    state : array_like, shape (target, 6)
+        At the epoch, nondimensional, rotating frame.
+    period : array_like, shape (target,)
+        Nondimensional; 0 for a target that flies on freely.
+    windows : Windows
+        Windows and times of looks.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    MovingTargets
+
+    Raises
+    ------
+    ConvergenceError
+        If a target runs into the centre of a body.
+    """
     states, shape = np.asarray(state, dtype=float), (*windows.times.shape, len(state))
     position, motion = np.empty((*shape, 3)), np.empty((*shape, 3, 6))
     for w, (start, times) in enumerate(zip(windows.start, windows.times, strict=True)):
         for j, at_start in enumerate(advance_orbits(states, period, float(start), mu)):
             later, matrix = propagate_stm(at_start, times - start, forces=CR3BP(mu))
             position[w, :, j], motion[w, :, j] = later[:, :3], matrix[:, :3]
-    return _Targets(position, motion)
+    return MovingTargets(position, motion)
 
 
 def _tables(
     orbits: OrbitSet,
+    places: Places,
     windows: Windows,
     shape: tuple[int, int, int],
     nuisance: int,
     add: Callable[[int, Array, Array], None],
-    *,
-    phases: int,
-    max_stability_index: float,
     propagator: str,
     mu: float,
     progress: Callable[[int, int], None] | None,
 ) -> InformationTables:
     """Tables of all places; `add` takes window, track and the matrices (target, attitude, 21)."""
-    if phases < 1:
-        raise ConfigurationError(f"phases = {phases} must be at least 1")
-    allowed, phase = steady_orbits(orbits, max_stability_index), np.arange(phases) / phases
-    matrix = np.zeros((allowed.size * phases, *shape, PACKED))
-    for number, orbit in enumerate(allowed):
+    matrix = np.zeros((places.orbit.size, *shape, PACKED))
+    used = np.unique(places.orbit)
+    for number, orbit in enumerate(used, start=1):
+        own = np.flatnonzero(places.orbit == orbit)
         tracks = satellite_tracks(
-            orbits.state[[orbit]], orbits.period[[orbit]], phase, windows.times.ravel(),
+            orbits.state[[orbit]], orbits.period[[orbit]], places.phase[own], windows.times.ravel(),
             propagator=propagator, mu=mu,
-        )[0].reshape(phases, *windows.times.shape, 3)  # fmt: skip
-        for p in range(phases):
+        )[0].reshape(own.size, *windows.times.shape, 3)  # fmt: skip
+        for place, track in zip(own, tracks, strict=True):
             for w in range(shape[0]):
-                add(w, tracks[p, w], matrix[number * phases + p, w])
+                add(w, track[w], matrix[place, w])
         if progress is not None:
-            progress(number + 1, allowed.size)
+            progress(number, used.size)
     items = matrix.reshape(len(matrix), -1, PACKED)
-    places = places_of(orbits, allowed, phase)
     return InformationTables(items, nuisance, shape, **places._asdict())
 
 
 def orbit_information(
     orbits: OrbitSet,
-    state: ArrayLike,
-    period: ArrayLike,
+    places: Places,
+    targets: MovingTargets,
     windows: Windows,
     sun_position: ArrayLike,
     looks: Looks,
     *,
-    phases: int,
-    max_stability_index: float = np.inf,
     propagator: str = "dopri5",
     mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
 ) -> InformationTables:
     """Tabulate what the directions tell of position and velocity of moving targets.
 
-    A table has 168 bytes for each place, target and window: 84 MB for 1000 places, 50 targets and
+    A table has 168 bytes for each place, target and window: 168 MB for 1000 places, 100 targets and
     10 windows.
 
     Parameters
     ----------
     orbits : OrbitSet
-        Candidate orbits of the observers.
-    state : array_like, shape (target, 6)
-        Targets at the epoch, nondimensional, rotating frame.
-    period : array_like, shape (target,)
-        Their periods, nondimensional; 0 for a target that flies on freely.
+        Orbits of the observers.
+    places : Places
+        Their places, see `cislunar.architecture.places`.
+    targets : MovingTargets
+        From `moving_targets`, of the same windows.
     windows : Windows
         Windows and times of looks.
     sun_position : array_like, shape (window, sample, 3)
         Sun at those times, nondimensional, rotating frame.
     looks : Looks
         Sensor, looks in an hour, initial uncertainty.
-    phases : int
-        Satellites may stand at the phases 0, 1/phases, ... of a period of each orbit.
-    max_stability_index : float
-        Orbits of a larger stability index are left out.
     propagator : str
         Of the observers, see `cislunar.visibility.counts.satellite_tracks`.
     mu : float
@@ -262,33 +283,23 @@ def orbit_information(
     Returns
     -------
     InformationTables
-
-    Raises
-    ------
-    ConfigurationError
-        If `phases` is below 1, or no orbit is stable enough.
     """
-    targets, view = _moving(state, period, windows, mu), looks.view(mu)
-    sun = np.ascontiguousarray(sun_position, dtype=float)
+    view, sun = looks.view(mu), np.ascontiguousarray(sun_position, dtype=float)
     motion = np.ascontiguousarray(targets.motion * looks.initial.components()[6:])
-    variance = view[0].noise_variance[1]
-    worth = looks.per_hour * windows.step_hours / variance
+    worth = looks.per_hour * windows.step_hours / view[0].noise_variance[1]
 
     def add(window: int, track: Array, out: Array) -> None:
         own = targets.position[window], motion[window], sun[window]
         add_directions(track, *own, view, worth, out[:, 0])
 
-    shape = (len(windows.start), len(targets.position[0, 0]), 1)
-    return _tables(
-        orbits, windows, shape, 0, add, phases=phases, max_stability_index=max_stability_index,
-        propagator=propagator, mu=mu, progress=progress,
-    )  # fmt: skip
+    shape = (len(windows.start), targets.position.shape[2], 1)
+    return _tables(orbits, places, windows, shape, 0, add, propagator, mu, progress)
 
 
 def attitude_information(
     orbits: OrbitSet,
-    state: ArrayLike,
-    period: ArrayLike,
+    places: Places,
+    targets: MovingTargets,
     windows: Windows,
     sun_position: ArrayLike,
     looks: Looks,
@@ -297,8 +308,6 @@ def attitude_information(
     rng: np.random.Generator,
     *,
     attitudes: int = 1,
-    phases: int,
-    max_stability_index: float = np.inf,
     propagator: str = "dopri5",
     mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
@@ -311,7 +320,7 @@ def attitude_information(
 
     Parameters
     ----------
-    orbits, state, period, windows, sun_position, looks, phases, max_stability_index
+    orbits, places, targets, windows, sun_position, looks
         As for `orbit_information`. The looks of a step have the brightness and slope of its middle.
     surfaces : TargetSurfaces
         Shapes and materials; the inertia is taken to be spherical.
@@ -331,12 +340,12 @@ def attitude_information(
     Raises
     ------
     ConfigurationError
-        If `phases` or `attitudes` is below 1, or no orbit is stable enough.
+        If `attitudes` is below 1.
     """
     if attitudes < 1:
         raise ConfigurationError(f"attitudes = {attitudes} must be at least 1")
-    position, view = _moving(state, period, windows, mu).position, looks.view(mu)
-    sun = np.ascontiguousarray(sun_position, dtype=float)
+    view, sun = looks.view(mu), np.ascontiguousarray(sun_position, dtype=float)
+    position = targets.position
     shape = (len(windows.start), position.shape[2], attitudes)
     quaternion = normalize(rng.standard_normal((*shape, 4)))
     turning = _turning(windows, quaternion, np.asarray(angular_velocity, dtype=float), looks)
@@ -346,10 +355,7 @@ def attitude_information(
         own = position[window], sun[window], view, tuple(each[window] for each in turning)
         add_magnitudes(track, *own, surfaces, view[0].limiting_magnitude, worth, out)
 
-    return _tables(
-        orbits, windows, shape, 3, add, phases=phases, max_stability_index=max_stability_index,
-        propagator=propagator, mu=mu, progress=progress,
-    )  # fmt: skip
+    return _tables(orbits, places, windows, shape, 3, add, propagator, mu, progress)
 
 
 def _turning(windows: Windows, quaternion: Array, rate: Array, looks: Looks) -> tuple:
