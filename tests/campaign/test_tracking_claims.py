@@ -1,5 +1,7 @@
 """Verdicts on the paper's claims about tracking, from made-up realizations."""
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -93,7 +95,14 @@ def make_summary(change=lambda *cell: {}, architectures=("published",)):
         "part_unit": ("part", ["1"] * 4),
     }
     dims = ("cell", "seed", "part")
-    return xr.Dataset({n: (dims[: v.ndim], v) for n, v in values.items()}, coords)
+    tasking = {"method": "exact", "max_evaluations": 5000, "early_stop": 700}
+    change = {"tasking": {"method": "tpe", "max_evaluations": 90}}
+    task2 = {"tasking": tasking, "variants": {"cells": {"tpe": {"change": change}}}}
+    return xr.Dataset(
+        {n: (dims[: v.ndim], v) for n, v in values.items()},
+        coords,
+        {"settings": json.dumps({"task2": task2})},
+    )
 
 
 def _verdict(claims, *words):
@@ -321,6 +330,7 @@ def _comparison(share):
             "targets": ("cell", [20]),
             "observers": ("cell", [20]),
         },
+        {"settings": json.dumps({"comparison": {"early_stop": 700}})},
     )
 
 
@@ -331,8 +341,18 @@ def test_tpe_is_judged_at_its_largest_budget_against_the_optimum(share, verdict)
     summary = make_summary()
     claims = tasking_claims(_comparison(share), summary)
     assert _verdict(claims, "near-optimal") == verdict
+    assert {c.budget for c in claims if "near-optimal" in c.claim} == {
+        "100 evaluations at most, stop after 700"
+    }
     assert "after 100 evaluations" in next(c.ours for c in claims if "near-optimal" in c.claim)
     assert "0.9900" in next(c.ours for c in claims if "other methods" in c.claim)
+
+
+def test_tracking_by_a_search_names_its_budget():
+    usual = make_summary().isel(cell=[0])
+    summary = xr.concat([usual, usual.assign_coords(variant=("cell", ["tpe"]))], "cell")
+    (claim,) = tasking_claims(None, summary)
+    assert claim.budget == "90 evaluations at most, stop after 700" and claim.kind == "beyond"
 
 
 def test_intervals_are_those_of_scipy():
@@ -444,7 +464,18 @@ def test_both_estimators_are_compared_on_the_same_realizations():
 
 
 def test_rows_of_the_table_name_what_there_is():
-    keys = {"where", "claim", "paper", "ours", "value", "how", "reproduced", "partly", "each"}
+    keys = {
+        "budget",
+        "where",
+        "claim",
+        "paper",
+        "ours",
+        "value",
+        "how",
+        "reproduced",
+        "partly",
+        "each",
+    }
     keys |= {"input", "calibrated"}
     cells = {"along", "targets", "beside", "least", "statistics"}
     rows = [row for group in table()["tracking"] for row in group["claims"]]

@@ -42,6 +42,12 @@ def _counts(values: xr.DataArray, slots: int) -> Spread:
     return Spread(*found._replace(low=max(float(slots), found.low)))
 
 
+def _budget(run: xr.Dataset) -> dict[str, int]:
+    """Evaluations of a search, and those without improvement that end it."""
+    settings = json.loads(run.attrs["settings"])
+    return {"evaluations": settings["max_evaluations"], "early_stop": settings["early_stop"]}
+
+
 def _judged(part: str, **facts: Any) -> list[Claim]:
     return [judge(row, facts) for row in table()[part]]
 
@@ -90,7 +96,7 @@ def cost_claims(scenario: str, architectures: Mapping[str, xr.Dataset]) -> list[
             **{"paper_J": value, "J": reached, "J_ratio": value / reached.median},
             **{"paper_satellites": count, "satellites": satellites},
             satellites_off=count - satellites.median,
-            early_stop=json.loads(architectures[method].attrs["settings"])["early_stop"],
+            **_budget(architectures[method]),
         )
     if "random" in architectures:
         run = architectures["random"]
@@ -149,6 +155,7 @@ def comparison_claims(
     order = np.argsort(-counts, kind="stable")
     return _judged(
         "optimizers",
+        **_budget(next(iter(both.values()))[0]),
         better=", ".join(f"{name}: {share:.2f}" for name, share in better.items()),
         better_least=min(share.floor for share in better.values()),
         fewer=", ".join(f"{name}: {share:.2f}" for name, share in fewer.items()),

@@ -16,6 +16,7 @@ NOT_REPRODUCED = "not reproduced"
 INPUT = "input"
 CALIBRATED = "calibrated"
 BEYOND = "not in the paper"
+EVIDENCE = "evidence"
 COULD_FAIL = (REPRODUCED, PARTLY, NOT_REPRODUCED)
 """Verdicts on what could have come out otherwise."""
 VERDICTS = (*COULD_FAIL, INPUT, CALIBRATED, BEYOND)
@@ -28,7 +29,11 @@ _SIGNS = {"==": operator.eq, "<": operator.lt, "<=": operator.le, ">": operator.
 
 
 class Claim(NamedTuple):
-    """A row of ``tables/paper_vs_ours.csv``; `value` is ours in short."""
+    """A row of ``tables/paper_vs_ours.csv``.
+
+    `value` is ours in short; `kind` whether the row could have failed ("evidence"), is an "input",
+    "calibrated", or "beyond" the paper; `budget` that of the search it rests on.
+    """
 
     where: str
     claim: str
@@ -37,6 +42,8 @@ class Claim(NamedTuple):
     how: str
     verdict: str
     value: str
+    kind: str
+    budget: str
 
 
 @cache
@@ -86,11 +93,16 @@ def verdict(row: Mapping[str, Any], facts: Facts) -> str:
     be reproduced is an input or calibrated where all conditions under `input` or `calibrated` hold.
     """
     facts = known(facts)
-    reached = _reached(row, facts)
-    for name, kind in (("input", INPUT), ("calibrated", CALIBRATED)):
-        if reached == REPRODUCED and name in row and all(holds(c, facts) for c in row[name]):
+    reached, kind = _reached(row, facts), _kind(row, facts)
+    return kind if reached == REPRODUCED and kind != EVIDENCE else reached
+
+
+def _kind(row: Mapping[str, Any], facts: Facts) -> str:
+    """What a row is, whatever came out."""
+    for kind in (INPUT, CALIBRATED):
+        if kind in row and all(holds(condition, facts) for condition in row[kind]):
             return kind
-    return reached
+    return EVIDENCE if "each" in row or "reproduced" in row else "beyond"
 
 
 def _reached(row: Mapping[str, Any], facts: Facts) -> str:
@@ -131,6 +143,8 @@ def judge(row: Mapping[str, Any], *facts: Facts, names: Sequence[str] = ()) -> C
         how=how,
         verdict=agreed,
         value=row["value"].format(**decisive) if "value" in row else ours[0],
+        kind=_kind(row, decisive),
+        budget=row.get("budget", "-").format(**decisive),
     )
 
 

@@ -1,5 +1,6 @@
 """What the tracked cells have to say of the paper's claims, and comparisons of our own."""
 
+import json
 from collections.abc import Iterator, Mapping
 from itertools import chain
 from typing import Any
@@ -208,14 +209,24 @@ def tasking_claims(comparison: xr.Dataset | None, summary: xr.Dataset) -> list[C
     for index in range(comparison.sizes["cell"]) if comparison is not None else ():
         facts = _searched(comparison.isel(cell=index))
         claims += [judge(row, facts) for row in table()["tasking"]] if facts else []
-    frame = realizations(summary)
+    frame, task2 = realizations(summary), json.loads(summary.attrs["settings"])["task2"]
     for variant in ("tpe", "random", "greedy"):
         for labels, cell in _cells(select(frame, variant=variant)):
             place = {k: v for k, v in labels.items() if k not in ("variant", "observers")}
             usual = select(frame, variant="", **place)
             if not usual.empty:
-                claims.append(_changed(labels, usual, cell))
+                claims.append(_changed(labels | {"budget": _budget(task2, variant)}, usual, cell))
     return claims
+
+
+def _budget(task2: Mapping[str, Any], variant: str) -> str:
+    """What a variant's tasking may evaluate at an epoch."""
+    change = task2["variants"]["cells"][variant]["change"]
+    used = {**task2["tasking"], **change.get("tasking", {})}
+    if used["method"] == "greedy":
+        return "-"
+    stop = "" if used["method"] == "random" else f", stop after {used['early_stop']}"
+    return f"{used['max_evaluations']} evaluations at most{stop}"
 
 
 def _searched(cell: xr.Dataset) -> Facts:
@@ -233,6 +244,7 @@ def _searched(cell: xr.Dataset) -> Facts:
         "observers": int(cell["observers"]),
         "budget": int(cell["budget"].values[largest]),
         "most": int(cell["budget"].values[-1]),
+        "early_stop": json.loads(cell.attrs["settings"])["comparison"]["early_stop"],
         # runs at one epoch share its problem: a mean of each, and the interval over epochs
         "share": share._replace(high=min(share.high, max(1.0, share.mean))),
         "gain": t_interval(np.nanmean((tpe - random)[..., largest], axis=1)),

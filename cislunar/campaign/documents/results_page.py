@@ -172,8 +172,8 @@ def claims_list(claims: pd.DataFrame) -> str:
 
 def claims_details(claims: pd.DataFrame) -> str:
     """Ours in full with the rule of comparison, folded."""
-    shown = claims[["claim", "ours", "how"]].replace("-", DASH)
-    header = ["number or claim", "ours in full", "statistic and rule of comparison"]
+    shown = claims[["claim", "ours", "how", "budget"]].replace("-", DASH)
+    header = ["number or claim", "ours in full", "statistic and rule of comparison", "budget"]
     table = markdown_table(header, shown.itertuples(index=False))
     return f"<details><summary>statistics and rules</summary>\n\n{table}\n</details>\n"
 
