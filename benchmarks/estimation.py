@@ -34,6 +34,7 @@ from cislunar.observation.measurement import DETECTED, measure
 from cislunar.observation.records import constant_schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.photometry.facets import facet_magnitude
+from cislunar.photometry.materials import PRINTED
 from cislunar.tasking.assignment import assign
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
@@ -46,7 +47,7 @@ SENSOR = Sensor(limiting_magnitude=24.0)
 
 def filter_times() -> None:
     """Predict and update per target and step."""
-    scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, duration_hours=24.0)
+    scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, PRINTED, duration_hours=24.0)
     initial = initial_estimate(epoch, loop.initial.components())
     truth = draw_truth(initial, scene, SENSOR.noise, 3, ids)
     looks = constant_schedule(np.arange(5), 5, loop.n_steps)
@@ -89,7 +90,7 @@ def misfit_row_by_row(data, quaternion, omega, model):
 
 def light_curve_times() -> None:
     """Magnitude of a light curve's row, and its derivative in closed form and by differences."""
-    scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, duration_hours=12.0)
+    scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, PRINTED, duration_hours=12.0)
     initial = initial_estimate(epoch, loop.initial.components())
     truth = draw_truth(initial, scene, SENSOR.noise, 3, ids)
     looks = constant_schedule(np.arange(5), 5, loop.n_steps)
@@ -131,7 +132,7 @@ def light_curve_times() -> None:
 
 def propagation_times() -> None:
     """Twenty-five sigma points over a minute."""
-    _, _, epoch, _, loop = tracking_problem(1, 1)
+    _, _, epoch, _, loop = tracking_problem(1, 1, PRINTED)
     step = loop.step_s / 375_190.3
     points = np.repeat(epoch, 25, axis=0)
     ours = best_time(lambda: propagate_bundle(points, step, 1000)) / 1000
@@ -151,7 +152,9 @@ def propagation_times() -> None:
 
 def tasking_times(n_observers: int, n_targets: int) -> None:
     """Information of all pairs and assignment, once."""
-    scene, surfaces, epoch, _, loop = tracking_problem(n_observers, n_targets, duration_hours=1.0)
+    scene, surfaces, epoch, _, loop = tracking_problem(
+        n_observers, n_targets, PRINTED, duration_hours=1.0
+    )
     initial = initial_estimate(epoch, loop.initial.components())
     prediction = MultiplicativeUKF(scene, surfaces, SENSOR, initial).predict()
 
@@ -172,7 +175,9 @@ def tasking_times(n_observers: int, n_targets: int) -> None:
 
 def preselection_time(n_observers: int, n_targets: int) -> None:
     """The exact assignment from all pairs, and from those preselected."""
-    scene, surfaces, epoch, _, loop = tracking_problem(n_observers, n_targets, duration_hours=1.0)
+    scene, surfaces, epoch, _, loop = tracking_problem(
+        n_observers, n_targets, PRINTED, duration_hours=1.0
+    )
     initial = initial_estimate(epoch, loop.initial.components())
     prediction = MultiplicativeUKF(scene, surfaces, SENSOR, initial).predict()
     known = prediction, scene, surfaces, SENSOR, TaskingModel(), EARTH_MOON
@@ -191,7 +196,7 @@ def preselection_time(n_observers: int, n_targets: int) -> None:
 
 def cell_time(n_observers: int, n_targets: int) -> None:
     """A one-day cell with one seed and exact tasking, by each estimator."""
-    problem = tracking_problem(n_observers, n_targets)
+    problem = tracking_problem(n_observers, n_targets, PRINTED)
     line = f"day cell, {n_observers} observers, {n_targets:3d} targets:"
     for name in ESTIMATORS:
 

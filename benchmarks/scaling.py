@@ -27,6 +27,7 @@ from cislunar.campaign.tracking.checkpoint import Checkpoint
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.registry import estimator_named
 from cislunar.figures.style import estimator_style, house_style, new_figure, save_figure
+from cislunar.photometry.materials import PRINTED
 from cislunar.tasking.closed_loop import ClosedLoop
 from cislunar.tasking.demonstration import tracking_problem
 
@@ -73,7 +74,9 @@ ESTIMATORS = {
 
 def begun(estimator: str, targets: int, observers: int, seeds: int, hours: float) -> ClosedLoop:
     """A closed loop, recorded hourly."""
-    problem = tracking_problem(observers, targets, duration_hours=float(hours), record_every=60)
+    problem = tracking_problem(
+        observers, targets, PRINTED, duration_hours=float(hours), record_every=60
+    )
     return ClosedLoop(*problem[:4], range(seeds), problem.loop, estimator=ESTIMATORS[estimator])
 
 

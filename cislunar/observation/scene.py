@@ -202,8 +202,8 @@ def target_surfaces(
     n_targets : int
         Number of targets.
     model : PhotometryModel, optional
-        Reading of the reflection model; if omitted that of the paper as printed, whose light falls
-        with 4 pi r^2: 2.75 mag fainter than ``PhotometryModel(irradiance="1/r^2")``.
+        Reading of the reflection model; if omitted light spreads as 1/r^2. The paper's own law,
+        `cislunar.photometry.materials.PRINTED`, makes targets 2.75 mag fainter.
     inertia : array_like, shape (), (3,), (3, 3) or (target, 3, 3)
         One for all targets (see `cislunar.attitude.inertia.inertia_matrix`), or a matrix for
         each; spherical if omitted.

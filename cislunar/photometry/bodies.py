@@ -246,7 +246,7 @@ def apparent_body_magnitude(
         Shape and surface. Without shadows and of one material it is left to
         `cislunar.photometry.facets.apparent_magnitude`.
     model : PhotometryModel, optional
-        Reading of the equations; 1/(4 pi r^2) and Fresnel with the root if omitted.
+        Reading of the equations; 1/r^2 and Fresnel with the root if omitted.
     sun_magnitude : float
         Magnitude of the Sun in the sensor's band.
 

@@ -286,7 +286,7 @@ def apparent_magnitude(
     material : Material, optional
         Surface; the default material if omitted.
     model : PhotometryModel, optional
-        Reading of the equations; 1/(4 pi r^2) and Fresnel with the root if omitted.
+        Reading of the equations; 1/r^2 and Fresnel with the root if omitted.
     sun_magnitude : float
         Magnitude of the Sun in the sensor's band.
 

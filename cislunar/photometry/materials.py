@@ -123,9 +123,9 @@ class PhotometryModel:
 
     Parameters
     ----------
-    irradiance : {"4pi", "1/r^2"}
-        Spreading of the reflected flux: 1/(4 pi r^2) as printed, or 1/r^2, which agrees with the
-        paper's own sphere model and with the BRDF's definition (2.748 mag brighter).
+    irradiance : {"1/r^2", "4pi"}
+        Spreading of the reflected flux: 1/r^2, which agrees with the paper's own sphere model and
+        with the BRDF's definition, or 1/(4 pi r^2) as printed, 2.748 mag fainter.
     fresnel : {"sqrt", "printed"}
         p = sqrt(q^2 - 1 + b^2), as in Cook & Torrance (1982), or without the root as printed.
 
@@ -135,7 +135,7 @@ class PhotometryModel:
         If a value is none of those.
     """
 
-    irradiance: str = "4pi"
+    irradiance: str = "1/r^2"
     fresnel: str = "sqrt"
 
     def __post_init__(self) -> None:
@@ -156,3 +156,7 @@ class PhotometryModel:
     def fresnel_sqrt(self) -> bool:
         """Flag of the kernels: True for the square root."""
         return self.fresnel == "sqrt"
+
+
+PRINTED = PhotometryModel(irradiance="4pi")
+"""The law of irradiance that the paper prints, and its own scenarios keep."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cislunar.constants import TIME_UNIT_S
 from cislunar.observation.scene import Scene, TargetSurfaces, make_scene, target_surfaces
-from cislunar.photometry.materials import Material
+from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.simulation import epoch_states
@@ -75,13 +75,20 @@ class TrackingProblem(NamedTuple):
     loop: LoopSettings
 
 
-def tracking_problem(n_observers: int = 4, n_targets: int = 5, **settings: Any) -> TrackingProblem:
+def tracking_problem(
+    n_observers: int = 4,
+    n_targets: int = 5,
+    model: PhotometryModel | None = None,
+    **settings: Any,
+) -> TrackingProblem:
     """Observers that drift about the far sides of Earth and Moon, targets on near-periodic orbits.
 
     Parameters
     ----------
     n_observers, n_targets : int
         Size of the problem; five orbits are taken in turn, each target at a place of its own.
+    model : PhotometryModel, optional
+        As of `cislunar.observation.scene.target_surfaces`.
     **settings
         Of `LoopSettings`.
 
@@ -97,5 +104,5 @@ def tracking_problem(n_observers: int = 4, n_targets: int = 5, **settings: Any) 
     states = np.zeros((n_targets, 6))
     states[:, 0], states[:, 2], states[:, 4] = rows[:, 0], rows[:, 1], rows[:, 2]
     epoch = epoch_states(states, rows[:, 3], seed=1)
-    surfaces = target_surfaces(icosahedron(), Material(), n_targets)
+    surfaces = target_surfaces(icosahedron(), Material(), n_targets, model)
     return TrackingProblem(scene, surfaces, epoch, np.arange(n_targets), loop)

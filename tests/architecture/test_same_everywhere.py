@@ -24,6 +24,7 @@ from cislunar.architecture.search_space import stability_order
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.orbits.families import observer_library
 from cislunar.orbits.stability import stability_index
+from cislunar.photometry.materials import PRINTED
 from cislunar.targets.clustering import cluster
 from cislunar.targets.sampling import SamplingSettings, sample_zero_velocity
 from cislunar.tasking.assignment import assign
@@ -95,7 +96,7 @@ def searched(orbits, change=0.0):
 def fingerprint():
     """Small results by name, as lists and hashes."""
     grouped = clusters()
-    scene, surfaces, epoch, ids, loop = tracking_problem(4, 6, duration_hours=3.0)
+    scene, surfaces, epoch, ids, loop = tracking_problem(4, 6, PRINTED, duration_hours=3.0)
     tracked = run_closed_loop(scene, surfaces, epoch, ids, (0,), loop)
     found = searched(small_library()) | {
         "members": grouped.members,

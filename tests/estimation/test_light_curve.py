@@ -42,7 +42,7 @@ from cislunar.estimation.light_curves.row_blocks import (
     WEIGHT,
 )
 from cislunar.photometry.facets import apparent_magnitude
-from cislunar.photometry.materials import Material
+from cislunar.photometry.materials import PRINTED, Material
 from cislunar.photometry.shapes import icosahedron
 
 FACETS = icosahedron()
@@ -71,7 +71,8 @@ def _magnitudes(u, data, model):
     attitudes, _ = propagate_torque_free(
         start, model.omega + SIGMA[3:] * u[3:], data[:, TIME], model.inertia
     )
-    return apparent_magnitude(attitudes, data[:, SUN], data[:, VIEW], data[:, RANGE], FACETS)
+    geometry = attitudes, data[:, SUN], data[:, VIEW], data[:, RANGE]
+    return apparent_magnitude(*geometry, FACETS, model=PRINTED)  # as `_model` has it
 
 
 def _light_curve(u, model, hours=(0.0, 6.0), n=120, noise=0.1, seed=0):

@@ -66,7 +66,7 @@ class ReferenceFilter:
             self.facets.areas,
             self.facets.normals,
             self.material,
-            True,
+            False,
             True,
         )
         return np.array([magnitude, np.arctan2(body[1], body[0]), np.arcsin(body[2] / distance)])

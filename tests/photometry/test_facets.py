@@ -20,7 +20,7 @@ from cislunar.photometry.facets import (
     facet_magnitude,
     fresnel_reflectance,
 )
-from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.materials import PRINTED, Material, PhotometryModel
 from cislunar.photometry.shapes import Facets, icosahedron, icosphere
 from cislunar.photometry.sphere import sphere_magnitude
 
@@ -129,8 +129,8 @@ def test_magnitude_is_relative_to_the_sun():
 
 def test_4pi_law_is_fainter_by_2_748_mag():
     geometry = random_geometries(50)
-    literal = apparent_magnitude(*geometry, 1e7, icosahedron())
-    physical = apparent_magnitude(*geometry, 1e7, icosahedron(), model=INVERSE_SQUARE)
+    literal = apparent_magnitude(*geometry, 1e7, icosahedron(), model=PRINTED)
+    physical = apparent_magnitude(*geometry, 1e7, icosahedron())  # the default
     finite = np.isfinite(literal)
     assert 30 < finite.sum() < 50
     np.testing.assert_allclose(literal[finite] - physical[finite], 2.748, atol=5e-4)
@@ -180,7 +180,7 @@ def test_diffuse_icosphere_tends_to_the_lambert_sphere(phase_angle_deg):
     ]
     assert abs(errors[1]) < 1e-3
     assert abs(errors[1]) < abs(errors[0])
-    literal = apparent_magnitude(IDENTITY, sun, view, 1e7, icosphere(5, 2.0), DIFFUSE)
+    literal = apparent_magnitude(IDENTITY, sun, view, 1e7, icosphere(5, 2.0), DIFFUSE, PRINTED)
     assert literal - closed == pytest.approx(2.5 * math.log10(4 * math.pi), abs=1e-3)
 
 
@@ -314,7 +314,7 @@ def test_filter_floor():
     """`facet_magnitude` never exceeds the floor, `apparent_magnitude` tells the truth."""
     assert pytest.approx(-26.74 - 2.5 * math.log10(IRRADIANCE_FLOOR)) == FLOOR_MAGNITUDE
     facets, sun = icosahedron(), np.array([0.0, 0.6, 0.8])
-    shared = (facets.areas, facets.normals, Material().as_array(), True, True)
+    shared = (facets.areas, facets.normals, Material().as_array(), False, True)
     near = facet_magnitude(IDENTITY, sun, sun, 1e7, *shared)
     assert near == pytest.approx(float(apparent_magnitude(IDENTITY, sun, sun, 1e7, facets)))
     far = 1e12

@@ -78,7 +78,8 @@ def _ranges(surface: Material, attitude: Array, limit: float) -> Iterator[tuple]
 def _fresnel(surface: Material, attitude: Array) -> Iterator[tuple]:
     for phase in PHASE_ANGLES_DEG:
         root, printed = (
-            _magnitudes(surface, attitude, phase, fresnel=form) for form in ("sqrt", "printed")
+            _magnitudes(surface, attitude, phase, irradiance="4pi", fresnel=form)
+            for form in ("sqrt", "printed")
         )
         lit = np.isfinite(root)
         yield BRIGHTER, phase, "printed", float(np.median((root - printed)[lit])), "mag"

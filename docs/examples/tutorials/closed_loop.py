@@ -45,9 +45,9 @@ scene = cs.make_scene(tracks, sun.sun_position, settings.step_s)
 # Targets
 # -------
 # Four places of one L2 halo, a quarter of a period apart. Each is an icosahedron of 2 m radius; any
-# convex shape and any material will do. Light falls with 4 pi r^2 as in the paper, which makes
-# targets 2.75 mag fainter; `PhotometryModel(irradiance="1/r^2")` as a fourth argument is the
-# physical law.
+# convex shape and any material will do. Light falls with 1/r^2; the law that the paper prints,
+# which makes targets 2.75 mag fainter, is `cislunar.photometry.materials.PRINTED`, a fourth
+# argument.
 
 halo = cs.periodic_orbits("Halo_L2_S", jacobi=3.05)
 start = cs.propagate(halo.state[0], halo.period[0] * np.arange(4) / 4)
