@@ -34,6 +34,7 @@ def __getattr__(name: str) -> object:
 
     if not _HOMES.keys() & globals().keys():  # before the first kernel
         import_module(f"{__name__}.campaign.operation.kernels").drop_stale_kernels()
+        import_module(f"{__name__}.campaign.data.compilation").announce_always()
     value = globals()[name] = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
     return value
 

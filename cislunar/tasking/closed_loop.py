@@ -30,6 +30,7 @@ from cislunar.estimation.estimator import EstimatorFactory, InitialEstimate
 from cislunar.estimation.registry import estimator_named
 from cislunar.evaluation.metrics import TrackingMetrics
 from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.tasking.fates import counted, report_fates
 from cislunar.tasking.realization import USED, Realization, World, begun, interval
 from cislunar.tasking.recording import Piece, Records, gathered, joined
 from cislunar.tasking.settings import LoopSettings
@@ -227,6 +228,9 @@ def run_closed_loop(
 ) -> LoopResult:
     """Run all seeds of one cell.
 
+    What became of the looks is logged to ``cislunar``, with a warning where more than 30 % of them
+    found their target too faint or excluded.
+
     Parameters
     ----------
     scene : Scene
@@ -279,6 +283,7 @@ def run_closed_loop(
     kept, looks = gathered(loop.pieces(progress), len(loop.seeds), loop.lengths)
     metrics, failed, counters = loop.ends()
     own = {name: kept.pop(name, None) for name in _KEPT}
+    report_fates(counted(own["fate"]), loop.world)
     settings = loop.world.settings
     return LoopResult(
         elapsed_s=settings.step_s * (settings.recorded + 1.0),

@@ -5,8 +5,11 @@ import re
 
 import pytest
 from numba import njit
+from numba.core import event
 
+from cislunar.campaign.data import compilation
 from cislunar.campaign.data.compilation import announced
+from cislunar.campaign.data.progress import logger
 from cislunar.campaign.operation import kernels
 from cislunar.estimation.kalman import mukf_kernels
 from cislunar.photometry import facets
@@ -95,3 +98,22 @@ def test_compilation_is_announced(caplog):
         assert half(1.0) == 0.5
     assert caplog.messages[0] == "compiling kernels; they are cached, so that it is done once"
     assert re.search(r"^compiled \d+ kernels in 0:\d\d$", caplog.messages[-1])
+
+
+def test_a_notebook_without_logging_sees_compilation(monkeypatch, capsys):
+    for earlier in compilation._standing:
+        event.unregister("numba:compile", earlier)
+    monkeypatch.setattr(compilation, "_standing", [])
+    monkeypatch.setattr(logger, "propagate", False)
+    compilation.announce_always()
+    compilation.announce_always()
+
+    def third(x):
+        return x / 3.0
+
+    assert njit(third)(3.0) == 1.0
+    assert capsys.readouterr().err.count("compiling kernels;") == 1
+    with announced():  # which tells itself
+        assert njit(third)(3.0) == 1.0
+    assert capsys.readouterr().err.count("compil") == 2
+    event.unregister("numba:compile", compilation._standing[0])

@@ -31,7 +31,6 @@ from cislunar.campaign.settings.reading import merged, with_types
 from cislunar.campaign.settings.scenarios import scenario_settings
 from cislunar.campaign.tracking.cell import CellInputs, realization_seeds
 from cislunar.campaign.tracking.dataset import cell_dataset
-from cislunar.campaign.tracking.fates import LOOK_FATES
 from cislunar.campaign.tracking.summary import (
     read_cell_metrics,
     seed_statistics,
@@ -45,6 +44,7 @@ from cislunar.estimation.spread import INITIAL_SPREAD
 from cislunar.orbits import tracked as tracked_orbits
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import LoopSettings
+from cislunar.tasking.fates import LOOK_FATES
 from cislunar.tasking.simulation import INITIAL_RATE_DEG_H
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -229,15 +229,17 @@ def test_a_failing_target_never_ends_the_run():
     assert result.metrics.coverage[0, 1].max() < 1.0
 
 
-def test_measurements_are_what_separates_observed_from_never_observed():
+def test_measurements_are_what_separates_observed_from_never_observed(caplog):
     """Nothing brighter than magnitude 5 is ever seen: every target coasts, none is inconsistent."""
     blind = _run(sensor=Sensor(limiting_magnitude=5.0), duration_hours=1.0)
     assert np.all(blind.metrics.status == NEVER_OBSERVED)
     assert np.all(blind.assignment == -1)
     assert not np.any(blind.fate == USED)
+    assert "no target was ever tasked" in caplog.text
+    assert "raise Sensor.limiting_magnitude = 5, or" in caplog.text
 
 
-def test_surfaces_follow_the_targets():
+def test_surfaces_follow_the_targets(caplog):
     """A mirror-dark target is never observed, though tasking takes it for a sphere."""
     scene, _, epoch, ids, loop = tracking_problem(4, 2, duration_hours=2.0, sensor=BRIGHT)
     black = Material(diffuse_weight=0.0, specular_weight=0.0)
@@ -245,7 +247,10 @@ def test_surfaces_follow_the_targets():
     result = run_closed_loop(scene, surfaces, epoch, ids, [0], loop)
     assert not result.valid[0, :, 0].any()
     assert (result.assignment == 0).any()
-    assert (result.fate[0, :, 0] == FATE_NAMES.index("faint")).any()
+    faint, tasked = result.fate == FATE_NAMES.index("faint"), result.fate != 0
+    assert faint[0, :, 0].any()
+    share = 100.0 * faint.sum() / tasked.sum()
+    assert f"warning: {share:.1f} % of the looks faint; raise Sensor.lim" in caplog.text
 
 
 def test_observers_are_needed():

@@ -3,8 +3,8 @@
 import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import TypeVar
+from contextlib import contextmanager, nullcontext
+from typing import Any, TypeVar
 
 logger = logging.getLogger("cislunar")
 
@@ -77,3 +77,9 @@ def on_terminal(level: int = logging.INFO) -> Iterator[None]:
     finally:
         logger.removeHandler(handler)
         logger.setLevel(before)
+
+
+def say(text: str, *values: Any) -> None:
+    """Log a line, to the terminal where no logging is set up, as in a notebook."""
+    with nullcontext() if logger.hasHandlers() else on_terminal():
+        logger.info(text, *values)

@@ -130,12 +130,13 @@ def compile_kernels(of: str) -> None:
 
 def _track() -> None:
     """Both estimators on a problem as small as can be."""
-    from cislunar.tasking.closed_loop import run_closed_loop
+    from cislunar.tasking.closed_loop import ClosedLoop
     from cislunar.tasking.demonstration import tracking_problem
 
     problem = tracking_problem(2, 3, duration_hours=2, interval_minutes=60)
     for estimator in ("mukf", "batch"):
-        run_closed_loop(*problem[:4], [1], problem.loop, estimator=estimator)
+        for _ in ClosedLoop(*problem[:4], [1], problem.loop, estimator=estimator).pieces():
+            pass
 
 
 def _search() -> None:

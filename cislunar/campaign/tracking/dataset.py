@@ -16,7 +16,6 @@ from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.settings.scenarios import orbits_of
 from cislunar.campaign.tracking.cell import CellInputs, Problem, cell_loop
 from cislunar.campaign.tracking.checkpoint import CHECKPOINT_S, Checkpoint, checkpoint_folder
-from cislunar.campaign.tracking.fates import counted, report_fates
 from cislunar.campaign.tracking.records import (
     ESTIMATED,
     RECORD_COORDINATES,
@@ -35,6 +34,7 @@ from cislunar.estimation.estimator import (
 from cislunar.evaluation.metrics import PARTS, STATUS_NAMES
 from cislunar.orbits.tracked import tracked_targets
 from cislunar.tasking.closed_loop import ClosedLoop
+from cislunar.tasking.fates import Names, counted, report_fates
 from cislunar.tasking.realization import FATE_NAMES, USED
 from cislunar.tasking.recording import Piece, fill
 
@@ -44,6 +44,14 @@ COMPONENTS = tuple(
     for axis in "xyz"
 )
 COMPONENT_UNITS = ("1",) * 3 + ("rad s-1",) * 3 + ("1",) * 6
+_KEYS = Names(
+    limit="task2.sensor.limiting_magnitude",
+    body="task2.material and task2.body",
+    irradiance="task2.photometry.irradiance",
+    sphere="task2.tasking.diffuse_reflection_coefficient",
+    exclusion="task2.sensor.exclusion_deg",
+    interval="task2.interval_minutes",
+)
 
 
 def tracked_dataset(progress: Progress | None = None) -> xr.Dataset:
@@ -74,7 +82,7 @@ def cell_dataset(
         name: np.empty([sizes[dim] for dim in each.dims], each.dtype)
         for name, each in described.items()
     }
-    report_fates(_fill(whole, pieces, loop), settings)
+    report_fates(_fill(whole, pieces, loop), loop.world, _KEYS)
     values = {name: (each.dims, whole[name], *each[2:]) for name, each in described.items()}
     return _dataset(cell, inputs, loop, problem, values, _provenance(cell, used, seed))
 
@@ -126,7 +134,7 @@ def write_cell(
     with growing_dataset(rest, path, later, {"look": loop.state.looks}) as whole:
         fates = _fill(whole, checkpoint.pieces(), loop)
     checkpoint.remove()
-    report_fates(fates, settings)
+    report_fates(fates, loop.world, _KEYS)
 
 
 def _provenance(cell: Cell, used: Mapping[str, Any], seed: int) -> dict[str, Any]:

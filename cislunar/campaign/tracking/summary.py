@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from cislunar.campaign.data.netcdf import read_dataset, variable
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking.fates import LOOK_FATES, counted, fate_shares
 from cislunar.campaign.tracking.records import recorded_variables
 from cislunar.errors import InputFileError
 from cislunar.evaluation.metrics import INCONSISTENT, NEVER_OBSERVED, PARTS, TRACKED
+from cislunar.tasking.fates import LOOK_FATES, counted, fate_shares
 from cislunar.tasking.settings import RECORDABLE
 
 Array = NDArray[np.float64]
