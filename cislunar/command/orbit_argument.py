@@ -103,7 +103,7 @@ def _state(text: str, parts: list[str], units: str) -> Any:
     import numpy as np
 
     from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
-    from cislunar.exchange.bounds import check_position, check_velocity
+    from cislunar.dynamics.bounds import check_position, check_velocity
     from cislunar.observation.sightline import inside_primary
 
     state = np.array([_number(text, part) for part in parts])

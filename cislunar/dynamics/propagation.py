@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import MU
 from cislunar.dynamics import runge_kutta
+from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON, primary_positions
 from cislunar.dynamics.forces import require_span
 from cislunar.errors import ConfigurationError, ConvergenceError
@@ -98,13 +99,15 @@ def propagate(
     Raises
     ------
     ConfigurationError
-        On an unknown method, an impossible tolerance, an ill-formed state or time, or one that the
-        force model has no data for.
+        On an unknown method, an impossible tolerance, an ill-formed state or time, one that the
+        force model has no data for, or a state of the CR3BP that can only be in km.
     ConvergenceError
         If the step size underflows, as on a collision with a primary.
     """
     code, rtol, atol = _method_and_tolerances(method, rtol, atol)
     y0 = _state_vector(state)
+    if isinstance(forces, CR3BP):
+        require_nondimensional("state", y0)
     times = np.asarray(times, dtype=float)
     if times.ndim != 1 or not np.all(np.isfinite(times)):
         raise ConfigurationError("times must be a one-dimensional array of finite numbers")

@@ -18,8 +18,8 @@ from cislunar.constants import (
     SECONDS_PER_DAY,
     TIME_UNIT_S,
 )
-from cislunar.errors import InputFileError
-from cislunar.exchange.bounds import check_period, check_position, check_velocity
+from cislunar.dynamics.bounds import check_period, check_position, check_velocity
+from cislunar.errors import ConvergenceError, InputFileError
 from cislunar.exchange.csv_lines import listed, read_lines
 
 Array = NDArray[np.float64]
@@ -36,6 +36,9 @@ VELOCITY = (
     LENGTH_UNIT_KM / TIME_UNIT_S,
 )
 PERIOD = (("period",), ("period_days",), TIME_UNIT_S / SECONDS_PER_DAY)
+
+LARGEST_GAP_KM = 100.0
+"""Between the ends of an orbit said to be closed."""
 
 BODIES = (("Earth", -MU, EARTH_RADIUS_KM), ("Moon", 1.0 - MU, MOON_RADIUS_KM))
 """Name, place on the x axis (nondimensional) and radius (km)."""
@@ -116,9 +119,9 @@ def row_names(rows: list[tuple[str, Row]], what: str) -> list[str]:
         if not row["id"]:
             raise InputFileError(f"{place}: the {what} has no id; give it one")
         if row["id"] in first:
+            earlier = first[row["id"]].removesuffix(f", {what} {row['id']!r}").rpartition(", ")[2]
             raise InputFileError(
-                f"{place}: the id is taken already in {first[row['id']].split(', ')[1]}; give "
-                f"every {what} an id of its own"
+                f"{place}: the id is taken already in {earlier}; give every {what} an id of its own"
             )
         first[row["id"]] = place
     return list(first)
@@ -177,6 +180,24 @@ def check_state(place: str, names: tuple[str, ...], state: Array, unit: str) -> 
     check_position(place, names[:3], state[:3], unit)
     check_outside(place, list(state[:3]))
     check_velocity(place, names[3:6], state, unit)
+
+
+def check_closed(place: str, state: Array, period: float) -> None:
+    """Refuse a period, nondimensional, that does not close the orbit through a state."""
+    # the compiled library, which a configuration is checked without
+    from cislunar.dynamics.propagation import propagate
+
+    try:
+        before, after = propagate(state, [-0.5 * period, 0.5 * period], method="dop853")
+    except ConvergenceError as error:
+        raise InputFileError(f"{place}: its orbit cannot be followed ({error})") from error
+    gap = LENGTH_UNIT_KM * float(np.linalg.norm((after - before)[:3]))
+    if gap > LARGEST_GAP_KM:
+        raise InputFileError(
+            f"{place}: not closed: half a period ahead and half a period back it is {gap:,.0f} km "
+            f"apart (at most {LARGEST_GAP_KM:g}); correct state or period, or leave the period "
+            "empty for a path that flies on"
+        )
 
 
 def check_outside(place: str, position: list[float]) -> list[float]:

@@ -19,6 +19,7 @@ from cislunar.attitude.inertia import inertia_matrix
 from cislunar.attitude.quaternion import attitude_matrix
 from cislunar.attitude.rigid_body import propagate_spherical
 from cislunar.constants import TIME_UNIT_S
+from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.bodies import Body
 from cislunar.photometry.materials import Material, PhotometryModel
@@ -118,7 +119,8 @@ def make_scene(
     Raises
     ------
     ConfigurationError
-        If there are no observers, the shapes disagree or the step is not positive.
+        If there are no observers, the shapes disagree, the step is not positive, or a position can
+        only be in km.
     """
     observers = np.ascontiguousarray(observer_position, dtype=float)
     sun = np.ascontiguousarray(sun_position, dtype=float)
@@ -133,6 +135,7 @@ def make_scene(
         )
     if not step_s > 0.0:
         raise ConfigurationError(f"step_s = {step_s} must be positive")
+    require_nondimensional("observer_position", observers)
     elapsed_s = step_s * np.arange(sun.shape[0])
     angle = elapsed_s / time_unit_s
     to_inertial = np.zeros((angle.size, 3, 3))

@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU
+from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.errors import ConfigurationError
 from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
@@ -90,7 +91,7 @@ def sightings(
     Raises
     ------
     ConfigurationError
-        If the shapes disagree, or the radius or C_d is not positive.
+        If the shapes disagree, the radius or C_d is not positive, or a position can only be in km.
     """
     places = [np.ascontiguousarray(place, dtype=float) for place in (observer, target, sun)]
     shapes = {place.shape for place in places}
@@ -105,6 +106,8 @@ def sightings(
             f"{diffuse_reflection_coefficient} must be positive"
         )
     watcher, watched, light = places
+    require_nondimensional("observer", watcher)
+    require_nondimensional("target", watched)
     limits = (Sensor() if sensor is None else sensor).limits()
     way = watched - watcher
     range_km = np.linalg.norm(way, axis=1) * LENGTH_UNIT_KM

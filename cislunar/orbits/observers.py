@@ -24,7 +24,7 @@ from cislunar.constants import (
     TIME_UNIT_S,
 )
 from cislunar.dynamics.cr3bp import jacobi_constant
-from cislunar.dynamics.propagation import closest_approaches, propagate, propagate_periodic
+from cislunar.dynamics.propagation import closest_approaches, propagate_periodic
 from cislunar.errors import ConfigurationError, ConvergenceError, InputFileError
 from cislunar.exchange.table_rows import (
     PERIOD,
@@ -32,6 +32,7 @@ from cislunar.exchange.table_rows import (
     VELOCITY,
     Columns,
     Row,
+    check_closed,
     named_rows,
     quantity_columns,
     row_names,
@@ -48,9 +49,6 @@ Array = NDArray[np.float64]
 
 OWN_FAMILY = "own"
 """Family of an observer given by its state."""
-
-LARGEST_GAP_KM = 100.0
-"""Between the ends of an orbit said to be closed."""
 
 _DAYS = TIME_UNIT_S / SECONDS_PER_DAY
 _JACOBI: Columns = (("jacobi",), 1.0)
@@ -239,14 +237,7 @@ def _given(observer: Observer, days: float) -> OrbitSet:
     _check_clear(observer, *least)
     index = np.nan
     if period:
-        before, after = propagate(state, [-0.5 * period, 0.5 * period], method="dop853")
-        gap = LENGTH_UNIT_KM * float(np.linalg.norm((after - before)[:3]))
-        if gap > LARGEST_GAP_KM:
-            raise InputFileError(
-                f"{observer.place}: not closed: half a period ahead and half a period back it is "
-                f"{gap:,.0f} km apart (at most {LARGEST_GAP_KM:g}); correct state or period, or "
-                "leave the period empty for a path that flies on"
-            )
+        check_closed(observer.place, state, period)
         index = stability_index(state, period)
     values = period, float(jacobi_constant(state)), index, *least[::-1]
     columns = (np.array([each]) for each in values)

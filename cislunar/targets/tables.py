@@ -37,6 +37,7 @@ from cislunar.exchange.table_rows import (
     PERIOD,
     POSITION,
     VELOCITY,
+    check_closed,
     check_state,
     named_rows,
     quantity_columns,
@@ -120,7 +121,7 @@ def load_target_states(path: str | Path, epoch: Epoch | None = None) -> TargetSt
     InputFileError
         If the file is missing, empty or no such table; if a target has no name or its name occurs
         twice; if a number is missing or not finite, or out of the bounds that tell one unit from
-        another (`cislunar.exchange.bounds`); if a target is inside the Earth or the Moon; if an OEM
+        another (`cislunar.dynamics.bounds`); if a target is inside the Earth or the Moon; if an OEM
         does not cover the epoch. The message names the file, the row as an editor numbers it (the
         header is row 1) and the target.
     """
@@ -141,6 +142,30 @@ def load_target_states(path: str | Path, epoch: Epoch | None = None) -> TargetSt
     periods = [row_period(place, row, period) for place, row in rows]
     families = [row.get("family") or OWN_FAMILY for _, row in rows]
     return TargetStates(names, families, np.array(states), np.array(periods))
+
+
+def check_closed_targets(path: str | Path, targets: TargetStates) -> None:
+    """Refuse targets of a table whose period does not close the orbit through their state.
+
+    Rows of JPL's catalogue are left alone: they are closed at its own mass ratio.
+
+    Parameters
+    ----------
+    path : str or Path
+        The table.
+    targets : TargetStates
+        From `load_target_states`.
+
+    Raises
+    ------
+    InputFileError
+        If an orbit is not closed, or cannot be followed; the message names file and target.
+    """
+    if not targets.period.any() or is_catalogue(read_lines(path, "target")[0][1]):
+        return
+    for name, state, period in zip(targets.name, targets.state, targets.period, strict=True):
+        if period:
+            check_closed(f"{path}, target {name!r}", state, float(period))
 
 
 def _of_message(path: str | Path, epoch: Epoch | None) -> TargetStates:

@@ -24,7 +24,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.dynamics.cr3bp import EARTH_MOON
+from cislunar.dynamics.bounds import require_nondimensional
+from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import EstimatorFactory, InitialEstimate
 from cislunar.estimation.registry import estimator_named
@@ -163,6 +164,8 @@ class ClosedLoop:
         settings = LoopSettings() if settings is None else settings
         factory = estimator_named(estimator) if isinstance(estimator, str) else estimator
         ids = np.asarray(target_ids, dtype=np.int64)
+        if isinstance(forces, CR3BP):
+            require_nondimensional("epoch_state", epoch_state)
         if initial is None:
             initial = initial_estimate(epoch_state, settings.initial.components())
         if truth is None:
@@ -266,7 +269,8 @@ def run_closed_loop(
     Raises
     ------
     ConfigurationError
-        If scene, targets and settings do not fit together, or there are no seeds.
+        If scene, targets and settings do not fit together, there are no seeds, or a state can only
+        be in km.
     """
     loop = ClosedLoop(
         scene,

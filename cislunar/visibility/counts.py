@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
+from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import CR3BP, primary_distances
 from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError
@@ -193,10 +194,17 @@ def count_visibility(
     Returns
     -------
     VisibilityCounts
+
+    Raises
+    ------
+    ConfigurationError
+        If a state or a target can only be in km.
     """
     state = np.atleast_2d(np.asarray(state, dtype=float))
     period = np.atleast_1d(np.asarray(period, dtype=float))
     target = np.ascontiguousarray(target, dtype=float)
+    require_nondimensional("state", state)
+    require_nondimensional("target", target)
     times = np.asarray(times, dtype=float)
     sun = np.ascontiguousarray(sun_position, dtype=float)
     phase, members = distinct_phases(max_satellites)

@@ -17,7 +17,7 @@ from cislunar.campaign.data.own_targets import own_static_dataset, own_tracked_d
 from cislunar.campaign.settings.cells import campaign_cells, cell_settings, variant_cells
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import sweep_points, swept_cells, with_families
-from cislunar.campaign.settings.preflight import check_inputs, check_observers
+from cislunar.campaign.settings.preflight import check_inputs, check_orbits
 from cislunar.campaign.settings.reading import merged, with_types
 from cislunar.campaign.settings.scenarios import (
     SECTIONS,
@@ -213,18 +213,18 @@ def test_a_faulty_table_of_observers_is_found_before_anything_runs(study, tmp_pa
     table, made = tmp_path / "observers.csv", tmp_path / "orbits/observers_pair.nc"
     changed = in_study(check_campaign(with_change(study, "observers.pair", str(table))))
     with pytest.raises(InputFileError, match=r"observers\.csv: no such file"):
-        check_observers(changed)
+        check_orbits(changed)
     table.write_text("id,family,jacobi\none,Vertical_L1,5\n")
     with pytest.raises(InputFileError, match=r"row 2, observer 'one': Vertical_L1 has no member"):
-        check_observers(changed)
+        check_orbits(changed)
     table.write_text("id,x,y,z,vx,vy,vz\none,0.8,0.1,0.05,0.1,-0.2,0.1\n")
-    check_observers(changed)
+    check_orbits(changed)
     # orbits that have been made since are not looked for again
     made.parent.mkdir()
     made.touch()
     table.write_text("nonsense")
     os.utime(table, (1e9, 1e9))
-    check_observers(changed)
+    check_orbits(changed)
 
 
 def test_observers_of_ones_own_are_an_architecture(study):
@@ -247,6 +247,7 @@ def test_epoch_outside_the_kernel_of_the_campaign_is_named(paper, monkeypatch):
 HEADER = "id,x,y,z,vx,vy,vz"
 KM = "id,x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s"
 GOOD = "one,0.5,0.1,0,0.1,0.2,0"
+NEAR_RECTILINEAR = "1.02869104,0,-0.18633781,0,-0.11733440,0"
 
 
 def table(tmp_path, *rows):
@@ -317,11 +318,25 @@ def test_what_is_no_table_is_refused(tmp_path):
 
 
 def test_targets_without_a_period_start_at_their_states(tmp_path):
-    rows = ["one,0.5,0.1,0,0.1,0.2,0,", "two,0.6,0.1,0,0.1,0.2,0,1.5"]
+    rows = ["one,0.5,0.1,0,0.1,0.2,0,", f"two,{NEAR_RECTILINEAR},1.59919"]
     tracked = own_tracked_dataset(table(tmp_path, HEADER + ",period", *rows))
     start = epoch_states(tracked["state"].values, tracked["period"].values, seed=4)
     np.testing.assert_array_equal(start[0], tracked["state"].values[0])
     assert np.abs(start[1] - tracked["state"].values[1]).max() > 1e-3
+
+
+def test_targets_said_to_be_on_closed_orbits_are(study, tmp_path):
+    row = f"two,{NEAR_RECTILINEAR},1.4"
+    path = table(tmp_path, HEADER + ",period", "one,0.5,0.1,0,0.1,0.2,0,", row)
+    changed = with_change(in_study(study), "scenarios.D.tracked", str(path))
+    changed = with_change(changed, "results", str(tmp_path)) | {"observers": {}}
+    with pytest.raises(InputFileError, match=r"csv, target 'two': not closed: half a period ahead"):
+        check_orbits(changed)
+    made = tmp_path / "orbits/tracked_D.nc"
+    made.parent.mkdir()
+    made.touch()
+    os.utime(path, (1e9, 1e9))
+    check_orbits(changed)
 
 
 def test_static_targets_need_no_velocities(tmp_path):
@@ -457,22 +472,44 @@ SMALLER = {
 }
 
 
+# with sweeps of a scenario that is left out
+OBSERVERS_ALONE = {
+    "architecture": {"optimizers": []},
+    "task2": {"architectures": ["pair"]},
+    "sweeps": {"limit": {"scenario": "A"}, "noise": {"architecture": "pair"}},
+}
+
+
 @pytest.fixture(scope="module")
 def copied(tmp_path_factory):
     """A copy of the workflow, with a configuration smaller than the example."""
     folder = copy_workflow(tmp_path_factory.mktemp("own"))
     (folder / "smaller.yaml").write_text(yaml.safe_dump(SMALLER), encoding="utf-8")
+    (folder / "pair.yaml").write_text(yaml.safe_dump(OBSERVERS_ALONE), encoding="utf-8")
     return folder
 
 
 OWN = ("--configfile", "config/examples/own_study.yaml")
 
 
+def planned(folder, *files):
+    """Numbers of jobs by their rules."""
+    output, code = snakemake(folder, "--dry-run", "--cores", "2", *OWN, *files)
+    assert code == 0, output[-3000:]
+    return {name: int(n) for name, n in re.findall(r"^(\w+) +(\d+)$", output, flags=re.MULTILINE)}
+
+
+@pytest.mark.workflow
+def test_nothing_is_searched_for_where_observers_are_all_there_is(copied):
+    jobs = planned(copied, "pair.yaml")
+    assert jobs["own_architecture"] == jobs["observers_table"] == jobs["sweep_figure"] == 1
+    assert jobs["tracking_cell_small"] > 4 and jobs["against_targets_figure"] == 1
+    assert not {"families", "visibility", "search_run", "exact", "front", "readings"} & set(jobs)
+
+
 @pytest.mark.workflow
 def test_dry_run_of_the_example(copied):
-    output, code = snakemake(copied, "--dry-run", "--cores", "2", *OWN)
-    assert code == 0, output[-3000:]
-    jobs = {name: int(n) for name, n in re.findall(r"^(\w+) +(\d+)$", output, flags=re.MULTILINE)}
+    jobs = planned(copied)
     # D and the three values of its sweep over the limiting magnitude
     assert jobs["static_targets"] == jobs["visibility"] == jobs["exact"] == 4
     assert jobs["own_tracked_targets"] == jobs["ephemeris_of_scenario"] == 1

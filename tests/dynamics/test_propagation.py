@@ -166,6 +166,7 @@ def test_collision_raises_with_time_and_remedy():
         ({"rtol": 1e-16}, "rtol"),
         ({"state": [1.0, 2.0]}, "6 finite numbers"),
         ({"times": [np.nan]}, "times"),
+        ({"state": [*GENERIC[:4], 300.0, 0.1]}, "state: vy = 300 is taken in units of 1.02"),
     ],
 )
 def test_impossible_settings_are_named(kwargs, message):

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 import cislunar as cs
+from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.errors import ConfigurationError
+from cislunar.visibility.counts import VisibilitySettings
 
 
 def test_import_waits_for_no_other_package():
@@ -43,6 +46,29 @@ def test_each_name_is_the_function_of_its_room_and_help_can_be_read(name):
 def test_a_name_that_is_not_there_is_said_so():
     with pytest.raises(AttributeError, match="'cislunar' has no attribute 'halo'"):
         _ = cs.halo
+
+
+STATE = np.array([1.14, 0.0, -0.16, 0.0, -0.223, 0.0])
+IN_KM = STATE * LENGTH_UNIT_KM
+NEAR, FAR, SUN = STATE[None, :3], IN_KM[None, :3], np.array([[389.0, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: cs.propagate(IN_KM, [0.0]),
+        lambda: cs.propagate_periodic(IN_KM, 3.0, [0.0]),
+        lambda: cs.sightings(NEAR, FAR, SUN),
+        lambda: cs.sightings(FAR, NEAR, SUN),
+        lambda: cs.count_visibility([IN_KM], [3.0], NEAR, [0.0], SUN, VisibilitySettings()),
+        lambda: cs.count_visibility([STATE], [3.0], FAR, [0.0], SUN, VisibilitySettings()),
+        lambda: cs.make_scene(FAR[None], SUN, 60.0),
+        lambda: cs.run_closed_loop(*cs.tracking_problem(1, 1)[:2], [IN_KM], [0], [1]),
+    ],
+)
+def test_states_in_km_are_refused(call):
+    with pytest.raises(ConfigurationError, match=r"x = 438216 is taken in units of 384400 km"):
+        call()
 
 
 def test_a_first_notebook():

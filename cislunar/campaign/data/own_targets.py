@@ -12,7 +12,11 @@ from cislunar.campaign.data.provenance import provenance
 from cislunar.dynamics.cr3bp import jacobi_constant
 from cislunar.exchange.inertial import epoch_at
 from cislunar.orbits.observers import load_observers, observer_orbits
-from cislunar.targets.tables import load_target_positions, load_target_states
+from cislunar.targets.tables import (
+    check_closed_targets,
+    load_target_positions,
+    load_target_states,
+)
 
 
 def own_tracked_dataset(path: str | Path, epoch: tuple[float, str] | None = None) -> xr.Dataset:
@@ -21,6 +25,7 @@ def own_tracked_dataset(path: str | Path, epoch: tuple[float, str] | None = None
     `epoch` is the Julian date and the kernel that an OEM is read with.
     """
     targets = load_target_states(path, epoch and epoch_at(*epoch))
+    check_closed_targets(path, targets)
     used = {"tracked": str(path)} | ({"epoch_jd": epoch[0], "kernel": epoch[1]} if epoch else {})
     return xr.Dataset(
         {

@@ -27,7 +27,12 @@ from cislunar.ephemeris.sampling import check_coverage
 from cislunar.errors import CislunarError, ConfigurationError
 from cislunar.photometry.mesh_files import load_shape
 from cislunar.targets.missions import load_missions
-from cislunar.targets.tables import load_target_positions
+from cislunar.targets.tables import (
+    check_closed_targets,
+    is_message,
+    load_target_positions,
+    load_target_states,
+)
 
 SMALLEST_BODY_M, LARGEST_BODY_M = 0.01, 200.0
 """Radii of bodies, of equal area; a mesh beyond is in another unit."""
@@ -62,23 +67,34 @@ def check_inputs(config: Mapping[str, Any]) -> None:
             _check_published(scenario, config["orbits"]["members"], architecture["max_satellites"])
 
 
-def check_observers(config: Mapping[str, Any]) -> None:
-    """Check the tables of observers of a study with its families, and find their orbits.
+def check_orbits(config: Mapping[str, Any]) -> None:
+    """Check the tables of observers and moving targets of a study with its families.
 
-    An `InputFileError` if a table is missing or faulty, or an orbit cannot be flown. A table whose
-    orbits have been made since it was changed is not looked at again.
+    An `InputFileError` if a table is missing or faulty, an orbit cannot be flown, or one with a
+    period is not closed. A table whose data set has been made since it was changed is not looked at
+    again.
     """
+    # the library of orbits takes a second to import, and is wanted where there is a table
+    results = Path(config["results"])
     for name, table in config["observers"].items():
-        made = Path(config["results"]) / orbits_of(name)
-        try:
-            known = made.stat().st_mtime > Path(table).stat().st_mtime
-        except OSError:
-            known = False
-        if not known:
-            # the library of orbits takes a second to import
+        if not _made_since(table, results / orbits_of(name)):
             from cislunar.orbits.observers import load_observers, observer_orbits
 
             observer_orbits(load_observers(table), longest_horizon(config))
+    for scenario, entry in config["scenarios"].items():
+        table = entry.get("tracked")
+        if table is None or is_message(table):
+            continue
+        if not _made_since(table, results / shared_dataset(config, scenario, "orbits/tracked")):
+            check_closed_targets(table, load_target_states(table))
+
+
+def _made_since(table: str, made: Path) -> bool:
+    """Whether a data set is newer than the table it was made from."""
+    try:
+        return made.stat().st_mtime > Path(table).stat().st_mtime
+    except OSError:
+        return False
 
 
 def _check_horizon(key: str, visibility: Mapping[str, Any]) -> None:

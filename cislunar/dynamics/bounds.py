@@ -1,15 +1,16 @@
 """States and periods that cannot be meant: numbers in another unit than their column's.
 
 Places and speeds differ by powers of ten from one unit to another, so that a wide bound finds a
-table in the wrong one without refusing any object that is tracked near Earth and Moon.
+table or an array in the wrong one without refusing any object that is tracked near Earth and Moon.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.errors import InputFileError
+from cislunar.errors import ConfigurationError, InputFileError
 
 FURTHEST_KM = 10_000_000.0
 """From the barycenter."""
@@ -50,11 +51,7 @@ def check_velocity(
 
     As `check_position`, of the velocity in a nondimensional state (6,) in the rotating frame.
     """
-    x, y, z, vx, vy, vz = state
-    speed2 = (vx - y) ** 2 + (vy + x) ** 2 + vz**2  # without the turn of the frame
-    escape2 = 2.0 * ((1.0 - MU) / np.hypot(np.hypot(x + MU, y), z))
-    escape2 += 2.0 * MU / np.hypot(np.hypot(x - 1.0 + MU, y), z)
-    excess = _SPEED * np.sqrt(max(speed2 - escape2, 0.0))
+    excess = float(_excess_km_s(np.asarray(state)))
     if excess > LARGEST_EXCESS_KM_S:
         worst = int(np.argmax(np.abs(state[3:])))
         value = state[3 + worst] * (_SPEED if unit == "km" else 1.0)
@@ -63,6 +60,48 @@ def check_velocity(
             f"{place}: {names[worst]} = {value:g} is taken in {expected}, which is faster than "
             f"escape from there by {excess:.3g} km/s (at most {LARGEST_EXCESS_KM_S:g}){mend}"
         )
+
+
+def _excess_km_s(state: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Speed left on escape, of nondimensional states (..., 6) in the rotating frame."""
+    x, y, z, vx, vy, vz = np.moveaxis(state, -1, 0)
+    speed2 = (vx - y) ** 2 + (vy + x) ** 2 + vz**2  # without the turn of the frame
+    with np.errstate(divide="ignore"):
+        escape2 = 2.0 * ((1.0 - MU) / np.hypot(np.hypot(x + MU, y), z))
+        escape2 += 2.0 * MU / np.hypot(np.hypot(x - 1.0 + MU, y), z)
+    return _SPEED * np.sqrt(np.maximum(speed2 - escape2, 0.0))
+
+
+def require_nondimensional(name: str, given: ArrayLike) -> None:
+    """Refuse an argument with a state or a place that can only be in another unit.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument, for the message.
+    given : array_like, shape (..., 6) or (..., 3)
+        States or positions, meant to be nondimensional, rotating frame.
+
+    Raises
+    ------
+    ConfigurationError
+        As `check_position` and `check_velocity` do.
+    """
+    values = np.asarray(given, dtype=float)
+    if values.ndim == 0 or values.size == 0 or values.shape[-1] not in (3, 6):
+        return  # another fault, which is found elsewhere
+    rows = values.reshape(-1, values.shape[-1])
+    mend = (
+        "; divide km by LENGTH_UNIT_KM of cislunar.constants, km/s by LENGTH_UNIT_KM / TIME_UNIT_S"
+    )
+    try:
+        furthest = rows[np.argmax(np.sum(rows[:, :3] ** 2, axis=1))]
+        check_position(name, ("x", "y", "z"), furthest[:3], "", mend)
+        if rows.shape[1] == 6:
+            fastest = rows[np.argmax(_excess_km_s(rows))]
+            check_velocity(name, ("vx", "vy", "vz"), fastest, "", mend)
+    except InputFileError as error:
+        raise ConfigurationError(str(error)) from None
 
 
 def check_period(place: str, name: str, period: float, unit: str) -> None:
