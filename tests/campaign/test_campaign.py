@@ -349,6 +349,16 @@ def test_faulty_key_is_named(config, key, value, message):
     assert message in refusal(with_change(config, key, value))
 
 
+def test_the_front_is_of_what_slots_and_satellites_allow(config):
+    assert "front" not in yaml.safe_load((ROOT / "config/config.yaml").read_text())["architecture"]
+    for slots, most, expected in ((10, 10, (10, 60)), (2, 1, (2, 2)), (3, 4, (3, 12))):
+        small = with_change(config, "architecture.slots", slots)
+        small = with_change(small, "architecture.max_satellites", most)
+        small = with_change(small, "architecture.front", {"restarts": 4})
+        front = check_campaign(small)["architecture"]["front"]
+        assert (front["fewest"], front["most"]) == expected
+
+
 def test_missing_key_is_named(config):
     del config["visibility"]["exclusion_deg"]["moon"]
     message = "configuration key 'visibility.exclusion_deg.moon' is missing"

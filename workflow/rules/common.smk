@@ -50,11 +50,12 @@ offer_worker(workflow.is_main_process)
 
 RESULTS = config["results"].rstrip("/")
 SCENARIOS = list(config["scenarios"])
-# Without any scenario of the paper there is nothing to compare with it.
-OF_THE_PAPER = any(scenario in PUBLISHED for scenario in SCENARIOS)
 ARCHITECTURE = config["architecture"]
 TASK2 = CAMPAIGN["task2"]
+# Without any, all that rests on the candidate orbits is left out.
 OPTIMIZERS = ARCHITECTURE["optimizers"]
+# Without any scenario of the paper there is nothing to compare with it.
+OF_THE_PAPER = bool(OPTIMIZERS) and any(scenario in PUBLISHED for scenario in SCENARIOS)
 # Lowered to --cores by Snakemake, and known to commands that take no --cores, such as --report.
 ALL_CORES = os.cpu_count()
 SEARCHES = ["tpe", "random", "atpe"]

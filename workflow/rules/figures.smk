@@ -207,15 +207,20 @@ rule orbits_page:
         "../scripts/figure_orbits_page.py"
 
 
+OF_CANDIDATES = [
+    *rules.orbit_library_figure.output,
+    *rules.satellite_front_figure.output,
+    *rules.convergence_figure.output,
+    *rules.family_map_figure.output,
+    *rules.orbits_page.output,
+]
+
+
 rule figures:
     input:
-        rules.orbit_library_figure.output,
         rules.facet_geometry_figure.output,
+        OF_CANDIDATES if OPTIMIZERS else [],
         rules.tpe_orbits_figure.output if "tpe" in OPTIMIZERS else [],
         rules.random_orbits_figure.output if "random" in OPTIMIZERS else [],
         rules.exact_orbits_figure.output if "exact" in OPTIMIZERS else [],
-        rules.satellite_front_figure.output,
-        rules.convergence_figure.output,
-        rules.family_map_figure.output,
-        rules.orbits_page.output,
         rules.tracking_figures.input,

@@ -1,4 +1,5 @@
 READ = ARCHITECTURE["readings"]["scenario"]
+LABELLED = ARCHITECTURE["label_comparison"]["scenario"]
 
 
 rule architecture_table:
@@ -69,7 +70,7 @@ rule label_comparison:
     input:
         expand(
             results("architecture/{scenario}/runs/tpe_{labels}_{run}.nc"),
-            scenario=ARCHITECTURE["label_comparison"]["scenario"],
+            scenario=LABELLED,
             labels=[ARCHITECTURE["labels"], *ARCHITECTURE["label_comparison"]["labels"]],
             run=RUNS,
         ),
@@ -144,9 +145,9 @@ rule architecture_claims:
 
 rule task1:
     input:
-        rules.architecture_table.output,
+        rules.architecture_table.output if OPTIMIZERS else [],
         rules.observers_table.output if OBSERVERS else [],
-        rules.label_comparison.output if ARCHITECTURE["label_comparison"]["scenario"] else [],
-        rules.readings.output if READ else [],
+        rules.label_comparison.output if OPTIMIZERS and LABELLED else [],
+        rules.readings.output if OPTIMIZERS and READ else [],
         rules.architecture_claims.output if OF_THE_PAPER else [],
-        expand(results("architecture/{scenario}/front.nc"), scenario=SCENARIOS),
+        expand(rules.front.output, scenario=SCENARIOS if OPTIMIZERS else []),

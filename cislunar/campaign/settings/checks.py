@@ -22,6 +22,9 @@ from cislunar.errors import ConfigurationError
 _TAKEN = ("front", "runs")
 """What else is beside the architectures of a scenario."""
 
+_MOST_OF_FRONT = 60
+"""Satellites, where the configuration does not say."""
+
 _SPECIAL = set("{}*?[]")
 """Characters that Snakemake does not take as they stand in a file name."""
 
@@ -33,7 +36,7 @@ def check_campaign(config: Mapping[str, Any]) -> dict[str, Any]:
     that names the key; an `InputFileError` if a scenario's table of moving targets is missing or
     faulty.
     """
-    config = checked(config, Campaign)
+    config = _with_front(checked(config, Campaign))
     study = in_study(config)
     _check_architectures(config)
     _check_scenarios(study)
@@ -46,6 +49,15 @@ def check_campaign(config: Mapping[str, Any]) -> dict[str, Any]:
     check_tracking(study, whole)
     _check_writable(Path(study["results"]))
     return config
+
+
+def _with_front(config: dict[str, Any]) -> dict[str, Any]:
+    """The configuration with the totals of the front that `architecture` allows, if none are."""
+    chosen = config["architecture"]
+    fewest, most = chosen["slots"], chosen["slots"] * chosen["max_satellites"]
+    usual = {"fewest": fewest, "most": max(fewest, min(most, _MOST_OF_FRONT))}
+    given = {key: value for key, value in chosen["front"].items() if value is not None}
+    return config | {"architecture": chosen | {"front": chosen["front"] | usual | given}}
 
 
 def _own(whole: Mapping[str, Any], scenario: str) -> dict[str, Any]:

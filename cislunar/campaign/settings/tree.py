@@ -116,8 +116,11 @@ class Certificate(Section):
 
 
 class Front(Section):
-    fewest: whole(ge=1) = setting("least satellite total of the front of best J", default=10)
-    most: whole(ge=1) = setting("greatest satellite total of the front", default=60)
+    fewest: whole(ge=1) | None = setting(
+        "least satellite total of the front of best J; null: `architecture.slots`", default=None)
+    most: whole(ge=1) | None = setting(
+        "greatest satellite total of the front; null: 60, if `architecture.slots` and "
+        "`architecture.max_satellites` allow it", default=None)
     restarts: whole(ge=0) = setting(
         "random starts for each total, beside the solution of the total before", default=4)
 
@@ -136,8 +139,10 @@ class Readings(Section):
 
 
 class Search(Section):
-    optimizers: Annotated[several(Optimizer), Field(min_length=1)] = setting(
-        "how architectures are found; `atpe` needs the package lightgbm", paper="tpe, random")
+    optimizers: several(Optimizer) = setting(
+        "how architectures are found; `atpe` needs the package lightgbm. `[]`: nothing is searched "
+        "for, and only what `task2` and `sweeps` name is made, such as `observers`",
+        paper="tpe, random")
     slots: whole(ge=1, le=1000) = setting("distinct orbits of an architecture", paper="10")
     max_satellites: whole(ge=1, le=90) = setting("most satellites on one orbit", paper="10")
     max_evaluations: Count = setting("evaluations of a search", paper="10 000")
