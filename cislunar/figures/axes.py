@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullFormatter
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.figures.style import panel_letter
+from cislunar.figures.style import BLACK, panel_letter
 
 Array = NDArray[np.float64]
 
@@ -108,6 +108,12 @@ def reach(
         return low / margin, high * margin
     margin = share * (high - low) or 0.5
     return low - margin, high + margin
+
+
+def note_empty(axes: Axes, text: str) -> None:
+    """Say in an empty panel why there is nothing in it."""
+    look = {"ha": "center", "va": "center", "fontsize": 6.5, "color": BLACK}
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, **look)
 
 
 def widened(low: float, high: float) -> tuple[float, float]:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from cislunar.figures.axes import (
     Array,
     Grid,
+    note_empty,
     panel_title,
     reach,
     set_vertical,
@@ -82,6 +83,8 @@ def draw_rows(
         for column, title in enumerate(titles):
             axes = grid.place(figure, number, column)
             values.append(np.ravel(draw(axes, row, column)))
+            if not np.any(np.isfinite(values[-1])):
+                note_empty(axes, "no value:\nnothing was observed")
             axes.tick_params(labelbottom=number == len(rows) - 1, labelleft=column == 0)
             if number == 0:
                 panel_title(axes, column, title, **title_look)

@@ -54,6 +54,10 @@ def exact_dataset(
         most_nodes=certificate["nodes"],
         progress=progress_log("thousandths of the tree"),
     )
+    if not proof.bound:
+        logger.warning(
+            "warning: J is 0 for every architecture, so that none is better than another"
+        )
     logger.info(
         "J = %.6e is %s; gap %.3g, %d nodes, %.1f s, %d architectures within %g of it",
         proof.value,

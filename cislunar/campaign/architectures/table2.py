@@ -71,7 +71,7 @@ def near_optimal_rows(scenario: str, exact: xr.Dataset, orbits: xr.Dataset) -> p
             "scenario": scenario,
             "rank": np.arange(1, len(value) + 1),
             "J": value,
-            "share_of_optimum": value / float(exact["J"]),
+            "share_of_optimum": value / (float(exact["J"]) or np.nan),  # none of nothing
             "total_satellites": satellites.sum(axis=1),
             "orbits": [
                 "; ".join(f"{family[i]}[{i}] x {n}" for i, n in zip(*pair, strict=True))

@@ -12,7 +12,7 @@ from cislunar.architecture.coverage.measures import Coverage, architecture_track
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.campaign.data.inputs import horizon, sun_at
 from cislunar.campaign.data.netcdf import variable
-from cislunar.campaign.data.progress import Progress
+from cislunar.campaign.data.progress import Progress, logger
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.library import visibility_settings
 from cislunar.visibility.counts import count_visibility
@@ -44,6 +44,14 @@ def visibility_dataset(
         max_satellites=max_satellites,
         progress=progress,
     )
+    if not counts.observations.any():
+        logger.warning(
+            "warning: no static target is ever seen from any orbit, so that J is 0 and there is "
+            "nothing to choose by; raise visibility.limiting_magnitude = %g or "
+            "visibility.target_radius_m = %g, or lower visibility.exclusion_deg",
+            chosen.limiting_magnitude,
+            chosen.target_radius_m,
+        )
     attributes = provenance("Observations of static targets", settings=dict(settings))
     attributes.update(
         diffuse_reflection_coefficient=float(chosen.diffuse_reflection_coefficient),

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from cislunar.architecture.published import PUBLISHED_COST
-from cislunar.figures.axes import Array, Grid, panel_title, widened
+from cislunar.figures.axes import Array, Grid, note_empty, panel_title, widened
 from cislunar.figures.panels import draw_best
 from cislunar.figures.style import (
     BLACK,
@@ -73,6 +73,8 @@ def satellite_front_figure(
         lower.plot(total, front["union_coverage"].values, **_BEST)
         lower.plot(total, front["target_days"].values, **_DAYS)
         _mark_optimizers(upper, lower, architectures[scenario], _of(coverage, scenario))
+        if not np.any(front["J"].values):
+            note_empty(upper, "J = 0: no target is ever seen")
         for method, (value, count) in PUBLISHED_COST.get(scenario, {}).items():
             upper.plot(count, value, **_paper_kwargs(method))
         upper.set_yscale("log")
@@ -185,6 +187,8 @@ def convergence_figure(
                 _level(axes, optimizer, float(architecture["J"]))
             else:
                 _climb(axes, optimizer, architecture)
+        if not any(float(each["J"]) for each in found.values()):
+            note_empty(axes, "J = 0: no target is ever seen")
         for method, (value, _) in PUBLISHED_COST.get(scenario, {}).items():
             axes.axhline(value, color=GRAY, linewidth=0.9, linestyle=_paper_line(method), zorder=1)
         axes.set(xscale="log", yscale="log", xlabel="evaluations of J")
