@@ -66,6 +66,21 @@ def _configured(configfiles: tuple[str, ...]) -> list[str]:
     return ["--configfile", *configfiles] if configfiles else []
 
 
+class SnakemakeCommand(Command):
+    """A command that hands what stands after -- to Snakemake."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the options, and tell where those of Snakemake go."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            raise click.UsageError(
+                f"No such option '{error.option_name}'; options of Snakemake follow --: "
+                f"{ctx.command_path} -- {error.option_name}",
+                ctx,
+            ) from None
+
+
 def _become(folder: Path, command: list[str]) -> None:
     """Go on as that command, which Ctrl-C and the exit code are then those of."""
     os.chdir(folder)
@@ -74,7 +89,7 @@ def _become(folder: Path, command: list[str]) -> None:
     os.execv(command[0], command)
 
 
-@click.command(cls=Command)
+@click.command(cls=SnakemakeCommand)
 @DIRECTORY
 @CORES
 @CONFIGFILE
@@ -91,6 +106,7 @@ def run(
     Examples:
       cislunar run
       cislunar run --configfile config/quick.yaml -- task1
+      cislunar run -- --dry-run
       cislunar run --cores 4 -- results/figures/fig02_orbit_library.png
     """
     folder = campaign_folder(directory, configfiles)
@@ -103,7 +119,7 @@ def _only_names(arguments: tuple[str, ...]) -> bool:
     return bool(arguments) and not arguments[0].startswith("-")
 
 
-@click.command(cls=Command)
+@click.command(cls=SnakemakeCommand)
 @DIRECTORY
 @CORES
 @CONFIGFILE
@@ -134,7 +150,7 @@ def resume(
     )
 
 
-@click.command(cls=Command)
+@click.command(cls=SnakemakeCommand)
 @DIRECTORY
 @CONFIGFILE
 @click.option("--output", default="report.html", show_default=True, metavar="FILE")

@@ -4,12 +4,12 @@ import click
 
 from cislunar.command.base import Command
 from cislunar.command.orbit_argument import FORM, OrbitType, read_orbit
-from cislunar.command.table import OUTPUT, UNITS, Column, show, state_columns
+from cislunar.command.table import OUTPUT, UNITS, Column, Number, show, state_columns
 
 
 @click.command(cls=Command, epilog=FORM)
 @click.option("--orbit", type=OrbitType(), required=True, help="Where to start.")
-@click.option("--days", type=float, required=True, help="How far; negative: backwards.")
+@click.option("--days", type=Number(), required=True, help="How far; negative: backwards.")
 @click.option("--steps", type=click.IntRange(1, 1_000_000), default=20, show_default=True)
 @UNITS
 @OUTPUT
@@ -28,10 +28,7 @@ def propagate(orbit: str, days: float, steps: int, units: str, output: str | Non
     from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
     from cislunar.dynamics.cr3bp import primary_distances
     from cislunar.dynamics.propagation import propagate
-    from cislunar.errors import ConfigurationError
 
-    if not np.isfinite(days):
-        raise ConfigurationError(f"--days {days} must be finite")
     start = read_orbit(orbit, units)
     elapsed = np.linspace(0.0, days, steps + 1)
     states = propagate(start.state, elapsed * SECONDS_PER_DAY / TIME_UNIT_S)

@@ -4,7 +4,7 @@ import click
 
 from cislunar.command.base import Command
 from cislunar.command.orbit_argument import FORM, OrbitType, read_orbit
-from cislunar.command.table import OUTPUT, UNITS, Column, show
+from cislunar.command.table import OUTPUT, POSITIVE, UNITS, Column, Number, show
 
 
 @click.command(cls=Command, epilog=FORM)
@@ -13,10 +13,12 @@ from cislunar.command.table import OUTPUT, UNITS, Column, show
 @click.option(
     "--epoch", metavar="DATE", default="2024-10-01", show_default=True, help="UTC, ISO 8601."
 )
-@click.option("--hours", type=float, default=24.0, show_default=True, help="How long.")
-@click.option("--step", type=float, default=60.0, show_default=True, help="Minutes between rows.")
-@click.option("--radius", type=float, default=1.0, show_default=True, help="Of the target, m.")
-@click.option("--limit", type=float, default=18.0, show_default=True, help="Faintest seen, mag.")
+@click.option("--hours", type=Number(min=0.0), default=24.0, show_default=True, help="How long.")
+@click.option(
+    "--step", type=POSITIVE, default=60.0, show_default=True, help="Minutes from row to row."
+)
+@click.option("--radius", type=POSITIVE, default=1.0, show_default=True, help="Of the target, m.")
+@click.option("--limit", type=Number(), default=18.0, show_default=True, help="Faintest seen, mag.")
 @UNITS
 @OUTPUT
 def see(
@@ -45,12 +47,16 @@ def see(
     from cislunar.campaign.data.progress import logger
     from cislunar.constants import SECONDS_PER_DAY
     from cislunar.ephemeris.sampling import sample_ephemeris
-    from cislunar.ephemeris.time_scales import J2000_JD, clock_text, julian_date
+    from cislunar.ephemeris.time_scales import J2000_JD, clock_text
+    from cislunar.errors import CislunarError
     from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
     from cislunar.observation.sensor import Sensor
     from cislunar.observation.sightings import sightings
 
-    sky = sample_ephemeris(julian_date(epoch), hours / 24.0, step)
+    try:
+        sky = sample_ephemeris(epoch, hours / 24.0, step)
+    except CislunarError as error:
+        raise type(error)(f"--epoch {epoch}: {error}") from error
     places = [read_orbit(text, units).states(sky.time)[:, :3] for text in (observer, target)]
     sensor = Sensor(limiting_magnitude=limit)
     found = sightings(*places, sky.sun_position, sensor, radius_m=radius)

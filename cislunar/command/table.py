@@ -3,6 +3,7 @@
 import csv
 import io
 from collections.abc import Sequence
+from math import isfinite
 from typing import Any, NamedTuple
 
 import click
@@ -28,6 +29,20 @@ UNITS = click.option(
     show_default=True,
     help="Of states given and shown: km and km/s, or Earth-Moon distances and 1/n.",
 )
+
+
+class Number(click.FloatRange):
+    """A finite number within bounds."""
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> float:
+        """The number."""
+        number = super().convert(value, param, ctx)
+        if not isfinite(number):
+            self.fail(f"{value} is no finite number.", param, ctx)
+        return number
+
+
+POSITIVE = Number(min=0.0, min_open=True)
 
 
 def in_csv(columns: Sequence[Column]) -> str:

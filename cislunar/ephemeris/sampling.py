@@ -32,7 +32,7 @@ from cislunar.ephemeris.kernel import (
     loaded,
     require_coverage,
 )
-from cislunar.ephemeris.time_scales import tai_minus_utc, utc_to_tdb
+from cislunar.ephemeris.time_scales import julian_date, tai_minus_utc, utc_to_tdb
 from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ class Ephemeris:
 
 
 def sample_ephemeris(
-    epoch_jd: float = EPOCH_JD,
+    epoch_jd: float | str = EPOCH_JD,
     duration_days: float = 30.0,
     step_minutes: float = 60.0,
     kernel: str | Path = DEFAULT_KERNEL,
@@ -75,8 +75,8 @@ def sample_ephemeris(
 
     Parameters
     ----------
-    epoch_jd : float
-        First time, Julian date UTC (from 1972 on).
+    epoch_jd : float or str
+        First time, UTC (from 1972 on): a Julian date, or ISO 8601 like ``2024-10-01T00:00:00``.
     duration_days : float
         Length of the grid, days; the last sample lies at its end, or up to a step after it if the
         step does not divide it.
@@ -96,6 +96,8 @@ def sample_ephemeris(
     InputFileError
         If the kernel is missing, is not an SPK file, lacks a body, or does not cover the dates.
     """
+    if isinstance(epoch_jd, str):
+        epoch_jd = julian_date(epoch_jd)
     elapsed = _grid(duration_days, step_minutes)
     et = float(utc_to_tdb(epoch_jd)) + elapsed
     path = kernel_path(kernel)

@@ -32,7 +32,8 @@ def read_lines(path: str | Path, what: str) -> list[tuple[int, list[str]]]:
             reader = csv.reader(file, skipinitialspace=True)
             return [(reader.line_num, fields) for fields in reader]
     except FileNotFoundError as error:
-        raise InputFileError(f"{path}: no such file; give the path of a {what} table") from error
+        mend = f"give the path of a table with a row per {what}"
+        raise InputFileError(f"{path}: no such file; {mend}") from error
     except (OSError, ValueError, csv.Error) as error:
         raise InputFileError(f"{path}: cannot be read as a table in UTF-8 ({error})") from error
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, MU
-from cislunar.errors import ConfigurationError, ConvergenceError
+from cislunar.errors import ConfigurationError, ConvergenceError, did_you_mean
 from cislunar.orbits import catalogue_seeds as seeds
 from cislunar.orbits.branches import Seed
 from cislunar.orbits.continuation import Branch, Measure, Point, continue_branch, locate
@@ -133,10 +133,9 @@ def family_named(name: str) -> Family:
     if resonance and name not in CATALOGUE:
         return _resonant(*resonance.groups())
     if name not in CATALOGUE:
-        raise ConfigurationError(
-            f"unknown orbit family {name!r}; the families are {', '.join(CATALOGUE)}, and any "
-            "other Resonant_p:q"
-        )
+        near = did_you_mean(name, CATALOGUE, 0.8)  # below that, all are alike
+        every = f"the families are {', '.join(CATALOGUE)}, and any other Resonant_p:q"
+        raise ConfigurationError(f"unknown orbit family {name!r}; {near or every}")
     return CATALOGUE[name]
 
 

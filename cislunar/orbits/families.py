@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, MU
 from cislunar.dynamics.cr3bp import jacobi_constant
-from cislunar.errors import ConfigurationError
+from cislunar.errors import ConfigurationError, did_you_mean
 from cislunar.orbits.continuation import MAX_STEP, Branch, Point, between, interpolate
 from cislunar.orbits.corrector import X, Z, correct, fix_coordinate
 from cislunar.orbits.extent import (
@@ -80,9 +80,9 @@ def root_of(family: str) -> str:
         If the family is unknown.
     """
     if family not in FAMILIES:
-        raise ConfigurationError(
-            f"unknown orbit family {family!r}; the families are {', '.join(FAMILIES)}"
-        )
+        near = did_you_mean(family, FAMILIES, 0.8)
+        every = f"the families are {', '.join(FAMILIES)}"
+        raise ConfigurationError(f"unknown orbit family {family!r}; {near or every}")
     return family.removesuffix("_N").removesuffix("_S")
 
 

@@ -157,7 +157,10 @@ def test_who_sees_what_is_said_for_every_time():
 
 STATE = "1.12,0,0.18,0,-0.22,0"
 HOSTILE = {
-    "unknown family": ("orbits members Hallo --jacobi 3", "unknown orbit family 'Hallo'"),
+    "unknown family": (
+        "orbits members Hallo --jacobi 3",
+        "unknown orbit family 'Hallo'; the families are",
+    ),
     "no such period": ("orbits members Halo_L2_S --period 99", "the family has about 5.92"),
     "none anywhere": (
         "orbits members Lyap_L1 Lyap_L2 --jacobi 9 -q",
@@ -172,23 +175,34 @@ HOSTILE = {
     "km as nd": ("propagate --units nd --orbit 4e5,0,0,0,1,0 --days 1", "see --units"),
     "five numbers": ("propagate --orbit 1,2,3,4,5 --days 1", "six finite numbers"),
     "words in a state": ("propagate --orbit 1,2,3,4,5,six --days 1", "'six' is no number"),
-    "endless": (f"propagate --units nd --orbit {STATE} --days inf", "must be finite"),
+    "endless": (
+        f"propagate --units nd --orbit {STATE} --days inf",
+        "'--days': inf is no finite number",
+    ),
     "several members": ("propagate --orbit Halo_L2_S,jacobi=3.05 --days 1", "has 2 such; add"),
     "third of two": ("propagate --orbit Halo_L2_S,jacobi=3.05,member=3 --days 1", "has 2 such"),
     "two values": ("propagate --orbit Halo_L2_S,jacobi=3,period=3 --days 1", "only one"),
     "other key": ("propagate --orbit Halo_L2_S,energy=3 --days 1", "'energy=3' is not one of"),
     "no date": (
         f"see --observer {HALO} --target {HALO} --epoch yesterday",
-        "'yesterday' is no date",
+        "--epoch yesterday: 'yesterday' is no date",
     ),
     "no such years": (f"see --observer {HALO} --target {HALO} --epoch 2400-01-01", "ephemeris"),
-    "backwards": (f"see --observer {HALO} --target {HALO} --hours -1", "duration_days"),
-    "flat target": (f"see --observer {HALO} --target {HALO} --radius 0", "radius_m"),
+    "backwards": (f"see --observer {HALO} --target {HALO} --hours -1", "'--hours'"),
+    "flat target": (f"see --observer {HALO} --target {HALO} --radius 0", "'--radius'"),
     "no results": ("verify no/such/folder", "no/such/folder: no such folder"),
     "no repository": ("run --directory /proc", "/proc/Snakefile: no such file"),
     "no settings": (f"run --directory {ROOT} --configfile none.yaml", "none.yaml: no such file"),
     "no documents": ("docs update --directory /proc", "needs the folder of the repository"),
     "no such option": ("see --observr x", "see: cislunar see --help"),
+    "an option of Snakemake": (
+        "run --dry-run",
+        "No such option '--dry-run'; options of Snakemake follow --: cislunar run -- --dry-run",
+    ),
+    "nearly a family": (
+        "orbits members halo_l2s --jacobi 3",
+        "did you mean 'Halo_L2_S'",
+    ),
     "no such command": ("orbit", "No such command 'orbit'"),
 }
 

@@ -1,6 +1,5 @@
 """Reading a configuration: texts to the types wanted, every fault in a line that names the key."""
 
-import difflib
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar
@@ -11,7 +10,7 @@ from pydantic import ValidationError
 from cislunar.campaign.settings.fields import Section
 from cislunar.campaign.settings.schema import allowed, in_words, inner, schema_of, types
 from cislunar.campaign.settings.tree import Campaign
-from cislunar.errors import ConfigurationError
+from cislunar.errors import ConfigurationError, did_you_mean
 
 Part = TypeVar("Part", bound=Section)
 
@@ -117,8 +116,7 @@ def _described(fault: Mapping[str, Any], model: type[Section], above: str) -> st
     place = _join(above, *path)
     if kind == "extra_forbidden":
         known = list(schema["properties"])
-        close = difflib.get_close_matches(path[-1], known, n=1)
-        mend = f"did you mean {close[0]!r}?" if close else f"known keys: {', '.join(known)}"
+        mend = did_you_mean(path[-1], known) or f"known keys: {', '.join(known)}"
         return f"unknown configuration key {shown(place)}: {mend}"
     if kind == "missing":
         return f"configuration key {place!r} is missing"
