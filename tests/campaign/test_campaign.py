@@ -5,6 +5,7 @@ import logging
 import os
 import re
 import subprocess
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,13 @@ from campaign_folder import read_campaign, with_change
 
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.tables import ArchitectureTables
+from cislunar.campaign.architectures.exact import exact_dataset
 from cislunar.campaign.architectures.search_runs import best_run_dataset, search_run_dataset
+from cislunar.campaign.architectures.table2 import near_optimal_rows
+from cislunar.campaign.architectures.visibility import cost_function, visibility_dataset
 from cislunar.campaign.data import progress
 from cislunar.campaign.data import provenance as provenance_of
+from cislunar.campaign.data.inputs import sun_dataset
 from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, variable, write_dataset, write_text
 from cislunar.campaign.data.progress import progress_log
@@ -298,6 +303,31 @@ def test_best_of_runs_under_the_early_stop(tmp_path):
 def config(tmp_path):
     """The configuration of the full campaign, writing to a folder of the test."""
     return read_campaign(ROOT / "config") | {"results": str(tmp_path / "results")}
+
+
+def test_where_nothing_is_seen_it_is_said(config, caplog):
+    config = with_change(config, "visibility.duration_days", 1)
+    config = with_change(config, "visibility.limiting_magnitude", -20)
+    state = [[1.14, 0.0, -0.16, 0.0, -0.223, 0.0], [1.14, 0.0, 0.16, 0.0, -0.223, 0.0]]
+    orbits = xr.Dataset(
+        {
+            "family": ("orbit", ["Halo_L2_N", "Halo_L2_S"]),
+            "state": (("orbit", "component"), state),
+            "period": ("orbit", [3.2, 3.2]),
+            "jacobi": ("orbit", [3.05, 3.05]),
+            "stability_index": ("orbit", [50.0, 60.0]),
+        }
+    )
+    targets = xr.Dataset({"position": (("target", "axis"), [[0.8, 0.0, 0.1], [0.6, 0.2, 0.0]])})
+    seen = visibility_dataset(orbits, targets, sun_dataset(config), config, 2)
+    assert "no static target is ever seen from any orbit" in caplog.text
+    assert "raise visibility.limiting_magnitude = -20 or" in caplog.text
+    study = {"slots": 1, "restarts": 1, "certificate": {"within": 0.01, "nodes": 100}}
+    cost = cost_function(seen, orbits)
+    exact = exact_dataset(cost, seen, scenario="A", seed=1, **study)
+    assert "J is 0 for every architecture" in caplog.text
+    with warnings.catch_warnings(action="error"):
+        assert near_optimal_rows("A", exact, orbits)["share_of_optimum"].isna().all()
 
 
 def refusal(config):

@@ -321,6 +321,18 @@ def test_axis_of_whole_numbers_is_wide_enough_for_two(searched):
     assert low <= 9.0 and high >= 11.0
 
 
+def test_a_front_of_nothing_says_so(searched):
+    """Where no target is ever seen, no logarithmic axis shows J."""
+    fronts, architectures, _, coverage = searched
+    dark = {"Extra": fronts["Extra"] * 0.0}
+    nothing = {"Extra": {"exact": architectures["Extra"]["exact"] * 0.0}}
+    for figure in (
+        satellite_front_figure(dark, nothing, coverage),
+        convergence_figure({}, nothing),
+    ):
+        assert [text.get_text() for text in figure.axes[0].texts][-1].startswith("J = 0: no")
+
+
 def test_paper_marked_for_its_own_scenarios_alone(figures):
     first, second = figures["front"].axes[0], figures["front"].axes[2]
     drawn = [

@@ -16,8 +16,9 @@ from cislunar.campaign.tracking.summary import summary_dataset
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.evaluation.metrics import INCONSISTENT, NEVER_OBSERVED, TRACKED
 from cislunar.figures import style
-from cislunar.figures.axes import nice_ticks, spaced, tick_names
+from cislunar.figures.axes import Grid, nice_ticks, spaced, tick_names
 from cislunar.figures.labels import family_text, interval_text
+from cislunar.figures.panels import Row, draw_rows
 from cislunar.figures.tracking.choice import (
     figure_architectures,
     high_load_cells,
@@ -190,6 +191,19 @@ NAMES = (
     *("interval", "targets of one", "interval of one", "estimators of one"),
     "tasking",
 )
+
+
+def test_a_panel_without_values_says_so():
+    drawn = [np.array([np.nan]), np.array([1.0])]
+    (panels,) = draw_rows(
+        style.new_figure(3.0),
+        Grid(1, 2, 1.5, 1.0, 0.5, 0.5, 0.2, 0.2),
+        [Row("attitude RMSE,\ndegree", (), log=True)],
+        ["nobody", "somebody"],
+        lambda axes, row, column: drawn[column],
+    )
+    said = [[text.get_text() for text in axes.texts] for axes in panels]
+    assert ["nothing was observed" in "".join(texts) for texts in said] == [True, False]
 
 
 def test_paper_cells_are_chosen_from_the_full_configuration():

@@ -77,7 +77,8 @@ def satellite_front_figure(
             note_empty(upper, "J = 0: no target is ever seen")
         for method, (value, count) in PUBLISHED_COST.get(scenario, {}).items():
             upper.plot(count, value, **_paper_kwargs(method))
-        upper.set_yscale("log")
+        if any(np.any(np.asarray(line.get_ydata()) > 0.0) for line in upper.lines):
+            upper.set_yscale("log")
         lower.set_ylim(0.0, 1.0)
         lower.yaxis.set_major_formatter(PercentFormatter(xmax=1.0, symbol=""))
         reach = (upper.get_xlim(), lower.get_xlim())
