@@ -231,8 +231,8 @@ def test_observers_of_ones_own_are_an_architecture(study):
     changed = with_change(study, "sweeps.noise.architecture", "pair")
     check_campaign(changed)
     assert swept_cells(changed, "noise")[0].path.startswith("task2/D/pair/")
-    assert orbits_of("pair") == "orbits/observers_pair.nc"
-    assert {orbits_of(name) for name in ("tpe", "exact", "published")} == {"orbits/families.nc"}
+    assert orbits_of("pair", own=True) == "orbits/observers_pair.nc"
+    assert orbits_of("tpe", own=False) == "orbits/families.nc"
     assert longest_horizon(with_families(in_study(study))) == 10
 
 

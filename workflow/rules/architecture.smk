@@ -128,3 +128,58 @@ rule front:
         "Best J for each number of satellites (scenario {wildcards.scenario})"
     script:
         "../scripts/front.py"
+
+
+rule design:
+    input:
+        orbits=rules.families.output[0],
+        targets=rules.static_targets.output[0],
+        tracked=shared("orbits/tracked"),
+        sun=shared("ephemeris/sun"),
+        mesh=lambda wildcards: goal_mesh(wildcards, DESIGNS[wildcards.design]),
+    output:
+        results("architecture/{scenario}/{design}.nc"),
+    log:
+        log_of("architecture/{scenario}/{design}"),
+        times=benchmark_of("design/{scenario}_{design}"),
+    conda:
+        "../envs/cislunar.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+    params:
+        design=lambda wildcards: DESIGNS[wildcards.design],
+        settings=lambda wildcards: goal_settings(wildcards, DESIGNS[wildcards.design]),
+        seed=config["seed"],
+    message:
+        "Searching the design {wildcards.design} (scenario {wildcards.scenario})"
+    script:
+        "../scripts/design.py"
+
+
+rule objective_front:
+    input:
+        orbits=rules.families.output[0],
+        targets=rules.static_targets.output[0],
+        tracked=shared("orbits/tracked"),
+        sun=shared("ephemeris/sun"),
+        mesh=lambda wildcards: goal_mesh(wildcards, FRONTS[wildcards.front]),
+    output:
+        results("architecture/{scenario}/fronts/{front}.nc"),
+    log:
+        log_of("architecture/{scenario}/fronts/{front}"),
+        times=benchmark_of("objective_front/{scenario}_{front}"),
+    priority: 5
+    conda:
+        "../envs/cislunar.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+    params:
+        front=lambda wildcards: FRONTS[wildcards.front],
+        settings=lambda wildcards: goal_settings(wildcards, FRONTS[wildcards.front]),
+        seed=config["seed"],
+    message:
+        "The best by number of satellites, {wildcards.front} (scenario {wildcards.scenario})"
+    script:
+        "../scripts/objective_front.py"

@@ -60,6 +60,8 @@ OF_THE_PAPER = bool(OPTIMIZERS) and any(scenario in PUBLISHED for scenario in SC
 ALL_CORES = os.cpu_count()
 SEARCHES = ["tpe", "random", "atpe"]
 OBSERVERS = config["observers"]
+DESIGNS = ARCHITECTURE["designs"]
+FRONTS = ARCHITECTURE["objective_fronts"]
 RUNS = range(ARCHITECTURE["runs"])
 OWN_STATIC = [name for name, entry in STUDY["scenarios"].items() if "static_targets" in entry]
 SAMPLED = [name for name in STUDY["scenarios"] if name not in OWN_STATIC]
@@ -72,7 +74,7 @@ def any_of(names):
 
 KNOWN_WILDCARDS = {
     "scenario": list(STUDY["scenarios"]),
-    "architecture": [*SEARCHES, "exact", "published", *OBSERVERS],
+    "architecture": [*SEARCHES, "exact", "published", *OBSERVERS, *DESIGNS],
     "estimator": estimator_names(TASK2),
     "variant": list(STUDY["task2"]["variants"]["cells"]),
     "sweep": list(config["sweeps"]),
@@ -83,6 +85,8 @@ wildcard_constraints:
     scenario=any_of(STUDY["scenarios"]),
     method="|".join(SEARCHES),
     observers=any_of(OBSERVERS),
+    design=any_of(DESIGNS),
+    front=any_of(FRONTS),
     labels="family_position|index|stability_rank|categorical",
     run=r"\d+",
     architecture="[A-Za-z][A-Za-z0-9-]*",
@@ -133,9 +137,14 @@ def shared(name, scenario=None):
     return results(shared_dataset(STUDY, scenario, name))
 
 
+def orbits_file(architecture):
+    """The orbits that an architecture refers to."""
+    return results(orbits_of(architecture, architecture in OBSERVERS))
+
+
 def observer_orbits(wildcards):
     """The orbits that the architecture of a job refers to."""
-    return results(orbits_of(wildcards.architecture))
+    return orbits_file(wildcards.architecture)
 
 
 def optimizers_of(scenario):
@@ -172,6 +181,36 @@ def tracking_mesh(wildcards):
 def comparison_settings(wildcards):
     """Settings of the cells in which tasking methods are compared."""
     return cell_settings(settings_in(wildcards.scenario, "task2")["task2"])
+
+
+def goal_settings(wildcards, goal=None):
+    """What an architecture by an objective of its own depends on; `goal` is a design or a front."""
+    own = settings_in(wildcards.scenario, "epoch_jd", "propagator", "visibility")
+    own |= {key: ARCHITECTURE[key] for key in ("slots", "max_satellites")}
+    if goal is None or goal["objective"] in ("information", "attitude"):
+        own |= {"information": ARCHITECTURE["information"], "cell": comparison_settings(wildcards)}
+    return own
+
+
+def goal_mesh(wildcards, goal=None):
+    """Mesh file of the moving targets, if their attitude matters and they have one."""
+    if goal is not None and goal["objective"] != "attitude":
+        return []
+    return mesh_file(comparison_settings(wildcards))
+
+
+def fronts_of(scenario):
+    """The fronts by objective that are made for a scenario."""
+    return [
+        results(f"architecture/{scenario}/fronts/{name}.nc")
+        for name, front in FRONTS.items()
+        if scenario in front["scenarios"]
+    ]
+
+
+def judged_architectures(scenario):
+    """Every architecture of a scenario that is judged by all objectives."""
+    return [*optimizers_of(scenario), *DESIGNS, *OBSERVERS]
 
 
 # What Snakemake and its jobs write on Ctrl-C, and no job that fails.

@@ -133,6 +133,29 @@ rule satellite_front_figure:
         "../scripts/figure_satellite_front.py"
 
 
+rule objectives_figure:
+    input:
+        expand(results("tables/objectives_{scenario}.csv"), scenario=JUDGED),
+    output:
+        png=report(
+            results("figures/objectives.png"),
+            caption="../report/figure_objectives.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/objectives.pdf"),
+    log:
+        log_of("figures/objectives"),
+        times=benchmark_of("objectives_figure"),
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        scenarios=JUDGED,
+    message:
+        "Drawing the fronts by objective and the plane of coverage and information"
+    script:
+        "../scripts/figure_objectives.py"
+
+
 rule convergence_figure:
     input:
         runs=expand(
@@ -223,4 +246,5 @@ rule figures:
         rules.tpe_orbits_figure.output if "tpe" in OPTIMIZERS else [],
         rules.random_orbits_figure.output if "random" in OPTIMIZERS else [],
         rules.exact_orbits_figure.output if "exact" in OPTIMIZERS else [],
+        rules.objectives_figure.output if JUDGED else [],
         rules.tracking_figures.input,

@@ -8,7 +8,7 @@ wildcard_constraints:
 rule sweep_table:
     input:
         cells=lambda wildcards: [results(cell.path) for cell in SWEPT_CELLS[wildcards.sweep]],
-        orbits=lambda wildcards: results(orbits_of(SWEEPS[wildcards.sweep]["architecture"])),
+        orbits=lambda wildcards: orbits_file(SWEEPS[wildcards.sweep]["architecture"]),
         architectures=lambda wildcards: [
             results(f"architecture/{name}/{SWEEPS[wildcards.sweep]['architecture']}.nc")
             for name in swept_scenarios(wildcards)

@@ -1,3 +1,5 @@
+# Scenarios with architectures by other objectives than J.
+JUDGED = [scenario for scenario in SCENARIOS if DESIGNS or fronts_of(scenario)]
 READ = ARCHITECTURE["readings"]["scenario"]
 LABELLED = ARCHITECTURE["label_comparison"]["scenario"]
 
@@ -64,6 +66,42 @@ rule observers_table:
         "Writing what observers of one's own reach"
     script:
         "../scripts/observers_table.py"
+
+
+rule objectives_table:
+    input:
+        orbits=rules.families.output[0],
+        targets=rules.static_targets.output[0],
+        tracked=shared("orbits/tracked"),
+        sun=shared("ephemeris/sun"),
+        mesh=goal_mesh,
+        fronts=lambda wildcards: fronts_of(wildcards.scenario),
+        architectures=lambda wildcards: [
+            results(f"architecture/{wildcards.scenario}/{name}.nc")
+            for name in judged_architectures(wildcards.scenario)
+        ],
+        own_orbits=lambda wildcards: list(
+            map(orbits_file, judged_architectures(wildcards.scenario))
+        ),
+    output:
+        report(
+            results("tables/objectives_{scenario}.csv"),
+            caption="../report/objectives.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/objectives_{scenario}"),
+        times=benchmark_of("objectives_table/{scenario}"),
+    conda:
+        "../envs/cislunar.yaml"
+    threads: ALL_CORES
+    params:
+        settings=goal_settings,
+        seed=config["seed"],
+    message:
+        "Judging every architecture by every objective (scenario {wildcards.scenario})"
+    script:
+        "../scripts/objectives_table.py"
 
 
 rule label_comparison:
@@ -147,6 +185,7 @@ rule task1:
     input:
         rules.architecture_table.output if OPTIMIZERS else [],
         rules.observers_table.output if OBSERVERS else [],
+        expand(results("tables/objectives_{scenario}.csv"), scenario=JUDGED),
         rules.label_comparison.output if OPTIMIZERS and LABELLED else [],
         rules.readings.output if OPTIMIZERS and READ else [],
         rules.architecture_claims.output if OF_THE_PAPER else [],

@@ -22,7 +22,7 @@ def own_dataset(
     """
     orbit = np.arange(cost.n_orbits)
     found = architecture_variables(orbit, np.ones_like(orbit), cost)
-    found["orbit"].attrs["long_name"] = f"index into {orbits_of(name)}"
+    found["orbit"].attrs["long_name"] = f"index into {orbits_of(name, own=True)}"
     seen = visibility["observations"].values[:, 0]
     found |= dimensionless(
         observations=(("slot", "target"), seen, "times the static target is observable"),

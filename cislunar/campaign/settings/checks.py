@@ -1,12 +1,12 @@
 """What ties the keys of a configuration to each other, and the whole check of a campaign."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
-from cislunar.campaign.settings.cells import cell_settings, variant_place
+from cislunar.campaign.settings.cells import cell_settings, is_multiple, variant_place
 from cislunar.campaign.settings.families import (
     check_families,
     stated_variants,
@@ -14,12 +14,17 @@ from cislunar.campaign.settings.families import (
     with_families,
 )
 from cislunar.campaign.settings.reading import checked, shown
-from cislunar.campaign.settings.scenarios import OPTIMIZERS, in_study, scenario_settings
+from cislunar.campaign.settings.scenarios import (
+    OPTIMIZERS,
+    in_study,
+    scenario_settings,
+    tracked_count,
+)
 from cislunar.campaign.settings.tracking_checks import check_tracking
 from cislunar.campaign.settings.tree import Campaign, Scenario, Surroundings
 from cislunar.errors import ConfigurationError
 
-_TAKEN = ("front", "runs")
+_TAKEN = ("front", "fronts", "runs")
 """What else is beside the architectures of a scenario."""
 
 _MOST_OF_FRONT = 60
@@ -41,6 +46,7 @@ def check_campaign(config: Mapping[str, Any]) -> dict[str, Any]:
     _check_architectures(config)
     _check_scenarios(study)
     _check_optimization(study)
+    _check_goals(study)
     check_families(config, study)
     whole = with_families(study)
     _check_values(study, whole)
@@ -141,6 +147,67 @@ def _check_optimization(config: Mapping[str, Any]) -> None:
         )
 
 
+def _check_goals(config: Mapping[str, Any]) -> None:
+    """What ties the designs and fronts by objective to places, scenarios and windows."""
+    search = config["architecture"]
+    goals = {f"designs.{name}": each for name, each in search["designs"].items()}
+    goals |= {f"objective_fronts.{name}": each for name, each in search["objective_fronts"].items()}
+    members = sum(config["orbits"]["members"].values())
+    for key, goal in goals.items():
+        place = f"configuration key 'architecture.{key}"
+        told = goal["objective"] in ("information", "attitude")
+        if told and goal["phases"] is None:
+            raise ConfigurationError(
+                f"{place}.phases' = null: {goal['objective']} is that of satellites at phases of "
+                "their own; give their number"
+            )
+        if goal["fold"] > 1 and goal["objective"] not in ("coverage", "target-days"):
+            raise ConfigurationError(
+                f"{place}.fold' = {goal['fold']}: {goal['objective']} has none; leave it out"
+            )
+        fewest, most = 1, members * (goal["phases"] or 1)
+        if goal["phases"] is None:
+            fewest, most = search["slots"], search["slots"] * search["max_satellites"]
+        wanted = goal["satellites"]
+        for number in wanted if isinstance(wanted, list) else [wanted]:
+            if not fewest <= number <= most:
+                raise ConfigurationError(
+                    f"{place}.satellites': {number} must lie in {fewest} .. {most}, which the "
+                    "places hold"
+                )
+        for scenario in goal.get("scenarios", ()):
+            if scenario not in config["scenarios"]:
+                raise ConfigurationError(
+                    f"{place}.scenarios': {scenario!r} is none of {', '.join(config['scenarios'])}"
+                )
+        if told:
+            _check_windows(config, goal.get("scenarios", config["scenarios"]))
+
+
+def _check_windows(config: Mapping[str, Any], scenarios: Iterable[str]) -> None:
+    """Whether windows fit the horizon, and there are as many moving targets as are asked for."""
+    wanted = config["architecture"]["information"]
+    hours, step = wanted["window_hours"], wanted["step_hours"]
+    if not is_multiple(hours, step):
+        raise ConfigurationError(
+            f"configuration key 'architecture.information.step_hours' = {step} does not divide "
+            f"window_hours = {hours}"
+        )
+    for scenario in scenarios:
+        days = scenario_settings(config, scenario)["visibility"]["duration_days"]
+        if hours > 24.0 * days:
+            raise ConfigurationError(
+                f"configuration key 'architecture.information.window_hours' = {hours} exceeds the "
+                f"horizon of scenario {scenario}, visibility.duration_days = {days}"
+            )
+        available = tracked_count(config, scenario)
+        if wanted["targets"] > available:
+            raise ConfigurationError(
+                f"configuration key 'architecture.information.targets' = {wanted['targets']}: "
+                f"scenario {scenario} has {available} moving targets; lower it"
+            )
+
+
 def _named_architectures(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Every key that names an architecture, and the name."""
     task2 = config["task2"]
@@ -159,17 +226,21 @@ def _named_architectures(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]
 
 def _check_architectures(config: Mapping[str, Any]) -> None:
     """Refuse architectures that nothing makes, and two of one name."""
-    for name in config["observers"]:
-        if name in (*OPTIMIZERS, *_TAKEN):
-            raise ConfigurationError(
-                f"configuration key 'observers': name {name!r} is taken; choose another"
-            )
-    known = (*OPTIMIZERS, *config["observers"])
+    designs = config["architecture"]["designs"]
+    taken = [*OPTIMIZERS, *_TAKEN]
+    for key, names in (("observers", config["observers"]), ("architecture.designs", designs)):
+        for name in names:
+            if name in taken:
+                raise ConfigurationError(
+                    f"configuration key '{key}': name {name!r} is taken; choose another"
+                )
+        taken += names
+    known = (*OPTIMIZERS, *config["observers"], *designs)
     for key, name in _named_architectures(config):
         if name not in known:
             raise ConfigurationError(
                 f"configuration key '{key}' = {name!r}: must be one of {', '.join(known)}, or "
-                "a name given a table in 'observers'"
+                "a name given a table in 'observers' or an objective in 'architecture.designs'"
             )
 
 

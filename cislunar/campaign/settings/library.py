@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cislunar.architecture.information.tables import Looks
 from cislunar.campaign.settings import cell_tree, tree
 from cislunar.campaign.settings.cells import true_settings
 from cislunar.campaign.settings.reading import typed
@@ -54,6 +55,18 @@ def family_extent(orbits: tree.Orbits) -> Extent:
 def sampling_settings(targets: tree.Targets) -> SamplingSettings:
     """How the region within a zero-velocity surface is sampled."""
     return SamplingSettings(**targets.model_dump(exclude={"missions", "seeding"}))
+
+
+def information_looks(cell: cell_tree.CellSettings) -> Looks:
+    """How moving targets are looked at when architectures are chosen by information."""
+    model = _tasking_model(cell)
+    return Looks(
+        sensor=sensor(cell.sensor),
+        radius_m=model.radius_m,
+        diffuse_reflection_coefficient=model.diffuse_reflection_coefficient,
+        per_hour=3600.0 / cell.step_s,
+        initial=Spread(**dict(cell.initial_sigma)),
+    )
 
 
 def body_facets(body: cell_tree.Body) -> Facets:

@@ -77,7 +77,7 @@ def check_orbits(config: Mapping[str, Any]) -> None:
     # the library of orbits takes a second to import, and is wanted where there is a table
     results = Path(config["results"])
     for name, table in config["observers"].items():
-        if not _made_since(table, results / orbits_of(name)):
+        if not _made_since(table, results / orbits_of(name, own=True)):
             from cislunar.orbits.observers import load_observers, observer_orbits
 
             observer_orbits(load_observers(table), longest_horizon(config))

@@ -55,6 +55,13 @@ def in_study(config: Mapping[str, Any]) -> dict[str, Any]:
     for section, key in COMPARISONS:
         if result[section][key]["scenario"] in absent:
             result[section] = result[section] | {key: result[section][key] | {"scenario": None}}
+    fronts = result["architecture"]["objective_fronts"].items()
+    result["architecture"] = result["architecture"] | {
+        "objective_fronts": {
+            name: front | {"scenarios": [s for s in front["scenarios"] if s not in absent]}
+            for name, front in fronts
+        }
+    }
     result["sweeps"] = {
         name: sweep for name, sweep in config["sweeps"].items() if sweep["scenario"] not in absent
     }
@@ -82,14 +89,15 @@ def scenario_settings(config: Mapping[str, Any], scenario: str) -> dict[str, Any
 
 
 OPTIMIZERS = get_args(Optimizer)
-"""Architectures that are found among the candidate orbits; all others are of one's own."""
+"""Architectures that every campaign can have."""
 
 
-def orbits_of(architecture: str) -> str:
-    """Data set of the orbits an architecture refers to, relative to the results folder."""
-    if architecture in OPTIMIZERS:
-        return "orbits/families.nc"
-    return f"orbits/observers_{architecture}.nc"
+def orbits_of(architecture: str, own: bool) -> str:
+    """Data set of the orbits an architecture refers to, relative to the results folder.
+
+    `own` is whether its observers are those of a table.
+    """
+    return f"orbits/observers_{architecture}.nc" if own else "orbits/families.nc"
 
 
 def longest_horizon(config: Mapping[str, Any]) -> float:

@@ -26,8 +26,8 @@ _LIMITS = (
 )
 _TOLD = ("description", "unit", "paper", "default")
 _PATTERNS = {
-    ARCHITECTURE_NAME: f"one of {', '.join(get_args(Optimizer))}, or of `observers` a name of "
-    "letters, digits and hyphens, a letter first",
+    ARCHITECTURE_NAME: f"one of {', '.join(get_args(Optimizer))}, or of `observers` or "
+    "`architecture.designs` a name of letters, digits and hyphens, a letter first",
     MESH_OR_ICOSAHEDRON: "`icosahedron`, or a file ending in .obj or .stl",
     SCENARIO_NAME: "a name of letters, digits, dots and hyphens, a letter first",
     SWEEP_NAME: "a name of small letters, digits and hyphens, a letter first",

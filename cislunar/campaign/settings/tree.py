@@ -38,6 +38,8 @@ ARCHITECTURE_NAME = "^[A-Za-z][A-Za-z0-9-]*$"
 Architecture = Annotated[str, Field(pattern=ARCHITECTURE_NAME)]
 Center = Literal["moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5"]
 Sampler = Literal["hyperopt", "compiled"]
+Objective = Literal[
+    "coverage", "target-days", "longest-gap", "mean-gap", "mean-wait", "information", "attitude"]
 Labels = Literal["family_position", "index", "stability_rank", "categorical"]
 SCENARIO_NAME, SWEEP_NAME = "^[A-Za-z][A-Za-z0-9.-]*$", "^[a-z][a-z0-9-]*$"
 VARIANT_NAME = "^[a-z][a-z0-9.-]*$"
@@ -138,6 +140,49 @@ class Readings(Section):
         default="A")
 
 
+class Information(Section):
+    targets: whole(ge=1, le=100_000) = setting(
+        "moving targets of the objectives `information` and `attitude`, at most those of the "
+        "scenario", "1", default=100)
+    target_seed: whole(ge=0) = setting(
+        "chooses them, where on their orbits they start, and their attitudes; other than "
+        "`task2.monitored_seed`, an architecture is not chosen on the targets it is judged by",
+        "1", default=1)
+    windows: whole(ge=1, le=1000) = setting(
+        "windows spread over `visibility.duration_days`", "1", default=10)
+    window_hours: Positive = setting("length of each", "h", default=24)
+    step_hours: Positive = setting(
+        "time between the looks that are computed, each for all in a step", "h", default=1)
+    attitudes: whole(ge=1, le=1000) = setting(
+        "random attitudes of each target in each window", "1", default=1)
+
+
+class _Goal(Section):
+    objective: Objective = setting(
+        "what architectures are chosen for, see `docs/objectives.md`: `coverage` of target-hours, "
+        "or of `target-days`; `longest-gap`, `mean-gap` or `mean-wait`; `information` about the "
+        "orbits of moving targets, or about their `attitude`")
+    phases: whole(ge=1, le=1000) | None = setting(
+        "satellites stand each at one of so many phases of an orbit; null: in the paper's slots, "
+        "`slots` orbits of up to `max_satellites` (not for `information` and `attitude`)",
+        default=10)
+    fold: whole(ge=1, le=8) = setting(
+        "satellites that have to see a target for `coverage` or `target-days` to count it in full",
+        default=1)
+    max_stability_index: Positive | None = setting(
+        "orbits of a larger stability index are left out; null: none is", "1", default=2)
+
+
+class Design(_Goal):
+    satellites: Count = setting("number of satellites")
+
+
+class ObjectiveFront(_Goal):
+    scenarios: several(str) = setting("scenarios it is made for")
+    satellites: Annotated[several(Count), Field(min_length=1)] = setting(
+        "numbers of satellites", default=list(range(5, 61, 5)))
+
+
 class Search(Section):
     optimizers: several(Optimizer) = setting(
         "how architectures are found; `atpe` needs the package lightgbm. `[]`: nothing is searched "
@@ -159,6 +204,10 @@ class Search(Section):
         "starts of the coordinate search (`exact`, `published`)", default=10)
     certificate: Certificate = Certificate()
     front: Front = Front()
+    information: Information = Information()
+    designs: dict[Architecture, Design] = setting("", default={}, name="{design}")
+    objective_fronts: dict[Architecture, ObjectiveFront] = setting(
+        "", default={}, name="{front}")
     label_comparison: LabelComparison = LabelComparison()
     readings: Readings = Readings()
 

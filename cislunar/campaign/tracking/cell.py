@@ -64,6 +64,11 @@ class Problem(NamedTuple):
     observer_slot: NDArray[np.int64]
 
 
+def orbits_file(cell: Cell, orbits: xr.Dataset) -> str:
+    """Where the orbits of a cell's observers are from; those of a table have names."""
+    return orbits_of(cell.architecture, own="name" in orbits)
+
+
 def realization_seeds(seed: int, count: int) -> list[int]:
     """Seeds of the realizations in every cell; a longer list begins with shorter ones."""
     return [int(np.random.SeedSequence([seed, k]).generate_state(1)[0]) for k in range(count)]
@@ -83,8 +88,7 @@ def tracking_problem(
     if orbit.min() < 0 or orbit.max() >= orbits.sizes["orbit"]:
         raise ConfigurationError(
             f"{where} refers to orbit {orbit.max()} of a library of {orbits.sizes['orbit']}: it "
-            f"was made with another {orbits_of(cell.architecture)}; delete it and run snakemake "
-            "again"
+            f"was made with another {orbits_file(cell, orbits)}; delete it and run snakemake again"
         )
     start = settings.start_day * SECONDS_PER_DAY / TIME_UNIT_S
     times = start + loop.elapsed_s / TIME_UNIT_S

@@ -13,8 +13,7 @@ from cislunar.campaign.data.netcdf import Later, growing_dataset, variable
 from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.settings.scenarios import orbits_of
-from cislunar.campaign.tracking.cell import CellInputs, Problem, cell_loop
+from cislunar.campaign.tracking.cell import CellInputs, Problem, cell_loop, orbits_file
 from cislunar.campaign.tracking.checkpoint import CHECKPOINT_S, Checkpoint, checkpoint_folder
 from cislunar.campaign.tracking.records import (
     ESTIMATED,
@@ -170,7 +169,7 @@ def _dataset(
         "family": ("target", list(inputs.tracked["family"].values[ids]), "1",
                    "orbit class of the target"),
         "observer_orbit": ("observer", inputs.architecture["orbit"].values[slot], "1",
-                           f"row in {orbits_of(cell.architecture)}"),
+                           f"row in {orbits_file(cell, inputs.orbits)}"),
         "observer_slot": ("observer", slot, "1", "slot of the architecture"),
     }  # fmt: skip
     described = {**histories, **_results(loop)}

@@ -1,0 +1,194 @@
+"""Architectures by other objectives than J, from settings to data sets, tables and tracking."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from campaign_folder import ROOT, copy_workflow, read_campaign, snakemake, with_change
+
+from cislunar.campaign.architectures.designs import World, design_dataset, objective_front_dataset
+from cislunar.campaign.architectures.moving import Moving
+from cislunar.campaign.architectures.objectives_table import objective_row, of_front, single
+from cislunar.campaign.architectures.visibility import architecture_coverage
+from cislunar.campaign.data.inputs import orbit_set_dataset, sun_dataset
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.settings.cells import cell_settings
+from cislunar.campaign.settings.checks import check_campaign
+from cislunar.campaign.settings.reading import merged
+from cislunar.campaign.settings.scenarios import in_study, scenario_settings
+from cislunar.errors import ConfigurationError
+from cislunar.figures.search.objectives import objectives_figure
+from cislunar.orbits.families import observer_library
+
+WANTED = {"phases": 3, "fold": 1, "max_stability_index": None, "satellites": 3}
+HORIZON = {"duration_days": 2, "step_hours": 6, "limiting_magnitude": 15}
+OBJECTIVES = ("coverage", "target-days", "longest-gap", "mean-gap", "mean-wait", "information",
+              "attitude")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def paper(tmp_path_factory):
+    results = str(tmp_path_factory.mktemp("results"))
+    return read_campaign(ROOT / "config") | {"results": results}
+
+
+@pytest.fixture(scope="module")
+def settings(paper):
+    """Settings as the workflow hands them to jobs, of a small scenario."""
+    own = scenario_settings(paper, "A")
+    few = {"targets": 3, "target_seed": 2, "windows": 2, "window_hours": 12, "step_hours": 4}
+    return {
+        "epoch_jd": own["epoch_jd"],
+        "propagator": "dopri5",
+        "visibility": own["visibility"] | HORIZON,
+        "slots": 2,
+        "max_satellites": 3,
+        "information": paper["architecture"]["information"] | few,
+        "cell": cell_settings(own["task2"]),
+    }
+
+
+@pytest.fixture(scope="module")
+def world(settings):
+    orbits = observer_library({"Halo_L2_S": 2, "Lyap_L1": 2})
+    targets = np.random.default_rng(4).normal([1.0, 0.0, 0.0], 0.15, (9, 3))
+    moving = observer_library({"Halo_L1_N": 3, "Halo_L2_N": 2})
+    sun = settings | {"ephemeris": {"kernel": "de421", "step_minutes": 60}}
+    return World(
+        orbit_set_dataset(orbits, "orbit", "orbits", {}),
+        xr.Dataset({"position": (("target", "axis"), targets)}),
+        orbit_set_dataset(moving, "target", "targets", {}),
+        sun_dataset({key: sun[key] for key in ("epoch_jd", "ephemeris", "visibility")}),
+    )
+
+
+GIVEN = {"scenario": "A", "name": "mine", "seed": 7}
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_a_design_is_what_its_objective_says_and_is_read_back(world, settings, tmp_path, objective):
+    found = design_dataset(WANTED | {"objective": objective}, world, settings, **GIVEN)
+    write_dataset(found, tmp_path / "mine.nc")
+    read = read_dataset(tmp_path / "mine.nc")
+    flown = single("mine", read)
+    assert flown.objective == objective and flown.satellites.tolist() == [1, 1, 1]
+    assert set(np.round(3.0 * flown.phase, 12)) <= {0.0, 1.0, 2.0}
+    assert flown.measured["bound"] >= flown.measured["value"] >= flown.measured["greedy"] > 0.0
+    moving = Moving(world.tracked, world.sun, settings, scenario="A", seed=7)
+    row = objective_row("A", flown, world, settings, moving)
+    by_name = {"coverage": "union_coverage", "target-days": "target_days"}
+    by_name |= {"information": "information_nat", "attitude": "attitude_nat"}
+    if objective in by_name:
+        assert row[by_name[objective]] == pytest.approx(row["value"], rel=1e-9)
+    assert row["satellites"] == 3 and row["J"] > 0.0
+    assert row["unit"] == ("nat" if objective in ("information", "attitude") else "1")
+
+
+def test_a_design_in_slots_has_their_satellites(world, settings):
+    wanted = WANTED | {"objective": "coverage", "phases": None, "satellites": 5}
+    found = design_dataset(wanted, world, settings, **GIVEN)
+    assert found["satellites"].values.sum() == 5 and found.sizes["slot"] == 2
+    assert not found["phase"].values.any()
+    ways = found["orbit"].values, found["satellites"].values
+    covered = architecture_coverage(*ways, *world[:2], world.sun, settings)
+    assert covered.union_coverage == pytest.approx(float(found["value"]))
+
+
+def test_fronts_hold_every_number_and_draw(world, settings):
+    moving = Moving(world.tracked, world.sun, settings, scenario="A", seed=7)
+    rows = []
+    for name, objective in (("seen", "coverage"), ("known", "information")):
+        wanted = WANTED | {"objective": objective, "satellites": [4, 1, 2], "scenarios": ["A"]}
+        front = objective_front_dataset(wanted, world, settings, **GIVEN)
+        assert front["total"].values.tolist() == [1, 2, 4]
+        # static targets that nobody can see leave coverage where it is
+        more = np.diff(front["value"].values)
+        assert np.all(more > 0.0 if objective == "information" else more >= 0.0)
+        assert np.all(front["bound"].values >= front["value"].values)
+        flown = list(of_front(name, front))
+        assert [each.satellites.sum() for each in flown] == [1, 2, 4]
+        rows += [objective_row("A", each, world, settings, moving) for each in flown]
+    table = pd.DataFrame(rows)
+    seen, known = (table[table["front"] == name] for name in ("seen", "known"))
+    np.testing.assert_allclose(seen["value"], seen["union_coverage"])
+    np.testing.assert_allclose(known["value"], known["information_nat"])
+    # of each number, neither is better by the other's objective, up to the gap
+    assert np.all(known["union_coverage"].to_numpy() <= seen["bound"].to_numpy() * (1 + 1e-12))
+    assert np.all(seen["information_nat"].to_numpy() <= known["bound"].to_numpy() * (1 + 1e-12))
+    design = design_dataset(WANTED | {"objective": "coverage"}, world, settings, **GIVEN)
+    rows.append(objective_row("A", single("mine", design), world, settings, moving))
+    plain = design.drop_vars(["value", "bound", "greedy", "gap"])
+    rows.append(objective_row("A", single("tpe", plain), world, settings, moving))
+    figure = objectives_figure({"A": pd.DataFrame(rows), "B": pd.DataFrame(rows)})
+    assert len(figure.axes) == 6
+    legend = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert legend == ["seen", "known", "up to the proven bound", "mine", "TPE"]
+
+
+DESIGN = {"objective": "information", "satellites": 20}
+
+
+@pytest.mark.parametrize(
+    "key, value, message",
+    [
+        ("designs.tpe", DESIGN, "name 'tpe' is taken"),
+        ("designs.fronts", DESIGN, "name 'fronts' is taken"),
+        ("designs.x", DESIGN | {"phases": None}, "designs.x.phases' = null: information is that"),
+        ("designs.x", DESIGN | {"fold": 2}, "designs.x.fold' = 2"),
+        ("designs.x", DESIGN | {"objective": "gap"}, "must be one of coverage"),
+        ("designs.x", DESIGN | {"satellites": 4000}, "4000 must lie in 1 .. 3020"),
+        ("objective_fronts.x", {"objective": "coverage", "phases": None, "scenarios": ["A"]},
+         "objective_fronts.x.satellites': 5 must lie in 10 .. 100"),
+        ("objective_fronts.x", {"objective": "coverage", "scenarios": ["D"]}, "'D' is none of A"),
+    ],
+)  # fmt: skip
+def test_impossible_goals_name_their_key(paper, key, value, message):
+    with pytest.raises(ConfigurationError, match=message):
+        check_campaign(with_change(paper, f"architecture.{key}", value))
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"targets": 203}, "information.targets' = 203: scenario A has 202"),
+        ({"window_hours": 24.0 * 31}, "window_hours' = 744.0 exceeds"),
+        ({"step_hours": 5}, "step_hours' = 5 does not divide"),
+    ],
+)
+def test_impossible_windows_name_their_key(paper, change, message):
+    changed = with_change(paper, "architecture.designs.x", DESIGN)
+    changed = merged(changed, {"architecture": {"information": change}})
+    with pytest.raises(ConfigurationError, match=message):
+        check_campaign(changed)
+    check_campaign(merged(paper, {"architecture": {"information": change}}))  # nobody asks
+
+
+def test_an_unknown_architecture_is_refused_and_a_design_is_known(paper):
+    changed = with_change(paper, "task2.architectures", ["mine"])
+    with pytest.raises(ConfigurationError, match=r"an objective in 'architecture\.designs'"):
+        check_campaign(changed)
+    front = {"objective": "coverage", "scenarios": ["A", "B"]}
+    changed = with_change(changed, "architecture.designs.mine", DESIGN)
+    changed = with_change(changed, "architecture.objective_fronts.seen", front)
+    check_campaign(changed)
+    left = in_study(check_campaign(merged(changed, {"scenarios": {"A": None}})))
+    assert left["architecture"]["objective_fronts"]["seen"]["scenarios"] == ["B"]
+
+
+@pytest.mark.workflow
+def test_the_workflow_plans_designs_and_fronts(tmp_path):
+    folder = copy_workflow(tmp_path)
+    search = '{"designs": {"mine": {"objective": "information", "satellites": 3}}, '
+    search += '"objective_fronts": {"seen": {"objective": "coverage", "scenarios": ["A"]}}}'
+    asked = ["task1", "results/quick/figures/objectives.png"]
+    asked.append("results/quick/task2/A/mine/mukf/nt20_dt60.nc")
+    output, code = snakemake(
+        folder, "-n", "--configfile", "config/quick.yaml", "--config", f"architecture={search}",
+        "--", *asked,
+    )  # fmt: skip
+    assert code == 0, output[-3000:]
+    planned = {"design": 3, "objective_front": 1, "objectives_table": 3, "objectives_figure": 1}
+    for rule, count in planned.items():
+        assert re.search(rf"^{rule} +{count}$", output, flags=re.MULTILINE), rule

@@ -1,0 +1,22 @@
+"""Makes architecture/{scenario}/fronts/{front}.nc: the best by number of satellites, bounds."""
+
+from cislunar.campaign.operation.handing_over import in_worker
+
+in_worker()
+
+from cislunar.campaign.architectures.designs import World, objective_front_dataset
+from cislunar.campaign.data.job import job
+from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.progress import progress_log
+
+with job(snakemake.log):
+    found = objective_front_dataset(
+        snakemake.params.front,
+        World(*(read_dataset(snakemake.input[name]) for name in World._fields)),
+        snakemake.params.settings,
+        scenario=snakemake.wildcards.scenario,
+        name=snakemake.wildcards.front,
+        seed=snakemake.params.seed,
+        progress=progress_log("orbits"),
+    )
+    write_dataset(found, snakemake.output[0])
