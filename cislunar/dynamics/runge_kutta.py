@@ -1,4 +1,4 @@
-"""Adaptive Runge-Kutta kernels with dense output, compiled, and fixed steps by the same stages.
+"""Adaptive Runge-Kutta kernels with dense output, compiled.
 
 The pairs are those of `cislunar.dynamics.tableau`; step-size control follows Hairer, Norsett &
 Wanner, "Solving Ordinary Differential Equations I", section II.4.
@@ -300,16 +300,3 @@ def integrate(method, forces, start, y0, times, rtol, atol, out, centres, closes
         y[:] = y_new
         slopes[0] = slopes[last]
     return TOO_MANY_STEPS, t
-
-
-@njit(cache=True, error_model="numpy")
-def step_dop853(forces, t, state, dt):
-    """State, shape (6,) or with its STM (42,), after one DOP853 step from time t (compiled).
-
-    The step is of fixed size, without error control; `forces` as in `cislunar.dynamics.forces`.
-    """
-    slopes = np.empty((STAGES8 + 1, state.size))
-    y_new = np.empty(state.size)
-    _derivative(forces, t, state, slopes[0])
-    _step(DOP853, forces, t, state, dt, slopes, y_new)
-    return y_new

@@ -8,9 +8,7 @@ from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose, from_rotation_vector
 from cislunar.attitude.rigid_body import propagate_torque_free, spherical_transition
 from cislunar.attitude.short_steps import rigid_transition
-from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.propagation import propagate, propagate_stm
-from cislunar.dynamics.runge_kutta import step_dop853
 from cislunar.errors import ConfigurationError
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.observation.measurement import target_magnitude
@@ -196,21 +194,6 @@ def test_measurement_rows_are_the_derivatives_of_the_measurement(problem):
             expected[:, c] = (ends[0] - ends[1]) / (2.0 * abs(change[c]))
         for row, wanted in zip(rows, expected, strict=True):
             np.testing.assert_allclose(row, wanted, rtol=1e-5, atol=1e-7 * np.abs(wanted).max())
-
-
-@pytest.mark.parametrize(
-    "state",
-    [
-        [0.920026, 0.0, 0.0, 0.0, 0.501040, 0.0],
-        [1.0, 0.0, 0.004782, 1.6, 0.0, 0.0],  # 100 km above the Moon's pole
-    ],
-)
-def test_one_step_gives_the_transition_matrix_of_the_translation(problem, state):
-    forces, step = CR3BP(0.01215), problem.scene.step
-    stepped = step_dop853(forces, 0.0, np.concatenate([state, np.eye(6).ravel()]), step)
-    end, stm = propagate_stm(state, step, forces=forces)
-    np.testing.assert_allclose(stepped[:6], end, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(stepped[6:].reshape(6, 6), stm, rtol=1e-10, atol=1e-11)
 
 
 @pytest.mark.parametrize("rate", [1e-4, 0.01])

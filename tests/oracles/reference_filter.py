@@ -7,8 +7,7 @@ from cislunar.attitude import grp
 from cislunar.attitude.quaternion import compose, inverse
 from cislunar.attitude.rigid_body import propagate_torque_free
 from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.dynamics.cr3bp import EARTH_MOON
-from cislunar.dynamics.runge_kutta import step_dop853
+from cislunar.dynamics.propagation import propagate
 from cislunar.photometry.facets import facet_magnitude
 
 
@@ -44,7 +43,7 @@ class ReferenceFilter:
         turn, rate = self.turn(x[3:6], dt)
         mean_turn, _ = self.turn(self.mean_rate, dt)
         error = compose(compose(turn, grp.to_quaternion(x[:3])), inverse(mean_turn))
-        moved = step_dop853(EARTH_MOON, 0.0, np.ascontiguousarray(x[6:]), self.scene.step)
+        moved = propagate(x[6:], [self.scene.step], method="dop853")[0]
         return np.r_[grp.from_quaternion(error), rate, moved]
 
     def turn(self, rate, dt):
