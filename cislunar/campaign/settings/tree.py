@@ -185,8 +185,9 @@ class ObjectiveFront(_Goal):
 
 class Search(Section):
     optimizers: several(Optimizer) = setting(
-        "how architectures are found; `atpe` needs the package lightgbm. `[]`: nothing is searched "
-        "for, and only what `task2` and `sweeps` name is made, such as `observers`",
+        "how architectures are found; `atpe` needs the package lightgbm. `[]`: none is, and only "
+        "what `task2`, `sweeps`, `designs` and `objective_fronts` name is made, such as "
+        "`observers`",
         paper="tpe, random")
     slots: whole(ge=1, le=1000) = setting("distinct orbits of an architecture", paper="10")
     max_satellites: whole(ge=1, le=90) = setting("most satellites on one orbit", paper="10")
