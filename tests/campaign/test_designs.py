@@ -23,6 +23,7 @@ from cislunar.figures.search.objectives import objectives_figure
 from cislunar.orbits.families import observer_library
 
 WANTED = {"phases": 3, "fold": 1, "max_stability_index": None, "satellites": 3}
+WANTED |= {"method": "certified", "evaluations": None}
 HORIZON = {"duration_days": 2, "step_hours": 6, "limiting_magnitude": 15}
 OBJECTIVES = ("coverage", "target-days", "longest-gap", "mean-gap", "mean-wait", "information",
               "attitude")  # fmt: skip
@@ -96,6 +97,24 @@ def test_a_design_in_slots_has_their_satellites(world, settings):
     assert covered.union_coverage == pytest.approx(float(found["value"]))
 
 
+@pytest.mark.parametrize("method, evaluations", [("tpe", None), ("random", 2)])
+def test_the_papers_searches_take_the_objectives_and_stay_below_the_bound(
+    world, settings, method, evaluations
+):
+    search = {"labels": "index", "early_stop": 30, "max_evaluations": 40, "sampler": "compiled"}
+    wanted = WANTED | {"objective": "information"}
+    most = float(design_dataset(wanted, world, settings, **GIVEN)["bound"])
+    wanted |= {"method": method, "evaluations": evaluations}
+    found = design_dataset(wanted, world, settings | search, **GIVEN)
+    assert 0.0 < float(found["value"]) <= most and "bound" not in found
+    assert single("mine", found).measured == {"value": float(found["value"])}
+    with pytest.raises(ConfigurationError, match="1 evaluations found no architecture of distinct"):
+        design_dataset(
+            wanted | {"method": "random", "evaluations": 1, "satellites": 12, "phases": 3},
+            world, settings | search, **GIVEN,
+        )  # fmt: skip
+
+
 def test_fronts_hold_every_number_and_draw(world, settings):
     moving = Moving(world.tracked, world.sun, settings, scenario="A", seed=7)
     rows = []
@@ -136,6 +155,8 @@ DESIGN = {"objective": "information", "satellites": 20}
         ("designs.tpe", DESIGN, "name 'tpe' is taken"),
         ("designs.fronts", DESIGN, "name 'fronts' is taken"),
         ("designs.x", DESIGN | {"phases": None}, "designs.x.phases' = null: information is that"),
+        ("designs.x", DESIGN | {"phases": None, "method": "tpe", "objective": "coverage"},
+         "phases' = null: tpe does not keep"),
         ("designs.x", DESIGN | {"fold": 2}, "designs.x.fold' = 2"),
         ("designs.x", DESIGN | {"objective": "gap"}, "must be one of coverage"),
         ("designs.x", DESIGN | {"satellites": 4000}, "4000 must lie in 1 .. 3020"),

@@ -11,18 +11,23 @@ from cislunar.architecture.coverage.certificate import certify_coverage
 from cislunar.architecture.coverage.gap_objective import GapObjective, certify_gaps
 from cislunar.architecture.coverage.objective import CoverageObjective
 from cislunar.architecture.coverage.tables import coverage_tables
+from cislunar.architecture.hyperopt_search import hyperopt_search
 from cislunar.architecture.information.certificate import certify_information
 from cislunar.architecture.information.objective import InformationObjective
 from cislunar.architecture.places import Places, free_places, places_at, steady_orbits
+from cislunar.architecture.result import SearchResult
 from cislunar.campaign.architectures.moving import Moving, orbit_set
+from cislunar.campaign.architectures.search_runs import sampling_method
 from cislunar.campaign.architectures.variables import architecture_variables, dimensionless
 from cislunar.campaign.architectures.visibility import cost_function, visibility_dataset
 from cislunar.campaign.data.inputs import horizon, sun_at
 from cislunar.campaign.data.netcdf import variable
 from cislunar.campaign.data.progress import Progress, logger, progress_log
 from cislunar.campaign.data.provenance import provenance
+from cislunar.campaign.data.seeds import generator
 from cislunar.campaign.settings.library import visibility_settings
 from cislunar.dynamics.propagation import propagate_periodic
+from cislunar.errors import ConfigurationError
 
 UNITS = {"information": "nat", "attitude": "nat"}
 """Units of the objectives that have one."""
@@ -142,26 +147,58 @@ def design_dataset(
     """``architecture/{scenario}/{design}.nc``: the best architecture by an objective.
 
     `design` is the configuration key ``architecture.designs.{name}``, `settings` as of `goal_of`.
-    J takes each satellite with a phase of its own for one on an orbit of its own.
+    J takes each satellite with a phase of its own for one on an orbit of its own. By the methods
+    `tpe` and `random` there is no bound; their settings are the keys `labels`, `early_stop`,
+    `max_evaluations` and `sampler` of `settings`.
     """
     goal = goal_of(design, world, settings, scenario=scenario, seed=seed, progress=progress)
-    unit = UNITS.get(design["objective"], "1")
-    (best,) = _certified(goal, [design["satellites"]], unit)
+    unit, number = UNITS.get(design["objective"], "1"), design["satellites"]
+    title = f"Scenario {scenario}, {number} satellites by {design['objective']}"
+    attributes = provenance(title, settings={**settings, "design": dict(design)}, seed=seed)
+    attributes |= {"design": name, "objective": design["objective"]}
+    if design["method"] == "certified":
+        (best,) = _certified(goal, [number], unit)
+        attributes["certificate_seconds"] = best.seconds
+        measured = _measured([best], unit, ())
+    else:
+        best = _sampled(goal, design, settings, generator(seed, scenario, "design", name))
+        measured = {"value": variable((), best.value, unit, _VALUES["value"])}
     orbit, phase = goal.places.orbit[best.orbit], goal.places.phase[best.orbit]
     chosen = _from_phases(world.orbits.isel(orbit=orbit), phase)
     most = int(best.satellites.max())
     visibility = visibility_dataset(chosen, world.targets, world.sun, settings, most)
-    cost = cost_function(visibility, chosen)
-    found = architecture_variables(np.arange(orbit.size), best.satellites, cost)
+    cost, slots = cost_function(visibility, chosen), np.arange(orbit.size)
+    seen = visibility["observations"].values[slots, best.satellites - 1]
+    found = architecture_variables(slots, best.satellites, cost)
     found |= dimensionless(
         orbit=("slot", orbit, "index into orbits/families.nc"),
         phase=("slot", phase, "share of the period by which the satellites are ahead"),
+        observations=(("slot", "target"), seen, "times the static target is observable"),
     )
-    title = f"Scenario {scenario}, {best.n_satellites} satellites by {design['objective']}"
-    attributes = provenance(title, settings={**settings, "design": dict(design)}, seed=seed)
-    attributes |= {"design": name, "objective": design["objective"]}
-    attributes["certificate_seconds"] = best.seconds
-    return xr.Dataset(found | _measured([best], unit, ()), attrs=attributes)
+    return xr.Dataset(found | measured, attrs=attributes)
+
+
+def _sampled(
+    goal: Goal, design: Mapping[str, Any], settings: Mapping[str, Any], rng: np.random.Generator
+) -> SearchResult:
+    """The best that a sampling search finds; a `ConfigurationError` if no places were distinct."""
+    budget = design["evaluations"] or settings["max_evaluations"]
+    found = hyperopt_search(
+        goal.objective,
+        method=sampling_method(design["method"], settings["sampler"]),
+        rng=rng,
+        n_slots=design["satellites"],
+        labels=settings["labels"],
+        max_evaluations=budget,
+        early_stop=None if design["method"] == "random" else settings["early_stop"],
+        progress=progress_log("evaluations"),
+    )
+    if np.unique(found.orbit).size < found.orbit.size:
+        raise ConfigurationError(
+            f"design: {budget} evaluations found no architecture of distinct places; raise "
+            "evaluations"
+        )
+    return found
 
 
 def _from_phases(orbits: xr.Dataset, phase: np.ndarray) -> xr.Dataset:

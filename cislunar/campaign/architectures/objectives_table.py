@@ -32,7 +32,7 @@ class Flown(NamedTuple):
 def single(name: str, architecture: xr.Dataset) -> Flown:
     """The architecture of ``architecture/{scenario}/{name}.nc``."""
     named = "value" in architecture
-    measured = {key: float(architecture[key]) for key in MEASURED if named}
+    measured = {key: float(architecture[key]) for key in MEASURED if named and key in architecture}
     unit = architecture["value"].attrs["units"] if named else "1"
     objective = architecture.attrs["objective"] if named else "J"
     orbit, satellites = architecture["orbit"].values, architecture["satellites"].values

@@ -18,6 +18,11 @@ from cislunar.campaign.data.progress import logger, progress_log
 from cislunar.campaign.data.seeds import generator
 
 
+def sampling_method(method: str, sampler: str) -> str:
+    """What `hyperopt_search` calls a method whose TPE is drawn for by "hyperopt" or "compiled"."""
+    return "tpe-compiled" if (method, sampler) == ("tpe", "compiled") else method
+
+
 def search_run_dataset(
     cost: CostFunction,
     visibility: xr.Dataset,
@@ -39,7 +44,7 @@ def search_run_dataset(
     """
     result = hyperopt_search(
         cost,
-        method="tpe-compiled" if (method, sampler) == ("tpe", "compiled") else method,
+        method=sampling_method(method, sampler),
         rng=generator(seed, scenario, method, labels, run),
         n_slots=slots,
         labels=labels,

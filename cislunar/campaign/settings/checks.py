@@ -161,6 +161,11 @@ def _check_goals(config: Mapping[str, Any]) -> None:
                 f"{place}.phases' = null: {goal['objective']} is that of satellites at phases of "
                 "their own; give their number"
             )
+        if goal.get("method", "certified") != "certified" and goal["phases"] is None:
+            raise ConfigurationError(
+                f"{place}.phases' = null: {goal['method']} does not keep to a number of satellites "
+                "in slots; give a number of phases"
+            )
         if goal["fold"] > 1 and goal["objective"] not in ("coverage", "target-days"):
             raise ConfigurationError(
                 f"{place}.fold' = {goal['fold']}: {goal['objective']} has none; leave it out"
