@@ -14,10 +14,12 @@ from cislunar.campaign.architectures.objectives_table import objective_row, of_f
 from cislunar.campaign.architectures.visibility import architecture_coverage
 from cislunar.campaign.data.inputs import orbit_set_dataset, sun_dataset
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
-from cislunar.campaign.settings.cells import cell_settings
+from cislunar.campaign.settings.cells import cell_settings, most_alike
 from cislunar.campaign.settings.checks import check_campaign
+from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.settings.scenarios import in_study, scenario_settings
+from cislunar.campaign.tracking.objective_ranks import rank_correlation, rank_rows
 from cislunar.errors import ConfigurationError
 from cislunar.figures.search.objectives import objectives_figure
 from cislunar.orbits.families import observer_library
@@ -144,6 +146,49 @@ def test_fronts_hold_every_number_and_draw(world, settings):
     assert len(figure.axes) == 6
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
     assert legend == ["seen", "known", "up to the proven bound", "mine", "TPE"]
+
+
+def test_rank_correlations_are_those_of_the_ranks_and_know_what_is_better():
+    rng = np.random.default_rng(3)
+    truth = rng.random(40)
+    noisy = truth + 0.6 * rng.random(40)
+    found = rank_correlation(truth, noisy)
+    ranks = [np.argsort(np.argsort(values)) for values in (truth, noisy)]
+    assert found.mean == pytest.approx(np.corrcoef(*ranks)[0, 1], rel=1e-12)
+    assert found.low < found.mean < found.high <= 1.0 and found.count == 40
+    # the interval holds the correlation of the population as often as it says
+    held = 0
+    for _ in range(400):
+        one = rng.standard_normal(25)
+        other = 0.7 * one + np.sqrt(1.0 - 0.49) * rng.standard_normal(25)
+        each = rank_correlation(one, other)
+        held += each.low <= 6.0 / np.pi * np.arcsin(0.35) <= each.high
+    assert 0.92 <= held / 400 <= 0.98
+    assert rank_correlation(truth[:6], 1.0 - 1e-12 * truth[:6]).count == 6
+    assert np.isnan(rank_correlation(truth[:6], 1.0 - 1e-12 * truth[:6]).mean)  # all ties
+    assert np.isnan(rank_correlation(truth[:4], noisy[:4]).mean)
+    names = [f"random-{k}" for k in range(7)]
+    reached = {"scenario": "A", "front": np.nan, "architecture": names}
+    values = dict.fromkeys(("J", "union_coverage", "target_days"), truth[:7])
+    values |= {"information_nat": truth[:7], "attitude_nat": -truth[:7]}
+    cell = {"scenario": "A", "estimator": "mukf", "variant": np.nan, "targets": 50}
+    cell |= {"interval_minutes": 60, "observers": [20] * 6 + [21], "architecture": names}
+    error = {"quantity": "rmse_median_all", "part": "position", "unit": "km", "mean": -truth[:7]}
+    share = {"quantity": "tracked_share", "part": np.nan, "unit": "1", "mean": truth[:7]}
+    tracking = pd.concat([pd.DataFrame(cell | each) for each in (error, share)])
+    rows = rank_rows(pd.DataFrame(reached | values), tracking)
+    assert len(rows) == 10 and set(rows["architectures"]) == {6}
+    expected = rows["objective"].map(lambda name: -1.0 if name == "attitude_nat" else 1.0)
+    np.testing.assert_allclose(rows["correlation"], expected)
+    few = tracking[tracking["architecture"].isin(names[:4])]
+    assert rank_rows(pd.DataFrame(reached | values), few).empty
+
+
+def test_cells_that_differ_in_their_architecture_are_counted(paper):
+    assert most_alike(with_families(in_study(paper))["task2"]) == 3
+    more = {f"random-{k}": {"A": [50]} for k in range(4)}
+    changed = merged(paper, {"task2": {"other_architectures": more}})
+    assert most_alike(with_families(in_study(changed))["task2"]) == 7
 
 
 DESIGN = {"objective": "information", "satellites": 20}

@@ -1,7 +1,7 @@
 """Sensor tasking and tracking: every cell, what they add up to, and TPE against exact tasking."""
 
 from cislunar.campaign.settings.model_error import model_errors
-from cislunar.campaign.settings.cells import campaign_cells
+from cislunar.campaign.settings.cells import FEWEST_RANKED, campaign_cells, most_alike
 
 CELLS = [results(cell.path) for cell in campaign_cells(TASK2)]
 COMPARED = TASK2["tasking_comparison"]
@@ -114,6 +114,26 @@ rule tracking_tables:
         "Writing the statistics of every cell, and what each changed setting does"
     script:
         "../scripts/tracking_tables.py"
+
+
+rule objective_ranks:
+    input:
+        tracking=rules.tracking_tables.output.tracking,
+        objectives=expand(rules.objectives_table.output, scenario=JUDGED),
+    output:
+        report(
+            results("tables/objective_ranks.csv"),
+            caption="../report/objective_ranks.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/objective_ranks"),
+    conda:
+        "../envs/cislunar.yaml"
+    message:
+        "Comparing what architectures are chosen for with how well they track"
+    script:
+        "../scripts/objective_ranks.py"
 
 
 rule model_error_table:
@@ -269,6 +289,7 @@ rule task2:
     input:
         CELLS,
         rules.tracking_tables.output if CELLS else [],
+        rules.objective_ranks.output if JUDGED and most_alike(TASK2) >= FEWEST_RANKED else [],
         rules.model_error_table.output if WITH_ERRORS else [],
         rules.tasking_comparison.output if COMPARED["scenario"] else [],
         rules.tracking_claims.output if CELLS and OF_THE_PAPER else [],

@@ -6,6 +6,7 @@ is checked at once.
 """
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -19,6 +20,9 @@ TRACKED_TARGETS = 202
 
 MOST_STEPS = 10_000_000
 """More steps of a horizon or a run than this are taken for a slip of the pen."""
+
+FEWEST_RANKED = 5
+"""Architectures of the least group whose objectives are compared with tracking."""
 
 CELL_KEYS = tuple(CellSettings.model_fields)
 """Keys of `task2` that set a cell, and that a variant may change."""
@@ -135,6 +139,12 @@ def campaign_cells(task2: Mapping[str, Any]) -> list[Cell]:
     changed = variant_cells(task2)
     plain = [cell._replace(variant="") for cell in changed]
     return list(dict.fromkeys([*grid_cells(task2), *plain, *changed]))
+
+
+def most_alike(task2: Mapping[str, Any]) -> int:
+    """The largest number of cells of `task2` that differ in their architecture alone."""
+    alike = Counter(cell._replace(architecture="") for cell in campaign_cells(task2))
+    return max(alike.values(), default=0)
 
 
 def is_multiple(value: float, step: float) -> bool:

@@ -60,8 +60,8 @@ def objectives_figure(tables: Mapping[str, pd.DataFrame]) -> Figure:
 
     From ``tables/objectives_{scenario}.csv`` by scenario: a row of panels for each.
     """
-    whole = pd.concat(tables.values())
-    whole = whole.assign(front=whole["front"].fillna(""))
+    whole = pd.concat([table.assign(shown=name) for name, table in tables.items()])
+    whole = whole.assign(front=whole["front"].astype(object).fillna(""))
     fronts = _looks(list(dict.fromkeys(whole.loc[whole["front"] != "", "front"])))
     singles = whole[whole["front"] == ""].drop_duplicates("architecture")
     designs = list(singles.loc[singles["objective"] != "J", "architecture"])
@@ -70,8 +70,8 @@ def objectives_figure(tables: Mapping[str, pd.DataFrame]) -> Figure:
     width = (PAGE_WIDTH_IN - _LEFT - _RIGHT - 2 * _GAP) / 3
     grid = Grid(len(tables), 3, width, _ROW_IN, _LEFT, foot, _GAP, _BETWEEN_IN)
     figure = new_figure(_HEAD_IN + grid.size[1] + foot)
-    for row, (scenario, table) in enumerate(tables.items()):
-        own = table.assign(front=table["front"].fillna(""))
+    for row, scenario in enumerate(tables):
+        own = whole[whole["shown"] == scenario]
         panels = [grid.place(figure, row, column) for column in range(3)]
         for column, (axes, unit) in enumerate(zip(panels, ("1", "nat"), strict=False)):
             kind = "share" if unit == "1" else "information"
