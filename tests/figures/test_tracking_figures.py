@@ -182,7 +182,7 @@ def figures(summary, compared):
         "targets of one": against_targets_figure(one_scenario(summary)),
         "interval of one": against_interval_figure(one_scenario(summary_of_cells())),
         "estimators of one": against_targets_figure(one_scenario(summary), by="estimator"),
-        "tasking": tasking_figure(compared, summary, VARIANTS, 60),
+        "tasking": tasking_figure(compared, summary, VARIANTS),
     }
 
 
@@ -442,14 +442,14 @@ def test_interval_figure_has_the_cells_that_were_swept(figures):
 def test_tasking_levels_and_methods(figures):
     first = figures["tasking"].axes[0]
     levels = [line.get_ydata() for line in first.lines if len(line.get_xdata()) == 2]
-    assert sum(np.array_equal(level, [9.0, 9.0]) for level in levels) == 2
+    assert sum(np.array_equal(level, [100.0, 100.0]) for level in levels) == 2
     last = figures["tasking"].axes[-1]
     assert [tick.get_text() for tick in last.get_xticklabels()] == ["exact", "greedy", "TPE"]
 
 
 def test_tasking_figure_without_other_methods(compared, summary):
-    figure = tasking_figure(compared, summary, {"": "exact"}, 60)
-    assert len(figure.axes) == 2 * 3
+    figure = tasking_figure(compared, summary, {"": "exact"})
+    assert len(figure.axes) == 2 * 2
 
 
 def test_best_value_is_held_to_the_end():

@@ -259,7 +259,6 @@ rule tasking_figure:
         "../envs/cislunar.yaml"
     params:
         variants=tasking_variants(TASK2),
-        interval_minutes=TASK2["interval_minutes"],
     message:
         "Drawing the tasking methods"
     script:

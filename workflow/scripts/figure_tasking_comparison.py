@@ -14,6 +14,5 @@ with job(snakemake.log):
         read_dataset(snakemake.input.compared),
         read_dataset(snakemake.input.summary),
         snakemake.params.variants,
-        snakemake.params.interval_minutes,
     )
     save_figure(figure, snakemake.output.png, snakemake.output.pdf)

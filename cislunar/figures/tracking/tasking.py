@@ -21,7 +21,6 @@ from cislunar.campaign.tracking.realizations import (
 )
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
 from cislunar.figures.axes import Array, Grid, legend_below, panel_title, reach, set_vertical
-from cislunar.figures.labels import interval_text
 from cislunar.figures.panels import PERCENT, draw_best, draw_means
 from cislunar.figures.style import (
     BLACK,
@@ -53,7 +52,7 @@ METHODS: Mapping[str, SeriesStyle] = {
 
 _LEFT, _RIGHT = 0.62, 0.12
 _PANEL_IN, _BETWEEN_IN = 1.3, 0.68
-_HEAD, _FOOT = 0.36, 0.8
+_HEAD, _FOOT = 0.36, 0.98
 
 
 class Outcome(NamedTuple):
@@ -84,38 +83,33 @@ def method_style(method: str) -> SeriesStyle:
 
 @house_style()
 def tasking_figure(
-    compared: xr.Dataset, summary: xr.Dataset, variants: Mapping[str, str], interval_minutes: int
+    compared: xr.Dataset, summary: xr.Dataset, variants: Mapping[str, str]
 ) -> Figure:
     """Information against evaluations and time, and tracking with each method.
 
     `variants` are those of `tasking_variants`. From ``task2/tasking_comparison.nc`` and
-    ``task2/summary.nc``; the interval is for the titles.
+    ``task2/summary.nc``.
     """
-    cells, epochs = compared.sizes["cell"], compared.sizes["epoch"]
+    cells = compared.sizes["cell"]
     tracked = _tracked_cells(realizations(summary), variants)
-    rows = epochs + 1 + bool(tracked)
+    rows = 2 + bool(tracked)
     grid = _grid(rows, cells, 0.52)
     figure = new_figure(_HEAD + grid.size[1] + _FOOT)
     for column in range(cells):
         here = compared.isel(cell=column)
         targets, observers = int(here["targets"]), int(np.ravel(compared["observers"])[0])
-        for row in range(epochs):
+        title = f"$n_T$ = {targets}, {observers} observers"
+        for row, draw in enumerate((_against_evaluations, _against_time)):
             axes = grid.place(figure, row, column)
-            _against_evaluations(axes, here.isel(epoch=row))
-            after = interval_text(int(compared["epoch"].values[row]) * interval_minutes)
-            title = f"$n_T$ = {targets}, {observers} observers, {after}"
+            draw(axes, here)
             panel_title(axes, row * cells + column, title, fontsize=7.5)
-            axes.set_ylabel("information, nat" if column == 0 else "")
-        axes = grid.place(figure, epochs, column)
-        _against_time(axes, here)
-        panel_title(axes, epochs * cells + column, f"$n_T$ = {targets}, all epochs", fontsize=7.5)
-        axes.set_ylabel("information, % of exact" if column == 0 else "")
+            axes.set_ylabel("information, % of exact" if column == 0 else "")
     if tracked:
         grid = _grid(rows, len(OUTCOMES), 0.92)
         for column, outcome in enumerate(OUTCOMES):
-            axes = grid.place(figure, epochs + 1, column)
+            axes = grid.place(figure, 2, column)
             _tracking(axes, tracked, outcome)
-            panel_title(axes, (epochs + 1) * cells + column, "tracking", fontsize=7.5)
+            panel_title(axes, 2 * cells + column, "tracking", fontsize=7.5)
     _legend(figure, compared, tracked)
     return figure
 
@@ -125,21 +119,26 @@ def _grid(rows: int, columns: int, gap: float) -> Grid:
     return Grid(rows, columns, width, _PANEL_IN, _LEFT, _FOOT, gap, _BETWEEN_IN)
 
 
-def _against_evaluations(axes: Axes, problem: xr.Dataset) -> None:
-    """Best information so far of the searches: median and range; the others as levels."""
+def _against_evaluations(axes: Axes, here: xr.Dataset) -> None:
+    """Best information so far of the searches over all epochs and runs, median and range, as a
+    share of the exact assignment's; the median of the others as levels."""
+    exact = here["direct_information"].sel(direct="exact").values
+    usable = exact > 0.0
     levels = []
-    for method in problem["direct"].values.astype(str):
-        value = float(problem["direct_information"].sel(direct=method))
+    for method in here["direct"].values.astype(str):
+        share = 100.0 * here["direct_information"].sel(direct=method).values[usable] / exact[usable]
         look = method_style(method)
-        axes.axhline(value, color=look.color, linestyle=look.line, linewidth=1.2, zorder=3)
-        levels.append(value)
-    for method in problem["search"].values.astype(str):
+        levels.append(float(np.median(share)) if share.size else np.nan)
+        axes.axhline(levels[-1], color=look.color, linestyle=look.line, linewidth=1.2, zorder=3)
+    for method in here["search"].values.astype(str):
         look = method_style(method)
-        history = problem["history"].sel(search=method).values
-        at = np.flatnonzero(np.isfinite(history).any(axis=0))
+        history = here["history"].sel(search=method).transpose("epoch", ...).values[usable]
+        share = 100.0 * history / exact[usable][:, None, None]
+        share = share.reshape(-1, share.shape[-1])
+        at = np.flatnonzero(np.isfinite(share).any(axis=0))
         if at.size == 0:
             continue
-        best = held(history[:, : at[-1] + 1])
+        best = held(share[:, : at[-1] + 1])
         draw_best(axes, np.arange(1, best.shape[1] + 1), best, look, 4)
         levels.append(float(best[:, 0].min()))
     axes.set_ylim(*reach(levels, log=False, share=0.06))
@@ -215,7 +214,8 @@ def _tracking(axes: Axes, tracked: Mapping[str, pd.DataFrame], outcome: Outcome)
             at = place_of + 0.22 * (rank - 0.5 * (len(counts) - 1))
             size = {"elinewidth": 0.9, "capsize": 2.0} | look.marker_kwargs(4.5)
             draw_means(axes, at, bounds, look, outcome.within, **size)
-    axes.set_xticks(range(len(tracked)), [method_style(m).label for m in tracked])
+    names = [method_style(method).label.replace(" ", "\n") for method in tracked]
+    axes.set_xticks(range(len(tracked)), names, fontsize=5.6)
     axes.set_xlim(-0.6, len(tracked) - 0.4)
     axes.grid(False, axis="x")
     axes.set_xlabel("tasking method", labelpad=1.0)
@@ -231,9 +231,11 @@ def _tracking(axes: Axes, tracked: Mapping[str, pd.DataFrame], outcome: Outcome)
 def _legend(figure: Figure, compared: xr.Dataset, tracked: Mapping[str, pd.DataFrame]) -> None:
     methods = {str(m) for key in ("direct", "search") for m in compared[key].values} | set(tracked)
     handles: list = [method_style(m).legend_handle() for m in sorted(methods, key=_rank)]
-    handles.append(Patch(facecolor=GRAY, alpha=0.35, label="range over runs (line: median)"))
+    handles.append(
+        Patch(facecolor=GRAY, alpha=0.35, label="range over epochs and runs (line: median)")
+    )
     plain = {"color": BLACK, "linestyle": "none", "marker": "o", "markersize": 4.0}
     for rank, count in enumerate(_counts(tracked)):
         face = {} if rank == 0 else {"markerfacecolor": "none"}
         handles.append(Line2D([], [], label=f"$n_T$ = {count}", **plain, **face))
-    legend_below(figure, handles, 0.06, handlelength=2.4, columnspacing=1.2)
+    legend_below(figure, handles, 0.06, 4, handlelength=2.4, columnspacing=1.2)
