@@ -14,7 +14,7 @@ from cislunar.architecture.coverage.tables import coverage_tables
 from cislunar.architecture.hyperopt_search import hyperopt_search
 from cislunar.architecture.information.certificate import certify_information
 from cislunar.architecture.information.objective import InformationObjective
-from cislunar.architecture.places import Places, free_places, places_at, steady_orbits
+from cislunar.architecture.places import free_places
 from cislunar.architecture.result import SearchResult
 from cislunar.campaign.architectures.moving import Moving, orbit_set
 from cislunar.campaign.architectures.search_runs import sampling_method
@@ -54,11 +54,14 @@ class World(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """An objective over its places; `slots` of them, or as many as satellites if None."""
+    """An objective over its tables; `slots` of their places, or as many as satellites if None."""
 
     objective: CoverageObjective | InformationObjective
-    places: Places
     slots: int | None
+
+    def at(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Orbits and phases of places."""
+        return self.objective.tables.orbit[place], self.objective.tables.phase[place]
 
     def certificate(self, satellites: int) -> Certificate:
         """The best architecture of a number of satellites, and the bound."""
@@ -88,8 +91,7 @@ def goal_of(
     if kind in UNITS:
         places = free_places(orbits, phases, cap)
         moving = Moving(world.tracked, world.sun, settings, scenario=scenario, seed=seed)
-        tables = moving.tables(kind, orbits, places, progress)
-        return Goal(InformationObjective(tables), places, None)
+        return Goal(InformationObjective(moving.tables(kind, orbits, places, progress)), None)
     times = horizon(settings)
     tables = coverage_tables(
         orbits, world.targets["position"].values, times, sun_at(world.sun, times),
@@ -98,11 +100,7 @@ def goal_of(
         max_stability_index=cap, progress=progress,
     )  # fmt: skip
     objective = GapObjective(tables, _GAPS[kind]) if kind in _GAPS else CoverageObjective(tables)
-    if phases is not None:
-        return Goal(objective, free_places(orbits, phases, cap), None)
-    allowed = steady_orbits(orbits, cap)
-    places = places_at(orbits, allowed, np.zeros(allowed.size))
-    return Goal(objective, places, settings["slots"])
+    return Goal(objective, settings["slots"] if phases is None else None)
 
 
 def _certified(goal: Goal, numbers: Sequence[int], unit: str) -> list[Certificate]:
@@ -163,7 +161,7 @@ def design_dataset(
     else:
         best = _sampled(goal, design, settings, generator(seed, scenario, "design", name))
         measured = {"value": variable((), best.value, unit, _VALUES["value"])}
-    orbit, phase = goal.places.orbit[best.orbit], goal.places.phase[best.orbit]
+    orbit, phase = goal.at(best.orbit)
     chosen = _from_phases(world.orbits.isel(orbit=orbit), phase)
     most = int(best.satellites.max())
     visibility = visibility_dataset(chosen, world.targets, world.sun, settings, most)
@@ -234,7 +232,7 @@ def objective_front_dataset(
     satellites = np.zeros(shape, dtype=np.int64)
     for row, each in enumerate(found):
         own = row, slice(each.orbit.size)
-        orbit[own], phase[own] = goal.places.orbit[each.orbit], goal.places.phase[each.orbit]
+        orbit[own], phase[own] = goal.at(each.orbit)
         satellites[own] = each.satellites
     both = ("total", "slot")
     title = f"Scenario {scenario}, best by number of satellites: {front['objective']}"
