@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError
+from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.observation.sensor import Sensor
@@ -130,6 +131,11 @@ class Estimator(Protocol):
     @property
     def counters(self) -> NDArray[np.int64]:
         """Counts per target: updates, out of field, dark sigma points, Cholesky failures."""
+        ...
+
+    @property
+    def unknowns(self) -> BodySpread:
+        """What it estimates of the targets besides their motion."""
         ...
 
     def predict(self) -> Prediction:

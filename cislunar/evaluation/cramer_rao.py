@@ -17,8 +17,9 @@ Assumptions and limitations
 ---------------------------
 - The bound is that of the measurements that were used. What the absence of a measurement tells (the
   target was too faint, say) is not counted.
-- It is that of an estimator that knows what the targets are and how noisy the measurements; one
-  that believes otherwise may fall short of it.
+- It is that of an estimator that knows what the targets are and how noisy the measurements, or has
+  to estimate some of it (`BodySpread`) from the right prior; one that believes otherwise may fall
+  short of it. That the noise's variance has to be estimated as well costs nothing to this order.
 - A torque is known by what it does to the true angular velocity from step to step.
 - It belongs to one true trajectory; the bound proper is an average over trajectories.
 - Where the light curve is far from linear over the uncertainty, as that of a faceted body is, the
@@ -40,7 +41,9 @@ from cislunar.dynamics.runge_kutta import DOP853, OK, integrate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import square_root_update
-from cislunar.observation.measurement_derivatives import measurement_rows
+from cislunar.observation.body_spread import BodySpread
+from cislunar.observation.drawn_bodies import surface_table
+from cislunar.observation.measurement_derivatives import departure_row, measurement_rows
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.observation.sightline import inside_primary
@@ -56,8 +59,9 @@ RTOL, ATOL = 1e-13, 1e-13
 class _BoundState(NamedTuple):
     """What is carried on of each target.
 
-    `root` (target, 12, 12) is the Cholesky factor of the covariance at the reference time, from
-    which `turn` (target, 6, 6) and `motion` (target, 36), row by row, lead to now.
+    `root` (target, n, n) is the Cholesky factor of the covariance at the reference time, of the
+    twelve states and of what is not known of the body, in its standard deviations. From there
+    `turn` (target, 6, 6) and `motion` (target, 36), row by row, lead to now.
     """
 
     root: Array
@@ -67,10 +71,11 @@ class _BoundState(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def _use(rows, turn, motion, root, noise_variance, work):
+def _use(rows, departures, turn, motion, root, noise_variance, work):
     """Update the factor at the reference time with a measurement.
 
-    `turn` (6, 6) and `motion` (6 x 6 in a row) lead from the reference time to the measurement.
+    `turn` (6, 6) and `motion` (6 x 6 in a row) lead from the reference time to the measurement;
+    `departures` (n - 12,) are the derivatives of the magnitude by what is not known of the body.
     """
     gradient, cross, even, innovation, correction, scratch = work
     for a in range(3):
@@ -80,10 +85,13 @@ def _use(rows, turn, motion, root, noise_variance, work):
             for i in range(3):
                 gradient[c, a] += rows[a, i] * turn[i, c]
                 gradient[6 + c, a] += rows[a, 3 + i] * motion[6 * i + c]
+    for c in range(departures.shape[0]):
+        gradient[SIZE + c, 0] = departures[c]
+        gradient[SIZE + c, 1] = gradient[SIZE + c, 2] = 0.0
     for a in range(3):
-        for i in range(SIZE):
+        for i in range(root.shape[0]):
             cross[i, a] = 0.0
-        for c in range(SIZE):
+        for c in range(root.shape[0]):
             for i in range(c + 1):
                 cross[i, a] += root[c, i] * gradient[c, a]
         for b in range(3):
@@ -95,7 +103,9 @@ def _use(rows, turn, motion, root, noise_variance, work):
 
 @njit(cache=True, error_model="numpy")
 def _carry(turn, motion, root, carried):
-    """Root of the covariance now, shape (12, 12) and not triangular, into `carried`."""
+    """Root of the covariance now, shape (n, n) and not triangular, into `carried`."""
+    carried[:, SIZE:] = root[:, SIZE:]
+    carried[SIZE:] = root[SIZE:]
     for i in range(6):
         for c in range(6):
             total = 0.0
@@ -124,13 +134,15 @@ def _restart(turn, motion):
 def _move_reference(turn, motion, root, carried, process_variance):
     """Move the reference time to now and add process noise; False if definiteness is lost."""
     _carry(turn, motion, root, carried)
-    for a in range(SIZE):
+    size = root.shape[0]
+    for a in range(size):
         for b in range(a + 1):
             total = 0.0
-            for c in range(SIZE):
+            for c in range(size):
                 total += carried[a, c] * carried[b, c]
             root[a, b] = total
-        root[a, a] += process_variance[a]
+        if a < SIZE:
+            root[a, a] += process_variance[a]
     _restart(turn, motion)
     return cholesky(root)
 
@@ -184,17 +196,18 @@ def _motions(forces, start, state, motion, step, steps, out):
 @njit(cache=True, error_model="numpy")
 def _advance_target(j, first, world, truth, records, wanted, process_variance, forces, state, out):
     """Bound of target j over the steps that follow time `first`, (step, 12), into `out`."""
-    scene, surfaces, bodies = world
+    scene, surfaces, bodies, (kinds, sigma) = world
     translation, quaternion, omega = truth[0][j], truth[1][j], truth[2][j]
     noisy = np.any(process_variance > 0.0)
-    rows, carried = np.empty((3, 6)), np.empty((SIZE, SIZE))
+    size = state.root.shape[1]
+    rows, departures, carried = np.empty((3, 6)), np.empty(size - SIZE), np.empty((size, size))
     work = (
-        np.empty((SIZE, 3)),
-        np.empty((SIZE, 3)),
+        np.empty((size, 3)),
+        np.empty((size, 3)),
         np.empty((3, 3)),
         np.empty(3),
-        np.empty(SIZE),
-        np.empty((SIZE, SIZE)),
+        np.empty(size),
+        np.empty((size, size)),
     )
     root, turn, motion, offset = state.root[j], state.turn[j], state.motion[j], records.offset[j]
     scratch = np.empty((2, 6, 6))
@@ -229,7 +242,7 @@ def _advance_target(j, first, world, truth, records, wanted, process_variance, f
             continue
         done += 1
         for row in range(offset[step], offset[step + 1]):
-            measurement_rows(
+            look = (
                 translation[step + 1],
                 quaternion[step + 1],
                 records.observer[row],
@@ -237,16 +250,18 @@ def _advance_target(j, first, world, truth, records, wanted, process_variance, f
                 j,
                 scene,
                 surfaces,
-                rows,
             )
-            if not _use(rows, turn, motion, root, records.variance[row], work):
+            measurement_rows(*look, rows)
+            if size > SIZE:
+                departure_row(*look, kinds[j], sigma[j], departures)
+            if not _use(rows, departures, turn, motion, root, records.variance[row], work):
                 return
         if not wanted[step]:
             continue
         _carry(turn, motion, root, carried)
         for a in range(SIZE):
             total = 0.0
-            for c in range(SIZE):
+            for c in range(size):
                 total += carried[a, c] * carried[a, c]
             out[step, a] = np.sqrt(total)
     state.ended[j] = n_steps < out.shape[0]
@@ -273,6 +288,8 @@ class CramerRaoBound:
         Standard deviations at the epoch, see `cislunar.estimation.estimator.InitialEstimate`.
     process_variance : array_like, shape (12,), optional
         Added to the covariance's diagonal at each step; none, if omitted.
+    unknowns : BodySpread, optional
+        What has to be estimated of the targets besides their motion; nothing, if omitted.
     forces : NamedTuple
         Force model, see `cislunar.dynamics.forces`.
 
@@ -289,6 +306,7 @@ class CramerRaoBound:
         sigma: ArrayLike,
         *,
         process_variance: ArrayLike | None = None,
+        unknowns: BodySpread | None = None,
         forces: tuple = EARTH_MOON,
     ) -> None:
         deviations = np.array(sigma, dtype=float)
@@ -303,7 +321,9 @@ class CramerRaoBound:
                     "sigma zero"
                 )
         n_targets = surfaces.material.shape[0]
-        self._world = (scene, surfaces, rigid_bodies(surfaces.inertia))
+        kinds, own = surface_table(BodySpread() if unknowns is None else unknowns, surfaces)
+        self._world = (scene, surfaces, rigid_bodies(surfaces.inertia), (kinds, own))
+        deviations = np.concatenate([deviations, np.ones(kinds.shape[1])])
         self._process_variance, self._forces, self._index = process, forces, 0
         self._state = _BoundState(
             np.tile(np.diag(deviations), (n_targets, 1, 1)),

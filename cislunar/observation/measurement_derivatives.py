@@ -8,7 +8,11 @@ import numpy as np
 from numba import njit
 
 from cislunar.observation.sightline import METRES, lit_directions, rotate
+from cislunar.photometry import facet_blocks
+from cislunar.photometry.departures import departure_rows
+from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, block_magnitude_departures
 from cislunar.photometry.facet_derivatives import facet_magnitude_derivatives
+from cislunar.photometry.materials import FACET, STRETCH
 
 
 @njit(cache=True, error_model="numpy")
@@ -102,3 +106,41 @@ def measurement_rows(state, quaternion, observer, k, j, scene, surfaces, rows):
         j,
         rows,
     )
+
+
+@njit(cache=True, error_model="numpy")
+def departure_row(state, quaternion, observer, k, j, scene, surfaces, kinds, sigma, row):
+    """Derivatives of the magnitude by departures of the target's surface, into `row` (kind,).
+
+    By `sigma` of each of the `kinds` (see `cislunar.photometry.departures`); the others are as of
+    `measurement_rows`.
+    """
+    x, y, z = state[0], state[1], state[2]
+    place, sun = scene.observer_position[observer, k], scene.sun_position[k]
+    light, view, distance, _ = lit_directions(
+        x - place[0],
+        y - place[1],
+        z - place[2],
+        sun[0] - x,
+        sun[1] - y,
+        sun[2] - z,
+        scene.frame_axes[k],
+    )
+    first, last = surfaces.first[j], surfaces.first[j + 1]
+    areas, normals = surfaces.areas[first:last], surfaces.normals[first:last]
+    block = np.empty((BLOCK_ROWS, LANES))
+    for c in range(4):
+        block[facet_blocks.QUATERNION + c, 0] = quaternion[c]
+    for c in range(3):
+        block[facet_blocks.SUN + c, 0] = light[c]
+        block[facet_blocks.VIEW + c, 0] = view[c]
+    block[facet_blocks.RANGE, 0] = distance * METRES
+    shares = np.empty((areas.shape[0] if np.any(kinds >= FACET) else 0, LANES))
+    stretched = np.any((kinds >= STRETCH) & (kinds < FACET))
+    material, reading = surfaces.material[j], surfaces.fresnel_sqrt
+    block_magnitude_departures(
+        block, shares, stretched, 1, areas, normals, material, surfaces.irradiance_4pi, reading
+    )
+    rows = np.empty((kinds.shape[0], LANES))
+    departure_rows(block, shares, 1, kinds, sigma, material, reading, rows)
+    row[:] = rows[:, 0]

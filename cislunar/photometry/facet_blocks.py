@@ -8,7 +8,8 @@ facets, so that the result depends neither on its neighbours nor on how many the
 a time.
 
 A caller fills the rows `QUATERNION` (four of them), `SUN`, `VIEW` (three) and `RANGE` of as many
-columns as it needs. `SUN` and `VIEW` are afterwards in the body frame.
+columns as it needs. `SUN` and `VIEW` are afterwards in the body frame, `TOTAL` has the sum over
+the facets.
 """
 
 import numpy as np
@@ -30,8 +31,11 @@ LANES = 32
 # First rows of a block: what is given, what is returned, and in between.
 QUATERNION, SUN, VIEW, RANGE = 0, 4, 7, 10
 MAGNITUDE, TURN = 11, 12
-_TOTAL, _INVERSE_HALF2, _SPECULAR, _LIT, _SEEN, _BY_LIT, _BY_SEEN = 15, 16, 17, 18, 19, 20, 23
-BLOCK_ROWS = 26
+TOTAL, INVERSE_HALF2, _SPECULAR, _LIT, _SEEN, _BY_LIT, _BY_SEEN = 15, 16, 17, 18, 19, 20, 23
+# Of `block_magnitude_departures` alone: the specular share of the sum, the sum's derivatives by the
+# logarithms of the slope and of the lengths along three axes, and what one facet adds to them.
+SHINE, BY_SLOPE, BY_STRETCH, _OWN, _OWN_BY_LIT, _OWN_BY_SEEN = 26, 27, 28, 31, 32, 33
+BLOCK_ROWS = 34
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -48,7 +52,7 @@ def _turn_into_body(b, count, material, fresnel_sqrt):
         lx, ly, lz = b[SUN, k], b[SUN + 1, k], b[SUN + 2, k]
         vx, vy, vz = b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k]
         half2 = (lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2
-        b[_INVERSE_HALF2, k] = 1.0 / half2
+        b[INVERSE_HALF2, k] = 1.0 / half2
         b[_SPECULAR, k] = reflection_constants(material, half2, fresnel_sqrt)[1]
         b[SUN, k], b[SUN + 1, k], b[SUN + 2, k] = rotate_components(q1, q2, q3, q4, lx, ly, lz)
         b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k] = rotate_components(q1, q2, q3, q4, vx, vy, vz)
@@ -86,17 +90,20 @@ def _add_facet(b, count, area, diffuse, steepness, far):
     for k in range(count):
         lit, seen = b[_LIT, k], b[_SEEN, k]
         glint, attenuation, _, _, lower = _glint(
-            lit, seen, b[_INVERSE_HALF2, k], b[_SPECULAR, k], steepness, far
+            lit, seen, b[INVERSE_HALF2, k], b[_SPECULAR, k], steepness, far
         )
         reflectance = diffuse * lit * seen + glint * (attenuation if attenuation < 1.0 else 1.0)
-        b[_TOTAL, k] += area * reflectance if lower > 0.0 else 0.0
+        b[TOTAL, k] += area * reflectance if lower > 0.0 else 0.0
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _add_facet_and_slopes(b, count, area, nx, ny, nz, diffuse, steepness, far):
-    """Add what a facet throws back, and its derivatives by the directions."""
+def _add_facet_and_slopes(b, count, area, nx, ny, nz, diffuse, steepness, far, with_parts):
+    """Add what a facet throws back, and its derivatives by the directions.
+
+    With its parts go the specular share, the derivative by the slope, and what is the facet's own.
+    """
     for k in range(count):
-        lit, seen, inverse_half2 = b[_LIT, k], b[_SEEN, k], b[_INVERSE_HALF2, k]
+        lit, seen, inverse_half2 = b[_LIT, k], b[_SEEN, k], b[INVERSE_HALF2, k]
         glint, attenuation, secant2, both, lower = _glint(
             lit, seen, inverse_half2, b[_SPECULAR, k], steepness, far
         )
@@ -108,7 +115,7 @@ def _add_facet_and_slopes(b, count, area, nx, ny, nz, diffuse, steepness, far):
         by_seen = diffuse * lit + slope + edge * (lower + (0.0 if lit < seen else both))
         reflectance = diffuse * lit * seen + glint * attenuation
         # a choice each, not a product with zero: with the Sun straight behind they are not numbers
-        b[_TOTAL, k] += area * reflectance if lower > 0.0 else 0.0
+        b[TOTAL, k] += area * reflectance if lower > 0.0 else 0.0
         by_lit = area * by_lit if lower > 0.0 else 0.0
         by_seen = area * by_seen if lower > 0.0 else 0.0
         b[_BY_LIT, k] += by_lit * nx
@@ -117,23 +124,68 @@ def _add_facet_and_slopes(b, count, area, nx, ny, nz, diffuse, steepness, far):
         b[_BY_SEEN, k] += by_seen * nx
         b[_BY_SEEN + 1, k] += by_seen * ny
         b[_BY_SEEN + 2, k] += by_seen * nz
+        if with_parts:
+            shine = area * (glint * attenuation) if lower > 0.0 else 0.0
+            b[SHINE, k] += shine
+            b[BY_SLOPE, k] -= 2.0 * (1.0 + (1.0 - secant2) * steepness) * shine
+            b[_OWN, k] = area * reflectance if lower > 0.0 else 0.0
+            b[_OWN_BY_LIT, k] = by_lit
+            b[_OWN_BY_SEEN, k] = by_seen
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _add_stretch(b, count, nx, ny, nz):
+    """Add what a facet's part changes by as the body grows along its axes.
+
+    With s the logarithm of a length along axis c, its area changes by ``A (1 - n_c^2)`` and its
+    normal by ``n_c (n_c N - e_c)``.
+    """
+    for k in range(count):
+        lx, ly, lz = b[SUN, k], b[SUN + 1, k], b[SUN + 2, k]
+        vx, vy, vz = b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k]
+        lit, seen = b[_LIT, k], b[_SEEN, k]
+        own, by_lit, by_seen = b[_OWN, k], b[_OWN_BY_LIT, k], b[_OWN_BY_SEEN, k]
+        tilt = by_lit * lit + by_seen * seen - own
+        b[BY_STRETCH, k] += own + nx * (nx * tilt - by_lit * lx - by_seen * vx)
+        b[BY_STRETCH + 1, k] += own + ny * (ny * tilt - by_lit * ly - by_seen * vy)
+        b[BY_STRETCH + 2, k] += own + nz * (nz * tilt - by_lit * lz - by_seen * vz)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _sum_facets(b, count, areas, normals, material, with_slopes):
     """Sums over the facets, into the rows of the totals and of their derivatives."""
     diffuse, _, steepness, far = reflection_constants(material, 1.0, True)
-    for row in range(_BY_LIT, BLOCK_ROWS):
+    for row in range(_BY_LIT, SHINE):
         b[row, :count] = 0.0
-    b[_TOTAL, :count] = 0.0
+    b[TOTAL, :count] = 0.0
     for i in range(areas.shape[0]):
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
         if _cosines(b, count, nx, ny, nz) == 0:
             continue
         if with_slopes:
-            _add_facet_and_slopes(b, count, areas[i], nx, ny, nz, diffuse, steepness, far)
+            _add_facet_and_slopes(b, count, areas[i], nx, ny, nz, diffuse, steepness, far, False)
         else:
             _add_facet(b, count, areas[i], diffuse, steepness, far)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _sum_parts(b, shares, stretched, count, areas, normals, material):
+    """As `_sum_facets`, and the sums of `block_magnitude_departures`."""
+    diffuse, _, steepness, far = reflection_constants(material, 1.0, True)
+    for row in range(_BY_LIT, BLOCK_ROWS):
+        b[row, :count] = 0.0
+    b[TOTAL, :count] = 0.0
+    shares[:, :count] = 0.0
+    for i in range(areas.shape[0]):
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        if _cosines(b, count, nx, ny, nz) == 0:
+            continue
+        _add_facet_and_slopes(b, count, areas[i], nx, ny, nz, diffuse, steepness, far, True)
+        if stretched:
+            _add_stretch(b, count, nx, ny, nz)
+        if i < shares.shape[0]:
+            for k in range(count):
+                shares[i, k] = b[_OWN, k]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -143,11 +195,27 @@ def _magnitudes_of_totals(b, count, irradiance_4pi):
         spread = np.pi * b[RANGE, k] * b[RANGE, k]
         if irradiance_4pi:
             spread *= 4.0 * np.pi
-        flux = b[_TOTAL, k] / spread
+        flux = b[TOTAL, k] / spread
         if flux <= IRRADIANCE_FLOOR:
             b[MAGNITUDE, k] = FLOOR_MAGNITUDE
         else:
             b[MAGNITUDE, k] = SUN_APPARENT_MAGNITUDE - 2.5 * np.log10(flux)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _turns_of_slopes(b, count):
+    """Derivatives of the magnitudes by a small turn, into the rows from `TURN` on."""
+    for k in range(count):
+        lx, ly, lz = b[SUN, k], b[SUN + 1, k], b[SUN + 2, k]
+        vx, vy, vz = b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k]
+        ax, ay, az = b[_BY_LIT, k], b[_BY_LIT + 1, k], b[_BY_LIT + 2, k]
+        bx, by, bz = b[_BY_SEEN, k], b[_BY_SEEN + 1, k], b[_BY_SEEN + 2, k]
+        bright = b[MAGNITUDE, k] < FLOOR_MAGNITUDE
+        scale = -2.5 / (LN10 * (b[TOTAL, k] if bright else 1.0))
+        scale = scale if bright else 0.0
+        b[TURN, k] = scale * (ay * lz - az * ly + by * vz - bz * vy)
+        b[TURN + 1, k] = scale * (az * lx - ax * lz + bz * vx - bx * vz)
+        b[TURN + 2, k] = scale * (ax * ly - ay * lx + bx * vy - by * vx)
 
 
 @njit(cache=True, error_model="numpy")
@@ -177,14 +245,21 @@ def block_magnitude_gradients(block, count, areas, normals, material, irradiance
     _turn_into_body(b, count, material, fresnel_sqrt)
     _sum_facets(b, count, areas, normals, material, True)
     _magnitudes_of_totals(b, count, irradiance_4pi)
-    for k in range(count):
-        lx, ly, lz = b[SUN, k], b[SUN + 1, k], b[SUN + 2, k]
-        vx, vy, vz = b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k]
-        ax, ay, az = b[_BY_LIT, k], b[_BY_LIT + 1, k], b[_BY_LIT + 2, k]
-        bx, by, bz = b[_BY_SEEN, k], b[_BY_SEEN + 1, k], b[_BY_SEEN + 2, k]
-        bright = b[MAGNITUDE, k] < FLOOR_MAGNITUDE
-        scale = -2.5 / (LN10 * (b[_TOTAL, k] if bright else 1.0))
-        scale = scale if bright else 0.0
-        b[TURN, k] = scale * (ay * lz - az * ly + by * vz - bz * vy)
-        b[TURN + 1, k] = scale * (az * lx - ax * lz + bz * vx - bx * vz)
-        b[TURN + 2, k] = scale * (ax * ly - ay * lx + bx * vy - by * vx)
+    _turns_of_slopes(b, count)
+
+
+@njit(cache=True, error_model="numpy")
+def block_magnitude_departures(
+    block, shares, stretched, count, areas, normals, material, irradiance_4pi, fresnel_sqrt
+):
+    """As `block_magnitude_gradients`, with what derivatives by material and shape are made of.
+
+    The sum `TOTAL` comes with its specular share (`SHINE`), its derivative by the logarithm of the
+    slope (`BY_SLOPE`) and, if `stretched`, those by the logarithms of the body's lengths along its
+    axes (`BY_STRETCH`). `shares`, shape (F or 0, LANES), receives the share of each facet.
+    """
+    b = _known_shape(block)
+    _turn_into_body(b, count, material, fresnel_sqrt)
+    _sum_parts(b, shares, stretched, count, areas, normals, material)
+    _magnitudes_of_totals(b, count, irradiance_4pi)
+    _turns_of_slopes(b, count)

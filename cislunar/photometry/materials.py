@@ -14,6 +14,11 @@ from cislunar.errors import ConfigurationError
 IRRADIANCE_LAWS = ("4pi", "1/r^2")
 FRESNEL_FORMS = ("sqrt", "printed")
 
+# Kinds of departure, see `cislunar.photometry.departures`; one for each axis, one for each facet.
+ALBEDO, SLOPE, REFLECTANCE, SHARE, SCALE, STRETCH, FACET = 0, 1, 2, 3, 4, 5, 8
+NOTHING = -1
+"""A kind that changes nothing, to fill up a table."""
+
 
 @dataclass(frozen=True)
 class Material:

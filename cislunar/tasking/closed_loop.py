@@ -11,8 +11,8 @@ Assumptions and limitations
   from the covariance predicted to that time.
 - The truth has the filter's reflection model in form. Shapes, materials, inertia, noise, torque and
   force model may differ (`cislunar.tasking.simulation.TruthModel`).
-- The Cramer-Rao bound is that of an estimator that knows the truth's model, without process noise,
-  whatever the estimator of the run supposes.
+- The Cramer-Rao bound is that of an estimator that knows the truth's model, but for what the one of
+  the run estimates of the targets, without process noise, whatever that one supposes.
 """
 
 from __future__ import annotations

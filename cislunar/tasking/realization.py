@@ -59,6 +59,7 @@ class Realization(NamedTuple):
 
     number: int
     seed: int
+    truth: TruthModel
     motion: TrueMotion
     estimator: Estimator
     bound: CramerRaoBound
@@ -72,7 +73,8 @@ class Realization(NamedTuple):
 
 def begun(world: World, number: int, seed: int) -> Realization:
     """A realization at the epoch."""
-    scene, truth, settings = world.scene, world.truth, world.settings
+    scene, settings = world.scene, world.settings
+    truth = world.truth.drawn(seed, world.ids)
     motion = TrueMotion(
         world.initial,
         scene,
@@ -86,9 +88,15 @@ def begun(world: World, number: int, seed: int) -> Realization:
     own = stream(ESTIMATOR, seed)
     given = settings.sensor, world.initial, own, world.forces
     estimator = world.factory(scene, world.surfaces, *given)
-    bound = CramerRaoBound(scene, truth.surfaces, world.initial.sigma, forces=truth.forces)
+    bound = CramerRaoBound(
+        scene,
+        truth.surfaces,
+        world.initial.sigma,
+        unknowns=estimator.unknowns,
+        forces=truth.forces,
+    )
     evaluation = Evaluation(world.ids.size, settings.n_steps, settings.step_s, settings.custody)
-    return Realization(number, seed, motion, estimator, bound, evaluation)
+    return Realization(number, seed, truth, motion, estimator, bound, evaluation)
 
 
 def interval(world: World, own: Realization, number: int) -> Piece:
@@ -151,12 +159,12 @@ def _observed(
         start + 1,  # index 0 of the scene is the start of the run, without a measurement
         constant_schedule(target, world.ids.size, n_steps),
         world.scene,
-        world.truth.surfaces,
+        own.truth.surfaces,
         world.settings.sensor,
         motion.translation,
         motion.quaternion,
         motion.noise,
-        world.truth.forces.mu,
+        own.truth.forces.mu,
         begins=start,
     )
     estimates = own.estimator.advance(
@@ -177,7 +185,7 @@ def _judged(
     """Errors of an interval and its bound, both added to the metrics."""
     error = estimation_errors(1, motion, estimates)
     used = measurements.where(estimates.used)
-    variance = np.broadcast_to(world.truth.noise**2, used.variance.shape).copy()
+    variance = np.broadcast_to(own.truth.noise**2, used.variance.shape).copy()
     wanted = own.evaluation.final(error.shape[1])
     wanted[world.settings.recorded_within(start, error.shape[1])] = True
     least = own.bound.advance(

@@ -21,6 +21,8 @@ from cislunar.dynamics.forces import require_span
 from cislunar.dynamics.propagation import propagate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimates, InitialEstimate
+from cislunar.observation.body_spread import BodySpread
+from cislunar.observation.drawn_bodies import drawn_surfaces
 from cislunar.observation.scene import Scene, TargetSurfaces
 
 Array = NDArray[np.float64]
@@ -33,7 +35,7 @@ _TOLERANCE = 1e-13
 """Of the rotation of bodies whose angular velocity changes, see `propagate_kernel`."""
 
 # Independent streams of random numbers; the first entry of a generator's seed.
-_PHASE, _SELECTION, _INITIAL_ERROR, _MEASUREMENT, TASKING, ESTIMATOR = range(6)
+_PHASE, _SELECTION, _INITIAL_ERROR, _MEASUREMENT, TASKING, ESTIMATOR, _BODY = range(7)
 
 
 def stream(*key: int) -> np.random.Generator:
@@ -111,12 +113,40 @@ class TruthModel(NamedTuple):
         That which a torque constant in the body frame gives every target, rad/s^2.
     forces : NamedTuple
         Force model of the translation, see `cislunar.dynamics.forces`.
+    spread : BodySpread
+        How far the targets of a realization depart from `surfaces`, each by its own draw.
     """
 
     surfaces: TargetSurfaces
     noise: Array
     angular_acceleration: Array
     forces: tuple = EARTH_MOON
+    spread: BodySpread = BodySpread()
+
+    def drawn(self, seed: int, target_ids: ArrayLike) -> "TruthModel":
+        """The truth of one realization, with nothing left open.
+
+        Parameters
+        ----------
+        seed : int
+            Of the realization.
+        target_ids : array_like of int, shape (target,)
+            Identity of each target, which with the seed selects its random numbers.
+
+        Returns
+        -------
+        TruthModel
+            The same object, if there is no spread.
+        """
+        if not self.spread:
+            return self
+        ids = np.asarray(target_ids)
+
+        def generator(j: int, number: int) -> np.random.Generator:
+            return stream(_BODY, seed, ids[j], number)
+
+        surfaces = drawn_surfaces(self.surfaces, self.spread, generator)
+        return self._replace(surfaces=surfaces, spread=BodySpread())
 
 
 class Truth(NamedTuple):

@@ -11,7 +11,7 @@ import xarray as xr
 from campaign_folder import read_campaign
 
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
-from cislunar.campaign.settings.cell_tree import Body, CellSettings
+from cislunar.campaign.settings.cell_tree import Body, CellSettings, batch_settings
 from cislunar.campaign.settings.cells import (
     TRACKED_TARGETS,
     Cell,
@@ -41,6 +41,7 @@ from cislunar.campaign.tracking.tasking_comparison import compared_dataset, gath
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.estimation.spread import INITIAL_SPREAD
+from cislunar.observation.body_spread import BodySpread
 from cislunar.orbits import tracked as tracked_orbits
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import LoopSettings
@@ -173,6 +174,9 @@ def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
         ("task2.truth.material", {"rms_slope": 0}),
         ("task2.truth.sensor", {"magnitude_noise": -0.1}),
         ("task2.truth.angular_acceleration_deg_h2", 0.1),
+        ("task2.truth.spread", {"log_slope": -0.1}),
+        ("task2.batch.unknowns", {"log_slope": -0.1}),
+        ("task2.batch.noise_freedom", 0),
     ],
 )
 def test_impossible_values_name_the_key(config, key, value):
@@ -203,6 +207,12 @@ def test_unknown_keys_are_refused_with_a_suggestion(config):
         ({"truth": {"material": {"rms_slop": 0.3}}}, "truth.material.rms_slop"),
         ({"truth": {"body": {"inertia": [1, 1, 3]}}}, "truth.body.inertia': principal moments"),
         ({"truth": {"body": {"radius_m": None}}}, "truth.body.radius_m': an icosahedron"),
+        ({"truth": {"spread": {"log_slop": 0.3}}}, "truth.spread.log_slop'.*'log_slope'"),
+        (
+            {"batch": {"unknowns": {"log_slope": 0.3}}, "material": {"specular_weight": 0}},
+            "batch.unknowns': log_slope = 0.3: the light of such a surface",
+        ),
+        ({"batch": {"noise_freedom": 8, "window_hours": 3}}, "exclude each other"),
     ],
 )
 def test_changes_of_a_variant_are_checked_like_settings(config, change, message):
@@ -229,6 +239,20 @@ def test_truth_is_the_belief_unless_said_otherwise(config):
     np.testing.assert_array_equal(model.surfaces.areas, np.tile(icosahedron(1.0).areas, 3))
     np.testing.assert_array_equal(model.surfaces.inertia, np.tile(np.eye(3), (3, 1, 1)))
     assert not model.angular_acceleration.any()
+
+
+def test_unknowns_are_said_where_there_are_some(config):
+    """A file made without them is that of today: jobs are not made anew for a key of no effect."""
+    usual = cell_settings(config["task2"])
+    assert not {"unknowns", "noise_freedom"} & set(usual["batch"])
+    batch = {"unknowns": {"log_slope": 0.25}, "noise_freedom": 8}
+    change = {"batch": batch, "truth": {"spread": {"log_slope": 0.2}}}
+    config["task2"]["variants"]["families"]["u"] = {"targets": [20], "changes": {"u": change}}
+    check_campaign(config)
+    settings = CellSettings(**cell_settings(with_families(config)["task2"], "u"))
+    assert batch_settings(settings.batch).unknowns == BodySpread(log_slope=0.25)
+    assert batch_settings(settings.batch).noise_freedom == 8
+    assert truth_model(settings, 2).spread == BodySpread(log_slope=0.2)
 
 
 def test_truth_changes_alone(config):

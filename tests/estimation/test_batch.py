@@ -7,6 +7,7 @@ import pytest
 from campaign_folder import read_campaign
 from measured import during, looked_at, nothing_measured
 
+from cislunar.campaign.settings.cell_tree import Batch, batch_settings
 from cislunar.campaign.settings.cells import cell_settings
 from cislunar.campaign.settings.families import with_families
 from cislunar.constants import MU
@@ -221,7 +222,7 @@ def test_noise_on_the_rotation_is_refused():
 
 def test_presets_are_those_of_the_configuration():
     task2 = with_families(read_campaign(CONFIG))["task2"]
-    assert BatchSettings(**task2["batch"]) == PRESETS["default"]
+    assert batch_settings(Batch(**task2["batch"])) == PRESETS["default"]
     for name in ("accurate", "single-start"):
         assert BatchSettings(**cell_settings(task2, name)["batch"]) == PRESETS[name]
 

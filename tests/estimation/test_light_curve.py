@@ -54,9 +54,9 @@ INERTIAS = {"spherical": np.eye(3), "triaxial": np.diag([1.0, 1.3, 0.8])}
 def _model(inertia="spherical", offset=0.0, limit=18.0):
     matrix = INERTIAS[inertia]
     return LightCurveModel(
-        np.array([0.1, -0.2, 0.3, np.sqrt(0.86)]), RATE, SIGMA, matrix, np.linalg.inv(matrix),
-        inertia == "spherical", FACETS.areas, FACETS.normals, Material().as_array(), True, True,
-        0.01, offset**2, limit,
+        np.array([0.1, -0.2, 0.3, np.sqrt(0.86)]), RATE, SIGMA, np.empty(0, int), matrix,
+        np.linalg.inv(matrix), inertia == "spherical", FACETS.areas, FACETS.normals,
+        Material().as_array(), True, True, 0.01, 0.0, offset**2, limit,
     )  # fmt: skip
 
 

@@ -11,11 +11,13 @@ from cislunar.attitude.short_steps import rigid_transition
 from cislunar.dynamics.propagation import propagate, propagate_stm
 from cislunar.errors import ConfigurationError
 from cislunar.evaluation.cramer_rao import CramerRaoBound
+from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.measurement import target_magnitude
 from cislunar.observation.measurement_derivatives import measurement_rows
 from cislunar.observation.records import Measurements, schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.sightline import direction_angles
+from cislunar.photometry.departures import departed_surface
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.simulation import Truth, TruthModel, draw_truth, initial_estimate
@@ -121,11 +123,23 @@ def _measured(scene, surfaces, j, observer, k, quaternion, state):
     return np.array([magnitude, *direction_angles(*d, scene.observer_axes[k])])
 
 
-def _all_measured(problem, j, change):
+def _departed(problem, j, kinds, amounts):
+    """The targets' surfaces, that of target j departed from."""
+    surfaces = problem.surfaces
+    own = slice(surfaces.first[j], surfaces.first[j + 1])
+    parts = [each.copy() for each in (surfaces.areas, surfaces.normals, surfaces.material)]
+    parts[0][own], parts[1][own], parts[2][j] = departed_surface(
+        kinds, amounts, parts[0][own], parts[1][own], parts[2][j]
+    )
+    return surfaces._replace(areas=parts[0], normals=parts[1], material=parts[2])
+
+
+def _all_measured(problem, j, change, kinds):
     """Measurements of target j, one row each, and its state at the end as an error vector."""
-    attitude, rates, states = _moved(problem, j, change)
+    attitude, rates, states = _moved(problem, j, change[:12])
+    surfaces = _departed(problem, j, kinds, change[12:])
     rows = [
-        _measured(problem.scene, problem.surfaces, j, observer, k, attitude[k], states[k])
+        _measured(problem.scene, surfaces, j, observer, k, attitude[k], states[k])
         for k, observer in enumerate(problem.observer[j], start=1)
         if observer >= 0
     ]
@@ -134,20 +148,24 @@ def _all_measured(problem, j, change):
     return np.array(rows), np.concatenate([turn, rates[-1], states[-1]])
 
 
-def _brute_force(problem, j):
+def _brute_force(problem, j, unknowns=None):
     """Final bound by the information form and central differences of the model."""
-    steps = np.repeat([1e-6, 1e-10, 1e-8, 1e-7], 3)
+    kinds, sigma = (BodySpread() if unknowns is None else unknowns).surface_kinds(20)
+    size = 12 + kinds.size
+    steps = np.r_[np.repeat([1e-6, 1e-10, 1e-8, 1e-7], 3), np.full(kinds.size, 1e-6)]
     rows, transition = [], []
-    for c in range(12):
-        change = np.zeros(12)
+    for c in range(size):
+        change = np.zeros(size)
         change[c] = steps[c]
-        (up, up_end), (down, down_end) = (_all_measured(problem, j, s * change) for s in (1, -1))
+        (up, up_end), (down, down_end) = (
+            _all_measured(problem, j, s * change, kinds) for s in (1, -1)
+        )
         rows.append((up - down) / (2.0 * steps[c]))
         transition.append((up_end - down_end) / (2.0 * steps[c]))
-    h = np.stack(rows, axis=-1).reshape(-1, 12)
+    h = np.stack(rows, axis=-1).reshape(-1, size)
     weight = np.tile(BRIGHT.noise**-2, h.shape[0] // 3)
-    scale = problem.sigma  # information in units of the initial uncertainty
-    information = np.eye(12) + (h * scale).T @ (weight[:, None] * (h * scale))
+    scale = np.r_[problem.sigma, sigma]  # information in units of the initial uncertainty
+    information = np.eye(size) + (h * scale).T @ (weight[:, None] * (h * scale))
     phi = np.stack(transition, axis=-1) * scale
     return np.sqrt(np.diag(phi @ np.linalg.solve(information, phi.T)))
 
@@ -163,6 +181,14 @@ def test_bound_of_a_body_whose_rate_changes(tumbling, j):
     np.testing.assert_allclose(least, _brute_force(tumbling, j), rtol=2e-4)
     sphere = tumbling.bodies(np.tile(np.eye(3), (3, 1, 1)))
     assert np.abs(least[:6] / tumbling.bound(surfaces=sphere)[j, -1, :6] - 1.0).max() > 0.02
+
+
+def test_bound_of_one_who_has_to_estimate_the_surface_too(problem):
+    unknowns = BodySpread(0.25, 0.25, 0.5, 0.3, 0.2, 0.1, 0.2)
+    least, known = problem.bound(unknowns=unknowns)[:, -1], problem.bound()[:, -1]
+    np.testing.assert_allclose(least[1], _brute_force(problem, 1, unknowns), rtol=2e-4)
+    assert np.all(least[:, :6] > known[:, :6])
+    assert (least[:, :3] / known[:, :3]).max() > 1.1
 
 
 def test_inertia_may_differ_between_targets(tumbling):

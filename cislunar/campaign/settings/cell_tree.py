@@ -25,6 +25,7 @@ from cislunar.campaign.settings.fields import (
     whole,
 )
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.observation.body_spread import BodySpread
 from cislunar.photometry.materials import Material as LibraryMaterial
 from cislunar.photometry.materials import PhotometryModel
 
@@ -106,6 +107,23 @@ class ProcessNoise(Section):
     velocity_m_s: NotNegative = setting("of the velocity", "m/s", "not given", default=0)
 
 
+class Unknowns(Section):
+    log_albedo: NotNegative = setting(
+        "standard deviation of the logarithm of the diffuse albedo, 0.25 for some 25 %",
+        "1", default=0)
+    log_slope: NotNegative = setting("of the microfacets' slope", "1", default=0)
+    logit_reflectance: NotNegative = setting(
+        "of the logarithm of the odds F_0 / (1 - F_0)", "1", default=0)
+    logit_specular_share: NotNegative = setting(
+        "of that of the odds s / d, whose sum is kept", "1", default=0)
+    log_scale: NotNegative = setting(
+        "of the logarithm of all light thrown back; 1 is 1.09 mag", "1", default=0)
+    log_stretch: NotNegative = setting(
+        "of that of the length along each body axis", "1", default=0)
+    log_facets: NotNegative = setting(
+        "of that of the light each facet throws back", "1", default=0)
+
+
 class Batch(Section):
     modes: Count = setting(
         "of the estimator `batch`: most modes of the attitude's posterior kept (16 in the preset "
@@ -135,11 +153,20 @@ class Batch(Section):
     magnitude_offset: NotNegative = setting(
         "standard deviation of an unknown offset common to a target's magnitudes",
         "mag", default=int(BatchSettings.magnitude_offset))
+    noise_freedom: Positive | None = setting(
+        "degrees of freedom of what is known of the magnitude noise's variance, which is then "
+        "integrated out; null: it is known", "1", default=BatchSettings.noise_freedom)
+    unknowns: Unknowns = Unknowns()
 
     @model_validator(mode="after")
     def _possible(self) -> "Batch":
-        BatchSettings(**dict(self))
+        batch_settings(self)
         return self
+
+
+def batch_settings(batch: Batch) -> BatchSettings:
+    """The same for the library."""
+    return BatchSettings(**{**dict(batch), "unknowns": BodySpread(**dict(batch.unknowns))})
 
 
 MESH_OR_ICOSAHEDRON = "^icosahedron$|[.]([oO][bB][jJ]|[sS][tT][lL])$"
@@ -188,6 +215,7 @@ class Truth(Partial):
     body: partial(Body) = None
     sensor: partial(Sensor, ("magnitude_noise", "angle_noise_arcsec")) = None
     angular_acceleration_deg_h2: Three = None
+    spread: partial(Unknowns) = None
 
 
 class CellSettings(Section):
@@ -232,8 +260,9 @@ class CellSettings(Section):
         "what targets and sensors truly are where the estimators believe otherwise: any of "
         "`material`, `body` (keys as above), `sensor.magnitude_noise`, "
         "`sensor.angle_noise_arcsec`, and `angular_acceleration_deg_h2`, three numbers in deg/h^2 "
-        "along the body axes that a constant torque gives every target. `{}` = nothing. The "
-        "random numbers stay the same", default=Truth())
+        "along the body axes that a constant torque gives every target; and `spread`, keys as of "
+        "`batch.unknowns`, by which each target departs at random in each realization. `{}` = "
+        "nothing. The random numbers stay the same", default=Truth())
 
 
 CellChange = partial(CellSettings)

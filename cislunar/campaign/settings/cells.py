@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from cislunar.architecture.published import PUBLISHED
-from cislunar.campaign.settings.cell_tree import CellSettings
+from cislunar.campaign.settings.cell_tree import Batch, CellSettings
 from cislunar.campaign.settings.reading import merged
 from cislunar.errors import ConfigurationError
 
@@ -69,13 +69,27 @@ def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings that keep what is usual do not say so: the file is the same as without the key."""
     fields = CellSettings.model_fields
     usual = {key: fields[key].default for key in ("start_day", "histories", "record")}
-    return {key: value for key, value in settings.items() if value != usual.get(key, ...)}
+    batch = {
+        key: value
+        for key, value in settings["batch"].items()
+        if key not in _SAID_IF_UNUSUAL or value != _SAID_IF_UNUSUAL[key]
+    }
+    said = {key: value for key, value in settings.items() if value != usual.get(key, ...)}
+    return said | {"batch": batch}
+
+
+_SAID_IF_UNUSUAL = {
+    "noise_freedom": Batch().noise_freedom,
+    "unknowns": Batch().unknowns.model_dump(),
+}
+"""Keys of `batch` that are left out of settings where they keep what is usual."""
 
 
 def true_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """`material`, `body`, `sensor` and `angular_acceleration_deg_h2` as they truly are."""
+    """`material`, `body`, `sensor`, `angular_acceleration_deg_h2` and `spread` of the truth."""
     believed = {key: settings[key] for key in ("material", "body", "sensor")}
-    return merged({**believed, "angular_acceleration_deg_h2": [0, 0, 0]}, settings["truth"])
+    usual = {"angular_acceleration_deg_h2": [0, 0, 0], "spread": {}}
+    return merged({**believed, **usual}, settings["truth"])
 
 
 def has_architecture(scenario: str, architecture: str) -> bool:

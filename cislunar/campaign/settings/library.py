@@ -13,10 +13,10 @@ from cislunar.campaign.settings import cell_tree, tree
 from cislunar.campaign.settings.cells import true_settings
 from cislunar.campaign.settings.reading import typed
 from cislunar.estimation.estimator import EstimatorFactory
-from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.registry import estimator_named
 from cislunar.estimation.spread import Spread
 from cislunar.evaluation.metrics import Custody
+from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.scene import TargetSurfaces, target_surfaces
 from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.orbits.extent import CATALOGUE_EXTENT, Extent
@@ -125,11 +125,13 @@ def truth_model(cell: cell_tree.CellSettings, n_targets: int) -> TruthModel:
     """What the targets truly are, and the true noise, where `truth` says so."""
     true = true_settings(cell.model_dump())
     deg_h2 = np.array(true.pop("angular_acceleration_deg_h2"), dtype=float)
+    spread = BodySpread(**true.pop("spread"))
     truth = typed({**cell.model_dump(), **true}, cell_tree.CellSettings)
     return TruthModel(
         believed_surfaces(truth, n_targets),
         sensor(truth.sensor).noise,
         np.deg2rad(deg_h2) / 3600.0**2,
+        spread=spread,
     )
 
 
@@ -161,5 +163,5 @@ def estimator_factory(name: str, cell: cell_tree.CellSettings) -> EstimatorFacto
     return estimator_named(
         name,
         process_noise=Spread(**dict(cell.process_noise)),
-        batch_settings=BatchSettings(**dict(cell.batch)),
+        batch_settings=cell_tree.batch_settings(cell.batch),
     )

@@ -47,6 +47,8 @@ def _size(kind: str, settings: Mapping[str, Any]) -> tuple[float, str]:
     if kind == TORQUE:
         return 0.5 * float(np.linalg.norm(true[kind])) * settings["duration_hours"] ** 2, "degree"
     section, key = kind.split(".")
+    if section == "spread":  # each target has its own
+        return np.nan, "%"
     wanted, believed = true[section][key], settings[section][key]
     if key == "inertia":
         wanted, believed = ([1, 1, 1] if value is None else value for value in (wanted, believed))

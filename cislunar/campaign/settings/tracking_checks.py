@@ -18,6 +18,8 @@ from cislunar.campaign.settings.cells import (
 from cislunar.campaign.settings.families import StatedVariant, stated_variants, swept_cells
 from cislunar.campaign.settings.scenarios import scenario_settings, tracked_count
 from cislunar.errors import ConfigurationError
+from cislunar.observation.body_spread import BodySpread
+from cislunar.photometry.materials import Material
 
 
 def check_tracking(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
@@ -146,8 +148,17 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
             f"configuration key '{place}material' = {material} reflects nothing: raise "
             "diffuse_weight and diffuse_albedo, or specular_weight and normal_reflectance"
         )
+    true = true_settings(settings)
+    for key, spread, of in (
+        ("batch.unknowns", settings["batch"].get("unknowns", {}), material),
+        ("truth.spread", true["spread"], true["material"]),
+    ):
+        try:
+            BodySpread(**spread).require_possible(Material(**of).as_array())
+        except ConfigurationError as error:
+            raise ConfigurationError(f"configuration key '{place}{key}': {error}") from None
     _check_body(f"{place}body", settings["body"])
-    _check_body(f"{place}truth.body", true_settings(settings)["body"])
+    _check_body(f"{place}truth.body", true["body"])
 
 
 def _check_body(place: str, body: Mapping[str, Any]) -> None:

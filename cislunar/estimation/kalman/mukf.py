@@ -28,6 +28,7 @@ from cislunar.estimation.estimator import (
 from cislunar.estimation.kalman.mukf_kernels import SIZE, FilterState, advance, predict_all
 from cislunar.estimation.kalman.workspace import filter_constants
 from cislunar.estimation.spread import Spread
+from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.observation.sensor import Sensor
@@ -99,6 +100,11 @@ class MultiplicativeUKF:
     def counters(self) -> NDArray[np.int64]:
         """Counts per target: updates, out of field, dark sigma points, Cholesky failures."""
         return self._state.counters
+
+    @property
+    def unknowns(self) -> BodySpread:
+        """Nothing but the motion is estimated."""
+        return BodySpread()
 
     def predict(self) -> Prediction:
         """Estimates at the next measurement time; the filter itself does not move on."""

@@ -39,15 +39,16 @@ from cislunar.estimation.light_curves.batch_kernels import (
 from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
 from cislunar.estimation.light_curves.hypotheses import Hypotheses, mixture_points, prior_hypotheses
 from cislunar.estimation.light_curves.light_curve import Anchor, LightCurveModel
-from cislunar.estimation.light_curves.row_blocks import COLUMNS, UNKNOWNS
+from cislunar.estimation.light_curves.row_blocks import COLUMNS, ROTATION
 from cislunar.estimation.spread import Spread
+from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.observation.sensor import Sensor
 
 Array = NDArray[np.float64]
 
-_POINTS_PER_MODE = 2 * UNKNOWNS
+_POINTS_PER_MODE = 2 * ROTATION
 
 
 class BatchEstimator:
@@ -78,8 +79,8 @@ class BatchEstimator:
     Raises
     ------
     ConfigurationError
-        If an initial standard deviation is not positive, or there is process noise on attitude or
-        angular velocity.
+        If an initial standard deviation is not positive, there is process noise on attitude or
+        angular velocity, or a target's light does not depend on what is to be estimated.
     """
 
     def __init__(
@@ -102,7 +103,7 @@ class BatchEstimator:
                 "memory_hours instead"
             )
         settings = BatchSettings() if settings is None else settings
-        self._scene = scene
+        self._scene, self._unknowns = scene, settings.unknowns
         self._constants = _batch_constants(settings, scene, sensor, process_noise, forces)
         self._translation = np.array(initial.translation, dtype=float)
         n_targets = self._translation.shape[0]
@@ -112,7 +113,9 @@ class BatchEstimator:
             _light_curve_model(j, surfaces, bodies, sensor, initial, settings)
             for j in range(n_targets)
         ]
-        self._hypotheses = [prior_hypotheses(settings.modes) for _ in range(n_targets)]
+        self._hypotheses = [
+            prior_hypotheses(settings.modes, model.sigma.size) for model in self._models
+        ]
         self._rngs = rng.spawn(n_targets)
         self._points = [
             _prior_points(*each) for each in zip(self._hypotheses, self._models, strict=True)
@@ -132,6 +135,11 @@ class BatchEstimator:
     def counters(self) -> NDArray[np.int64]:
         """Counts per target: updates, out of field, dark sigma points, Cholesky failures."""
         return self._counters
+
+    @property
+    def unknowns(self) -> BodySpread:
+        """What is estimated of the targets besides their motion."""
+        return self._unknowns
 
     @property
     def rows_held(self) -> NDArray[np.int64]:
@@ -261,10 +269,13 @@ def _light_curve_model(
     settings: BatchSettings,
 ) -> LightCurveModel:
     facets = slice(surfaces.first[j], surfaces.first[j + 1])
+    kinds, sigma = settings.unknowns.surface_kinds(facets.stop - facets.start)
+    settings.unknowns.require_possible(surfaces.material[j])
     return LightCurveModel(
         np.array(initial.quaternion[j], dtype=float),
         np.array(initial.angular_velocity[j], dtype=float),
-        np.array(initial.sigma[:UNKNOWNS], dtype=float),
+        np.concatenate([initial.sigma[:ROTATION], sigma]),
+        kinds,
         bodies.inertia[j],
         bodies.inverse[j],
         bool(bodies.spherical[j]),
@@ -274,6 +285,7 @@ def _light_curve_model(
         bool(surfaces.irradiance_4pi),
         bool(surfaces.fresnel_sqrt),
         float((settings.magnitude_noise_factor * sensor.magnitude_noise) ** 2),
+        float(settings.noise_freedom or 0.0),
         float(settings.magnitude_offset**2),
         float(sensor.limiting_magnitude),
     )

@@ -36,10 +36,10 @@ from cislunar.estimation.light_curves.mixture import (
 from cislunar.estimation.light_curves.row_blocks import (
     MAGNITUDE,
     RANGE,
+    ROTATION,
     SEEN,
     SUN,
     TIME,
-    UNKNOWNS,
     VIEW,
     WEIGHT,
 )
@@ -198,7 +198,7 @@ def advance_target(
     quaternion, omega, weight = points
     translation, root, counters = translation[j], root[j], counters[j]
     work = make_workspace(SIZE, 2)
-    differences = np.empty((weight.shape[0], UNKNOWNS))
+    differences = np.empty((weight.shape[0], ROTATION))
     offset, settings = records.offset[j], constants.search
     n_steps = offset.shape[0] - 1
     for i in range(n_steps):
@@ -234,9 +234,9 @@ def advance_target(
         n, sigma = state.points[j], out.sigma[j, i]
         mean_q, mean_omega = out.quaternion[j, i], out.angular_velocity[j, i]
         mixture_moments(quaternion[:n], omega[:n], weight[:n], mean_q, mean_omega, differences)
-        weighted_deviations(differences[:n], weight[:n], sigma[:UNKNOWNS])
+        weighted_deviations(differences[:n], weight[:n], sigma[:ROTATION])
         out.translation[j, i] = translation
-        deviations(root, sigma[UNKNOWNS:])
+        deviations(root, sigma[ROTATION:])
         if i < out.covariance.shape[1]:
             covariance_of(root, out.covariance[j, i])
     if state.condition[j] == HEALTHY:
@@ -275,21 +275,21 @@ def predict_target(k, scene, constants, model, translation, root, points, count,
         return
     _carry_points(points, count, scene.step_s, model)
     quaternion, omega, weight = points[0][:count], points[1][:count], points[2][:count]
-    differences = np.empty((count, UNKNOWNS))
+    differences = np.empty((count, ROTATION))
     mixture_moments(quaternion, omega, weight, mean, np.empty(3), differences)
-    covariance = np.zeros((UNKNOWNS, UNKNOWNS))
+    covariance = np.zeros((ROTATION, ROTATION))
     for i in range(weight.shape[0]):
-        for a in range(UNKNOWNS):
-            for b in range(UNKNOWNS):
+        for a in range(ROTATION):
+            for b in range(ROTATION):
                 covariance[a, b] += weight[i] * differences[i, a] * differences[i, b]
     # on the scale of the deviations, so that rounding cannot make it indefinite
-    for a in range(UNKNOWNS):
+    for a in range(ROTATION):
         covariance[a, a] *= 1.0 + 1e-12
     joint[6:, 6:] = root
     if cholesky(covariance):
         joint[:6, :6] = covariance
     else:  # the points lie in fewer dimensions: take their spread along each axis
-        for a in range(UNKNOWNS):
+        for a in range(ROTATION):
             for i in range(weight.shape[0]):
                 joint[a, a] += weight[i] * differences[i, a] ** 2
             joint[a, a] = np.sqrt(joint[a, a])

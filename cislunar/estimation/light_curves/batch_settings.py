@@ -1,11 +1,12 @@
 """Settings of the batch estimator, and named choices of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from cislunar.errors import ConfigurationError
+from cislunar.observation.body_spread import BodySpread
 
 
 class SearchSettings(NamedTuple):
@@ -66,6 +67,11 @@ class BatchSettings:
         Factor on the sensor's magnitude noise, for models known to be inexact.
     magnitude_offset : float
         Standard deviation of an unknown offset common to all magnitudes of a target, mag.
+    noise_freedom : float or None
+        Degrees of freedom of what is known of the noise variance beforehand: it is integrated out,
+        as if known from so many measurements. None if it is known.
+    unknowns : BodySpread
+        What is estimated of a target besides its rotation, by its prior standard deviations.
 
     Raises
     ------
@@ -83,6 +89,8 @@ class BatchSettings:
     use_non_detections: bool = False
     magnitude_noise_factor: float = 1.0
     magnitude_offset: float = 0.0
+    noise_freedom: float | None = None
+    unknowns: BodySpread = field(default_factory=BodySpread)
 
     def __post_init__(self) -> None:
         if self.modes < 1:
@@ -103,7 +111,7 @@ class BatchSettings:
                     f"{key} = {getattr(self, key)} must be finite and not negative"
                 )
         positive = {"magnitude_noise_factor": self.magnitude_noise_factor}
-        for key in ("window_hours", "memory_hours"):
+        for key in ("window_hours", "memory_hours", "noise_freedom"):
             if getattr(self, key) is not None:
                 positive[key] = getattr(self, key)
         if self.magnitude_offset > 0.0 and self.window_hours is not None:
@@ -112,6 +120,13 @@ class BatchSettings:
                 f"{self.window_hours} exclude each other: condensed data would have an offset of "
                 "their own"
             )
+        if self.noise_freedom is not None:
+            self._require_free_noise_alone()
+        if self.magnitude_offset > 0.0 and self.unknowns.log_scale > 0.0:
+            raise ConfigurationError(
+                f"magnitude_offset = {self.magnitude_offset} and unknowns.log_scale = "
+                f"{self.unknowns.log_scale} are the same unknown twice: give log_scale alone"
+            )
         if self.memory_hours is not None and self.window_hours is None:
             raise ConfigurationError(
                 f"memory_hours = {self.memory_hours} needs window_hours: only condensed data fade"
@@ -119,6 +134,20 @@ class BatchSettings:
         for key, value in positive.items():
             if not (value > 0.0 and np.isfinite(value)):
                 raise ConfigurationError(f"{key} = {value} must be positive and finite")
+
+    def _require_free_noise_alone(self) -> None:
+        """Refuse what goes with a known noise alone."""
+        others = {
+            "magnitude_offset": (self.magnitude_offset, 0.0, "take unknowns.log_scale instead"),
+            "window_hours": (self.window_hours, None, "condensed data have a noise of their own"),
+            "use_non_detections": (self.use_non_detections, False, "a limit has the known noise"),
+        }
+        for key, (value, usual, why) in others.items():
+            if value != usual:
+                raise ConfigurationError(
+                    f"noise_freedom = {self.noise_freedom} and {key} = {value} exclude each "
+                    f"other: {why}"
+                )
 
     def search_settings(self) -> SearchSettings:
         """The same for the compiled kernels, with the constants of the method."""

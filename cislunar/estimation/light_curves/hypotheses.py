@@ -21,7 +21,7 @@ from cislunar.estimation.light_curves.light_curve import (
     cost_and_derivatives,
     initial_state,
 )
-from cislunar.estimation.light_curves.row_blocks import UNKNOWNS
+from cislunar.estimation.light_curves.row_blocks import ROTATION
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 
 Array = NDArray[np.float64]
@@ -38,14 +38,14 @@ class Hypotheses(NamedTuple):
 
     Attributes
     ----------
-    u : ndarray, shape (mode, 6)
+    u : ndarray, shape (mode, n)
         Their places.
-    root : ndarray, shape (mode, 6, 6)
+    root : ndarray, shape (mode, n, n)
         Lower Cholesky factors of their information H.
     weight : ndarray, shape (mode,)
         Summing to 1 over the live ones.
     anchor_mean, anchor_information, anchor_offset : ndarray
-        Of shapes (mode, 6), (mode, 6, 6) and (mode, 1): what each knows of data no longer kept,
+        Of shapes (mode, n), (mode, n, n) and (mode, 1): what each knows of data no longer kept,
         see `cislunar.estimation.light_curves.light_curve.Anchor`.
     count : ndarray of int, shape (2,)
         Live modes, and searches made.
@@ -60,16 +60,16 @@ class Hypotheses(NamedTuple):
     count: NDArray[np.int64]
 
 
-def prior_hypotheses(modes: int) -> Hypotheses:
+def prior_hypotheses(modes: int, unknowns: int = ROTATION) -> Hypotheses:
     """The prior N(0, I) as the only mode, with room for so many."""
-    identity = np.tile(np.eye(UNKNOWNS), (modes, 1, 1))
+    identity = np.tile(np.eye(unknowns), (modes, 1, 1))
     weight = np.zeros(modes)
     weight[0] = 1.0
     return Hypotheses(
-        np.zeros((modes, UNKNOWNS)),
+        np.zeros((modes, unknowns)),
         identity.copy(),
         weight,
-        np.zeros((modes, UNKNOWNS)),
+        np.zeros((modes, unknowns)),
         identity.copy(),
         np.zeros((modes, 1)),
         np.array([1, 0]),
@@ -96,9 +96,12 @@ def _draw_mode(hypotheses, rng):
 
 @njit(cache=True, error_model="numpy")
 def _draw(hypotheses, settings, from_anchor, rng, root, u):
-    """Draw a point around a mode, or from what the mode began with; returns the mode."""
+    """Draw a point around a mode, or from what the mode began with; returns the mode.
+
+    Only the rotation is: the other unknowns are drawn from the mode as it is.
+    """
     j = _draw_mode(hypotheses, rng)
-    for i in range(UNKNOWNS):
+    for i in range(u.shape[0]):
         u[i] = rng.standard_normal()
     if from_anchor:
         root[:, :] = hypotheses.anchor_information[j]
@@ -107,8 +110,14 @@ def _draw(hypotheses, settings, from_anchor, rng, root, u):
         u += hypotheses.anchor_mean[j]
     else:
         solve_transposed(hypotheses.root[j], u)
-        u *= settings.spread
+        u[:ROTATION] *= settings.spread
         u += hypotheses.u[j]
+    if from_anchor and u.shape[0] > ROTATION:
+        near = np.empty(u.shape[0])
+        for i in range(near.shape[0]):
+            near[i] = rng.standard_normal()
+        solve_transposed(hypotheses.root[j], near)
+        u[ROTATION:] = hypotheses.u[j, ROTATION:] + near[ROTATION:]
     return j
 
 
@@ -120,7 +129,8 @@ def _lowest_of_pool(hypotheses, data, model, settings, starts, from_anchor, rng,
     the number of points found.
     """
     costs = np.full(starts, np.inf)
-    u, root = np.empty(UNKNOWNS), np.empty((UNKNOWNS, UNKNOWNS))
+    unknowns = hypotheses.u.shape[1]
+    u, root = np.empty(unknowns), np.empty((unknowns, unknowns))
     filled = 0
     draws = settings.pool if data.shape[0] < FIRST_ROWS else settings.pool // 2
     for _ in range(draws):
@@ -176,7 +186,7 @@ def _log_weight(value, information, root):
     if not (np.isfinite(value) and cholesky(root)):
         return -np.inf
     log_det = 0.0
-    for i in range(UNKNOWNS):
+    for i in range(root.shape[0]):
         log_det += np.log(root[i, i])
     return -value - log_det
 
@@ -235,15 +245,15 @@ def search(hypotheses, data, model, settings, rng):
     prior and half from around the live modes (all from the prior while the light curve is short),
     on a thinned light curve first; what is found is sorted by weight, merged and thinned.
     """
-    live = hypotheses.count[0]
+    live, unknowns = hypotheses.count[0], hypotheses.u.shape[1]
     starts = settings.first_starts if data.shape[0] < FIRST_ROWS else settings.starts
-    found, origins = np.empty((live + starts, UNKNOWNS)), np.empty(live + starts, np.int64)
+    found, origins = np.empty((live + starts, unknowns)), np.empty(live + starts, np.int64)
     thin, total = _thinned(data), live
     if starts > 0:
         total += _pool(hypotheses, thin, model, settings, starts, rng, found[live:], origins[live:])
-    roots, log_weights = np.empty((total, UNKNOWNS, UNKNOWNS)), np.empty(total)
-    information, distance = np.empty((UNKNOWNS, UNKNOWNS)), settings.merge_distance
-    kept, u = 0, np.empty(UNKNOWNS)
+    roots, log_weights = np.empty((total, unknowns, unknowns)), np.empty(total)
+    information, distance = np.empty((unknowns, unknowns)), settings.merge_distance
+    kept, u = 0, np.empty(unknowns)
     for i in range(total):
         origin = i if i < live else origins[i]
         u[:] = hypotheses.u[i] if i < live else found[i]
@@ -274,8 +284,9 @@ def condense(hypotheses, data, model, memory):
     Around each live mode the data's cost is replaced by its second-order expansion. What an anchor
     holds beyond the prior N(0, I) then fades by the factor `memory`, its cost at the mode kept.
     """
-    gradient, root = np.empty(UNKNOWNS), np.empty((UNKNOWNS, UNKNOWNS))
-    information = np.empty((UNKNOWNS, UNKNOWNS))
+    unknowns = hypotheses.u.shape[1]
+    gradient, root = np.empty(unknowns), np.empty((unknowns, unknowns))
+    information = np.empty((unknowns, unknowns))
     for j in range(hypotheses.count[0]):
         u, anchor = hypotheses.u[j], _anchor(hypotheses, j)
         value = cost_and_derivatives(u, data, anchor, model, gradient, information)
@@ -291,7 +302,7 @@ def condense(hypotheses, data, model, memory):
         # with Lambda = I + m (H - I) and Lambda mean' = m H mean; m = 1 changes nothing
         pull = memory * (information @ mean)
         anchor.information[:, :] = memory * information
-        for i in range(UNKNOWNS):
+        for i in range(unknowns):
             anchor.information[i, i] += 1.0 - memory
         root[:, :] = anchor.information
         cholesky(root)
@@ -302,25 +313,48 @@ def condense(hypotheses, data, model, memory):
 
 
 @njit(cache=True, error_model="numpy")
+def _carried_root(root, carried, reach):
+    """Root of the covariance of the first unknowns of a mode, times `reach`, (carried, carried).
+
+    `root` is the factor L of the information H. It is L^-T where there are no others, else the
+    Cholesky factor of their block of H^-1.
+    """
+    unknowns = root.shape[0]
+    inverse, column = np.empty((unknowns, unknowns)), np.empty(unknowns)
+    for i in range(unknowns):
+        column[:] = 0.0
+        column[i] = reach
+        solve_transposed(root, column)
+        inverse[:, i] = column
+    if carried == unknowns:
+        return inverse
+    covariance = np.zeros((carried, carried))
+    for a in range(carried):
+        for b in range(a + 1):
+            for i in range(unknowns):
+                covariance[a, b] += inverse[a, i] * inverse[b, i]
+    cholesky(covariance)
+    return covariance
+
+
+@njit(cache=True, error_model="numpy")
 def mixture_points(hypotheses, model, quaternion, omega, weight):
     """Equally weighted points of every live mode with its mean and covariance; their number.
 
-    The points ``u_j +- sqrt(6) L_j e_i`` with ``L_j L_j^T = H_j^-1``, as attitude (12 mode, 4) and
-    rate (12 mode, 3) at the epoch.
+    The points ``u_j +- sqrt(6) L_j e_i`` with ``L_j L_j^T`` the covariance of the rotation, that of
+    H_j^-1, as attitude (12 mode, 4) and rate (12 mode, 3) at the epoch. What else is unknown is
+    integrated out.
     """
-    from_u = np.empty(UNKNOWNS)
-    column = np.empty(UNKNOWNS)
-    reach = np.sqrt(float(UNKNOWNS))
+    from_u = np.empty(ROTATION)
+    reach = np.sqrt(float(ROTATION))
     number = 0
     for j in range(hypotheses.count[0]):
-        for i in range(UNKNOWNS):
-            column[:] = 0.0
-            column[i] = reach
-            solve_transposed(hypotheses.root[j], column)
+        columns = _carried_root(hypotheses.root[j], ROTATION, reach)
+        for i in range(ROTATION):
             for sign in (1.0, -1.0):
-                for c in range(UNKNOWNS):
-                    from_u[c] = hypotheses.u[j, c] + sign * column[c]
+                for c in range(ROTATION):
+                    from_u[c] = hypotheses.u[j, c] + sign * columns[c, i]
                 initial_state(from_u, model, quaternion[number], omega[number])
-                weight[number] = hypotheses.weight[j] / (2 * UNKNOWNS)
+                weight[number] = hypotheses.weight[j] / (2 * ROTATION)
                 number += 1
     return number

@@ -9,7 +9,6 @@ import numpy as np
 from numba import njit
 
 from cislunar.estimation.light_curves.light_curve import cost_and_derivatives
-from cislunar.estimation.light_curves.row_blocks import UNKNOWNS
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 
 INITIAL_DAMPING = 1e-2
@@ -34,28 +33,29 @@ def squared_distance(u, other, root):
 
 @njit(cache=True, error_model="numpy")
 def refine(u, data, anchor, model, max_iterations, information, known, known_roots, merge_distance):
-    """Lower the cost from a start `u` (6,), which receives the best point found.
+    """Lower the cost from a start `u` (n,), which receives the best point found.
 
     Returns the cost there, or inf once within `merge_distance`, squared, of a minimum `known`
-    (m, 6) already, given with the Cholesky factors of its information. `information` (6, 6)
+    (m, n) already, given with the Cholesky factors of its information. `information` (n, n)
     receives that of the best point.
     """
-    gradient, trial_gradient = np.empty(UNKNOWNS), np.empty(UNKNOWNS)
-    trial_information, damped = np.empty((UNKNOWNS, UNKNOWNS)), np.empty((UNKNOWNS, UNKNOWNS))
-    step, trial = np.empty(UNKNOWNS), np.empty(UNKNOWNS)
+    unknowns = u.shape[0]
+    gradient, trial_gradient = np.empty(unknowns), np.empty(unknowns)
+    trial_information, damped = np.empty((unknowns, unknowns)), np.empty((unknowns, unknowns))
+    step, trial = np.empty(unknowns), np.empty(unknowns)
     best = cost_and_derivatives(u, data, anchor, model, gradient, information)
     damping = INITIAL_DAMPING
     for _ in range(max_iterations):
         decrease = 0.0
         for _ in range(LARGEST_FAILURES):
             damped[:, :] = information
-            for i in range(UNKNOWNS):
+            for i in range(unknowns):
                 damped[i, i] *= 1.0 + damping
                 step[i] = -gradient[i]
             if cholesky(damped):
                 solve_lower(damped, step)
                 solve_transposed(damped, step)
-                for i in range(UNKNOWNS):
+                for i in range(unknowns):
                     trial[i] = u[i] + step[i]
                 value = cost_and_derivatives(
                     trial, data, anchor, model, trial_gradient, trial_information

@@ -10,6 +10,14 @@ R / w_k the variance of measurement k and h_k the magnitude of the facet model a
 Lines of sight and ranges are those of the translational estimate at the time of each measurement;
 what their error does to the magnitude is far below the noise.
 
+Where R itself is known as from nu measurements alone (``nu R / R_true`` is chi squared with nu
+degrees of freedom), it is integrated out: with n detections and S the sum over w_k (m_k - h_k)^2
+the misfit becomes ``(nu + n) / 2 ln(1 + S / (nu R))``, Student's t in place of the Gaussian, and
+``(nu R + S) / (nu + n)`` takes the place of R in the derivatives.
+
+Further unknowns may follow the six: how the body's surface departs from what is believed
+(`cislunar.photometry.departures`), each in units of its prior standard deviation too.
+
 The prior may be replaced by an `Anchor`, the Gaussian that stands for data no longer kept.
 """
 
@@ -26,26 +34,30 @@ from cislunar.estimation.light_curves.row_blocks import (
     CURVATURE,
     MAGNITUDE,
     MISFIT_SLOPE,
-    MOTION_ROWS,
     OFFSET_WEIGHT,
+    ROTATION,
     SEEN,
-    SUM_ROWS,
-    UNKNOWNS,
     WEIGHT,
     add_products,
     carry_attitude,
     fill_block,
     fold,
+    further_rows,
     pull_back,
     pull_back_matrix,
+    sum_rows,
+    work_rows,
 )
+from cislunar.photometry.departures import departed_surface, departure_rows
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
     LANES,
+    block_magnitude_departures,
     block_magnitude_gradients,
     block_magnitudes,
 )
 from cislunar.photometry.facet_blocks import MAGNITUDE as EXPECTED
+from cislunar.photometry.materials import FACET, STRETCH
 
 Array = NDArray[np.float64]
 
@@ -64,8 +76,10 @@ class LightCurveModel(NamedTuple):
     ----------
     quaternion, omega : ndarray, shapes (4,) and (3,)
         Nominal attitude (inertial to body) and angular velocity (rad/s, body frame) at the epoch.
-    sigma : ndarray, shape (6,)
-        Prior standard deviations: attitude error (GRP) and angular velocity (rad/s).
+    sigma : ndarray, shape (n,)
+        Prior standard deviations: attitude error (GRP), angular velocity (rad/s), departures.
+    surface_kinds : ndarray of int, shape (n - 6,)
+        Departures of the surface that are estimated.
     inertia, inverse_inertia : ndarray, shape (3, 3)
         Any unit.
     spherical : bool
@@ -74,6 +88,8 @@ class LightCurveModel(NamedTuple):
         As in `cislunar.photometry.facets.facet_magnitude`.
     noise_variance : float
         R, mag^2, of a row of weight 1.
+    noise_freedom : float
+        Degrees of freedom of what is known of R beforehand; 0 if R is known.
     offset_variance : float
         Variance of an unknown offset common to all magnitudes, mag^2; 0 for none.
     limiting_magnitude : float
@@ -83,6 +99,7 @@ class LightCurveModel(NamedTuple):
     quaternion: Array
     omega: Array
     sigma: Array
+    surface_kinds: NDArray[np.int64]
     inertia: Array
     inverse_inertia: Array
     spherical: bool
@@ -92,6 +109,7 @@ class LightCurveModel(NamedTuple):
     irradiance_4pi: bool
     fresnel_sqrt: bool
     noise_variance: float
+    noise_freedom: float
     offset_variance: float
     limiting_magnitude: float
 
@@ -101,8 +119,8 @@ class Anchor(NamedTuple):
 
     Attributes
     ----------
-    mean : ndarray, shape (6,)
-    information : ndarray, shape (6, 6)
+    mean : ndarray, shape (n,)
+    information : ndarray, shape (n, n)
     offset : ndarray, shape (1,)
     """
 
@@ -129,8 +147,8 @@ def initial_state(u, model, quaternion, omega):
 def anchor_cost(u, anchor):
     """Value of an anchor's quadratic."""
     total = 0.0
-    for i in range(UNKNOWNS):
-        for j in range(UNKNOWNS):
+    for i in range(u.shape[0]):
+        for j in range(u.shape[0]):
             total += (u[i] - anchor.mean[i]) * anchor.information[i, j] * (u[j] - anchor.mean[j])
     return anchor.offset[0] + 0.5 * total
 
@@ -147,10 +165,37 @@ def fainter_than_limit(z):
     return -math.log(chance), slope, max(slope * slope + z * density / chance, 0.0)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _surface(model):
-    """Shape, material and readings, in the order the magnitudes take them."""
-    return model.areas, model.normals, model.material, model.irradiance_4pi, model.fresnel_sqrt
+@njit(cache=True, error_model="numpy")
+def _surface(u, model):
+    """Shape and material of the body, given the unknowns."""
+    if u.shape[0] == ROTATION:
+        return model.areas, model.normals, model.material
+    amounts = model.sigma[ROTATION:] * u[ROTATION:]
+    return departed_surface(
+        model.surface_kinds, amounts, model.areas, model.normals, model.material
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _magnitudes_and_derivatives(block, shares, work, rows, areas, normals, material, model):
+    """Magnitudes of a block, their derivatives by a turn, and those by departures."""
+    readings = model.irradiance_4pi, model.fresnel_sqrt
+    kinds = model.surface_kinds
+    if kinds.shape[0] == 0:
+        block_magnitude_gradients(block, rows, areas, normals, material, *readings)
+        return
+    stretched = np.any((kinds >= STRETCH) & (kinds < FACET))
+    block_magnitude_departures(block, shares, stretched, rows, areas, normals, material, *readings)
+    departure_rows(
+        block,
+        shares,
+        rows,
+        kinds,
+        model.sigma[ROTATION:],
+        material,
+        readings[1],
+        further_rows(work),
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -159,7 +204,7 @@ def cost(u, data, anchor, model, stop_above):
 
     Parameters
     ----------
-    u : ndarray, shape (6,)
+    u : ndarray, shape (n,)
         Unknowns.
     data : ndarray, shape (n, COLUMNS)
         The light curve: time since the epoch (s), magnitude, directions to Sun and observer
@@ -180,10 +225,11 @@ def cost(u, data, anchor, model, stop_above):
     start, omega, now = np.empty(4), np.empty(3), 0.0
     initial_state(u, model, start, omega)
     q, rate = start.copy(), omega.copy()
-    block, work = np.empty((BLOCK_ROWS, LANES)), np.empty((MOTION_ROWS, LANES))
+    block, work = np.empty((BLOCK_ROWS, LANES)), np.empty((work_rows(ROTATION), LANES))
     no_errors = np.empty((6, 0))
-    squares, sums, count = 0.0, 0.0, 0.0
-    spherical, surface = model.spherical, _surface(model)
+    squares, sums, count, seen = 0.0, 0.0, 0.0, 0
+    spherical = model.spherical
+    areas, normals, material = _surface(u, model)
     inverse_noise = 1.0 / np.sqrt(model.noise_variance)
     for first in range(0, data.shape[0], LANES):
         rows = min(LANES, data.shape[0] - first)
@@ -192,7 +238,9 @@ def cost(u, data, anchor, model, stop_above):
             now = carry_attitude(
                 block, work, rows, now, q, rate, no_errors, model.inertia, model.inverse_inertia
             )
-        block_magnitudes(block, rows, *surface)
+        block_magnitudes(
+            block, rows, areas, normals, material, model.irradiance_4pi, model.fresnel_sqrt
+        )
         for k in range(rows):
             h, weight = block[EXPECTED, k], data[first + k, WEIGHT]
             if data[first + k, SEEN] == 1.0:
@@ -200,12 +248,13 @@ def cost(u, data, anchor, model, stop_above):
                 squares += weight * residual * residual
                 sums += weight * residual
                 count += weight
+                seen += 1
             else:
                 excess = (h - model.limiting_magnitude) * inverse_noise
                 total += fainter_than_limit(excess * np.sqrt(weight))[0]
-        if total + _misfit(squares, sums, count, model) > stop_above:
+        if total + _misfit(squares, sums, count, seen, model) > stop_above:
             break
-    return total + _misfit(squares, sums, count, model)
+    return total + _misfit(squares, sums, count, seen, model)
 
 
 @njit(cache=True, inline="always")
@@ -215,14 +264,24 @@ def _shrinkage(count, model):
 
 
 @njit(cache=True, error_model="numpy")
-def _misfit(squares, sums, count, model):
+def _misfit(squares, sums, count, seen, model):
     """Misfit of the detections, minimised over the offset; never falls as data come in."""
+    freedom = model.noise_freedom
+    if freedom > 0.0:
+        return 0.5 * (freedom + seen) * np.log(1.0 + squares / (freedom * model.noise_variance))
     return 0.5 * (squares - _shrinkage(count, model) * sums * sums) / model.noise_variance
+
+
+@njit(cache=True, inline="always")
+def _trust(squares, seen, model):
+    """Assumed noise variance over the one expected in view of the residuals; 1 if it is known."""
+    freedom, assumed = model.noise_freedom, model.noise_variance
+    return (freedom + seen) * assumed / (freedom * assumed + squares) if freedom > 0.0 else 1.0
 
 
 @njit(cache=True, error_model="numpy")
 def cost_and_derivatives(u, data, anchor, model, gradient, information):
-    """Cost, its gradient (6,), and the Gauss-Newton approximation of its Hessian (6, 6).
+    """Cost, its gradient (n,), and the Gauss-Newton approximation of its Hessian (n, n).
 
     The latter is ``Lambda + sum_k w_k a_k a_k^T / R``, a_k the gradient of h_k; see `cost`.
     """
@@ -230,14 +289,18 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
     start, omega, now = np.empty(4), np.empty(3), 0.0
     initial_state(u, model, start, omega)
     q, rate = start.copy(), omega.copy()
-    block, work = np.empty((BLOCK_ROWS, LANES)), np.empty((MOTION_ROWS, LANES))
-    products, errors = np.zeros((SUM_ROWS, LANES)), np.zeros((6, 3))
+    unknowns = u.shape[0]
+    block, work = np.empty((BLOCK_ROWS, LANES)), np.empty((work_rows(unknowns), LANES))
+    products, errors = np.zeros((sum_rows(unknowns), LANES)), np.zeros((6, 3))
     for i in range(3):
         errors[3 + i, i] = 1.0  # d omega(0) / d omega(0)
     inverse_variance = 1.0 / model.noise_variance
     inverse_noise = np.sqrt(inverse_variance)
-    squares, sums, count = 0.0, 0.0, 0.0
-    spherical, surface = model.spherical, _surface(model)
+    squares, sums, count, seen = 0.0, 0.0, 0.0, 0
+    spherical = model.spherical
+    areas, normals, material = _surface(u, model)
+    with_shares = np.any(model.surface_kinds >= FACET)
+    shares = np.empty((areas.shape[0] if with_shares else 0, LANES))
     for first in range(0, data.shape[0], LANES):
         rows = min(LANES, data.shape[0] - first)
         fill_block(block, work, data, first, rows, start, omega)
@@ -245,7 +308,7 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
             now = carry_attitude(
                 block, work, rows, now, q, rate, errors, model.inertia, model.inverse_inertia
             )
-        block_magnitude_gradients(block, rows, *surface)
+        _magnitudes_and_derivatives(block, shares, work, rows, areas, normals, material, model)
         for k in range(rows):
             h, weight = block[EXPECTED, k], data[first + k, WEIGHT]
             if data[first + k, SEEN] == 1.0:
@@ -253,6 +316,7 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
                 squares += weight * residual * residual
                 sums += weight * residual
                 count += weight
+                seen += 1
                 curvature = weight * inverse_variance
                 slope, of_offset = -residual * curvature, weight
             else:
@@ -268,12 +332,13 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
         pull_back(block, work, rows, omega, spherical)
         add_products(work, rows, products)
     to_unknowns = pull_back_matrix(u, start, model.sigma)
-    curvatures, slopes, offsets = fold(products, to_unknowns)
+    curvatures, slopes, offsets = fold(products, to_unknowns, unknowns)
     shrinkage = inverse_variance * _shrinkage(count, model)
-    for i in range(UNKNOWNS):
-        gradient[i] = slopes[i] + shrinkage * sums * offsets[i]
-        for j in range(UNKNOWNS):
+    trust = _trust(squares, seen, model)
+    for i in range(unknowns):
+        gradient[i] = trust * slopes[i] + shrinkage * sums * offsets[i]
+        for j in range(unknowns):
             gradient[i] += anchor.information[i, j] * (u[j] - anchor.mean[j])
-            information[i, j] = anchor.information[i, j] + curvatures[i, j]
+            information[i, j] = anchor.information[i, j] + trust * curvatures[i, j]
             information[i, j] -= shrinkage * offsets[i] * offsets[j]
-    return total + _misfit(squares, sums, count, model)
+    return total + _misfit(squares, sums, count, seen, model)

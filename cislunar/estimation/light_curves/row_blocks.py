@@ -6,7 +6,7 @@ all rows are kept lane by lane and folded at the end in one fixed order.
 
 The derivatives are summed with respect to a small turn of the initial attitude in the inertial
 frame and to the initial angular velocity. What leads from there to the unknowns is the same for
-all rows and applied to the sums.
+all rows and applied to the sums. Unknowns beyond those six come after them, already in their units.
 """
 
 import numpy as np
@@ -19,8 +19,9 @@ from cislunar.elementary import sine_and_cosine
 from cislunar.photometry import facet_blocks
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, QUATERNION, TURN
 
-UNKNOWNS = 6
-"""Attitude error (GRP) and angular velocity at the epoch, in prior standard deviations."""
+ROTATION = 6
+"""Attitude error (GRP) and angular velocity at the epoch, in prior standard deviations: the first
+unknowns, and often all."""
 
 # Columns of a light curve.
 TIME, MAGNITUDE, SUN, VIEW, RANGE, SEEN, WEIGHT = 0, 1, slice(2, 5), slice(5, 8), 8, 9, 10
@@ -31,12 +32,33 @@ _GEOMETRY = 2
 # Rows of a block's work besides the magnitudes.
 MISFIT_SLOPE, CURVATURE, OFFSET_WEIGHT = 0, 1, 2
 """Of a row: derivative of its cost by the magnitude, the second, and its weight in the offset."""
-_ELAPSED, _DERIVATIVE, _LAG, _REST, _RATE_ERRORS = 3, 4, 10, 11, 12
-MOTION_ROWS = 21
+_ELAPSED, _LAG, _REST, _RATE_ERRORS, _DERIVATIVE = 3, 4, 5, 6, 15
+_MOTION_ROWS = _DERIVATIVE + ROTATION
+_ROTATION_SUMS = ROTATION * (ROTATION + 1) // 2 + 2 * ROTATION
 
-_PAIRS = UNKNOWNS * (UNKNOWNS + 1) // 2
-SUM_ROWS = _PAIRS + 2 * UNKNOWNS
-"""Products of the derivatives in pairs, and the derivatives by slope and by offset."""
+
+@njit(cache=True, inline="always")
+def work_rows(unknowns):
+    """Rows of a block's work: the derivatives by the unknowns come last."""
+    return _DERIVATIVE + unknowns
+
+
+@njit(cache=True, inline="always")
+def sum_rows(unknowns):
+    """Products of the derivatives in pairs, and the derivatives by slope and by offset."""
+    return unknowns * (unknowns + 1) // 2 + 2 * unknowns
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _motion_rows(work):
+    """The first rows of the work, with their shape as constants (see `facet_blocks`)."""
+    return work[:_MOTION_ROWS].reshape((_MOTION_ROWS, LANES))
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def further_rows(work):
+    """Rows of the derivatives by unknowns beyond the rotation's."""
+    return work[_MOTION_ROWS:]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -71,7 +93,7 @@ def fill_block(block, work, data, first, count, start, omega):
     The attitudes follow from that at the epoch and a constant angular velocity.
     """
     b = block.reshape((BLOCK_ROWS, LANES))
-    w = work.reshape((MOTION_ROWS, LANES))
+    w = _motion_rows(work)
     for k in range(count):
         w[_ELAPSED, k] = data[first + k, TIME]
         for c in range(7):
@@ -106,7 +128,7 @@ def pull_back(block, work, count, omega, spherical):
     (`cislunar.attitude.rigid_body.pull_back_gradient`), that by the turn ``A(q)^T g``.
     """
     b = block.reshape((BLOCK_ROWS, LANES))
-    w = work.reshape((MOTION_ROWS, LANES))
+    w = _motion_rows(work)
     _, _, nx, ny, nz = _axis(omega)
     for k in range(count):
         gx, gy, gz = b[TURN, k], b[TURN + 1, k], b[TURN + 2, k]
@@ -131,26 +153,36 @@ def pull_back(block, work, count, omega, spherical):
             )
 
 
-@njit(cache=True, error_model="numpy")
-def add_products(work, count, sums):
-    """Add a block's products of derivatives to the sums (SUM_ROWS, LANES), lane by lane."""
-    w = work.reshape((MOTION_ROWS, LANES))
-    s = sums.reshape((SUM_ROWS, LANES))
+@njit(cache=True, error_model="numpy", inline="always")
+def _add_products(w, s, count, unknowns):
+    """`add_products` for so many unknowns."""
+    by_slope = unknowns * (unknowns + 1) // 2
     pair = 0
-    for i in range(UNKNOWNS):
+    for i in range(unknowns):
         for j in range(i + 1):
             for k in range(count):
                 s[pair, k] += w[CURVATURE, k] * w[_DERIVATIVE + i, k] * w[_DERIVATIVE + j, k]
             pair += 1
         for k in range(count):
-            s[_PAIRS + i, k] += w[MISFIT_SLOPE, k] * w[_DERIVATIVE + i, k]
-            s[_PAIRS + UNKNOWNS + i, k] += w[OFFSET_WEIGHT, k] * w[_DERIVATIVE + i, k]
+            s[by_slope + i, k] += w[MISFIT_SLOPE, k] * w[_DERIVATIVE + i, k]
+            s[by_slope + unknowns + i, k] += w[OFFSET_WEIGHT, k] * w[_DERIVATIVE + i, k]
+
+
+@njit(cache=True, error_model="numpy")
+def add_products(work, count, sums):
+    """Add a block's products of derivatives to the sums (`sum_rows`, LANES), lane by lane."""
+    unknowns = work.shape[0] - _DERIVATIVE
+    if unknowns == ROTATION:  # the usual number, with all shapes known to the compiler
+        s = sums.reshape((_ROTATION_SUMS, LANES))
+        _add_products(_motion_rows(work), s, count, ROTATION)
+    else:
+        _add_products(work, sums, count, unknowns)
 
 
 @njit(cache=True, error_model="numpy")
 def pull_back_matrix(u, start, sigma):
     """Matrix (6, 6) from derivatives by turn (inertial) and rate at the epoch to the unknowns'."""
-    matrix, turn = np.zeros((UNKNOWNS, UNKNOWNS)), np.empty(3)
+    matrix, turn = np.zeros((ROTATION, ROTATION)), np.empty(3)
     p = sigma[:3] * u[:3]
     for i in range(3):
         turn[0], turn[1], turn[2] = rotate_components(
@@ -164,26 +196,40 @@ def pull_back_matrix(u, start, sigma):
 
 
 @njit(cache=True, error_model="numpy")
-def fold(sums, matrix):
-    """Sums over all lanes in the unknowns: of products (6, 6), by slope (6,) and by offset (6,)."""
+def fold(sums, matrix, unknowns):
+    """Sums over all lanes in the unknowns: of products (n, n), by slope (n,) and by offset (n,).
+
+    `matrix`, shape (6, 6), leads to the unknowns of the rotation; the others stay.
+    """
     width = LANES // 2
     while width > 0:
-        for row in range(SUM_ROWS):
+        for row in range(sums.shape[0]):
             for k in range(width):
                 sums[row, k] += sums[row, width + k]
         width //= 2
-    half, products = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((UNKNOWNS, UNKNOWNS))
-    by_slope, by_offset = np.zeros(UNKNOWNS), np.zeros(UNKNOWNS)
-    for i in range(UNKNOWNS):
-        for k in range(UNKNOWNS):
-            by_slope[i] += matrix[i, k] * sums[_PAIRS + k, 0]
-            by_offset[i] += matrix[i, k] * sums[_PAIRS + UNKNOWNS + k, 0]
-            for j in range(UNKNOWNS):
-                high, low = max(j, k), min(j, k)
-                half[i, j] += matrix[i, k] * sums[high * (high + 1) // 2 + low, 0]
-    for i in range(UNKNOWNS):
+    first = unknowns * (unknowns + 1) // 2
+    whole, half = np.empty((unknowns, unknowns)), np.zeros((unknowns, unknowns))
+    products = np.zeros((unknowns, unknowns))
+    by_slope, by_offset = np.zeros(unknowns), np.zeros(unknowns)
+    for i in range(unknowns):
         for j in range(i + 1):
-            for k in range(UNKNOWNS):
-                products[i, j] += half[i, k] * matrix[j, k]
+            whole[i, j] = whole[j, i] = sums[i * (i + 1) // 2 + j, 0]
+    for i in range(unknowns):
+        if i >= ROTATION:
+            by_slope[i], by_offset[i] = sums[first + i, 0], sums[first + unknowns + i, 0]
+            half[i] = whole[i]
+            continue
+        for k in range(ROTATION):
+            by_slope[i] += matrix[i, k] * sums[first + k, 0]
+            by_offset[i] += matrix[i, k] * sums[first + unknowns + k, 0]
+            for j in range(unknowns):
+                half[i, j] += matrix[i, k] * whole[k, j]
+    for i in range(unknowns):
+        for j in range(i + 1):
+            if j >= ROTATION:
+                products[i, j] = half[i, j]
+            else:
+                for k in range(ROTATION):
+                    products[i, j] += half[i, k] * matrix[j, k]
             products[j, i] = products[i, j]
     return products, by_slope, by_offset

@@ -1,0 +1,158 @@
+"""How a body's surface may depart from what is believed of it, and derivatives by that (compiled).
+
+A departure is a kind and an amount x, 0 for none. Lengths, areas and factors change by exp(x),
+shares between 0 and 1 have their odds multiplied by it, so that no amount is impossible:
+
+    ALBEDO        the diffuse albedo rho, which counts as the product d rho alone
+    SLOPE         the root mean square slope of the microfacets
+    REFLECTANCE   the odds of the normal reflectance F0
+    SHARE         the odds of the specular share s / (d + s), the sum d + s being kept
+    SCALE         all light thrown back
+    STRETCH + c   the body's length along axis c
+    FACET + i     the light thrown back by facet i
+
+Amounts of the same kind add up, so that a derivative is the same wherever it is counted from.
+"""
+
+import numpy as np
+from numba import njit
+
+from cislunar.elementary import exponential
+from cislunar.photometry.facet_blocks import (
+    BLOCK_ROWS,
+    BY_SLOPE,
+    BY_STRETCH,
+    INVERSE_HALF2,
+    LANES,
+    MAGNITUDE,
+    SHINE,
+    TOTAL,
+)
+from cislunar.photometry.facets import FLOOR_MAGNITUDE, LN10, fresnel_reflectance
+from cislunar.photometry.materials import (
+    ALBEDO,
+    FACET,
+    REFLECTANCE,
+    SCALE,
+    SHARE,
+    SLOPE,
+    STRETCH,
+)
+
+_LARGEST = 50.0
+"""Amounts beyond are taken as this: e^50 is more than any light curve leaves open."""
+
+
+@njit(cache=True, error_model="numpy")
+def _factor(x):
+    """exp(x), finite for all x."""
+    return exponential(min(max(x, -_LARGEST), _LARGEST))
+
+
+@njit(cache=True, error_model="numpy")
+def _stretch(factors, areas, normals):
+    """Lengthen a body along its axes, in place: N goes with 1 / factors, areas as its length."""
+    product = factors[0] * factors[1] * factors[2]
+    for i in range(areas.shape[0]):
+        length = 0.0
+        for c in range(3):
+            normals[i, c] /= factors[c]
+            length += normals[i, c] * normals[i, c]
+        length = np.sqrt(length)
+        areas[i] *= product * length
+        for c in range(3):
+            normals[i, c] /= length
+
+
+@njit(cache=True, error_model="numpy")
+def departed_surface(kinds, amounts, areas, normals, material):
+    """Areas (F,), normals (F, 3) and material (5,) of a body after departures; new arrays.
+
+    `kinds` and `amounts` have an entry for each; the others are as in
+    `cislunar.photometry.facets.facet_irradiance`.
+    """
+    areas, normals, material = areas.copy(), normals.copy(), material.copy()
+    lengths = np.ones(3)
+    for i in range(kinds.shape[0]):
+        kind, factor = kinds[i], _factor(amounts[i])
+        if kind == ALBEDO:
+            material[2] *= factor
+        elif kind == SLOPE:
+            material[3] *= factor
+        elif kind == REFLECTANCE:
+            odds = factor * material[4] / (1.0 - material[4])
+            material[4] = odds / (1.0 + odds)
+        elif kind == SHARE:
+            both = material[0] + material[1]
+            shine = factor * material[1]
+            share = shine / (material[0] + shine)
+            material[0], material[1] = both * (1.0 - share), both * share
+        elif kind == SCALE:
+            areas *= factor
+        elif kind >= FACET:
+            areas[kind - FACET] *= factor
+        elif kind >= STRETCH:
+            lengths[kind - STRETCH] *= factor
+    if lengths[0] != 1.0 or lengths[1] != 1.0 or lengths[2] != 1.0:
+        _stretch(lengths, areas, normals)
+    return areas, normals, material
+
+
+@njit(cache=True, error_model="numpy")
+def fresnel_by_reflectance(cosine, normal_reflectance, fresnel_sqrt):
+    """Derivative of `cislunar.photometry.facets.fresnel_reflectance` by F0, above 0."""
+    q = cosine
+    root = np.sqrt(normal_reflectance)
+    b = (1.0 + root) / (1.0 - root)
+    by_root = 1.0 / (root * (1.0 - root) * (1.0 - root))  # db/dF0
+    p = q * q - 1.0 + b * b
+    if fresnel_sqrt:
+        p = np.sqrt(p)
+        p_slope = b / p * by_root
+    else:
+        p_slope = 2.0 * b * by_root
+    ratio = (p - q) / (p + q)
+    above, below = q * (p + q) - 1.0, q * (p - q) + 1.0
+    second = above / below
+    ratio_slope = 2.0 * q / ((p + q) * (p + q))
+    second_slope = q * (1.0 - second) / below
+    by_p = ratio * ratio_slope * (1.0 + second * second) + ratio * ratio * second * second_slope
+    return by_p * p_slope
+
+
+@njit(cache=True, error_model="numpy")
+def departure_rows(block, shares, count, kinds, sigma, material, fresnel_sqrt, out):
+    """Derivatives of a block's magnitudes by departures, sigma at a time, into `out` (kind, LANES).
+
+    `block` and `shares` are those of `facet_blocks.block_magnitude_departures`, `material` that of
+    the body as departed. A dark object's derivatives are zero.
+    """
+    b = block.reshape((BLOCK_ROWS, LANES))
+    weights = material[0] + material[1]
+    share = material[1] / weights if weights > 0.0 else 0.0
+    f0 = material[4]
+    for i in range(kinds.shape[0]):
+        kind, scale = kinds[i], -2.5 / LN10 * sigma[i]
+        for k in range(count):
+            total, shine = b[TOTAL, k], b[SHINE, k]
+            if kind == ALBEDO:
+                change = total - shine
+            elif kind == SLOPE:
+                change = b[BY_SLOPE, k]
+            elif kind == REFLECTANCE:
+                cosine = 0.5 / np.sqrt(b[INVERSE_HALF2, k])
+                fresnel = fresnel_reflectance(cosine, f0, fresnel_sqrt)
+                slope = fresnel_by_reflectance(cosine, f0, fresnel_sqrt) * f0 * (1.0 - f0)
+                change = shine * slope / fresnel
+            elif kind == SHARE:
+                change = shine * (1.0 - share) - (total - shine) * share
+            elif kind == SCALE:
+                change = total
+            elif kind >= FACET:
+                change = shares[kind - FACET, k]
+            elif kind >= STRETCH:
+                change = b[BY_STRETCH + kind - STRETCH, k]
+            else:
+                change = 0.0
+            bright = b[MAGNITUDE, k] < FLOOR_MAGNITUDE
+            out[i, k] = scale * change / total if bright else 0.0

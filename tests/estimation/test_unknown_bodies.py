@@ -1,0 +1,229 @@
+"""Attitude of bodies whose surface and noise are estimated with it."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import invgamma
+
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.light_curves.batch import batch
+from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.estimation.light_curves.hypotheses import mixture_points, prior_hypotheses
+from cislunar.estimation.light_curves.light_curve import (
+    Anchor,
+    LightCurveModel,
+    cost,
+    cost_and_derivatives,
+)
+from cislunar.estimation.light_curves.mixture import mixture_moments
+from cislunar.estimation.light_curves.row_blocks import (
+    COLUMNS,
+    MAGNITUDE,
+    RANGE,
+    SEEN,
+    SUN,
+    TIME,
+    VIEW,
+    WEIGHT,
+)
+from cislunar.evaluation.metrics import INCONSISTENT
+from cislunar.observation.body_spread import BodySpread
+from cislunar.observation.scene import target_surfaces
+from cislunar.observation.sensor import Sensor
+from cislunar.photometry.materials import Material
+from cislunar.photometry.shapes import icosahedron
+from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.simulation import TruthModel
+
+FACETS = icosahedron()
+MATERIAL = BodySpread(log_albedo=0.25, log_slope=0.25, logit_reflectance=0.5)
+ALL = BodySpread(0.25, 0.25, 0.5, 0.3, 0.2, 0.1, 0.2)
+ROTATION_SIGMA = np.repeat([np.deg2rad(5.0), np.deg2rad(2.4) / 3600.0], 3)
+RATE = np.deg2rad([-44.7, -6.7, -8.5]) / 3600.0
+
+
+def _model(unknowns, freedom=0.0, offset=0.0):
+    kinds, sigma = unknowns.surface_kinds(FACETS.areas.size)
+    return LightCurveModel(
+        np.array([0.1, -0.2, 0.3, np.sqrt(0.86)]), RATE, np.r_[ROTATION_SIGMA, sigma], kinds,
+        np.eye(3), np.eye(3), True, FACETS.areas, FACETS.normals, Material().as_array(), True,
+        True, 0.01, freedom, offset**2, 15.0,
+    )  # fmt: skip
+
+
+def _light_curve(n=120):
+    rng = np.random.default_rng(0)
+    data = np.ones((n, COLUMNS))
+    data[:, TIME] = 3600.0 * np.linspace(0.02, 6.0, n)
+    angle = data[:, TIME] / 3.0e4
+    data[:, SUN] = np.stack([np.cos(0.1 * angle), np.sin(0.1 * angle), 0.0 * angle], -1)
+    data[:, VIEW] = np.stack([np.cos(1.0 + angle), np.sin(1.0 + angle), 0.3 + 0.0 * angle], -1)
+    data[:, VIEW] /= np.linalg.norm(data[:, VIEW], axis=1)[:, None]
+    data[:, RANGE] = 8.0e7
+    data[:, MAGNITUDE] = 15.0 + 0.3 * rng.standard_normal(n)
+    data[:, WEIGHT] = rng.uniform(0.5, 1.0, n)
+    return data
+
+
+def _anchor(size):
+    return Anchor(np.zeros(size), np.eye(size), np.zeros(1))
+
+
+@pytest.mark.parametrize(
+    ("unknowns", "freedom", "offset", "unseen"),
+    [(MATERIAL, 8.0, 0.0, False), (ALL, 8.0, 0.0, False), (ALL, 0.0, 0.0, True),
+     (MATERIAL, 0.0, 0.2, False), (BodySpread(), 8.0, 0.0, False)],
+)  # fmt: skip
+def test_gradient_against_differences(unknowns, freedom, offset, unseen):
+    model, data = _model(unknowns, freedom, offset), _light_curve()
+    if unseen:
+        data[::4, SEEN] = 0.0
+    size = model.sigma.size
+    u = 0.5 * np.random.default_rng(1).standard_normal(size)
+    gradient, information = np.empty(size), np.empty((size, size))
+    given = data, _anchor(size), model
+    value = cost_and_derivatives(u, *given, gradient, information)
+    assert value == pytest.approx(cost(u, *given, np.inf), rel=1e-12)
+    h = 1e-6
+    differences = [
+        (cost(u + h * e, *given, np.inf) - cost(u - h * e, *given, np.inf)) / (2.0 * h)
+        for e in np.eye(size)
+    ]
+    np.testing.assert_allclose(gradient, differences, atol=2e-5 * np.abs(gradient).max())
+    assert np.linalg.eigvalsh(information)[0] > 0.99  # the prior's, where data say nothing
+
+
+def test_no_unknown_is_left_out_of_the_information():
+    """The matrix of Gauss and Newton is that of the magnitudes' derivatives, from differences."""
+    model, data = _model(ALL), _light_curve(60)
+    size = model.sigma.size
+    u = 0.3 * np.random.default_rng(2).standard_normal(size)
+    gradient, information = np.empty(size), np.empty((size, size))
+    cost_and_derivatives(u, data, _anchor(size), model, gradient, information)
+
+    def residuals(v):
+        # magnitudes from costs of one row, which the offset of its residual makes linear
+        rows = data.copy()
+        found = []
+        for row in rows:
+            pair = []
+            for magnitude in (0.0, 1.0):
+                row[MAGNITUDE], row[WEIGHT] = magnitude, 1.0
+                pair.append(cost(v, row[None], _anchor(size), model, np.inf))
+            found.append(0.5 - (pair[1] - pair[0]) * model.noise_variance)
+        return np.array(found)
+
+    h = 1e-5
+    jacobian = np.array(
+        [(residuals(u + h * e) - residuals(u - h * e)) / (2.0 * h) for e in np.eye(size)]
+    )
+    expected = np.eye(size) + (jacobian * data[:, WEIGHT]) @ jacobian.T / model.noise_variance
+    np.testing.assert_allclose(information, expected, atol=1e-3 * expected.max())
+
+
+def test_unknown_noise_is_integrated_out():
+    """Against the integral of the Gaussian likelihood over the prior of the variance."""
+    model, data = _model(BodySpread(), freedom=8.0), _light_curve(12)
+    prior = invgamma(4.0, scale=4.0 * model.noise_variance)
+
+    def squares(u):
+        known = model._replace(noise_freedom=0.0)
+        chi2 = cost(u, data, _anchor(6), known, np.inf) - 0.5 * u @ u
+        return 2.0 * model.noise_variance * chi2
+
+    def minus_log(u):
+        def integrand(variance):
+            return prior.pdf(variance) * variance**-6.0 * np.exp(-0.5 * squares(u) / variance)
+
+        scale = squares(u) / 20.0 + 0.01
+        return 0.5 * u @ u - np.log(
+            quad(integrand, 0.0, 200.0 * scale, points=[scale], limit=200)[0]
+        )
+
+    near, far = np.zeros(6), np.full(6, 0.8)
+    expected = minus_log(far) - minus_log(near)
+    found = [cost(u, data, _anchor(6), model, np.inf) for u in (far, near)]
+    assert found[0] - found[1] == pytest.approx(expected, rel=1e-4)
+
+
+def test_points_have_the_covariance_of_the_rotation_alone():
+    model = _model(MATERIAL)
+    modes = prior_hypotheses(1, 9)
+    mixed = np.random.default_rng(3).standard_normal((9, 9))
+    information = 400.0 * (mixed @ mixed.T + 9.0 * np.eye(9))
+    modes.root[0] = np.linalg.cholesky(information)
+    q, omega, weight = np.empty((12, 4)), np.empty((12, 3)), np.empty(12)
+    assert mixture_points(modes, model, q, omega, weight) == 12
+    differences = np.empty((12, 6))
+    mixture_moments(q, omega, weight, np.empty(4), np.empty(3), differences)
+    found = (
+        (weight[:, None] * differences).T @ differences / np.outer(ROTATION_SIGMA, ROTATION_SIGMA)
+    )
+    expected = np.linalg.inv(information)[:6, :6]
+    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-3 * np.abs(expected).max())
+
+
+def _run(truth, settings, hours=8.0):
+    problem = tracking_problem(6, 10, duration_hours=hours, sensor=Sensor(limiting_magnitude=20.0))
+    scene, surfaces, epoch, ids, loop = problem
+    true = TruthModel(surfaces, loop.sensor.noise, np.zeros(3), spread=truth)
+    return run_closed_loop(
+        scene, surfaces, epoch, ids, [1, 2], loop, estimator=batch(settings), truth=true
+    )
+
+
+def test_bodies_nobody_has_measured_are_lost_unless_they_are_estimated():
+    usual = _run(MATERIAL, BatchSettings()).metrics
+    joint = _run(MATERIAL, BatchSettings(unknowns=MATERIAL, noise_freedom=8.0)).metrics
+    lost = [(each.status_rotation == INCONSISTENT).sum() for each in (usual, joint)]
+    assert lost[0] >= 6 and lost[1] == 0
+    assert np.all(joint.bound_attitude_deg >= usual.bound_attitude_deg)
+    assert 0.7 < np.median(joint.bound_ratio[..., 0]) < 1.2
+    assert joint.coverage[..., :3].mean() > 0.97
+
+
+def test_drawn_bodies_differ_and_nothing_else_moves():
+    _, surfaces, _, ids, loop = tracking_problem(2, 5, duration_hours=1.0)
+    truth = TruthModel(surfaces, loop.sensor.noise, np.zeros(3))
+    assert truth.drawn(1, ids) is truth
+    some = truth._replace(spread=BodySpread(log_slope=0.25)).drawn(1, ids).surfaces
+    more = truth._replace(spread=ALL).drawn(1, ids).surfaces
+    other = truth._replace(spread=ALL).drawn(2, ids).surfaces
+    np.testing.assert_array_equal(more.material[:, 3], some.material[:, 3])
+    assert np.unique(some.material[:, 3]).size == 5
+    np.testing.assert_array_equal(some.areas, surfaces.areas)
+    assert not np.isclose(more.material[:, 2:], other.material[:, 2:]).any()
+    fewer = truth._replace(spread=ALL, surfaces=target_surfaces(FACETS, Material(), 2))
+    np.testing.assert_array_equal(fewer.drawn(1, ids[1:3]).surfaces.material, more.material[1:3])
+    draws = [
+        truth._replace(spread=MATERIAL).drawn(seed, range(5)).surfaces.material
+        for seed in range(200)
+    ]
+    logs = np.log(np.array(draws) / surfaces.material[0])
+    assert np.std(logs[..., 2]) == pytest.approx(0.25, rel=0.08)
+    assert np.std(logs[..., 3]) == pytest.approx(0.25, rel=0.08)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "match"),
+    [
+        ({"noise_freedom": 0.0}, "noise_freedom = 0.0 must be positive"),
+        ({"noise_freedom": 8.0, "window_hours": 2.0}, "exclude each other"),
+        ({"noise_freedom": 8.0, "use_non_detections": True}, "exclude each other"),
+        ({"noise_freedom": 8.0, "magnitude_offset": 0.1}, "log_scale instead"),
+        ({"unknowns": BodySpread(log_scale=0.1), "magnitude_offset": 0.1}, "the same unknown"),
+    ],
+)
+def test_settings_that_do_not_combine_are_refused(wrong, match):
+    with pytest.raises(ConfigurationError, match=match):
+        BatchSettings(**wrong)
+
+
+def test_what_a_surface_does_not_have_is_refused():
+    with pytest.raises(ConfigurationError, match="log_slope = -1"):
+        BodySpread(log_slope=-1.0)
+    dull = target_surfaces(FACETS, Material(specular_weight=0.0), 2)
+    truth = TruthModel(dull, np.ones(3), np.zeros(3), spread=BodySpread(logit_reflectance=0.5))
+    with pytest.raises(ConfigurationError, match="raise specular_weight"):
+        truth.drawn(1, [0, 1])
