@@ -99,6 +99,19 @@ def test_a_design_in_slots_has_their_satellites(world, settings):
     assert covered.union_coverage == pytest.approx(float(found["value"]))
 
 
+@pytest.mark.parametrize("phases, satellites", [(3, 6), (None, 5)])
+def test_places_by_chance_are_distinct_and_hang_on_the_name(world, settings, phases, satellites):
+    wanted = {"objective": "coverage", "method": "chance"}
+    wanted = WANTED | wanted | {"phases": phases, "satellites": satellites}
+    drawn = [design_dataset(wanted, world, settings, **GIVEN | {"name": name}) for name in "aabcd"]
+    for one in drawn:
+        assert one["satellites"].values.sum() == satellites
+        places = list(zip(one["orbit"].values, one["phase"].values, strict=True))
+        assert len(set(places)) == len(places) == (2 if phases is None else 6)
+    assert drawn[0].equals(drawn[1])
+    assert not all(drawn[0].equals(other) for other in drawn[2:])
+
+
 @pytest.mark.parametrize("method, evaluations", [("tpe", None), ("random", 2)])
 def test_the_papers_searches_take_the_objectives_and_stay_below_the_bound(
     world, settings, method, evaluations
@@ -189,6 +202,15 @@ def test_cells_that_differ_in_their_architecture_are_counted(paper):
     more = {f"random-{k}": {"A": [50]} for k in range(4)}
     changed = merged(paper, {"task2": {"other_architectures": more}})
     assert most_alike(with_families(in_study(changed))["task2"]) == 7
+
+
+def test_the_study_of_objectives_is_possible_and_ranks_forty_of_each_number(tmp_path):
+    study = read_campaign(ROOT / "config", ROOT / "config/objectives.yaml")
+    checked = in_study(check_campaign(study | {"results": str(tmp_path)}))
+    for number in (20, 33):
+        chance = [name for name in checked["architecture"]["designs"] if f"chance{number}-" in name]
+        assert len(chance) == 40
+    assert most_alike(with_families(checked)["task2"]) >= 92
 
 
 DESIGN = {"objective": "information", "satellites": 20}

@@ -189,7 +189,7 @@ def goal_settings(wildcards, goal=None):
     own |= {key: ARCHITECTURE[key] for key in ("slots", "max_satellites")}
     if goal is None or goal["objective"] in ("information", "attitude"):
         own |= {"information": ARCHITECTURE["information"], "cell": comparison_settings(wildcards)}
-    if goal is not None and goal.get("method", "certified") != "certified":
+    if goal is not None and goal.get("method") in ("tpe", "random"):
         search = ("labels", "early_stop", "max_evaluations", "sampler")
         own |= {key: ARCHITECTURE[key] for key in search}
     return own

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from cislunar.architecture.certified import Certificate
+from cislunar.architecture.coordinate_search import random_start
 from cislunar.architecture.coverage.certificate import certify_coverage
 from cislunar.architecture.coverage.gap_objective import GapObjective, certify_gaps
 from cislunar.architecture.coverage.objective import CoverageObjective
@@ -15,7 +16,6 @@ from cislunar.architecture.hyperopt_search import hyperopt_search
 from cislunar.architecture.information.certificate import certify_information
 from cislunar.architecture.information.objective import InformationObjective
 from cislunar.architecture.places import free_places
-from cislunar.architecture.result import SearchResult
 from cislunar.campaign.architectures.moving import Moving, orbit_set
 from cislunar.campaign.architectures.search_runs import sampling_method
 from cislunar.campaign.architectures.variables import architecture_variables, dimensionless
@@ -145,9 +145,9 @@ def design_dataset(
     """``architecture/{scenario}/{design}.nc``: the best architecture by an objective.
 
     `design` is the configuration key ``architecture.designs.{name}``, `settings` as of `goal_of`.
-    J takes each satellite with a phase of its own for one on an orbit of its own. By the methods
-    `tpe` and `random` there is no bound; their settings are the keys `labels`, `early_stop`,
-    `max_evaluations` and `sampler` of `settings`.
+    J takes each satellite with a phase of its own for one on an orbit of its own. By other methods
+    than `certified` there is no bound; those of `tpe` and `random` take the keys `labels`,
+    `early_stop`, `max_evaluations` and `sampler` of `settings`.
     """
     goal = goal_of(design, world, settings, scenario=scenario, seed=seed, progress=progress)
     unit, number = UNITS.get(design["objective"], "1"), design["satellites"]
@@ -157,17 +157,19 @@ def design_dataset(
     if design["method"] == "certified":
         (best,) = _certified(goal, [number], unit)
         attributes["certificate_seconds"] = best.seconds
-        measured = _measured([best], unit, ())
+        measured, place, satellites = _measured([best], unit, ()), best.orbit, best.satellites
     else:
-        best = _sampled(goal, design, settings, generator(seed, scenario, "design", name))
-        measured = {"value": variable((), best.value, unit, _VALUES["value"])}
-    orbit, phase = goal.at(best.orbit)
+        rng = generator(seed, scenario, "design", name)
+        place, satellites = _sampled(goal, design, settings, rng)
+        value = goal.objective.value(place, satellites)
+        measured = {"value": variable((), value, unit, _VALUES["value"])}
+    orbit, phase = goal.at(place)
     chosen = _from_phases(world.orbits.isel(orbit=orbit), phase)
-    most = int(best.satellites.max())
+    most = int(satellites.max())
     visibility = visibility_dataset(chosen, world.targets, world.sun, settings, most)
     cost, slots = cost_function(visibility, chosen), np.arange(orbit.size)
-    seen = visibility["observations"].values[slots, best.satellites - 1]
-    found = architecture_variables(slots, best.satellites, cost)
+    seen = visibility["observations"].values[slots, satellites - 1]
+    found = architecture_variables(slots, satellites, cost)
     found |= dimensionless(
         orbit=("slot", orbit, "index into orbits/families.nc"),
         phase=("slot", phase, "share of the period by which the satellites are ahead"),
@@ -178,17 +180,23 @@ def design_dataset(
 
 def _sampled(
     goal: Goal, design: Mapping[str, Any], settings: Mapping[str, Any], rng: np.random.Generator
-) -> SearchResult:
-    """The best that a sampling search finds; a `ConfigurationError` if no places were distinct."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places and satellites by a sampling search, or by chance.
+
+    A `ConfigurationError` if a search found no distinct places.
+    """
+    number, method = design["satellites"], design["method"]
+    if method == "chance":
+        return random_start(goal.objective, goal.slots or number, rng, number)
     budget = design["evaluations"] or settings["max_evaluations"]
     found = hyperopt_search(
         goal.objective,
-        method=sampling_method(design["method"], settings["sampler"]),
+        method=sampling_method(method, settings["sampler"]),
         rng=rng,
-        n_slots=design["satellites"],
+        n_slots=number,
         labels=settings["labels"],
         max_evaluations=budget,
-        early_stop=None if design["method"] == "random" else settings["early_stop"],
+        early_stop=None if method == "random" else settings["early_stop"],
         progress=progress_log("evaluations"),
     )
     if np.unique(found.orbit).size < found.orbit.size:
@@ -196,7 +204,7 @@ def _sampled(
             f"design: {budget} evaluations found no architecture of distinct places; raise "
             "evaluations"
         )
-    return found
+    return found.orbit, found.satellites
 
 
 def _from_phases(orbits: xr.Dataset, phase: np.ndarray) -> xr.Dataset:

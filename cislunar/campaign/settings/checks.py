@@ -161,7 +161,7 @@ def _check_goals(config: Mapping[str, Any]) -> None:
                 f"{place}.phases' = null: {goal['objective']} is that of satellites at phases of "
                 "their own; give their number"
             )
-        if goal.get("method", "certified") != "certified" and goal["phases"] is None:
+        if goal.get("method") in ("tpe", "random") and goal["phases"] is None:
             raise ConfigurationError(
                 f"{place}.phases' = null: {goal['method']} does not keep to a number of satellites "
                 "in slots; give a number of phases"

@@ -175,12 +175,12 @@ class _Goal(Section):
 
 class Design(_Goal):
     satellites: Count = setting("number of satellites")
-    method: Literal["certified", "tpe", "random"] = setting(
+    method: Literal["certified", "tpe", "random", "chance"] = setting(
         "`certified`: search and bound; `tpe` and `random`: the paper's searches, at `phases` of "
-        "their own, by `labels`, `early_stop` and `sampler`", default="certified")
+        "their own, by `labels`, `early_stop` and `sampler`; `chance`: places drawn by chance",
+        default="certified")
     evaluations: Count | None = setting(
-        "evaluations of `tpe` and `random`, 1 for an architecture by chance; null: "
-        "`max_evaluations`", default=None)
+        "evaluations of `tpe` and `random`; null: `max_evaluations`", default=None)
 
 
 class ObjectiveFront(_Goal):
