@@ -11,6 +11,8 @@ CAPTIONS = sorted((ROOT / "workflow/report").glob("*.rst"))
 SHOWN = re.compile(r'results\(\s*"((?:figures/[^"]+\.(?:png|html))|(?:tables/[^"]+\.csv))"')
 GATHERED = re.compile(r"tables/claims_\w+\.csv")
 """Parts of a table that is in the report as a whole."""
+LONG = {"tables/tracking.csv"}
+"""Too long to be shown."""
 
 
 def calls(text, name):
@@ -39,7 +41,8 @@ def test_every_figure_and_table_is_in_the_report_with_a_caption(path):
     text = path.read_text(encoding="utf-8")
     made, reported = outputs(text), list(calls(text, "report"))
     for match in SHOWN.finditer(text):
-        if inside(match.start(), made) and not GATHERED.fullmatch(match[1]):
+        named = match[1] in LONG or GATHERED.fullmatch(match[1])
+        if inside(match.start(), made) and not named:
             assert inside(match.start(), reported), f"{match[1]} is not in the report"
     for start, stop in reported:
         call = text[start:stop]

@@ -9,20 +9,13 @@ CELL = "{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"
 WITH_ERRORS = [
     error for error in model_errors(TASK2) if TASK2["variants"]["cells"][error.variant]["targets"]
 ]
+# Long tables stay out of the report, which shows tables whole: they would be half of it.
 # Tables that compare cells; without two kinds of cells there is nothing to write in them.
 COMPARING_TABLES = {}
 if any(cell.variant for cell in campaign_cells(TASK2)):
-    COMPARING_TABLES["readings"] = report(
-        results("tables/readings_tracking.csv"),
-        caption="../report/readings_tracking.rst",
-        category="Tables",
-    )
+    COMPARING_TABLES["readings"] = results("tables/readings_tracking.csv")
 if len(estimator_names(TASK2)) > 1:
-    COMPARING_TABLES["estimators"] = report(
-        results("tables/estimators.csv"),
-        caption="../report/estimators.rst",
-        category="Tables",
-    )
+    COMPARING_TABLES["estimators"] = results("tables/estimators.csv")
 
 
 # Long cells start first, so that no core is idle at the end: changed settings may search or take
@@ -101,11 +94,7 @@ rule tracking_tables:
         rules.tracking_summary.output[0],
     output:
         **COMPARING_TABLES,
-        tracking=report(
-            results("tables/tracking.csv"),
-            caption="../report/tracking.rst",
-            category="Tables",
-        ),
+        tracking=results("tables/tracking.csv"),
     log:
         log_of("tables/tracking"),
     conda:

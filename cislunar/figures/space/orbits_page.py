@@ -123,8 +123,9 @@ def _bounds(traces: Sequence[go.Scatter3d | go.Surface]) -> Array:
 
 
 def _xyz(points: Array) -> dict[str, np.ndarray]:
-    """Coordinates of points, km, to a tenth of a kilometer or better."""
-    return {axis: points[..., k].astype(np.float32) for k, axis in enumerate("xyz")}
+    """Coordinates of points, to 8 km: a power of two, so that they pack well."""
+    coarse = (8.0 * np.round(points / 8.0)).astype(np.float32)
+    return {axis: coarse[..., k] for k, axis in enumerate("xyz")}
 
 
 def _joined(tracks: Sequence[Array]) -> Array:
