@@ -75,6 +75,10 @@ class LoopResult:
         What ``settings.record`` asked for.
     pair_information : ndarray, shape (seed, epoch, observer, target), or None
         Information of all pairs, if it was to be kept.
+    brightness_offset, brightness_offset_sigma : ndarray of float32 or None
+        Each target's magnitude less the sphere's after the looks of each interval, and its standard
+        deviation, shape (seed, epoch, target), if detection is learned; see
+        `cislunar.tasking.detection`.
     """
 
     assignment: NDArray[np.int16]
@@ -90,6 +94,8 @@ class LoopResult:
     counters: NDArray[np.int64]
     records: Records
     pair_information: Array | None
+    brightness_offset: NDArray[np.float32] | None
+    brightness_offset_sigma: NDArray[np.float32] | None
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -104,7 +110,7 @@ class LoopResult:
 
 _KEPT = (
     *("assignment", "information", "evaluations", "error", "sigma", "bound", "fate"),
-    "pair_information",
+    *("pair_information", "brightness_offset", "brightness_offset_sigma"),
 )
 """Attributes that are gathered from pieces."""
 

@@ -28,6 +28,7 @@ from cislunar.observation.sensor import Sensor, SensorLimits
 from cislunar.observation.sightline import METRES, in_clear_view, sphere_brighter
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
 from cislunar.photometry.sphere import faintness_per_squared_range
+from cislunar.tasking.detection_model import DetectionModel
 from cislunar.tasking.information_bound import bound_all
 
 Array = NDArray[np.float64]
@@ -56,6 +57,9 @@ class TaskingModel:
     measurements : int
         Number of measurements, each as informative as the first, a pair is credited with; more
         than one divides the noise variance.
+    detection : DetectionModel or None
+        How likely a look detects its target is learned from what looks found, which the sphere's
+        magnitude then begins from but does not decide; None: the sphere decides, as in the paper.
 
     Raises
     ------
@@ -68,6 +72,7 @@ class TaskingModel:
     states: str = "translation"
     track_gate: bool = True
     measurements: int = 1
+    detection: DetectionModel | None = None
 
     def __post_init__(self) -> None:
         if self.states not in STATES:
@@ -93,6 +98,7 @@ class _Belief(NamedTuple):
     limits: SensorLimits
     variance: Array
     faintness: float
+    sphere: bool
     gate: bool
     full: bool
     six: UnscentedWeights
@@ -111,6 +117,7 @@ def _belief(model: TaskingModel, sensor: Sensor, mu: float) -> _Belief:
         limits,
         limits.noise_variance / model.measurements,
         faintness * METRES**2,
+        model.detection is None,
         model.track_gate,
         model.states == "full",
         *_WEIGHTS,
@@ -118,13 +125,15 @@ def _belief(model: TaskingModel, sensor: Sensor, mu: float) -> _Belief:
 
 
 @njit(cache=True, error_model="numpy")
-def _sphere_visible(observer, place, sun, belief):
-    """Whether the sphere that stands in for a target can be observed at a place."""
+def _observable(observer, place, sun, belief):
+    """Whether a place is in clear view, and the sphere that stands for a target bright enough."""
     ox, oy, oz = observer[0], observer[1], observer[2]
     x, y, z = place[0], place[1], place[2]
     dx, dy, dz = x - ox, y - oy, z - oz
     if not in_clear_view(ox, oy, oz, dx, dy, dz, sun, belief.limits, belief.mu):
         return False
+    if not belief.sphere:
+        return True
     fx, fy, fz = x - sun[0], y - sun[1], z - sun[2]
     return sphere_brighter(dx, dy, dz, fx, fy, fz, belief.faintness)
 
@@ -191,7 +200,7 @@ def _fill(prediction, joint, scene, surfaces, belief, wanted, out):
             if not wanted[o, j]:
                 continue
             out[o, j] = 0.0
-            if not usable[j] or not _sphere_visible(observer, translation[j], sun, belief):
+            if not usable[j] or not _observable(observer, translation[j], sun, belief):
                 continue
             _, declination = expected_directions(points[j], observer, axes, expected)
             innovation_moments(expected, variance[1:], belief.six, shift, cross, even)
@@ -237,7 +246,8 @@ def pair_information(
     """Mutual information of every pair, nats.
 
     A target is observable if the sphere of `model` at its estimated position is brighter than the
-    sensor's limit and clear of the bright bodies; the information of any other pair is zero.
+    sensor's limit and clear of the bright bodies; the information of any other pair is zero. Where
+    detection is learned, being clear is enough.
 
     Parameters
     ----------

@@ -48,7 +48,8 @@ def preselects(model: TaskingModel, method: str, n_pairs: int) -> bool:
     -------
     bool
     """
-    return method == "exact" and model.states == "translation" and n_pairs >= FEWEST_PAIRS
+    plain = model.states == "translation" and model.detection is None
+    return method == "exact" and plain and n_pairs >= FEWEST_PAIRS
 
 
 def assign_preselected(

@@ -6,6 +6,7 @@ light curves a batch estimator keeps; histories leave it in pieces.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,8 @@ from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
 from cislunar.observation.measurement import DETECTED, NOT_TASKED, measure
 from cislunar.observation.records import Measurements, constant_schedule, highest, rows_of
 from cislunar.observation.scene import Scene, TargetSurfaces
-from cislunar.tasking.assignment import Assignment, assign
+from cislunar.tasking.assignment import Assignment, assign, total_information
+from cislunar.tasking.detection import LearnedDetection, sphere_magnitudes
 from cislunar.tasking.information import pair_information
 from cislunar.tasking.preselection import assign_preselected, preselects
 from cislunar.tasking.recording import Piece, interval_records
@@ -64,6 +66,7 @@ class Realization(NamedTuple):
     estimator: Estimator
     bound: CramerRaoBound
     evaluation: Evaluation
+    detection: LearnedDetection | None
 
     @property
     def end(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:
@@ -96,14 +99,16 @@ def begun(world: World, number: int, seed: int) -> Realization:
         forces=truth.forces,
     )
     evaluation = Evaluation(world.ids.size, settings.n_steps, settings.step_s, settings.custody)
-    return Realization(number, seed, truth, motion, estimator, bound, evaluation)
+    learned = settings.tasking.detection
+    detection = None if learned is None else LearnedDetection(learned, world.ids.size)
+    return Realization(number, seed, truth, motion, estimator, bound, evaluation, detection)
 
 
 def interval(world: World, own: Realization, number: int) -> Piece:
     """Assign the observers at an epoch and work through the interval that follows."""
     settings, start = world.settings, int(world.settings.epochs[number])
     n_steps = min(settings.steps_per_interval, settings.n_steps - start)
-    tasking, pairs = _tasked(world, own, number)
+    tasking, pairs, margin = _tasked(world, own, number)
     motion, measurements, fate, estimates = _observed(world, own, start, n_steps, tasking.target)
     error, least = _judged(world, own, start, motion, measurements, estimates)
     some = settings.recorded_within(start, n_steps)
@@ -124,6 +129,11 @@ def interval(world: World, own: Realization, number: int) -> Piece:
     ):
         if history in settings.histories:
             kept[name] = "time", values[:, some].swapaxes(0, 1).astype(np.float32)
+    if own.detection is not None and margin is not None:
+        own.detection.learn(rows_of(measurements)[0], measurements.observer, fate, margin)
+        names = "brightness_offset", "brightness_offset_sigma"
+        for name, values in zip(names, own.detection.offset(), strict=True):
+            kept[name] = "epoch", values[None].astype(np.float32)
     if pairs is not None and settings.keep_information:
         kept["pair_information"] = "epoch", pairs[None]
     stop = start + n_steps
@@ -132,22 +142,36 @@ def interval(world: World, own: Realization, number: int) -> Piece:
     return Piece(own.number, places, kept | asked, looks)
 
 
-def _tasked(world: World, own: Realization, number: int) -> tuple[Assignment, Array | None]:
-    """The assignment at an epoch, and the information of all pairs where it took that."""
+def _tasked(
+    world: World, own: Realization, number: int
+) -> tuple[Assignment, Array | None, Array | None]:
+    """The assignment at an epoch, the information of all pairs where it took that, and by how much
+    spheres are brighter than the limit where detection is learned."""
     settings, prediction = world.settings, own.estimator.predict()
     known = world.scene, world.surfaces, settings.sensor, settings.tasking, world.forces
     n_pairs = world.scene.observer_position.shape[0] * world.ids.size
     if not settings.keep_information and preselects(settings.tasking, settings.method, n_pairs):
-        return assign_preselected(prediction, *known), None
+        return assign_preselected(prediction, *known), None, None
     pairs = pair_information(prediction, *known)
+    worth, margin = pairs, None
+    if own.detection is not None:
+        margin = settings.sensor.limiting_magnitude - sphere_magnitudes(
+            prediction,
+            world.scene,
+            radius_m=settings.tasking.radius_m,
+            diffuse_reflection_coefficient=settings.tasking.diffuse_reflection_coefficient,
+        )
+        worth = own.detection.worth(pairs, margin)
     tasking = assign(
-        pairs,
+        worth,
         settings.method,
         rng=stream(TASKING, own.seed, number),
         max_evaluations=settings.max_evaluations,
         early_stop=settings.early_stop,
     )
-    return tasking, pairs
+    if margin is not None:
+        tasking = replace(tasking, information=total_information(pairs, tasking.target))
+    return tasking, pairs, margin
 
 
 def _observed(

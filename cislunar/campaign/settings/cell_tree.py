@@ -28,6 +28,7 @@ from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.observation.body_spread import BodySpread
 from cislunar.photometry.materials import Material as LibraryMaterial
 from cislunar.photometry.materials import PhotometryModel
+from cislunar.tasking.detection_model import DetectionModel
 
 # fmt: off
 
@@ -39,6 +40,18 @@ class Exclusion(Section):
     sun: Angle = setting("least angle between the line of sight and the Sun", "deg", "35")
     moon: Angle = setting("the same for the centre of the Moon", "deg", "5")
     earth: Angle = setting("the same for the centre of the Earth", "deg", "15")
+
+
+class Detection(Section):
+    prior_mag: Positive = setting(
+        "standard deviation of a target's magnitude less the sphere's, before the first look",
+        "mag", default=DetectionModel.prior_mag)
+    flicker_mag: Positive = setting(
+        "standard deviation of its magnitude about that", "mag",
+        default=DetectionModel.flicker_mag)
+    never_detected_bonus: NotNegative = setting(
+        "what a sure detection of a target that was never detected is worth beyond its information",
+        "nat", default=DetectionModel.never_detected_bonus)
 
 
 class Tasking(Section):
@@ -60,6 +73,11 @@ class Tasking(Section):
         "C_d of the sphere that stands for a target when tasking judges its visibility; its "
         "radius is that of equal area. null: as `scenarios.NAME.photometry` says", "1",
         "not given", default=None)
+    detection: Literal["sphere", "learned"] = setting(
+        "what tells who can see a target: the `sphere` alone, or how likely looks detect it, which "
+        "is `learned` from what they found and weighs the information of a pair",
+        paper="sphere", default="sphere")
+    learned: Detection = setting("", default=Detection())
 
 
 class Sensor(Section):

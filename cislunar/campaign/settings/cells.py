@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from cislunar.architecture.published import PUBLISHED
-from cislunar.campaign.settings.cell_tree import Batch, CellSettings
+from cislunar.campaign.settings.cell_tree import Batch, CellSettings, Detection
 from cislunar.campaign.settings.reading import merged
 from cislunar.errors import ConfigurationError
 
@@ -69,20 +69,19 @@ def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings that keep what is usual do not say so: the file is the same as without the key."""
     fields = CellSettings.model_fields
     usual = {key: fields[key].default for key in ("start_day", "histories", "record")}
-    batch = {
-        key: value
-        for key, value in settings["batch"].items()
-        if key not in _SAID_IF_UNUSUAL or value != _SAID_IF_UNUSUAL[key]
-    }
     said = {key: value for key, value in settings.items() if value != usual.get(key, ...)}
-    return said | {"batch": batch}
+    for section, unsaid in _SAID_IF_UNUSUAL.items():
+        said[section] = {
+            key: value for key, value in settings[section].items() if value != unsaid.get(key, ...)
+        }
+    return said
 
 
 _SAID_IF_UNUSUAL = {
-    "noise_freedom": Batch().noise_freedom,
-    "unknowns": Batch().unknowns.model_dump(),
+    "batch": {"noise_freedom": Batch().noise_freedom, "unknowns": Batch().unknowns.model_dump()},
+    "tasking": {"detection": "sphere", "learned": Detection().model_dump()},
 }
-"""Keys of `batch` that are left out of settings where they keep what is usual."""
+"""Keys of sections that are left out of settings where they keep what is usual."""
 
 
 def true_settings(settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from cislunar.photometry.returned_light import equal_sphere_coefficient
 from cislunar.photometry.shapes import Facets, icosahedron, scale_to_sphere, stretch
 from cislunar.targets.sampling import SamplingSettings
 from cislunar.tasking.closed_loop import LoopSettings
+from cislunar.tasking.detection_model import DetectionModel
 from cislunar.tasking.information import TaskingModel
 from cislunar.tasking.simulation import TruthModel
 from cislunar.visibility.counts import VisibilitySettings
@@ -100,6 +101,7 @@ def _tasking_model(cell: cell_tree.CellSettings) -> TaskingModel:
         states=chosen.states,
         track_gate=chosen.track_gate,
         measurements=chosen.credited_measurements,
+        detection=None if chosen.detection == "sphere" else DetectionModel(**dict(chosen.learned)),
     )
 
 

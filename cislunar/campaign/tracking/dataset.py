@@ -229,6 +229,11 @@ _KEPT = {
     "sigma": Described(_HISTORY, "f4", _SEVERAL, "standard deviation"),
     "bound": Described(
         _HISTORY, "f4", _SEVERAL, "standard deviation of the posterior Cramer-Rao bound"),
+    "brightness_offset": Described(
+        ("seed", "epoch", "target"), "f4", "mag",
+        "magnitude of the target less that of tasking's sphere, learned after the interval"),
+    "brightness_offset_sigma": Described(
+        ("seed", "epoch", "target"), "f4", "mag", "standard deviation of brightness_offset"),
 }  # fmt: skip
 """Histories of a cell."""
 
@@ -245,6 +250,8 @@ def _histories(loop: ClosedLoop) -> dict[str, Described]:
         for name in names
         if history not in settings.histories
     }
+    if settings.tasking.detection is None:
+        left_out |= {"brightness_offset", "brightness_offset_sigma"}
     usual = {name: each for name, each in _KEPT.items() if name not in left_out}
     return usual | recorded_variables(settings.record)
 

@@ -1,0 +1,109 @@
+"""How likely looks detect targets, learned, against Gaussians and brute force."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
+
+from cislunar.dynamics.cr3bp import EARTH_MOON
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.kalman.mukf import MultiplicativeUKF
+from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT
+from cislunar.observation.sensor import Sensor
+from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.detection import LearnedDetection, sphere_magnitudes
+from cislunar.tasking.detection_model import DetectionModel
+from cislunar.tasking.information import TaskingModel, pair_information
+from cislunar.tasking.simulation import TruthModel, initial_estimate
+
+MODEL = DetectionModel(prior_mag=0.8, flicker_mag=0.5, never_detected_bonus=4.0)
+
+
+def test_probability_before_any_look_is_that_of_two_gaussians():
+    margin = np.array([[-3.0, -0.4, 0.0], [0.7, 2.5, np.nan]])
+    expected = norm.cdf(margin / np.hypot(MODEL.prior_mag, MODEL.flicker_mag))
+    expected[1, 2] = 0.0  # a target without an estimate
+    found = LearnedDetection(MODEL, 3).probability(margin)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_looks_are_learned_from_as_bayes_says():
+    learned = LearnedDetection(MODEL, 2)
+    margin = np.array([[0.6, 0.0], [1.1, 0.0]])
+    fate = np.array([FAINT, FAINT, DETECTED, DETECTED + 1, EXCLUDED, FAINT])
+    looks = np.zeros(6, dtype=int), np.array([0, 0, 0, 0, 0, 1])
+    learned.learn(*looks, fate, margin)
+
+    def posterior(b):
+        bright, dim = (norm.logcdf(sign * (0.6 - b) / 0.5) for sign in (1.0, -1.0))
+        last = norm.logcdf(-(1.1 - b) / 0.5)
+        return norm.pdf(b, scale=0.8) * np.exp(0.5 * bright + 0.5 * dim + last)
+
+    total = quad(posterior, -6, 6)[0]
+    mean = quad(lambda b: b * posterior(b), -6, 6)[0] / total
+    square = quad(lambda b: b * b * posterior(b), -6, 6)[0] / total
+    means, sigmas = learned.offset()
+    assert means[0] == pytest.approx(mean, abs=1e-4)
+    assert sigmas[0] == pytest.approx(np.sqrt(square - mean**2), abs=1e-4)
+    assert (means[1], sigmas[1]) == pytest.approx((0.0, 0.8), abs=1e-5)  # none looked at it
+    assert learned.detected.tolist() == [True, False]
+
+
+def test_a_pair_is_worth_what_it_brings_on_average():
+    learned = LearnedDetection(MODEL, 3)
+    learned.detected[0] = True
+    information, margin = np.array([[3.0, 3.0, 0.0]]), np.array([[0.0, 0.0, 9.0]])
+    np.testing.assert_allclose(learned.worth(information, margin), [[1.5, 3.5, 0.0]], atol=1e-9)
+
+
+def test_spheres_are_those_of_the_gate():
+    scene, surfaces, epoch, _, loop = tracking_problem(4, 10, duration_hours=1.0)
+    initial = initial_estimate(epoch, loop.initial.components())
+    sensor = Sensor(limiting_magnitude=17.0)
+    prediction = MultiplicativeUKF(scene, surfaces, sensor, initial).predict()
+    gated = TaskingModel(track_gate=False)
+    free = dataclasses.replace(gated, detection=MODEL)
+    known = scene, surfaces, sensor
+    clear = pair_information(prediction, *known, free, EARTH_MOON) > 0.0
+    bright = pair_information(prediction, *known, gated, EARTH_MOON) > 0.0
+    margin = 17.0 - sphere_magnitudes(
+        prediction, scene, radius_m=1.0, diffuse_reflection_coefficient=0.5
+    )
+    np.testing.assert_array_equal(bright, clear & (margin > 0.0))
+    assert 0 < bright.sum() < clear.sum()
+
+
+def test_tasking_turns_away_from_a_target_that_is_never_seen():
+    scene, surfaces, epoch, ids, plain = tracking_problem(1, 2, duration_hours=10.0)
+    believed = MultiplicativeUKF(
+        scene, surfaces, plain.sensor, initial_estimate(epoch, plain.initial.components())
+    )
+    spheres = sphere_magnitudes(
+        believed.predict(), scene, radius_m=1.0, diffuse_reflection_coefficient=0.5
+    )
+    sensor = Sensor(limiting_magnitude=float(spheres.max()) + 0.7)
+    plain = dataclasses.replace(plain, sensor=sensor)
+    areas = surfaces.areas.copy()
+    areas[surfaces.first[0] : surfaces.first[1]] *= 1e-9
+    truth = TruthModel(surfaces._replace(areas=areas), sensor.noise, np.zeros(3), EARTH_MOON)
+    learning = dataclasses.replace(plain, tasking=TaskingModel(detection=MODEL))
+    at_dark = []
+    for settings in (plain, learning):
+        found = run_closed_loop(scene, surfaces, epoch, ids, [1], settings, truth=truth)
+        at_dark.append(np.sum(found.assignment == 0))
+        assert not np.any(found.valid[:, :, 0])
+    assert at_dark[1] < at_dark[0]
+    dim, seen = found.brightness_offset[0, -1]
+    assert dim > max(0.5, seen) and found.brightness_offset_sigma.shape == (1, 10, 2)
+    assert run_closed_loop(scene, surfaces, epoch, ids, [1], plain).brightness_offset is None
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("prior_mag", 0.0), ("flicker_mag", -1.0), ("never_detected_bonus", -1.0)]
+)
+def test_impossible_models_are_refused(key, value):
+    with pytest.raises(ConfigurationError, match=key):
+        DetectionModel(**{key: value})
