@@ -65,7 +65,7 @@ def scene():
     sun = 389.0 * np.stack([np.cos(angle), np.sin(angle), np.full(len(times), 0.02)], axis=1)
     rng = np.random.default_rng(9)
     target = np.vstack(
-        [rng.uniform([0.7, -0.3, -0.3], [1.3, 0.3, 0.3], (25, 3)), [[30.0, 0.0, 0.0], MOON]]
+        [rng.uniform([0.7, -0.3, -0.3], [1.3, 0.3, 0.3], (25, 3)), [[20.0, 0.0, 0.0], MOON]]
     )
     counts = count_visibility(
         orbits.state, orbits.period, target, times, sun, VisibilitySettings(), max_satellites=10

@@ -33,6 +33,7 @@ from cislunar.campaign.documents.settings_tables import SETTINGS_BLOCKS
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.settings.schema import SCHEMA_FILE, schema_text
+from cislunar.campaign.settings.tree import Design, ObjectiveFront
 from cislunar.errors import ConfigurationError, InputFileError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -478,6 +479,10 @@ def all_keys(config):
         "scenarios": {"E": {"static_targets": "table.csv", "photometry": "physical"}},
         "sweeps": {"noise": {"estimators": ["mukf"]}},
         "task2": {"variants": {"families": {"slope": {"scenario": "D", "architecture": "exact"}}}},
+        "architecture": {
+            "designs": {"union": dict.fromkeys(Design.model_fields)},
+            "objective_fronts": {"union": dict.fromkeys(ObjectiveFront.model_fields)},
+        },
     }
     return list(leaves(merged(study, rarely)))
 
