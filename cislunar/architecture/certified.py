@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.architecture.coordinate_search import coordinate_search
-from cislunar.architecture.objective import Objective
+from cislunar.architecture.objective import IMPROVES, Objective
 from cislunar.errors import ConfigurationError
 
 _ROUNDS = 2  # searches from the choices of a bound, each with a bound of its own
@@ -135,7 +135,7 @@ def certified_search(
         if bound <= best.value or not found.choices:
             break
         again = coordinate_search(objective, rng, restarts=0, starts=found.choices, **search)
-        if again.value <= best.value:
+        if again.value <= best.value * IMPROVES:
             break
         best = again
     return Certificate(

@@ -8,7 +8,7 @@ from cislunar.architecture.certified import Bound, Certificate, certified_search
 from cislunar.architecture.coverage.certificate import greedy_coverage
 from cislunar.architecture.coverage.objective import CoverageObjective
 from cislunar.architecture.coverage.tables import CoverageTables
-from cislunar.architecture.objective import IMPROVES, Replacement
+from cislunar.architecture.objective import IMPROVES, Replacement, first_best
 from cislunar.errors import ConfigurationError
 
 GAP_MEASURES = ("longest", "mean", "wait")
@@ -149,7 +149,7 @@ class GapObjective(CoverageObjective):
         candidate = (place[:, None] * self.max_satellites + count - 1).ravel()
         seen = self._at_least(others, np.delete(satellites, slot))[0]
         found = self._values(seen, candidate)
-        largest = int(np.argmax(found * IMPROVES >= found.max()))
+        largest = first_best(found)
         if found[largest] <= best * IMPROVES:
             return Replacement(-1, 0, best, found.size)
         i, n = divmod(int(candidate[largest]), self.max_satellites)

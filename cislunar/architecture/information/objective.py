@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.architecture.information.kernels import combined, gains, item_values
 from cislunar.architecture.information.tables import InformationTables
-from cislunar.architecture.objective import IMPROVES, Objective, Replacement
+from cislunar.architecture.objective import IMPROVES, Objective, Replacement, first_best
 
 
 class InformationObjective(Objective):
@@ -87,7 +87,7 @@ class InformationObjective(Objective):
         place = np.setdiff1d(np.arange(self.n_orbits), others)
         gain = gains(base, values, self.tables.matrix, place, self.tables.nuisance)
         found = np.mean(values) + gain / self.n_items
-        largest = int(np.argmax(found * IMPROVES >= found.max()))
+        largest = first_best(found)
         if found[largest] <= best * IMPROVES:
             return Replacement(-1, 0, best, gain.size)
         return Replacement(int(place[largest]), 1, float(found[largest]), gain.size)
