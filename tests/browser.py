@@ -1,9 +1,11 @@
 """A page in headless Chromium: what its own script finds there, and what went wrong."""
 
 import json
-import re
+import queue
 import shutil
 import subprocess
+import threading
+from http.server import BaseHTTPRequestHandler, HTTPServer
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
 """The browser, None where there is none."""
@@ -20,6 +22,9 @@ _FLAGS = [
     "--disable-component-update",
     "--disable-sync",
     "--disable-dev-shm-usage",
+    # The page of a file may tell this machine what it found.
+    "--disable-features=LocalNetworkAccessChecks",
+    "--remote-debugging-port=0",
 ]
 _HEAD = """
 window.troubles = [];
@@ -34,32 +39,60 @@ _TAIL = """
 (async () => {
   let found;
   try { found = await (async () => { %s })(); } catch (error) { troubles.push(String(error)); }
-  const note = document.createElement("pre");
-  note.id = "probe";
-  note.textContent = JSON.stringify({found, troubles});
-  document.body.append(note);
+  fetch("http://127.0.0.1:%d", {
+    method: "POST", mode: "no-cors", body: JSON.stringify({found, troubles})});
 })();
 """
 
 
-def probe(html, folder, script, seconds=40, width=1200):
+class _Listener(HTTPServer):
+    """Takes what one page found, on a port of this machine."""
+
+    def __init__(self):
+        super().__init__(("127.0.0.1", 0), _Answer)
+        self.told = queue.SimpleQueue()
+
+
+class _Answer(BaseHTTPRequestHandler):
+    def do_POST(self):
+        told = self.rfile.read(int(self.headers["Content-Length"]))
+        self.send_response(204)
+        self.end_headers()
+        self.server.told.put(json.loads(told))
+
+    def log_message(self, *_):
+        """Stay silent."""
+
+
+def probe(html, folder, script, seconds=170, width=1200):
     """Open a page, run the body of an asynchronous function in it.
 
-    Returns what the function returns, and the list of errors and warnings of the page.
+    Returns what the function returns, and the list of errors and warnings of the page. The page
+    tells it when it is done, in real time: a loaded machine only takes longer.
     """
-    page = folder / "probed.html"
-    head, tail = (f"<script>{text}</script>" for text in (_HEAD, _TAIL % script))
-    html = html.replace("<head>", f"<head>{head}", 1)
-    # The page's own scripts hold the closing tag as text, so it is the last one that counts.
-    before, after = html.rsplit("</body>", 1)
-    page.write_text(f"{before}{tail}</body>{after}", encoding="utf-8")
-    done = subprocess.run(
-        [CHROMIUM, *_FLAGS, f"--window-size={width},800", f"--user-data-dir={folder / 'profile'}",
-         f"--virtual-time-budget={1000 * seconds}", "--dump-dom", page.as_uri()],
-        capture_output=True, text=True, check=False, timeout=180,
-    )  # fmt: skip
-    note = re.search(r'<pre id="probe">(.*?)</pre>', done.stdout, flags=re.DOTALL)
-    assert note, f"the page did not finish: {done.stderr[-2000:]}"
-    plain = note[1].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")
-    told = json.loads(plain)
+    with _Listener() as listener:
+        threading.Thread(target=listener.serve_forever, daemon=True).start()
+        page = folder / "probed.html"
+        tail = _TAIL % (script, listener.server_port)
+        head, tail = (f"<script>{text}</script>" for text in (_HEAD, tail))
+        html = html.replace("<head>", f"<head>{head}", 1)
+        # The page's own scripts hold the closing tag as text, so it is the last one that counts.
+        before, after = html.rsplit("</body>", 1)
+        page.write_text(f"{before}{tail}</body>{after}", encoding="utf-8")
+        complaints = folder / "browser.log"
+        with complaints.open("w") as log:
+            browser = subprocess.Popen(
+                [CHROMIUM, *_FLAGS, f"--window-size={width},800",
+                 f"--user-data-dir={folder / 'profile'}", page.as_uri()],
+                stdout=log, stderr=log,
+            )  # fmt: skip
+        try:
+            told = listener.told.get(timeout=seconds)
+        except queue.Empty:
+            end = complaints.read_text(encoding="utf-8", errors="replace")[-2000:]
+            raise AssertionError(f"the page did not finish in {seconds} s: {end}") from None
+        finally:
+            browser.kill()
+            browser.wait()
+            listener.shutdown()
     return told.get("found"), told["troubles"]
