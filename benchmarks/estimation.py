@@ -35,11 +35,11 @@ from cislunar.observation.records import constant_schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.photometry.facets import facet_magnitude
 from cislunar.photometry.materials import PRINTED
-from cislunar.tasking.assignment import assign
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.information import TaskingModel, pair_information
-from cislunar.tasking.preselection import assign_preselected
+from cislunar.tasking.planning.assignment import assign
+from cislunar.tasking.planning.information import TaskingModel, pair_information
+from cislunar.tasking.planning.preselection import assign_preselected
 from cislunar.tasking.simulation import draw_truth, initial_estimate
 
 SENSOR = Sensor(limiting_magnitude=24.0)

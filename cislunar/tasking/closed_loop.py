@@ -78,7 +78,7 @@ class LoopResult:
     brightness_offset, brightness_offset_sigma : ndarray of float32 or None
         Each target's magnitude less the sphere's after the looks of each interval, and its standard
         deviation, shape (seed, epoch, target), if detection is learned; see
-        `cislunar.tasking.detection`.
+        `cislunar.tasking.planning.detection`.
     """
 
     assignment: NDArray[np.int16]

@@ -18,10 +18,10 @@ from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
 from cislunar.observation.measurement import DETECTED, NOT_TASKED, measure
 from cislunar.observation.records import Measurements, constant_schedule, highest, rows_of
 from cislunar.observation.scene import Scene, TargetSurfaces
-from cislunar.tasking.assignment import Assignment, assign, total_information
-from cislunar.tasking.detection import LearnedDetection, sphere_magnitudes
-from cislunar.tasking.information import pair_information
-from cislunar.tasking.preselection import assign_preselected, preselects
+from cislunar.tasking.planning.assignment import Assignment, assign, total_information
+from cislunar.tasking.planning.detection import LearnedDetection, sphere_magnitudes
+from cislunar.tasking.planning.information import pair_information
+from cislunar.tasking.planning.preselection import assign_preselected, preselects
 from cislunar.tasking.recording import Piece, interval_records
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.simulation import (

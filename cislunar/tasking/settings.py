@@ -9,8 +9,8 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.spread import INITIAL_SPREAD, Spread
 from cislunar.evaluation.metrics import Custody
 from cislunar.observation.sensor import Sensor
-from cislunar.tasking.assignment import EARLY_STOP, MAX_EVALUATIONS, METHODS
-from cislunar.tasking.information import TaskingModel
+from cislunar.tasking.planning.assignment import EARLY_STOP, MAX_EVALUATIONS, METHODS
+from cislunar.tasking.planning.information import TaskingModel
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class LoopSettings:
     duration_hours : float
         Length of a run.
     method : str
-        Of the assignment, see `cislunar.tasking.assignment.assign`.
+        Of the assignment, see `cislunar.tasking.planning.assignment.assign`.
     max_evaluations, early_stop : int
         Budget of the methods that search.
     sensor : Sensor

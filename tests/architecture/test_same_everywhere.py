@@ -27,9 +27,9 @@ from cislunar.orbits.stability import stability_index
 from cislunar.photometry.materials import PRINTED
 from cislunar.targets.clustering import cluster
 from cislunar.targets.sampling import SamplingSettings, sample_zero_velocity
-from cislunar.tasking.assignment import assign
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.planning.assignment import assign
 from cislunar.visibility.counts import VisibilitySettings, count_visibility, observation_times
 
 FINGERPRINT = Path(__file__).parents[1] / "data" / "fingerprint.json"

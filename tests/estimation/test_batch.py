@@ -25,7 +25,7 @@ from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.information import TaskingModel
+from cislunar.tasking.planning.information import TaskingModel
 from cislunar.tasking.simulation import draw_truth, initial_estimate
 
 CONFIG = Path(__file__).parents[2] / "config"

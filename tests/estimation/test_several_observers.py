@@ -21,8 +21,8 @@ from cislunar.observation.measurement import measure
 from cislunar.observation.measurement_derivatives import measurement_rows
 from cislunar.observation.records import constant_schedule
 from cislunar.observation.sensor import ExclusionAngles, Sensor
-from cislunar.tasking.assignment import IDLE
 from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.planning.assignment import IDLE
 from cislunar.tasking.simulation import draw_truth, initial_estimate
 
 NARROW = np.repeat([2e-4, 2e-4, 1e-3, 1e-3], 3)

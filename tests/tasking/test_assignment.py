@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cislunar.errors import ConfigurationError
-from cislunar.tasking.assignment import IDLE, METHODS, assign, total_information
+from cislunar.tasking.planning.assignment import IDLE, METHODS, assign, total_information
 
 BUDGET = {"max_evaluations": 40, "early_stop": 40}
 

@@ -11,7 +11,7 @@ from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.information import TaskingModel
+from cislunar.tasking.planning.information import TaskingModel
 from cislunar.tasking.realization import FATE_NAMES, USED
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.simulation import (

@@ -14,9 +14,9 @@ from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.detection import LearnedDetection, sphere_magnitudes
-from cislunar.tasking.detection_model import DetectionModel
-from cislunar.tasking.information import TaskingModel, pair_information
+from cislunar.tasking.planning.detection import LearnedDetection, sphere_magnitudes
+from cislunar.tasking.planning.detection_model import DetectionModel
+from cislunar.tasking.planning.information import TaskingModel, pair_information
 from cislunar.tasking.simulation import TruthModel, initial_estimate
 
 MODEL = DetectionModel(prior_mag=0.8, flicker_mag=0.5, never_detected_bonus=4.0)

@@ -11,9 +11,9 @@ from cislunar.estimation.unscented import unscented_weights
 from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.observation.sightline import direction_angles
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
-from cislunar.tasking.assignment import assign
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.information import TaskingModel, pair_information
+from cislunar.tasking.planning.assignment import assign
+from cislunar.tasking.planning.information import TaskingModel, pair_information
 from cislunar.tasking.simulation import initial_estimate
 from cislunar.visibility.counts import VisibilitySettings
 

@@ -6,11 +6,11 @@ import pytest
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.observation.sensor import Sensor
-from cislunar.tasking import preselection
-from cislunar.tasking.assignment import IDLE, assign
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.information import TaskingModel, information_bound, pair_information
+from cislunar.tasking.planning import preselection
+from cislunar.tasking.planning.assignment import IDLE, assign
+from cislunar.tasking.planning.information import TaskingModel, information_bound, pair_information
 from cislunar.tasking.simulation import initial_estimate
 
 N_TARGETS = 600

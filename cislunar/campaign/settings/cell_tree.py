@@ -28,7 +28,7 @@ from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.observation.body_spread import BodySpread
 from cislunar.photometry.materials import Material as LibraryMaterial
 from cislunar.photometry.materials import PhotometryModel
-from cislunar.tasking.detection_model import DetectionModel
+from cislunar.tasking.planning.detection_model import DetectionModel
 
 # fmt: off
 

@@ -26,8 +26,8 @@ from cislunar.photometry.returned_light import equal_sphere_coefficient
 from cislunar.photometry.shapes import Facets, icosahedron, scale_to_sphere, stretch
 from cislunar.targets.sampling import SamplingSettings
 from cislunar.tasking.closed_loop import LoopSettings
-from cislunar.tasking.detection_model import DetectionModel
-from cislunar.tasking.information import TaskingModel
+from cislunar.tasking.planning.detection_model import DetectionModel
+from cislunar.tasking.planning.information import TaskingModel
 from cislunar.tasking.simulation import TruthModel
 from cislunar.visibility.counts import VisibilitySettings
 

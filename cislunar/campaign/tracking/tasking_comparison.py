@@ -19,7 +19,7 @@ from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.data.seeds import generator
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import CellInputs, cell_loop
-from cislunar.tasking.assignment import assign
+from cislunar.tasking.planning.assignment import assign
 from cislunar.tasking.recording import gathered
 
 Array = NDArray[np.float64]

@@ -28,7 +28,7 @@ from cislunar.observation.measurement import DETECTED, FAINT
 from cislunar.observation.scene import Scene
 from cislunar.observation.sightline import METRES
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
-from cislunar.tasking.detection_model import DetectionModel
+from cislunar.tasking.planning.detection_model import DetectionModel
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from cislunar.errors import ConfigurationError
 
 @dataclass(frozen=True)
 class DetectionModel:
-    """Brightness of targets against the sphere; see `cislunar.tasking.detection`.
+    """Brightness of targets against the sphere; see `cislunar.tasking.planning.detection`.
 
     Attributes
     ----------

@@ -19,8 +19,8 @@ from scipy.sparse.csgraph import connected_components
 from cislunar.estimation.estimator import Prediction
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.observation.sensor import Sensor
-from cislunar.tasking.assignment import IDLE, Assignment, assign
-from cislunar.tasking.information import TaskingModel, information_bound, pair_information
+from cislunar.tasking.planning.assignment import IDLE, Assignment, assign
+from cislunar.tasking.planning.information import TaskingModel, information_bound, pair_information
 
 Array = NDArray[np.float64]
 Pairs = NDArray[np.bool_]
@@ -65,7 +65,7 @@ def assign_preselected(
     Parameters
     ----------
     prediction, scene, surfaces, sensor, model, forces
-        As for `cislunar.tasking.information.pair_information`, with
+        As for `cislunar.tasking.planning.information.pair_information`, with
         ``model.states == "translation"``.
 
     Returns

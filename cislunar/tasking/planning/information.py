@@ -28,8 +28,8 @@ from cislunar.observation.sensor import Sensor, SensorLimits
 from cislunar.observation.sightline import METRES, in_clear_view, sphere_brighter
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
 from cislunar.photometry.sphere import faintness_per_squared_range
-from cislunar.tasking.detection_model import DetectionModel
-from cislunar.tasking.information_bound import bound_all
+from cislunar.tasking.planning.detection_model import DetectionModel
+from cislunar.tasking.planning.information_bound import bound_all
 
 Array = NDArray[np.float64]
 
@@ -305,7 +305,7 @@ def information_bound(
     """Upper bound of the information of position and velocity of every pair, nats.
 
     Far cheaper than `pair_information`: no sigma points are sent through the measurement. See
-    `cislunar.tasking.information_bound`.
+    `cislunar.tasking.planning.information_bound`.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Upper bounds of the information of pairs, from the covariance and the sightline alone.
 
-`cislunar.tasking.information` sends sigma points through right ascension and declination. Here the
-two angles are expanded along each sigma point instead, which takes no trigonometry and
+`cislunar.tasking.planning.information` sends sigma points through right ascension and declination.
+Here the two angles are expanded along each sigma point instead, which takes no trigonometry and
 vectorises; remainders are bounded, so that the bound is one whatever the covariance.
 
 With w = (a_x + i a_y) / (x + i y) for a sightline (x, y, z) in the observer's axes and a shift a of

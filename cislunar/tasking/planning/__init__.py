@@ -1,0 +1,1 @@
+"""Which observer looks at which target: the worth of pairs, and the best tasking."""
