@@ -17,6 +17,7 @@ Assumptions and limitations
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -144,6 +145,8 @@ class ClosedLoop:
     ----------
     world : World
         What does not change.
+    seeds, numbers : list of int
+        Seeds of the realizations, and the index of each in the pieces.
     state : State
         How far it has come.
 
@@ -179,6 +182,7 @@ class ClosedLoop:
         _require_consistency(scene, surfaces, truth, initial, ids, seeds, settings)
         self.world = World(scene, surfaces, settings, factory, initial, truth, ids, forces)
         self.seeds = [int(seed) for seed in seeds]
+        self.numbers = list(range(len(self.seeds)))
         self.state = State()
 
     @property
@@ -199,7 +203,7 @@ class ClosedLoop:
             number, epoch = divmod(self.state.done, n_epochs)
             current = self.state.current
             if current is None:
-                current = begun(self.world, number, self.seeds[number])
+                current = begun(self.world, self.numbers[number], self.seeds[number])
             parts = []
             for each in range(epoch, min(epoch + a_day, n_epochs)):
                 parts.append(interval(self.world, current, each))
@@ -213,6 +217,22 @@ class ClosedLoop:
             else:
                 self.state = State(done, looks, (*ends, current.end))
             yield piece
+
+    def apart(self) -> list[ClosedLoop]:
+        """A loop for each realization, from its beginning, which keeps its number."""
+        loops = [copy.copy(self) for _ in self.seeds]
+        for k, loop in enumerate(loops):
+            loop.seeds, loop.numbers = [self.seeds[k]], [self.numbers[k]]
+            loop.state = State()
+        return loops
+
+    def gather(self, loops: Sequence[ClosedLoop]) -> None:
+        """Stand where the loops of `apart`, all of them done, have come to."""
+        states = [loop.state for loop in loops]
+        ends = tuple(end for state in states for end in state.ends)
+        self.state = State(
+            sum(state.done for state in states), sum(state.looks for state in states), ends
+        )
 
     def ends(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:
         """Metrics, why estimates failed and counters of a run that is done, by seed first."""

@@ -41,10 +41,14 @@ def run(folder, estimator="mukf", made_by=MADE_BY, until=None, least_s=0.0):
     loop = loop_of(estimator)
     checkpoint = Checkpoint(folder, loop, made_by, least_s=least_s)
     checkpoint.run(progress)
+    return everything(checkpoint, loop), calls[0] if calls else None
+
+
+def everything(checkpoint, loop):
+    """All that a run came to, by name."""
     kept, looks = gathered(checkpoint.pieces(), 2, loop.lengths)
     metrics, failed, counters = loop.ends()
-    named = kept | looks._asdict() | metrics._asdict() | {"failed": failed, "counters": counters}
-    return named, calls[0]
+    return kept | looks._asdict() | metrics._asdict() | {"failed": failed, "counters": counters}
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +74,14 @@ def test_a_killed_run_goes_on_from_its_last_day(tmp_path, whole, estimator, unti
     assert_same(found, whole[estimator])
 
 
+def test_realizations_run_by_themselves_are_taken_from_disk(tmp_path, whole):
+    for realization in (1, 0):
+        Checkpoint(tmp_path / "kept", loop_of(), MADE_BY).run(realization=realization)
+    found, first = run(tmp_path / "kept")
+    assert first is None, "a realization was run again"
+    assert_same(found, whole["mukf"])
+
+
 def test_a_short_run_leaves_nothing_on_disk(tmp_path, whole):
     with pytest.raises(Killed):
         run(tmp_path / "kept", until=40, least_s=60.0)
@@ -89,7 +101,7 @@ def test_a_full_disk_leaves_the_last_whole_checkpoint(tmp_path, whole, monkeypat
     with pytest.raises(InputFileError, match=r"cannot write .*state.*No space left.*disk not full"):
         run(tmp_path / "kept")
     monkeypatch.undo()
-    left = sorted(path.name for path in (tmp_path / "kept").iterdir())
+    left = sorted(path.name for path in (tmp_path / "kept/realization-0000").iterdir())
     assert left == ["pieces-00000.pickle", "pieces-00001.pickle", "state.pickle"]
     found, first = run(tmp_path / "kept")
     assert first == 13
@@ -107,7 +119,8 @@ def test_a_checkpoint_of_another_run_is_refused_by_name(tmp_path):
         run(folder, made_by=MADE_BY | {"seed": 5})
     with pytest.raises(ConfigurationError, match="its data sets"):
         Checkpoint(folder, loop_of(n_targets=4), MADE_BY)
-    (folder / "state.pickle").write_bytes((folder / "state.pickle").read_bytes()[:-100])
+    state = folder / "realization-0000/state.pickle"
+    state.write_bytes(state.read_bytes()[:-100])
     with pytest.raises(InputFileError, match="cannot be read"):
         run(folder)
 
@@ -118,5 +131,5 @@ def test_what_is_carried_on_does_not_grow_with_the_length(tmp_path):
     for name, until in (("one", 13), ("two", 25)):
         with pytest.raises(Killed):
             run(tmp_path / name, until=until)
-        sizes.append((tmp_path / name / "state.pickle").stat().st_size)
+        sizes.append((tmp_path / name / "realization-0000/state.pickle").stat().st_size)
     assert sizes[1] == pytest.approx(sizes[0], rel=0.01)

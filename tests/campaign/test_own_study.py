@@ -467,7 +467,7 @@ SMALLER = {
     "orbits": {"members": dict.fromkeys(_yaml("config.yaml")["orbits"]["members"], 1)},
     "scenarios": {"D": {"targets": 8, "settings": {"task2": {"seeds": 1, "duration_hours": 2}}}},
     "architecture": {"certificate": {"nodes": 1000}},
-    "task2": {"estimators": ["mukf"]},
+    "task2": {"estimators": ["mukf"], "realization_jobs": True},
     "sweeps": {"limit": {"values": [17, 20], "targets": [3]}},
 }
 
@@ -525,6 +525,8 @@ def test_a_sweep_runs_from_its_own_tables_to_its_own(copied):
     wanted = "results/own_study/tables/sweep_limit.csv"
     output, code = snakemake(copied, "--cores", "2", *OWN, "smaller.yaml", "--", wanted)
     assert code == 0, output[-6000:]
+    assert [*results.glob("benchmarks/tracking_realization/*/*/mukf/nt3_dt60*_0.tsv")]
+    assert not [*results.glob("task2/*/*/mukf/*.checkpoint")]
     table = pd.read_csv(results / "tables/sweep_limit.csv")
     reached = table[table["quantity"] == "J"].set_index("value")["mean"]
     assert reached[20] > reached[17] > 0.0

@@ -21,6 +21,7 @@ from cislunar.campaign.settings.scenarios import (
     tracked_epoch,
 )
 from cislunar.campaign.settings.cells import (
+    Cell,
     cell_settings,
     check_cell,
     estimator_names,
@@ -94,6 +95,8 @@ wildcard_constraints:
     n=r"[1-9]\d*",
     minutes=r"[1-9]\d*",
     variant="[a-z][a-z0-9.-]*",
+    changed="(_[a-z][a-z0-9.-]*)?",
+    realization=r"\d+",
 
 
 def settings(*keys):
@@ -161,16 +164,35 @@ def architecture_files(pattern):
     ]
 
 
+def cell_of(wildcards):
+    """The cell of a job, or of one of its realizations."""
+    return Cell(
+        wildcards.scenario,
+        wildcards.architecture,
+        wildcards.estimator,
+        int(wildcards.n),
+        int(wildcards.minutes),
+        wildcards.get("variant", wildcards.get("changed", "")[1:]),
+    )
+
+
 def tracking_settings(wildcards):
     """Settings of a cell, refused before anything runs if the cell is impossible."""
+    cell = cell_of(wildcards)
     try:
-        task2 = settings_in(wildcards.scenario, "task2")["task2"]
-        chosen = cell_settings(task2, wildcards.get("variant", ""))
-        available = TRACKED_COUNT[wildcards.scenario]
-        check_cell(int(wildcards.n), int(wildcards.minutes), chosen, available)
+        chosen = cell_settings(settings_in(cell.scenario, "task2")["task2"], cell.variant)
+        check_cell(cell.targets, cell.interval_minutes, chosen, TRACKED_COUNT[cell.scenario])
     except CislunarError as error:
         raise SystemExit(f"error: {error}") from None
     return chosen
+
+
+def kept_realizations(wildcards):
+    """What the jobs of a cell's realizations leave, where these are jobs of their own."""
+    if not TASK2["realization_jobs"]:
+        return []
+    count = tracking_settings(wildcards)["seeds"]
+    return [results(f"{cell_of(wildcards).path}.checkpoint/{k}.kept") for k in range(count)]
 
 
 def tracking_mesh(wildcards):

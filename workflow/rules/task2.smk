@@ -18,17 +18,24 @@ if len(estimator_names(TASK2)) > 1:
     COMPARING_TABLES["estimators"] = results("tables/estimators.csv")
 
 
+# What every cell is run on.
+TRACKED = {
+    "architecture": results("architecture/{scenario}/{architecture}.nc"),
+    "orbits": observer_orbits,
+    "tracked": shared("orbits/tracked"),
+    "sun": shared("ephemeris/sun"),
+    "mesh": tracking_mesh,
+}
+
+
 # Long cells start first, so that no core is idle at the end: changed settings may search or take
 # more steps, and large cells take longer than small ones.
 rule tracking_cell_variant:
     input:
-        architecture=results("architecture/{scenario}/{architecture}.nc"),
-        orbits=observer_orbits,
-        tracked=shared("orbits/tracked"),
-        sun=shared("ephemeris/sun"),
-        mesh=tracking_mesh,
+        **TRACKED,
+        realizations=kept_realizations,
     output:
-        results("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}_{variant}.nc"),
+        results(f"task2/{CELL}_{{variant}}.nc"),
     log:
         log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}_{variant}"),
         times=benchmark_of(f"tracking_cell_variant/{CELL}_{{variant}}"),
@@ -39,6 +46,8 @@ rule tracking_cell_variant:
     resources:
         mem_mb=2000,
     params:
+        cell=lambda wildcards: list(cell_of(wildcards)),
+        path=lambda wildcards: results(cell_of(wildcards).path),
         settings=tracking_settings,
         propagator=config["propagator"],
         seed=config["seed"],
@@ -51,7 +60,7 @@ rule tracking_cell_variant:
 
 use rule tracking_cell_variant as tracking_cell_large with:
     output:
-        results("task2/{scenario}/{architecture}/{estimator}/nt{n,[1-9][0-9][0-9]+}_dt{minutes}.nc"),
+        results(f"task2/{CELL}.nc".replace("{n}", "{n,[1-9][0-9][0-9]+}")),
     log:
         log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"),
         times=benchmark_of(f"tracking_cell_large/{CELL}"),
@@ -63,11 +72,27 @@ use rule tracking_cell_variant as tracking_cell_large with:
 
 use rule tracking_cell_large as tracking_cell_small with:
     output:
-        results("task2/{scenario}/{architecture}/{estimator}/nt{n,[1-9][0-9]?}_dt{minutes}.nc"),
+        results(f"task2/{CELL}.nc".replace("{n}", "{n,[1-9][0-9]?}")),
     log:
         log_of("task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"),
         times=benchmark_of(f"tracking_cell_small/{CELL}"),
     priority: 2
+
+
+# Each realization by itself, where `task2.realization_jobs` asks for it: the cell only gathers them.
+use rule tracking_cell_variant as tracking_realization with:
+    input:
+        **TRACKED,
+    output:
+        temp(touch(results(f"task2/{CELL}{{changed}}.nc.checkpoint/{{realization}}.kept"))),
+    log:
+        log_of(f"task2/{CELL}{{changed}}_{{realization}}"),
+        times=benchmark_of(f"tracking_realization/{CELL}{{changed}}_{{realization}}"),
+    priority: 5
+    message:
+        "Tracking {wildcards.n} targets, tasking every {wildcards.minutes} min, realization "
+        "{wildcards.realization}{wildcards.changed} ({wildcards.architecture}, scenario "
+        "{wildcards.scenario})"
 
 
 rule tracking_summary:

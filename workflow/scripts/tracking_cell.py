@@ -1,4 +1,7 @@
-"""Makes task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}.nc: a cell, all seeds."""
+"""Makes task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}.nc: a cell, all seeds.
+
+With a realization among the wildcards that one alone, kept beside the file for its maker.
+"""
 
 from cislunar.campaign.operation.handing_over import in_worker
 
@@ -11,21 +14,14 @@ from cislunar.campaign.tracking.cell import read_inputs
 from cislunar.campaign.tracking.dataset import write_cell
 
 with job(snakemake.log):
-    wildcards = snakemake.wildcards
-    cell = Cell(
-        wildcards.scenario,
-        wildcards.architecture,
-        wildcards.estimator,
-        int(wildcards.n),
-        int(wildcards.minutes),
-        wildcards.get("variant", ""),
-    )
+    params, realization = snakemake.params, snakemake.wildcards.get("realization")
     write_cell(
-        cell,
+        Cell(*params.cell),
         read_inputs(snakemake.input),
-        snakemake.params.settings,
-        snakemake.output[0],
-        propagator=snakemake.params.propagator,
-        seed=snakemake.params.seed,
+        params.settings,
+        params.path,
+        propagator=params.propagator,
+        seed=params.seed,
         progress=progress_log("tasking epochs of all seeds"),
+        realization=None if realization is None else int(realization),
     )

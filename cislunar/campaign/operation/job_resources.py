@@ -25,6 +25,11 @@ MEMORY_STEP_MB, TIME_STEP_MIN = 250, 5
 
 BEGIN, END = "# begin: from measured.csv\n", "# end: from measured.csv\n"
 
+LIKE = {"tracking_realization": "tracking_cell_large"}
+"""Rules that a campaign need not have, and whose jobs they are no larger than."""
+
+_ALIKE = {other: rule for rule, other in LIKE.items()}
+
 
 def measured_resources(benchmarks: str | Path) -> pd.DataFrame:
     """Largest memory and longest time of the jobs of each rule, from ``results/benchmarks``.
@@ -42,7 +47,8 @@ def measured_resources(benchmarks: str | Path) -> pd.DataFrame:
 def requested(measured: pd.DataFrame) -> str:
     """The part of the profile that asks for what was measured, in YAML."""
     lines = ["set-resources:"]
-    for row in measured.itertuples():
+    alike = measured[measured["rule"].isin(LIKE.values())].replace({"rule": _ALIKE})
+    for row in pd.concat([measured, alike]).itertuples():
         memory = math.ceil(MEMORY_FACTOR * row.largest_mb / MEMORY_STEP_MB) * MEMORY_STEP_MB
         minutes = math.ceil(TIME_FACTOR * row.longest_s / 60.0 / TIME_STEP_MIN) * TIME_STEP_MIN
         lines += [f"  {row.rule}:", f"    mem_mb: {memory}", f"    runtime: {minutes}"]

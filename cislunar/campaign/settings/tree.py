@@ -335,6 +335,9 @@ class Task2(CellSettings):
         "numbers of targets tracked by a further architecture, to set beside the others",
         "1", default={}, name="{architecture}.{scenario}")
     variants: Variants = Variants()
+    realization_jobs: bool = setting(
+        "each realization of a cell is a job of its own: for large cells, where there are more "
+        "cores than cells", default=False)
     tasking_comparison: TaskingComparison = setting("")
 
 

@@ -96,6 +96,7 @@ def write_cell(
     seed: int,
     progress: Progress | None = None,
     checkpoint_s: float = CHECKPOINT_S,
+    realization: int | None = None,
 ) -> None:
     """Run a cell: ``task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}.nc``.
 
@@ -112,6 +113,8 @@ def write_cell(
         Called with (tasking epochs done, those of all seeds).
     checkpoint_s : float
         Least time between checkpoints, s.
+    realization : int, optional
+        Run that one alone, and leave it as a checkpoint for whoever makes the file.
 
     Raises
     ------
@@ -124,7 +127,9 @@ def write_cell(
     used = {**settings, "propagator": propagator, **cell._asdict()}
     attributes = _provenance(cell, used, seed)
     checkpoint = Checkpoint(checkpoint_folder(path), loop, attributes, least_s=checkpoint_s)
-    checkpoint.run(progress)
+    checkpoint.run(progress, realization=realization)
+    if realization is not None:
+        return
     rest = _dataset(cell, inputs, loop, problem, {}, attributes)
     later = {
         name: Later(each.dims, each.dtype, _attributes(name, each.unit, each.meaning))
