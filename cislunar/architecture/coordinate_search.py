@@ -150,20 +150,35 @@ def _check_start(objective: Objective, n_slots: int, total: int | None, orbit, s
 
 
 def random_start(
-    objective: Objective, n_slots: int, rng: np.random.Generator, total: int | None = None
+    n_orbits: int,
+    max_satellites: int,
+    n_slots: int,
+    rng: np.random.Generator,
+    total: int | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Distinct random orbits with random counts, or counts that add up to ``total``.
+
+    Parameters
+    ----------
+    n_orbits, max_satellites : int
+        Candidate orbits, and most satellites on one.
+    n_slots : int
+        Number of orbits to choose.
+    rng : numpy.random.Generator
+        Source of the choice.
+    total : int, optional
+        Satellites in all.
 
     Returns
     -------
     orbit, satellites : ndarray of int, shape (slot,)
     """
-    orbit = rng.choice(objective.n_orbits, n_slots, replace=False)
+    orbit = rng.choice(n_orbits, n_slots, replace=False)
     if total is None:
-        return orbit, rng.integers(1, objective.max_satellites + 1, n_slots)
+        return orbit, rng.integers(1, max_satellites + 1, n_slots)
     satellites = np.ones(n_slots, dtype=np.int64)
     for _ in range(total - n_slots):
-        satellites[rng.choice(np.flatnonzero(satellites < objective.max_satellites))] += 1
+        satellites[rng.choice(np.flatnonzero(satellites < max_satellites))] += 1
     return orbit, satellites
 
 
@@ -213,8 +228,9 @@ def coordinate_search(
     if n_runs < 1:
         raise ConfigurationError("restarts = 0 and no start given: ask for at least one restart")
     best, values, histories = None, [], []
+    size = objective.n_orbits, objective.max_satellites
     for run in range(n_runs):
-        start = starts[run] if run < len(starts) else random_start(objective, n_slots, rng, total)
+        start = starts[run] if run < len(starts) else random_start(*size, n_slots, rng, total)
         climb = _Climb(objective, *start)
         climb.free() if total is None else climb.prescribed()
         values.append(climb.value)

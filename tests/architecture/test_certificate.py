@@ -8,6 +8,7 @@ import pytest
 from cislunar.architecture.coordinate_search import coordinate_search
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.optimality.certificate import certify
+from cislunar.architecture.optimality.prescribed import certify_total
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.errors import ConfigurationError
 
@@ -106,6 +107,21 @@ def test_node_limit_gives_an_honest_bound():
     proof = certify(cost, np.random.default_rng(0), n_slots=4, restarts=1, most_nodes=1)
     assert not proof.proven
     assert best <= proof.bound and proof.gap == proof.bound / proof.value - 1.0
+
+
+@pytest.mark.parametrize("settings", [CASES[0][0], CASES[8][0], CASES[-4][0]])
+def test_the_best_of_so_many_satellites_is_that_of_enumeration(settings):
+    tables = random_tables(**settings)
+    evaluated, cost = enumerate_all(tables, 3), CostFunction(tables)
+    for number in (3, 5):
+        best = max(value for key, (value, _) in evaluated.items() if sum(key[3:]) == number)
+        found = certify_total(cost, number, n_slots=3, restarts=1)
+        assert found.proven and found.n_satellites == number
+        assert found.value == pytest.approx(best, rel=1e-12)
+        hasty = certify_total(cost, number, n_slots=3, restarts=0, nodes=1)
+        assert hasty.value <= found.value * (1 + 1e-12) <= hasty.bound * (1 + 2e-12)
+    with pytest.raises(ConfigurationError, match="n_satellites = 10 must lie in"):
+        certify_total(cost, 10, n_slots=3)
 
 
 def test_poor_incumbent_does_not_change_the_result():

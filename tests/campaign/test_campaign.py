@@ -30,10 +30,10 @@ from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.data.seeds import generator
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
 from cislunar.campaign.documents.settings_tables import SETTINGS_BLOCKS
+from cislunar.campaign.settings.architecture_tree import Design, ObjectiveFront
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.settings.schema import SCHEMA_FILE, schema_text
-from cislunar.campaign.settings.tree import Design, ObjectiveFront
 from cislunar.errors import ConfigurationError, InputFileError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -478,7 +478,13 @@ def all_keys(config):
     rarely = {
         "scenarios": {"E": {"static_targets": "table.csv", "photometry": "physical"}},
         "sweeps": {"noise": {"estimators": ["mukf"]}},
-        "task2": {"variants": {"families": {"slope": {"scenario": "D", "architecture": "exact"}}}},
+        "task2": {
+            "variants": {
+                "families": {
+                    "slope": {"scenario": "D", "architecture": "exact", "other_architectures": []}
+                }
+            }
+        },
         "architecture": {
             "designs": {"union": dict.fromkeys(Design.model_fields)},
             "objective_fronts": {"union": dict.fromkeys(ObjectiveFront.model_fields)},

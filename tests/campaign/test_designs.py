@@ -8,13 +8,14 @@ import pytest
 import xarray as xr
 from campaign_folder import ROOT, copy_workflow, read_campaign, snakemake, with_change
 
-from cislunar.campaign.architectures.designs import World, design_dataset, objective_front_dataset
+from cislunar.campaign.architectures.designs import design_dataset, objective_front_dataset
+from cislunar.campaign.architectures.goals import World
 from cislunar.campaign.architectures.moving import Moving
 from cislunar.campaign.architectures.objectives_table import objective_row, of_front, single
 from cislunar.campaign.architectures.visibility import architecture_coverage
 from cislunar.campaign.data.inputs import orbit_set_dataset, sun_dataset
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
-from cislunar.campaign.settings.cells import cell_settings, most_alike
+from cislunar.campaign.settings.cells import campaign_cells, cell_settings, most_alike
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.reading import merged
@@ -23,6 +24,7 @@ from cislunar.campaign.tracking.objective_ranks import rank_correlation, rank_ro
 from cislunar.errors import ConfigurationError
 from cislunar.figures.search.objectives import objectives_figure
 from cislunar.orbits.families import observer_library
+from cislunar.orbits.station_keeping import station_keeping_m_s
 
 WANTED = {"phases": 3, "fold": 1, "max_stability_index": None, "satellites": 3}
 WANTED |= {"method": "certified", "evaluations": None}
@@ -97,17 +99,32 @@ def test_a_design_in_slots_has_their_satellites(world, settings):
     ways = found["orbit"].values, found["satellites"].values
     covered = architecture_coverage(*ways, *world[:2], world.sun, settings)
     assert covered.union_coverage == pytest.approx(float(found["value"]))
+    by_J = design_dataset(wanted | {"objective": "J"}, world, settings, **GIVEN)
+    assert single("mine", by_J).measured["value"] == pytest.approx(float(by_J["J"]), rel=1e-12)
+    assert float(by_J["bound"]) == float(by_J["value"]) >= float(found["J"])
+
+
+def test_orbits_that_are_dear_to_stay_on_are_left_out(world, settings):
+    wanted = WANTED | {"objective": "coverage", "satellites": 2}
+    states = zip(world.orbits["state"].values, world.orbits["period"].values, strict=True)
+    cost = np.array([station_keeping_m_s(*each) for each in states])
+    cap = float(np.sort(cost)[1])
+    found = design_dataset(wanted | {"max_station_keeping_m_s": cap}, world, settings, **GIVEN)
+    assert set(found["orbit"].values) <= set(np.flatnonzero(cost <= cap))
+    with pytest.raises(ConfigurationError, match="max_station_keeping_m_s = 1e-06 leaves no"):
+        design_dataset(wanted | {"max_station_keeping_m_s": 1e-6}, world, settings, **GIVEN)
 
 
 @pytest.mark.parametrize("phases, satellites", [(3, 6), (None, 5)])
 def test_places_by_chance_are_distinct_and_hang_on_the_name(world, settings, phases, satellites):
-    wanted = {"objective": "coverage", "method": "chance"}
+    wanted = {"objective": None, "method": "chance"}
     wanted = WANTED | wanted | {"phases": phases, "satellites": satellites}
     drawn = [design_dataset(wanted, world, settings, **GIVEN | {"name": name}) for name in "aabcd"]
     for one in drawn:
         assert one["satellites"].values.sum() == satellites
         places = list(zip(one["orbit"].values, one["phase"].values, strict=True))
         assert len(set(places)) == len(places) == (2 if phases is None else 6)
+        assert "value" not in one and single("a", one).objective == "chance"
     assert drawn[0].equals(drawn[1])
     assert not all(drawn[0].equals(other) for other in drawn[2:])
 
@@ -153,7 +170,7 @@ def test_fronts_hold_every_number_and_draw(world, settings):
     assert np.all(seen["information_nat"].to_numpy() <= known["bound"].to_numpy() * (1 + 1e-12))
     design = design_dataset(WANTED | {"objective": "coverage"}, world, settings, **GIVEN)
     rows.append(objective_row("A", single("mine", design), world, settings, moving))
-    plain = design.drop_vars(["value", "bound", "greedy", "gap"])
+    plain = design.drop_vars(["value", "bound", "greedy", "gap"]).drop_attrs()
     rows.append(objective_row("A", single("tpe", plain), world, settings, moving))
     figure = objectives_figure({"A": pd.DataFrame(rows), "B": pd.DataFrame(rows)})
     assert len(figure.axes) == 6
@@ -207,9 +224,13 @@ def test_cells_that_differ_in_their_architecture_are_counted(paper):
 def test_the_study_of_objectives_is_possible_and_ranks_forty_of_each_number(tmp_path):
     study = read_campaign(ROOT / "config", ROOT / "config/objectives.yaml")
     checked = in_study(check_campaign(study | {"results": str(tmp_path)}))
+    cells = campaign_cells(with_families(checked)["task2"])
     for number in (20, 33):
-        chance = [name for name in checked["architecture"]["designs"] if f"chance{number}-" in name]
-        assert len(chance) == 40
+        drawn = [name for name in checked["architecture"]["designs"] if f"chance{number}-" in name]
+        assert drawn == [f"chance{number}-{copy}" for copy in range(1, 41)]
+        own = [cell for cell in cells if cell.architecture == drawn[-1]]
+        assert {cell.variant for cell in own} == {"", "day10", "day20"} and len(own) == 6
+    assert "copies" not in checked["architecture"]["designs"]["chance20-1"]
     assert most_alike(with_families(checked)["task2"]) >= 92
 
 
@@ -225,8 +246,14 @@ DESIGN = {"objective": "information", "satellites": 20}
         ("designs.x", DESIGN | {"phases": None, "method": "tpe", "objective": "coverage"},
          "phases' = null: tpe does not keep"),
         ("designs.x", DESIGN | {"fold": 2}, "designs.x.fold' = 2"),
-        ("designs.x", DESIGN | {"objective": "gap"}, "must be one of coverage"),
+        ("designs.x", DESIGN | {"objective": "gap"}, "must be one of coverage, target-days"),
         ("designs.x", DESIGN | {"satellites": 4000}, "4000 must lie in 1 .. 3020"),
+        ("designs.x", DESIGN | {"method": "chance"}, "by chance has none; leave it out"),
+        ("designs.x", {"satellites": 20}, "designs.x.objective': a design by certified needs one"),
+        ("designs.x", DESIGN | {"objective": "J"}, "phases' = 10: J is that of satellites in"),
+        ("designs.x", DESIGN | {"copies": 3}, "copies' = 3: all would be the same"),
+        ("designs", {"x": {"satellites": 2, "method": "chance", "copies": 2}, "x-2": DESIGN},
+         "'x-2' is a design and a copy"),
         ("objective_fronts.x", {"objective": "coverage", "phases": None, "scenarios": ["A"]},
          "objective_fronts.x.satellites': 5 must lie in 10 .. 100"),
         ("objective_fronts.x", {"objective": "coverage", "scenarios": ["D"]}, "'D' is none of A"),

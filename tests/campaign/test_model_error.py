@@ -10,9 +10,9 @@ from campaign_folder import read_campaign
 
 from cislunar.campaign.settings.cells import Cell, variant_cells
 from cislunar.campaign.settings.families import with_families
-from cislunar.campaign.settings.model_error import NONE, SEVERAL, drawn_errors, model_errors
 from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.tracking.model_error_table import COLUMNS, QUANTITIES, model_error_rows
+from cislunar.campaign.tracking.model_errors import NONE, SEVERAL, drawn_errors, model_errors
 from cislunar.campaign.tracking.statistics import t_interval
 from cislunar.campaign.tracking.summary import summary_dataset
 from cislunar.constants import LENGTH_UNIT_KM

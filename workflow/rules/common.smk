@@ -233,9 +233,14 @@ def fronts_of(scenario):
     ]
 
 
+def designs_of(scenario):
+    """The designs of a scenario."""
+    return [name for name, each in DESIGNS.items() if scenario in each.get("scenarios", [scenario])]
+
+
 def judged_architectures(scenario):
     """Every architecture of a scenario that is judged by all objectives."""
-    return [*optimizers_of(scenario), *DESIGNS, *OBSERVERS]
+    return [*optimizers_of(scenario), *designs_of(scenario), *OBSERVERS]
 
 
 # What Snakemake and its jobs write on Ctrl-C, and no job that fails.

@@ -1,5 +1,5 @@
 # Scenarios with architectures by other objectives than J.
-JUDGED = [scenario for scenario in SCENARIOS if DESIGNS or fronts_of(scenario)]
+JUDGED = [scenario for scenario in SCENARIOS if designs_of(scenario) or fronts_of(scenario)]
 READ = ARCHITECTURE["readings"]["scenario"]
 LABELLED = ARCHITECTURE["label_comparison"]["scenario"]
 

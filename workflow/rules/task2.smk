@@ -1,6 +1,6 @@
 """Sensor tasking and tracking: every cell, what they add up to, and TPE against exact tasking."""
 
-from cislunar.campaign.settings.model_error import model_errors
+from cislunar.campaign.tracking.model_errors import model_errors
 from cislunar.campaign.settings.cells import FEWEST_RANKED, campaign_cells, most_alike
 
 CELLS = [results(cell.path) for cell in campaign_cells(TASK2)]

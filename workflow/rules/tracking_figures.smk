@@ -1,6 +1,6 @@
 """Figures of sensor tasking and tracking: the paper's, and both sweeps as a whole."""
 
-from cislunar.campaign.settings.model_error import drawn_errors
+from cislunar.campaign.tracking.model_errors import drawn_errors
 from cislunar.figures.tracking.choice import (
     figure_architectures,
     high_load_cells,

@@ -4,7 +4,8 @@ from cislunar.campaign.operation.handing_over import in_worker
 
 in_worker()
 
-from cislunar.campaign.architectures.designs import World, design_dataset
+from cislunar.campaign.architectures.designs import design_dataset
+from cislunar.campaign.architectures.goals import World
 from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
 from cislunar.campaign.data.progress import progress_log

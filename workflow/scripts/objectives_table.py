@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from cislunar.campaign.architectures.designs import World
+from cislunar.campaign.architectures.goals import World
 from cislunar.campaign.architectures.moving import Moving
 from cislunar.campaign.architectures.objectives_table import objective_row, of_front, single
 from cislunar.campaign.data.job import job

@@ -38,7 +38,7 @@ def orbit_set(orbits: xr.Dataset) -> OrbitSet:
 class Moving:
     """Moving targets in windows of the horizon, and how they are looked at.
 
-    `settings` as of `cislunar.campaign.architectures.designs.goal_of`; `seed` is that of the
+    `settings` as of `cislunar.campaign.architectures.goals.objective_of`; `seed` is that of the
     campaign.
     """
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from cislunar.campaign.architectures.designs import World
+from cislunar.campaign.architectures.goals import World
 from cislunar.campaign.architectures.moving import Moving, orbit_set
 from cislunar.campaign.architectures.variables import phases_of
 from cislunar.campaign.architectures.visibility import architecture_coverage
@@ -31,13 +31,13 @@ class Flown(NamedTuple):
 
 def single(name: str, architecture: xr.Dataset) -> Flown:
     """The architecture of ``architecture/{scenario}/{name}.nc``."""
+    objective = architecture.attrs.get("objective", "J")
     named = "value" in architecture
     measured = {key: float(architecture[key]) for key in MEASURED if named and key in architecture}
     unit = architecture["value"].attrs["units"] if named else "1"
-    objective = architecture.attrs["objective"] if named else "J"
     orbit, satellites = architecture["orbit"].values, architecture["satellites"].values
     J = float(architecture["J"])
-    shown = measured or {"value": J}
+    shown = measured or ({"value": J} if objective == "J" else {})
     return Flown("", name, objective, unit, orbit, satellites, phases_of(architecture), J, shown)
 
 
@@ -55,7 +55,7 @@ def of_front(name: str, front: xr.Dataset) -> Iterator[Flown]:
 def objective_row(
     scenario: str, flown: Flown, world: World, settings: Mapping[str, Any], moving: Moving
 ) -> dict[str, Any]:
-    """A row of ``tables/objectives.csv``; `settings` as of `designs.goal_of`.
+    """A row of ``tables/objectives.csv``; `settings` as of `goals.objective_of`.
 
     The architecture's own certificate, then what it reaches by the other objectives. `world.orbits`
     are those it refers to.

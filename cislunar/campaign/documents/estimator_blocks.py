@@ -6,7 +6,7 @@ import pandas as pd
 
 from cislunar.campaign.documents.markdown import markdown_table
 from cislunar.campaign.documents.results_page import DASH, LISTED, Tables, quantity_rows
-from cislunar.campaign.settings.model_error import NONE, TORQUE
+from cislunar.campaign.tracking.model_errors import NONE, TORQUE
 
 NAMES = {"mukf": "filter of the paper", "batch": "batch"}
 PLACE = {"scenario": "A", "architecture": "published", "interval_minutes": 60}

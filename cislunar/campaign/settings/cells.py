@@ -133,8 +133,11 @@ def variant_place(task2: Mapping[str, Any], name: str) -> tuple[str, str]:
 def variant_cells(task2: Mapping[str, Any]) -> list[Cell]:
     """The cells with changed settings; by the first estimator where none is named."""
     return [
-        Cell(*variant_place(task2, name), estimator, int(n), task2["interval_minutes"], name)
+        Cell(scenario, architecture, estimator, int(n), task2["interval_minutes"], name)
         for name, variant in task2["variants"]["cells"].items()
+        for scenario, first in [variant_place(task2, name)]
+        for architecture in dict.fromkeys([first, *variant.get("other_architectures", ())])
+        if has_architecture(scenario, architecture)
         for estimator in variant.get("estimators", task2["estimators"][:1])
         for n in variant["targets"]
     ]

@@ -54,7 +54,39 @@ def check_campaign(config: Mapping[str, Any]) -> dict[str, Any]:
         checked(_own(whole, name), Surroundings, f"scenarios.{name}.settings")
     check_tracking(study, whole)
     _check_writable(Path(study["results"]))
-    return config
+    return _with_copies(config)
+
+
+def _with_copies(config: dict[str, Any]) -> dict[str, Any]:
+    """The configuration with every copy of a design as one of its own; nothing unusual unsaid."""
+    search, task2 = config["architecture"], config["task2"]
+    unsaid = {"max_station_keeping_m_s": None, "scenarios": None}
+
+    def said(goal: Mapping[str, Any]) -> dict[str, Any]:
+        return {k: v for k, v in goal.items() if k != "copies" and v != unsaid.get(k, ...)}
+
+    designs = {one: said(each) for name, each in search["designs"].items()
+               for one in _copies(search["designs"], name)}  # fmt: skip
+    fronts = {name: said(front) for name, front in search["objective_fronts"].items()}
+    tracked = {one: counts for name, counts in task2["other_architectures"].items()
+               for one in _copies(search["designs"], name)}  # fmt: skip
+    families = dict(task2["variants"]["families"])
+    for name, family in families.items():
+        further = family.get("other_architectures", ())
+        if further:
+            every = [one for each in further for one in _copies(search["designs"], each)]
+            families[name] = family | {"other_architectures": every}
+    variants = task2["variants"] | {"families": families}
+    return config | {
+        "architecture": search | {"designs": designs, "objective_fronts": fronts},
+        "task2": task2 | {"other_architectures": tracked, "variants": variants},
+    }
+
+
+def _copies(designs: Mapping[str, Mapping[str, Any]], name: str) -> list[str]:
+    """Names of the copies of an architecture."""
+    count = designs[name]["copies"] if name in designs else 1
+    return [name] if count == 1 else [f"{name}-{number}" for number in range(1, count + 1)]
 
 
 def _with_front(config: dict[str, Any]) -> dict[str, Any]:
@@ -155,15 +187,27 @@ def _check_goals(config: Mapping[str, Any]) -> None:
     members = sum(config["orbits"]["members"].values())
     for key, goal in goals.items():
         place = f"configuration key 'architecture.{key}"
-        told = goal["objective"] in ("information", "attitude")
+        told, method = goal["objective"] in ("information", "attitude"), goal.get("method")
+        if (goal["objective"] is None) != (method == "chance"):
+            fault = "has none; leave it out" if method == "chance" else "needs one"
+            raise ConfigurationError(f"{place}.objective': a design by {method} {fault}")
+        if goal["objective"] == "J" and goal["phases"] is not None:
+            raise ConfigurationError(
+                f"{place}.phases' = {goal['phases']}: J is that of satellites in slots; set it to "
+                "null"
+            )
+        if method == "certified" and goal["copies"] > 1:
+            raise ConfigurationError(
+                f"{place}.copies' = {goal['copies']}: all would be the same; leave it out"
+            )
         if told and goal["phases"] is None:
             raise ConfigurationError(
                 f"{place}.phases' = null: {goal['objective']} is that of satellites at phases of "
                 "their own; give their number"
             )
-        if goal.get("method") in ("tpe", "random") and goal["phases"] is None:
+        if method in ("tpe", "random") and goal["phases"] is None:
             raise ConfigurationError(
-                f"{place}.phases' = null: {goal['method']} does not keep to a number of satellites "
+                f"{place}.phases' = null: {method} does not keep to a number of satellites "
                 "in slots; give a number of phases"
             )
         if goal["fold"] > 1 and goal["objective"] not in ("coverage", "target-days"):
@@ -180,13 +224,14 @@ def _check_goals(config: Mapping[str, Any]) -> None:
                     f"{place}.satellites': {number} must lie in {fewest} .. {most}, which the "
                     "places hold"
                 )
-        for scenario in goal.get("scenarios", ()):
+        scenarios = goal.get("scenarios")
+        for scenario in () if scenarios is None else scenarios:
             if scenario not in config["scenarios"]:
                 raise ConfigurationError(
                     f"{place}.scenarios': {scenario!r} is none of {', '.join(config['scenarios'])}"
                 )
         if told:
-            _check_windows(config, goal.get("scenarios", config["scenarios"]))
+            _check_windows(config, config["scenarios"] if scenarios is None else scenarios)
 
 
 def _check_windows(config: Mapping[str, Any], scenarios: Iterable[str]) -> None:
@@ -223,6 +268,8 @@ def _named_architectures(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]
     single = {f"task2.{key}": task2[key] for key in ("variants", "tasking_comparison")}
     for name, family in task2["variants"]["families"].items():
         single[f"task2.variants.families.{name}"] = family
+        for other in family.get("other_architectures", ()):
+            yield f"task2.variants.families.{name}.other_architectures", other
     single |= {f"sweeps.{name}": sweep for name, sweep in config["sweeps"].items()}
     for key, entry in single.items():
         if "architecture" in entry:
@@ -240,9 +287,16 @@ def _check_architectures(config: Mapping[str, Any]) -> None:
                     f"configuration key '{key}': name {name!r} is taken; choose another"
                 )
         taken += names
-    known = (*OPTIMIZERS, *config["observers"], *designs)
+    copies = [one for name in designs for one in _copies(designs, name)]
+    if len(set(copies)) < len(copies):
+        twice = next(name for name in copies if copies.count(name) > 1)
+        raise ConfigurationError(
+            f"configuration key 'architecture.designs': {twice!r} is a design and a copy of "
+            "another; choose another name"
+        )
+    known = (*OPTIMIZERS, *config["observers"], *copies)
     for key, name in _named_architectures(config):
-        if name not in known:
+        if name not in known and not (key.endswith("other_architectures") and name in designs):
             raise ConfigurationError(
                 f"configuration key '{key}' = {name!r}: must be one of {', '.join(known)}, or "
                 "a name given a table in 'observers' or an objective in 'architecture.designs'"

@@ -18,6 +18,10 @@ TRACKING_KEYS = "settings.task2."
 """Beginning of the keys of a sweep that leave the architecture as it is."""
 
 
+PLACE = ("scenario", "architecture", "other_architectures", "estimators")
+"""Keys of a family that say where its variants have cells."""
+
+
 class SweepPoint(NamedTuple):
     """A value of a sweep, and scenario and variant of its cells."""
 
@@ -29,8 +33,7 @@ class SweepPoint(NamedTuple):
 class StatedVariant(NamedTuple):
     """A variant with the configuration keys of its family and of its change.
 
-    `entry` is its `change` and `targets`, and `scenario`, `architecture` and `estimators` if
-    stated.
+    `entry` is its `change` and `targets`, and what is stated of `PLACE`.
     """
 
     family: str
@@ -87,7 +90,7 @@ def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
         alone = {key: value for key, value in family.items() if key != "combine"}
         changes |= {variant: change for _, variant, change in _changes(name, alone, {})}
     for name, family in variants["families"].items():
-        place = {k: family[k] for k in ("scenario", "architecture", "estimators") if k in family}
+        place = {key: family[key] for key in PLACE if key in family}
         for key, variant, change in _changes(name, family, changes):
             targets = variants["targets"]
             if targets is None:

@@ -6,12 +6,13 @@ tables of its own targets. Nothing here needs the compiled library, so that a co
 checked at once.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, get_args
 
+from cislunar.campaign.settings.architecture_tree import Optimizer
 from cislunar.campaign.settings.cells import TRACKED_TARGETS
 from cislunar.campaign.settings.reading import merged
-from cislunar.campaign.settings.tree import Optimizer, Surroundings
+from cislunar.campaign.settings.tree import Surroundings
 from cislunar.exchange.inertial import epoch_at
 from cislunar.targets.tables import is_message, load_target_states
 
@@ -55,17 +56,22 @@ def in_study(config: Mapping[str, Any]) -> dict[str, Any]:
     for section, key in COMPARISONS:
         if result[section][key]["scenario"] in absent:
             result[section] = result[section] | {key: result[section][key] | {"scenario": None}}
-    fronts = result["architecture"]["objective_fronts"].items()
-    result["architecture"] = result["architecture"] | {
-        "objective_fronts": {
-            name: front | {"scenarios": [s for s in front["scenarios"] if s not in absent]}
-            for name, front in fronts
-        }
+    search = result["architecture"]
+    result["architecture"] = search | {
+        key: {name: _left(goal, absent) for name, goal in search[key].items()}
+        for key in ("designs", "objective_fronts")
     }
     result["sweeps"] = {
         name: sweep for name, sweep in config["sweeps"].items() if sweep["scenario"] not in absent
     }
     return result
+
+
+def _left(goal: Mapping[str, Any], absent: Collection[str | None]) -> dict[str, Any]:
+    """A design or a front without the scenarios that are left out."""
+    named = goal.get("scenarios")
+    kept = {} if named is None else {"scenarios": [s for s in named if s not in absent]}
+    return {**goal, **kept}
 
 
 PHOTOMETRY = {"printed": ("4pi", 0.5), "physical": ("1/r^2", None)}

@@ -5,15 +5,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, get_args
 
+from cislunar.campaign.settings.architecture_tree import ARCHITECTURE_NAME, Optimizer
 from cislunar.campaign.settings.cell_tree import MESH_OR_ICOSAHEDRON
 from cislunar.campaign.settings.fields import Section
 from cislunar.campaign.settings.tree import (
-    ARCHITECTURE_NAME,
     SCENARIO_NAME,
     SWEEP_NAME,
     VARIANT_NAME,
     Campaign,
-    Optimizer,
 )
 
 SCHEMA_FILE = "workflow/schemas/config.schema.json"

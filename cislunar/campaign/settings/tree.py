@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, WithJsonSchema, create_model
 
+from cislunar.campaign.settings.architecture_tree import Architecture, Sampler, Search
 from cislunar.campaign.settings.cell_tree import CellChange, CellSettings, Exclusion
 from cislunar.campaign.settings.fields import (
     Count,
@@ -33,14 +34,7 @@ FAMILIES = (
     *("Butterfly_N", "Butterfly_S", "Dragonfly_N", "Dragonfly_S", "Halo_L1_N", "Halo_L1_S"),
     *("Halo_L2_N", "Halo_L2_S", "Halo_L3_N", "Halo_L3_S", "Lyap_L1", "Lyap_L2", "Lyap_L3"),
 )
-Optimizer = Literal["tpe", "random", "atpe", "exact", "published"]
-ARCHITECTURE_NAME = "^[A-Za-z][A-Za-z0-9-]*$"
-Architecture = Annotated[str, Field(pattern=ARCHITECTURE_NAME)]
 Center = Literal["moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5"]
-Sampler = Literal["hyperopt", "compiled"]
-Objective = Literal[
-    "coverage", "target-days", "longest-gap", "mean-gap", "mean-wait", "information", "attitude"]
-Labels = Literal["family_position", "index", "stability_rank", "categorical"]
 SCENARIO_NAME, SWEEP_NAME = "^[A-Za-z][A-Za-z0-9.-]*$", "^[a-z][a-z0-9-]*$"
 VARIANT_NAME = "^[a-z][a-z0-9.-]*$"
 ScenarioName = Annotated[str, Field(pattern=SCENARIO_NAME)]
@@ -109,116 +103,6 @@ class Visibility(Section):
     exclusion_deg: Exclusion = setting("")
 
 
-class Certificate(Section):
-    within: number(ge=0, lt=1) = setting(
-        "every architecture with J within this share of the optimum is listed", default=0.01)
-    nodes: whole(ge=1) = setting(
-        "after so many nodes of the tree the bound reached is reported instead of a proof",
-        default=1_000_000)
-
-
-class Front(Section):
-    fewest: whole(ge=1) | None = setting(
-        "least satellite total of the front of best J; null: `architecture.slots`", default=None)
-    most: whole(ge=1) | None = setting(
-        "greatest satellite total of the front; null: 60, if `architecture.slots` and "
-        "`architecture.max_satellites` allow it", default=None)
-    restarts: whole(ge=0) = setting(
-        "random starts for each total, beside the solution of the total before", default=4)
-
-
-class LabelComparison(Section):
-    scenario: str | None = setting("scenario on which ways of labelling are compared", default="A")
-    labels: several(Labels) = setting(
-        "ways compared with `architecture.labels`",
-        default=["family_position", "index", "categorical"])
-
-
-class Readings(Section):
-    scenario: str | None = setting(
-        "scenario rerun under each reading of the paper (`tables/readings_architecture.csv`)",
-        default="A")
-
-
-class Information(Section):
-    targets: whole(ge=1, le=100_000) = setting(
-        "moving targets of the objectives `information` and `attitude`, at most those of the "
-        "scenario", "1", default=100)
-    target_seed: whole(ge=0) = setting(
-        "chooses them, where on their orbits they start, and their attitudes; other than "
-        "`task2.monitored_seed`, an architecture is not chosen on the targets it is judged by",
-        "1", default=1)
-    windows: whole(ge=1, le=1000) = setting(
-        "windows spread over `visibility.duration_days`", "1", default=10)
-    window_hours: Positive = setting("length of each", "h", default=24)
-    step_hours: Positive = setting(
-        "time between the looks that are computed, each for all in a step", "h", default=1)
-    attitudes: whole(ge=1, le=1000) = setting(
-        "random attitudes of each target in each window", "1", default=1)
-
-
-class _Goal(Section):
-    objective: Objective = setting(
-        "what architectures are chosen for, see `docs/objectives.md`: `coverage` of target-hours, "
-        "or of `target-days`; `longest-gap`, `mean-gap` or `mean-wait`; `information` about the "
-        "orbits of moving targets, or about their `attitude`")
-    phases: whole(ge=1, le=1000) | None = setting(
-        "satellites stand each at one of so many phases of an orbit; null: in the paper's slots, "
-        "`slots` orbits of up to `max_satellites` (not for `information` and `attitude`)",
-        default=10)
-    fold: whole(ge=1, le=8) = setting(
-        "satellites that have to see a target for `coverage` or `target-days` to count it in full",
-        default=1)
-    max_stability_index: Positive | None = setting(
-        "orbits of a larger stability index are left out; null: none is", "1", default=2)
-
-
-class Design(_Goal):
-    satellites: Count = setting("number of satellites")
-    method: Literal["certified", "tpe", "random", "chance"] = setting(
-        "`certified`: search and bound; `tpe` and `random`: the paper's searches, at `phases` of "
-        "their own, by `labels`, `early_stop` and `sampler`; `chance`: places drawn by chance",
-        default="certified")
-    evaluations: Count | None = setting(
-        "evaluations of `tpe` and `random`; null: `max_evaluations`", default=None)
-
-
-class ObjectiveFront(_Goal):
-    scenarios: several(str) = setting("scenarios it is made for")
-    satellites: Annotated[several(Count), Field(min_length=1)] = setting(
-        "numbers of satellites", default=list(range(5, 61, 5)))
-
-
-class Search(Section):
-    optimizers: several(Optimizer) = setting(
-        "how architectures are found; `atpe` needs the package lightgbm. `[]`: none is, and only "
-        "what `task2`, `sweeps`, `designs` and `objective_fronts` name is made, such as "
-        "`observers`",
-        paper="tpe, random")
-    slots: whole(ge=1, le=1000) = setting("distinct orbits of an architecture", paper="10")
-    max_satellites: whole(ge=1, le=90) = setting("most satellites on one orbit", paper="10")
-    max_evaluations: Count = setting("evaluations of a search", paper="10 000")
-    early_stop: Count = setting("evaluations without improvement that end a search", paper="500")
-    labels: Labels = setting(
-        "how an orbit is labelled for Hyperopt; see `docs/deviations.md`", default="stability_rank")
-    sampler: Sampler = setting(
-        "who draws for `tpe`: Hyperopt, or the compiled sampler of the same algorithm "
-        "(`cislunar/parzen.py`)", paper="Hyperopt", default="compiled")
-    runs: whole(ge=1, le=1000) = setting(
-        "searches with different random numbers; the best becomes the architecture, all make the "
-        "spread", paper="1", default=20)
-    restarts: whole(ge=1, le=1_000_000) = setting(
-        "starts of the coordinate search (`exact`, `published`)", default=10)
-    certificate: Certificate = Certificate()
-    front: Front = Front()
-    information: Information = Information()
-    designs: dict[Architecture, Design] = setting("", default={}, name="{design}")
-    objective_fronts: dict[Architecture, ObjectiveFront] = setting(
-        "", default={}, name="{front}")
-    label_comparison: LabelComparison = LabelComparison()
-    readings: Readings = Readings()
-
-
 def _values(value: Any) -> Any:
     """Values of a family: a list of different ones, or their variants' names with them."""
     simple = isinstance(value, list) and all(isinstance(v, int | float | str) for v in value)
@@ -232,8 +116,7 @@ def _values(value: Any) -> Any:
     return value
 
 
-_CHOICE = {"type": ["array", "object"]}
-Values = Annotated[Any, AfterValidator(_values), WithJsonSchema(_CHOICE)]
+Values = Annotated[Any, AfterValidator(_values), WithJsonSchema({"type": ["array", "object"]})]
 
 
 def _optional(meaning: str, unit: str = "") -> Any:
@@ -255,6 +138,8 @@ class Family(Partial):
 class VariantFamily(Family):
     """A family that may also be stated as named changes, or as combinations of variants."""
 
+    other_architectures: several(Architecture) = _optional(
+        "further architectures whose observers track too")
     changes: dict[VariantName, CellChange] = setting(
         "in place of `key` and `values`: settings that differ, in the form of the keys above, by "
         "the names of the variants", default=None, name="")

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from cislunar.campaign.settings.model_error import NONE, ModelError
+from cislunar.campaign.tracking.model_errors import NONE, ModelError
 from cislunar.campaign.tracking.realizations import MEASURE, by_measure, realizations, select
 from cislunar.campaign.tracking.statistics import interval_of
 from cislunar.campaign.tracking.tables import compared

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cislunar.campaign.settings.model_error import NONE
+from cislunar.campaign.tracking.model_errors import NONE
 from cislunar.errors import InputFileError
 from cislunar.figures.axes import Array, Grid, fixed_ticks, legend_below, reach
 from cislunar.figures.panels import COUNT, PERCENT, Row, draw_means, draw_rows

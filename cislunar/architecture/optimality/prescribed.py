@@ -1,0 +1,75 @@
+"""The largest value of N satellites in slots, by search and branch and bound."""
+
+import numpy as np
+
+from cislunar.architecture.certified import Bound, Certificate, Choice, certified_search, check_size
+from cislunar.architecture.coordinate_search import random_start
+from cislunar.architecture.objective import Objective
+from cislunar.architecture.optimality.branch_and_bound import search_level
+
+_BELOW = 1.0 - 1e-6  # of the value: what reaches it is found, so that the bound can be the value
+
+
+def certify_total(
+    objective: Objective,
+    n_satellites: int,
+    *,
+    n_slots: int = 10,
+    nodes: int = 10_000,
+    restarts: int = 10,
+    rng: np.random.Generator | None = None,
+) -> Certificate:
+    """Search the architecture of largest value for a number of satellites, and bound the rest.
+
+    For an objective with `Objective.levels`, such as J. `coordinate_search` finds the architecture,
+    the tree of `cislunar.architecture.optimality.node` bounds all others of as many satellites, and
+    if it holds a better one the search goes on from there. No result depends on time.
+
+    Parameters
+    ----------
+    objective : Objective
+        Not negative, and with `Objective.levels`.
+    n_satellites : int
+        Number of satellites, N.
+    n_slots : int
+        Number of distinct orbits (the paper: 10).
+    nodes : int
+        Most nodes of each bound.
+    restarts : int
+        Random starts of the search, beside the first.
+    rng : numpy.random.Generator, optional
+        Source of the starts.
+
+    Returns
+    -------
+    Certificate
+
+    Raises
+    ------
+    ConfigurationError
+        If the orbits cannot hold the satellites, or `nodes` is below 1.
+    """
+    check_size(objective, n_satellites, n_slots, nodes)
+    rng = np.random.default_rng(0) if rng is None else rng
+    size = objective.n_orbits, objective.max_satellites
+
+    def bound(known: Choice) -> Bound:
+        value = objective.value(*known)
+        reached, taken, choices = value, 0, []
+        for level in objective.levels(n_slots):
+            threshold = max(value * _BELOW, 1e-300)
+            if level.n_satellites != n_satellites or level.bound < threshold:
+                continue
+            found = search_level(level.relaxation(), threshold, threads=1, most_nodes=nodes - taken)
+            taken += found.nodes
+            reached = max(reached, min(level.bound, max([found.open_bound, *found.value])))
+            choices += zip(found.orbit, found.satellites, strict=True)
+        return Bound(reached, taken, choices)
+
+    return certified_search(
+        objective,
+        lambda: random_start(*size, n_slots, rng, n_satellites),
+        bound,
+        restarts=restarts,
+        rng=rng,
+    )
