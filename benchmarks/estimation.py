@@ -159,7 +159,7 @@ def tasking_times(n_observers: int, n_targets: int) -> None:
     prediction = MultiplicativeUKF(scene, surfaces, SENSOR, initial).predict()
 
     def pairs():
-        return pair_information(prediction, scene, surfaces, SENSOR, TaskingModel(), EARTH_MOON)
+        return pair_information(prediction, scene, surfaces, SENSOR, TaskingModel())
 
     matrix = pairs()
     line = f"tasking, {n_observers} observers, {n_targets} targets: "
@@ -180,7 +180,7 @@ def preselection_time(n_observers: int, n_targets: int) -> None:
     )
     initial = initial_estimate(epoch, loop.initial.components())
     prediction = MultiplicativeUKF(scene, surfaces, SENSOR, initial).predict()
-    known = prediction, scene, surfaces, SENSOR, TaskingModel(), EARTH_MOON
+    known = prediction, scene, surfaces, SENSOR, TaskingModel()
     every, few = assign(pair_information(*known)), assign_preselected(*known)
     times = [
         best_time(lambda: assign(pair_information(*known))),

@@ -104,6 +104,7 @@ def _state(text: str, parts: list[str], units: str) -> Any:
 
     from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
     from cislunar.dynamics.bounds import check_position, check_velocity
+    from cislunar.dynamics.cr3bp import primary_positions
     from cislunar.observation.sightline import inside_primary
 
     state = np.array([_number(text, part) for part in parts])
@@ -112,7 +113,7 @@ def _state(text: str, parts: list[str], units: str) -> Any:
     if units == "km":
         state[:3] /= LENGTH_UNIT_KM
         state[3:] *= TIME_UNIT_S / LENGTH_UNIT_KM
-    if inside_primary(*state[:3], MU):
+    if inside_primary(*state[:3], primary_positions(MU)):
         raise ConfigurationError(
             f"orbit {text!r}: in units {units} this is a place inside the Earth or the Moon"
         )

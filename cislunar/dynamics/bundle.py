@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.compiled import for_all_others
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import (
     acceleration,
@@ -76,18 +77,30 @@ def _combine(state, dt, stage, slopes, out):
 
 
 @njit(cache=True, error_model="numpy")
-def step_bundle(forces, t, state, dt, slopes, work):
-    """One DOP853 step of a bundle of states, shape (6, N), from time t, in place (compiled).
-
-    A state that falls into the centre of a primary becomes not finite. `slopes`, shape
-    (STAGES8, 6, N), and `work`, shape (6, N), are scratch.
-    """
+def dop853_step(forces, t, state, dt, slopes, work):
+    """One DOP853 step of a bundle; arguments as of `step_bundle` (compiled)."""
     _slopes(at(forces, t), state, slopes[0])
     for s in range(1, STAGES8):
         _combine(state, dt, s, slopes, work)
         _slopes(at(forces, t + C8[s] * dt), work, slopes[s])
     _combine(state, dt, STAGES8, slopes, work)
     state[:, :] = work
+
+
+@for_all_others
+def take_step(forces, t, state, dt, slopes, work):
+    """A step of a bundle as a model takes it: one of DOP853 unless it says otherwise."""
+    dop853_step(forces, t, state, dt, slopes, work)
+
+
+@njit(cache=True, error_model="numpy")
+def step_bundle(forces, t, state, dt, slopes, work):
+    """One step of a bundle of states, shape (6, N), from time t, in place (compiled).
+
+    A state that falls into the centre of a primary becomes not finite. `slopes`, shape
+    (STAGES8, 6, N), and `work`, shape (6, N), are scratch.
+    """
+    take_step(forces, t, state, dt, slopes, work)
 
 
 @njit(cache=True, error_model="numpy")

@@ -5,7 +5,7 @@ from cislunar.estimation.estimator import EstimatorFactory
 from cislunar.estimation.kalman.mukf import mukf
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
-from cislunar.estimation.spread import Spread
+from cislunar.estimation.spread import ProcessNoise
 
 ESTIMATORS = ("mukf", "batch")
 """The paper's filter, and the batch estimator of the attitude beside a filter of the orbit."""
@@ -14,7 +14,7 @@ ESTIMATORS = ("mukf", "batch")
 def estimator_named(
     name: str,
     *,
-    process_noise: Spread | None = None,
+    process_noise: ProcessNoise | None = None,
     batch_settings: BatchSettings | str = "default",
 ) -> EstimatorFactory:
     """Factory of the estimator with this name.
@@ -23,7 +23,7 @@ def estimator_named(
     ----------
     name : {"mukf", "batch"}
         Which one.
-    process_noise : Spread, optional
+    process_noise : ProcessNoise, optional
         None if omitted. The batch estimator has none on attitude and angular velocity.
     batch_settings : BatchSettings or str
         Of the batch estimator: settings, or the name of a preset.

@@ -46,10 +46,6 @@ class Spread:
         )
         return np.repeat(values, 3)
 
-    def process_variance(self, step_s: float) -> Array:
-        """Variances gained in a step by process noise of this spread, shape (12,)."""
-        return self.components() ** 2 * (step_s / PROCESS_NOISE_PERIOD_S)
-
 
 INITIAL_SPREAD = Spread(
     attitude_deg=5.0,
@@ -60,4 +56,37 @@ INITIAL_SPREAD = Spread(
 """Uncertainty of the targets at the epoch (Paul & Fan, table 3)."""
 
 PROCESS_NOISE_PERIOD_S = 60.0
-"""A `Spread` given as process noise is what accumulates over this time, s."""
+"""The spread of process noise is what accumulates over this time, s."""
+
+
+@dataclass(frozen=True)
+class ProcessNoise(Spread):
+    """Process noise: what accumulates in `PROCESS_NOISE_PERIOD_S`, and white accelerations.
+
+    Attributes
+    ----------
+    attitude_deg, angular_velocity_deg_h, position_km, velocity_m_s : float
+        As of `Spread`.
+    acceleration_m2_s3 : float
+        Spectral density q of the acceleration on each axis, m^2/s^3. Over a step of length h
+        position and velocity gain the covariance q [h^3/3, h^2/2; h^2/2, h].
+
+    Raises
+    ------
+    ConfigurationError
+        If one is negative or not finite.
+    """
+
+    acceleration_m2_s3: float = 0.0
+
+    def covariance(self, step_s: float) -> tuple[Array, float]:
+        """Variances gained in a step (12,), and the covariance of position and velocity, an axis.
+
+        In the units of the states, see `Spread.components`.
+        """
+        variance = self.components() ** 2 * (step_s / PROCESS_NOISE_PERIOD_S)
+        step = step_s / TIME_UNIT_S
+        density = self.acceleration_m2_s3 * 1e-6 * TIME_UNIT_S**3 / LENGTH_UNIT_KM**2
+        variance[6:9] += density * step**3 / 3.0
+        variance[9:] += density * step
+        return variance, density * step**2 / 2.0

@@ -37,6 +37,7 @@ from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.rigid_body import spherical_transition
 from cislunar.attitude.short_steps import rigid_transition
 from cislunar.dynamics.cr3bp import EARTH_MOON
+from cislunar.dynamics.forces import of_state
 from cislunar.dynamics.runge_kutta import DOP853, OK, integrate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import cholesky
@@ -168,11 +169,11 @@ def _turn_on(omega, step_s, bodies, j, scratch, turn):
 
 
 @njit(cache=True, error_model="numpy")
-def _steps_outside(translation, mu):
+def _steps_outside(translation, primaries):
     """How many of the steps after the first time the truth takes outside Earth and Moon."""
     for step in range(translation.shape[0] - 1):
         x, y, z = translation[step + 1, 0], translation[step + 1, 1], translation[step + 1, 2]
-        if not np.isfinite(x + y + z) or inside_primary(x, y, z, mu):
+        if not np.isfinite(x + y + z) or inside_primary(x, y, z, primaries[step + 1]):
             return step
     return translation.shape[0] - 1
 
@@ -215,14 +216,15 @@ def _advance_target(j, first, world, truth, records, wanted, process_variance, f
     if state.ended[j]:
         return
     state.ended[j] = True  # until all steps are done
-    n_steps = _steps_outside(translation, forces.mu)
+    n_steps = _steps_outside(translation, scene.primaries[first:])
     # between these the translation's matrix is not wanted
     steps = np.flatnonzero(wanted[:n_steps] | (offset[1 : n_steps + 1] > offset[:n_steps])) + 1
     if n_steps == out.shape[0] and (steps.size == 0 or steps[-1] < n_steps):
         steps = np.append(steps, n_steps)
     motions, one = np.empty((steps.size, 42)), np.ones(1)
+    own = of_state(forces, j)
     if not noisy and not _motions(
-        forces, first * scene.step, translation[0], motion, scene.step, steps, motions
+        own, first * scene.step, translation[0], motion, scene.step, steps, motions
     ):
         return
     done = 0
@@ -231,7 +233,7 @@ def _advance_target(j, first, world, truth, records, wanted, process_variance, f
         at_hand = done < steps.size and steps[done] == step + 1
         if noisy:
             start = (first + step) * scene.step
-            if not _motions(forces, start, translation[step], motion, scene.step, one, motions[:1]):
+            if not _motions(own, start, translation[step], motion, scene.step, one, motions[:1]):
                 return
             motion[:] = motions[0, 6:]
             if not _move_reference(turn, motion, root, carried, process_variance):

@@ -15,7 +15,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
 from cislunar.observation.records import Measurements, Schedule
 from cislunar.observation.scene import Scene, TargetSurfaces
@@ -60,17 +59,17 @@ def target_magnitude(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, 
 
 
 @njit(cache=True, error_model="numpy")
-def _look(scene, surfaces, limits, observer, j, k, state, attitude, noise, mu, out):
+def _look(scene, surfaces, limits, observer, j, k, state, attitude, noise, out):
     """Fate of one look at target j at time k; what is measured goes into `out` (3,)."""
     ox = scene.observer_position[observer, k, 0]
     oy = scene.observer_position[observer, k, 1]
     oz = scene.observer_position[observer, k, 2]
     x, y, z = state[0], state[1], state[2]
     dx, dy, dz = x - ox, y - oy, z - oz
-    sun = scene.sun_position[k]
-    if not outside_exclusion(ox, oy, oz, dx, dy, dz, sun, limits.cosines, mu):
+    sun, primaries = scene.sun_position[k], scene.primaries[k]
+    if not outside_exclusion(ox, oy, oz, dx, dy, dz, sun, limits.cosines, primaries):
         return EXCLUDED
-    if limits.occultation and occulted(ox, oy, oz, dx, dy, dz, mu):
+    if limits.occultation and occulted(ox, oy, oz, dx, dy, dz, primaries):
         return OCCULTED
     magnitude = noise[0] + target_magnitude(
         dx,
@@ -94,9 +93,7 @@ def _look(scene, surfaces, limits, observer, j, k, state, attitude, noise, mu, o
 
 
 @njit(cache=True, error_model="numpy")
-def _measure(
-    first, begins, scene, surfaces, limits, looks, states, attitudes, noise, mu, out, fate
-):
+def _measure(first, begins, scene, surfaces, limits, looks, states, attitudes, noise, out, fate):
     """All looks over the steps first, first + 1 and so on; see `measure`."""
     out[:, :] = np.nan
     for j in range(looks.offset.shape[0]):
@@ -113,7 +110,6 @@ def _measure(
                     states[j, k - begins],
                     attitudes[j, k - begins],
                     noise[j, k - begins, row - start],
-                    mu,
                     out[row],
                 )
 
@@ -127,7 +123,6 @@ def measure(
     states: Array,
     attitudes: Array,
     noise: Array,
-    mu: float = MU,
     *,
     begins: int = 0,
 ) -> tuple[Measurements, NDArray[np.uint8]]:
@@ -155,8 +150,6 @@ def measure(
         True attitudes, inertial to body.
     noise : ndarray, shape (target, time, look, 3)
         Errors of the first, second ... look at a target at a time: mag, rad, rad.
-    mu : float
-        Mass ratio.
     begins : int
         Index, among the scene's times, of the first of the states, attitudes and errors.
 
@@ -181,5 +174,5 @@ def measure(
     value = np.empty((looks.observer.size, 3))
     fate = np.empty(looks.observer.size, dtype=np.uint8)
     world, truth = (scene, surfaces, limits, looks), (states, attitudes, noise)
-    _measure(first, begins, *world, *truth, float(mu), value, fate)
+    _measure(first, begins, *world, *truth, value, fate)
     return Measurements(*looks, value, np.tile(limits.noise_variance, (fate.size, 1))), fate

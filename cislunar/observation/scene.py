@@ -2,8 +2,11 @@
 
 Frames. Positions are in the rotating barycentric frame of the CR3BP. The inertial frame coincides
 with it at the epoch; at time t the rotating frame is turned by the angle t (nondimensional) about
-z. Target attitudes are relative to the inertial frame, and right ascension and declination are
-measured in the observer's body frame.
+z. Among the bodies as they are, positions are about the same barycenter in axes that do not turn,
+those of J2000: what is called the rotating frame here and in the estimators is that then, and the
+inertial frame is the instantaneous frame of Earth and Moon when a run begins. Target attitudes are
+relative to the inertial frame, and right ascension and declination are measured in the observer's
+body frame.
 """
 
 from __future__ import annotations
@@ -18,8 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.attitude.quaternion import attitude_matrix
 from cislunar.attitude.rigid_body import propagate_spherical
-from cislunar.constants import TIME_UNIT_S
+from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics.bounds import require_nondimensional
+from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.bodies import Body
 from cislunar.photometry.materials import Material, PhotometryModel
@@ -48,6 +52,8 @@ class Scene(NamedTuple):
         Rotation from the rotating to the inertial frame.
     observer_axes : ndarray, shape (time, 3, 3)
         Rotation from the rotating frame to the body frame of the observers.
+    primaries : ndarray, shape (time, 2, 3)
+        Centres of Earth and Moon, nondimensional, rotating frame.
     """
 
     step_s: float
@@ -56,6 +62,7 @@ class Scene(NamedTuple):
     sun_position: Array
     frame_axes: Array
     observer_axes: Array
+    primaries: Array
 
 
 class TargetSurfaces(NamedTuple):
@@ -95,6 +102,9 @@ def make_scene(
     *,
     observer_rate_deg_h: ArrayLike = OBSERVER_RATE_DEG_H,
     time_unit_s: float = TIME_UNIT_S,
+    mu: float = MU,
+    axes: ArrayLike | None = None,
+    primaries: ArrayLike | None = None,
 ) -> Scene:
     """Assemble a scene from positions on the grid of measurement times.
 
@@ -111,6 +121,13 @@ def make_scene(
         are aligned with the inertial frame.
     time_unit_s : float
         Nondimensional unit of time, s.
+    mu : float
+        Mass ratio, which says where Earth and Moon are.
+    axes : array_like, shape (3, 3), optional
+        Rotation from the frame of the positions to the inertial frame of attitudes, if the former
+        does not turn; otherwise it turns about z, once in ``2 pi time_unit_s``.
+    primaries : array_like, shape (time, 2, 3), optional
+        Centres of Earth and Moon, if they are not at rest in the frame of the positions.
 
     Returns
     -------
@@ -137,12 +154,17 @@ def make_scene(
         raise ConfigurationError(f"step_s = {step_s} must be positive")
     require_nondimensional("observer_position", observers)
     elapsed_s = step_s * np.arange(sun.shape[0])
-    angle = elapsed_s / time_unit_s
-    to_inertial = np.zeros((angle.size, 3, 3))
-    to_inertial[:, 0, 0] = to_inertial[:, 1, 1] = np.cos(angle)
-    to_inertial[:, 1, 0] = np.sin(angle)
-    to_inertial[:, 0, 1] = -np.sin(angle)
-    to_inertial[:, 2, 2] = 1.0
+    if axes is None:
+        angle = elapsed_s / time_unit_s
+        to_inertial = np.zeros((angle.size, 3, 3))
+        to_inertial[:, 0, 0] = to_inertial[:, 1, 1] = np.cos(angle)
+        to_inertial[:, 1, 0] = np.sin(angle)
+        to_inertial[:, 0, 1] = -np.sin(angle)
+        to_inertial[:, 2, 2] = 1.0
+    else:
+        to_inertial = np.tile(np.asarray(axes, dtype=float), (elapsed_s.size, 1, 1))
+    if primaries is None:
+        primaries = np.tile(primary_positions(float(mu)), (elapsed_s.size, 1, 1))
     rate = np.deg2rad(np.asarray(observer_rate_deg_h, dtype=float)) / 3600.0
     to_body = attitude_matrix(constant_rate_attitude([0.0, 0.0, 0.0, 1.0], rate, elapsed_s))
     return Scene(
@@ -152,6 +174,7 @@ def make_scene(
         sun,
         to_inertial,
         np.ascontiguousarray(to_body @ to_inertial),
+        np.ascontiguousarray(primaries, dtype=float),
     )
 
 

@@ -48,14 +48,14 @@ class Sightings(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def _obstacles(observer, way, sun, limits, mu, fate):
+def _obstacles(observer, way, sun, limits, primaries, fate):
     """EXCLUDED or OCCULTED where something stands in the way, into `fate` (time,)."""
     for k in range(fate.size):
         x, y, z = observer[k, 0], observer[k, 1], observer[k, 2]
         dx, dy, dz = way[k, 0], way[k, 1], way[k, 2]
-        if not outside_exclusion(x, y, z, dx, dy, dz, sun[k], limits.cosines, mu):
+        if not outside_exclusion(x, y, z, dx, dy, dz, sun[k], limits.cosines, primaries):
             fate[k] = EXCLUDED
-        elif limits.occultation and occulted(x, y, z, dx, dy, dz, mu):
+        elif limits.occultation and occulted(x, y, z, dx, dy, dz, primaries):
             fate[k] = OCCULTED
 
 
@@ -119,8 +119,9 @@ def sightings(
         diffuse_reflection_coefficient=diffuse_reflection_coefficient,
     )
     fate = np.where(magnitude <= limits.limiting_magnitude, DETECTED, FAINT).astype(np.uint8)
-    _obstacles(watcher, way, light, limits, float(mu), fate)
-    earth, moon = np.array(primary_positions(mu))
+    primaries = np.array(primary_positions(mu))
+    _obstacles(watcher, way, light, limits, primaries, fate)
+    earth, moon = primaries
     bodies = np.stack([light, np.broadcast_to(moon, way.shape), np.broadcast_to(earth, way.shape)])
     angles = phase_angle(way, bodies - watcher)
     return Sightings(fate, magnitude, range_km, np.rad2deg(phase), np.rad2deg(angles).T)

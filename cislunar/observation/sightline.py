@@ -1,14 +1,14 @@
 """Lines of sight: their direction, the bodies in view, and what stands in the way (compiled).
 
-Positions are nondimensional, in the rotating frame; o is the observer and d the way from it to the
-target.
+Positions are nondimensional; o is the observer and d the way from it to the target. `primaries` are
+the places of Earth and Moon: a row of `Scene.primaries`, or `cislunar.dynamics.cr3bp.
+primary_positions` of a mass ratio.
 """
 
 import numpy as np
 from numba import njit
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM
-from cislunar.dynamics.cr3bp import primary_positions
 
 EARTH_RADIUS = EARTH_RADIUS_KM / LENGTH_UNIT_KM
 MOON_RADIUS = MOON_RADIUS_KM / LENGTH_UNIT_KM
@@ -58,15 +58,14 @@ def lit_directions(dx, dy, dz, sx, sy, sz, to_inertial):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def toward_primary(body, x, y, z, mu):
+def toward_primary(body, x, y, z, primaries):
     """The way from a place to the centre of the MOON or the EARTH."""
-    earth, moon = primary_positions(mu)
-    px, py, pz = moon if body == MOON else earth
-    return px - x, py - y, pz - z
+    place = primaries[1] if body == MOON else primaries[0]
+    return place[0] - x, place[1] - y, place[2] - z
 
 
 @njit(cache=True, error_model="numpy")
-def outside_exclusion(ox, oy, oz, dx, dy, dz, sun, cosines, mu):
+def outside_exclusion(ox, oy, oz, dx, dy, dz, sun, cosines, primaries):
     """Whether a line of sight keeps clear of the Sun, Moon and Earth.
 
     `cosines` (3,) are those of the exclusion angles.
@@ -76,7 +75,7 @@ def outside_exclusion(ox, oy, oz, dx, dy, dz, sun, cosines, mu):
         if body == SUN:
             bx, by, bz = sun[0] - ox, sun[1] - oy, sun[2] - oz
         else:
-            bx, by, bz = toward_primary(body, ox, oy, oz, mu)
+            bx, by, bz = toward_primary(body, ox, oy, oz, primaries)
         along = bx * dx + by * dy + bz * dz
         if along >= cosines[body] * np.sqrt(squared * (bx * bx + by * by + bz * bz)):
             return False
@@ -93,21 +92,21 @@ def _disc_hides(bx, by, bz, dx, dy, dz, radius):
 
 
 @njit(cache=True, error_model="numpy")
-def occulted(ox, oy, oz, dx, dy, dz, mu):
+def occulted(ox, oy, oz, dx, dy, dz, primaries):
     """Whether the Earth or the Moon stands between observer and target."""
     for body, radius in ((EARTH, EARTH_RADIUS), (MOON, MOON_RADIUS)):
-        bx, by, bz = toward_primary(body, ox, oy, oz, mu)
+        bx, by, bz = toward_primary(body, ox, oy, oz, primaries)
         if _disc_hides(bx, by, bz, dx, dy, dz, radius):
             return True
     return False
 
 
 @njit(cache=True, error_model="numpy")
-def in_clear_view(ox, oy, oz, dx, dy, dz, sun, limits, mu):
+def in_clear_view(ox, oy, oz, dx, dy, dz, sun, limits, primaries):
     """Whether neither a bright body nor, where `SensorLimits` heed it, a disc is in the way."""
-    if not outside_exclusion(ox, oy, oz, dx, dy, dz, sun, limits.cosines, mu):
+    if not outside_exclusion(ox, oy, oz, dx, dy, dz, sun, limits.cosines, primaries):
         return False
-    return not (limits.occultation and occulted(ox, oy, oz, dx, dy, dz, mu))
+    return not (limits.occultation and occulted(ox, oy, oz, dx, dy, dz, primaries))
 
 
 @njit(cache=True, error_model="numpy")
@@ -125,10 +124,10 @@ def sphere_brighter(dx, dy, dz, fx, fy, fz, faintness):
 
 
 @njit(cache=True, error_model="numpy")
-def inside_primary(x, y, z, mu):
+def inside_primary(x, y, z, primaries):
     """Whether a place lies within the Earth or the Moon."""
     for body, radius in ((EARTH, EARTH_RADIUS), (MOON, MOON_RADIUS)):
-        bx, by, bz = toward_primary(body, x, y, z, mu)
+        bx, by, bz = toward_primary(body, x, y, z, primaries)
         if bx * bx + (by * by + bz * bz) < radius * radius:
             return True
     return False

@@ -148,7 +148,7 @@ def _tasked(
     """The assignment at an epoch, the information of all pairs where it took that, and by how much
     spheres are brighter than the limit where detection is learned."""
     settings, prediction = world.settings, own.estimator.predict()
-    known = world.scene, world.surfaces, settings.sensor, settings.tasking, world.forces
+    known = world.scene, world.surfaces, settings.sensor, settings.tasking
     n_pairs = world.scene.observer_position.shape[0] * world.ids.size
     if not settings.keep_information and preselects(settings.tasking, settings.method, n_pairs):
         return assign_preselected(prediction, *known), None, None
@@ -188,7 +188,6 @@ def _observed(
         motion.translation,
         motion.quaternion,
         motion.noise,
-        own.truth.forces.mu,
         begins=start,
     )
     estimates = own.estimator.advance(

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.observation.sightline import outside_exclusion, sphere_brighter
 
 _BLOCK = 128
@@ -99,7 +100,7 @@ def _load_tile(tile, sun, single):
 @njit(cache=True)
 def _observe_tile(origin, sun, tile, single, cosines, faintness, mu, seen):
     """Which targets of a tile one satellite observes at one time."""
-    bodies = np.empty((3, 3))
+    bodies, primaries = np.empty((3, 3)), primary_positions(mu)
     x, y, z = origin[0], origin[1], origin[2]
     bodies[0] = _unit(sun[0] - x, sun[1] - y, sun[2] - z)
     bodies[1] = _unit(1.0 - mu - x, -y, -z)
@@ -124,7 +125,7 @@ def _observe_tile(origin, sun, tile, single, cosines, faintness, mu, seen):
                     tx, ty, tz = tile[i, 0], tile[i, 1], tile[i, 2]
                     dx, dy, dz = tx - x, ty - y, tz - z
                     fx, fy, fz = tx - sun[0], ty - sun[1], tz - sun[2]
-                    clear = outside_exclusion(x, y, z, dx, dy, dz, sun, cosines, mu)
+                    clear = outside_exclusion(x, y, z, dx, dy, dz, sun, cosines, primaries)
                     seen[i] = clear and sphere_brighter(dx, dy, dz, fx, fy, fz, faintness)
 
 

@@ -17,7 +17,7 @@ from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import BatchEstimator, batch
 from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
 from cislunar.estimation.registry import ESTIMATORS, estimator_named
-from cislunar.estimation.spread import Spread
+from cislunar.estimation.spread import ProcessNoise
 from cislunar.observation.measurement import DETECTED
 from cislunar.observation.scene import target_surfaces
 from cislunar.observation.sensor import Sensor
@@ -215,7 +215,7 @@ def test_impossible_settings_are_refused(wrong, match):
 def test_noise_on_the_rotation_is_refused():
     scene, surfaces, epoch, _, loop = tracking_problem(2, 2, duration_hours=1.0)
     initial = initial_estimate(epoch, loop.initial.components())
-    make = batch(process_noise=Spread(attitude_deg=0.1))
+    make = batch(process_noise=ProcessNoise(attitude_deg=0.1))
     with pytest.raises(ConfigurationError, match="window_hours"):
         make(scene, surfaces, loop.sensor, initial, np.random.default_rng(0), 0.0121)
 

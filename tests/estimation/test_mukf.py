@@ -16,7 +16,7 @@ from cislunar.estimation.estimator import (
     UPDATES,
 )
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF, mukf
-from cislunar.estimation.spread import INITIAL_SPREAD, Spread
+from cislunar.estimation.spread import INITIAL_SPREAD, ProcessNoise, Spread
 from cislunar.observation.measurement import DETECTED
 from cislunar.observation.scene import target_surfaces
 from cislunar.observation.sensor import Sensor
@@ -43,7 +43,7 @@ def _measured_problem(hours=2.0, n_targets=5, sensor=SENSOR, **settings):
 @pytest.mark.parametrize("inertia", [1.0, [1.0, 1.6, 2.2]])
 def test_equals_filterpy_with_the_same_model(inertia):
     """Two hours of predict and update; the references carry full covariances and naive weights."""
-    process = Spread(0.03, 0.01, 0.05, 0.001)
+    process = ProcessNoise(0.03, 0.01, 0.05, 0.001)
     scene, surfaces, initial, _, measurements, fate = _measured_problem()
     surfaces = target_surfaces(icosahedron(), Material(), 5, inertia=inertia)
     filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial, process_noise=process)
@@ -151,7 +151,7 @@ def test_without_magnitude_the_attitude_spreads_as_the_closed_form():
 
 
 def test_process_noise_grows_with_time_not_with_steps():
-    process = Spread(attitude_deg=0.1, position_km=1.0)
+    process = ProcessNoise(attitude_deg=0.1, position_km=1.0)
     finals = []
     for step_s in (30.0, 60.0, 120.0):
         scene, surfaces, epoch, _, loop = tracking_problem(1, 1, duration_hours=1.0, step_s=step_s)

@@ -5,6 +5,7 @@ import pytest
 from oracles.visibility import directions_to_bodies, outside_exclusion
 
 from cislunar.constants import MU
+from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.errors import ConfigurationError
 from cislunar.observation import sightline
 from cislunar.observation.sensor import ExclusionAngles
@@ -62,7 +63,7 @@ def test_random_lines_against_measured_angles():
     angles = ExclusionAngles(sun_deg=60.0, moon_deg=40.0, earth_deg=50.0)
     clear = outside_exclusion(line, directions_to_bodies(position, sun), angles)
     compiled = [
-        sightline.outside_exclusion(*here, *way, sun, angles.cosines, MU)
+        sightline.outside_exclusion(*here, *way, sun, angles.cosines, primary_positions(MU))
         for way, here in zip(line, position, strict=True)
     ]
     np.testing.assert_array_equal(compiled, clear)

@@ -4,6 +4,7 @@ from measured import looked_at
 from oracles.visibility import directions_to_bodies, outside_exclusion
 
 from cislunar.constants import LENGTH_UNIT_KM, MU
+from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.errors import ConfigurationError
 from cislunar.observation import measurement
 from cislunar.observation.measurement import (
@@ -131,7 +132,7 @@ def test_occultation_against_points_along_the_segment():
         nearest = np.linalg.norm(points - center, axis=1).min()
         if abs(nearest - radius) < 1e-3 * radius:
             continue
-        assert occulted(*start, *(end - start), MU) == (nearest < radius)
+        assert occulted(*start, *(end - start), primary_positions(MU)) == (nearest < radius)
         hidden += nearest < radius
     assert 20 < hidden < 380
 

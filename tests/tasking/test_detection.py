@@ -67,8 +67,8 @@ def test_spheres_are_those_of_the_gate():
     gated = TaskingModel(track_gate=False)
     free = dataclasses.replace(gated, detection=MODEL)
     known = scene, surfaces, sensor
-    clear = pair_information(prediction, *known, free, EARTH_MOON) > 0.0
-    bright = pair_information(prediction, *known, gated, EARTH_MOON) > 0.0
+    clear = pair_information(prediction, *known, free) > 0.0
+    bright = pair_information(prediction, *known, gated) > 0.0
     margin = 17.0 - sphere_magnitudes(
         prediction, scene, radius_m=1.0, diffuse_reflection_coefficient=0.5
     )

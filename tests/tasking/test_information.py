@@ -3,7 +3,6 @@ import pytest
 from oracles.unscented import central_weights, sigma_points
 from oracles.visibility import visible
 
-from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
@@ -32,7 +31,7 @@ def problem():
 def _information(problem, model=None, **changes):
     scene, surfaces, sensor, prediction = problem
     return pair_information(
-        prediction._replace(**changes), scene, surfaces, sensor, model or TaskingModel(), EARTH_MOON
+        prediction._replace(**changes), scene, surfaces, sensor, model or TaskingModel()
     )
 
 
@@ -105,7 +104,7 @@ def test_faint_spheres_gain_nothing(problem):
     limit = float(np.median(magnitude))
     loose = Sensor(limiting_magnitude=limit, exclusion=ExclusionAngles(0, 0, 0), occultation=False)
     information = pair_information(
-        prediction, scene, problem[1], loose, TaskingModel(track_gate=False), EARTH_MOON
+        prediction, scene, problem[1], loose, TaskingModel(track_gate=False)
     )
     np.testing.assert_array_equal(information > 0.0, magnitude < limit)
 
@@ -151,7 +150,7 @@ def test_states_that_are_not_there_and_bad_settings_are_refused(problem):
     scene, surfaces, sensor, prediction = problem
     bare = Prediction(prediction.index, prediction.translation, prediction.covariance)
     with pytest.raises(ConfigurationError, match="states"):
-        pair_information(bare, scene, surfaces, sensor, TaskingModel(states="full"), EARTH_MOON)
+        pair_information(bare, scene, surfaces, sensor, TaskingModel(states="full"))
     for bad in ({"states": "all"}, {"measurements": 0}, {"radius_m": -1.0}):
         with pytest.raises(ConfigurationError, match=next(iter(bad)).replace("radius_m", "radius")):
             TaskingModel(**bad)

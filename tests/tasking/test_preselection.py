@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.closed_loop import run_closed_loop
@@ -51,8 +50,8 @@ def test_no_pair_gains_more_than_its_bound(problem, kind, gate):
     covariance = _spread(prediction.covariance, kind, rng)
     prediction = prediction._replace(translation=translation, covariance=covariance)
     model, sensor = TaskingModel(track_gate=gate, measurements=3), Sensor(limiting_magnitude=22.0)
-    gain = pair_information(prediction, scene, surfaces, sensor, model, EARTH_MOON)
-    bound = information_bound(prediction, scene, sensor, model, EARTH_MOON)
+    gain = pair_information(prediction, scene, surfaces, sensor, model)
+    bound = information_bound(prediction, scene, sensor, model)
     seen = gain > 0.0
     assert np.all(bound >= gain)
     assert seen.sum() > 50
@@ -71,7 +70,7 @@ def test_few_pairs_give_the_assignment_of_all(problem, kind, monkeypatch):
     translation[7] = np.nan
     arguments = (
         prediction._replace(translation=translation, covariance=covariance),
-        *(scene, surfaces, Sensor(), TaskingModel(), EARTH_MOON),
+        *(scene, surfaces, Sensor(), TaskingModel()),
     )
     computed = []
 

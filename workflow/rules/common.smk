@@ -200,6 +200,17 @@ def tracking_mesh(wildcards):
     return mesh_file(tracking_settings(wildcards))
 
 
+def tracking_bodies(wildcards):
+    """The bodies, if the targets move among them as they are."""
+    return bodies_for(wildcards.scenario, tracking_settings(wildcards))
+
+
+def bodies_for(scenario, chosen):
+    """The same for the settings of a cell."""
+    among = chosen.get("dynamics", {}).get("truth") == "ephemeris"
+    return shared("ephemeris/bodies", scenario) if among else []
+
+
 def comparison_settings(wildcards):
     """Settings of the cells in which tasking methods are compared."""
     return cell_settings(settings_in(wildcards.scenario, "task2")["task2"])

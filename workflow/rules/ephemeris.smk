@@ -24,3 +24,31 @@ use rule ephemeris as ephemeris_of_scenario with:
         settings=settings_of("epoch_jd", "ephemeris", "visibility"),
     message:
         "Sampling the Sun and the rotating frame from SPICE (scenario {wildcards.scenario})"
+
+
+rule bodies:
+    output:
+        results("ephemeris/bodies.nc"),
+    log:
+        log_of("ephemeris/bodies"),
+        times=benchmark_of("bodies"),
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        settings=settings("epoch_jd", "ephemeris", "visibility"),
+    message:
+        "Sampling Earth, Moon and Sun from SPICE"
+    script:
+        "../scripts/bodies.py"
+
+
+use rule bodies as bodies_of_scenario with:
+    output:
+        results("ephemeris/bodies_{scenario}.nc"),
+    log:
+        log_of("ephemeris/bodies_{scenario}"),
+        times=benchmark_of("bodies_of_scenario/{scenario}"),
+    params:
+        settings=settings_of("epoch_jd", "ephemeris", "visibility"),
+    message:
+        "Sampling Earth, Moon and Sun from SPICE (scenario {wildcards.scenario})"

@@ -24,6 +24,7 @@ TRACKED = {
     "orbits": observer_orbits,
     "tracked": shared("orbits/tracked"),
     "sun": shared("ephemeris/sun"),
+    "bodies": tracking_bodies,
     "mesh": tracking_mesh,
 }
 
@@ -177,6 +178,7 @@ rule tasking_comparison_cell:
         orbits=observer_orbits,
         tracked=shared("orbits/tracked"),
         sun=shared("ephemeris/sun"),
+        bodies=lambda wildcards: bodies_for(wildcards.scenario, comparison_settings(wildcards)),
         mesh=lambda wildcards: mesh_file(comparison_settings(wildcards)),
     output:
         results("task2/tasking/{scenario}_{architecture}_nt{n}.nc"),

@@ -21,14 +21,14 @@ def _way(start, end):
 @njit(cache=True, error_model="numpy")
 def _mark_seen(observer, target, sun, view, seen):
     """Which targets (target, 3) an observer sees at one time, into `seen`; how many."""
-    limits, faintness, mu = view
+    limits, faintness, primaries = view
     x, y, z = observer[0], observer[1], observer[2]
     count = 0
     for j in range(seen.size):
         dx, dy, dz = _way(observer, target[j])
         fx, fy, fz = _way(sun, target[j])
         seen[j] = sphere_brighter(dx, dy, dz, fx, fy, fz, faintness) and in_clear_view(
-            x, y, z, dx, dy, dz, sun, limits, mu
+            x, y, z, dx, dy, dz, sun, limits, primaries
         )
         count += seen[j]
     return count
@@ -40,7 +40,7 @@ def add_directions(track, target, motion, sun, view, looks, out):
 
     `track` (time, 3), `target` (time, target, 3), `motion` (time, target, 3, 6) the derivative of
     the position by the whitened state at the start, `sun` (time, 3), `view` limits, faintness and
-    mass ratio, `looks` those of a step over the variance of an angle (rad^2); `out` (target, 21).
+    primaries, `looks` those of a step over the variance of an angle (rad^2); `out` (target, 21).
 
     A look along the unit vector u at the distance r has the information (I - u u^T) / (sigma r)^2
     about the position.

@@ -18,7 +18,7 @@ from cislunar.architecture.places import Places
 from cislunar.attitude.quaternion import normalize
 from cislunar.attitude.rigid_body import propagate_spherical, spherical_transition
 from cislunar.constants import MU, TIME_UNIT_S
-from cislunar.dynamics.cr3bp import CR3BP
+from cislunar.dynamics.cr3bp import CR3BP, primary_positions
 from cislunar.dynamics.propagation import advance_orbits, propagate_stm
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.spread import INITIAL_SPREAD, Spread
@@ -70,13 +70,13 @@ class Looks:
             raise ConfigurationError(f"initial = {self.initial} must be positive throughout")
 
     def view(self, mu: float) -> tuple:
-        """Limits, faintness and mass ratio, as the compiled kernels take them."""
+        """Limits, faintness and places of Earth and Moon, as the compiled kernels take them."""
         faintness = faintness_per_squared_range(
             self.sensor.limiting_magnitude,
             radius_m=self.radius_m,
             diffuse_reflection_coefficient=self.diffuse_reflection_coefficient,
         )
-        return self.sensor.limits(), faintness * METRES**2, float(mu)
+        return self.sensor.limits(), faintness * METRES**2, primary_positions(float(mu))
 
 
 class Windows(NamedTuple):

@@ -13,7 +13,10 @@ from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.library import family_extent, sampling_settings
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.tree import Orbits, Targets, Visibility
+from cislunar.constants import SECONDS_PER_DAY
+from cislunar.ephemeris.bodies import COLUMNS, NODE_SPACING_S, BodyTable, tabulate_bodies
 from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
+from cislunar.ephemeris.time_scales import utc_to_tdb
 from cislunar.orbits.families import OrbitSet, observer_library
 from cislunar.targets.clustering import cluster, distinct_points
 from cislunar.targets.missions import load_missions
@@ -58,6 +61,42 @@ def sun_dataset(settings: Mapping[str, Any]) -> xr.Dataset:
             "axis_j2000": _label("axis_j2000", AXES, "axis of J2000"),
         },
         attrs=provenance("Sun and rotating frame from SPICE", settings=settings),
+    )
+
+
+def bodies_dataset(settings: Mapping[str, Any]) -> xr.Dataset:
+    """Make ``ephemeris/bodies.nc``, from the keys `epoch_jd`, `ephemeris` and `visibility`."""
+    epoch = float(utc_to_tdb(settings["epoch_jd"]))
+    length = settings["visibility"]["duration_days"] * SECONDS_PER_DAY
+    table = tabulate_bodies(epoch, epoch + length, settings["ephemeris"]["kernel"])
+    node = table.start + table.spacing * np.arange(len(table.coefficients))
+    bodies = [f"{body}_{axis}" for body in COLUMNS for axis in AXES]
+    return xr.Dataset(
+        {
+            "coefficient": variable(
+                ("interval", "power", "coordinate"),
+                table.coefficients,
+                "km",
+                "of the powers of the fraction of an interval: places about the Earth-Moon "
+                "barycenter, axes of J2000",
+            ),
+            "epoch_et": variable((), epoch, "s", "epoch, TDB seconds past J2000"),
+        },
+        coords={
+            "et": variable("interval", node, "s", "begin of an interval, TDB seconds past J2000"),
+            "power": variable("power", np.arange(4), "1", "power"),
+            "coordinate": _label("coordinate", bodies, "body and axis of J2000"),
+        },
+        attrs=provenance("Earth, Moon and Sun from SPICE", settings=settings),
+    )
+
+
+def body_table(bodies: xr.Dataset) -> BodyTable:
+    """The table in ``ephemeris/bodies.nc``."""
+    return BodyTable(
+        float(bodies["et"].values[0]),
+        NODE_SPACING_S,
+        np.ascontiguousarray(bodies["coefficient"].values),
     )
 
 

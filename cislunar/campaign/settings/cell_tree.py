@@ -24,6 +24,7 @@ from cislunar.campaign.settings.fields import (
     several,
     whole,
 )
+from cislunar.errors import ConfigurationError
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.observation.body_spread import BodySpread
 from cislunar.photometry.materials import Material as LibraryMaterial
@@ -123,6 +124,39 @@ class ProcessNoise(Section):
         "of the angular velocity", "deg/h", "not given", default=0)
     position_km: NotNegative = setting("of the position", "km", "not given", default=0)
     velocity_m_s: NotNegative = setting("of the velocity", "m/s", "not given", default=0)
+    acceleration_m2_s3: NotNegative = setting(
+        "spectral density of white acceleration on each axis", "m^2/s^3", "not given", default=0)
+
+
+class Radiation(Section):
+    area_to_mass: NotNegative = setting(
+        "cross-section of every target by its mass; 0: sunlight does not push", "m^2/kg",
+        default=0.01)
+    reflectivity: NotNegative = setting(
+        "coefficient C_R of radiation pressure: 1 absorbs, 2 reflects back", "1", default=1.3)
+    believed_factor: NotNegative = setting(
+        "the push a filter of the ephemeris model believes in, by the true one", "1", default=1)
+
+
+class Dynamics(Section):
+    truth: Literal["cr3bp", "ephemeris"] = setting(
+        "what moves the targets: the `cr3bp`, or Earth, Moon and Sun where they are",
+        paper="cr3bp", default="cr3bp")
+    filter: Literal["cr3bp", "ephemeris"] = setting(
+        "what the estimators believe in; a filter of the CR3BP among real bodies has the "
+        "instantaneous rotating frame", paper="cr3bp", default="cr3bp")
+    srp: Radiation = Radiation()
+    lunar_harmonics: Flag = setting(
+        "true: J2 and C22 of the Moon act in the ephemeris model", default=True)
+
+    @model_validator(mode="after")
+    def _possible(self) -> "Dynamics":
+        if self.filter == "ephemeris" and self.truth == "cr3bp":
+            raise ConfigurationError(
+                "filter = 'ephemeris' with truth = 'cr3bp': where targets move by the CR3BP no "
+                "body is where the ephemeris has it; set truth to 'ephemeris'"
+            )
+        return self
 
 
 class Unknowns(Section):
@@ -269,6 +303,7 @@ class CellSettings(Section):
     sensor: Sensor = setting("")
     initial_sigma: InitialSigma = setting("")
     process_noise: ProcessNoise = ProcessNoise()
+    dynamics: Dynamics = Dynamics()
     custody: Custody = Custody()
     batch: Batch = Batch()
     body: Body = setting("")

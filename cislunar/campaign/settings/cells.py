@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from cislunar.architecture.published import PUBLISHED
-from cislunar.campaign.settings.cell_tree import Batch, CellSettings, Detection
+from cislunar.campaign.settings.cell_tree import Batch, CellSettings, Detection, Dynamics
 from cislunar.campaign.settings.reading import merged
 from cislunar.errors import ConfigurationError
 
@@ -69,6 +69,7 @@ def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings that keep what is usual do not say so: the file is the same as without the key."""
     fields = CellSettings.model_fields
     usual = {key: fields[key].default for key in ("start_day", "histories", "record")}
+    usual["dynamics"] = Dynamics().model_dump()
     said = {key: value for key, value in settings.items() if value != usual.get(key, ...)}
     for section, unsaid in _SAID_IF_UNUSUAL.items():
         said[section] = {
@@ -80,6 +81,7 @@ def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
 _SAID_IF_UNUSUAL = {
     "batch": {"noise_freedom": Batch().noise_freedom, "unknowns": Batch().unknowns.model_dump()},
     "tasking": {"detection": "sphere", "learned": Detection().model_dump()},
+    "process_noise": {"acceleration_m2_s3": 0},
 }
 """Keys of sections that are left out of settings where they keep what is usual."""
 

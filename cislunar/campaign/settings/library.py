@@ -14,7 +14,7 @@ from cislunar.campaign.settings.cells import true_settings
 from cislunar.campaign.settings.reading import typed
 from cislunar.estimation.estimator import EstimatorFactory
 from cislunar.estimation.registry import estimator_named
-from cislunar.estimation.spread import Spread
+from cislunar.estimation.spread import ProcessNoise, Spread
 from cislunar.evaluation.metrics import Custody
 from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.scene import TargetSurfaces, target_surfaces
@@ -164,6 +164,6 @@ def estimator_factory(name: str, cell: cell_tree.CellSettings) -> EstimatorFacto
     """The estimator of a cell, by its name in the configuration key `task2.estimators`."""
     return estimator_named(
         name,
-        process_noise=Spread(**dict(cell.process_noise)),
+        process_noise=ProcessNoise(**dict(cell.process_noise)),
         batch_settings=cell_tree.batch_settings(cell.batch),
     )

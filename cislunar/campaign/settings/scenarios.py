@@ -134,6 +134,9 @@ SHARED: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Any]] = {
     "ephemeris/sun": lambda settings, _: (
         settings["epoch_jd"], settings["ephemeris"], settings["visibility"]["duration_days"]
     ),
+    "ephemeris/bodies": lambda settings, _: (
+        settings["epoch_jd"], settings["ephemeris"], settings["visibility"]["duration_days"]
+    ),
     "targets/zvs_points": lambda settings, _: settings["targets"] | {"seeding": None},
     "orbits/tracked": lambda settings, entry: (
         entry.get("tracked"), tracked_epoch(settings, entry.get("tracked"))

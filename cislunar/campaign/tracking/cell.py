@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cislunar.architecture.coverage.measures import architecture_tracks
 from cislunar.campaign.architectures.variables import phases_of
-from cislunar.campaign.data.inputs import sun_at
+from cislunar.campaign.data.inputs import body_table, sun_at
 from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell, check_cell
@@ -21,7 +21,16 @@ from cislunar.campaign.settings.library import (
 )
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.scenarios import orbits_of
+from cislunar.campaign.tracking.real_sky import (
+    Sky,
+    believed_forces,
+    placed_targets,
+    real_scene,
+    reference_tracks,
+    true_forces,
+)
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.propagation import advance_orbits
 from cislunar.errors import ConfigurationError
 from cislunar.observation.scene import Scene, TargetSurfaces, make_scene
@@ -33,18 +42,21 @@ class CellInputs(NamedTuple):
     """Data sets a cell is run on, by the names the workflow gives their files.
 
     ``architecture/{scenario}/{architecture}.nc``, ``orbits/families.nc`` or its own observers,
-    ``orbits/tracked.nc`` and ``ephemeris/sun.nc``, the last two of the scenario.
+    ``orbits/tracked.nc`` and ``ephemeris/sun.nc``, the last two of the scenario, and its
+    ``ephemeris/bodies.nc`` where the targets move among the bodies as they are.
     """
 
     architecture: xr.Dataset
     orbits: xr.Dataset
     tracked: xr.Dataset
     sun: xr.Dataset
+    bodies: xr.Dataset | None = None
 
 
 def read_inputs(files: Any) -> CellInputs:
     """Read the data sets of a cell from an object with the path of each as attribute."""
-    return CellInputs(*(read_dataset(getattr(files, name)) for name in CellInputs._fields))
+    given = {name: getattr(files, name) for name in CellInputs._fields}
+    return CellInputs(**{name: read_dataset(path) for name, path in given.items() if path})
 
 
 class Problem(NamedTuple):
@@ -52,8 +64,10 @@ class Problem(NamedTuple):
 
     `surfaces` are as the estimator believes them, `truth` what they truly are, with the true noise.
     `epoch_state`, shape (target, 6), holds the targets' mean states as the run begins,
-    nondimensional, rotating frame; `target_ids` their rows in ``orbits/tracked.nc``;
-    `observer_slot` the slot of the architecture each observer flies in.
+    nondimensional; `target_ids` their rows in ``orbits/tracked.nc``; `observer_slot` the slot of
+    the architecture each observer flies in; `forces` those the estimator believes in. Positions
+    are in the rotating frame, or among the bodies as they are, see
+    `cislunar.campaign.tracking.real_sky`.
     """
 
     scene: Scene
@@ -62,6 +76,7 @@ class Problem(NamedTuple):
     epoch_state: NDArray[np.float64]
     target_ids: NDArray[np.int64]
     observer_slot: NDArray[np.int64]
+    forces: tuple
 
 
 def orbits_file(cell: Cell, orbits: xr.Dataset) -> str:
@@ -78,7 +93,7 @@ def tracking_problem(
     cell: Cell, inputs: CellInputs, settings: CellSettings, propagator: str, loop: LoopSettings
 ) -> Problem:
     """Observers, targets and Sun of a cell; a `ConfigurationError` if its data sets do not fit."""
-    architecture, orbits, tracked, sun = inputs
+    architecture, orbits, tracked, sun, bodies = inputs
     where = f"architecture/{cell.scenario}/{cell.architecture}.nc"
     orbit, satellites = architecture["orbit"].values, architecture["satellites"].values
     if satellites.sum() < 1:
@@ -92,26 +107,45 @@ def tracking_problem(
         )
     start = settings.start_day * SECONDS_PER_DAY / TIME_UNIT_S
     times = start + loop.elapsed_s / TIME_UNIT_S
-    tracks = architecture_tracks(
-        orbits["state"].values[orbit],
-        orbits["period"].values[orbit],
-        satellites,
-        times,
-        phase=phases_of(architecture),
-        propagator=propagator,
-    )
+    flown = orbits["state"].values[orbit], orbits["period"].values[orbit]
+    phase = phases_of(architecture)
     ids = monitored_targets(tracked.sizes["target"], cell.targets, settings.monitored_seed)
     # All targets are placed, so that a target starts at the same point in every monitored set.
     periods = tracked["period"].values
     states = epoch_states(tracked["state"].values, periods, settings.monitored_seed)
+    placed = advance_orbits(states[ids], periods[ids], start)
+    truth = truth_model(settings, cell.targets)
+    forces: tuple = EARTH_MOON
+    if settings.dynamics.truth == "ephemeris":
+        sky = _sky(bodies, settings)
+        ahead = [p + np.arange(n) / n for p, n in zip(phase, satellites, strict=True)]
+        tracks = reference_tracks(sky, *flown, ahead, loop.elapsed_s, propagator)
+        scene = real_scene(sky, tracks, loop)
+        placed, low_lunar = placed_targets(sky, placed)
+        truth = truth._replace(forces=true_forces(sky, settings.dynamics))
+        forces = believed_forces(sky, settings, loop, low_lunar)
+    else:
+        tracks = architecture_tracks(*flown, satellites, times, phase=phase, propagator=propagator)
+        scene = make_scene(tracks, sun_at(sun, times), loop.step_s)
     return Problem(
-        make_scene(tracks, sun_at(sun, times), loop.step_s),
+        scene,
         believed_surfaces(settings, cell.targets),
-        truth_model(settings, cell.targets),
-        advance_orbits(states[ids], periods[ids], start),
+        truth,
+        placed,
         ids,
         np.repeat(np.arange(orbit.size), satellites),
+        forces,
     )
+
+
+def _sky(bodies: xr.Dataset | None, settings: CellSettings) -> Sky:
+    """The bodies and times of a cell."""
+    if bodies is None:
+        raise ConfigurationError(
+            "'task2.dynamics.truth' = 'ephemeris' needs ephemeris/bodies.nc: give it as `bodies`"
+        )
+    epoch = float(bodies["epoch_et"])
+    return Sky(body_table(bodies), epoch, epoch + settings.start_day * SECONDS_PER_DAY)
 
 
 def cell_loop(
@@ -141,5 +175,6 @@ def cell_loop(
         loop,
         estimator=estimator_factory(cell.estimator, chosen),
         truth=problem.truth,
+        forces=problem.forces,
     )
     return run, problem

@@ -16,14 +16,17 @@ from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import CellInputs, Problem, cell_loop, orbits_file
 from cislunar.campaign.tracking.checkpoint import CHECKPOINT_S, Checkpoint, checkpoint_folder
 from cislunar.campaign.tracking.records import (
+    AMONG_BODIES,
     ESTIMATED,
     RECORD_COORDINATES,
+    ROTATING,
     Described,
     look_values,
     observer_variables,
     recorded_variables,
     start_day,
 )
+from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
     FLOOR_HITS,
@@ -178,7 +181,7 @@ def _dataset(
         "observer_slot": ("observer", slot, "1", "slot of the architecture"),
     }  # fmt: skip
     described = {**histories, **_results(loop)}
-    described |= observer_variables(settings.record, problem.scene)
+    described |= observer_variables(settings.record, problem.scene, _frame(loop))
     coords |= {name: RECORD_COORDINATES[name] for name in _record_dims(loop)}
     return xr.Dataset(
         {
@@ -258,7 +261,12 @@ def _histories(loop: ClosedLoop) -> dict[str, Described]:
     if settings.tasking.detection is None:
         left_out |= {"brightness_offset", "brightness_offset_sigma"}
     usual = {name: each for name, each in _KEPT.items() if name not in left_out}
-    return usual | recorded_variables(settings.record)
+    return usual | recorded_variables(settings.record, _frame(loop))
+
+
+def _frame(loop: ClosedLoop) -> str:
+    """What positions and velocities of a cell refer to."""
+    return ROTATING if isinstance(loop.world.truth.forces, CR3BP) else AMONG_BODIES
 
 
 def _record_dims(loop: ClosedLoop) -> list[str]:

@@ -29,7 +29,9 @@ RECORD_COORDINATES = {
 """Dimensions of the variables; dimensions, values, unit and meaning."""
 
 _HISTORY = ("seed", "time", "target")
-_FRAME = "nondimensional, rotating frame"
+ROTATING = "nondimensional, rotating frame"
+AMONG_BODIES = "nondimensional, frame of J2000 about the Earth-Moon barycenter"
+_FRAME = "{frame}"
 _LOOK = ("look",)
 
 
@@ -91,12 +93,15 @@ _RECORDABLE = {
 }  # fmt: skip
 
 
-def recorded_variables(record: Sequence[str]) -> dict[str, Described]:
+def recorded_variables(record: Sequence[str], frame: str = ROTATING) -> dict[str, Described]:
     """What is kept of every realization on request, for these values of `task2.record`."""
     found: dict[str, Described] = {}
     for asked in _RECORDABLE:
         found |= _RECORDABLE[asked] if asked in record else {}
-    return found
+    return {
+        name: each._replace(meaning=each.meaning.format(frame=frame))
+        for name, each in found.items()
+    }
 
 
 def look_values(looks: Looks) -> dict[str, NDArray]:
@@ -115,7 +120,9 @@ def look_values(looks: Looks) -> dict[str, NDArray]:
     }
 
 
-def observer_variables(record: Sequence[str], scene: Scene) -> dict[str, tuple]:
+def observer_variables(
+    record: Sequence[str], scene: Scene, frame: str = ROTATING
+) -> dict[str, tuple]:
     """Dimensions, values, unit and meaning of where observers were, if that is needed."""
     if not {"measurements", "pointing"} & {*record}:
         return {}
@@ -123,10 +130,10 @@ def observer_variables(record: Sequence[str], scene: Scene) -> dict[str, tuple]:
     return {
         "observer_position": (
             ("observer", "step", "axis"), scene.observer_position[:, 1:], "1",
-            f"position of the observer, {_FRAME}"),
+            f"position of the observer, {frame}"),
         "observer_axes": (
             ("step", "body_axis", "axis"), scene.observer_axes[1:], "1",
-            "rotation from the rotating frame to the observers' body frame"),
+            f"rotation from the {frame.partition(', ')[2]} to the observers' body frame"),
     }  # fmt: skip
 
 
@@ -170,8 +177,14 @@ def cell_arcs(
     Raises
     ------
     ConfigurationError
-        If the cell was made without what is wanted.
+        If the cell was made without what is wanted, or among the bodies as they are.
     """
+    if json.loads(cell.attrs["settings"]).get("dynamics", {}).get("truth") == "ephemeris":
+        raise ConfigurationError(
+            "the states of a cell with 'task2.dynamics.truth' = 'ephemeris' are in axes of J2000 "
+            "as they stand, times LENGTH_UNIT_KM and LENGTH_UNIT_KM / TIME_UNIT_S about the "
+            "Earth-Moon barycenter; only those of the rotating frame are made into arcs"
+        )
     name = f"{which}_translation"
     if name not in cell:
         wanted = "truth" if which == "true" else "estimates"

@@ -27,7 +27,7 @@ from cislunar.estimation.estimator import (
 )
 from cislunar.estimation.kalman.mukf_kernels import SIZE, FilterState, advance, predict_all
 from cislunar.estimation.kalman.workspace import filter_constants
-from cislunar.estimation.spread import Spread
+from cislunar.estimation.spread import ProcessNoise
 from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
@@ -50,7 +50,7 @@ class MultiplicativeUKF:
         Noise and field of view.
     initial : InitialEstimate
         Estimates at the epoch.
-    process_noise : Spread
+    process_noise : ProcessNoise
         Standard deviations that accumulate in `PROCESS_NOISE_PERIOD_S`; none by default.
     use_magnitude : bool
         False filters on the angles alone.
@@ -70,7 +70,7 @@ class MultiplicativeUKF:
         sensor: Sensor,
         initial: InitialEstimate,
         *,
-        process_noise: Spread | None = None,
+        process_noise: ProcessNoise | None = None,
         use_magnitude: bool = True,
         forces: tuple = EARTH_MOON,
     ) -> None:
@@ -125,7 +125,9 @@ class MultiplicativeUKF:
         return out
 
 
-def mukf(*, process_noise: Spread | None = None, use_magnitude: bool = True) -> EstimatorFactory:
+def mukf(
+    *, process_noise: ProcessNoise | None = None, use_magnitude: bool = True
+) -> EstimatorFactory:
     """Factory of the paper's filter for the tasking loop.
 
     Parameters

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
 from cislunar.dynamics.bundle import step_bundle
+from cislunar.dynamics.forces import of_state
 from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
     FLOOR_HITS,
@@ -26,6 +27,7 @@ from cislunar.estimation.estimator import (
 from cislunar.estimation.expected import expected_directions, expected_measurements
 from cislunar.estimation.kalman.attitude_spread import rotation_differences
 from cislunar.estimation.kalman.workspace import (
+    add_process_noise,
     covariance_of,
     deviations,
     in_field,
@@ -107,23 +109,22 @@ def predict(state, j, k, bodies, scene, constants, work):
     root, weights = state.root[j], constants.weights
     bundle, differences = work.bundle, work.differences
     sigma_points(translation, root[6:], weights.spread, bundle)
-    t = k * scene.step
-    step_bundle(constants.forces, t, bundle, scene.step, work.slopes, work.stage)
+    forces = of_state(constants.forces, j)
+    step_bundle(forces, k * scene.step, bundle, scene.step, work.slopes, work.stage)
     turn = rotation_differences(omega, root, weights.spread, scene.step_s, bodies, j, differences)
     for c in range(6):
         center = bundle[c, 0]
         for i in range(2 * SIZE):
             differences[i, 6 + c] = bundle[c, 1 + i] - center
     difference_moments(differences, weights.outer, weights.mean_shift, work.shift, work.covariance)
-    for c in range(SIZE):
-        work.covariance[c, c] += constants.process_variance[c]
+    add_process_noise(work.covariance, constants)
     _turn_left(quaternion, turn[0], turn[1], turn[2], turn[3])
     for c in range(6):
         translation[c] = bundle[c, 0]
     _apply(quaternion, omega, translation, work.shift)
     if not np.isfinite(np.sum(quaternion)):
         return NOT_FINITE
-    health = translation_condition(translation, constants.forces.mu)
+    health = translation_condition(translation, scene.primaries[k + 1])
     return health if health != HEALTHY else take_covariance(work.covariance, root)
 
 

@@ -8,9 +8,15 @@ that leaving it to the attitude's estimator changes the orbit by less than its n
 from numba import njit
 
 from cislunar.dynamics.bundle import step_bundle
+from cislunar.dynamics.forces import of_state
 from cislunar.estimation.estimator import HEALTHY
 from cislunar.estimation.expected import expected_directions
-from cislunar.estimation.kalman.workspace import in_field, take_covariance, translation_condition
+from cislunar.estimation.kalman.workspace import (
+    add_process_noise,
+    in_field,
+    take_covariance,
+    translation_condition,
+)
 from cislunar.estimation.unscented import (
     difference_moments,
     innovation_moments,
@@ -26,20 +32,21 @@ ACCEPTED, OUTSIDE_FIELD, FAILED_UPDATE = range(3)
 
 
 @njit(cache=True, error_model="numpy")
-def predict_translation(translation, root, k, step, constants, work):
-    """Carry mean (6,) and root (6, 6) of a translation over the step from time k; their health."""
+def predict_translation(translation, root, j, k, scene, constants, work):
+    """Carry mean (6,) and root (6, 6) of target j over the step from time k; their health."""
     weights, bundle, differences = constants.weights, work.bundle, work.differences
     sigma_points(translation, root, weights.spread, bundle)
-    step_bundle(constants.forces, k * step, bundle, step, work.slopes, work.stage)
+    forces = of_state(constants.forces, j)
+    step_bundle(forces, k * scene.step, bundle, scene.step, work.slopes, work.stage)
     for c in range(SIZE):
         center = bundle[c, 0]
         for i in range(2 * SIZE):
             differences[i, c] = bundle[c, 1 + i] - center
     difference_moments(differences, weights.outer, weights.mean_shift, work.shift, work.covariance)
+    add_process_noise(work.covariance, constants)
     for c in range(SIZE):
-        work.covariance[c, c] += constants.process_variance[c]
         translation[c] = bundle[c, 0] + work.shift[c]
-    health = translation_condition(translation, constants.forces.mu)
+    health = translation_condition(translation, scene.primaries[k + 1])
     return health if health != HEALTHY else take_covariance(work.covariance, root)
 
 

@@ -13,7 +13,7 @@ from cislunar.estimation.estimator import (
     LOST_DEFINITENESS,
     NOT_FINITE,
 )
-from cislunar.estimation.spread import Spread
+from cislunar.estimation.spread import ProcessNoise
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import UnscentedWeights, unscented_weights
 from cislunar.observation.scene import Scene
@@ -33,6 +33,8 @@ class FilterConstants(NamedTuple):
         Force model, see `cislunar.dynamics.forces`.
     process_variance : ndarray, shape (n,)
         Added to the covariance's diagonal at each step.
+    process_covariance : float
+        Added to that of position and velocity on the same axis.
     half_field : float
         Half the field of view, rad.
     use_magnitude : bool
@@ -43,6 +45,7 @@ class FilterConstants(NamedTuple):
 
     forces: tuple
     process_variance: Array
+    process_covariance: float
     half_field: float
     use_magnitude: bool
     weights: UnscentedWeights
@@ -52,15 +55,17 @@ def filter_constants(
     n: int,
     scene: Scene,
     sensor: Sensor,
-    process_noise: Spread | None,
+    process_noise: ProcessNoise | None,
     forces: tuple,
     use_magnitude: bool,
 ) -> FilterConstants:
     """Constants of a filter of the last n of the twelve states."""
-    process = Spread() if process_noise is None else process_noise
+    process = ProcessNoise() if process_noise is None else process_noise
+    variance, covariance = process.covariance(scene.step_s)
     return FilterConstants(
         forces,
-        process.process_variance(scene.step_s)[12 - n :],
+        variance[12 - n :],
+        covariance,
         sensor.limits().half_field,
         bool(use_magnitude),
         unscented_weights(n),
@@ -107,12 +112,22 @@ def make_workspace(size, measured):
 
 
 @njit(cache=True, error_model="numpy")
-def translation_condition(translation, mu):
+def translation_condition(translation, primaries):
     """Whether a translation (6,) is usable: HEALTHY, NOT_FINITE or INSIDE_PRIMARY."""
     if not np.isfinite(np.sum(translation)):
         return NOT_FINITE
-    inside = inside_primary(translation[0], translation[1], translation[2], mu)
+    inside = inside_primary(translation[0], translation[1], translation[2], primaries)
     return INSIDE_PRIMARY if inside else HEALTHY
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def add_process_noise(covariance, constants):
+    """Add what a step of process noise does to a covariance (n, n), to its lower triangle."""
+    n = covariance.shape[0]
+    for c in range(n):
+        covariance[c, c] += constants.process_variance[c]
+    for c in range(n - 3, n):
+        covariance[c, c - 3] += constants.process_covariance
 
 
 @njit(cache=True, error_model="numpy")

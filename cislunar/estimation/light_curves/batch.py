@@ -40,7 +40,7 @@ from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettin
 from cislunar.estimation.light_curves.hypotheses import Hypotheses, mixture_points, prior_hypotheses
 from cislunar.estimation.light_curves.light_curve import Anchor, LightCurveModel
 from cislunar.estimation.light_curves.row_blocks import COLUMNS, ROTATION
-from cislunar.estimation.spread import Spread
+from cislunar.estimation.spread import ProcessNoise
 from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
@@ -71,7 +71,7 @@ class BatchEstimator:
         Of the starts; every target has a stream of its own.
     settings : BatchSettings, optional
         Multi-start with eight modes, if omitted.
-    process_noise : Spread, optional
+    process_noise : ProcessNoise, optional
         Of the translation; none if omitted.
     forces : NamedTuple
         Force model, see `cislunar.dynamics.forces`.
@@ -92,7 +92,7 @@ class BatchEstimator:
         rng: np.random.Generator,
         *,
         settings: BatchSettings | None = None,
-        process_noise: Spread | None = None,
+        process_noise: ProcessNoise | None = None,
         forces: tuple = EARTH_MOON,
     ) -> None:
         initial.require_positive()
@@ -181,6 +181,7 @@ class BatchEstimator:
                 continue
             points = tuple(part.copy() for part in self._points[j])
             predict_target(
+                j,
                 self._index,
                 self._scene,
                 self._constants,
@@ -242,7 +243,7 @@ def _batch_constants(
     settings: BatchSettings,
     scene: Scene,
     sensor: Sensor,
-    process_noise: Spread | None,
+    process_noise: ProcessNoise | None,
     forces: tuple,
 ) -> BatchConstants:
     window, memory = (
@@ -292,7 +293,7 @@ def _light_curve_model(
 
 
 def batch(
-    settings: BatchSettings | str = "default", *, process_noise: Spread | None = None
+    settings: BatchSettings | str = "default", *, process_noise: ProcessNoise | None = None
 ) -> EstimatorFactory:
     """Factory of the batch estimator for the tasking loop.
 
@@ -300,7 +301,7 @@ def batch(
     ----------
     settings : BatchSettings or str
         Settings, or the name of one of the `PRESETS`.
-    process_noise : Spread, optional
+    process_noise : ProcessNoise, optional
         As in `BatchEstimator`.
 
     Returns

@@ -159,8 +159,7 @@ def _use(records, row, k, scene, constants, translation, root, data, rows, count
     elif constants.use_non_detections:
         ox, oy, oz = place[0], place[1], place[2]
         dx, dy, dz = translation[0] - ox, translation[1] - oy, translation[2] - oz
-        mu = constants.translation.forces.mu
-        if not in_clear_view(ox, oy, oz, dx, dy, dz, sun, limits, mu):
+        if not in_clear_view(ox, oy, oz, dx, dy, dz, sun, limits, scene.primaries[k]):
             return False, rows
     if used or (constants.use_non_detections and not detected):
         weight = limits.noise_variance[0] / variance[0]
@@ -205,7 +204,7 @@ def advance_target(
         k = first + i
         if state.condition[j] == HEALTHY:
             state.condition[j] = predict_translation(
-                translation, root, k - 1, scene.step, constants.translation, work
+                translation, root, j, k - 1, scene, constants.translation, work
             )
             if state.condition[j] == LOST_DEFINITENESS:
                 counters[CHOLESKY_FAILURES] += 1
@@ -265,10 +264,10 @@ def _forget(hypotheses, data, model, state, j, before, memory):
 
 
 @njit(cache=True, error_model="numpy")
-def predict_target(k, scene, constants, model, translation, root, points, count, mean, joint):
-    """Carry copies of one target's estimate over the step from time k; fills the joint root."""
+def predict_target(j, k, scene, constants, model, translation, root, points, count, mean, joint):
+    """Carry copies of target j's estimate over the step from time k; fills the joint root."""
     work = make_workspace(SIZE, 2)
-    health = predict_translation(translation, root, k, scene.step, constants.translation, work)
+    health = predict_translation(translation, root, j, k, scene, constants.translation, work)
     joint[:, :] = 0.0
     if health != HEALTHY:
         translation[:] = np.nan

@@ -94,7 +94,6 @@ _WEIGHTS = unscented_weights(6), unscented_weights(12)
 class _Belief(NamedTuple):
     """What the kernel needs of `TaskingModel` and sensor."""
 
-    mu: float
     limits: SensorLimits
     variance: Array
     faintness: float
@@ -105,7 +104,7 @@ class _Belief(NamedTuple):
     twelve: UnscentedWeights
 
 
-def _belief(model: TaskingModel, sensor: Sensor, mu: float) -> _Belief:
+def _belief(model: TaskingModel, sensor: Sensor) -> _Belief:
     limits = sensor.limits()
     faintness = faintness_per_squared_range(
         sensor.limiting_magnitude,
@@ -113,7 +112,6 @@ def _belief(model: TaskingModel, sensor: Sensor, mu: float) -> _Belief:
         diffuse_reflection_coefficient=model.diffuse_reflection_coefficient,
     )
     return _Belief(
-        float(mu),
         limits,
         limits.noise_variance / model.measurements,
         faintness * METRES**2,
@@ -125,12 +123,12 @@ def _belief(model: TaskingModel, sensor: Sensor, mu: float) -> _Belief:
 
 
 @njit(cache=True, error_model="numpy")
-def _observable(observer, place, sun, belief):
+def _observable(observer, place, sun, primaries, belief):
     """Whether a place is in clear view, and the sphere that stands for a target bright enough."""
     ox, oy, oz = observer[0], observer[1], observer[2]
     x, y, z = place[0], place[1], place[2]
     dx, dy, dz = x - ox, y - oy, z - oz
-    if not in_clear_view(ox, oy, oz, dx, dy, dz, sun, belief.limits, belief.mu):
+    if not in_clear_view(ox, oy, oz, dx, dy, dz, sun, belief.limits, primaries):
         return False
     if not belief.sphere:
         return True
@@ -194,13 +192,15 @@ def _fill(prediction, joint, scene, surfaces, belief, wanted, out):
     all_cross, all_even = np.empty((12, 3)), np.empty((3, 3))
     block = np.empty((BLOCK_ROWS, LANES))
     sun, axes, variance = scene.sun_position[index], scene.observer_axes[index], belief.variance
+    primaries = scene.primaries[index]
     for o in range(out.shape[0]):
         observer = scene.observer_position[o, index]
         for j in range(n_targets):
             if not wanted[o, j]:
                 continue
             out[o, j] = 0.0
-            if not usable[j] or not _observable(observer, translation[j], sun, belief):
+            place = translation[j]
+            if not usable[j] or not _observable(observer, place, sun, primaries, belief):
                 continue
             _, declination = expected_directions(points[j], observer, axes, expected)
             innovation_moments(expected, variance[1:], belief.six, shift, cross, even)
@@ -238,7 +238,6 @@ def pair_information(
     surfaces: TargetSurfaces,
     sensor: Sensor,
     model: TaskingModel,
-    forces: tuple,
     *,
     wanted: NDArray[np.bool_] | None = None,
     out: Array | None = None,
@@ -257,8 +256,6 @@ def pair_information(
         As for the filter. The surfaces matter to ``states="full"`` only.
     model : TaskingModel
         Settings.
-    forces : NamedTuple
-        Force model, see `cislunar.dynamics.forces`.
     wanted : ndarray of bool, shape (observer, target), optional
         The pairs to compute; all, if omitted.
     out : ndarray, shape (observer, target), optional
@@ -286,7 +283,7 @@ def pair_information(
     out = np.zeros(shape) if out is None else out
     wanted = np.ones(shape, dtype=bool) if wanted is None else wanted
     translation = prediction.index, *_translation(prediction)
-    belief = _belief(model, sensor, forces.mu)
+    belief = _belief(model, sensor)
     _fill(translation, joint, scene, surfaces, belief, wanted, out)
     return out
 
@@ -300,7 +297,7 @@ def _translation(prediction: Prediction) -> tuple[Array, Array]:
 
 
 def information_bound(
-    prediction: Prediction, scene: Scene, sensor: Sensor, model: TaskingModel, forces: tuple
+    prediction: Prediction, scene: Scene, sensor: Sensor, model: TaskingModel
 ) -> Array:
     """Upper bound of the information of position and velocity of every pair, nats.
 
@@ -309,7 +306,7 @@ def information_bound(
 
     Parameters
     ----------
-    prediction, scene, sensor, model, forces
+    prediction, scene, sensor, model
         As for `pair_information`, with ``model.states == "translation"``.
 
     Returns
@@ -317,12 +314,12 @@ def information_bound(
     ndarray, shape (observer, target)
         Infinite where nothing can be said, zero of a target without an estimate.
     """
-    belief = _belief(model, sensor, forces.mu)
+    belief = _belief(model, sensor)
     out = np.empty((scene.observer_position.shape[0], prediction.translation.shape[0]))
     bound_all(
         (prediction.index, *_translation(prediction)),
         scene,
-        (belief.variance[1:], belief.limits.cosines, belief.faintness, belief.mu),
+        (belief.variance[1:], belief.limits.cosines, belief.faintness),
         belief.six,
         belief.limits.half_field if belief.gate else np.inf,
         out,

@@ -167,11 +167,11 @@ def bound_all(prediction, scene, belief, weights, gate, out):
     """Upper bound of the information of all pairs, nats, into `out` (observer, target) (compiled).
 
     `prediction` is index, translation (target, 6) and covariance (target, 6, 6); `belief` variance
-    of right ascension and declination, cosines of the exclusions, faintness and mass ratio; `gate`
-    the greatest standard deviation of the direction (rad) or infinity.
+    of right ascension and declination, cosines of the exclusions, and faintness; `gate` the
+    greatest standard deviation of the direction (rad) or infinity.
     """
     index, translation, covariance = prediction
-    variance, cosines, faintness, mu = belief
+    variance, cosines, faintness = belief
     axes, count = scene.observer_axes[index], translation.shape[0]
     place, root, reach = np.empty((3, count)), np.empty((3, 3, count)), np.empty(count)
     _shifts(translation, covariance, axes, place, root)
@@ -184,7 +184,7 @@ def bound_all(prediction, scene, belief, weights, gate, out):
         for body in range(3):
             bx, by, bz = sun[0] - x, sun[1] - y, sun[2] - z
             if body != SUN:
-                bx, by, bz = toward_primary(body, x, y, z, mu)
+                bx, by, bz = toward_primary(body, x, y, z, scene.primaries[index])
             distance = np.sqrt(bx * bx + by * by + bz * bz)
             bx, by, bz = rotate(axes, bx, by, bz)
             directions[body] = bx / distance, by / distance, bz / distance

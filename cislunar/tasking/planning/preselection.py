@@ -58,13 +58,12 @@ def assign_preselected(
     surfaces: TargetSurfaces,
     sensor: Sensor,
     model: TaskingModel,
-    forces: tuple,
 ) -> Assignment:
     """The exact assignment of `pair_information`, from the information of few pairs.
 
     Parameters
     ----------
-    prediction, scene, surfaces, sensor, model, forces
+    prediction, scene, surfaces, sensor, model
         As for `cislunar.tasking.planning.information.pair_information`, with
         ``model.states == "translation"``.
 
@@ -75,11 +74,9 @@ def assign_preselected(
     """
 
     def compute(wanted: Pairs, gain: Array) -> None:
-        pair_information(
-            prediction, scene, surfaces, sensor, model, forces, wanted=wanted, out=gain
-        )
+        pair_information(prediction, scene, surfaces, sensor, model, wanted=wanted, out=gain)
 
-    return assign_by_bounds(information_bound(prediction, scene, sensor, model, forces), compute)
+    return assign_by_bounds(information_bound(prediction, scene, sensor, model), compute)
 
 
 def assign_by_bounds(bound: Array, compute: Callable[[Pairs, Array], None]) -> Assignment:

@@ -1,0 +1,111 @@
+"""A cell among Earth, Moon and Sun as they are: its scene, its first states, its force models.
+
+All states of such a cell are nondimensional, about the Earth-Moon barycenter in the axes of J2000.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.campaign.settings.cell_tree import CellSettings, Dynamics
+from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.dynamics.ephemeris_forces import Ephemeris, ephemeris_forces
+from cislunar.dynamics.framed_cr3bp import framed_cr3bp, inertial_states, is_low_lunar
+from cislunar.dynamics.frames import lunar_frame, pulsating_frame, to_inertial
+from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
+from cislunar.ephemeris.sampling import rotating_frame
+from cislunar.observation.scene import Scene, make_scene
+from cislunar.tasking.settings import LoopSettings
+from cislunar.visibility.counts import satellite_tracks
+
+Array = NDArray[np.float64]
+
+_CLOCK_STEP_S = 600.0
+
+
+class Sky(NamedTuple):
+    """The bodies, and TDB seconds past J2000 of the campaign's epoch and of a run's start."""
+
+    table: BodyTable
+    epoch: float
+    start: float
+
+
+def true_forces(sky: Sky, dynamics: Dynamics) -> Ephemeris:
+    """What truly moves the targets."""
+    return _ephemeris(sky, dynamics, 1.0)
+
+
+def believed_forces(
+    sky: Sky, settings: CellSettings, loop: LoopSettings, low_lunar: ArrayLike
+) -> tuple:
+    """What the estimator believes; `low_lunar` says of which targets, see `is_low_lunar`."""
+    dynamics = settings.dynamics
+    if dynamics.filter == "ephemeris":
+        return _ephemeris(sky, dynamics, dynamics.srp.believed_factor)
+    return framed_cr3bp(sky.table, sky.start, loop.step_s, loop.n_steps, low_lunar)
+
+
+def _ephemeris(sky: Sky, dynamics: Dynamics, factor: float) -> Ephemeris:
+    area = dynamics.srp.area_to_mass * factor
+    return ephemeris_forces(
+        sky.table,
+        sky.start,
+        area_to_mass=area or None,
+        reflectivity=dynamics.srp.reflectivity,
+        figure=dynamics.lunar_harmonics,
+    )
+
+
+def placed_targets(sky: Sky, state: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
+    """Mean states (target, 6) of the CR3BP among the bodies, and which are low lunar orbits."""
+    return inertial_states(state, sky.table, sky.start)
+
+
+def reference_tracks(
+    sky: Sky,
+    state: ArrayLike,
+    period: ArrayLike,
+    ahead: list[Array],
+    elapsed_s: Array,
+    propagator: str,
+) -> Array:
+    """Satellites held on their paths of the CR3BP, (satellite, time, 3), inertial axes.
+
+    Row by row of the orbits; `ahead` has the phases of the satellites of each, as fractions of the
+    period. Time passes for them in the units of the instantaneous frame.
+    """  # fmt: skip
+    found = []
+    times = sky.start + elapsed_s
+    frames = pulsating_frame(sky.table, times), lunar_frame(sky.table, times)
+    clocks = _clock(sky, elapsed_s), (times - sky.epoch) / TIME_UNIT_S
+    low = is_low_lunar(state)
+    for s, p, phases, kind in zip(np.asarray(state), np.asarray(period), ahead, low, strict=True):
+        wanted = clocks[int(kind)]
+        if len(phases):
+            track = satellite_tracks([s], [p], phases, wanted, propagator=propagator)[0]
+            at_rest = np.concatenate([track, np.zeros_like(track)], axis=-1)
+            found.append(to_inertial(at_rest, frames[int(kind)])[..., :3] / LENGTH_UNIT_KM)
+    return np.concatenate(found)
+
+
+def _clock(sky: Sky, elapsed_s: Array) -> Array:
+    """Time since the campaign's epoch in the units of the pulsating frame."""
+    length = sky.start - sky.epoch + elapsed_s[-1]
+    nodes = np.linspace(0.0, length, max(2, int(np.ceil(length / _CLOCK_STEP_S)) + 1))
+    rate = 1.0 / pulsating_frame(sky.table, sky.epoch + nodes).time
+    passed = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(nodes) * (rate[1:] + rate[:-1]))])
+    return np.interp(sky.start - sky.epoch + elapsed_s, nodes, passed)
+
+
+def real_scene(sky: Sky, tracks: Array, loop: LoopSettings) -> Scene:
+    """The scene of observers (observer, time, 3) in inertial axes."""
+    position, velocity, _ = read_table(sky.table, sky.start + loop.elapsed_s)
+    earth, moon = COLUMNS["earth"], COLUMNS["moon"]
+    start = rotating_frame(
+        position[0, moon] - position[0, earth], velocity[0, moon] - velocity[0, earth]
+    )
+    primaries = np.stack([position[:, earth], position[:, moon]], axis=1) / LENGTH_UNIT_KM
+    sun = position[:, COLUMNS["sun"]] / LENGTH_UNIT_KM
+    return make_scene(tracks, sun, loop.step_s, axes=start, primaries=primaries)
