@@ -151,12 +151,22 @@ def constant_schedule(target: ArrayLike, n_targets: int, n_steps: int) -> Schedu
     -------
     Schedule
     """
+    return pointed_schedule(np.tile(np.asarray(target, dtype=np.int64), (n_steps, 1)), n_targets)
+
+
+def pointed_schedule(target: ArrayLike, n_targets: int) -> Schedule:
+    """Every observer looks where it is told to, step by step.
+
+    Parameters
+    ----------
+    target : array_like of int, shape (step, observer)
+        Target of each observer at each step; below 0 for an idle one.
+    n_targets : int
+
+    Returns
+    -------
+    Schedule
+    """
     targets = np.asarray(target, dtype=np.int64)
-    busy = np.flatnonzero(targets >= 0)
-    return schedule(
-        np.repeat(targets[busy], n_steps),
-        np.tile(np.arange(n_steps), busy.size),
-        np.repeat(busy, n_steps),
-        n_targets,
-        n_steps,
-    )
+    step, observer = np.nonzero(targets >= 0)
+    return schedule(targets[step, observer], step, observer, n_targets, targets.shape[0])

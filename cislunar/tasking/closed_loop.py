@@ -50,11 +50,11 @@ class LoopResult:
     Attributes
     ----------
     assignment : ndarray of int16, shape (seed, epoch, observer)
-        Target of each observer, or -1.
+        Target of each observer, or -1; shape (seed, epoch, slot, observer) with slots.
     information : ndarray, shape (seed, epoch)
         Information of the tasking, nats.
     evaluations : ndarray of int, shape (seed, epoch)
-        Taskings tried.
+        Taskings tried; with slots, taskings of one slot.
     elapsed_s : ndarray, shape (time,)
         Times of `error`, `sigma` and `bound` since the start, s.
     error, sigma : ndarray of float32, shape (seed, time, target, 12)
@@ -80,6 +80,9 @@ class LoopResult:
         Each target's magnitude less the sphere's after the looks of each interval, and its standard
         deviation, shape (seed, epoch, target), if detection is learned; see
         `cislunar.tasking.planning.detection`.
+    planning_gap : ndarray, shape (seed, epoch), or None
+        By how much, relative to its worth, the choice for a slot may fall short of the best one,
+        if several observers may look at a target.
     """
 
     assignment: NDArray[np.int16]
@@ -97,6 +100,7 @@ class LoopResult:
     pair_information: Array | None
     brightness_offset: NDArray[np.float32] | None
     brightness_offset_sigma: NDArray[np.float32] | None
+    planning_gap: Array | None
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -111,7 +115,7 @@ class LoopResult:
 
 _KEPT = (
     *("assignment", "information", "evaluations", "error", "sigma", "bound", "fate"),
-    *("pair_information", "brightness_offset", "brightness_offset_sigma"),
+    *("pair_information", "brightness_offset", "brightness_offset_sigma", "planning_gap"),
 )
 """Attributes that are gathered from pieces."""
 

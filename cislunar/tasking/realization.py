@@ -6,7 +6,6 @@ light curves a batch estimator keeps; histories leave it in pieces.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,12 +15,11 @@ from cislunar.estimation.estimator import Estimates, Estimator, EstimatorFactory
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
 from cislunar.observation.measurement import DETECTED, NOT_TASKED, measure
-from cislunar.observation.records import Measurements, constant_schedule, highest, rows_of
+from cislunar.observation.records import Measurements, highest, pointed_schedule, rows_of
 from cislunar.observation.scene import Scene, TargetSurfaces
-from cislunar.tasking.planning.assignment import Assignment, assign, total_information
-from cislunar.tasking.planning.detection import LearnedDetection, sphere_magnitudes
-from cislunar.tasking.planning.information import pair_information
-from cislunar.tasking.planning.preselection import assign_preselected, preselects
+from cislunar.tasking.decision import decide
+from cislunar.tasking.planning.assignment import IDLE
+from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.recording import Piece, interval_records
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.simulation import (
@@ -67,6 +65,7 @@ class Realization(NamedTuple):
     bound: CramerRaoBound
     evaluation: Evaluation
     detection: LearnedDetection | None
+    pointing: NDArray[np.int64]
 
     @property
     def end(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:
@@ -87,6 +86,7 @@ def begun(world: World, number: int, seed: int) -> Realization:
         forces=truth.forces,
         inertia=truth.surfaces.inertia,
         angular_acceleration=truth.angular_acceleration,
+        looks=settings.schedule.observers_per_target,
     )
     own = stream(ESTIMATOR, seed)
     given = settings.sensor, world.initial, own, world.forces
@@ -101,25 +101,33 @@ def begun(world: World, number: int, seed: int) -> Realization:
     evaluation = Evaluation(world.ids.size, settings.n_steps, settings.step_s, settings.custody)
     learned = settings.tasking.detection
     detection = None if learned is None else LearnedDetection(learned, world.ids.size)
-    return Realization(number, seed, truth, motion, estimator, bound, evaluation, detection)
+    pointing = np.full(scene.observer_position.shape[0], IDLE, dtype=np.int64)
+    return Realization(
+        number, seed, truth, motion, estimator, bound, evaluation, detection, pointing
+    )
 
 
 def interval(world: World, own: Realization, number: int) -> Piece:
     """Assign the observers at an epoch and work through the interval that follows."""
     settings, start = world.settings, int(world.settings.epochs[number])
     n_steps = min(settings.steps_per_interval, settings.n_steps - start)
-    tasking, pairs, margin = _tasked(world, own, number)
-    motion, measurements, fate, estimates = _observed(world, own, start, n_steps, tasking.target)
+    tasking = decide(
+        own.estimator.predict(), n_steps, world.scene, world.surfaces, settings, world.forces,
+        own.detection, own.pointing, stream(TASKING, own.seed, number),
+    )  # fmt: skip
+    for target in tasking.target:
+        own.pointing[:] = np.where(target == IDLE, own.pointing, target)
+    motion, measurements, fate, estimates = _observed(world, own, start, tasking.looking)
     error, least = _judged(world, own, start, motion, measurements, estimates)
     some = settings.recorded_within(start, n_steps)
     asked, looks = interval_records(
-        start, own.number, tasking.target, motion, estimates, measurements, fate, settings,
+        start, own.number, tasking.looking, motion, estimates, measurements, fate, settings,
         world.scene,
     )  # fmt: skip
     kept: dict[str, tuple[str, NDArray]] = {
-        "assignment": ("epoch", tasking.target[None].astype(np.int16)),
+        "assignment": ("epoch", _in_slots(tasking.target, settings)[None].astype(np.int16)),
         "information": ("epoch", np.array([tasking.information])),
-        "evaluations": ("epoch", np.array([tasking.history.size])),
+        "evaluations": ("epoch", np.array([tasking.evaluations])),
         "fate": ("step", highest(measurements, fate, NOT_TASKED).T),
     }
     for history, name, values in (
@@ -129,59 +137,37 @@ def interval(world: World, own: Realization, number: int) -> Piece:
     ):
         if history in settings.histories:
             kept[name] = "time", values[:, some].swapaxes(0, 1).astype(np.float32)
-    if own.detection is not None and margin is not None:
-        own.detection.learn(rows_of(measurements)[0], measurements.observer, fate, margin)
+    if settings.schedule.observers_per_target > 1:
+        kept["planning_gap"] = "epoch", np.array([tasking.gap])
+    if own.detection is not None:
+        tasking.learn(own.detection, *rows_of(measurements), measurements.observer, fate)
         names = "brightness_offset", "brightness_offset_sigma"
         for name, values in zip(names, own.detection.offset(), strict=True):
             kept[name] = "epoch", values[None].astype(np.float32)
-    if pairs is not None and settings.keep_information:
-        kept["pair_information"] = "epoch", pairs[None]
+    if settings.keep_information:
+        kept["pair_information"] = "epoch", tasking.pairs[None]
     stop = start + n_steps
     times = slice(*np.searchsorted(settings.recorded, [start, stop]).tolist())
     places = {"epoch": slice(number, number + 1), "step": slice(start, stop), "time": times}
     return Piece(own.number, places, kept | asked, looks)
 
 
-def _tasked(
-    world: World, own: Realization, number: int
-) -> tuple[Assignment, Array | None, Array | None]:
-    """The assignment at an epoch, the information of all pairs where it took that, and by how much
-    spheres are brighter than the limit where detection is learned."""
-    settings, prediction = world.settings, own.estimator.predict()
-    known = world.scene, world.surfaces, settings.sensor, settings.tasking
-    n_pairs = world.scene.observer_position.shape[0] * world.ids.size
-    if not settings.keep_information and preselects(settings.tasking, settings.method, n_pairs):
-        return assign_preselected(prediction, *known), None, None
-    pairs = pair_information(prediction, *known)
-    worth, margin = pairs, None
-    if own.detection is not None:
-        margin = settings.sensor.limiting_magnitude - sphere_magnitudes(
-            prediction,
-            world.scene,
-            radius_m=settings.tasking.radius_m,
-            diffuse_reflection_coefficient=settings.tasking.diffuse_reflection_coefficient,
-        )
-        worth = own.detection.worth(pairs, margin)
-    tasking = assign(
-        worth,
-        settings.method,
-        rng=stream(TASKING, own.seed, number),
-        max_evaluations=settings.max_evaluations,
-        early_stop=settings.early_stop,
-    )
-    if margin is not None:
-        tasking = replace(tasking, information=total_information(pairs, tasking.target))
-    return tasking, pairs, margin
+def _in_slots(target: NDArray[np.int64], settings: LoopSettings) -> NDArray[np.int64]:
+    """Targets (slot, observer) as they are kept: without slots (observer,), filled up with them."""
+    if settings.slots is None:
+        return target[0]
+    missing = settings.slots - target.shape[0]
+    return np.pad(target, ((0, missing), (0, 0)), constant_values=IDLE)
 
 
 def _observed(
-    world: World, own: Realization, start: int, n_steps: int, target: NDArray[np.int64]
+    world: World, own: Realization, start: int, looking: NDArray[np.int64]
 ) -> tuple[Truth, Measurements, NDArray[np.uint8], Estimates]:
     """Truth, measurements with their fates, and estimates of the steps from `start` on."""
-    motion = own.motion.advance(n_steps)
+    motion = own.motion.advance(looking.shape[0])
     measurements, fate = measure(
         start + 1,  # index 0 of the scene is the start of the run, without a measurement
-        constant_schedule(target, world.ids.size, n_steps),
+        pointed_schedule(looking, world.ids.size),
         world.scene,
         own.truth.surfaces,
         world.settings.sensor,

@@ -55,7 +55,7 @@ class Records(NamedTuple):
         The measurements of all steps.
     pointing : ndarray, shape (seed, time, observer, 2)
         Right ascension and declination, in the observer's body frame, of the estimated place of
-        its target, rad; NaN for an idle observer.
+        its target, rad; NaN for an observer that is idle or turns.
     """
 
     true_translation: Array | None = None
@@ -135,7 +135,7 @@ def gathered(
 def interval_records(
     start: int,
     seed: int,
-    assigned: NDArray[np.int64],
+    looking: NDArray[np.int64],
     motion: Truth,
     estimates: Estimates,
     measurements: Measurements,
@@ -145,7 +145,8 @@ def interval_records(
 ) -> tuple[dict[str, tuple[str, NDArray]], Looks | None]:
     """What `settings.record` asks for of the steps from `start` on, as in `Piece`.
 
-    `assigned` has the target of each observer or -1; `motion` begins a step before the first.
+    `looking` (step, observer) has the targets looked at or -1; `motion` begins a step before the
+    first.
     """
     asked = settings.record
     steps = settings.recorded_within(start, measurements.offset.shape[1] - 1)
@@ -157,7 +158,7 @@ def interval_records(
     if "covariance" in asked:
         found["covariance"] = estimates.covariance[:, steps]
     if "pointing" in asked:
-        found["pointing"] = _pointing(start, steps, assigned, estimates, scene)
+        found["pointing"] = _pointing(start, steps, looking[steps], estimates, scene)
     looks = None
     if "measurements" in asked:
         target, step = rows_of(measurements)
@@ -169,18 +170,18 @@ def interval_records(
 def _pointing(
     start: int,
     steps: NDArray[np.int64],
-    assigned: NDArray[np.int64],
+    looking: NDArray[np.int64],
     estimates: Estimates,
     scene: Scene,
 ) -> Array:
-    """Angles (observer, time, 2) at some steps after `start`."""
-    place = estimates.translation[assigned][:, steps, :3]
+    """Angles (observer, time, 2) at some steps after `start`, towards the targets of each then."""
+    place = estimates.translation[looking.T, steps, :3]
     # index 0 of the scene is the epoch, without a measurement
     at = start + steps + 1
     way = place - scene.observer_position[:, at]
     x, y, z = np.einsum("tij,otj->iot", scene.observer_axes[at], way)
     angles = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=-1)
-    return np.where((np.asarray(assigned) >= 0)[:, None, None], angles, np.nan)
+    return np.where((looking.T >= 0)[..., None], angles, np.nan)
 
 
 _MOTION = ("translation", "quaternion", "angular_velocity")

@@ -11,6 +11,7 @@ from cislunar.evaluation.metrics import Custody
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.planning.assignment import EARLY_STOP, MAX_EVALUATIONS, METHODS
 from cislunar.tasking.planning.information import TaskingModel
+from cislunar.tasking.planning.schedule_model import ScheduleModel
 
 Array = NDArray[np.float64]
 
@@ -42,6 +43,8 @@ class LoopSettings:
         Noise and limits of the observers.
     tasking : TaskingModel
         What the tasking step believes.
+    schedule : ScheduleModel
+        Slots within an interval, and observers at a target.
     initial : Spread
         Uncertainty of the targets at the epoch.
     custody : Custody
@@ -69,6 +72,7 @@ class LoopSettings:
     early_stop: int = EARLY_STOP
     sensor: Sensor = field(default_factory=Sensor)
     tasking: TaskingModel = field(default_factory=TaskingModel)
+    schedule: ScheduleModel = field(default_factory=ScheduleModel)
     initial: Spread = INITIAL_SPREAD
     custody: Custody = field(default_factory=Custody)
     record_every: int = 1
@@ -97,8 +101,36 @@ class LoopSettings:
         for key, possible in (("histories", HISTORIES), ("record", RECORDABLE)):
             if not {*getattr(self, key)} <= {*possible}:
                 raise ConfigurationError(f"{key} = {getattr(self, key)} must be some of {possible}")
+        self._check_schedule()
         if not np.all(self.initial.components() > 0.0):
             raise ConfigurationError(f"initial = {self.initial} must be positive throughout")
+
+    def _check_schedule(self) -> None:
+        """Refuse slots that steps do not fit, and schedules that cannot be planned."""
+        minutes = self.schedule.slot_minutes
+        if minutes is not None:
+            steps = 60.0 * minutes / self.step_s
+            if round(steps) < 1 or abs(steps - round(steps)) > 1e-9:
+                raise ConfigurationError(
+                    f"slot_minutes = {minutes} must be a multiple of step_s = {self.step_s} s"
+                )
+        if not self.schedule.plain:
+            for key, value, needed in (
+                ("method", self.method, "exact"),
+                ("states", self.tasking.states, "translation"),
+            ):
+                if value != needed:
+                    raise ConfigurationError(
+                        f"{key} = {value!r}: slots, several observers at a target and turning "
+                        f"times need {key} = {needed!r}"
+                    )
+
+    @property
+    def slots(self) -> int | None:
+        """Slots of an interval, if it is divided."""
+        if self.schedule.slot_minutes is None:
+            return None
+        return int(np.ceil(self.interval_minutes / self.schedule.slot_minutes - 1e-9))
 
     @property
     def n_steps(self) -> int:

@@ -226,3 +226,21 @@ def test_impossible_records_name_the_key(tmp_path, record):
     config = read_campaign(ROOT / "config") | {"results": str(tmp_path)}
     with pytest.raises(ConfigurationError, match=r"'task2\.record"):
         check_campaign(merged(config, {"task2": {"record": record}}))
+
+
+def test_a_schedule_of_slots_is_in_the_file(inputs, tmp_path):
+    """With every look: who was told to look at what is who did."""
+    cell, settings = cell_of(["measurements"])
+    changed = {"slot_minutes": 40, "observers_per_target": 2, "detection": "learned"}
+    settings = merged(settings, {"tasking": changed})
+    path = tmp_path / "cell.nc"
+    write_cell(cell, inputs, settings, path, propagator="dop853", seed=3)
+    kept = read_dataset(path)
+    assert kept["assignment"].dims == ("seed", "epoch", "slot", "observer")
+    step, seed, observer = (kept[f"look_{key}"].values for key in ("step", "seed", "observer"))
+    at = seed, step // 60, step % 60 // 40, observer
+    np.testing.assert_array_equal(kept["assignment"].values[at], kept["look_target"].values)
+    first, second = (kept["assignment"][:, :, slot] >= 0 for slot in range(2))
+    looks = 40 * first.sum() + 20 * second.sum()
+    assert step.size == looks > 0
+    assert np.all(kept["planning_gap"] < 1e-6) and kept["brightness_offset"].shape == (2, 2, 3)

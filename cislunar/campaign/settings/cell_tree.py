@@ -30,6 +30,7 @@ from cislunar.observation.body_spread import BodySpread
 from cislunar.photometry.materials import Material as LibraryMaterial
 from cislunar.photometry.materials import PhotometryModel
 from cislunar.tasking.planning.detection_model import DetectionModel
+from cislunar.tasking.planning.schedule_model import ScheduleModel
 
 # fmt: off
 
@@ -79,6 +80,17 @@ class Tasking(Section):
         "is `learned` from what they found and weighs the information of a pair",
         paper="sphere", default="sphere")
     learned: Detection = setting("", default=Detection())
+    slot_minutes: Positive | None = setting(
+        "time after which an observer may turn to another target, a multiple of `step_s`; null: "
+        "the tasking interval", "min", "the interval", default=None)
+    observers_per_target: whole(ge=1, le=4) = setting(
+        "observers that may look at a target at the same time", "1", "1",
+        default=ScheduleModel.observers_per_target)
+    slew_deg_s: Positive | None = setting(
+        "rate at which an observer turns to another target; null: at once", "deg/s",
+        "at once", default=None)
+    settle_s: NotNegative = setting(
+        "time after turning until the first look", "s", "0", default=int(ScheduleModel.settle_s))
 
 
 class Sensor(Section):

@@ -11,7 +11,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from cislunar.architecture.published import PUBLISHED
-from cislunar.campaign.settings.cell_tree import Batch, CellSettings, Detection, Dynamics
+from cislunar.campaign.settings.cell_tree import (
+    Batch,
+    CellSettings,
+    Detection,
+    Dynamics,
+    Tasking,
+)
 from cislunar.campaign.settings.reading import merged
 from cislunar.errors import ConfigurationError
 
@@ -78,9 +84,16 @@ def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
     return said
 
 
+SCHEDULE_KEYS = ("slot_minutes", "observers_per_target", "slew_deg_s", "settle_s")
+"""Keys of `task2.tasking` that say how observers are scheduled within an interval."""
+
 _SAID_IF_UNUSUAL = {
     "batch": {"noise_freedom": Batch().noise_freedom, "unknowns": Batch().unknowns.model_dump()},
-    "tasking": {"detection": "sphere", "learned": Detection().model_dump()},
+    "tasking": {
+        "detection": "sphere",
+        "learned": Detection().model_dump(),
+        **{key: Tasking.model_fields[key].default for key in SCHEDULE_KEYS},
+    },
     "process_noise": {"acceleration_m2_s3": 0},
 }
 """Keys of sections that are left out of settings where they keep what is usual."""

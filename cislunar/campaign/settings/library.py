@@ -10,7 +10,7 @@ import numpy as np
 
 from cislunar.architecture.information.tables import Looks
 from cislunar.campaign.settings import cell_tree, tree
-from cislunar.campaign.settings.cells import true_settings
+from cislunar.campaign.settings.cells import SCHEDULE_KEYS, true_settings
 from cislunar.campaign.settings.reading import typed
 from cislunar.estimation.estimator import EstimatorFactory
 from cislunar.estimation.registry import estimator_named
@@ -28,6 +28,7 @@ from cislunar.targets.sampling import SamplingSettings
 from cislunar.tasking.closed_loop import LoopSettings
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel
+from cislunar.tasking.planning.schedule_model import ScheduleModel
 from cislunar.tasking.simulation import TruthModel
 from cislunar.visibility.counts import VisibilitySettings
 
@@ -151,6 +152,7 @@ def loop_settings(
         early_stop=tasking.early_stop,
         sensor=sensor(cell.sensor),
         tasking=_tasking_model(cell),
+        schedule=ScheduleModel(**{key: getattr(tasking, key) for key in SCHEDULE_KEYS}),
         initial=Spread(**dict(cell.initial_sigma)),
         custody=Custody(**dict(cell.custody)),
         record_every=round(60.0 * cell.record_minutes / cell.step_s),

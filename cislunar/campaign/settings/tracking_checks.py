@@ -5,8 +5,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from cislunar.attitude.inertia import inertia_matrix
+from cislunar.campaign.settings.cell_tree import Tasking
 from cislunar.campaign.settings.cells import (
     MOST_STEPS,
+    SCHEDULE_KEYS,
     campaign_cells,
     cell_settings,
     check_cell,
@@ -131,6 +133,7 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
             f"configuration key '{place}step_s' = {step} s does not divide "
             f"'task2.interval_minutes' = {config['task2']['interval_minutes']}"
         )
+    _check_schedule(f"{place}tasking", settings["tasking"], step)
     days = config["visibility"]["duration_days"]
     start = settings.get("start_day", 0)
     if hours > 24.0 * (days - start):
@@ -159,6 +162,24 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
             raise ConfigurationError(f"configuration key '{place}{key}': {error}") from None
     _check_body(f"{place}body", settings["body"])
     _check_body(f"{place}truth.body", true["body"])
+
+
+def _check_schedule(place: str, tasking: Mapping[str, Any], step: float) -> None:
+    """Slots of a tasking interval, and what cannot be had with them."""
+    minutes = tasking.get("slot_minutes")
+    if minutes is not None and not is_multiple(60.0 * minutes, step):
+        raise ConfigurationError(
+            f"configuration key '{place}.slot_minutes' = {minutes} is no multiple of step_s = "
+            f"{step} s, from one step on"
+        )
+    usual = {key: Tasking.model_fields[key].default for key in SCHEDULE_KEYS}
+    asked = [key for key in SCHEDULE_KEYS if tasking.get(key, usual[key]) != usual[key]]
+    for key, needed in (("method", "exact"), ("states", "translation")):
+        if asked and tasking[key] != needed:
+            raise ConfigurationError(
+                f"configuration key '{place}.{key}' = {tasking[key]!r}: {', '.join(asked)} can "
+                f"be had with {needed!r} alone"
+            )
 
 
 def _check_body(place: str, body: Mapping[str, Any]) -> None:

@@ -183,6 +183,9 @@ def _dataset(
     described = {**histories, **_results(loop)}
     described |= observer_variables(settings.record, problem.scene, _frame(loop))
     coords |= {name: RECORD_COORDINATES[name] for name in _record_dims(loop)}
+    if settings.slots is not None:
+        begins = 60.0 * settings.schedule.slot_minutes * np.arange(settings.slots)
+        coords["slot"] = "slot", begins, "s", "time since the tasking epoch"
     return xr.Dataset(
         {
             name: xr.Variable(dims, values, _attributes(name, unit, meaning))
@@ -242,6 +245,9 @@ _KEPT = {
         "magnitude of the target less that of tasking's sphere, learned after the interval"),
     "brightness_offset_sigma": Described(
         ("seed", "epoch", "target"), "f4", "mag", "standard deviation of brightness_offset"),
+    "planning_gap": Described(
+        ("seed", "epoch"), "f8", "1",
+        "largest relative gap to the best choice for a slot that the set packings leave"),
 }  # fmt: skip
 """Histories of a cell."""
 
@@ -260,7 +266,13 @@ def _histories(loop: ClosedLoop) -> dict[str, Described]:
     }
     if settings.tasking.detection is None:
         left_out |= {"brightness_offset", "brightness_offset_sigma"}
+    if settings.schedule.observers_per_target == 1:
+        left_out.add("planning_gap")
     usual = {name: each for name, each in _KEPT.items() if name not in left_out}
+    if settings.slots is not None:
+        usual["assignment"] = usual["assignment"]._replace(
+            dims=("seed", "epoch", "slot", "observer")
+        )
     return usual | recorded_variables(settings.record, _frame(loop))
 
 
@@ -287,6 +299,7 @@ def _sizes(loop: ClosedLoop) -> dict[str, int]:
         "seed": len(loop.seeds),
         "target": world.ids.size,
         "observer": world.scene.observer_position.shape[0],
+        "slot": world.settings.slots or 1,
         "component": len(COMPONENTS),
         "look": loop.state.looks,
     }

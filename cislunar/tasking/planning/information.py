@@ -104,7 +104,7 @@ class _Belief(NamedTuple):
     twelve: UnscentedWeights
 
 
-def _belief(model: TaskingModel, sensor: Sensor) -> _Belief:
+def belief_of(model: TaskingModel, sensor: Sensor) -> _Belief:
     limits = sensor.limits()
     faintness = faintness_per_squared_range(
         sensor.limiting_magnitude,
@@ -123,7 +123,7 @@ def _belief(model: TaskingModel, sensor: Sensor) -> _Belief:
 
 
 @njit(cache=True, error_model="numpy")
-def _observable(observer, place, sun, primaries, belief):
+def observable(observer, place, sun, primaries, belief):
     """Whether a place is in clear view, and the sphere that stands for a target bright enough."""
     ox, oy, oz = observer[0], observer[1], observer[2]
     x, y, z = place[0], place[1], place[2]
@@ -137,7 +137,7 @@ def _observable(observer, place, sun, primaries, belief):
 
 
 @njit(cache=True, error_model="numpy")
-def _direction_sigma(cross, even, noise_variance, declination):
+def direction_sigma(cross, even, noise_variance, declination):
     """Largest standard deviation of the predicted direction on the sky, rad."""
     scale = np.cos(declination)
     a = even[0, 0] - noise_variance[0]
@@ -200,11 +200,11 @@ def _fill(prediction, joint, scene, surfaces, belief, wanted, out):
                 continue
             out[o, j] = 0.0
             place = translation[j]
-            if not usable[j] or not _observable(observer, place, sun, primaries, belief):
+            if not usable[j] or not observable(observer, place, sun, primaries, belief):
                 continue
             _, declination = expected_directions(points[j], observer, axes, expected)
             innovation_moments(expected, variance[1:], belief.six, shift, cross, even)
-            sigma = _direction_sigma(cross, even, variance[1:], declination)
+            sigma = direction_sigma(cross, even, variance[1:], declination)
             if belief.gate and not sigma <= belief.limits.half_field:
                 continue
             if belief.full:
@@ -283,7 +283,7 @@ def pair_information(
     out = np.zeros(shape) if out is None else out
     wanted = np.ones(shape, dtype=bool) if wanted is None else wanted
     translation = prediction.index, *_translation(prediction)
-    belief = _belief(model, sensor)
+    belief = belief_of(model, sensor)
     _fill(translation, joint, scene, surfaces, belief, wanted, out)
     return out
 
@@ -314,7 +314,7 @@ def information_bound(
     ndarray, shape (observer, target)
         Infinite where nothing can be said, zero of a target without an estimate.
     """
-    belief = _belief(model, sensor)
+    belief = belief_of(model, sensor)
     out = np.empty((scene.observer_position.shape[0], prediction.translation.shape[0]))
     bound_all(
         (prediction.index, *_translation(prediction)),

@@ -1,0 +1,211 @@
+"""Who looks at what until the next tasking epoch: one target each, or a schedule of slots."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.estimation.estimator import Prediction
+from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.tasking.planning.assignment import IDLE, assign, total_information
+from cislunar.tasking.planning.detection import LearnedDetection
+from cislunar.tasking.planning.information import pair_information
+from cislunar.tasking.planning.looks import slot_looks, sphere_margins
+from cislunar.tasking.planning.preselection import assign_preselected, preselects
+from cislunar.tasking.planning.schedule import chances, plan_schedule
+from cislunar.tasking.planning.schedule_model import ScheduleModel
+from cislunar.tasking.settings import LoopSettings
+
+Array = NDArray[np.float64]
+
+
+class Decision(NamedTuple):
+    """What is to be looked at until the next tasking epoch.
+
+    Attributes
+    ----------
+    target : ndarray of int, shape (slot, observer)
+        Target of each observer, or `IDLE`.
+    looking : ndarray of int, shape (step, observer)
+        The same at every measurement; `IDLE` also while an observer turns.
+    information : float
+        Of the looks, nats.
+    evaluations : int
+        Taskings tried, or assignments and set packings solved for a schedule.
+    gap : float
+        By how much, relative to its worth, a set packing may fall short of the best.
+    pairs : ndarray, shape (observer, target), or None
+        Information of all pairs, where it was computed.
+    margin : ndarray, shape (slot, observer, target), or None
+        By how much spheres are brighter than the limit, where detection is learned.
+    starts : ndarray of int, shape (slot,)
+        First step of each slot.
+    """
+
+    target: NDArray[np.int64]
+    looking: NDArray[np.int64]
+    information: float
+    evaluations: int
+    gap: float
+    pairs: Array | None
+    margin: Array | None
+    starts: NDArray[np.int64]
+
+    def learn(
+        self,
+        detection: LearnedDetection,
+        target: NDArray[np.int64],
+        step: NDArray[np.int64],
+        observer: NDArray[np.int64],
+        fate: NDArray[np.uint8],
+    ) -> None:
+        """Let what became of the looks, shape (look,), teach how likely they detect."""
+        slot = np.searchsorted(self.starts, step, side="right") - 1
+        for s, margin in enumerate(() if self.margin is None else self.margin):
+            now = slot == s
+            detection.learn(target[now], observer[now], fate[now], margin)
+
+
+def decide(
+    prediction: Prediction,
+    n_steps: int,
+    scene: Scene,
+    surfaces: TargetSurfaces,
+    settings: LoopSettings,
+    forces: tuple,
+    detection: LearnedDetection | None,
+    pointing: NDArray[np.int64],
+    rng: np.random.Generator,
+) -> Decision:
+    """Decide at a tasking epoch.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        Estimates at the next measurement time.
+    n_steps : int
+        Measurements until the next epoch.
+    scene, surfaces, settings, forces
+        As of `cislunar.tasking.closed_loop.run_closed_loop`.
+    detection : LearnedDetection or None
+        What has been learned of the targets' brightness, if it is.
+    pointing : ndarray of int, shape (observer,)
+        Target each observer looked at last, or `IDLE` before the first.
+    rng : numpy.random.Generator
+        Of methods that search.
+
+    Returns
+    -------
+    Decision
+    """
+    if settings.schedule.plain:
+        return _assigned(prediction, n_steps, scene, surfaces, settings, detection, rng)
+    model, step_s = settings.schedule, scene.step_s
+    slot_steps = n_steps
+    if model.slot_minutes is not None:
+        slot_steps = round(60.0 * model.slot_minutes / step_s)
+    starts = np.arange(0, n_steps, slot_steps)
+    looks = slot_looks(prediction, starts, scene, settings.sensor, settings.tasking, forces)
+    lengths = np.diff(np.append(starts, n_steps))
+
+    def turning(target: NDArray[np.int64]) -> NDArray[np.int64]:
+        return _turning_steps(target, pointing, looks.direction, model, step_s)
+
+    def shares(target: NDArray[np.int64]) -> Array:
+        left = lengths[:, None, None] - turning(target)
+        return np.maximum(left, 0) / lengths[:, None, None]
+
+    plan = plan_schedule(
+        looks,
+        chances(detection, prediction.translation.shape[0]),
+        observers_per_target=model.observers_per_target,
+        shares=shares if model.turning else None,
+    )
+    looking = np.repeat(plan.target, lengths, axis=0)
+    if model.turning:
+        lost = turning(plan.target)
+        for s, o in np.argwhere(plan.target != IDLE):
+            until = min(lost[s, o, plan.target[s, o]], lengths[s])
+            looking[starts[s] : starts[s] + until, o] = IDLE
+    pairs = None
+    if settings.keep_information:
+        known = scene, surfaces, settings.sensor, settings.tasking
+        pairs = pair_information(prediction, *known)
+    margin = None if detection is None else looks.margin
+    return Decision(
+        plan.target, looking, plan.information, plan.evaluations, plan.gap, pairs, margin, starts
+    )
+
+
+def _assigned(
+    prediction: Prediction,
+    n_steps: int,
+    scene: Scene,
+    surfaces: TargetSurfaces,
+    settings: LoopSettings,
+    detection: LearnedDetection | None,
+    rng: np.random.Generator,
+) -> Decision:
+    """One target for each observer until the next epoch, as in the paper."""
+    known = scene, surfaces, settings.sensor, settings.tasking
+    n_pairs = scene.observer_position.shape[0] * prediction.translation.shape[0]
+    pairs = margin = None
+    if not settings.keep_information and preselects(settings.tasking, settings.method, n_pairs):
+        tasking = assign_preselected(prediction, *known)
+        information = tasking.information
+    else:
+        worth = pairs = pair_information(prediction, *known)
+        if detection is not None:
+            margin = sphere_margins(prediction, scene, settings.sensor, settings.tasking)
+            worth = detection.worth(pairs, margin)
+        tasking = assign(
+            worth,
+            settings.method,
+            rng=rng,
+            max_evaluations=settings.max_evaluations,
+            early_stop=settings.early_stop,
+        )
+        information = tasking.information
+        if margin is not None:
+            information = total_information(pairs, tasking.target)
+    return Decision(
+        tasking.target[None],
+        np.tile(tasking.target, (n_steps, 1)),
+        information,
+        tasking.history.size,
+        0.0,
+        pairs,
+        None if margin is None else margin[None],
+        np.zeros(1, dtype=np.int64),
+    )
+
+
+def _turning_steps(
+    target: NDArray[np.int64],
+    pointing: NDArray[np.int64],
+    direction: Array,
+    model: ScheduleModel,
+    step_s: float,
+) -> NDArray[np.int64]:
+    """Measurements lost before each slot's first look at each target (slot, observer, target).
+
+    An observer turns away from where the target is then that it looked at last.
+    """
+    n_slots, n_observers, n_targets = direction.shape[:3]
+    lost = np.zeros((n_slots, n_observers, n_targets), dtype=np.int64)
+    last = pointing.copy()
+    for s in range(n_slots):
+        for o in np.flatnonzero(last != IDLE):
+            time_s = np.full(n_targets, float(model.settle_s))
+            if model.slew_deg_s is not None:
+                # away from a target whose estimate has failed: half a turn
+                cosine = np.nan_to_num(direction[s, o] @ direction[s, o, last[o]], nan=-1.0)
+                angle = np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
+                time_s += angle / model.slew_deg_s
+            # it begins at the measurement before; the next is a step later
+            steps = np.maximum(np.ceil(time_s / step_s - 1e-9) - 1.0, 0.0)
+            lost[s, o] = np.where(np.arange(n_targets) == last[o], 0, steps)
+        last = np.where(target[s] == IDLE, last, target[s])
+    return lost

@@ -1,0 +1,185 @@
+"""What looks in the slots of a tasking interval would tell, before they are chosen.
+
+The sigma points of every target's position and velocity are carried to the first measurement of
+each slot, so that all looks speak of the state at the first one, in units of its covariance's root.
+There a look at target j from observer o adds G G^T to the information matrix, which begins as
+identity: with U and S of `cislunar.estimation.unscented.innovation_moments` and V V^T = S, G is
+U V^-T. Looks A together bring
+
+    f_j(A) = (1/2) log det(I + sum_{a in A} G_a G_a^T)
+
+nats, for a single one what `cislunar.tasking.planning.information` says.
+
+Assumptions and limitations
+---------------------------
+- Process noise between the slots of an interval is left out.
+- A slot is judged by its first measurement, as an interval is.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from cislunar.dynamics.bundle import step_bundle
+from cislunar.dynamics.forces import of_state
+from cislunar.dynamics.tableau import STAGES8
+from cislunar.estimation.estimator import Prediction
+from cislunar.estimation.expected import expected_directions
+from cislunar.estimation.triangular import cholesky, solve_lower
+from cislunar.estimation.unscented import innovation_moments, sigma_points
+from cislunar.observation.scene import Scene
+from cislunar.observation.sensor import Sensor
+from cislunar.tasking.planning.detection import sphere_magnitudes
+from cislunar.tasking.planning.information import (
+    TaskingModel,
+    belief_of,
+    direction_sigma,
+    observable,
+)
+
+Array = NDArray[np.float64]
+
+SIZE = 6
+
+
+class SlotLooks(NamedTuple):
+    """Looks of all pairs in the slots of an interval.
+
+    Attributes
+    ----------
+    factor : ndarray, shape (slot, observer, target, 6, 2)
+        G of a look, zero where the target is not to be seen.
+    margin : ndarray, shape (slot, observer, target)
+        The sensor's limit less the magnitude of the sphere that stands for the target.
+    direction : ndarray, shape (slot, observer, target, 3)
+        From observer to target, unit vectors.
+    """
+
+    factor: Array
+    margin: Array
+    direction: Array
+
+
+@njit(cache=True, error_model="numpy")
+def _spread_points(mean, covariance, spread, points):
+    """Sigma points (target, 6, 13) of all targets; NaN for those without an estimate."""
+    root = np.empty((SIZE, SIZE))
+    for j in range(mean.shape[0]):
+        root[:, :] = covariance[j]
+        if np.isfinite(np.sum(mean[j])) and cholesky(root):
+            sigma_points(mean[j], root, spread, points[j])
+        else:
+            points[j, :, :] = np.nan
+
+
+@njit(cache=True, error_model="numpy")
+def _carry(points, index, count, step, forces):
+    """Carry sigma points (target, 6, 13) over some steps from time `index` on."""
+    slopes, stage = np.empty((STAGES8, SIZE, points.shape[2])), np.empty(points.shape[1:])
+    for j in range(points.shape[0]):
+        own = of_state(forces, j)
+        for k in range(index, index + count):
+            step_bundle(own, k * step, points[j], step, slopes, stage)
+
+
+@njit(cache=True, error_model="numpy")
+def _factors(index, points, scene, belief, out):
+    """Factors (observer, target, 6, 2) of looks at a time, from sigma points (target, 6, 13)."""
+    expected, shift = np.empty((2 * SIZE, 2)), np.empty(2)
+    cross, even = np.empty((SIZE, 2)), np.empty((2, 2))
+    sun, axes, variance = scene.sun_position[index], scene.observer_axes[index], belief.variance
+    primaries = scene.primaries[index]
+    for o in range(out.shape[0]):
+        observer = scene.observer_position[o, index]
+        for j in range(points.shape[0]):
+            out[o, j, :, :] = 0.0
+            place = points[j, :3, 0]
+            if not np.isfinite(np.sum(points[j])):
+                continue
+            if not observable(observer, place, sun, primaries, belief):
+                continue
+            _, declination = expected_directions(points[j], observer, axes, expected)
+            innovation_moments(expected, variance[1:], belief.six, shift, cross, even)
+            sigma = direction_sigma(cross, even, variance[1:], declination)
+            if belief.gate and not sigma <= belief.limits.half_field:
+                continue
+            if not cholesky(even):
+                continue
+            for i in range(SIZE):
+                solve_lower(even, cross[i])
+            if np.isfinite(np.sum(cross)):
+                out[o, j] = cross
+
+
+def sphere_margins(
+    prediction: Prediction, scene: Scene, sensor: Sensor, model: TaskingModel
+) -> Array:
+    """By how much the spheres that stand for targets are brighter than the sensor's limit.
+
+    Parameters
+    ----------
+    prediction, scene, sensor, model
+        As for `cislunar.tasking.planning.information.pair_information`.
+
+    Returns
+    -------
+    ndarray, shape (observer, target)
+        mag.
+    """
+    return sensor.limiting_magnitude - sphere_magnitudes(
+        prediction,
+        scene,
+        radius_m=model.radius_m,
+        diffuse_reflection_coefficient=model.diffuse_reflection_coefficient,
+    )
+
+
+def slot_looks(
+    prediction: Prediction,
+    starts: NDArray[np.int64],
+    scene: Scene,
+    sensor: Sensor,
+    model: TaskingModel,
+    forces: tuple,
+) -> SlotLooks:
+    """Looks of all pairs in the slots of an interval.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        Estimates at the interval's first measurement.
+    starts : ndarray of int, shape (slot,)
+        Steps of the slots' first measurements, counted from there and rising.
+    scene, sensor, model
+        As for `cislunar.tasking.planning.information.pair_information`, with
+        ``model.states == "translation"``.
+    forces : NamedTuple
+        Force model, see `cislunar.dynamics.forces`.
+
+    Returns
+    -------
+    SlotLooks
+    """
+    n_targets, n_observers = prediction.translation.shape[0], scene.observer_position.shape[0]
+    shape = starts.size, n_observers, n_targets
+    factor, margin = np.empty((*shape, SIZE, 2)), np.empty(shape)
+    direction = np.empty((*shape, 3))
+    points = np.empty((n_targets, SIZE, 2 * SIZE + 1))
+    mean, covariance = (
+        np.ascontiguousarray(each) for each in (prediction.translation, prediction.covariance)
+    )
+    belief, now = belief_of(model, sensor), 0
+    _spread_points(mean, covariance, belief.six.spread, points)
+    for s, step in enumerate(starts):
+        index = prediction.index + int(step)
+        _carry(points, prediction.index + now, int(step) - now, scene.step, forces)
+        now = int(step)
+        _factors(index, points, scene, belief, factor[s])
+        place = np.ascontiguousarray(points[:, :, 0])
+        then = prediction._replace(index=index, translation=place)
+        margin[s] = sphere_margins(then, scene, sensor, model)
+        way = place[:, :3] - scene.observer_position[:, index, None]
+        direction[s] = way / np.linalg.norm(way, axis=-1, keepdims=True)
+    return SlotLooks(factor, margin, direction)
