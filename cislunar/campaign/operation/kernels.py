@@ -33,7 +33,9 @@ def stamps() -> dict[Path, str]:
     texts = {path: path.read_text(encoding="utf-8") for path in _PACKAGE.rglob("*.py")}
     imports = {path: _imports(text) & texts.keys() for path, text in texts.items()}
     digests = {path: hashlib.sha256(text.encode()).digest() for path, text in texts.items()}
-    chosen = [path for path, text in texts.items() if "@implements(" in text]
+    chosen = [
+        path for path, text in texts.items() if re.search(r"^@implements\(", text, re.MULTILINE)
+    ]
     kernels = [path for path, text in texts.items() if re.search("^ *@njit", text, re.MULTILINE)]
     found = {}
     for path in sorted(kernels):
