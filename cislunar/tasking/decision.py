@@ -12,7 +12,7 @@ from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.tasking.planning.assignment import IDLE, assign, total_information
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.information import pair_information
-from cislunar.tasking.planning.looks import slot_looks, sphere_margins
+from cislunar.tasking.planning.looks import dimming_at, slot_looks, sphere_margins
 from cislunar.tasking.planning.preselection import assign_preselected, preselects
 from cislunar.tasking.planning.schedule import chances, plan_schedule
 from cislunar.tasking.planning.schedule_model import ScheduleModel
@@ -107,7 +107,10 @@ def decide(
     if model.slot_minutes is not None:
         slot_steps = round(60.0 * model.slot_minutes / step_s)
     starts = np.arange(0, n_steps, slot_steps)
-    looks = slot_looks(prediction, starts, scene, settings.sensor, settings.tasking, forces)
+    looks = slot_looks(
+        prediction, starts, scene, settings.sensor, settings.tasking, forces,
+        eclipse=settings.eclipse,
+    )  # fmt: skip
     lengths = np.diff(np.append(starts, n_steps))
 
     def turning(target: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -151,14 +154,20 @@ def _assigned(
     """One target for each observer until the next epoch, as in the paper."""
     known = scene, surfaces, settings.sensor, settings.tasking
     n_pairs = scene.observer_position.shape[0] * prediction.translation.shape[0]
-    pairs = margin = None
-    if not settings.keep_information and preselects(settings.tasking, settings.method, n_pairs):
+    pairs = margin = lit = None
+    if settings.eclipse:
+        margin = sphere_margins(prediction, scene, settings.sensor, settings.tasking)
+        margin -= dimming_at(prediction, scene)
+        lit = margin > (0.0 if detection is None else -np.inf)
+    few = settings.keep_information or lit is not None
+    if not few and preselects(settings.tasking, settings.method, n_pairs):
         tasking = assign_preselected(prediction, *known)
         information = tasking.information
     else:
-        worth = pairs = pair_information(prediction, *known)
+        worth = pairs = pair_information(prediction, *known, wanted=lit)
         if detection is not None:
-            margin = sphere_margins(prediction, scene, settings.sensor, settings.tasking)
+            if margin is None:
+                margin = sphere_margins(prediction, scene, settings.sensor, settings.tasking)
             worth = detection.worth(pairs, margin)
         tasking = assign(
             worth,
@@ -168,7 +177,7 @@ def _assigned(
             early_stop=settings.early_stop,
         )
         information = tasking.information
-        if margin is not None:
+        if detection is not None:
             information = total_information(pairs, tasking.target)
     return Decision(
         tasking.target[None],
@@ -177,7 +186,7 @@ def _assigned(
         tasking.history.size,
         0.0,
         pairs,
-        None if margin is None else margin[None],
+        None if detection is None else margin[None],
         np.zeros(1, dtype=np.int64),
     )
 

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from cislunar.estimation.estimator import Estimates, Estimator, EstimatorFactory, InitialEstimate
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
-from cislunar.observation.measurement import DETECTED, NOT_TASKED, measure
+from cislunar.observation.eclipse import dimming
+from cislunar.observation.measurement import DETECTED, FAINT, NOT_TASKED, OCCULTED, measure
 from cislunar.observation.records import Measurements, highest, pointed_schedule, rows_of
 from cislunar.observation.scene import Scene, TargetSurfaces
-from cislunar.tasking.decision import decide
+from cislunar.tasking.decision import Decision, decide
 from cislunar.tasking.planning.assignment import IDLE
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.recording import Piece, interval_records
@@ -117,7 +118,7 @@ def interval(world: World, own: Realization, number: int) -> Piece:
     )  # fmt: skip
     for target in tasking.target:
         own.pointing[:] = np.where(target == IDLE, own.pointing, target)
-    motion, measurements, fate, estimates = _observed(world, own, start, tasking.looking)
+    motion, measurements, fate, estimates = _observed(world, own, start, tasking)
     error, least = _judged(world, own, start, motion, measurements, estimates)
     some = settings.recorded_within(start, n_steps)
     asked, looks = interval_records(
@@ -140,7 +141,6 @@ def interval(world: World, own: Realization, number: int) -> Piece:
     if settings.schedule.observers_per_target > 1:
         kept["planning_gap"] = "epoch", np.array([tasking.gap])
     if own.detection is not None:
-        tasking.learn(own.detection, *rows_of(measurements), measurements.observer, fate)
         names = "brightness_offset", "brightness_offset_sigma"
         for name, values in zip(names, own.detection.offset(), strict=True):
             kept[name] = "epoch", values[None].astype(np.float32)
@@ -161,21 +161,37 @@ def _in_slots(target: NDArray[np.int64], settings: LoopSettings) -> NDArray[np.i
 
 
 def _observed(
-    world: World, own: Realization, start: int, looking: NDArray[np.int64]
+    world: World, own: Realization, start: int, tasking: Decision
 ) -> tuple[Truth, Measurements, NDArray[np.uint8], Estimates]:
     """Truth, measurements with their fates, and estimates of the steps from `start` on."""
+    looking, scene = tasking.looking, world.scene
     motion = own.motion.advance(looking.shape[0])
+    dimmed, noise = np.zeros(motion.noise.shape[:2]), motion.noise
+    if world.settings.eclipse:
+        here = slice(start, start + looking.shape[0] + 1)
+        given = scene.sun_position[here], scene.primaries[here]
+        dimmed = dimming(motion.translation[..., :3], *given)
+        noise = noise.copy()
+        noise[..., 0] += dimmed[..., None]  # what is added to the magnitude decides who is faint
     measurements, fate = measure(
         start + 1,  # index 0 of the scene is the start of the run, without a measurement
         pointed_schedule(looking, world.ids.size),
-        world.scene,
+        scene,
         own.truth.surfaces,
         world.settings.sensor,
         motion.translation,
         motion.quaternion,
-        motion.noise,
+        noise,
         begins=start,
     )
+    target, step = rows_of(measurements)
+    shaded = dimmed[target, step + 1] > 0.0
+    if np.any(shaded):
+        measurements.value[shaded, 0] -= dimmed[target, step + 1][shaded]
+    if own.detection is not None:
+        # a shadow says nothing of how bright its target is
+        told = np.where(shaded & (fate == FAINT), OCCULTED, fate)
+        tasking.learn(own.detection, target, step, measurements.observer, told)
     estimates = own.estimator.advance(
         measurements, covariance="covariance" in world.settings.record
     )

@@ -45,6 +45,9 @@ class LoopSettings:
         What the tasking step believes.
     schedule : ScheduleModel
         Slots within an interval, and observers at a target.
+    eclipse : bool
+        Whether the shadows of Earth and Moon dim targets; tasking knows it. A magnitude measured
+        in the penumbra has the dimming taken off, which is known far better than the magnitude.
     initial : Spread
         Uncertainty of the targets at the epoch.
     custody : Custody
@@ -73,6 +76,7 @@ class LoopSettings:
     sensor: Sensor = field(default_factory=Sensor)
     tasking: TaskingModel = field(default_factory=TaskingModel)
     schedule: ScheduleModel = field(default_factory=ScheduleModel)
+    eclipse: bool = False
     initial: Spread = INITIAL_SPREAD
     custody: Custody = field(default_factory=Custody)
     record_every: int = 1

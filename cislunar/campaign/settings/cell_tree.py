@@ -314,6 +314,9 @@ class CellSettings(Section):
     tasking: Tasking = setting("")
     sensor: Sensor = setting("")
     initial_sigma: InitialSigma = setting("")
+    eclipse: Flag = setting(
+        "true: targets dim in the penumbra of Earth and Moon, and cannot be seen in the umbra; "
+        "tasking knows it", paper="not in the paper", default=False)
     process_noise: ProcessNoise = ProcessNoise()
     dynamics: Dynamics = Dynamics()
     custody: Custody = Custody()

@@ -74,7 +74,7 @@ def cell_settings(task2: Mapping[str, Any], variant: str = "") -> dict[str, Any]
 def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings that keep what is usual do not say so: the file is the same as without the key."""
     fields = CellSettings.model_fields
-    usual = {key: fields[key].default for key in ("start_day", "histories", "record")}
+    usual = {key: fields[key].default for key in ("start_day", "histories", "record", "eclipse")}
     usual["dynamics"] = Dynamics().model_dump()
     said = {key: value for key, value in settings.items() if value != usual.get(key, ...)}
     for section, unsaid in _SAID_IF_UNUSUAL.items():

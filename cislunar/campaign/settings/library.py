@@ -153,6 +153,7 @@ def loop_settings(
         sensor=sensor(cell.sensor),
         tasking=_tasking_model(cell),
         schedule=ScheduleModel(**{key: getattr(tasking, key) for key in SCHEDULE_KEYS}),
+        eclipse=cell.eclipse,
         initial=Spread(**dict(cell.initial_sigma)),
         custody=Custody(**dict(cell.custody)),
         record_every=round(60.0 * cell.record_minutes / cell.step_s),

@@ -134,6 +134,11 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
             f"'task2.interval_minutes' = {config['task2']['interval_minutes']}"
         )
     _check_schedule(f"{place}tasking", settings["tasking"], step)
+    if settings.get("eclipse") and settings["batch"].get("use_non_detections"):
+        raise ConfigurationError(
+            f"configuration key '{place}batch.use_non_detections': a target in shadow is not seen "
+            "either, which the estimator would take for a faint attitude; leave out 'eclipse'"
+        )
     days = config["visibility"]["duration_days"]
     start = settings.get("start_day", 0)
     if hours > 24.0 * (days - start):

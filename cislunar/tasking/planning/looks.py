@@ -29,6 +29,7 @@ from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.expected import expected_directions
 from cislunar.estimation.triangular import cholesky, solve_lower
 from cislunar.estimation.unscented import innovation_moments, sigma_points
+from cislunar.observation.eclipse import dimming
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.planning.detection import sphere_magnitudes
@@ -136,6 +137,24 @@ def sphere_margins(
     )
 
 
+def dimming_at(prediction: Prediction, scene: Scene) -> Array:
+    """By how much the shadows of Earth and Moon dim targets where they are estimated to be.
+
+    Parameters
+    ----------
+    prediction : Prediction
+    scene : Scene
+
+    Returns
+    -------
+    ndarray, shape (target,)
+        mag; infinite in the umbra.
+    """
+    place = prediction.translation[:, None, :3]
+    at = slice(prediction.index, prediction.index + 1)
+    return dimming(place, scene.sun_position[at], scene.primaries[at])[:, 0]
+
+
 def slot_looks(
     prediction: Prediction,
     starts: NDArray[np.int64],
@@ -143,6 +162,8 @@ def slot_looks(
     sensor: Sensor,
     model: TaskingModel,
     forces: tuple,
+    *,
+    eclipse: bool = False,
 ) -> SlotLooks:
     """Looks of all pairs in the slots of an interval.
 
@@ -157,6 +178,8 @@ def slot_looks(
         ``model.states == "translation"``.
     forces : NamedTuple
         Force model, see `cislunar.dynamics.forces`.
+    eclipse : bool
+        Whether the shadows of Earth and Moon dim targets.
 
     Returns
     -------
@@ -180,6 +203,9 @@ def slot_looks(
         place = np.ascontiguousarray(points[:, :, 0])
         then = prediction._replace(index=index, translation=place)
         margin[s] = sphere_margins(then, scene, sensor, model)
+        if eclipse:
+            margin[s] -= dimming_at(then, scene)
+            factor[s][~(margin[s] > (0.0 if model.detection is None else -np.inf))] = 0.0
         way = place[:, :3] - scene.observer_position[:, index, None]
         direction[s] = way / np.linalg.norm(way, axis=-1, keepdims=True)
     return SlotLooks(factor, margin, direction)
