@@ -9,6 +9,9 @@ from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
 
+# Kinds of departure of a body's rotation, see `cislunar.attitude.departures`.
+INERTIA, TORQUE = 0, 2
+
 
 def inertia_matrix(inertia: ArrayLike) -> Array:
     """Inertia as a checked (3, 3) matrix.

@@ -1,4 +1,4 @@
-"""Short steps of a torque-free rigid body and how errors of attitude and rate grow over them.
+"""Short steps of a rigid body and how errors of attitude and rate grow over them.
 
 A small turn e of the attitude and a change w of the angular velocity omega (both body frame) obey
 
@@ -6,7 +6,8 @@ A small turn e of the attitude and a change w of the angular velocity omega (bot
 
 along the motion. One Runge-Kutta step of fourth order serves all: the motion gives the angular
 velocities at the four stages, and the equations of the errors, which are linear, are integrated
-with them. Compiled; inertia in any unit, times in any.
+with them. Compiled; inertia in any unit, times in any. A torque constant in the body frame may add
+an angular acceleration `forced` (3,) to the motion; it drops out of the equations of the errors.
 """
 
 import numpy as np
@@ -22,7 +23,7 @@ TURN_WITH_ERRORS = 0.05
 
 
 @njit(cache=True, error_model="numpy")
-def _slope(y, inertia, inverse_inertia):
+def slope(y, inertia, inverse_inertia, forced):
     """Time derivative of attitude and angular velocity, packed in seven numbers."""
     q1, q2, q3, q4, x, v, z = y
     ax, ay, az = angular_acceleration(x, v, z, inertia, inverse_inertia)
@@ -31,9 +32,9 @@ def _slope(y, inertia, inverse_inertia):
         0.5 * (v * q4 + x * q3 - z * q1),
         0.5 * (z * q4 + v * q1 - x * q2),
         -0.5 * (x * q1 + v * q2 + z * q3),
-        ax,
-        ay,
-        az,
+        ax + forced[0],
+        ay + forced[1],
+        az + forced[2],
     )
 
 
@@ -52,15 +53,15 @@ def _along(y, h, k):
 
 
 @njit(cache=True, error_model="numpy")
-def _step(y, h, inertia, inverse_inertia):
+def rigid_step(y, h, inertia, inverse_inertia, forced):
     """Attitude and angular velocity after a step, and at its four stages."""
-    k1 = _slope(y, inertia, inverse_inertia)
+    k1 = slope(y, inertia, inverse_inertia, forced)
     second = _along(y, 0.5 * h, k1)
-    k2 = _slope(second, inertia, inverse_inertia)
+    k2 = slope(second, inertia, inverse_inertia, forced)
     third = _along(y, 0.5 * h, k2)
-    k3 = _slope(third, inertia, inverse_inertia)
+    k3 = slope(third, inertia, inverse_inertia, forced)
     fourth = _along(y, h, k3)
-    k4 = _slope(fourth, inertia, inverse_inertia)
+    k4 = slope(fourth, inertia, inverse_inertia, forced)
     total = _along(_along(_along(k1, 2.0, k2), 2.0, k3), 1.0, k4)
     q1, q2, q3, q4, w1, w2, w3 = _along(y, h / 6.0, total)
     norm = np.sqrt(q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
@@ -104,7 +105,7 @@ def _error_along(e, h, k):
 
 
 @njit(cache=True, error_model="numpy")
-def _carrverror(e, h, stages, inertia, inverse_inertia):
+def _carry_error(e, h, stages, inertia, inverse_inertia):
     """One error after a step whose motion has passed through the four stages."""
     k1 = _error_slope(e, stages[0], inertia, inverse_inertia)
     k2 = _error_slope(_error_along(e, 0.5 * h, k1), stages[1], inertia, inverse_inertia)
@@ -112,6 +113,9 @@ def _carrverror(e, h, stages, inertia, inverse_inertia):
     k4 = _error_slope(_error_along(e, h, k3), stages[3], inertia, inverse_inertia)
     total = _error_along(_error_along(_error_along(k1, 2.0, k2), 2.0, k3), 1.0, k4)
     return _error_along(e, h / 6.0, total)
+
+
+_TORQUE_FREE = (0.0, 0.0, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -124,12 +128,12 @@ def torque_free_step(w1, w2, w3, inertia, inverse_inertia, dt):
     count = _steps(w1, w2, w3, dt, TURN_PER_STEP)
     y = (0.0, 0.0, 0.0, 1.0, w1, w2, w3)
     for _ in range(count):
-        y = _step(y, dt / count, inertia, inverse_inertia)[0]
+        y = rigid_step(y, dt / count, inertia, inverse_inertia, _TORQUE_FREE)[0]
     return y
 
 
 @njit(cache=True, error_model="numpy")
-def propagate_with_errors(quaternion, omega, errors, dt, inertia, inverse_inertia):
+def propagate_with_errors(quaternion, omega, errors, dt, inertia, inverse_inertia, forced):
     """Carry attitude, rate and columns of their small errors over a time, in place (compiled).
 
     Errors, shape (6, n), are small turns (rows 0 .. 2) and changes of the angular velocity, body
@@ -141,10 +145,11 @@ def propagate_with_errors(quaternion, omega, errors, dt, inertia, inverse_inerti
     count = _steps(w[0], w[1], w[2], dt, TURN_WITH_ERRORS)
     h = dt / count
     y = (q[0], q[1], q[2], q[3], w[0], w[1], w[2])
+    given = (forced[0], forced[1], forced[2])
     for _ in range(count):
-        y, stages = _step(y, h, inertia, inverse_inertia)
+        y, stages = rigid_step(y, h, inertia, inverse_inertia, given)
         for c in range(e.shape[1]):
-            e[0, c], e[1, c], e[2, c], e[3, c], e[4, c], e[5, c] = _carrverror(
+            e[0, c], e[1, c], e[2, c], e[3, c], e[4, c], e[5, c] = _carry_error(
                 (e[0, c], e[1, c], e[2, c], e[3, c], e[4, c], e[5, c]),
                 h,
                 stages,
@@ -162,4 +167,4 @@ def rigid_transition(omega, dt, inertia, inverse_inertia, out):
     """
     turn = np.array([0.0, 0.0, 0.0, 1.0])
     out[:, :] = np.eye(6)
-    propagate_with_errors(turn, omega.copy(), out, dt, inertia, inverse_inertia)
+    propagate_with_errors(turn, omega.copy(), out, dt, inertia, inverse_inertia, np.zeros(3))

@@ -152,7 +152,11 @@ class Estimator(Protocol):
 
 
 class EstimatorFactory(Protocol):
-    """Makes an estimator for one run of the loop."""
+    """Makes an estimator for one run of the loop.
+
+    One whose estimators have `unknowns` says so by an attribute of that name, and they have
+    `learned` and `searches` as `cislunar.estimation.light_curves.batch.BatchEstimator`.
+    """
 
     def __call__(
         self,

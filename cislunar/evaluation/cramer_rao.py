@@ -33,6 +33,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.attitude.departures import departing_transition
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.rigid_body import spherical_transition
 from cislunar.attitude.short_steps import rigid_transition
@@ -62,7 +63,7 @@ class _BoundState(NamedTuple):
 
     `root` (target, n, n) is the Cholesky factor of the covariance at the reference time, of the
     twelve states and of what is not known of the body, in its standard deviations. From there
-    `turn` (target, 6, 6) and `motion` (target, 36), row by row, lead to now.
+    `turn` (target, 6, 6 + m) and `motion` (target, 36), row by row, lead to now.
     """
 
     root: Array
@@ -75,8 +76,8 @@ class _BoundState(NamedTuple):
 def _use(rows, departures, turn, motion, root, noise_variance, work):
     """Update the factor at the reference time with a measurement.
 
-    `turn` (6, 6) and `motion` (6 x 6 in a row) lead from the reference time to the measurement;
-    `departures` (n - 12,) are the derivatives of the magnitude by what is not known of the body.
+    `turn` (6, 6 + m) and `motion` (6 x 6 in a row) lead from the reference time to the measurement;
+    `departures` are the derivatives of the magnitude by what is not known of the surface.
     """
     gradient, cross, even, innovation, correction, scratch = work
     for a in range(3):
@@ -86,9 +87,14 @@ def _use(rows, departures, turn, motion, root, noise_variance, work):
             for i in range(3):
                 gradient[c, a] += rows[a, i] * turn[i, c]
                 gradient[6 + c, a] += rows[a, 3 + i] * motion[6 * i + c]
+    turning = turn.shape[1] - 6
+    for c in range(turning):
+        gradient[SIZE + c] = 0.0
+        for i in range(3):
+            gradient[SIZE + c, 0] += rows[0, i] * turn[i, 6 + c]
     for c in range(departures.shape[0]):
-        gradient[SIZE + c, 0] = departures[c]
-        gradient[SIZE + c, 1] = gradient[SIZE + c, 2] = 0.0
+        gradient[SIZE + turning + c] = 0.0
+        gradient[SIZE + turning + c, 0] = departures[c]
     for a in range(3):
         for i in range(root.shape[0]):
             cross[i, a] = 0.0
@@ -114,6 +120,9 @@ def _carry(turn, motion, root, carried):
                 total += turn[i, d] * root[d, c]
             carried[i, c] = total
             carried[i, 6 + c] = 0.0
+        for d in range(turn.shape[1] - 6):
+            for c in range(SIZE + d + 1):
+                carried[i, c] += turn[i, 6 + d] * root[SIZE + d, c]
         for c in range(SIZE):
             total = 0.0
             for d in range(max(0, c - 6), 6):
@@ -149,22 +158,27 @@ def _move_reference(turn, motion, root, carried, process_variance):
 
 
 @njit(cache=True, error_model="numpy")
-def _turn_on(omega, step_s, bodies, j, scratch, turn):
-    """Carry the rotation's transition matrix (6, 6) over a step, in place.
+def _turn_on(omega, step_s, bodies, j, of_rotation, scratch, turn):
+    """Carry the rotation's transition matrix (6, 6 + m) over a step, in place.
 
-    A rate does not depend on the attitude, so that the lower left blocks are zero.
+    A rate does not depend on the attitude, so that the lower left blocks are zero; the last columns
+    are by the departures of the rotation that are not known.
     """
+    kinds, sigma = of_rotation
     step_turn, product = scratch[0], scratch[1]
-    if bodies.spherical[j]:
+    inertia, inverse = bodies.inertia[j], bodies.inverse[j]
+    if kinds.shape[0] > 0:
+        departing_transition(omega, step_s, inertia, inverse, kinds, step_turn)
+    elif bodies.spherical[j]:
         spherical_transition(omega, step_s, step_turn)
     else:
-        rigid_transition(omega, step_s, bodies.inertia[j], bodies.inverse[j], step_turn)
+        rigid_transition(omega, step_s, inertia, inverse, step_turn)
     for a in range(6):
-        for b in range(6):
+        for b in range(turn.shape[1]):
             total = 0.0
             for c in range(0 if a < 3 else 3, 3 if b < 3 else 6):
                 total += step_turn[a, c] * turn[c, b]
-            product[a, b] = total
+            product[a, b] = total if b < 6 else total + sigma[b - 6] * step_turn[a, b]
     turn[:, :] = product
 
 
@@ -197,21 +211,15 @@ def _motions(forces, start, state, motion, step, steps, out):
 @njit(cache=True, error_model="numpy")
 def _advance_target(j, first, world, truth, records, wanted, process_variance, forces, state, out):
     """Bound of target j over the steps that follow time `first`, (step, 12), into `out`."""
-    scene, surfaces, bodies, (kinds, sigma) = world
+    scene, surfaces, bodies, of_rotation, (kinds, sigma) = world
     translation, quaternion, omega = truth[0][j], truth[1][j], truth[2][j]
     noisy = np.any(process_variance > 0.0)
     size = state.root.shape[1]
-    rows, departures, carried = np.empty((3, 6)), np.empty(size - SIZE), np.empty((size, size))
-    work = (
-        np.empty((size, 3)),
-        np.empty((size, 3)),
-        np.empty((3, 3)),
-        np.empty(3),
-        np.empty(size),
-        np.empty((size, size)),
-    )
+    rows, departures, carried = np.empty((3, 6)), np.empty(kinds.shape[1]), np.empty((size, size))
+    tall, gain, square = (size, 3), np.empty(size), np.empty((size, size))
+    work = np.empty(tall), np.empty(tall), np.empty((3, 3)), np.empty(3), gain, square
     root, turn, motion, offset = state.root[j], state.turn[j], state.motion[j], records.offset[j]
-    scratch = np.empty((2, 6, 6))
+    scratch = np.empty((2, 6, turn.shape[1]))
     out[:, :] = np.nan
     if state.ended[j]:
         return
@@ -229,7 +237,7 @@ def _advance_target(j, first, world, truth, records, wanted, process_variance, f
         return
     done = 0
     for step in range(n_steps):
-        _turn_on(omega[step], scene.step_s, bodies, j, scratch, turn)
+        _turn_on(omega[step], scene.step_s, bodies, j, of_rotation, scratch, turn)
         at_hand = done < steps.size and steps[done] == step + 1
         if noisy:
             start = (first + step) * scene.step
@@ -244,17 +252,10 @@ def _advance_target(j, first, world, truth, records, wanted, process_variance, f
             continue
         done += 1
         for row in range(offset[step], offset[step + 1]):
-            look = (
-                translation[step + 1],
-                quaternion[step + 1],
-                records.observer[row],
-                first + step + 1,
-                j,
-                scene,
-                surfaces,
-            )
+            place = translation[step + 1], quaternion[step + 1]
+            look = (*place, records.observer[row], first + step + 1, j, scene, surfaces)
             measurement_rows(*look, rows)
-            if size > SIZE:
+            if departures.shape[0] > 0:
                 departure_row(*look, kinds[j], sigma[j], departures)
             if not _use(rows, departures, turn, motion, root, records.variance[row], work):
                 return
@@ -323,13 +324,16 @@ class CramerRaoBound:
                     "sigma zero"
                 )
         n_targets = surfaces.material.shape[0]
-        kinds, own = surface_table(BodySpread() if unknowns is None else unknowns, surfaces)
-        self._world = (scene, surfaces, rigid_bodies(surfaces.inertia), (kinds, own))
-        deviations = np.concatenate([deviations, np.ones(kinds.shape[1])])
+        unknowns = BodySpread() if unknowns is None else unknowns
+        of_rotation, of_surface = unknowns.rotation_kinds(), surface_table(unknowns, surfaces)
+        bodies = rigid_bodies(surfaces.inertia)
+        self._world = (scene, surfaces, bodies, of_rotation, of_surface)
+        turning = of_rotation[0].size
+        deviations = np.concatenate([deviations, np.ones(turning + of_surface[0].shape[1])])
         self._process_variance, self._forces, self._index = process, forces, 0
         self._state = _BoundState(
             np.tile(np.diag(deviations), (n_targets, 1, 1)),
-            np.tile(np.eye(6), (n_targets, 1, 1)),
+            np.tile(np.eye(6, 6 + turning), (n_targets, 1, 1)),
             np.tile(np.eye(6).ravel(), (n_targets, 1)),
             np.zeros(n_targets, dtype=bool),
         )

@@ -3,11 +3,13 @@
 Nothing here needs the compiled library, so that settings are checked at once.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.attitude.inertia import INERTIA, TORQUE
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.materials import (
     ALBEDO,
@@ -21,13 +23,16 @@ from cislunar.photometry.materials import (
 
 Array = NDArray[np.float64]
 
+HOUR = 3600.0
+
 
 @dataclass(frozen=True)
 class BodySpread:
     """Standard deviations of how a body departs from what is believed of it; 0 for what is known.
 
     As the prior of an estimator they say what is estimated, as a truth how targets are drawn. All
-    are independent and normal; `cislunar.photometry.departures` says what they are of.
+    are independent and normal; `cislunar.photometry.departures` and
+    `cislunar.attitude.departures` say what they are of.
 
     Attributes
     ----------
@@ -41,6 +46,11 @@ class BodySpread:
         Of the logarithm of the length along each body axis.
     log_facets : float
         Of the logarithm of the light thrown back by each facet.
+    log_inertia : float
+        Of the logarithms of the moments along the second and third body axis over that along the
+        first.
+    angular_acceleration_deg_h2 : float
+        Of what a torque constant in the body frame gives, along each of its axes.
 
     Raises
     ------
@@ -55,6 +65,8 @@ class BodySpread:
     log_scale: float = 0.0
     log_stretch: float = 0.0
     log_facets: float = 0.0
+    log_inertia: float = 0.0
+    angular_acceleration_deg_h2: float = 0.0
 
     def __post_init__(self) -> None:
         for key, value in vars(self).items():
@@ -65,18 +77,41 @@ class BodySpread:
         """Whether anything is not known."""
         return any(value > 0.0 for value in vars(self).values())
 
+    def rotation_kinds(self) -> tuple[NDArray[np.int64], Array]:
+        """Departures of the rotation that are not known, shape (n,), and their deviations.
+
+        Those of the angular acceleration in rad/s^2.
+        """
+        groups = (
+            (np.arange(INERTIA, TORQUE), self.log_inertia),
+            (np.arange(TORQUE, TORQUE + 3), np.deg2rad(self.angular_acceleration_deg_h2) / HOUR**2),
+        )
+        return _unknown(groups)
+
     def surface_kinds(self, n_facets: int) -> tuple[NDArray[np.int64], Array]:
         """Departures of a surface that are not known, shape (n,), and their deviations."""
-        groups = [
-            (np.arange(first, first + count), getattr(self, key))
-            for key, (first, count) in surface_groups(n_facets).items()
-            if getattr(self, key) > 0.0
-        ]
-        kinds = [numbers for numbers, _ in groups]
-        sigma = [np.full(numbers.size, each) for numbers, each in groups]
-        return np.concatenate([np.empty(0, np.int64), *kinds]), np.concatenate(
-            [np.empty(0), *sigma]
+        groups = surface_groups(n_facets).items()
+        return _unknown(
+            (np.arange(first, first + count), getattr(self, key)) for key, (first, count) in groups
         )
+
+    def named(self, n_facets: int) -> dict[str, float]:
+        """What is not known of a body of so many facets: deviations by name, rotation first."""
+        parts: dict[str, Iterable] = {
+            "log_inertia": "yz",
+            "angular_acceleration_deg_h2": "xyz",
+            **{
+                key: range(count) if count > 1 else ()
+                for key, (_, count) in surface_groups(n_facets).items()
+            },
+            "log_stretch": "xyz",
+        }
+        return {
+            name: getattr(self, key)
+            for key, own in parts.items()
+            if getattr(self, key) > 0.0
+            for name in ([f"{key}_{part}" for part in own] or [key])
+        }
 
     def require_possible(self, material: ArrayLike) -> None:
         """Refuse to leave open what a surface does not have.
@@ -105,6 +140,14 @@ class BodySpread:
                     f"{key} = {getattr(self, key)}: the light of such a surface does not depend on "
                     f"it; raise {needed}, or leave it at 0"
                 )
+
+
+def _unknown(groups: Iterable[tuple[NDArray, float]]) -> tuple[NDArray[np.int64], Array]:
+    """Kinds with a deviation above zero, and that of each."""
+    found = [(numbers, sigma) for numbers, sigma in groups if sigma > 0.0]
+    kinds = [np.empty(0, np.int64), *(numbers for numbers, _ in found)]
+    sigma = [np.empty(0), *(np.full(numbers.size, each) for numbers, each in found)]
+    return np.concatenate(kinds), np.concatenate(sigma)
 
 
 def surface_groups(n_facets: int) -> dict[str, tuple[int, int]]:

@@ -28,11 +28,12 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.estimator import EstimatorFactory, InitialEstimate
+from cislunar.estimation.estimator import UPDATES, EstimatorFactory, InitialEstimate
 from cislunar.estimation.registry import estimator_named
 from cislunar.evaluation.metrics import TrackingMetrics
+from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.scene import Scene, TargetSurfaces
-from cislunar.tasking.fates import counted, report_fates
+from cislunar.tasking.fates import counted, report_fates, report_unknowns
 from cislunar.tasking.realization import USED, Realization, World, begun, interval
 from cislunar.tasking.recording import Piece, Records, gathered, joined
 from cislunar.tasking.settings import LoopSettings
@@ -83,6 +84,11 @@ class LoopResult:
     planning_gap : ndarray, shape (seed, epoch), or None
         By how much, relative to its worth, the choice for a slot may fall short of the best one,
         if several observers may look at a target.
+    departure_error, departure_sigma : ndarray of float32, shape (seed, epoch, target, n), or None
+        What is estimated of the targets besides their motion after each interval: truth less
+        estimate, and standard deviation, as of `cislunar.observation.body_spread.BodySpread.named`.
+    searches : ndarray of int32, shape (seed, epoch, target), or None
+        Searches of the fits by then, if something is.
     """
 
     assignment: NDArray[np.int16]
@@ -101,6 +107,9 @@ class LoopResult:
     brightness_offset: NDArray[np.float32] | None
     brightness_offset_sigma: NDArray[np.float32] | None
     planning_gap: Array | None
+    departure_error: NDArray[np.float32] | None
+    departure_sigma: NDArray[np.float32] | None
+    searches: NDArray[np.int32] | None
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -116,6 +125,7 @@ class LoopResult:
 _KEPT = (
     *("assignment", "information", "evaluations", "error", "sigma", "bound", "fate"),
     *("pair_information", "brightness_offset", "brightness_offset_sigma", "planning_gap"),
+    *("departure_error", "departure_sigma", "searches"),
 )
 """Attributes that are gathered from pieces."""
 
@@ -188,6 +198,12 @@ class ClosedLoop:
         self.seeds = [int(seed) for seed in seeds]
         self.numbers = list(range(len(self.seeds)))
         self.state = State()
+
+    @property
+    def unknowns(self) -> dict[str, float]:
+        """What the estimator does not know of the targets besides motion: prior deviations."""
+        n_facets = int(np.diff(self.world.surfaces.first).max(initial=0))
+        return getattr(self.world.factory, "unknowns", BodySpread()).named(n_facets)
 
     @property
     def lengths(self) -> dict[str, int]:
@@ -318,6 +334,7 @@ def run_closed_loop(
     metrics, failed, counters = loop.ends()
     own = {name: kept.pop(name, None) for name in _KEPT}
     report_fates(counted(own["fate"]), loop.world)
+    report_unknowns(own["departure_sigma"], loop.unknowns, counters[..., UPDATES])
     settings = loop.world.settings
     return LoopResult(
         elapsed_s=settings.step_s * (settings.recorded + 1.0),

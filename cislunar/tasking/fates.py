@@ -4,7 +4,8 @@ A look is a step at which a target has an observer; of several observers the bes
 """
 
 import logging
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ LOOK_FATES = {f"{name}_share": number for number, name in enumerate(FATE_NAMES) 
 
 LARGEST_LOSS = 0.3
 """A run that loses a larger share of its looks to one cause says so."""
+
+LARGEST_SHARE = 0.95
+"""Share of a prior deviation that is left, above which an unknown counts as not told."""
 
 
 class Names(NamedTuple):
@@ -66,6 +70,43 @@ def report_fates(counts: NDArray[np.int64], world: World, names: Names = LIBRARY
         if shares[name] > LARGEST_LOSS:
             cause = name.removesuffix("_share")
             logger.warning("warning: %.1f %% of the looks %s; %s", 100 * shares[name], cause, mend)
+
+
+def report_unknowns(
+    sigma: Any, prior: Mapping[str, float], updates: NDArray[np.int64], key: str = "unknowns"
+) -> None:
+    """Warn of unknowns that the light curves of a run could not carry.
+
+    Parameters
+    ----------
+    sigma : array-like, shape (seed, epoch, target, n), or None
+        Standard deviations of what was estimated besides the motion.
+    prior : mapping
+        Those before, by name, in the same order.
+    updates : ndarray of int, shape (seed, target)
+        Measurements used.
+    key : str
+        What the unknowns are called in the message.
+    """
+    seen = updates > 0
+    if not prior or sigma is None or not seen.any():
+        return
+    last = np.asarray(sigma[:, -1], dtype=float)[seen] / np.array(list(prior.values()))
+    shares = np.nanmedian(last, axis=0)
+    untold = [name for name, of in zip(prior, shares, strict=True) if of > LARGEST_SHARE]
+    count, rows = len(prior) + 6, float(np.median(updates[seen]))
+    if count > rows:
+        logger.warning(
+            "warning: %s: %d unknowns of a target (%s, and the six of its rotation), but half the "
+            "targets have %d measurements or fewer; leave some out",
+            key, count, ", ".join(prior), rows,
+        )  # fmt: skip
+    elif untold:
+        logger.warning(
+            "warning: %s: light curves tell nothing of %s: half the targets keep more than %.0f %% "
+            "of the prior's standard deviation; leave it out, or track fewer targets",
+            key, ", ".join(untold), 100.0 * LARGEST_SHARE,
+        )  # fmt: skip
 
 
 def _mends(world: World, names: Names) -> dict[str, str]:

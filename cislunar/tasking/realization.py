@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cislunar.estimation.estimator import Estimates, Estimator, EstimatorFactory, InitialEstimate
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
+from cislunar.observation.drawn_bodies import true_departures
 from cislunar.observation.eclipse import dimming
 from cislunar.observation.measurement import DETECTED, FAINT, NOT_TASKED, OCCULTED, measure
 from cislunar.observation.records import Measurements, highest, pointed_schedule, rows_of
@@ -144,6 +145,13 @@ def interval(world: World, own: Realization, number: int) -> Piece:
         names = "brightness_offset", "brightness_offset_sigma"
         for name, values in zip(names, own.detection.offset(), strict=True):
             kept[name] = "epoch", values[None].astype(np.float32)
+    if own.estimator.unknowns:
+        mean, sigma = own.estimator.learned()
+        surfaces, forced = own.truth.surfaces, own.truth.angular_acceleration
+        true = true_departures(own.estimator.unknowns, world.surfaces, surfaces, forced)
+        kept["departure_error"] = "epoch", (true - mean)[None].astype(np.float32)
+        kept["departure_sigma"] = "epoch", sigma[None].astype(np.float32)
+        kept["searches"] = "epoch", own.estimator.searches[None].astype(np.int32)
     if settings.keep_information:
         kept["pair_information"] = "epoch", tasking.pairs[None]
     stop = start + n_steps

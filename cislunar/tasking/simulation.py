@@ -22,7 +22,7 @@ from cislunar.dynamics.propagation import propagate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimates, InitialEstimate
 from cislunar.observation.body_spread import BodySpread
-from cislunar.observation.drawn_bodies import drawn_surfaces
+from cislunar.observation.drawn_bodies import drawn_rotations, drawn_surfaces
 from cislunar.observation.scene import Scene, TargetSurfaces
 
 Array = NDArray[np.float64]
@@ -109,8 +109,8 @@ class TruthModel(NamedTuple):
         Shapes, materials and inertia.
     noise : ndarray, shape (3,)
         Standard deviations of the measurements: mag, rad, rad.
-    angular_acceleration : ndarray, shape (3,)
-        That which a torque constant in the body frame gives every target, rad/s^2.
+    angular_acceleration : ndarray, shape (3,) or (target, 3)
+        That which a torque constant in the body frame gives the targets, rad/s^2.
     forces : NamedTuple
         Force model of the translation, see `cislunar.dynamics.forces`.
     spread : BodySpread
@@ -146,7 +146,12 @@ class TruthModel(NamedTuple):
             return stream(_BODY, seed, ids[j], number)
 
         surfaces = drawn_surfaces(self.surfaces, self.spread, generator)
-        return self._replace(surfaces=surfaces, spread=BodySpread())
+        inertia, forced = drawn_rotations(surfaces.inertia, self.spread, generator)
+        return self._replace(
+            surfaces=surfaces._replace(inertia=inertia),
+            angular_acceleration=self.angular_acceleration + forced,
+            spread=BodySpread(),
+        )
 
 
 class Truth(NamedTuple):
@@ -203,9 +208,8 @@ def _turn(elapsed_s, bodies, forced, tolerance, attitude, rate, quaternion, omeg
     `attitude` and `rate` are those at the epoch of targets that turn in closed form, and those at
     the first of the times, or the epoch, of the others, which are carried on to the last.
     """
-    free = not np.any(forced)
     for j in range(attitude.shape[0]):
-        if bodies.spherical[j] and free:
+        if bodies.spherical[j] and not np.any(forced[j]):
             for i in range(elapsed_s.size):
                 quaternion[j, i] = propagate_spherical(attitude[j], rate[j], elapsed_s[i])
                 omega[j, i] = rate[j]
@@ -222,9 +226,9 @@ def _turn(elapsed_s, bodies, forced, tolerance, attitude, rate, quaternion, omeg
                     tolerance,
                     attitude[j],
                     rate[j],
-                    forced[0],
-                    forced[1],
-                    forced[2],
+                    forced[j, 0],
+                    forced[j, 1],
+                    forced[j, 2],
                 )
             now = elapsed_s[i]
             quaternion[j, i] = attitude[j]
@@ -252,7 +256,7 @@ class TrueMotion:
         Force model, see `cislunar.dynamics.forces`.
     inertia : array_like, shape (target, 3, 3), optional
         Inertia matrices, body frame; spherical if omitted.
-    angular_acceleration : array_like, shape (3,)
+    angular_acceleration : array_like, shape (3,) or (target, 3)
         As in `TruthModel`; without torque if omitted.
     looks : int
         Most looks at a target at a time; more leave the errors of the first ones as they are.
@@ -284,11 +288,11 @@ class TrueMotion:
         self._noise = np.asarray(noise, dtype=float)
         spherical = np.tile(np.eye(3), (ids.size, 1, 1))
         self._bodies = rigid_bodies(spherical if inertia is None else inertia)
-        self._forced = np.asarray(angular_acceleration, dtype=float)
+        self._forced = np.array(np.broadcast_to(angular_acceleration, (ids.size, 3)), dtype=float)
         self._translation = initial.translation + error[:, 6:]
         self._attitude = compose(grp.to_quaternion(error[:, :3]), initial.quaternion)
         self._rate = initial.angular_velocity + error[:, 3:6]
-        integrated = ~self._bodies.spherical | np.any(self._forced)
+        integrated = ~self._bodies.spherical | np.any(self._forced, axis=1)
         self._attitude[integrated] = normalize(self._attitude[integrated])
         keys = [()] + [(look,) for look in range(1, looks)]
         self._streams = [[stream(_MEASUREMENT, seed, j, *key) for key in keys] for j in ids]

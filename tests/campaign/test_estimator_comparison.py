@@ -74,7 +74,8 @@ def test_attitude_in_the_tasking_is_told_as_a_difference(tables):
 
 def test_model_errors_stand_beside_their_remedies():
     common = {"scenario": "A", "architecture": "published", "targets": 50, "interval_minutes": 60,
-              "kind": "material.rms_slope", "size": 25.0, "size_unit": "%", "part": ""}  # fmt: skip
+              "kind": "material.rms_slope", "size": 25.0, "size_unit": "%", "part": "",
+              "error": "slope-25"}  # fmt: skip
     cells = [("mukf", "slope-25", "", 0.4), ("batch", "slope-25", "", 0.6),
              ("batch", "slope-25-wide", "batch.magnitude_noise_factor = 4", 0.9)]  # fmt: skip
     rows = [

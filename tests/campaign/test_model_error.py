@@ -11,10 +11,10 @@ from campaign_folder import read_campaign
 from cislunar.campaign.settings.cells import Cell, variant_cells
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.reading import merged
-from cislunar.campaign.tracking.model_error_table import COLUMNS, QUANTITIES, model_error_rows
 from cislunar.campaign.tracking.model_errors import NONE, SEVERAL, drawn_errors, model_errors
 from cislunar.campaign.tracking.statistics import t_interval
 from cislunar.campaign.tracking.summary import summary_dataset
+from cislunar.campaign.tracking.tables import ERROR_COLUMNS, ERROR_QUANTITIES, model_error_rows
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.errors import InputFileError
 from cislunar.figures.tracking.model_error import ROWS, curve, model_error_figure
@@ -91,6 +91,12 @@ def test_errors_follow_from_the_configuration(task2):
     assert found["torque-30"].unit == "degree"
     assert found["torque-30"].size == pytest.approx(30.0, rel=1e-3)
     assert "irradiance" not in found
+    joint = found["slope-10-joint"]
+    assert (joint.error, joint.kind) == ("slope-10", "material.rms_slope")
+    assert "batch.unknowns.log_slope = 0.25" in joint.also
+    assert (found["joint"].kind, found["joint"].size, found["joint"].error) == (NONE, 0.0, "")
+    everything = found["everything-joint-turning"]
+    assert (everything.error, everything.kind) == ("everything", SEVERAL)
     named = [cell.variant for cell in variant_cells(task2)]
     assert all(error.variant in named for error in drawn_errors(task2))
 
@@ -116,9 +122,9 @@ def test_a_remedy_is_told_and_measured_against_its_own_belief(task2):
 def test_table_compares_seed_by_seed(task2):
     summary = summary_with(["mukf"])
     table = model_error_rows(summary, model_errors(task2))
-    assert list(table.columns) == COLUMNS
+    assert list(table.columns) == ERROR_COLUMNS
     assert set(table["variant"]) == set(LEVELS)
-    assert len(table) == len(LEVELS) * len(QUANTITIES)
+    assert len(table) == len(LEVELS) * len(ERROR_QUANTITIES)
     row = table[(table.variant == "slope-25") & (table.quantity == "rmse_median")].iloc[0]
     usual, changed = (
         LENGTH_UNIT_KM * summary["rmse_median"].values[index, :, 2] for index in (0, 2)
@@ -131,7 +137,7 @@ def test_table_compares_seed_by_seed(task2):
     assert row["difference_high"] - row["difference_low"] < 1e-9
     assert row["high"] - row["low"] > 0.01
     none = table[table.kind == NONE]
-    assert len(none) == len(QUANTITIES)
+    assert len(none) == len(ERROR_QUANTITIES)
     np.testing.assert_array_equal(none["difference"], 0.0)
     inconsistent = table[
         (table.variant == "torque-5") & (table.quantity == "inconsistent_rotation")
@@ -147,7 +153,7 @@ def test_any_estimators_may_be_there(task2):
     alone = model_error_rows(summary_with(["batch"]), errors)
     assert set(alone.estimator) == {"batch"}
     nothing = model_error_rows(summary_with(["mukf"]).isel(cell=[1, 2]), errors)
-    assert nothing.empty and list(nothing.columns) == COLUMNS
+    assert nothing.empty and list(nothing.columns) == ERROR_COLUMNS
 
 
 def test_curves_start_from_no_error(task2, tmp_path):
@@ -182,7 +188,7 @@ def test_remedies_are_drawn_apart(task2):
     assert mended["mean"].item() == pytest.approx(0.75)
     assert mended["also"].item() == "process_noise.attitude_deg = 1"
     legend = model_error_figure(table).legends[0]
-    assert [text.get_text() for text in legend.get_texts()] == ["MUKF", "MUKF with a remedy"]
+    assert [text.get_text() for text in legend.get_texts()] == ["MUKF", "MUKF, estimating more"]
 
 
 def test_a_table_without_sizes_is_refused(task2):

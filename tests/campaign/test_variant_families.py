@@ -51,11 +51,12 @@ def test_values_of_the_command_line_get_their_types(config):
 
 
 def test_a_smaller_campaign_names_the_variants_it_keeps(config):
-    config["task2"]["variants"] |= {"only": ["slope-25", "wide"], "targets": [30]}
+    config["task2"]["variants"] |= {"only": ["slope-25", "unknown-material"], "targets": [30]}
     task2 = with_families(check_campaign(config))["task2"]
     assert {(cell.variant, cell.targets) for cell in variant_cells(task2)} == {
-        ("slope-25", 30), ("wide", 30),
+        ("slope-25", 30), ("unknown-material", 30),
     }  # fmt: skip
+    assert {cell.scenario for cell in variant_cells(task2)} == {"A", "B", "C"}
     # the others can still be asked for by name
     assert cell_settings(task2, "fresnel")["photometry"]["fresnel"] == "printed"
 
@@ -63,6 +64,14 @@ def test_a_smaller_campaign_names_the_variants_it_keeps(config):
 @pytest.mark.parametrize(
     ("family", "message"),
     [
+        (
+            {"changes": {"a": {"seeds": 1}}, "other_scenarios": {"D": [20]}},
+            "'task2.variants.families.f.other_scenarios': scenario 'D' is not among",
+        ),
+        (
+            {"changes": {"a": {"seeds": 1}}, "other_scenarios": {"B": [20, 999]}},
+            "'task2.variants.families.f.other_scenarios.B': 999 targets",
+        ),
         ({}, "'task2.variants.families.f': give either key and values, changes or combine"),
         ({"key": "step_s"}, "'task2.variants.families.f': give either"),
         ({"key": "step_s", "values": {"a": 30}, "changes": {"b": {"seeds": 1}}}, "give either"),

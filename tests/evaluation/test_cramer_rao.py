@@ -5,8 +5,14 @@ import pytest
 from measured import during, evaluate
 
 from cislunar.attitude import grp
+from cislunar.attitude.departures import departed_rotation
+from cislunar.attitude.inertia import inertia_matrix
 from cislunar.attitude.quaternion import compose, from_rotation_vector
-from cislunar.attitude.rigid_body import propagate_torque_free, spherical_transition
+from cislunar.attitude.rigid_body import (
+    propagate_torque_free,
+    propagate_under_torque,
+    spherical_transition,
+)
 from cislunar.attitude.short_steps import rigid_transition
 from cislunar.dynamics.propagation import propagate, propagate_stm
 from cislunar.errors import ConfigurationError
@@ -102,14 +108,23 @@ def tumbling():
 # The full nonlinear model, from the initial state on.
 
 
-def _moved(problem, j, change):
-    """Attitudes, rates and translations at all times of target j, started elsewhere."""
+def _moved(problem, j, change, kinds):
+    """Attitudes, rates and translations at all times of target j, started elsewhere.
+
+    `change` has the amounts of departures of the rotation after those of the twelve states.
+    """
     truth = problem.truth
     start = compose(grp.to_quaternion(change[:3]), truth.quaternion[j, 0])
     rate = truth.angular_velocity[j, 0] + change[3:6]
     elapsed = problem.loop.elapsed_s
-    attitude, rates = propagate_torque_free(start, rate, elapsed, problem.inertia)
-    state = truth.translation[j, 0] + change[6:]
+    if kinds.size:
+        believed = inertia_matrix(problem.inertia)
+        body = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+        departed_rotation(kinds, change[12:], believed, np.linalg.inv(believed), body)
+        attitude, rates = propagate_under_torque(start, rate, elapsed, body[0], body[2])
+    else:
+        attitude, rates = propagate_torque_free(start, rate, elapsed, problem.inertia)
+    state = truth.translation[j, 0] + change[6:12]
     times = problem.scene.step * np.arange(elapsed.size)
     return attitude, rates, propagate(state, times, method="dop853")
 
@@ -134,10 +149,11 @@ def _departed(problem, j, kinds, amounts):
     return surfaces._replace(areas=parts[0], normals=parts[1], material=parts[2])
 
 
-def _all_measured(problem, j, change, kinds):
+def _all_measured(problem, j, change, turning, kinds):
     """Measurements of target j, one row each, and its state at the end as an error vector."""
-    attitude, rates, states = _moved(problem, j, change[:12])
-    surfaces = _departed(problem, j, kinds, change[12:])
+    first = 12 + turning.size
+    attitude, rates, states = _moved(problem, j, change[:first], turning)
+    surfaces = _departed(problem, j, kinds, change[first:])
     rows = [
         _measured(problem.scene, surfaces, j, observer, k, attitude[k], states[k])
         for k, observer in enumerate(problem.observer[j], start=1)
@@ -150,15 +166,19 @@ def _all_measured(problem, j, change, kinds):
 
 def _brute_force(problem, j, unknowns=None):
     """Final bound by the information form and central differences of the model."""
-    kinds, sigma = (BodySpread() if unknowns is None else unknowns).surface_kinds(20)
-    size = 12 + kinds.size
-    steps = np.r_[np.repeat([1e-6, 1e-10, 1e-8, 1e-7], 3), np.full(kinds.size, 1e-6)]
+    unknowns = BodySpread() if unknowns is None else unknowns
+    (turning, of_rotation), (kinds, of_surface) = (
+        unknowns.rotation_kinds(), unknowns.surface_kinds(20)
+    )  # fmt: skip
+    sigma = np.r_[of_rotation, of_surface]
+    size = 12 + sigma.size
+    steps = np.r_[np.repeat([1e-6, 1e-10, 1e-8, 1e-7], 3), 1e-4 * sigma]
     rows, transition = [], []
     for c in range(size):
         change = np.zeros(size)
         change[c] = steps[c]
         (up, up_end), (down, down_end) = (
-            _all_measured(problem, j, s * change, kinds) for s in (1, -1)
+            _all_measured(problem, j, s * change, turning, kinds) for s in (1, -1)
         )
         rows.append((up - down) / (2.0 * steps[c]))
         transition.append((up_end - down_end) / (2.0 * steps[c]))
@@ -189,6 +209,15 @@ def test_bound_of_one_who_has_to_estimate_the_surface_too(problem):
     np.testing.assert_allclose(least[1], _brute_force(problem, 1, unknowns), rtol=2e-4)
     assert np.all(least[:, :6] > known[:, :6])
     assert (least[:, :3] / known[:, :3]).max() > 1.1
+
+
+def test_bound_of_one_who_has_to_estimate_inertia_and_torque_too(tumbling):
+    unknowns = BodySpread(log_slope=0.25, log_inertia=0.1, angular_acceleration_deg_h2=0.5)
+    least = tumbling.bound(unknowns=unknowns)
+    np.testing.assert_allclose(least[1, -1], _brute_force(tumbling, 1, unknowns), rtol=3e-4)
+    assert (least[:, -1, :6] / tumbling.bound()[:, -1, :6]).max() > 1.1
+    moved = tumbling.bound(unknowns=unknowns, ends=(7, 180))
+    np.testing.assert_allclose(moved, least, rtol=1e-10)
 
 
 def test_inertia_may_differ_between_targets(tumbling):

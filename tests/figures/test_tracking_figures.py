@@ -1,5 +1,6 @@
 """Figures of tracking: the cells they show, what is marked, units on the axes, the same bytes."""
 
+import json
 import re
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
 from cislunar.campaign.tracking.summary import summary_dataset
 from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.errors import InputFileError
 from cislunar.evaluation.metrics import INCONSISTENT, NEVER_OBSERVED, TRACKED
 from cislunar.figures import style
 from cislunar.figures.axes import Grid, nice_ticks, spaced, tick_names
@@ -23,6 +25,7 @@ from cislunar.figures.tracking.choice import (
     figure_architectures,
     high_load_cells,
     interval_cells,
+    learned_cell,
     selected_cell,
     target_count_cells,
     tasking_variants,
@@ -41,6 +44,7 @@ from cislunar.figures.tracking.heatmaps import (
     target_counts_figure,
     target_rows,
 )
+from cislunar.figures.tracking.learned import learned_figure, shares_of_prior
 from cislunar.figures.tracking.norms import selected_targets_figure
 from cislunar.figures.tracking.representative import representative_target_figure
 from cislunar.figures.tracking.tasking import METHODS, held, tasking_figure
@@ -525,3 +529,37 @@ def test_names():
     assert family_text("Polar_Chandrayaan-1_first_maneuver") == "polar, Chandrayaan-1"
     assert family_text("Halo_L1_S") == "L1 halo S"
     assert family_text("Some_other") == "Some other"
+
+
+def test_what_is_learned_is_drawn_over_the_prior():
+    names = ["log_inertia_y", "log_inertia_z", "log_albedo"]
+    rng = np.random.default_rng(0)
+    prior = np.array([0.1, 0.1, 0.25])
+    share = np.linspace(1.0, 0.2, 5)[:, None, None] * np.ones((5, 40, 3))
+    errors = share * prior * rng.standard_normal(share.shape)
+    dims = ("seed", "epoch", "target", "unknown")
+    share[:, 0] = 7.0  # of a target nobody has seen
+    cell = xr.Dataset(
+        {
+            "departure_sigma": (dims, (share * prior)[None]),
+            "departure_error": (dims, errors[None]),
+            "status": (("seed", "target"), np.full((1, 40), TRACKED)),
+        },
+        {"unknown": names, "epoch": 3600.0 * np.arange(5)},
+        {"settings": json.dumps({"batch": {"unknowns": {"log_inertia": 0.1, "log_albedo": 0.25}}})},
+    )
+    cell["status"][0, 0] = NEVER_OBSERVED
+    found = shares_of_prior(cell)
+    assert list(found) == ["log_albedo", "log_inertia"]
+    assert found["log_inertia"][0].shape == (5, 78)
+    figure = learned_figure(cell)
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["(a) albedo", "(b) inertia"]
+    claimed = figure.axes[1].lines[0]
+    np.testing.assert_allclose(claimed.get_xdata(), [1, 2, 3, 4, 5])
+    np.testing.assert_allclose(claimed.get_ydata(), np.linspace(1.0, 0.2, 5))
+    task2 = with_families(read_campaign(CONFIG))["task2"]
+    assert [each.variant for each in learned_cell(task2)] == ["everything-joint-turning"]
+    task2["variants"] = {**task2["variants"], "cells": {}}
+    assert learned_cell(task2) == []
+    with pytest.raises(InputFileError, match=r"task2\.batch\.unknowns"):
+        learned_figure(cell.drop_vars("departure_sigma"))

@@ -5,6 +5,7 @@ from cislunar.figures.tracking.choice import (
     figure_architectures,
     high_load_cells,
     interval_cells,
+    learned_cell,
     selected_cell,
     tasking_variants,
     target_count_cells,
@@ -18,6 +19,7 @@ SHOWN = {
 COUNT_COLUMNS = {of: target_count_cells(TASK2, name) for of, name in SHOWN.items()}
 INTERVAL_COLUMNS = {of: interval_cells(TASK2, name) for of, name in SHOWN.items()}
 SELECTED_CELL = {of: selected_cell(TASK2, name) for of, name in SHOWN.items()}
+LEARNED = learned_cell(TASK2)
 HIGH_LOAD = {of: high_load_cells(TASK2, name) for of, name in SHOWN.items()}
 
 # Cells may leave out the errors over time, and then there is nothing of single targets to draw.
@@ -286,6 +288,29 @@ rule model_error_figure:
         "../scripts/figure_model_error.py"
 
 
+rule learned_figure:
+    input:
+        [results(cell.path) for cell in LEARNED],
+    output:
+        png=report(
+            results("figures/fig19_learned.png"),
+            caption="../report/figure_learned.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/fig19_learned.pdf"),
+    log:
+        log_of("figures/learned"),
+        times=benchmark_of("learned_figure"),
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        cell=[cell.path for cell in LEARNED],
+    message:
+        "Drawing what light curves tell of bodies nobody has measured"
+    script:
+        "../scripts/figure_learned.py"
+
+
 rule tracking_figures:
     input:
         expand(rules.target_counts_figure.output, of=[of for of in SHOWN if COUNT_COLUMNS[of]]),
@@ -305,3 +330,4 @@ rule tracking_figures:
         (rules.estimators_against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else []),
         rules.tasking_figure.output if COMPARED["scenario"] else [],
         rules.model_error_figure.output if drawn_errors(TASK2) else [],
+        rules.learned_figure.output if LEARNED else [],

@@ -6,8 +6,8 @@ in_worker()
 
 from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import read_dataset, write_text
-from cislunar.campaign.tracking.model_error_table import model_error_rows
 from cislunar.campaign.tracking.model_errors import model_errors
+from cislunar.campaign.tracking.tables import model_error_rows
 
 with job(snakemake.log):
     errors = model_errors(snakemake.params.settings["task2"])

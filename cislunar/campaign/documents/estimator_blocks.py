@@ -14,7 +14,11 @@ PLACE = {"scenario": "A", "architecture": "published", "interval_minutes": 60}
 
 SETTINGS = (
     *("accurate", "refit-at-epochs", "single-start", "non-detections"),
-    *("window-6h", "wide", "fading"),
+    *("window-6h", "joint", "joint-shape", "joint-facets", "joint-turning"),
+)
+UNKNOWN = (
+    *("unknown-material", "unknown-material-joint", "unknown-facets"),
+    *("unknown-facets-joint-facets", "everything", "everything-joint-turning"),
 )
 AWARE = ("full-information", "full-information-hour")
 _TORQUE = "torque, turn in a run"
@@ -34,7 +38,7 @@ _SHOWN = (
 
 def _cells(table: pd.DataFrame, **wanted: str) -> pd.DataFrame:
     """Rows of the cells shown, with text instead of missing labels."""
-    found = table.fillna({"variant": "", "part": "", "also": ""})
+    found = table.fillna({"variant": "", "part": "", "also": "", "error": ""})
     for key, value in (PLACE | wanted).items():
         found = found[found[key] == value]
     return found
@@ -121,23 +125,45 @@ def _difference(cells: pd.DataFrame, name: str) -> str:
 
 
 def model_errors_block(tables: Tables) -> str:
-    """Coverage and inconsistent targets by model error, for both estimators and with a remedy."""
+    """Coverage and inconsistent targets by model error, for both estimators and set otherwise."""
     rows = []
     table = _cells(tables["model_error"])
-    for (kind, size, unit), of_size in table.groupby(
-        ["kind", "size", "size_unit"], sort=False, dropna=False
-    ):
-        told = _TORQUE if kind == TORQUE else kind.replace("_", " ").replace(".", ", ")
-        named = "none" if kind == NONE else f"{told} {size:+.3g} {unit}"
-        for count, own in of_size.groupby("targets"):
-            plain, cured = own[own["also"] == ""], own[own["also"] != ""]
+    for _, of_error in table.groupby(["error"], sort=False):
+        named = _told(of_error.iloc[0])
+        for count, own in of_error.groupby("targets"):
+            plain, other = own[own["also"] == ""], own[own["also"] != ""]
             line = [_share(plain[plain["estimator"] == name]) for name in NAMES]
-            remedies = [
-                f"{_share(each)} (`{name}`)" for name, each in cured.groupby("variant", sort=False)
+            others = [
+                f"{_share(each)} (`{name}`)" for name, each in other.groupby("variant", sort=False)
             ]
-            rows.append([named, count, *line, "; ".join(remedies) or DASH])
-    header = ["error of the model", "targets", *NAMES.values(), "batch with a remedy"]
+            rows.append([named, count, *line, "; ".join(others) or DASH])
+    header = ["error of the model", "targets", *NAMES.values(), "batch, estimating more"]
     return markdown_table(header, rows)
+
+
+def _told(row: pd.Series) -> str:
+    """Kind and size of an error; its name where it has no size."""
+    if row["kind"] == NONE:
+        return "none"
+    if pd.isna(row["size"]):
+        return f"`{row['error']}`"
+    told = _TORQUE if row["kind"] == TORQUE else row["kind"].replace("_", " ").replace(".", ", ")
+    return f"{told} {row['size']:+.3g} {row['size_unit']}"
+
+
+def unknown_bodies_block(tables: Tables) -> str:
+    """Bodies nobody has measured: every cell of a truth that is drawn, in all scenarios."""
+    table = tables["tracking"].fillna({"variant": "", "part": ""})
+    rows = []
+    for variant in UNKNOWN:
+        cells = table[(table["variant"] == variant) & (table["architecture"] == "published")]
+        for (scenario, count, estimator), own in cells.groupby(
+            ["scenario", "targets", "estimator"], sort=False
+        ):
+            line = [_shown(own, name) for name in _SHOWN]
+            rows.append([f"`{variant}`", scenario, count, NAMES.get(estimator, estimator), *line])
+    rows.sort(key=lambda row: (UNKNOWN.index(row[0].strip("`")), row[1], row[2]))
+    return markdown_table(_header("variant", "scenario", "targets", "estimator"), rows)
 
 
 def _share(cells: pd.DataFrame) -> str:
@@ -155,5 +181,6 @@ ESTIMATOR_BLOCKS = {
     "batch-settings": batch_settings_block,
     "aware-tasking": aware_tasking_block,
     "model-errors": model_errors_block,
+    "unknown-bodies": unknown_bodies_block,
 }
 """What makes each block, by its name."""

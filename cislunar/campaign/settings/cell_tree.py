@@ -186,6 +186,12 @@ class Unknowns(Section):
         "of that of the length along each body axis", "1", default=0)
     log_facets: NotNegative = setting(
         "of that of the light each facet throws back", "1", default=0)
+    log_inertia: NotNegative = setting(
+        "of those of the moments along the second and third body axis over that along the first",
+        "1", default=0)
+    angular_acceleration_deg_h2: NotNegative = setting(
+        "of what a torque constant in the body frame gives, along each of its axes",
+        "deg/h^2", default=0)
 
 
 class Batch(Section):
@@ -214,12 +220,12 @@ class Batch(Section):
     magnitude_noise_factor: Positive = setting(
         "factor on the magnitude noise the attitude is fitted with, for inexact models",
         "1", default=int(BatchSettings.magnitude_noise_factor))
-    magnitude_offset: NotNegative = setting(
-        "standard deviation of an unknown offset common to a target's magnitudes",
-        "mag", default=int(BatchSettings.magnitude_offset))
     noise_freedom: Positive | None = setting(
         "degrees of freedom of what is known of the magnitude noise's variance, which is then "
         "integrated out; null: it is known", "1", default=BatchSettings.noise_freedom)
+    most_searches: Count = setting(
+        "searches of a fit that is in doubt, because its residuals are too large or its modes "
+        "disagree", default=BatchSettings.most_searches)
     unknowns: Unknowns = Unknowns()
 
     @model_validator(mode="after")

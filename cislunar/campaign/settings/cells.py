@@ -88,7 +88,11 @@ SCHEDULE_KEYS = ("slot_minutes", "observers_per_target", "slew_deg_s", "settle_s
 """Keys of `task2.tasking` that say how observers are scheduled within an interval."""
 
 _SAID_IF_UNUSUAL = {
-    "batch": {"noise_freedom": Batch().noise_freedom, "unknowns": Batch().unknowns.model_dump()},
+    "batch": {
+        key: value
+        for key, value in Batch().model_dump().items()
+        if key in ("noise_freedom", "most_searches", "unknowns")
+    },
     "tasking": {
         "detection": "sphere",
         "learned": Detection().model_dump(),
@@ -150,12 +154,21 @@ def variant_cells(task2: Mapping[str, Any]) -> list[Cell]:
     return [
         Cell(scenario, architecture, estimator, int(n), task2["interval_minutes"], name)
         for name, variant in task2["variants"]["cells"].items()
-        for scenario, first in [variant_place(task2, name)]
+        for scenario, first, counts in _places(task2, name)
         for architecture in dict.fromkeys([first, *variant.get("other_architectures", ())])
         if has_architecture(scenario, architecture)
         for estimator in variant.get("estimators", task2["estimators"][:1])
-        for n in variant["targets"]
+        for n in counts
     ]
+
+
+def _places(task2: Mapping[str, Any], name: str) -> Iterator[tuple[str, str, list[int]]]:
+    """Scenarios, architecture and numbers of targets of a variant."""
+    entry = task2["variants"]["cells"][name]
+    scenario, architecture = variant_place(task2, name)
+    yield scenario, architecture, entry["targets"]
+    for other, counts in entry.get("other_scenarios", {}).items():
+        yield other, architecture, counts
 
 
 def estimator_names(task2: Mapping[str, Any]) -> list[str]:

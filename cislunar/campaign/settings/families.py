@@ -18,7 +18,7 @@ TRACKING_KEYS = "settings.task2."
 """Beginning of the keys of a sweep that leave the architecture as it is."""
 
 
-PLACE = ("scenario", "architecture", "other_architectures", "estimators")
+PLACE = ("scenario", "architecture", "other_architectures", "other_scenarios", "estimators")
 """Keys of a family that say where its variants have cells."""
 
 
@@ -90,14 +90,16 @@ def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
         alone = {key: value for key, value in family.items() if key != "combine"}
         changes |= {variant: change for _, variant, change in _changes(name, alone, {})}
     for name, family in variants["families"].items():
-        place = {key: family[key] for key in PLACE if key in family}
+        place = {key: family[key] for key in PLACE if key in family and key != "other_scenarios"}
         for key, variant, change in _changes(name, family, changes):
-            targets = variants["targets"]
-            if targets is None:
-                targets = family.get("targets", [])
+            targets, others = family.get("targets", []), family.get("other_scenarios", {})
+            if variants["targets"] is not None:
+                targets, others = variants["targets"], dict.fromkeys(others, variants["targets"])
             if variants["only"] is not None and variant not in variants["only"]:
-                targets = []
+                targets, others = [], {}
             entry = {**place, "targets": targets, "change": change}
+            if others:
+                entry["other_scenarios"] = others
             yield StatedVariant(f"task2.variants.families.{name}", key, variant, entry)
     for name, sweep in config["sweeps"].items():
         key = sweep["key"].removeprefix(TRACKING_KEYS)

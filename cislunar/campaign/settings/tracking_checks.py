@@ -76,6 +76,10 @@ def _check_counts(config: Mapping[str, Any], stated: Iterable[StatedVariant]) ->
     for variant in stated:
         scenario, _ = variant_place(task2, variant.name)
         counts.append((f"{variant.family}.targets", scenario, variant.entry["targets"]))
+        for other, n in variant.entry.get("other_scenarios", {}).items():
+            key = f"{variant.family}.other_scenarios"
+            _require_scenario(key, other, config["scenarios"])
+            counts.append((f"{key}.{other}", other, n))
     counts.append(("task2.tasking_comparison.targets", compared["scenario"], compared["targets"]))
     for name, sweep in config["sweeps"].items():
         counts.append((f"sweeps.{name}.targets", sweep["scenario"], sweep.get("targets", ())))

@@ -140,6 +140,9 @@ class VariantFamily(Family):
 
     other_architectures: several(Architecture) = _optional(
         "further architectures whose observers track too")
+    other_scenarios: dict[ScenarioName, TargetCounts] = setting(
+        "further scenarios in which the same observers track, with numbers of targets", "1",
+        default=None, name="{scenario}")
     changes: dict[VariantName, CellChange] = setting(
         "in place of `key` and `values`: settings that differ, in the form of the keys above, by "
         "the names of the variants", default=None, name="")

@@ -36,7 +36,7 @@ from cislunar.estimation.estimator import (
 from cislunar.evaluation.metrics import PARTS, STATUS_NAMES
 from cislunar.orbits.tracked import tracked_targets
 from cislunar.tasking.closed_loop import ClosedLoop
-from cislunar.tasking.fates import Names, counted, report_fates
+from cislunar.tasking.fates import Names, counted, report_fates, report_unknowns
 from cislunar.tasking.realization import FATE_NAMES, USED
 from cislunar.tasking.recording import Piece, fill
 
@@ -85,6 +85,7 @@ def cell_dataset(
         for name, each in described.items()
     }
     report_fates(_fill(whole, pieces, loop), loop.world, _KEYS)
+    _report_unknowns(whole, loop)
     values = {name: (each.dims, whole[name], *each[2:]) for name, each in described.items()}
     return _dataset(cell, inputs, loop, problem, values, _provenance(cell, used, seed))
 
@@ -140,8 +141,16 @@ def write_cell(
     }
     with growing_dataset(rest, path, later, {"look": loop.state.looks}) as whole:
         fates = _fill(whole, checkpoint.pieces(), loop)
+        _report_unknowns(whole, loop)
     checkpoint.remove()
     report_fates(fates, loop.world, _KEYS)
+
+
+def _report_unknowns(whole: Mapping[str, Any], loop: ClosedLoop) -> None:
+    """Warn of unknowns that light curves cannot carry, if there are any."""
+    if loop.unknowns:
+        updates = loop.ends()[2][..., UPDATES]
+        report_unknowns(whole["departure_sigma"], loop.unknowns, updates, "task2.batch.unknowns")
 
 
 def _provenance(cell: Cell, used: Mapping[str, Any], seed: int) -> dict[str, Any]:
@@ -180,6 +189,11 @@ def _dataset(
                            f"row in {orbits_file(cell, inputs.orbits)}"),
         "observer_slot": ("observer", slot, "1", "slot of the architecture"),
     }  # fmt: skip
+    names = list(loop.unknowns)
+    if names:
+        units = ["degree h-2" if name.startswith("angular") else "1" for name in names]
+        coords["unknown"] = "unknown", names, "1", "what is estimated besides the motion"
+        coords["unknown_unit"] = "unknown", units, "1", "unit of the unknown"
     described = {**histories, **_results(loop)}
     described |= observer_variables(settings.record, problem.scene, _frame(loop))
     coords |= {name: RECORD_COORDINATES[name] for name in _record_dims(loop)}
@@ -226,7 +240,7 @@ _COUNTED = {
     "cholesky_failures": (CHOLESKY_FAILURES, "failed Cholesky factorizations"),
 }
 
-_SEVERAL = "see component_unit"
+_SEVERAL, _OWN_UNIT = "see component_unit", "see unknown_unit"
 _HISTORY = ("seed", "time", "target", "component")
 _KEPT = {
     "assignment": Described(
@@ -248,6 +262,14 @@ _KEPT = {
     "planning_gap": Described(
         ("seed", "epoch"), "f8", "1",
         "largest relative gap to the best choice for a slot that the set packings leave"),
+    "departure_error": Described(
+        ("seed", "epoch", "target", "unknown"), "f4", _OWN_UNIT,
+        "truth less estimate of what is not known of the target, after the interval"),
+    "departure_sigma": Described(
+        ("seed", "epoch", "target", "unknown"), "f4", _OWN_UNIT,
+        "standard deviation of what is not known of the target"),
+    "searches": Described(
+        ("seed", "epoch", "target"), "i4", "1", "searches for the modes of the fits by then"),
 }  # fmt: skip
 """Histories of a cell."""
 
@@ -268,6 +290,8 @@ def _histories(loop: ClosedLoop) -> dict[str, Described]:
         left_out |= {"brightness_offset", "brightness_offset_sigma"}
     if settings.schedule.observers_per_target == 1:
         left_out.add("planning_gap")
+    if not loop.unknowns:
+        left_out |= {"departure_error", "departure_sigma", "searches"}
     usual = {name: each for name, each in _KEPT.items() if name not in left_out}
     if settings.slots is not None:
         usual["assignment"] = usual["assignment"]._replace(
@@ -301,6 +325,7 @@ def _sizes(loop: ClosedLoop) -> dict[str, int]:
         "observer": world.scene.observer_position.shape[0],
         "slot": world.settings.slots or 1,
         "component": len(COMPONENTS),
+        "unknown": len(loop.unknowns),
         "look": loop.state.looks,
     }
 

@@ -3,6 +3,7 @@
 Nothing here needs the compiled library, so that the workflow knows them at once.
 """
 
+import json
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -19,13 +20,16 @@ TORQUE = "angular_acceleration_deg_h2"
 class ModelError(NamedTuple):
     """How the truth of a variant departs from the belief.
 
-    `kind` is a key within `task2.truth`, or `SEVERAL`. `size` says how far, in `unit` (``%`` or
-    ``degree``): true over believed value less one; for shape and inertia the greatest change of a
-    ratio of axes; for a torque what it turns a body ahead in a run; NaN if it has no measure.
+    `error` is the first variant with the same truth. `kind` is a key within `task2.truth`, or
+    `SEVERAL`, or `NONE` where an estimator looks for errors that are not there. `size` says how
+    far, in `unit` (``%`` or ``degree``): true over believed value less one; for shape and inertia
+    the greatest change of a ratio of axes; for a torque what it turns a body ahead in a run; NaN if
+    it has no measure.
     `also` are other settings the variant changes, such as a remedy.
     """
 
     variant: str
+    error: str
     kind: str
     size: float
     unit: str
@@ -60,18 +64,27 @@ def _size(kind: str, settings: Mapping[str, Any]) -> tuple[float, str]:
 
 
 def model_errors(task2: Mapping[str, Any]) -> list[ModelError]:
-    """The variants of `task2` whose truth departs from the belief, in its order."""
-    found = []
+    """The variants of `task2` whose truth departs from the belief, in its order.
+
+    And those that estimate departures, whatever the truth.
+    """
+    found: list[ModelError] = []
+    first: dict[str, str] = {}
     for name, variant in task2["variants"]["cells"].items():
         change = dict(variant["change"])
-        kinds = [key for key, _ in _leaves(change.pop("truth", {}))]
+        truth = change.pop("truth", {})
+        kinds = [key for key, _ in _leaves(truth)]
+        also = "; ".join(f"{key} = {value}" for key, value in _leaves(change))
         if not kinds:
+            if change.get("batch", {}).get("unknowns"):
+                found.append(ModelError(name, "", NONE, 0.0, "%", also))
             continue
         settings = cell_settings(task2, name)
         several = len(kinds) > 1
         size, unit = (np.nan, "%") if several else _size(kinds[0], settings)
-        also = "; ".join(f"{key} = {value}" for key, value in _leaves(change))
-        found.append(ModelError(name, SEVERAL if several else kinds[0], size, unit, also))
+        error = first.setdefault(json.dumps(truth, sort_keys=True), name)
+        kind = SEVERAL if several else kinds[0]
+        found.append(ModelError(name, error, kind, size, unit, also))
     return found
 
 

@@ -1,10 +1,14 @@
 """Tables of tracking: every cell with confidence intervals, and what a changed setting does."""
 
+from collections.abc import Iterator, Sequence
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from cislunar.campaign.tracking.realizations import CELL, MEASURE, by_measure, realizations
+from cislunar.campaign.tracking.model_errors import NONE, ModelError
+from cislunar.campaign.tracking.realizations import CELL, MEASURE, by_measure, realizations, select
 from cislunar.campaign.tracking.statistics import SPANS_DECADES, Paired, interval_of, paired
 
 _PLACE = ["scenario", "architecture", "estimator", "variant"]
@@ -84,3 +88,73 @@ def estimator_rows(summary: xr.Dataset) -> pd.DataFrame:
     place = ["scenario", "architecture", "observers", "targets", "interval_minutes", "variant"]
     place += ["first_estimator", "other_estimator", *MEASURE]
     return heads[place].join(pd.DataFrame(found, columns=[*columns, "seeds"]))
+
+
+ERROR_QUANTITIES = (
+    ("coverage", "attitude", "1"),
+    ("final_attitude_error_median", "", "degree"),
+    ("final_attitude_error_90", "", "degree"),
+    ("inconsistent_rotation", "", "1"),
+    ("rmse_median", "position", "km"),
+)
+"""Quantities with part and unit."""
+
+_OF_ERROR = ["scenario", "architecture", "estimator", "targets", "interval_minutes"]
+
+ERROR_COLUMNS = [
+    *("scenario", "architecture", "estimator", "variant", "targets", "interval_minutes"),
+    *("error", "kind", "size", "size_unit", "also", "quantity", "part", "unit"),
+    *("mean", "low", "high", "usual", "difference", "difference_low", "difference_high", "seeds"),
+]
+
+
+def model_error_rows(summary: xr.Dataset, errors: Sequence[ModelError]) -> pd.DataFrame:
+    """Rows of ``tables/model_error.csv``, from ``task2/summary.nc`` and `model_errors`.
+
+    For every cell of these variants, for the cell without the error (kind `NONE`, size 0), and for
+    every quantity: mean over the realizations with its 95 % confidence interval (as in
+    ``tables/tracking.csv``), and the difference to the cell without the error, realization by
+    realization, with its interval (Student's t). Estimators, errors and cells that the summary
+    lacks are left out.
+    """
+    frame = realizations(summary).set_index(MEASURE, drop=False)
+    frame = frame.loc[frame.index.isin(ERROR_QUANTITIES)].reset_index(drop=True)
+    rows: list[dict[str, Any]] = []
+    compared_with: set[tuple] = set()
+    for error in errors:
+        for place, own in select(frame, variant=error.variant).groupby(_OF_ERROR, sort=False):
+            identity = dict(zip(_OF_ERROR, place, strict=True))
+            usual = select(frame, variant="", **identity)
+            if usual.empty:
+                continue
+            if place not in compared_with:
+                compared_with.add(place)
+                rows += _error_rows(usual, usual, ModelError("", "", NONE, 0.0, "%", ""))
+            rows += _error_rows(own, usual, error)
+    return pd.DataFrame(rows, columns=ERROR_COLUMNS)
+
+
+def _error_rows(
+    own: pd.DataFrame, usual: pd.DataFrame, error: ModelError
+) -> Iterator[dict[str, Any]]:
+    """One row for each quantity of a cell, in their order."""
+    described = error._asdict()
+    described["size_unit"] = described.pop("unit")
+    heads, pairs = compared(own, usual, "variant")
+    found = {
+        tuple(head[key] for key in MEASURE): (head, each, values)
+        for head, each, values in zip(
+            heads.to_dict("records"), pairs, by_measure(own)[1], strict=True
+        )
+    }
+    for head, each, values in map(found.get, ERROR_QUANTITIES):
+        mean = interval_of(head["quantity"], values, head["targets"])
+        yield {
+            **head,
+            **described,
+            **{"mean": mean.mean, "low": mean.low, "high": mean.high, "usual": each.first},
+            "difference": each.difference.mean,
+            "difference_low": each.difference.low,
+            "difference_high": each.difference.high,
+            "seeds": each.difference.count,
+        }

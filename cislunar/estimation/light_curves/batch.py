@@ -7,8 +7,8 @@ the method). The orbit is the translation half of the paper's filter.
 
 Assumptions and limitations
 ---------------------------
-- No torque and no process noise on the attitude. A window with a fading memory forgets old data,
-  which helps against slow departures.
+- No process noise on the attitude, and no torque but one constant in the body frame. A window with
+  a fading memory forgets old data, which helps against slow departures.
 - Lines of sight are taken from the translational estimate at the time of each measurement and are
   not improved afterwards.
 """
@@ -16,7 +16,7 @@ Assumptions and limitations
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.attitude.inertia import RigidBodies, rigid_bodies
+from cislunar.attitude.inertia import TORQUE, RigidBodies, rigid_bodies
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import (
@@ -41,14 +41,12 @@ from cislunar.estimation.light_curves.hypotheses import Hypotheses, mixture_poin
 from cislunar.estimation.light_curves.light_curve import Anchor, LightCurveModel
 from cislunar.estimation.light_curves.row_blocks import COLUMNS, ROTATION
 from cislunar.estimation.spread import ProcessNoise
-from cislunar.observation.body_spread import BodySpread
+from cislunar.observation.body_spread import HOUR, BodySpread
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.observation.sensor import Sensor
 
 Array = NDArray[np.float64]
-
-_POINTS_PER_MODE = 2 * ROTATION
 
 
 class BatchEstimator:
@@ -122,7 +120,7 @@ class BatchEstimator:
         ]
         self._data = [np.empty((0, COLUMNS)) for _ in range(n_targets)]
         self._state = FitState(*np.zeros((4, n_targets), dtype=np.int64))
-        self._state.points[:] = _POINTS_PER_MODE
+        self._state.points[:] = [_points_per_mode(model) for model in self._models]
         self._counters = np.zeros((n_targets, N_COUNTERS), dtype=np.int64)
         self._index = 0
 
@@ -140,6 +138,35 @@ class BatchEstimator:
     def unknowns(self) -> BodySpread:
         """What is estimated of the targets besides their motion."""
         return self._unknowns
+
+    def learned(self) -> tuple[Array, Array]:
+        """What the light curves tell of the unknowns, all rows so far used.
+
+        Returns
+        -------
+        mean, sigma : ndarray, shape (target, n)
+            In the order and units of `BodySpread.named`, NaN for targets whose estimate has failed.
+        """
+        size = max(model.sigma.size for model in self._models) - ROTATION
+        mean, sigma = np.full((2, len(self._models), size), np.nan)
+        for j, (modes, model) in enumerate(zip(self._hypotheses, self._models, strict=True)):
+            if self._state.condition[j] != HEALTHY:
+                continue
+            live, unit = int(modes.count[0]), model.sigma[ROTATION:].copy()
+            turning = model.rotation_kinds >= TORQUE
+            unit[: turning.size][turning] = np.rad2deg(unit[: turning.size][turning]) * HOUR**2
+            weight, u = modes.weight[:live][:, None], modes.u[:live, ROTATION:]
+            root = np.linalg.inv(modes.root[:live])  # H = L L^T, so that H^-1 = L^-T L^-1
+            variance = (root**2).sum(axis=1)[:, ROTATION:]
+            center = (weight * u).sum(axis=0)
+            spread = (weight * (variance + (u - center) ** 2)).sum(axis=0)
+            mean[j, : unit.size], sigma[j, : unit.size] = unit * center, unit * np.sqrt(spread)
+        return mean, sigma
+
+    @property
+    def searches(self) -> NDArray[np.int64]:
+        """Per target, searches for modes so far."""
+        return np.array([modes.count[1] for modes in self._hypotheses])
 
     @property
     def rows_held(self) -> NDArray[np.int64]:
@@ -231,10 +258,19 @@ class BatchEstimator:
             self._data[j] = grown
 
 
-def _prior_points(hypotheses: Hypotheses, model: LightCurveModel) -> tuple[Array, Array, Array]:
-    """Attitude, rate and weight of the mixture's points at the epoch, with room for all modes."""
-    room = hypotheses.u.shape[0] * _POINTS_PER_MODE
-    points = np.zeros((room, 4)), np.zeros((room, 3)), np.zeros(room)
+def _points_per_mode(model: LightCurveModel) -> int:
+    """Two for each unknown on which attitudes at other times depend."""
+    return 2 * (ROTATION + model.rotation_kinds.size)
+
+
+def _prior_points(hypotheses: Hypotheses, model: LightCurveModel) -> tuple[Array, ...]:
+    """Attitude, rate, weight and departures of the mixture's points at the epoch.
+
+    With room for all modes.
+    """
+    room = hypotheses.u.shape[0] * _points_per_mode(model)
+    sizes = ((room, 4), (room, 3), (room,), (room, model.rotation_kinds.size))
+    points = tuple(np.zeros(size) for size in sizes)
     mixture_points(hypotheses, model, *points)
     return points
 
@@ -270,16 +306,18 @@ def _light_curve_model(
     settings: BatchSettings,
 ) -> LightCurveModel:
     facets = slice(surfaces.first[j], surfaces.first[j + 1])
-    kinds, sigma = settings.unknowns.surface_kinds(facets.stop - facets.start)
+    turning, of_rotation = settings.unknowns.rotation_kinds()
+    kinds, of_surface = settings.unknowns.surface_kinds(facets.stop - facets.start)
     settings.unknowns.require_possible(surfaces.material[j])
     return LightCurveModel(
         np.array(initial.quaternion[j], dtype=float),
         np.array(initial.angular_velocity[j], dtype=float),
-        np.concatenate([initial.sigma[:ROTATION], sigma]),
+        np.concatenate([initial.sigma[:ROTATION], of_rotation, of_surface]),
+        turning,
         kinds,
         bodies.inertia[j],
         bodies.inverse[j],
-        bool(bodies.spherical[j]),
+        bool(bodies.spherical[j] and turning.size == 0),
         np.ascontiguousarray(surfaces.areas[facets]),
         np.ascontiguousarray(surfaces.normals[facets]),
         np.array(surfaces.material[j]),
@@ -287,7 +325,6 @@ def _light_curve_model(
         bool(surfaces.fresnel_sqrt),
         float((settings.magnitude_noise_factor * sensor.magnitude_noise) ** 2),
         float(settings.noise_freedom or 0.0),
-        float(settings.magnitude_offset**2),
         float(sensor.limiting_magnitude),
     )
 
@@ -332,4 +369,5 @@ def batch(
             forces=forces,
         )
 
+    make.unknowns = settings.unknowns
     return make

@@ -27,7 +27,8 @@ from cislunar.estimation.kalman.workspace import (
     make_workspace,
 )
 from cislunar.estimation.light_curves.batch_settings import SearchSettings
-from cislunar.estimation.light_curves.hypotheses import condense, mixture_points, search
+from cislunar.estimation.light_curves.effort import search_until_clear
+from cislunar.estimation.light_curves.hypotheses import condense, mixture_points
 from cislunar.estimation.light_curves.mixture import (
     mixture_moments,
     step_points,
@@ -117,20 +118,14 @@ def _fill_row(row, elapsed, magnitude, seen, weight, translation, observer, sun,
 @njit(cache=True, error_model="numpy")
 def _carry_points(points, count, elapsed, model):
     """Carry the first points of a mixture over so many seconds."""
-    step_points(
-        points[0][:count],
-        points[1][:count],
-        elapsed,
-        model.inertia,
-        model.inverse_inertia,
-        model.spherical,
-    )
+    quaternion, omega, _, departures = points
+    step_points(quaternion[:count], omega[:count], departures[:count], elapsed, model)
 
 
 @njit(cache=True, error_model="numpy")
 def _refit(hypotheses, data, model, settings, rng, elapsed, points):
     """Fit a light curve and lay out the mixture's points at a time; returns their number."""
-    search(hypotheses, data, model, settings, rng)
+    search_until_clear(hypotheses, data, model, settings, rng)
     count = mixture_points(hypotheses, model, *points)
     _carry_points(points, count, elapsed, model)
     return count
@@ -194,7 +189,7 @@ def advance_target(
 
     `model`, `hypotheses`, `points`, `data` and `rng` are its own, the other arrays those of all.
     """
-    quaternion, omega, weight = points
+    quaternion, omega, weight, _ = points
     translation, root, counters = translation[j], root[j], counters[j]
     work = make_workspace(SIZE, 2)
     differences = np.empty((weight.shape[0], ROTATION))

@@ -28,6 +28,8 @@ class SearchSettings(NamedTuple):
         Squared Mahalanobis distance below which two modes are one.
     drop : float
         Difference in log weight below which a mode is given up.
+    searches : int
+        Most searches of a fit, the further ones while it is in doubt.
     """
 
     modes: int
@@ -39,6 +41,7 @@ class SearchSettings(NamedTuple):
     spread: float
     merge_distance: float
     drop: float
+    searches: int
 
 
 @dataclass(frozen=True)
@@ -65,11 +68,11 @@ class BatchSettings:
         limit.
     magnitude_noise_factor : float
         Factor on the sensor's magnitude noise, for models known to be inexact.
-    magnitude_offset : float
-        Standard deviation of an unknown offset common to all magnitudes of a target, mag.
     noise_freedom : float or None
         Degrees of freedom of what is known of the noise variance beforehand: it is integrated out,
         as if known from so many measurements. None if it is known.
+    most_searches : int
+        Searches of a fit that is in doubt, see `cislunar.estimation.light_curves.effort`.
     unknowns : BodySpread
         What is estimated of a target besides its rotation, by its prior standard deviations.
 
@@ -88,13 +91,14 @@ class BatchSettings:
     memory_hours: float | None = None
     use_non_detections: bool = False
     magnitude_noise_factor: float = 1.0
-    magnitude_offset: float = 0.0
     noise_freedom: float | None = None
+    most_searches: int = 1
     unknowns: BodySpread = field(default_factory=BodySpread)
 
     def __post_init__(self) -> None:
-        if self.modes < 1:
-            raise ConfigurationError(f"modes = {self.modes} must be at least 1")
+        for key in ("modes", "most_searches"):
+            if getattr(self, key) < 1:
+                raise ConfigurationError(f"{key} = {getattr(self, key)} must be at least 1")
         if min(self.starts, self.first_starts) < 0:
             raise ConfigurationError(
                 f"starts = {self.starts} and first_starts = {self.first_starts} must not be "
@@ -105,28 +109,16 @@ class BatchSettings:
                 f"pool = {self.pool} must be at least as large as starts = {self.starts} and "
                 f"first_starts = {self.first_starts}"
             )
-        for key in ("refit_growth", "magnitude_offset"):
-            if not (getattr(self, key) >= 0.0 and np.isfinite(getattr(self, key))):
-                raise ConfigurationError(
-                    f"{key} = {getattr(self, key)} must be finite and not negative"
-                )
+        if not (self.refit_growth >= 0.0 and np.isfinite(self.refit_growth)):
+            raise ConfigurationError(
+                f"refit_growth = {self.refit_growth} must be finite and not negative"
+            )
         positive = {"magnitude_noise_factor": self.magnitude_noise_factor}
         for key in ("window_hours", "memory_hours", "noise_freedom"):
             if getattr(self, key) is not None:
                 positive[key] = getattr(self, key)
-        if self.magnitude_offset > 0.0 and self.window_hours is not None:
-            raise ConfigurationError(
-                f"magnitude_offset = {self.magnitude_offset} and window_hours = "
-                f"{self.window_hours} exclude each other: condensed data would have an offset of "
-                "their own"
-            )
         if self.noise_freedom is not None:
             self._require_free_noise_alone()
-        if self.magnitude_offset > 0.0 and self.unknowns.log_scale > 0.0:
-            raise ConfigurationError(
-                f"magnitude_offset = {self.magnitude_offset} and unknowns.log_scale = "
-                f"{self.unknowns.log_scale} are the same unknown twice: give log_scale alone"
-            )
         if self.memory_hours is not None and self.window_hours is None:
             raise ConfigurationError(
                 f"memory_hours = {self.memory_hours} needs window_hours: only condensed data fade"
@@ -138,7 +130,6 @@ class BatchSettings:
     def _require_free_noise_alone(self) -> None:
         """Refuse what goes with a known noise alone."""
         others = {
-            "magnitude_offset": (self.magnitude_offset, 0.0, "take unknowns.log_scale instead"),
             "window_hours": (self.window_hours, None, "condensed data have a noise of their own"),
             "use_non_detections": (self.use_non_detections, False, "a limit has the known noise"),
         }
@@ -161,6 +152,7 @@ class BatchSettings:
             spread=3.0,
             merge_distance=2.0,
             drop=12.0,
+            searches=self.most_searches,
         )
 
 

@@ -13,10 +13,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.estimation.light_curves.levenberg_marquardt import refine, squared_distance
+from cislunar.estimation.light_curves.levenberg_marquardt import (
+    INITIAL_DAMPING,
+    WARM_DAMPING,
+    refine,
+    squared_distance,
+)
 from cislunar.estimation.light_curves.light_curve import (
     Anchor,
     anchor_cost,
+    carried_unknowns,
     cost,
     cost_and_derivatives,
     initial_state,
@@ -77,7 +83,8 @@ def prior_hypotheses(modes: int, unknowns: int = ROTATION) -> Hypotheses:
 
 
 @njit(cache=True, error_model="numpy")
-def _anchor(hypotheses, j):
+def anchor_of(hypotheses, j):
+    """What a mode knows of data no longer kept."""
     return Anchor(
         hypotheses.anchor_mean[j], hypotheses.anchor_information[j], hypotheses.anchor_offset[j]
     )
@@ -137,7 +144,7 @@ def _lowest_of_pool(hypotheses, data, model, settings, starts, from_anchor, rng,
         j = _draw(hypotheses, settings, from_anchor, rng, root, u)
         if _is_known(u, hypotheses, settings.merge_distance):
             continue
-        value = cost(u, data, _anchor(hypotheses, j), model, costs[starts - 1])
+        value = cost(u, data, anchor_of(hypotheses, j), model, costs[starts - 1])
         if not value < costs[starts - 1]:
             continue
         place = min(filled, starts - 1)
@@ -257,15 +264,16 @@ def search(hypotheses, data, model, settings, rng):
     for i in range(total):
         origin = i if i < live else origins[i]
         u[:] = hypotheses.u[i] if i < live else found[i]
-        anchor = _anchor(hypotheses, origin)
+        anchor = anchor_of(hypotheses, origin)
         iterations = settings.warm_iterations if i < live else settings.iterations
+        damping = WARM_DAMPING if i < live and unknowns > ROTATION else INITIAL_DAMPING
         heeded = kept if i >= live else 0
         known = (found[:heeded], roots[:heeded], distance)
         value = 0.0
         if i >= live and thin.shape[0] < data.shape[0]:
-            value = refine(u, thin, anchor, model, iterations, information, *known)
+            value = refine(u, thin, anchor, model, damping, iterations, information, *known)
         if value < np.inf:
-            value = refine(u, data, anchor, model, iterations, information, *known)
+            value = refine(u, data, anchor, model, damping, iterations, information, *known)
         log_weight = _log_weight(value, information, roots[kept])
         if log_weight > -np.inf:
             found[kept], origins[kept], log_weights[kept] = u, origin, log_weight
@@ -288,7 +296,7 @@ def condense(hypotheses, data, model, memory):
     gradient, root = np.empty(unknowns), np.empty((unknowns, unknowns))
     information = np.empty((unknowns, unknowns))
     for j in range(hypotheses.count[0]):
-        u, anchor = hypotheses.u[j], _anchor(hypotheses, j)
+        u, anchor = hypotheses.u[j], anchor_of(hypotheses, j)
         value = cost_and_derivatives(u, data, anchor, model, gradient, information)
         # the minimum of the expansion of anchor and data about u
         root[:, :] = information
@@ -338,23 +346,26 @@ def _carried_root(root, carried, reach):
 
 
 @njit(cache=True, error_model="numpy")
-def mixture_points(hypotheses, model, quaternion, omega, weight):
+def mixture_points(hypotheses, model, quaternion, omega, weight, departures):
     """Equally weighted points of every live mode with its mean and covariance; their number.
 
-    The points ``u_j +- sqrt(6) L_j e_i`` with ``L_j L_j^T`` the covariance of the rotation, that of
-    H_j^-1, as attitude (12 mode, 4) and rate (12 mode, 3) at the epoch. What else is unknown is
-    integrated out.
+    The points ``u_j +- sqrt(c) L_j e_i`` of the c unknowns on which attitudes at other times
+    depend, ``L_j L_j^T`` their covariance in H_j^-1, as attitude (2 c mode, 4), rate (2 c mode, 3)
+    and departures of the rotation (2 c mode, c - 6) at the epoch. The surface is integrated out.
     """
-    from_u = np.empty(ROTATION)
-    reach = np.sqrt(float(ROTATION))
+    carried = carried_unknowns(model)
+    from_u = np.empty(carried)
+    reach = np.sqrt(float(carried))
     number = 0
     for j in range(hypotheses.count[0]):
-        columns = _carried_root(hypotheses.root[j], ROTATION, reach)
-        for i in range(ROTATION):
+        columns = _carried_root(hypotheses.root[j], carried, reach)
+        for i in range(carried):
             for sign in (1.0, -1.0):
-                for c in range(ROTATION):
+                for c in range(carried):
                     from_u[c] = hypotheses.u[j, c] + sign * columns[c, i]
                 initial_state(from_u, model, quaternion[number], omega[number])
-                weight[number] = hypotheses.weight[j] / (2 * ROTATION)
+                for c in range(ROTATION, carried):
+                    departures[number, c - ROTATION] = model.sigma[c] * from_u[c]
+                weight[number] = hypotheses.weight[j] / (2 * carried)
                 number += 1
     return number

@@ -12,6 +12,9 @@ from cislunar.estimation.light_curves.light_curve import cost_and_derivatives
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 
 INITIAL_DAMPING = 1e-2
+WARM_DAMPING = 1e-5
+"""From a live mode of more unknowns than the rotation's: data tell some combinations of them a
+hundred times worse than each alone, and along those a damped step hardly moves."""
 DAMPING_AFTER_SUCCESS = 0.2
 DAMPING_AFTER_FAILURE = 6.0
 LARGEST_FAILURES = 5
@@ -32,7 +35,9 @@ def squared_distance(u, other, root):
 
 
 @njit(cache=True, error_model="numpy")
-def refine(u, data, anchor, model, max_iterations, information, known, known_roots, merge_distance):
+def refine(
+    u, data, anchor, model, damping, max_iterations, information, known, known_roots, merge_distance
+):
     """Lower the cost from a start `u` (n,), which receives the best point found.
 
     Returns the cost there, or inf once within `merge_distance`, squared, of a minimum `known`
@@ -44,7 +49,6 @@ def refine(u, data, anchor, model, max_iterations, information, known, known_roo
     trial_information, damped = np.empty((unknowns, unknowns)), np.empty((unknowns, unknowns))
     step, trial = np.empty(unknowns), np.empty(unknowns)
     best = cost_and_derivatives(u, data, anchor, model, gradient, information)
-    damping = INITIAL_DAMPING
     for _ in range(max_iterations):
         decrease = 0.0
         for _ in range(LARGEST_FAILURES):

@@ -15,8 +15,9 @@ degrees of freedom), it is integrated out: with n detections and S the sum over 
 the misfit becomes ``(nu + n) / 2 ln(1 + S / (nu R))``, Student's t in place of the Gaussian, and
 ``(nu R + S) / (nu + n)`` takes the place of R in the derivatives.
 
-Further unknowns may follow the six: how the body's surface departs from what is believed
-(`cislunar.photometry.departures`), each in units of its prior standard deviation too.
+Further unknowns may follow the six: how the body's rotation (`cislunar.attitude.departures`) and
+then its surface (`cislunar.photometry.departures`) depart from what is believed, each in units of
+its prior standard deviation too.
 
 The prior may be replaced by an `Anchor`, the Gaussian that stands for data no longer kept.
 """
@@ -28,13 +29,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.attitude.departures import COLUMNS, departed_rotation, start_track
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
 from cislunar.estimation.light_curves.row_blocks import (
     CURVATURE,
     MAGNITUDE,
     MISFIT_SLOPE,
-    OFFSET_WEIGHT,
     ROTATION,
     SEEN,
     WEIGHT,
@@ -42,9 +43,10 @@ from cislunar.estimation.light_curves.row_blocks import (
     carry_attitude,
     fill_block,
     fold,
-    further_rows,
     pull_back,
     pull_back_matrix,
+    read_attitude,
+    rows_of_unknowns,
     sum_rows,
     work_rows,
 )
@@ -78,20 +80,18 @@ class LightCurveModel(NamedTuple):
         Nominal attitude (inertial to body) and angular velocity (rad/s, body frame) at the epoch.
     sigma : ndarray, shape (n,)
         Prior standard deviations: attitude error (GRP), angular velocity (rad/s), departures.
-    surface_kinds : ndarray of int, shape (n - 6,)
-        Departures of the surface that are estimated.
+    rotation_kinds, surface_kinds : ndarray of int
+        Departures of rotation and surface that are estimated, n - 6 together.
     inertia, inverse_inertia : ndarray, shape (3, 3)
         Any unit.
-    spherical : bool
-        Whether the angular velocity is constant.
+    even : bool
+        Whether the angular velocity is constant, whatever the unknowns.
     areas, normals, material, irradiance_4pi, fresnel_sqrt
         As in `cislunar.photometry.facets.facet_magnitude`.
     noise_variance : float
         R, mag^2, of a row of weight 1.
     noise_freedom : float
         Degrees of freedom of what is known of R beforehand; 0 if R is known.
-    offset_variance : float
-        Variance of an unknown offset common to all magnitudes, mag^2; 0 for none.
     limiting_magnitude : float
         What a non-detection is known to be fainter than.
     """
@@ -99,10 +99,11 @@ class LightCurveModel(NamedTuple):
     quaternion: Array
     omega: Array
     sigma: Array
+    rotation_kinds: NDArray[np.int64]
     surface_kinds: NDArray[np.int64]
     inertia: Array
     inverse_inertia: Array
-    spherical: bool
+    even: bool
     areas: Array
     normals: Array
     material: Array
@@ -110,7 +111,6 @@ class LightCurveModel(NamedTuple):
     fresnel_sqrt: bool
     noise_variance: float
     noise_freedom: float
-    offset_variance: float
     limiting_magnitude: float
 
 
@@ -165,12 +165,32 @@ def fainter_than_limit(z):
     return -math.log(chance), slope, max(slope * slope + z * density / chance, 0.0)
 
 
+@njit(cache=True, inline="always")
+def carried_unknowns(model):
+    """Number of unknowns, the first ones, on which the attitude at other times depends."""
+    return ROTATION + model.rotation_kinds.shape[0]
+
+
+@njit(cache=True, error_model="numpy")
+def _body(u, model):
+    """Inertia of the body, its inverse and the forced acceleration, given the unknowns."""
+    forced = np.zeros(3)
+    carried = carried_unknowns(model)
+    if carried == ROTATION:
+        return model.inertia, model.inverse_inertia, forced
+    out = np.empty((3, 3)), np.empty((3, 3)), forced
+    amounts = model.sigma[ROTATION:carried] * u[ROTATION:carried]
+    departed_rotation(model.rotation_kinds, amounts, model.inertia, model.inverse_inertia, out)
+    return out
+
+
 @njit(cache=True, error_model="numpy")
 def _surface(u, model):
     """Shape and material of the body, given the unknowns."""
-    if u.shape[0] == ROTATION:
+    if model.surface_kinds.shape[0] == 0:
         return model.areas, model.normals, model.material
-    amounts = model.sigma[ROTATION:] * u[ROTATION:]
+    carried = carried_unknowns(model)
+    amounts = model.sigma[carried:] * u[carried:]
     return departed_surface(
         model.surface_kinds, amounts, model.areas, model.normals, model.material
     )
@@ -178,7 +198,7 @@ def _surface(u, model):
 
 @njit(cache=True, error_model="numpy")
 def _magnitudes_and_derivatives(block, shares, work, rows, areas, normals, material, model):
-    """Magnitudes of a block, their derivatives by a turn, and those by departures."""
+    """Magnitudes of a block, their derivatives by a turn, and those by departures of surface."""
     readings = model.irradiance_4pi, model.fresnel_sqrt
     kinds = model.surface_kinds
     if kinds.shape[0] == 0:
@@ -186,16 +206,9 @@ def _magnitudes_and_derivatives(block, shares, work, rows, areas, normals, mater
         return
     stretched = np.any((kinds >= STRETCH) & (kinds < FACET))
     block_magnitude_departures(block, shares, stretched, rows, areas, normals, material, *readings)
-    departure_rows(
-        block,
-        shares,
-        rows,
-        kinds,
-        model.sigma[ROTATION:],
-        material,
-        readings[1],
-        further_rows(work),
-    )
+    first = carried_unknowns(model)
+    out = rows_of_unknowns(work, first)
+    departure_rows(block, shares, rows, kinds, model.sigma[first:], material, readings[1], out)
 
 
 @njit(cache=True, error_model="numpy")
@@ -226,18 +239,23 @@ def cost(u, data, anchor, model, stop_above):
     initial_state(u, model, start, omega)
     q, rate = start.copy(), omega.copy()
     block, work = np.empty((BLOCK_ROWS, LANES)), np.empty((work_rows(ROTATION), LANES))
-    no_errors = np.empty((6, 0))
-    squares, sums, count, seen = 0.0, 0.0, 0.0, 0
-    spherical = model.spherical
+    no_errors, turned = np.empty((6, 0)), np.empty((1, COLUMNS))
+    squares, seen = 0.0, 0
+    even, body = model.even, _body(u, model)
+    departing = model.rotation_kinds.shape[0] > 0
+    if departing:
+        track, times = start_track(start, omega, body, False)
+    else:
+        track, times = turned, omega
     areas, normals, material = _surface(u, model)
     inverse_noise = 1.0 / np.sqrt(model.noise_variance)
     for first in range(0, data.shape[0], LANES):
         rows = min(LANES, data.shape[0] - first)
         fill_block(block, work, data, first, rows, start, omega)
-        if not spherical:
-            now = carry_attitude(
-                block, work, rows, now, q, rate, no_errors, model.inertia, model.inverse_inertia
-            )
+        if departing:
+            read_attitude(block, work, rows, track, times, turned, body)
+        elif not even:
+            now = carry_attitude(block, work, rows, now, q, rate, no_errors, body)
         block_magnitudes(
             block, rows, areas, normals, material, model.irradiance_4pi, model.fresnel_sqrt
         )
@@ -246,30 +264,22 @@ def cost(u, data, anchor, model, stop_above):
             if data[first + k, SEEN] == 1.0:
                 residual = data[first + k, MAGNITUDE] - h
                 squares += weight * residual * residual
-                sums += weight * residual
-                count += weight
                 seen += 1
             else:
                 excess = (h - model.limiting_magnitude) * inverse_noise
                 total += fainter_than_limit(excess * np.sqrt(weight))[0]
-        if total + _misfit(squares, sums, count, seen, model) > stop_above:
+        if total + _misfit(squares, seen, model) > stop_above:
             break
-    return total + _misfit(squares, sums, count, seen, model)
-
-
-@njit(cache=True, inline="always")
-def _shrinkage(count, model):
-    """Share of the squared sum of residuals that an unknown offset explains, over the weights."""
-    return model.offset_variance / (model.noise_variance + count * model.offset_variance)
+    return total + _misfit(squares, seen, model)
 
 
 @njit(cache=True, error_model="numpy")
-def _misfit(squares, sums, count, seen, model):
-    """Misfit of the detections, minimised over the offset; never falls as data come in."""
+def _misfit(squares, seen, model):
+    """Misfit of the detections; never falls as data come in."""
     freedom = model.noise_freedom
     if freedom > 0.0:
         return 0.5 * (freedom + seen) * np.log(1.0 + squares / (freedom * model.noise_variance))
-    return 0.5 * (squares - _shrinkage(count, model) * sums * sums) / model.noise_variance
+    return 0.5 * squares / model.noise_variance
 
 
 @njit(cache=True, inline="always")
@@ -291,34 +301,38 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
     q, rate = start.copy(), omega.copy()
     unknowns = u.shape[0]
     block, work = np.empty((BLOCK_ROWS, LANES)), np.empty((work_rows(unknowns), LANES))
+    kinds, carried = model.rotation_kinds, carried_unknowns(model)
     products, errors = np.zeros((sum_rows(unknowns), LANES)), np.zeros((6, 3))
     for i in range(3):
         errors[3 + i, i] = 1.0  # d omega(0) / d omega(0)
     inverse_variance = 1.0 / model.noise_variance
     inverse_noise = np.sqrt(inverse_variance)
-    squares, sums, count, seen = 0.0, 0.0, 0.0, 0
-    spherical = model.spherical
+    squares, seen = 0.0, 0
+    even, body = model.even, _body(u, model)
+    departing, turned = kinds.shape[0] > 0, np.empty((4, COLUMNS))
+    if departing:
+        track, times = start_track(start, omega, body, True)
+    else:
+        track, times = turned, omega
     areas, normals, material = _surface(u, model)
     with_shares = np.any(model.surface_kinds >= FACET)
     shares = np.empty((areas.shape[0] if with_shares else 0, LANES))
     for first in range(0, data.shape[0], LANES):
         rows = min(LANES, data.shape[0] - first)
         fill_block(block, work, data, first, rows, start, omega)
-        if not spherical:
-            now = carry_attitude(
-                block, work, rows, now, q, rate, errors, model.inertia, model.inverse_inertia
-            )
+        if departing:
+            read_attitude(block, work, rows, track, times, turned, body)
+        elif not even:
+            now = carry_attitude(block, work, rows, now, q, rate, errors, body)
         _magnitudes_and_derivatives(block, shares, work, rows, areas, normals, material, model)
         for k in range(rows):
             h, weight = block[EXPECTED, k], data[first + k, WEIGHT]
             if data[first + k, SEEN] == 1.0:
                 residual = data[first + k, MAGNITUDE] - h
                 squares += weight * residual * residual
-                sums += weight * residual
-                count += weight
                 seen += 1
                 curvature = weight * inverse_variance
-                slope, of_offset = -residual * curvature, weight
+                slope = -residual * curvature
             else:
                 sharpness = inverse_noise * np.sqrt(weight)
                 excess = (h - model.limiting_magnitude) * sharpness
@@ -326,19 +340,15 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
                 total += value
                 slope *= sharpness
                 curvature *= weight * inverse_variance
-                of_offset = 0.0
             work[MISFIT_SLOPE, k], work[CURVATURE, k] = slope, curvature
-            work[OFFSET_WEIGHT, k] = of_offset
-        pull_back(block, work, rows, omega, spherical)
+        pull_back(block, work, rows, omega, even, kinds, model.sigma[ROTATION:carried])
         add_products(work, rows, products)
     to_unknowns = pull_back_matrix(u, start, model.sigma)
-    curvatures, slopes, offsets = fold(products, to_unknowns, unknowns)
-    shrinkage = inverse_variance * _shrinkage(count, model)
+    curvatures, slopes = fold(products, to_unknowns, unknowns)
     trust = _trust(squares, seen, model)
     for i in range(unknowns):
-        gradient[i] = trust * slopes[i] + shrinkage * sums * offsets[i]
+        gradient[i] = trust * slopes[i]
         for j in range(unknowns):
             gradient[i] += anchor.information[i, j] * (u[j] - anchor.mean[j])
             information[i, j] = anchor.information[i, j] + trust * curvatures[i, j]
-            information[i, j] -= shrinkage * offsets[i] * offsets[j]
-    return total + _misfit(squares, sums, count, seen, model)
+    return total + _misfit(squares, seen, model)

@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 
+from cislunar.attitude.departures import departed_rotation
 from cislunar.attitude.grp import (
     GRP_A,
     GRP_F,
@@ -17,19 +18,24 @@ RECENTERINGS = 2
 
 
 @njit(cache=True, error_model="numpy")
-def step_points(quaternion, omega, dt, inertia, inverse_inertia, spherical):
+def step_points(quaternion, omega, departures, dt, model):
     """Carry attitudes (n, 4) and rates (n, 3) of one body over dt seconds, in place.
 
-    Exact for a spherical body, whose rate is constant.
+    `departures` (n, m) are the amounts by which the rotation departs at each point, of the kinds
+    of the `LightCurveModel`. Exact for a body that turns evenly.
     """
     no_errors = np.empty((6, 0))
+    body = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for i in range(quaternion.shape[0]):
         q, w = quaternion[i], omega[i]
-        if spherical:
+        if model.even:
             t1, t2, t3, t4 = rotation_vector_components(w[0] * dt, w[1] * dt, w[2] * dt)
             q[0], q[1], q[2], q[3] = multiply_components(t1, t2, t3, t4, q[0], q[1], q[2], q[3])
-        else:
-            propagate_with_errors(q, w, no_errors, dt, inertia, inverse_inertia)
+            continue
+        if i == 0 or departures.shape[1] > 0:
+            kinds, believed = model.rotation_kinds, (model.inertia, model.inverse_inertia)
+            departed_rotation(kinds, departures[i], *believed, body)
+        propagate_with_errors(q, w, no_errors, dt, *body)
 
 
 @njit(cache=True, error_model="numpy")

@@ -12,6 +12,7 @@ all rows and applied to the sums. Unknowns beyond those six come after them, alr
 import numpy as np
 from numba import njit
 
+from cislunar.attitude.departures import FIRST_DEPARTURE, extend_track, read_track
 from cislunar.attitude.grp import GRP_A, GRP_F, pull_back_to_grp
 from cislunar.attitude.quaternion import multiply_components, rotate_components
 from cislunar.attitude.short_steps import propagate_with_errors
@@ -30,11 +31,12 @@ _GEOMETRY = 2
 """First of the seven columns of directions and range."""
 
 # Rows of a block's work besides the magnitudes.
-MISFIT_SLOPE, CURVATURE, OFFSET_WEIGHT = 0, 1, 2
-"""Of a row: derivative of its cost by the magnitude, the second, and its weight in the offset."""
-_ELAPSED, _LAG, _REST, _RATE_ERRORS, _DERIVATIVE = 3, 4, 5, 6, 15
+MISFIT_SLOPE, CURVATURE = 0, 1
+"""Of a row: derivative of its cost by the magnitude, and the second."""
+_ELAPSED, _LAG, _REST, _RATE_ERRORS, _DERIVATIVE = 2, 3, 4, 5, 29
+"""There is room for the errors by the rate and by five departures of the rotation."""
 _MOTION_ROWS = _DERIVATIVE + ROTATION
-_ROTATION_SUMS = ROTATION * (ROTATION + 1) // 2 + 2 * ROTATION
+_ROTATION_SUMS = ROTATION * (ROTATION + 1) // 2 + ROTATION
 
 
 @njit(cache=True, inline="always")
@@ -45,8 +47,8 @@ def work_rows(unknowns):
 
 @njit(cache=True, inline="always")
 def sum_rows(unknowns):
-    """Products of the derivatives in pairs, and the derivatives by slope and by offset."""
-    return unknowns * (unknowns + 1) // 2 + 2 * unknowns
+    """Products of the derivatives in pairs, and the derivatives by slope."""
+    return unknowns * (unknowns + 1) // 2 + unknowns
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -56,9 +58,9 @@ def _motion_rows(work):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def further_rows(work):
-    """Rows of the derivatives by unknowns beyond the rotation's."""
-    return work[_MOTION_ROWS:]
+def rows_of_unknowns(work, first):
+    """Rows of the derivatives by the unknowns from number `first` on."""
+    return work[_DERIVATIVE + first :]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -102,14 +104,14 @@ def fill_block(block, work, data, first, count, start, omega):
 
 
 @njit(cache=True, error_model="numpy")
-def carry_attitude(block, work, count, now, q, rate, errors, inertia, inverse_inertia):
-    """Attitudes of a body that is not spherical, in place of those of `fill_block`.
+def carry_attitude(block, work, count, now, q, rate, errors, body):
+    """Attitudes of a body that does not turn evenly, in place of those of `fill_block`.
 
     Attitude, angular velocity and `errors` (6, 0 or 3) are carried on from time `now`; returns the
-    time reached.
+    time reached. `body` is inertia, its inverse and the forced acceleration.
     """
     for k in range(count):
-        propagate_with_errors(q, rate, errors, work[_ELAPSED, k] - now, inertia, inverse_inertia)
+        propagate_with_errors(q, rate, errors, work[_ELAPSED, k] - now, *body)
         now = work[_ELAPSED, k]
         for c in range(4):
             block[QUATERNION + c, k] = q[c]
@@ -120,8 +122,31 @@ def carry_attitude(block, work, count, now, q, rate, errors, inertia, inverse_in
 
 
 @njit(cache=True, error_model="numpy")
-def pull_back(block, work, count, omega, spherical):
+def read_attitude(block, work, count, track, times, found, body):
+    """The same for a body that departs from what is believed, from a track that is extended.
+
+    See `cislunar.attitude.departures`; `found` (1 or 4, its COLUMNS) is overwritten, and says
+    whether errors are wanted.
+    """
+    with_errors = found.shape[0] > 1
+    for k in range(count):
+        if work[_ELAPSED, k] > times[1]:
+            extend_track(track, times, work[_ELAPSED, k], body, with_errors)
+        read_track(track, times, work[_ELAPSED, k], found)
+        for c in range(4):
+            block[QUATERNION + c, k] = found[0, c]
+        if with_errors:
+            for c in range(found.shape[1]):
+                for i in range(3):
+                    work[_RATE_ERRORS + 3 * c + i, k] = found[1 + i, c]
+
+
+@njit(cache=True, error_model="numpy")
+def pull_back(block, work, count, omega, even, kinds, sigma):
     """Carry the magnitudes' derivatives by a turn back to the epoch.
+
+    Those by departures of the rotation, of these `kinds`, go by `sigma` of each; there are none
+    where the body turns evenly.
 
     With phi = omega t, n its direction and g the derivative at t, that by omega is
     ``t g + (1 - cos|phi|)/|omega| n x g + (t - sin|phi|/|omega|) n x (n x g)`` for a spherical body
@@ -135,7 +160,7 @@ def pull_back(block, work, count, omega, spherical):
         q1, q2, q3, q4 = b[QUATERNION, k], b[QUATERNION + 1, k], b[QUATERNION + 2, k], b[3, k]
         ex, ey, ez = rotate_components(-q1, -q2, -q3, q4, gx, gy, gz)
         w[_DERIVATIVE, k], w[_DERIVATIVE + 1, k], w[_DERIVATIVE + 2, k] = ex, ey, ez
-    if spherical:
+    if even:
         for k in range(count):
             gx, gy, gz = b[TURN, k], b[TURN + 1, k], b[TURN + 2, k]
             t, lag, rest = w[_ELAPSED, k], w[_LAG, k], w[_REST, k]
@@ -144,12 +169,16 @@ def pull_back(block, work, count, omega, spherical):
             w[_DERIVATIVE + 4, k] = t * gy + lag * cy + rest * (nz * cx - nx * cz)
             w[_DERIVATIVE + 5, k] = t * gz + lag * cz + rest * (nx * cy - ny * cx)
         return
-    for c in range(3):
+    whole = work.reshape((work.shape[0], LANES))
+    for c in range(3 + kinds.shape[0]):
+        scale, column = 1.0, c
+        if c >= 3:
+            scale, column = sigma[c - 3], FIRST_DEPARTURE + kinds[c - 3]
         for k in range(count):
-            w[_DERIVATIVE + 3 + c, k] = (
-                w[_RATE_ERRORS + 3 * c, k] * b[TURN, k]
-                + w[_RATE_ERRORS + 3 * c + 1, k] * b[TURN + 1, k]
-                + w[_RATE_ERRORS + 3 * c + 2, k] * b[TURN + 2, k]
+            whole[_DERIVATIVE + 3 + c, k] = scale * (
+                whole[_RATE_ERRORS + 3 * column, k] * b[TURN, k]
+                + whole[_RATE_ERRORS + 3 * column + 1, k] * b[TURN + 1, k]
+                + whole[_RATE_ERRORS + 3 * column + 2, k] * b[TURN + 2, k]
             )
 
 
@@ -165,7 +194,6 @@ def _add_products(w, s, count, unknowns):
             pair += 1
         for k in range(count):
             s[by_slope + i, k] += w[MISFIT_SLOPE, k] * w[_DERIVATIVE + i, k]
-            s[by_slope + unknowns + i, k] += w[OFFSET_WEIGHT, k] * w[_DERIVATIVE + i, k]
 
 
 @njit(cache=True, error_model="numpy")
@@ -197,7 +225,7 @@ def pull_back_matrix(u, start, sigma):
 
 @njit(cache=True, error_model="numpy")
 def fold(sums, matrix, unknowns):
-    """Sums over all lanes in the unknowns: of products (n, n), by slope (n,) and by offset (n,).
+    """Sums over all lanes in the unknowns: of products (n, n) and by slope (n,).
 
     `matrix`, shape (6, 6), leads to the unknowns of the rotation; the others stay.
     """
@@ -210,18 +238,17 @@ def fold(sums, matrix, unknowns):
     first = unknowns * (unknowns + 1) // 2
     whole, half = np.empty((unknowns, unknowns)), np.zeros((unknowns, unknowns))
     products = np.zeros((unknowns, unknowns))
-    by_slope, by_offset = np.zeros(unknowns), np.zeros(unknowns)
+    by_slope = np.zeros(unknowns)
     for i in range(unknowns):
         for j in range(i + 1):
             whole[i, j] = whole[j, i] = sums[i * (i + 1) // 2 + j, 0]
     for i in range(unknowns):
         if i >= ROTATION:
-            by_slope[i], by_offset[i] = sums[first + i, 0], sums[first + unknowns + i, 0]
+            by_slope[i] = sums[first + i, 0]
             half[i] = whole[i]
             continue
         for k in range(ROTATION):
             by_slope[i] += matrix[i, k] * sums[first + k, 0]
-            by_offset[i] += matrix[i, k] * sums[first + unknowns + k, 0]
             for j in range(unknowns):
                 half[i, j] += matrix[i, k] * whole[k, j]
     for i in range(unknowns):
@@ -232,4 +259,4 @@ def fold(sums, matrix, unknowns):
                 for k in range(ROTATION):
                     products[i, j] += half[i, k] * matrix[j, k]
             products[j, i] = products[i, j]
-    return products, by_slope, by_offset
+    return products, by_slope

@@ -107,3 +107,21 @@ def tasking_variants(task2: Mapping[str, Any]) -> dict[str, str]:
         if "method" in task2["variants"]["cells"][cell.variant]["change"].get("tasking", {})
     }
     return {"": task2["tasking"]["method"]} | changed
+
+
+def learned_cell(task2: Mapping[str, Any]) -> list[Cell]:
+    """The cell that shows what is learned of bodies, if any has unknowns: the one with the most.
+
+    The first of those, with most drawn at random.
+    """
+    entries = task2["variants"]["cells"]
+
+    def unknowns(cell: Cell) -> tuple[int, int]:
+        change = entries[cell.variant]["change"]
+        estimated = change.get("batch", {}).get("unknowns", {})
+        drawn = change.get("truth", {}).get("spread", {})
+        return sum(map(bool, estimated.values())), sum(map(bool, drawn.values()))
+
+    found = [cell for cell in variant_cells(task2) if cell.estimator == "batch"]
+    found = [cell for cell in found if unknowns(cell)[0]]
+    return [max(found, key=unknowns)] if found else []

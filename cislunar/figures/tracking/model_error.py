@@ -55,7 +55,7 @@ KIND_LABELS = {
 
 
 def _remedied(table: pd.DataFrame) -> pd.Series:
-    """Rows of variants that change more than the truth."""
+    """Rows of variants that change more than the truth: what the estimator estimates, mostly."""
     return table["also"].notna() & (table["also"] != "")
 
 
@@ -82,13 +82,16 @@ def curve(
 ) -> pd.DataFrame:
     """Rows of ``tables/model_error.csv`` for one kind of error and one estimator, by rising size.
 
-    Beginning with no error unless `remedied` (the variants in which the estimator is set otherwise,
-    too); empty if the estimator has no such error.
+    Beginning with no error. With `remedied` those of variants in which the estimator is set
+    otherwise, too, none without the error unless set alike. Empty if there is no such error.
     """
     own = table[(table["estimator"] == estimator) & (table["quantity"] == quantity)]
     faulty = own[(own["kind"] == kind) & (_remedied(own) == remedied)]
-    if not (faulty.empty or remedied):
-        faulty = pd.concat([own[own["kind"] == NONE], faulty])
+    none = own[(own["kind"] == NONE) & (_remedied(own) == remedied)]
+    if remedied:
+        none = none[none["also"].isin(faulty["also"])]
+    if not faulty.empty:
+        faulty = pd.concat([none, faulty])
     return faulty.sort_values("size", kind="stable")
 
 
@@ -100,7 +103,7 @@ def _series(table: pd.DataFrame) -> list[tuple[str, bool, SeriesStyle]]:
         found.append((name, False, look))
         if _remedied(table[table["estimator"] == name]).any():
             mended = look._replace(
-                label=f"{look.label} with a remedy", line=DOTTED, marker="^", filled=False
+                label=f"{look.label}, estimating more", line=DOTTED, marker="^", filled=False
             )
             found.append((name, True, mended))
     return found

@@ -1,0 +1,83 @@
+"""Rotation of a body whose inertia and torque depart from what is believed, and its derivatives."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cislunar.attitude.departures import (
+    COLUMNS,
+    departed_rotation,
+    departing_transition,
+    extend_track,
+    read_track,
+    start_track,
+)
+from cislunar.attitude.quaternion import compose, rotation_vector
+from cislunar.attitude.short_steps import rigid_transition
+
+BELIEVED = np.array([1.0, 1.3, 0.8])
+RATE = np.array([0.8, -0.5, 0.3])
+AMOUNTS = np.array([0.1, -0.2, 0.02, -0.01, 0.03])
+KINDS = np.arange(5)
+TIMES = np.array([0.05, 3.1, 3.11, 8.0])
+
+
+def _body(amounts):
+    out = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    departed_rotation(KINDS, amounts, np.diag(BELIEVED), np.diag(1.0 / BELIEVED), out)
+    return out
+
+
+def _motion(change):
+    """Attitude and rate at all times by SciPy, with changes of the rate and the amounts."""
+    amounts = AMOUNTS + change[3:]
+    moments, torque = BELIEVED * np.exp([0.0, *amounts[:2]]), amounts[2:]
+
+    def slope(_, y):
+        q, w = y[:4], y[4:]
+        return np.r_[compose(np.r_[0.5 * w, 0.0], q), torque - np.cross(w, moments * w) / moments]
+
+    start = np.r_[0.0, 0.0, 0.0, 1.0, RATE + change[:3]]
+    return solve_ivp(slope, (0.0, 9.0), start, rtol=1e-11, atol=1e-11, t_eval=TIMES).y.T
+
+
+def test_attitude_and_all_derivatives_against_scipy():
+    body, still = _body(AMOUNTS), np.array([0.0, 0.0, 0.0, 1.0])
+    track, times = start_track(still, RATE, body, True)
+    alone, alone_times = start_track(still, RATE, body, False)
+    ends = [(_motion(h), _motion(-h)) for h in 1e-4 * np.eye(COLUMNS)]
+    reference = _motion(np.zeros(COLUMNS))
+    found, without = np.empty((4, COLUMNS)), np.empty((1, COLUMNS))
+    for k, when in enumerate(TIMES):
+        extend_track(track, times, when, body, True)
+        read_track(track, times, when, found)
+        extend_track(alone, alone_times, when, body, False)
+        read_track(alone, alone_times, when, without)
+        np.testing.assert_array_equal(without[0, :4], found[0, :4])
+        expected = reference[k, :4] / np.linalg.norm(reference[k, :4])
+        np.testing.assert_allclose(found[0, :4], expected, atol=2e-5)
+        for c, (above, below) in enumerate(ends):
+            back = below[k, :4] * [-1.0, -1.0, -1.0, 1.0]
+            turn = rotation_vector(compose(above[k, :4], back)) / 2e-4
+            np.testing.assert_allclose(found[1:, c], turn, atol=2e-4 * max(1.0, when))
+
+
+def test_transition_of_a_known_body_is_the_usual_one():
+    inertia, inverse = np.diag(BELIEVED), np.diag(1.0 / BELIEVED)
+    usual, found = np.empty((6, 6)), np.empty((6, 11))
+    for omega in (RATE, np.zeros(3)):
+        rigid_transition(omega, 0.02, inertia, inverse, usual)
+        departing_transition(omega, 0.02, inertia, inverse, KINDS, found)
+        np.testing.assert_allclose(found[:, :6], usual, atol=1e-7)
+    # at rest a torque alone does anything, and that by t and t^2 / 2
+    np.testing.assert_array_equal(found[:, 6:8], 0.0)
+    np.testing.assert_allclose(found[3:, 8:], 0.02 * np.eye(3), rtol=1e-12)
+    np.testing.assert_allclose(found[:3, 8:], 0.0002 * np.eye(3), rtol=1e-12)
+
+
+@pytest.mark.parametrize("rate", [0.0, 1e200, np.nan])
+def test_a_track_ends_whatever_the_rate(rate):
+    body = _body(AMOUNTS)
+    track, times = start_track(np.array([0.0, 0.0, 0.0, 1.0]), np.full(3, rate), body, True)
+    extend_track(track, times, 1.0, body, True)
+    assert not times[0] > 1.0
