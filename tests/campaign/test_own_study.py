@@ -414,6 +414,21 @@ def test_the_table_of_a_sweep_has_every_value(study, tmp_path):
     assert set(table["key"]) == {"settings.task2.sensor.magnitude_noise"}
 
 
+def test_values_of_several_keys_go_by_their_names(paper, tmp_path):
+    """As in the study of tasking."""
+    tasking = merged(paper, _yaml("tasking.yaml") | {"results": str(tmp_path)})
+    study = in_study(check_campaign(tasking))
+    cells, points = swept_cells(study, "tasking")[:8], sweep_points(study, "tasking")
+    own = scenario_settings(with_families(study), "A")["task2"]
+    changed = cell_settings(own, "recommended")["tasking"]
+    usual = cell_settings(own, "as-in-the-paper")
+    assert usual == cell_settings(own) and changed != usual["tasking"]
+    assert changed["slot_minutes"] == changed["credited_measurements"] == 20
+    table = sweep_rows("tasking", study["sweeps"]["tasking"], points, [], _summary(cells))
+    assert list(table["value"].unique()) == [point.variant for point in points]
+    assert sweep_figure(table).axes
+
+
 def test_the_table_of_a_sweep_of_architectures_has_what_they_reach(study, tmp_path):
     points = sweep_points(study, "limit")
     reached = [{"J": 1e-3 * k, "satellites": 10.0 + k} for k in range(3)]

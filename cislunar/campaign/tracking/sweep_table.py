@@ -55,6 +55,13 @@ def sweep_rows(
     `architecture_values`, one for each value, or none where all values share one; `summary`, of the
     sweep's cells if it has any, gives every quantity as in ``tables/tracking.csv``.
     """
+    points = [
+        # several keys at once go by the name that the value was given
+        point._replace(value=point.variant or point.scenario)
+        if isinstance(point.value, Mapping)
+        else point
+        for point in points
+    ]
     rows = [
         {
             "value": point.value,
