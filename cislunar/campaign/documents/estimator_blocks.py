@@ -38,7 +38,8 @@ _SHOWN = (
 
 def _cells(table: pd.DataFrame, **wanted: str) -> pd.DataFrame:
     """Rows of the cells shown, with text instead of missing labels."""
-    found = table.fillna({"variant": "", "part": "", "also": "", "error": ""})
+    labels = [key for key in ("variant", "part", "also", "error") if key in table]
+    found = table.astype(dict.fromkeys(labels, object)).fillna(dict.fromkeys(labels, ""))
     for key, value in (PLACE | wanted).items():
         found = found[found[key] == value]
     return found
