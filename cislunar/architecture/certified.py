@@ -92,6 +92,12 @@ def check_size(objective: Objective, n_satellites: int, n_slots: int, steps: int
         raise ConfigurationError(f"steps = {steps} must be at least 1")
 
 
+def _distinct(choices: list[Choice]) -> list[Choice]:
+    """The choices, each once."""
+    each = {(orbit.tobytes(), count.tobytes()): (orbit, count) for orbit, count in choices}
+    return list(each.values())
+
+
 def certified_search(
     objective: Objective,
     start: Callable[[], Choice],
@@ -134,7 +140,8 @@ def certified_search(
         bound, taken = min(bound, found.bound), taken + found.steps
         if bound <= best.value or not found.choices:
             break
-        again = coordinate_search(objective, rng, restarts=0, starts=found.choices, **search)
+        starts = _distinct(found.choices)
+        again = coordinate_search(objective, rng, restarts=0, starts=starts, **search)
         if again.value <= best.value * IMPROVES:
             break
         best = again

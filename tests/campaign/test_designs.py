@@ -22,7 +22,7 @@ from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.settings.scenarios import in_study, scenario_settings
 from cislunar.campaign.tracking.objective_ranks import rank_correlation, rank_rows
 from cislunar.errors import ConfigurationError
-from cislunar.figures.search.objectives import objectives_figure
+from cislunar.figures.search.objectives import objectives_figure, tracking_errors
 from cislunar.orbits.families import observer_library
 from cislunar.orbits.station_keeping import station_keeping_m_s
 
@@ -172,10 +172,18 @@ def test_fronts_hold_every_number_and_draw(world, settings):
     rows.append(objective_row("A", single("mine", design), world, settings, moving))
     plain = design.drop_vars(["value", "bound", "greedy", "gap"]).drop_attrs()
     rows.append(objective_row("A", single("tpe", plain), world, settings, moving))
-    figure = objectives_figure({"A": pd.DataFrame(rows), "B": pd.DataFrame(rows)})
-    assert len(figure.axes) == 6
+    cell = {"quantity": "rmse_geometric_all", "part": "position", "variant": np.nan, "targets": 50}
+    cell |= {"estimator": ["mukf", "mukf", "batch"], "scenario": "A", "interval_minutes": 60}
+    cell |= {"architecture": ["mine", "tpe", "tpe"], "mean": [3.0, 30.0, 1.0]}
+    errors = tracking_errors(pd.DataFrame(cell))
+    assert errors.to_dict() == {("A", "mine"): 3.0, ("A", "tpe"): 30.0}
+    tables = {"A": pd.DataFrame(rows), "B": pd.DataFrame(rows)}
+    figure = objectives_figure(tables, errors)
+    assert len(figure.axes) == 6 == len(objectives_figure(tables).axes)
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert legend == ["seen", "known", "up to the proven bound", "mine", "TPE"]
+    assert legend == ["most seen", "most known", "up to the proven bound", "by coverage", "TPE"]
+    bar = figure.axes[2].child_axes[0]
+    assert bar.get_xlim()[0] < 3.0 < 30.0 < bar.get_xlim()[1]
 
 
 def test_rank_correlations_are_those_of_the_ranks_and_know_what_is_better():

@@ -135,7 +135,8 @@ rule satellite_front_figure:
 
 rule objectives_figure:
     input:
-        expand(results("tables/objectives_{scenario}.csv"), scenario=JUDGED),
+        tables=expand(results("tables/objectives_{scenario}.csv"), scenario=JUDGED),
+        tracking=[rules.tracking_tables.output.tracking] if CELLS else [],
     output:
         png=report(
             results("figures/objectives.png"),

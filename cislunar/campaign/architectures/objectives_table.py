@@ -1,5 +1,6 @@
 """Every architecture under every objective: coverage, information and J side by side."""
 
+import json
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -16,11 +17,15 @@ MEASURED = ("value", "greedy", "bound", "gap")
 
 
 class Flown(NamedTuple):
-    """An architecture, which front it is from if any, and its certificate."""
+    """An architecture, which front it is from if any, and its certificate.
+
+    `method` is that of a design, "" for others.
+    """
 
     front: str
     name: str
     objective: str
+    method: str
     unit: str
     orbit: np.ndarray
     satellites: np.ndarray
@@ -31,14 +36,18 @@ class Flown(NamedTuple):
 
 def single(name: str, architecture: xr.Dataset) -> Flown:
     """The architecture of ``architecture/{scenario}/{name}.nc``."""
-    objective = architecture.attrs.get("objective", "J")
+    objective, method = architecture.attrs.get("objective", "J"), ""
+    if "design" in architecture.attrs:
+        method = json.loads(architecture.attrs["settings"])["design"]["method"]
     named = "value" in architecture
     measured = {key: float(architecture[key]) for key in MEASURED if named and key in architecture}
     unit = architecture["value"].attrs["units"] if named else "1"
     orbit, satellites = architecture["orbit"].values, architecture["satellites"].values
     J = float(architecture["J"])
     shown = measured or ({"value": J} if objective == "J" else {})
-    return Flown("", name, objective, unit, orbit, satellites, phases_of(architecture), J, shown)
+    return Flown(
+        "", name, objective, method, unit, orbit, satellites, phases_of(architecture), J, shown
+    )
 
 
 def of_front(name: str, front: xr.Dataset) -> Iterator[Flown]:
@@ -49,7 +58,7 @@ def of_front(name: str, front: xr.Dataset) -> Iterator[Flown]:
         flown = (own[key].values[used] for key in ("orbit", "satellites", "phase"))
         measured = {key: float(own[key]) for key in MEASURED}
         unit, objective = own["value"].attrs["units"], front.attrs["objective"]
-        yield Flown(name, f"{name}-{total}", objective, unit, *flown, np.nan, measured)
+        yield Flown(name, f"{name}-{total}", objective, "", unit, *flown, np.nan, measured)
 
 
 def objective_row(
@@ -74,6 +83,7 @@ def objective_row(
         "front": flown.front,
         "architecture": flown.name,
         "objective": flown.objective,
+        "method": flown.method,
         "satellites": int(flown.satellites.sum()),
         "unit": flown.unit,
         **{key: flown.measured.get(key, np.nan) for key in MEASURED},

@@ -12,6 +12,8 @@ OBJECTIVES = ("J", "union_coverage", "target_days", "information_nat", "attitude
 """Columns of ``tables/objectives_{scenario}.csv``; more is better."""
 
 MEASURES = (
+    ("rmse_geometric_all", "position", "km", -1.0),
+    ("rmse_geometric_all", "attitude", "degree", -1.0),
     ("rmse_median_all", "position", "km", -1.0),
     ("rmse_median", "position", "km", -1.0),
     ("rmse_median_all", "attitude", "degree", -1.0),

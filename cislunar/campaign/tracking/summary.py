@@ -37,6 +37,7 @@ PER_PART = {
     "rmse_median": "root mean square error, median over targets and axes",
     "rmse_90": "root mean square error, 90th percentile over targets and axes",
     "rmse_median_all": "root mean square error, median over all targets, seen or not, and axes",
+    "rmse_geometric_all": "root mean square error, geometric mean over all targets and axes",
 }
 """Quantities of every part, over observed targets."""
 
@@ -117,6 +118,11 @@ def _percentile_90(values: Array) -> float:
     return np.percentile(values, 90.0)
 
 
+def _geometric_mean(values: Array) -> float:
+    """Of errors, which are positive; no large one outweighs all others."""
+    return np.exp(np.mean(np.log(values)))
+
+
 _OF_TARGETS = {
     "coverage": ("coverage", np.mean),
     "final_coverage": ("final_coverage", np.mean),
@@ -173,6 +179,7 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         "inconsistent_translation_share": translation.sum(axis=1) / seen,
         "translation_outside_share": outside.sum(axis=1) / seen,
         "rmse_median_all": reduced("rmse", np.median, np.ones_like(observed)),
+        "rmse_geometric_all": reduced("rmse", _geometric_mean, np.ones_like(observed)),
         "custody_share": cell["custody"].values.mean(axis=1),
         "tracked_share": (status == TRACKED).mean(axis=1),
         "valid_fraction": cell["updates"].values.mean(axis=1) / cell.sizes["step"],
@@ -206,7 +213,7 @@ def summary_dataset(
         name: variable(("cell", "seed", "part"), stacked(name), "1", meaning)
         for name, meaning in PER_PART.items()
     }
-    for name in ("rmse_median", "rmse_90", "rmse_median_all"):
+    for name in ("rmse_median", "rmse_90", "rmse_median_all", "rmse_geometric_all"):
         data[name].attrs["units"] = "see part_unit"
     data |= {
         name: variable(("cell", "seed"), stacked(name), unit, meaning)
