@@ -202,31 +202,31 @@ def test_rank_correlations_are_those_of_the_ranks_and_know_what_is_better():
         each = rank_correlation(one, other)
         held += each.low <= 6.0 / np.pi * np.arcsin(0.35) <= each.high
     assert 0.92 <= held / 400 <= 0.98
-    assert rank_correlation(truth[:6], 1.0 - 1e-12 * truth[:6]).count == 6
-    assert np.isnan(rank_correlation(truth[:6], 1.0 - 1e-12 * truth[:6]).mean)  # all ties
-    assert np.isnan(rank_correlation(truth[:4], noisy[:4]).mean)
-    names = [f"random-{k}" for k in range(7)]
+    assert rank_correlation(truth[:12], 1.0 - 1e-12 * truth[:12]).count == 12
+    assert np.isnan(rank_correlation(truth[:12], 1.0 - 1e-12 * truth[:12]).mean)  # all ties
+    assert np.isnan(rank_correlation(truth[:9], noisy[:9]).mean)
+    names = [f"random-{k}" for k in range(13)]
     reached = {"scenario": "A", "front": np.nan, "architecture": names}
-    values = dict.fromkeys(("J", "union_coverage", "target_days"), truth[:7])
-    values |= {"information_nat": truth[:7], "attitude_nat": -truth[:7]}
+    values = dict.fromkeys(("J", "union_coverage", "target_days"), truth[:13])
+    values |= {"information_nat": truth[:13], "attitude_nat": -truth[:13]}
     cell = {"scenario": "A", "estimator": "mukf", "variant": np.nan, "targets": 50}
-    cell |= {"interval_minutes": 60, "observers": [20] * 6 + [21], "architecture": names}
-    error = {"quantity": "rmse_median_all", "part": "position", "unit": "km", "mean": -truth[:7]}
-    share = {"quantity": "tracked_share", "part": np.nan, "unit": "1", "mean": truth[:7]}
+    cell |= {"interval_minutes": 60, "observers": [20] * 12 + [21], "architecture": names}
+    error = {"quantity": "rmse_median_all", "part": "position", "unit": "km", "mean": -truth[:13]}
+    share = {"quantity": "tracked_share", "part": np.nan, "unit": "1", "mean": truth[:13]}
     tracking = pd.concat([pd.DataFrame(cell | each) for each in (error, share)])
     rows = rank_rows(pd.DataFrame(reached | values), tracking)
-    assert len(rows) == 10 and set(rows["architectures"]) == {6}
+    assert len(rows) == 10 and set(rows["architectures"]) == {12}
     expected = rows["objective"].map(lambda name: -1.0 if name == "attitude_nat" else 1.0)
     np.testing.assert_allclose(rows["correlation"], expected)
-    few = tracking[tracking["architecture"].isin(names[:4])]
+    few = tracking[tracking["architecture"].isin(names[:9])]
     assert rank_rows(pd.DataFrame(reached | values), few).empty
 
 
 def test_cells_that_differ_in_their_architecture_are_counted(paper):
-    assert most_alike(with_families(in_study(paper))["task2"]) == 3
+    assert most_alike(with_families(in_study(paper))["task2"]) == 7
     more = {f"random-{k}": {"A": [50]} for k in range(4)}
     changed = merged(paper, {"task2": {"other_architectures": more}})
-    assert most_alike(with_families(in_study(changed))["task2"]) == 7
+    assert most_alike(with_families(in_study(changed))["task2"]) == 11
 
 
 def test_the_study_of_objectives_is_possible_and_ranks_forty_of_each_number(tmp_path):

@@ -27,7 +27,7 @@ TRACKED_TARGETS = 202
 MOST_STEPS = 10_000_000
 """More steps of a horizon or a run than this are taken for a slip of the pen."""
 
-FEWEST_RANKED = 5
+FEWEST_RANKED = 10
 """Architectures of the least group whose objectives are compared with tracking."""
 
 CELL_KEYS = tuple(CellSettings.model_fields)
