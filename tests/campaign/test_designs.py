@@ -175,7 +175,8 @@ def test_fronts_hold_every_number_and_draw(world, settings):
     cell = {"quantity": "rmse_geometric_all", "part": "position", "variant": np.nan, "targets": 50}
     cell |= {"estimator": ["mukf", "mukf", "batch"], "scenario": "A", "interval_minutes": 60}
     cell |= {"architecture": ["mine", "tpe", "tpe"], "mean": [3.0, 30.0, 1.0]}
-    errors = tracking_errors(pd.DataFrame(cell))
+    both = [pd.DataFrame(cell | {"unit": unit}) for unit in ("1", "km")]
+    errors = tracking_errors(pd.concat(both))
     assert errors.to_dict() == {("A", "mine"): 3.0, ("A", "tpe"): 30.0}
     tables = {"A": pd.DataFrame(rows), "B": pd.DataFrame(rows)}
     figure = objectives_figure(tables, errors)
@@ -285,7 +286,9 @@ def test_impossible_windows_name_their_key(paper, change, message):
     changed = merged(changed, {"architecture": {"information": change}})
     with pytest.raises(ConfigurationError, match=message):
         check_campaign(changed)
-    check_campaign(merged(paper, {"architecture": {"information": change}}))  # nobody asks
+    nobody = paper["architecture"] | {"designs": {}, "objective_fronts": {}, "information": change}
+    tracked = paper["task2"] | {"other_architectures": {}}
+    check_campaign(paper | {"architecture": nobody, "task2": tracked})
 
 
 def test_an_unknown_architecture_is_refused_and_a_design_is_known(paper):

@@ -61,7 +61,8 @@ def _marker(each: pd.Series) -> SeriesStyle:
     by = "by chance" if method == "chance" else f"by {objective}"
     search = _SEARCHES.get(method)
     label = f"{by}, {search}" if search else by
-    return SeriesStyle(label, GRAY, SOLID, _MARKERS.get(objective, "d"), filled=not search)
+    marker = "s" if method == "random" else _MARKERS.get(objective, "d")
+    return SeriesStyle(label, GRAY, SOLID, marker, filled=not search)
 
 
 def tracking_errors(tracking: pd.DataFrame) -> pd.Series:
@@ -73,6 +74,7 @@ def tracking_errors(tracking: pd.DataFrame) -> pd.Series:
     own = tracking[
         (tracking["quantity"] == "rmse_geometric_all")
         & (tracking["part"] == "position")
+        & (tracking["unit"] == "km")
         & (tracking["variant"].astype(object).fillna("") == "")
     ]
     own = own[own["estimator"] == own["estimator"].iloc[0]] if len(own) else own
@@ -110,7 +112,8 @@ def objectives_figure(
         for column, (axes, unit) in enumerate(zip(panels, ("1", "nat"), strict=False)):
             kind = "share" if unit == "1" else "information"
             panel_title(axes, 3 * row + column, f"Scenario {scenario}, {kind}")
-            _fronts(axes, own[own["unit"] == unit], fronts)
+            # J is no share
+            _fronts(axes, own[(own["unit"] == unit) & (own["objective"] != "J")], fronts)
             axes.set_xlabel(_LABELS[0])
             axes.xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True, steps=[1, 2, 5, 10]))
         panels[0].yaxis.set_major_formatter(PercentFormatter(xmax=1.0, symbol=""))
