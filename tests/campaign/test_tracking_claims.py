@@ -512,7 +512,8 @@ def test_verdicts_follow_from_conditions(row, reached):
 def test_realizations_are_tidy():
     summary = make_summary()
     frame = realizations(summary)
-    units = 4 * len(PER_PART) + 4 * 3 + len(PER_CELL)  # errors come in two units
+    errors = sum(name.startswith("rmse") for name in PER_PART)
+    units = 4 * len(PER_PART) + 4 * errors + len(PER_CELL)  # errors come in two units
     assert len(frame) == summary.sizes["cell"] * SEEDS * units
     own = select(frame, scenario="A", targets=20)
     assert list(own["interval_minutes"].unique()) == [30, 60, 120, 180, 240]
