@@ -213,15 +213,15 @@ def _map(matrix, shift_in, shift_out, state, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _framed_step(model, t, state, slopes, work):
-    k = int(np.floor(t / model.step + 0.5))
+def _framed_step(model, t, state, dt, slopes, work):
+    k, last = int(np.floor(t / model.step + 0.5)), int(np.floor((t + dt) / model.step + 0.5))
     at_rest = np.zeros(6)
     _map(model.inward[k], model.origin[k], at_rest, state, work)
-    duration = model.clock[k + 1] - model.clock[k]
+    duration = model.clock[last] - model.clock[k]
     dop853_step(CR3BP(model.mu), 0.0, work, duration, slopes, state)
-    _map(model.outward[k + 1], at_rest, model.origin[k + 1], work, state)
+    _map(model.outward[last], at_rest, model.origin[last], work, state)
 
 
 @implements(take_step, _OneFrame)
 def _step(model, t, state, dt, slopes, work):
-    _framed_step(model, t, state, slopes, work)
+    _framed_step(model, t, state, dt, slopes, work)

@@ -15,6 +15,7 @@ def estimator_named(
     name: str,
     *,
     process_noise: ProcessNoise | None = None,
+    splitting: bool = False,
     batch_settings: BatchSettings | str = "default",
 ) -> EstimatorFactory:
     """Factory of the estimator with this name.
@@ -25,6 +26,9 @@ def estimator_named(
         Which one.
     process_noise : ProcessNoise, optional
         None if omitted. The batch estimator has none on attitude and angular velocity.
+    splitting : bool
+        Whether an orbit's Gaussian is split where it has bent, see
+        `cislunar.estimation.kalman.parts`.
     batch_settings : BatchSettings or str
         Of the batch estimator: settings, or the name of a preset.
 
@@ -38,8 +42,8 @@ def estimator_named(
         If there is no such estimator.
     """
     factories = {
-        "mukf": lambda: mukf(process_noise=process_noise),
-        "batch": lambda: batch(batch_settings, process_noise=process_noise),
+        "mukf": lambda: mukf(process_noise=process_noise, splitting=splitting),
+        "batch": lambda: batch(batch_settings, process_noise=process_noise, splitting=splitting),
     }
     if name not in factories:
         raise ConfigurationError(

@@ -171,6 +171,13 @@ class Dynamics(Section):
         return self
 
 
+class Filter(Section):
+    splitting: Flag = setting(
+        "true: both estimators take an orbit for a mixture of Gaussians where, after a gap between "
+        "measurements or at short range, one is not enough (docs/dynamics.md)",
+        paper="one Gaussian", default=False)
+
+
 class Unknowns(Section):
     log_albedo: NotNegative = setting(
         "standard deviation of the logarithm of the diffuse albedo, 0.25 for some 25 %",
@@ -325,6 +332,7 @@ class CellSettings(Section):
         "tasking knows it", paper="not in the paper", default=False)
     process_noise: ProcessNoise = ProcessNoise()
     dynamics: Dynamics = Dynamics()
+    filter: Filter = Filter()
     custody: Custody = Custody()
     batch: Batch = Batch()
     body: Body = setting("")

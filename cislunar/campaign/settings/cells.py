@@ -16,6 +16,7 @@ from cislunar.campaign.settings.cell_tree import (
     CellSettings,
     Detection,
     Dynamics,
+    Filter,
     Tasking,
 )
 from cislunar.campaign.settings.reading import merged
@@ -76,6 +77,7 @@ def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
     fields = CellSettings.model_fields
     usual = {key: fields[key].default for key in ("start_day", "histories", "record", "eclipse")}
     usual["dynamics"] = Dynamics().model_dump()
+    usual["filter"] = Filter().model_dump()
     said = {key: value for key, value in settings.items() if value != usual.get(key, ...)}
     for section, unsaid in _SAID_IF_UNUSUAL.items():
         said[section] = {

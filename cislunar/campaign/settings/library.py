@@ -168,5 +168,6 @@ def estimator_factory(name: str, cell: cell_tree.CellSettings) -> EstimatorFacto
     return estimator_named(
         name,
         process_noise=ProcessNoise(**dict(cell.process_noise)),
+        splitting=cell.filter.splitting,
         batch_settings=cell_tree.batch_settings(cell.batch),
     )

@@ -9,7 +9,8 @@ Assumptions and limitations
   does not say which root it takes, and another gives other, equally valid sigma points.
 - The mean attitude error is injected after the prediction, not only after the update (a difference
   of third order in the spread).
-- An estimate ends when its mean position lies inside the Earth or the Moon.
+- An estimate ends when its mean position lies inside the Earth or the Moon (unless orbits are
+  split).
 """
 
 import numpy as np
@@ -26,6 +27,7 @@ from cislunar.estimation.estimator import (
     empty_estimates,
 )
 from cislunar.estimation.kalman.mukf_kernels import SIZE, FilterState, advance, predict_all
+from cislunar.estimation.kalman.parts import Parts, no_parts
 from cislunar.estimation.kalman.workspace import filter_constants
 from cislunar.estimation.spread import ProcessNoise
 from cislunar.observation.body_spread import BodySpread
@@ -54,6 +56,9 @@ class MultiplicativeUKF:
         Standard deviations that accumulate in `PROCESS_NOISE_PERIOD_S`; none by default.
     use_magnitude : bool
         False filters on the angles alone.
+    splitting : bool
+        Whether an orbit's Gaussian is split where it has bent, see
+        `cislunar.estimation.kalman.parts`.
     forces : NamedTuple
         Force model, see `cislunar.dynamics.forces`.
 
@@ -72,6 +77,7 @@ class MultiplicativeUKF:
         *,
         process_noise: ProcessNoise | None = None,
         use_magnitude: bool = True,
+        splitting: bool = False,
         forces: tuple = EARTH_MOON,
     ) -> None:
         initial.require_positive()
@@ -79,7 +85,7 @@ class MultiplicativeUKF:
         self._scene = scene
         self._surfaces = surfaces
         self._bodies = rigid_bodies(surfaces.inertia)
-        given = scene, sensor, process_noise, forces, use_magnitude
+        given = scene, sensor, process_noise, forces, use_magnitude, splitting
         self._constants = filter_constants(SIZE, *given)
         self._state = FilterState(
             np.array(initial.quaternion, dtype=float),
@@ -89,6 +95,7 @@ class MultiplicativeUKF:
             np.zeros(n_targets, dtype=np.uint8),
             np.zeros((n_targets, N_COUNTERS), dtype=np.int64),
         )
+        self._parts = no_parts(n_targets, splitting)
         self._index = 0
 
     @property
@@ -109,7 +116,8 @@ class MultiplicativeUKF:
     def predict(self) -> Prediction:
         """Estimates at the next measurement time; the filter itself does not move on."""
         ahead = FilterState(*(part.copy() for part in self._state))
-        predict_all(self._index, self._scene, self._bodies, self._constants, ahead)
+        parts = Parts(*(part.copy() for part in self._parts))
+        predict_all(self._index, self._scene, self._bodies, self._constants, ahead, parts)
         lower = ahead.root[:, 6:]
         covariance = lower @ np.swapaxes(lower, 1, 2)
         return Prediction(
@@ -120,19 +128,22 @@ class MultiplicativeUKF:
         """Work through the next steps; see `Estimator.advance`."""
         out = empty_estimates(measurements, covariance)
         world = (self._scene, self._surfaces, self._bodies, self._constants)
-        advance(self._index + 1, *world, measurements, self._state, out)
+        advance(self._index + 1, *world, measurements, self._state, self._parts, out)
         self._index += measurements.offset.shape[1] - 1
         return out
 
 
 def mukf(
-    *, process_noise: ProcessNoise | None = None, use_magnitude: bool = True
+    *,
+    process_noise: ProcessNoise | None = None,
+    use_magnitude: bool = True,
+    splitting: bool = False,
 ) -> EstimatorFactory:
     """Factory of the paper's filter for the tasking loop.
 
     Parameters
     ----------
-    process_noise, use_magnitude
+    process_noise, use_magnitude, splitting
         As in `MultiplicativeUKF`.
 
     Returns
@@ -149,6 +160,7 @@ def mukf(
             initial,
             process_noise=process_noise,
             use_magnitude=use_magnitude,
+            splitting=splitting,
             forces=forces,
         )
 

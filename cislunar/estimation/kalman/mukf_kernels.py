@@ -26,6 +26,20 @@ from cislunar.estimation.estimator import (
 )
 from cislunar.estimation.expected import expected_directions, expected_measurements
 from cislunar.estimation.kalman.attitude_spread import rotation_differences
+from cislunar.estimation.kalman.parts import after_step, before_step, step_parts, updated
+from cislunar.estimation.kalman.splitting import (
+    NO_LIMITS,
+    make_split_work,
+    open_if_curved,
+    update_parts,
+)
+from cislunar.estimation.kalman.translation_filter import (
+    ACCEPTED,
+    CURVED,
+    FAILED_UPDATE,
+    OUTSIDE_FIELD,
+    is_curved,
+)
 from cislunar.estimation.kalman.workspace import (
     add_process_noise,
     covariance_of,
@@ -124,20 +138,52 @@ def predict(state, j, k, bodies, scene, constants, work):
     _apply(quaternion, omega, translation, work.shift)
     if not np.isfinite(np.sum(quaternion)):
         return NOT_FINITE
-    health = translation_condition(translation, scene.primaries[k + 1])
+    health = translation_condition(translation, scene.primaries[k + 1], constants)
     return health if health != HEALTHY else take_covariance(work.covariance, root)
 
 
 @njit(cache=True, error_model="numpy")
-def update(state, j, measurements, row, k, scene, surfaces, constants, work):
-    """Use one record, of target j at time k (Paul & Fan, eqs. 51, 52); whether it was used.
+def _predict_rotation(state, j, bodies, step_s, constants, work):
+    """Carry attitude and angular velocity alone over a step; their health."""
+    quaternion, root, weights = state.quaternion[j], state.root[j], constants.weights
+    differences = work.differences
+    turn = rotation_differences(
+        state.omega[j], root, weights.spread, step_s, bodies, j, differences
+    )
+    shift, covariance = np.zeros(SIZE), np.empty((6, 6))
+    difference_moments(differences[:, :6], weights.outer, weights.mean_shift, shift[:6], covariance)
+    for c in range(6):
+        covariance[c, c] += constants.process_variance[c]
+    _turn_left(quaternion, turn[0], turn[1], turn[2], turn[3])
+    _apply(quaternion, state.omega[j], state.translation[j], shift)
+    return take_covariance(covariance, root[:6, :6])
 
-    It is not if it holds NaN or lies further than half the field of view from the expected
-    direction.
+
+@njit(cache=True, error_model="numpy")
+def _step(state, parts, j, k, bodies, scene, constants, work, orbit_work):
+    """Carry target j over the step from time k; its health.
+
+    While the orbit is a mixture, what is known of it is independent of the rotation.
+    """
+    translation, rows = state.translation[j], state.root[j, 6:]
+    given = scene, constants, orbit_work
+    if parts.count[j] > 0:
+        health = step_parts(parts, j, translation, rows, k, *given)
+        turned = _predict_rotation(state, j, bodies, scene.step_s, constants, work)
+        return turned if health == HEALTHY else health
+    before_step(parts, j, translation, rows, k, orbit_work)
+    health = predict(state, j, k, bodies, scene, constants, work)
+    return after_step(parts, j, translation, rows, work.shift[6:], health, k + 1, *given)
+
+
+@njit(cache=True, error_model="numpy")
+def update(state, j, measurements, row, k, scene, surfaces, constants, limits, strain, work):
+    """Use one record of target j at time k (Paul & Fan, eqs. 51, 52); its outcome.
+
+    `limits` and `strain`, and what may come of it, are as of `update_translation`.
     """
     value, variance = measurements.value, measurements.variance[row]
-    if not np.isfinite(value[row, 0] + value[row, 1] + value[row, 2]):
-        return False
+    half_field, curvature = limits
     quaternion, translation, root = state.quaternion[j], state.translation[j], state.root[j]
     counters, spread, innovation = state.counters[j], constants.weights.spread, work.innovation
     place = scene.observer_position[measurements.observer[row], k]
@@ -164,9 +210,8 @@ def update(state, j, measurements, row, k, scene, surfaces, constants, work):
     else:
         ra, dec = expected_directions(work.bundle, place, axes, work.expected)
     off_ra, off_dec = wrap_angle(value[row, 1] - ra), value[row, 2] - dec
-    if not in_field(off_ra, off_dec, dec, constants.half_field):
-        counters[OUT_OF_FIELD] += 1
-        return False
+    if not in_field(off_ra, off_dec, dec, half_field):
+        return OUTSIDE_FIELD
     innovation[angle] = off_ra
     innovation[angle + 1] = off_dec
     innovation_moments(
@@ -177,34 +222,104 @@ def update(state, j, measurements, row, k, scene, surfaces, constants, work):
         work.cross,
         work.even,
     )
+    even, cross = work.even[angle:, angle:], work.cross[:, angle:]
+    if curvature < np.inf and is_curved(even, cross, variance[1:], strain, curvature):
+        return CURVED
     for a in range(innovation.shape[0]):
         innovation[a] -= work.expected_shift[a]
     if not square_root_update(
         root, work.cross, work.even, innovation, work.correction, work.covariance
     ):
-        counters[CHOLESKY_FAILURES] += 1
-        return False
+        return FAILED_UPDATE
     _apply(quaternion, state.omega[j], translation, work.correction)
-    counters[UPDATES] += 1
-    return True
+    return ACCEPTED
 
 
 @njit(cache=True, error_model="numpy")
-def advance(first, scene, surfaces, bodies, constants, measurements, state, out):
+def _update_split(state, parts, j, measurements, row, k, scene, surfaces, constants, work, stack):
+    """Use one record of a target whose orbit is a mixture; its outcome.
+
+    The orbit is updated by the angles, part by part. The rotation is updated by all of the record
+    with the moments of the mixture before.
+    """
+    translation, root = state.translation[j].copy(), state.root[j, 6:, 6:].copy()
+    ra, dec = measurements.value[row, 1], measurements.value[row, 2]
+    place = scene.observer_position[measurements.observer[row], k]
+    look = ra, dec, measurements.variance[row, 1:], place, scene.observer_axes[k]
+    outcome = update_parts(parts, j, translation, root, look, k, scene, constants, stack)
+    if outcome == ACCEPTED:
+        if constants.use_magnitude:
+            given = state, j, measurements, row, k, scene, surfaces, constants
+            update(*given, NO_LIMITS, 0.0, work)
+        state.translation[j], state.root[j, 6:, 6:] = translation, root
+        state.root[j, 6:, :6] = 0.0
+    return outcome
+
+
+@njit(cache=True, error_model="numpy")
+def _use(state, parts, j, measurements, row, k, scene, surfaces, constants, work, stack):
+    """Use one record of target j at time k; whether it was used.
+
+    It is not if it holds NaN or lies further than half the field of view from the expected
+    direction.
+    """
+    value, counters = measurements.value, state.counters[j]
+    if not np.isfinite(value[row, 0] + value[row, 1] + value[row, 2]):
+        return False
+    given = measurements, row, k, scene, surfaces, constants
+    outcome = CURVED
+    if parts.count[j] == 0:
+        limits = constants.half_field, constants.curvature
+        outcome = update(state, j, *given, limits, parts.strain[j], work)
+        if outcome == CURVED:
+            place = scene.observer_position[measurements.observer[row], k]
+            variance = measurements.variance[row, 1:]
+            look = value[row, 1], value[row, 2], variance, place, scene.observer_axes[k]
+            estimate = state.translation[j], state.root[j, 6:]
+            rest = k, scene, constants, stack.filter
+            if not open_if_curved(parts, j, *estimate, look, *rest):
+                outcome = update(state, j, *given, NO_LIMITS, 0.0, work)
+        if outcome == ACCEPTED:
+            updated(parts, j)
+    if outcome == CURVED:
+        outcome = _update_split(state, parts, j, *given, work, stack)
+    if outcome == ACCEPTED:
+        counters[UPDATES] += 1
+    elif outcome == OUTSIDE_FIELD:
+        counters[OUT_OF_FIELD] += 1
+    else:
+        counters[CHOLESKY_FAILURES] += 1
+    return outcome == ACCEPTED
+
+
+@njit(cache=True, error_model="numpy")
+def advance(first, scene, surfaces, bodies, constants, measurements, state, parts, out):
     """Filter all targets over an interval that begins at time `first`, target by target."""
     work = make_workspace(SIZE, 3 if constants.use_magnitude else 2)
+    stack = make_split_work(parts.weight.shape[1])
     offset = measurements.offset
     for j in range(offset.shape[0]):
         for i in range(offset.shape[1] - 1):
             k = first + i
             if state.failed[j] == HEALTHY:
-                state.failed[j] = predict(state, j, k - 1, bodies, scene, constants, work)
+                given = bodies, scene, constants, work, stack.filter
+                state.failed[j] = _step(state, parts, j, k - 1, *given)
                 if state.failed[j] == LOST_DEFINITENESS:
                     state.counters[j, CHOLESKY_FAILURES] += 1
             healthy = state.failed[j] == HEALTHY
             for row in range(offset[j, i], offset[j, i + 1]):
-                out.used[row] = healthy and update(
-                    state, j, measurements, row, k, scene, surfaces, constants, work
+                out.used[row] = healthy and _use(
+                    state,
+                    parts,
+                    j,
+                    measurements,
+                    row,
+                    k,
+                    scene,
+                    surfaces,
+                    constants,
+                    work,
+                    stack,
                 )
             if not healthy:
                 out.quaternion[j, i, :] = np.nan
@@ -223,11 +338,12 @@ def advance(first, scene, surfaces, bodies, constants, measurements, state, out)
 
 
 @njit(cache=True, error_model="numpy")
-def predict_all(k, scene, bodies, constants, state):
+def predict_all(k, scene, bodies, constants, state, parts):
     """Carry all healthy targets over the step from time k; the others' translations become NaN."""
     work = make_workspace(SIZE, 3)
+    orbit_work = make_workspace(6, 2)
     for j in range(state.failed.shape[0]):
         if state.failed[j] == HEALTHY:
-            state.failed[j] = predict(state, j, k, bodies, scene, constants, work)
+            state.failed[j] = _step(state, parts, j, k, bodies, scene, constants, work, orbit_work)
         if state.failed[j] != HEALTHY:
             state.translation[j, :] = np.nan

@@ -5,6 +5,7 @@ points, right ascension and declination. The magnitude says next to nothing abou
 that leaving it to the attitude's estimator changes the orbit by less than its noise.
 """
 
+import numpy as np
 from numba import njit
 
 from cislunar.dynamics.bundle import step_bundle
@@ -28,7 +29,7 @@ from cislunar.observation.sightline import wrap_angle
 SIZE = 6
 
 # What became of a direction.
-ACCEPTED, OUTSIDE_FIELD, FAILED_UPDATE = range(3)
+ACCEPTED, OUTSIDE_FIELD, FAILED_UPDATE, CURVED = range(4)
 
 
 @njit(cache=True, error_model="numpy")
@@ -46,27 +47,57 @@ def predict_translation(translation, root, j, k, scene, constants, work):
     add_process_noise(work.covariance, constants)
     for c in range(SIZE):
         translation[c] = bundle[c, 0] + work.shift[c]
-    health = translation_condition(translation, scene.primaries[k + 1])
+    health = translation_condition(translation, scene.primaries[k + 1], constants)
     return health if health != HEALTHY else take_covariance(work.covariance, root)
 
 
 @njit(cache=True, error_model="numpy")
+def is_curved(even, cross, variance, strain, limit):
+    """Whether the second-order part of predicted angles exceeds so many noise variances.
+
+    `even` (2, 2) and `cross` (n, 2) are those of `innovation_moments`. `strain` bounds the shift of
+    the mean by what has curved the flow before, in standard deviations; twice the square of a
+    shift of the angles is the second-order part it stands for.
+    """
+    for a in range(2):
+        linear = 0.0
+        for i in range(cross.shape[0]):
+            linear += cross[i, a] * cross[i, a]
+        if even[a, a] - variance[a] + 2.0 * strain * strain * linear > limit * variance[a]:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
 def update_translation(
-    translation, root, right_ascension, declination, variance, observer, axes, constants, work
+    translation,
+    root,
+    right_ascension,
+    declination,
+    variance,
+    observer,
+    axes,
+    limits,
+    strain,
+    weights,
+    work,
 ):
-    """Use one direction of one target: ACCEPTED, OUTSIDE_FIELD, or FAILED_UPDATE if not finite.
+    """Use one direction of one target: ACCEPTED, OUTSIDE_FIELD, CURVED, or FAILED_UPDATE.
 
     `variance` (2,) is that of the two angles, `observer` (3,) its place and `axes` the rotation
-    from the rotating frame to its body. Only an accepted direction changes the estimate.
+    from the rotating frame to its body. `limits` are half the field of view and the curvature
+    `is_curved` takes with the strain. It failed if it is not finite. Only an accepted direction
+    changes the estimate.
     """
-    sigma_points(translation, root, constants.weights.spread, work.bundle)
+    half_field, curvature = limits
+    sigma_points(translation, root, weights.spread, work.bundle)
     ra0, dec0 = expected_directions(work.bundle, observer, axes, work.expected)
     off_ra, off_dec = wrap_angle(right_ascension - ra0), declination - dec0
-    if not in_field(off_ra, off_dec, dec0, constants.half_field):
+    if not in_field(off_ra, off_dec, dec0, half_field):
         return OUTSIDE_FIELD
-    innovation_moments(
-        work.expected, variance, constants.weights, work.expected_shift, work.cross, work.even
-    )
+    innovation_moments(work.expected, variance, weights, work.expected_shift, work.cross, work.even)
+    if curvature < np.inf and is_curved(work.even, work.cross, variance, strain, curvature):
+        return CURVED
     work.innovation[0] = off_ra - work.expected_shift[0]
     work.innovation[1] = off_dec - work.expected_shift[1]
     if not square_root_update(

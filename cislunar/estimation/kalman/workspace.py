@@ -41,6 +41,13 @@ class FilterConstants(NamedTuple):
         False leaves the magnitude out of the update.
     weights : UnscentedWeights
         For n states.
+    orbit_weights : UnscentedWeights
+        For position and velocity alone.
+    curvature : float
+        Second-order part of predicted angles, noise variances, beyond which an orbit's Gaussian is
+        split; inf for never.
+    noisy : bool
+        Whether the translation has process noise.
     """
 
     forces: tuple
@@ -49,6 +56,9 @@ class FilterConstants(NamedTuple):
     half_field: float
     use_magnitude: bool
     weights: UnscentedWeights
+    orbit_weights: UnscentedWeights
+    curvature: float
+    noisy: bool
 
 
 def filter_constants(
@@ -58,6 +68,7 @@ def filter_constants(
     process_noise: ProcessNoise | None,
     forces: tuple,
     use_magnitude: bool,
+    splitting: bool,
 ) -> FilterConstants:
     """Constants of a filter of the last n of the twelve states."""
     process = ProcessNoise() if process_noise is None else process_noise
@@ -69,6 +80,9 @@ def filter_constants(
         sensor.limits().half_field,
         bool(use_magnitude),
         unscented_weights(n),
+        unscented_weights(6),
+        1.0 if splitting else np.inf,
+        bool(np.any(variance[6:] > 0.0)),
     )
 
 
@@ -112,10 +126,15 @@ def make_workspace(size, measured):
 
 
 @njit(cache=True, error_model="numpy")
-def translation_condition(translation, primaries):
-    """Whether a translation (6,) is usable: HEALTHY, NOT_FINITE or INSIDE_PRIMARY."""
+def translation_condition(translation, primaries, constants):
+    """Whether a translation (6,) is usable: HEALTHY, NOT_FINITE or INSIDE_PRIMARY.
+
+    Where estimates are split, a mean inside the Moon is that of a spread bent about it.
+    """
     if not np.isfinite(np.sum(translation)):
         return NOT_FINITE
+    if constants.curvature < np.inf:
+        return HEALTHY
     inside = inside_primary(translation[0], translation[1], translation[2], primaries)
     return INSIDE_PRIMARY if inside else HEALTHY
 
@@ -127,6 +146,16 @@ def add_process_noise(covariance, constants):
     for c in range(n):
         covariance[c, c] += constants.process_variance[c]
     for c in range(n - 3, n):
+        covariance[c, c - 3] += constants.process_covariance
+
+
+@njit(cache=True, error_model="numpy")
+def add_orbit_noise(covariance, constants):
+    """The same for position and velocity alone, whatever other states the filter has."""
+    others = constants.process_variance.shape[0] - 6
+    for c in range(6):
+        covariance[c, c] += constants.process_variance[others + c]
+    for c in range(3, 6):
         covariance[c, c - 3] += constants.process_covariance
 
 

@@ -28,6 +28,7 @@ from cislunar.estimation.estimator import (
     Prediction,
     empty_estimates,
 )
+from cislunar.estimation.kalman.parts import Parts, no_parts
 from cislunar.estimation.kalman.translation_filter import SIZE
 from cislunar.estimation.kalman.workspace import filter_constants
 from cislunar.estimation.light_curves.batch_kernels import (
@@ -71,6 +72,9 @@ class BatchEstimator:
         Multi-start with eight modes, if omitted.
     process_noise : ProcessNoise, optional
         Of the translation; none if omitted.
+    splitting : bool
+        Whether an orbit's Gaussian is split where it has bent, see
+        `cislunar.estimation.kalman.parts`.
     forces : NamedTuple
         Force model, see `cislunar.dynamics.forces`.
 
@@ -91,6 +95,7 @@ class BatchEstimator:
         *,
         settings: BatchSettings | None = None,
         process_noise: ProcessNoise | None = None,
+        splitting: bool = False,
         forces: tuple = EARTH_MOON,
     ) -> None:
         initial.require_positive()
@@ -102,10 +107,12 @@ class BatchEstimator:
             )
         settings = BatchSettings() if settings is None else settings
         self._scene, self._unknowns = scene, settings.unknowns
-        self._constants = _batch_constants(settings, scene, sensor, process_noise, forces)
+        filtering = process_noise, forces, splitting
+        self._constants = _batch_constants(settings, scene, sensor, *filtering)
         self._translation = np.array(initial.translation, dtype=float)
         n_targets = self._translation.shape[0]
         self._root = np.tile(np.diag(initial.sigma[6:]), (n_targets, 1, 1))
+        self._parts = no_parts(n_targets, splitting)
         bodies = rigid_bodies(surfaces.inertia)
         self._models = [
             _light_curve_model(j, surfaces, bodies, sensor, initial, settings)
@@ -201,6 +208,7 @@ class BatchEstimator:
         """
         n_targets = self._translation.shape[0]
         translation, root = self._translation.copy(), self._root.copy()
+        parts = Parts(*(part.copy() for part in self._parts))
         mean, joint = np.empty((n_targets, 4)), np.zeros((n_targets, 12, 12))
         for j in range(n_targets):
             if self._state.condition[j] != HEALTHY:
@@ -213,6 +221,7 @@ class BatchEstimator:
                 self._scene,
                 self._constants,
                 self._models[j],
+                parts,
                 translation[j],
                 root[j],
                 points,
@@ -236,6 +245,7 @@ class BatchEstimator:
                 self._constants,
                 model,
                 measurements,
+                self._parts,
                 self._translation,
                 self._root,
                 self._hypotheses[j],
@@ -281,13 +291,14 @@ def _batch_constants(
     sensor: Sensor,
     process_noise: ProcessNoise | None,
     forces: tuple,
+    splitting: bool,
 ) -> BatchConstants:
     window, memory = (
         np.inf if hours is None else 3600.0 * hours
         for hours in (settings.window_hours, settings.memory_hours)
     )
     return BatchConstants(
-        filter_constants(SIZE, scene, sensor, process_noise, forces, use_magnitude=False),
+        filter_constants(SIZE, scene, sensor, process_noise, forces, False, splitting),
         sensor.limits(),
         settings.search_settings(),
         float(settings.refit_growth),
@@ -330,7 +341,10 @@ def _light_curve_model(
 
 
 def batch(
-    settings: BatchSettings | str = "default", *, process_noise: ProcessNoise | None = None
+    settings: BatchSettings | str = "default",
+    *,
+    process_noise: ProcessNoise | None = None,
+    splitting: bool = False,
 ) -> EstimatorFactory:
     """Factory of the batch estimator for the tasking loop.
 
@@ -338,7 +352,7 @@ def batch(
     ----------
     settings : BatchSettings or str
         Settings, or the name of one of the `PRESETS`.
-    process_noise : ProcessNoise, optional
+    process_noise, splitting
         As in `BatchEstimator`.
 
     Returns
@@ -366,6 +380,7 @@ def batch(
             rng,
             settings=settings,
             process_noise=process_noise,
+            splitting=splitting,
             forces=forces,
         )
 

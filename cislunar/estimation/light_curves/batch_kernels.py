@@ -13,13 +13,9 @@ from cislunar.estimation.estimator import (
     OUT_OF_FIELD,
     UPDATES,
 )
-from cislunar.estimation.kalman.translation_filter import (
-    ACCEPTED,
-    OUTSIDE_FIELD,
-    SIZE,
-    predict_translation,
-    update_translation,
-)
+from cislunar.estimation.kalman.parts import step_orbit
+from cislunar.estimation.kalman.splitting import make_split_work, use_direction
+from cislunar.estimation.kalman.translation_filter import ACCEPTED, OUTSIDE_FIELD, SIZE
 from cislunar.estimation.kalman.workspace import (
     FilterConstants,
     covariance_of,
@@ -132,7 +128,9 @@ def _refit(hypotheses, data, model, settings, rng, elapsed, points):
 
 
 @njit(cache=True, error_model="numpy")
-def _use(records, row, k, scene, constants, translation, root, data, rows, counters, work):
+def _use(
+    records, row, j, k, scene, constants, parts, translation, root, data, rows, counters, work
+):
     """Use one record at time k: whether the direction was, and the rows of the light curve now."""
     magnitude, ra, dec = records.value[row]
     place, sun = scene.observer_position[records.observer[row], k], scene.sun_position[k]
@@ -141,8 +139,9 @@ def _use(records, row, k, scene, constants, translation, root, data, rows, count
     used = False
     if detected:
         axes = scene.observer_axes[k]
-        outcome = update_translation(
-            translation, root, ra, dec, variance[1:], place, axes, constants.translation, work
+        look = ra, dec, variance[1:], place, axes
+        outcome = use_direction(
+            parts, j, translation, root, look, k, scene, constants.translation, work
         )
         used = outcome == ACCEPTED
         if used:
@@ -175,6 +174,7 @@ def advance_target(
     constants,
     model,
     records,
+    parts,
     translation,
     root,
     hypotheses,
@@ -191,15 +191,15 @@ def advance_target(
     """
     quaternion, omega, weight, _ = points
     translation, root, counters = translation[j], root[j], counters[j]
-    work = make_workspace(SIZE, 2)
+    work = make_split_work(parts.weight.shape[1])
     differences = np.empty((weight.shape[0], ROTATION))
     offset, settings = records.offset[j], constants.search
     n_steps = offset.shape[0] - 1
     for i in range(n_steps):
         k = first + i
         if state.condition[j] == HEALTHY:
-            state.condition[j] = predict_translation(
-                translation, root, j, k - 1, scene, constants.translation, work
+            state.condition[j] = step_orbit(
+                parts, j, translation, root, k - 1, scene, constants.translation, work.filter
             )
             if state.condition[j] == LOST_DEFINITENESS:
                 counters[CHOLESKY_FAILURES] += 1
@@ -214,8 +214,10 @@ def advance_target(
             continue
         _carry_points(points, state.points[j], scene.step_s, model)
         for row in range(offset[i], offset[i + 1]):
-            estimate = translation, root, data, state.rows[j], counters
-            out.used[row], state.rows[j] = _use(records, row, k, scene, constants, *estimate, work)
+            estimate = parts, translation, root, data, state.rows[j], counters
+            out.used[row], state.rows[j] = _use(
+                records, row, j, k, scene, constants, *estimate, work
+            )
         fresh = state.rows[j] - state.fitted[j]
         grown = constants.growth > 0.0 and fresh >= max(
             constants.growth * state.fitted[j], FEWEST_FRESH
@@ -259,10 +261,12 @@ def _forget(hypotheses, data, model, state, j, before, memory):
 
 
 @njit(cache=True, error_model="numpy")
-def predict_target(j, k, scene, constants, model, translation, root, points, count, mean, joint):
+def predict_target(
+    j, k, scene, constants, model, parts, translation, root, points, count, mean, joint
+):
     """Carry copies of target j's estimate over the step from time k; fills the joint root."""
     work = make_workspace(SIZE, 2)
-    health = predict_translation(translation, root, j, k, scene, constants.translation, work)
+    health = step_orbit(parts, j, translation, root, k, scene, constants.translation, work)
     joint[:, :] = 0.0
     if health != HEALTHY:
         translation[:] = np.nan

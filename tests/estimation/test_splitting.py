@@ -1,0 +1,138 @@
+import numpy as np
+import pytest
+from measured import during, looked_at, nothing_measured
+
+from cislunar.dynamics.bundle import propagate_bundle
+from cislunar.estimation.kalman.mukf import MultiplicativeUKF
+from cislunar.estimation.kalman.parts import split, split_weights
+from cislunar.estimation.light_curves.batch import BatchEstimator
+from cislunar.observation.records import Measurements, schedule
+from cislunar.observation.sensor import Sensor
+from cislunar.orbits.tracked import POLAR_ORBITS, polar_state
+from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.simulation import draw_truth, initial_estimate
+
+GAP, STRIDE = 300, 4
+"""Steps of 60 s without a measurement, most of a revolution about the Moon; of a particle."""
+
+ESTIMATORS = {
+    "mukf": MultiplicativeUKF,
+    "batch": lambda *given, **more: BatchEstimator(*given, np.random.default_rng(1), **more),
+}
+
+
+def test_a_split_keeps_the_moments():
+    """Along the axis all up to the fifth, those of a standard normal; across it the covariance."""
+    rng = np.random.default_rng(2)
+    root = np.tril(rng.standard_normal((6, 6))) + 4.0 * np.eye(6)
+    mean, means, narrow = rng.standard_normal(6), np.empty((3, 6)), np.empty((6, 6))
+    weights = split_weights()
+    for axis in range(6):
+        split(mean, root, axis, means, narrow)
+        np.testing.assert_allclose(weights @ means, mean, rtol=1e-13)
+        away = means - mean
+        between = (away.T * weights) @ away
+        np.testing.assert_allclose(between + narrow @ narrow.T, root @ root.T, rtol=1e-12)
+        standard = np.linalg.solve(root, away.T)
+        np.testing.assert_allclose(np.delete(standard, axis, axis=0), 0.0, atol=1e-13)
+        place, variance = standard[axis], 1.0 - weights @ standard[axis] ** 2
+        fourth = weights @ (place**4 + 6.0 * place**2 * variance + 3.0 * variance**2)
+        assert fourth == pytest.approx(3.0, rel=1e-13)
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_what_is_not_split_is_the_filter_without_splitting_bit_for_bit(name):
+    """Halos and distant retrograde orbits, with and without measurements, and over a gap."""
+    scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, duration_hours=3.0)
+    sensor = Sensor(limiting_magnitude=24.0)
+    initial = initial_estimate(epoch, loop.initial.components())
+    truth = draw_truth(initial, scene, sensor.noise, 3, ids)
+    records, _ = looked_at([0, 1, 2, 3, -1], scene, surfaces, sensor, truth)
+    found = []
+    for splitting in (False, True):
+        given = scene, surfaces, sensor, initial
+        estimator = ESTIMATORS[name](*given, splitting=splitting)
+        parts = [
+            estimator.advance(during(records, 0, 30)),
+            estimator.predict(),
+            estimator.advance(nothing_measured(5, 60)),
+            estimator.advance(during(records, 90, 180)),
+            estimator.predict(),
+        ]
+        found.append([array for part in parts for array in part])
+    assert sum(np.count_nonzero(part) for part in (found[0][5], found[0][-5])) > 0
+    for alone, able in zip(*found, strict=True):
+        np.testing.assert_array_equal(alone, able)
+
+
+@pytest.fixture(scope="module")
+def bent():
+    """A lunar orbit five hours after the epoch, its prior bent about the Moon, seen again."""
+    sensor = Sensor(angle_noise_arcsec=60.0, field_of_view_deg=30.0)
+    scene, surfaces, _, ids, loop = tracking_problem(1, 1, duration_hours=(GAP + 20) / 60.0)
+    state, _ = polar_state(POLAR_ORBITS[5], 0.3)
+    initial = initial_estimate(state[None], loop.initial.components())
+    truth = draw_truth(initial, scene, sensor.noise, 8, ids)
+    n_steps = scene.sun_position.shape[0] - 1
+    steps = np.array([GAP, GAP + 16])
+    looks = schedule(np.zeros(2, int), steps - 1, np.zeros(2, int), 1, n_steps)
+    away = truth.translation[0, steps, :3] - scene.observer_position[0, steps]
+    angles = _angles(away[:, None], scene.observer_axes[steps])[:, 0] + truth.noise[0, steps, 0, 1:]
+    value = np.column_stack([np.full(2, 15.0), angles])
+    records = Measurements(*looks, value, np.tile(sensor.noise**2, (2, 1)))
+    return scene, surfaces, sensor, initial, truth, records, steps
+
+
+def _angles(away, axes):
+    """Right ascension and declination of ways (time, particle, 3) in the body frame."""
+    seen = np.einsum("tab,tpb->tpa", axes, away)
+    length = np.linalg.norm(seen, axis=-1)
+    return np.stack(
+        [np.arctan2(seen[..., 1], seen[..., 0]), np.arcsin(seen[..., 2] / length)], axis=-1
+    )
+
+
+def _particles(bent, count=200_000):
+    """Mean and deviations after each look, by weighing draws of the prior; how many count."""
+    scene, _, sensor, initial, _, records, steps = bent
+    draws = np.random.default_rng(5).standard_normal((count, 6)) * initial.sigma[6:]
+    paths = propagate_bundle(
+        initial.translation[0] + draws, STRIDE * scene.step, steps[-1] // STRIDE
+    )[:, steps // STRIDE]
+    places = np.swapaxes(paths, 0, 1)
+    away = places[..., :3] - scene.observer_position[0, steps][:, None]
+    off = records.value[:, None, 1:] - _angles(away, scene.observer_axes[steps])
+    off = np.remainder(off + np.pi, 2.0 * np.pi) - np.pi
+    logs = np.cumsum(-0.5 * ((off / sensor.noise[1:]) ** 2).sum(axis=-1), axis=0)
+    for log, place in zip(logs, places, strict=True):
+        weight = np.exp(log - log.max())
+        weight /= weight.sum()
+        mean = weight @ place
+        yield mean, np.sqrt(weight @ (place - mean) ** 2), 1.0 / (weight**2).sum()
+
+
+@pytest.fixture(scope="module")
+def judged(bent):
+    return list(_particles(bent))
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_a_spread_bent_over_a_gap_is_that_of_particles(name, bent, judged):
+    """Both looks, all six components: what unlikely parts leave curved widens it, never narrows."""
+    scene, surfaces, sensor, initial, _, records, steps = bent
+
+    def off(splitting):
+        estimator = ESTIMATORS[name](scene, surfaces, sensor, initial, splitting=splitting)
+        out = estimator.advance(records)
+        assert out.used.all()
+        for (mean, deviation, count), k in zip(judged, steps - 1, strict=True):
+            assert count > 500
+            shift = np.abs(out.translation[0, k] - mean) / deviation
+            yield shift.max(), out.sigma[0, k, 6:] / deviation
+
+    for shift, ratio in off(True):
+        assert shift < 0.3
+        assert ratio.min() > 0.9 and ratio.max() < 1.6
+    alone = list(off(False))
+    assert max(shift for shift, _ in alone) > 2.0
+    assert min(ratio.min() for _, ratio in alone) < 0.8
