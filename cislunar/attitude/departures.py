@@ -1,12 +1,10 @@
 """Rotation of a rigid body that departs from what is believed of it, and its derivatives.
 
-A departure is a kind and an amount x:
+A departure is a kind and an amount x. INERTIA + r: the moments along the second (r = 0) or third
+body axis grow by exp(x), I becoming ``S I S`` with exp(x / 2) in the diagonal of S. TORQUE + c: a
+torque constant in the body frame accelerates the rotation by x along axis c.
 
-    INERTIA + r   the moments along the second (r = 0) or third body axis grow by exp(x), I becoming
-                  ``S I S`` with exp(x / 2) in the diagonal of S
-    TORQUE + c    a torque constant in the body frame accelerates the rotation by x along axis c
-
-Derivatives are columns of small turns e and changes w of the angular velocity (body frame):
+Derivatives are columns of small turns e and changes w of the angular velocity (body frame)::
 
     de/dt = -omega x e + w,    I dw/dt = (I w) x omega + (I omega) x w + I d,
 
