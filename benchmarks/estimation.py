@@ -33,7 +33,7 @@ from cislunar.estimation.registry import ESTIMATORS
 from cislunar.observation.measurement import DETECTED, measure
 from cislunar.observation.records import constant_schedule
 from cislunar.observation.sensor import Sensor
-from cislunar.photometry.facets import facet_magnitude
+from cislunar.photometry.body_blocks import body_magnitude
 from cislunar.photometry.materials import PRINTED
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
@@ -73,14 +73,12 @@ def misfit_row_by_row(data, quaternion, omega, model):
     total = 0.0
     for k in range(data.shape[0]):
         row = data[k]
-        h = facet_magnitude(
+        h = body_magnitude(
             propagate_spherical(quaternion, omega, row[TIME]),
             row[SUN],
             row[VIEW],
             row[RANGE],
-            model.areas,
-            model.normals,
-            model.material,
+            model.surface,
             model.irradiance_4pi,
             model.fresnel_sqrt,
         )

@@ -16,7 +16,8 @@ from numba import njit
 from cislunar.attitude.quaternion import from_rotation_vector, normalize, to_inertial
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.photometry import spacecraft
-from cislunar.photometry.bodies import body_magnitude, build_body
+from cislunar.photometry.bodies import build_body, plain_body
+from cislunar.photometry.body_blocks import body_magnitude_gradients, body_magnitudes
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
     LANES,
@@ -100,33 +101,48 @@ def blocked(quaternion, sun, view, areas, normals, material, with_gradient, out)
 
 
 @njit
-def body_magnitudes(quaternion, sun, view, body, out):
-    """`body_magnitude` of n geometries."""
-    for i in range(out.shape[0]):
-        out[i] = body_magnitude(quaternion[i], sun[i], view[i], RANGE_M, body, True, True)
+def blocked_bodies(quaternion, sun, view, body, with_gradient, out):
+    """`body_magnitudes`, or `body_magnitude_gradients`, of n geometries, filled in as well."""
+    block = np.empty((BLOCK_ROWS, LANES))
+    block[RANGE] = RANGE_M
+    for first in range(0, out.shape[0], LANES):
+        count = min(LANES, out.shape[0] - first)
+        for k in range(count):
+            for c in range(4):
+                block[c, k] = quaternion[first + k, c]
+            for c in range(3):
+                block[SUN + c, k], block[VIEW + c, k] = sun[first + k, c], view[first + k, c]
+        if with_gradient:
+            body_magnitude_gradients(block, count, body, True, True)
+        else:
+            body_magnitudes(block, count, body, True, True)
+        out[first : first + count] = block[MAGNITUDE, :count]
 
 
 def compare_bodies(quaternion, sun, view, repeats: int) -> None:
-    """Print what shadows and materials cost at equal facets."""
+    """Print what shadows and materials cost at equal facets, in blocks."""
     n = len(quaternion)
     out = np.empty(n)
     axis = np.array([0.3, -0.5, 0.81])
     tumble = np.array([from_rotation_vector(angle * axis) for angle in np.linspace(0.0, 40.0, n)])
     still = [np.repeat(v[:1], n, axis=0) for v in (sun, view)]
-    print(f"{'body':>15} {'facets':>6} {'geometry':>8} {'convex':>7} {'shadows':>7}  us  ratio")
+    print("body, facets, geometry, what: us convex, us with shadows, ratio")
     for name, materials in spacecraft.SURFACES.items():
         body = build_body(getattr(spacecraft, name)(), materials)
+        plain = plain_body(body.facets, next(iter(materials.values())))
         for label, geometry in (("random", (quaternion, sun, view)), ("tumble", (tumble, *still))):
-            convex, shadowed = np.inf, np.inf
-            for _ in range(repeats):
-                task = (*geometry, body.areas, body.normals, body.materials[0], out)
-                convex = min(convex, best_time(lambda t=task: compiled_magnitudes(*t), 1))
-                task = (*geometry, body, out)
-                shadowed = min(shadowed, best_time(lambda t=task: body_magnitudes(*t), 1))
-            print(
-                f"{name:>15} {body.areas.size:6d} {label:>8} {1e6 * convex / n:7.3f} "
-                f"{1e6 * shadowed / n:7.3f}      {shadowed / convex:.2f}"
-            )
+            for what, gradient in (("magnitude", False), ("gradient", True)):
+                best = [np.inf, np.inf]
+                for _ in range(repeats):
+                    for number, each in enumerate((plain, body)):
+                        task = (*geometry, each, gradient, out)
+                        taken = best_time(lambda t=task: blocked_bodies(*t), 1)
+                        best[number] = min(best[number], taken)
+                convex, shadowed = (1e6 * taken / n for taken in best)
+                print(
+                    f"{name}, {body.areas.size}, {label}, {what}: {convex:.3f}, {shadowed:.3f}, "
+                    f"{shadowed / convex:.2f}"
+                )
 
 
 def main() -> None:

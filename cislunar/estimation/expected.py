@@ -9,15 +9,10 @@ from numba import njit
 
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
+from cislunar.observation.scene import body_of
 from cislunar.observation.sightline import METRES, direction_angles, lit_directions, wrap_angle
-from cislunar.photometry.facet_blocks import (
-    MAGNITUDE,
-    QUATERNION,
-    RANGE,
-    SUN,
-    VIEW,
-    block_magnitudes,
-)
+from cislunar.photometry.body_blocks import body_magnitudes
+from cislunar.photometry.facet_blocks import MAGNITUDE, QUATERNION, RANGE, SUN, VIEW
 from cislunar.photometry.facets import FLOOR_MAGNITUDE
 
 
@@ -102,15 +97,8 @@ def expected_measurements(
     for point in range(count):
         _set_geometry(block, point, bundle, observer, sun, to_inertial)
     _set_attitudes(block, count, quaternion, root, spread)
-    first, last = surfaces.first[j], surfaces.first[j + 1]
-    block_magnitudes(
-        block,
-        count,
-        surfaces.areas[first:last],
-        surfaces.normals[first:last],
-        surfaces.material[j],
-        surfaces.irradiance_4pi,
-        surfaces.fresnel_sqrt,
+    body_magnitudes(
+        block, count, body_of(surfaces, j), surfaces.irradiance_4pi, surfaces.fresnel_sqrt
     )
     magnitude0, dark = block[MAGNITUDE, 0], 0
     for point in range(count):

@@ -323,7 +323,7 @@ class CramerRaoBound:
                     f"{key} = {values.tolist()}: {SIZE} numbers are needed, none negative and no "
                     "sigma zero"
                 )
-        n_targets = surfaces.material.shape[0]
+        n_targets = surfaces.inertia.shape[0]
         unknowns = BodySpread() if unknowns is None else unknowns
         of_rotation, of_surface = unknowns.rotation_kinds(), surface_table(unknowns, surfaces)
         bodies = rigid_bodies(surfaces.inertia)

@@ -118,21 +118,24 @@ class BodySpread:
 
         Parameters
         ----------
-        material : array_like, shape (5,)
-            As of `cislunar.photometry.materials.Material.as_array`.
+        material : array_like, shape (5,) or (material, 5)
+            As of `cislunar.photometry.materials.Material.as_array`; one of several will do.
 
         Raises
         ------
         ConfigurationError
             If what is to vary has no part in the light, or is a share of nothing.
         """
-        diffuse, specular, albedo, _, reflectance = np.asarray(material).tolist()
-        shines = specular > 0.0 and reflectance > 0.0
+        diffuse, specular, albedo, _, reflectance = np.atleast_2d(material).T
+        shines = np.any(specular * reflectance > 0.0)
         wanting = {
-            "log_albedo": ("diffuse_weight and diffuse_albedo", diffuse > 0.0 and albedo > 0.0),
+            "log_albedo": ("diffuse_weight and diffuse_albedo", np.any(diffuse * albedo > 0.0)),
             "log_slope": ("specular_weight and normal_reflectance", shines),
             "logit_reflectance": ("specular_weight and normal_reflectance", shines),
-            "logit_specular_share": ("diffuse_weight and specular_weight", diffuse * specular > 0),
+            "logit_specular_share": (
+                "diffuse_weight and specular_weight",
+                np.any(diffuse * specular > 0.0),
+            ),
         }
         for key, (needed, there) in wanting.items():
             if getattr(self, key) > 0.0 and not there:

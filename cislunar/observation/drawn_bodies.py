@@ -9,8 +9,8 @@ from cislunar.attitude.departures import departed_rotation
 from cislunar.attitude.inertia import TORQUE, inertia_matrix
 from cislunar.errors import ConfigurationError
 from cislunar.observation.body_spread import BodySpread, surface_groups
-from cislunar.observation.scene import TargetSurfaces
-from cislunar.photometry.departures import departed_surface
+from cislunar.observation.scene import TargetSurfaces, body_of
+from cislunar.photometry.departures import departed_body
 from cislunar.photometry.materials import NOTHING
 
 Array = NDArray[np.float64]
@@ -69,25 +69,25 @@ def drawn_surfaces(
     ConfigurationError
         See `BodySpread.require_possible`.
     """
-    areas, normals, material = (
-        surfaces.areas.copy(),
-        surfaces.normals.copy(),
-        surfaces.material.copy(),
+    areas, normals, material, lengths = (
+        each.copy()
+        for each in (surfaces.areas, surfaces.normals, surfaces.material, surfaces.lengths)
     )
-    for j, row in enumerate(surfaces.material):
-        spread.require_possible(row)
+    for j in range(lengths.shape[0]):
+        body = body_of(surfaces, j)
+        spread.require_possible(body.materials)
         own = slice(surfaces.first[j], surfaces.first[j + 1])
-        kinds, sigma = spread.surface_kinds(own.stop - own.start)
+        rows = slice(surfaces.first_material[j], surfaces.first_material[j + 1])
+        kinds, sigma = spread.surface_kinds(body.areas.size)
         draws = [
             generator(j, number).standard_normal(count)
-            for number, (key, (_, count)) in enumerate(surface_groups(own.stop - own.start).items())
+            for number, (key, (_, count)) in enumerate(surface_groups(body.areas.size).items())
             if getattr(spread, key) > 0.0
         ]
-        amounts = sigma * np.concatenate([np.empty(0), *draws])
-        areas[own], normals[own], material[j] = departed_surface(
-            kinds, amounts, areas[own], normals[own], row
-        )
-    return surfaces._replace(areas=areas, normals=normals, material=material)
+        departed = departed_body(kinds, sigma * np.concatenate([np.empty(0), *draws]), body)
+        areas[own], normals[own], lengths[j] = departed.areas, departed.normals, departed.lengths
+        material[rows] = departed.materials
+    return surfaces._replace(areas=areas, normals=normals, material=material, lengths=lengths)
 
 
 def drawn_rotations(
@@ -156,7 +156,7 @@ def true_departures(
         In the order of `BodySpread.named` and in its units; NaN where a difference of the bodies
         could be told in several ways (scale, stretch, facets).
     """
-    count = true.material.shape[0]
+    count = true.inertia.shape[0]
     n_facets = int(np.diff(true.first).max(initial=0))
     moments = [np.diagonal(each.inertia, axis1=1, axis2=2) for each in (believed, true)]
     ratios = [each[:, 1:] / each[:, :1] for each in moments]
@@ -166,7 +166,7 @@ def true_departures(
         for i, axis in enumerate("yz")
     }
     change |= {f"angular_acceleration_deg_h2_{a}": torques[:, i] for i, a in enumerate("xyz")}
-    (d0, s0, a0, m0, f0), (d1, s1, a1, m1, f1) = believed.material.T, true.material.T
+    (d0, s0, a0, m0, f0), (d1, s1, a1, m1, f1) = _only_material(believed), _only_material(true)
     with np.errstate(divide="ignore", invalid="ignore"):
         change["log_albedo"] = np.log(a1 / a0)
         change["log_slope"] = np.log(m1 / m0)
@@ -175,6 +175,12 @@ def true_departures(
     unclear = np.full(count, np.nan)
     columns = [change.get(name, unclear) for name in unknowns.named(n_facets)]
     return np.reshape(columns, (-1, count)).T
+
+
+def _only_material(surfaces: TargetSurfaces) -> Array:
+    """Material of each target, shape (5, target); NaN where it has several."""
+    first = surfaces.first_material
+    return np.where(np.diff(first) == 1, surfaces.material[first[:-1]].T, np.nan)
 
 
 def _possible(inertia: Array) -> bool:

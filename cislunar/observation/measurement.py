@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError
 from cislunar.observation.records import Measurements, Schedule
-from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.scene import Scene, TargetSurfaces, body_of
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.sightline import (
     METRES,
@@ -27,7 +27,7 @@ from cislunar.observation.sightline import (
     outside_exclusion,
     wrap_angle,
 )
-from cislunar.photometry.facets import facet_magnitude
+from cislunar.photometry.body_blocks import body_magnitude
 
 Array = NDArray[np.float64]
 
@@ -43,16 +43,12 @@ def target_magnitude(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, 
     frame); `quaternion` is a tuple, inertial to body.
     """
     light, view, distance, _ = lit_directions(dx, dy, dz, sx, sy, sz, to_inertial)
-    first = surfaces.first[j]
-    last = surfaces.first[j + 1]
-    return facet_magnitude(
+    return body_magnitude(
         quaternion,
         light,
         view,
         distance * METRES,
-        surfaces.areas[first:last],
-        surfaces.normals[first:last],
-        surfaces.material[j],
+        body_of(surfaces, j),
         surfaces.irradiance_4pi,
         surfaces.fresnel_sqrt,
     )

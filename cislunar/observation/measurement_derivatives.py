@@ -7,11 +7,15 @@ velocity, position, velocity), with the units of the error state of the filters.
 import numpy as np
 from numba import njit
 
+from cislunar.observation.scene import body_of
 from cislunar.observation.sightline import METRES, lit_directions, rotate
-from cislunar.photometry import facet_blocks
+from cislunar.photometry.body_blocks import (
+    body_magnitude_departures,
+    body_magnitude_derivatives,
+    one_geometry,
+)
 from cislunar.photometry.departures import departure_rows
-from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, block_magnitude_departures
-from cislunar.photometry.facet_derivatives import facet_magnitude_derivatives
+from cislunar.photometry.facet_blocks import LANES
 from cislunar.photometry.materials import FACET, STRETCH
 
 
@@ -52,16 +56,12 @@ def _magnitude_row(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j,
     (I - L L^T)/|s| with the position, both backwards; the range adds (5 / ln 10) d/r^2.
     """
     light, view, distance, to_sun = lit_directions(dx, dy, dz, sx, sy, sz, to_inertial)
-    first = surfaces.first[j]
-    last = surfaces.first[j + 1]
-    _, turn, by_sun, by_view, by_log_range = facet_magnitude_derivatives(
+    _, turn, by_sun, by_view, by_log_range = body_magnitude_derivatives(
         (quaternion[0], quaternion[1], quaternion[2], quaternion[3]),
         light,
         view,
         distance * METRES,
-        surfaces.areas[first:last],
-        surfaces.normals[first:last],
-        surfaces.material[j],
+        body_of(surfaces, j),
         surfaces.irradiance_4pi,
         surfaces.fresnel_sqrt,
     )
@@ -126,21 +126,12 @@ def departure_row(state, quaternion, observer, k, j, scene, surfaces, kinds, sig
         sun[2] - z,
         scene.frame_axes[k],
     )
-    first, last = surfaces.first[j], surfaces.first[j + 1]
-    areas, normals = surfaces.areas[first:last], surfaces.normals[first:last]
-    block = np.empty((BLOCK_ROWS, LANES))
-    for c in range(4):
-        block[facet_blocks.QUATERNION + c, 0] = quaternion[c]
-    for c in range(3):
-        block[facet_blocks.SUN + c, 0] = light[c]
-        block[facet_blocks.VIEW + c, 0] = view[c]
-    block[facet_blocks.RANGE, 0] = distance * METRES
-    shares = np.empty((areas.shape[0] if np.any(kinds >= FACET) else 0, LANES))
+    body, reading = body_of(surfaces, j), surfaces.fresnel_sqrt
+    block = one_geometry(quaternion, light, view, distance * METRES)
+    shares = np.empty((body.areas.shape[0] if np.any(kinds >= FACET) else 0, LANES))
     stretched = np.any((kinds >= STRETCH) & (kinds < FACET))
-    material, reading = surfaces.material[j], surfaces.fresnel_sqrt
-    block_magnitude_departures(
-        block, shares, stretched, 1, areas, normals, material, surfaces.irradiance_4pi, reading
-    )
+    given = body, surfaces.irradiance_4pi, reading
+    body_magnitude_departures(block, shares, stretched, np.int64(1), *given)
     rows = np.empty((kinds.shape[0], LANES))
-    departure_rows(block, shares, 1, kinds, sigma, material, reading, rows)
+    departure_rows(block, shares, np.int64(1), kinds, sigma, body, reading, rows)
     row[:] = rows[:, 0]

@@ -25,8 +25,10 @@ from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.errors import ConfigurationError
-from cislunar.photometry.bodies import Body
+from cislunar.photometry.bodies import Body, plain_body
 from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.shadows.joined import joined_shadows
+from cislunar.photometry.shadows.table import Shadows
 from cislunar.photometry.shapes import Facets
 
 Array = NDArray[np.float64]
@@ -78,12 +80,22 @@ class TargetSurfaces(NamedTuple):
         Outward unit normals, body frame.
     first : ndarray of int, shape (target + 1,)
         Target j owns the facets ``first[j] : first[j + 1]``.
-    material : ndarray, shape (target, 5)
-        Rows of `cislunar.photometry.materials.Material.as_array`.
+    material : ndarray, shape (row, 5)
+        Materials of all targets one after the other, as of
+        `cislunar.photometry.materials.Material.as_array`.
     irradiance_4pi, fresnel_sqrt : bool
         Readings of the reflection model, see `PhotometryModel`.
     inertia : ndarray, shape (target, 3, 3)
         Inertia matrices, body frame. Only their ratios matter: bodies turn without torque.
+    first_material : ndarray of int, shape (target + 1,)
+        Target j owns the materials ``first_material[j] : first_material[j + 1]``.
+    rows : ndarray of int, shape (facet,)
+        Row of each facet among its target's materials.
+    shadows : Shadows
+        Those of all targets in one table.
+    lengths : ndarray, shape (target, 3)
+    rough, phong : ndarray of bool, shape (target,)
+        As of `cislunar.photometry.bodies.Body`.
     """
 
     areas: Array
@@ -93,6 +105,36 @@ class TargetSurfaces(NamedTuple):
     irradiance_4pi: bool
     fresnel_sqrt: bool
     inertia: Array
+    first_material: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    shadows: Shadows
+    lengths: Array
+    rough: NDArray[np.bool_]
+    phong: NDArray[np.bool_]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def body_of(surfaces, j):
+    """The `Body` of target j, whose arrays are views."""
+    facets = slice(surfaces.first[j], surfaces.first[j + 1])
+    shared = surfaces.shadows
+    return Body(
+        surfaces.areas[facets],
+        surfaces.normals[facets],
+        surfaces.rows[facets],
+        surfaces.material[surfaces.first_material[j] : surfaces.first_material[j + 1]],
+        Shadows(
+            shared.steps,
+            shared.column[facets],
+            shared.lookup,
+            shared.masks,
+            shared.shares,
+            shared.settled,
+        ),
+        surfaces.lengths[j],
+        surfaces.rough[j],
+        surfaces.phong[j],
+    )
 
 
 def make_scene(
@@ -210,7 +252,7 @@ def constant_rate_attitude(quaternion: ArrayLike, rate: ArrayLike, elapsed_s: Ar
 
 
 def target_surfaces(
-    facets: Facets | Sequence[Facets],
+    facets: Facets | Body | Sequence[Facets | Body],
     material: Material | Sequence[Material],
     n_targets: int,
     model: PhotometryModel | None = None,
@@ -221,8 +263,8 @@ def target_surfaces(
 
     Parameters
     ----------
-    facets : Facets or sequence of Facets
-        One shape for all targets, or one for each.
+    facets : Facets, Body or sequence of them
+        One shape for all targets, or one for each; a `Body` brings its own materials.
     material : Material or sequence of Material
         One surface for all targets, or one for each.
     n_targets : int
@@ -241,33 +283,41 @@ def target_surfaces(
     Raises
     ------
     ConfigurationError
-        If a sequence does not hold one entry for each target, a shape is a body whose magnitude
-        has no derivatives, or no rigid body has such an inertia.
+        If a sequence does not hold one entry for each target, or no rigid body has such an inertia.
     """
     shapes = [facets] * n_targets if isinstance(facets, Facets | Body) else list(facets)
-    for shape in shapes:
-        if isinstance(shape, Body):
-            raise ConfigurationError(
-                "facets: bodies with shadows or several materials have no derivatives yet; give "
-                "the facets of a convex body (photometry.bodies.convex_facets)"
-            )
     surfaces = [material] * n_targets if isinstance(material, Material) else list(material)
     given = np.asarray(inertia, dtype=float)
-    bodies = list(given) if given.ndim == 3 else [given] * n_targets
-    for key, entries in (("facets", shapes), ("material", surfaces), ("inertia", bodies)):
+    inertias = list(given) if given.ndim == 3 else [given] * n_targets
+    for key, entries in (("facets", shapes), ("material", surfaces), ("inertia", inertias)):
         if len(entries) != n_targets:
             raise ConfigurationError(
                 f"{key}: {len(entries)} entries given for {n_targets} targets; give one for all, "
                 "or one for each"
             )
     model = PhotometryModel() if model is None else model
-    counts = [shape.areas.size for shape in shapes]
+    bodies = [
+        shape if isinstance(shape, Body) else plain_body(shape, surface)
+        for shape, surface in zip(shapes, surfaces, strict=True)
+    ]
+    phong = np.array([model.phong or body.phong for body in bodies])
     return TargetSurfaces(
-        np.concatenate([np.asarray(shape.areas, dtype=float) for shape in shapes]),
-        np.ascontiguousarray(np.concatenate([shape.normals for shape in shapes]), dtype=float),
-        np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-        np.array([surface.as_array() for surface in surfaces]),
+        np.concatenate([body.areas for body in bodies]),
+        np.ascontiguousarray(np.concatenate([body.normals for body in bodies])),
+        _starts([body.areas.size for body in bodies]),
+        np.concatenate([body.materials for body in bodies]),
         model.irradiance_4pi,
         model.fresnel_sqrt,
-        np.array([inertia_matrix(body) for body in bodies]),
+        np.array([inertia_matrix(each) for each in inertias]),
+        _starts([len(body.materials) for body in bodies]),
+        np.concatenate([body.rows for body in bodies]),
+        joined_shadows([body.shadows for body in bodies]),
+        np.array([body.lengths for body in bodies]),
+        np.array([body.rough for body in bodies]) | phong,
+        phong,
     )
+
+
+def _starts(counts: list[int]) -> NDArray[np.int64]:
+    """Where each of several parts of such lengths begins, and where the last one ends."""
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -1,8 +1,9 @@
-"""Apparent magnitude of bodies whose facets shadow each other and differ in material.
+"""Bodies as the kernels see them: convex ones of one material, and all others.
 
-The facet sum is that of `cislunar.photometry.facets`, with the area of each facet reduced to what
-is both lit and seen (`cislunar.photometry.shadows`) and the material taken from the facet's row of
-a table. Light that a facet throws on another is left out.
+Facets may shadow each other and differ in material. The facet sum is that of
+`cislunar.photometry.facets`, with the area of each facet reduced to what is both lit and seen
+(`cislunar.photometry.shadows`) and the material taken from the facet's row of a table. Light that a
+facet throws on another is left out. `cislunar.photometry.body_blocks` has the kernels.
 
 The lit and seen area is approximate: points stand for the area, and the table is interpolated.
 Against rays to a thousand points of each facet, in 100 random pairs of directions, its error as a
@@ -11,9 +12,6 @@ share of the area that faces both is 0.11 % (box with wings), 0.23 % (dish on a 
 0.003, 0.018 and 0.001 in 95 of 100 pairs, and 0.05 at most; little is left to see where it is
 large. Of a single square under another one it is 0.7 % of its area rms and 2.7 % at most; where
 Sun and observer are nearer to each other than the spacing of the table, it is 1 % too dark.
-
-There are no derivatives by attitude: the filter and the light-curve fits take convex bodies of one
-material, and `convex_facets` refuses any other for them.
 """
 
 from collections.abc import Mapping
@@ -23,27 +21,22 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.attitude.quaternion import rotate_components
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
-from cislunar.errors import ConfigurationError
-from cislunar.photometry.facets import (
-    FLOOR_MAGNITUDE,
-    IRRADIANCE_FLOOR,
-    apparent_magnitude,
-    broadcast_geometries,
-    facet_reflectance,
-    reflection_constants,
+from cislunar.photometry.body_blocks import body_magnitudes
+from cislunar.photometry.facet_blocks import (
+    BLOCK_ROWS,
+    LANES,
+    QUATERNION,
+    RANGE,
+    SUN,
+    TOTAL,
+    VIEW,
 )
+from cislunar.photometry.facets import apparent_magnitude, broadcast_geometries
 from cislunar.photometry.materials import Material, PhotometryModel, material_rows
 from cislunar.photometry.meshes import Mesh
-from cislunar.photometry.shadows import (
-    STEPS,
-    Shadows,
-    shadow_table,
-    share_lit_and_seen,
-    table_corners,
-)
-from cislunar.photometry.shapes import Facets, facets_from_triangles
+from cislunar.photometry.shadows.table import STEPS, Shadows, no_shadows, shadow_table
+from cislunar.photometry.shapes import Facets, facets_from_triangles, scale_to_sphere
 
 Array = NDArray[np.float64]
 
@@ -63,6 +56,13 @@ class Body(NamedTuple):
         ``[d, s, rho, delta_rms, F0]``, see `cislunar.photometry.materials.Material`.
     shadows : Shadows
         Shadows of the facets on each other.
+    lengths : ndarray, shape (3,)
+        Of the body along its axes over those of the one the shadows were tabulated for.
+    rough : bool
+        Whether it has several materials, shadows or another law of reflection: false leaves it to
+        the kernels of `cislunar.photometry.facet_blocks`.
+    phong : bool
+        Whether it reflects by Lambert's law and Phong's, see `cislunar.photometry.body_blocks`.
     """
 
     areas: Array
@@ -70,10 +70,43 @@ class Body(NamedTuple):
     rows: NDArray[np.int64]
     materials: Array
     shadows: Shadows
+    lengths: Array
+    rough: bool = False
+    phong: bool = False
+
+    @property
+    def facets(self) -> Facets:
+        """The shape without its shadows."""
+        return Facets(self.areas, self.normals)
+
+
+def plain_body(facets: Facets, material: Material) -> Body:
+    """A convex body of one material.
+
+    Parameters
+    ----------
+    facets : Facets
+        Shape.
+    material : Material
+        Surface.
+
+    Returns
+    -------
+    Body
+    """
+    areas = np.ascontiguousarray(facets.areas, dtype=float)
+    normals = np.ascontiguousarray(facets.normals, dtype=float)
+    rows = np.zeros(areas.size, dtype=np.int64)
+    shadows = no_shadows(areas.size)
+    return Body(areas, normals, rows, material.as_array()[None], shadows, np.ones(3))
 
 
 def build_body(
-    mesh: Mesh, materials: Material | Mapping[str, Material], *, steps: int = STEPS
+    mesh: Mesh,
+    materials: Material | Mapping[str, Material],
+    *,
+    steps: int = STEPS,
+    shadows: Shadows | None = None,
 ) -> Body:
     """Areas, materials and shadows of a mesh.
 
@@ -85,6 +118,8 @@ def build_body(
         One material for all facets, or one for each facet group.
     steps : int
         Steps of the shadow table from pole to equator.
+    shadows : Shadows, optional
+        The mesh's table, where it is there already.
 
     Returns
     -------
@@ -100,126 +135,32 @@ def build_body(
         materials = dict.fromkeys(mesh.groups, materials)
     facets = facets_from_triangles(mesh.vertices, mesh.triangles)
     rows, table = material_rows(mesh.source, mesh.groups, materials)
-    return Body(facets.areas, facets.normals, rows, table, shadow_table(mesh, steps))
+    shadows = shadow_table(mesh, steps) if shadows is None else shadows
+    rough = shadows.steps > 0 or len(table) > 1
+    return Body(facets.areas, facets.normals, rows, table, shadows, np.ones(3), rough)
 
 
-def is_plain(body: Body) -> bool:
-    """Whether a body has one material and no facet that can shadow another.
+def scale_body(body: Body, radius_m: float) -> Body:
+    """The same body, scaled to the surface area 4 pi R^2 of a sphere.
 
     Parameters
     ----------
     body : Body
         Any.
+    radius_m : float
+        R, m.
 
     Returns
     -------
-    bool
-        True if the kernels of `cislunar.photometry.facets` describe it.
-    """
-    return body.shadows.steps == 0 and len(body.materials) == 1
-
-
-def convex_facets(body: Body) -> tuple[Facets, Material]:
-    """The facets and the material of a body for what needs derivatives: filter, fits, bounds.
-
-    Parameters
-    ----------
-    body : Body
-        Of one material, without shadows.
-
-    Returns
-    -------
-    facets : Facets
-        Shape.
-    material : Material
-        Surface.
+    Body
+        With the same table of shadows, which know no size.
 
     Raises
     ------
     ConfigurationError
-        If the facets shadow each other or have several materials.
+        If the radius is not positive.
     """
-    if not is_plain(body):
-        raise ConfigurationError(
-            "body: its facets shadow each other or differ in material, of which the magnitude has "
-            "no derivatives; estimators take convex bodies of one material"
-        )
-    return Facets(body.areas, body.normals), Material(*map(float, body.materials[0]))
-
-
-@njit(cache=True, error_model="numpy")
-def body_irradiance(
-    quaternion, sun_direction, view_direction, range_m, body, irradiance_4pi, fresnel_sqrt
-):
-    """Irradiance at the observer relative to the Sun's at 1 au (compiled).
-
-    As `cislunar.photometry.facets.facet_irradiance`, to which it is equal to the last bit for a
-    body of one material without shadows; `body` is a `Body`.
-    """
-    q1, q2, q3, q4 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    lx, ly, lz = sun_direction[0], sun_direction[1], sun_direction[2]
-    vx, vy, vz = view_direction[0], view_direction[1], view_direction[2]
-    half2 = (lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2
-    lx, ly, lz = rotate_components(q1, q2, q3, q4, lx, ly, lz)
-    vx, vy, vz = rotate_components(q1, q2, q3, q4, vx, vy, vz)
-    areas, normals, rows, materials = body.areas, body.normals, body.rows, body.materials
-    shadows = body.shadows
-    column, lookup, masks, shares = shadows.column, shadows.lookup, shadows.masks, shadows.shares
-    sun = table_corners(lx, ly, lz, shadows.steps)
-    view = table_corners(vx, vy, vz, shadows.steps)
-    inverse_half2 = 1.0 / half2
-    row = -1
-    diffuse, specular, steepness, far = 0.0, 0.0, 0.0, 0.0
-    total = 0.0
-    for i in range(areas.shape[0]):
-        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-        lit = nx * lx + ny * ly + nz * lz
-        seen = nx * vx + ny * vy + nz * vz
-        lower = min(lit, seen)
-        if lower <= 0.0:
-            continue
-        area = areas[i]
-        if column[i] >= 0:
-            area *= share_lit_and_seen(column[i], sun, view, lookup, masks, shares)
-            if area == 0.0:
-                continue
-        if rows[i] != row:
-            row = rows[i]
-            diffuse, specular, steepness, far = reflection_constants(
-                materials[row], half2, fresnel_sqrt
-            )
-        total += area * facet_reflectance(
-            lit, seen, lower, inverse_half2, diffuse, specular, steepness, far
-        )
-    spread = np.pi * range_m * range_m
-    if irradiance_4pi:
-        spread *= 4.0 * np.pi
-    return total / spread
-
-
-@njit(cache=True, error_model="numpy")
-def body_magnitude(
-    quaternion, sun_direction, view_direction, range_m, body, irradiance_4pi, fresnel_sqrt
-):
-    """Apparent magnitude, arguments as in `body_irradiance`; never above `FLOOR_MAGNITUDE` of
-    `cislunar.photometry.facets` (compiled)."""
-    flux = body_irradiance(
-        quaternion, sun_direction, view_direction, range_m, body, irradiance_4pi, fresnel_sqrt
-    )
-    if flux <= IRRADIANCE_FLOOR:
-        return FLOOR_MAGNITUDE
-    return SUN_APPARENT_MAGNITUDE - 2.5 * np.log10(flux)
-
-
-@njit(cache=True)
-def _irradiances(quaternion, sun, view, range_m, body, flag_4pi, flag_sqrt):
-    """`body_irradiance` of n geometries, arrays of n rows."""
-    result = np.empty(range_m.shape[0])
-    for i in range(result.shape[0]):
-        result[i] = body_irradiance(
-            quaternion[i], sun[i], view[i], range_m[i], body, flag_4pi, flag_sqrt
-        )
-    return result
+    return body._replace(areas=scale_to_sphere(body.facets, radius_m).areas)
 
 
 def apparent_body_magnitude(
@@ -243,7 +184,7 @@ def apparent_body_magnitude(
     range_m : array_like, shape (...)
         Distances from the object to the observer, m.
     body : Body
-        Shape and surface. Without shadows and of one material it is left to
+        Shape and surface. A plain one is left to
         `cislunar.photometry.facets.apparent_magnitude`.
     model : PhotometryModel, optional
         Reading of the equations; 1/r^2 and Fresnel with the root if omitted.
@@ -257,10 +198,30 @@ def apparent_body_magnitude(
     """
     geometry = quaternion, sun_direction, view_direction, range_m
     model = PhotometryModel() if model is None else model
-    if is_plain(body):
-        facets, material = convex_facets(body)
-        return apparent_magnitude(*geometry, facets, material, model, sun_magnitude=sun_magnitude)
+    if not body.rough:
+        material = Material(*map(float, body.materials[0]))
+        return apparent_magnitude(
+            *geometry, body.facets, material, model, sun_magnitude=sun_magnitude
+        )
     shape, rows = broadcast_geometries(*geometry)
-    flux = _irradiances(*rows, body, model.irradiance_4pi, model.fresnel_sqrt).reshape(shape)
+    returned = _light_thrown_back(*rows[:3], body, model.fresnel_sqrt).reshape(shape)
+    spread = np.pi * np.broadcast_to(range_m, shape) ** 2
+    if model.irradiance_4pi:
+        spread = spread * 4.0 * np.pi
     with np.errstate(divide="ignore"):
-        return sun_magnitude - 2.5 * np.log10(flux)
+        return sun_magnitude - 2.5 * np.log10(returned / spread)
+
+
+@njit(cache=True, error_model="numpy")
+def _light_thrown_back(quaternion, sun, view, body, fresnel_sqrt):
+    """Sums over the facets of n geometries, arrays of n rows."""
+    result, block = np.empty(quaternion.shape[0]), np.empty((BLOCK_ROWS, LANES))
+    block[RANGE] = 1.0
+    for first in range(0, result.size, LANES):
+        count = min(LANES, result.size - first)
+        for k in range(count):
+            block[QUATERNION : QUATERNION + 4, k] = quaternion[first + k]
+            block[SUN : SUN + 3, k], block[VIEW : VIEW + 3, k] = sun[first + k], view[first + k]
+        body_magnitudes(block, count, body, False, fresnel_sqrt)
+        result[first : first + count] = block[TOTAL, :count]
+    return result

@@ -18,8 +18,11 @@ import numpy as np
 from numba import njit
 
 from cislunar.elementary import exponential
+from cislunar.photometry.bodies import Body
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
+    BY_ODDS,
+    BY_REFLECTANCE,
     BY_SLOPE,
     BY_STRETCH,
     INVERSE_HALF2,
@@ -28,6 +31,7 @@ from cislunar.photometry.facet_blocks import (
     SHINE,
     TOTAL,
 )
+from cislunar.photometry.facet_derivatives import fresnel_by_reflectance
 from cislunar.photometry.facets import FLOOR_MAGNITUDE, LN10, fresnel_reflectance
 from cislunar.photometry.materials import (
     ALBEDO,
@@ -65,72 +69,76 @@ def _stretch(factors, areas, normals):
 
 
 @njit(cache=True, error_model="numpy")
-def departed_surface(kinds, amounts, areas, normals, material):
-    """Areas (F,), normals (F, 3) and material (5,) of a body after departures; new arrays.
+def departed_body(kinds, amounts, body):
+    """A `cislunar.photometry.bodies.Body` after departures, with arrays of its own.
 
-    `kinds` and `amounts` have an entry for each; the others are as in
-    `cislunar.photometry.facets.facet_irradiance`.
+    `kinds` and `amounts` have an entry for each. What departs of a material does so in all of a
+    body's materials alike.
     """
-    areas, normals, material = areas.copy(), normals.copy(), material.copy()
+    areas, normals, materials = body.areas.copy(), body.normals.copy(), body.materials.copy()
     lengths = np.ones(3)
     for i in range(kinds.shape[0]):
         kind, factor = kinds[i], _factor(amounts[i])
-        if kind == ALBEDO:
-            material[2] *= factor
-        elif kind == SLOPE:
-            material[3] *= factor
-        elif kind == REFLECTANCE:
-            odds = factor * material[4] / (1.0 - material[4])
-            material[4] = odds / (1.0 + odds)
-        elif kind == SHARE:
-            both = material[0] + material[1]
-            shine = factor * material[1]
-            share = shine / (material[0] + shine)
-            material[0], material[1] = both * (1.0 - share), both * share
-        elif kind == SCALE:
+        if kind == SCALE:
             areas *= factor
         elif kind >= FACET:
             areas[kind - FACET] *= factor
         elif kind >= STRETCH:
             lengths[kind - STRETCH] *= factor
+        elif kind >= ALBEDO:
+            for m in range(materials.shape[0]):
+                _depart(kind, factor, materials[m])
     if lengths[0] != 1.0 or lengths[1] != 1.0 or lengths[2] != 1.0:
         _stretch(lengths, areas, normals)
-    return areas, normals, material
+    lengths *= body.lengths
+    return Body(areas, normals, body.rows, materials, body.shadows, lengths, body.rough, body.phong)
 
 
 @njit(cache=True, error_model="numpy")
-def fresnel_by_reflectance(cosine, normal_reflectance, fresnel_sqrt):
-    """Derivative of `cislunar.photometry.facets.fresnel_reflectance` by F0, above 0."""
-    q = cosine
-    root = np.sqrt(normal_reflectance)
-    b = (1.0 + root) / (1.0 - root)
-    by_root = 1.0 / (root * (1.0 - root) * (1.0 - root))  # db/dF0
-    p = q * q - 1.0 + b * b
-    if fresnel_sqrt:
-        p = np.sqrt(p)
-        p_slope = b / p * by_root
-    else:
-        p_slope = 2.0 * b * by_root
-    ratio = (p - q) / (p + q)
-    above, below = q * (p + q) - 1.0, q * (p - q) + 1.0
-    second = above / below
-    ratio_slope = 2.0 * q / ((p + q) * (p + q))
-    second_slope = q * (1.0 - second) / below
-    by_p = ratio * ratio_slope * (1.0 + second * second) + ratio * ratio * second * second_slope
-    return by_p * p_slope
+def _depart(kind, factor, material):
+    """Change one material (5,), in place."""
+    if kind == ALBEDO:
+        material[2] *= factor
+    elif kind == SLOPE:
+        material[3] *= factor
+    elif kind == REFLECTANCE:
+        odds = factor * material[4] / (1.0 - material[4])
+        material[4] = odds / (1.0 + odds)
+    elif kind == SHARE and material[1] > 0.0:
+        both = material[0] + material[1]
+        shine = factor * material[1]
+        share = shine / (material[0] + shine)
+        material[0], material[1] = both * (1.0 - share), both * share
 
 
 @njit(cache=True, error_model="numpy")
-def departure_rows(block, shares, count, kinds, sigma, material, fresnel_sqrt, out):
-    """Derivatives of a block's magnitudes by departures, sigma at a time, into `out` (kind, LANES).
-
-    `block` and `shares` are those of `facet_blocks.block_magnitude_departures`, `material` that of
-    the body as departed. A dark object's derivatives are zero.
-    """
-    b = block.reshape((BLOCK_ROWS, LANES))
+def _add_odds(b, count, kinds, material, fresnel_sqrt):
+    """Derivatives of the sums by the odds of a material that all facets share, into the block."""
     weights = material[0] + material[1]
     share = material[1] / weights if weights > 0.0 else 0.0
     f0 = material[4]
+    for kind in kinds:
+        for k in range(count):
+            total, shine = b[TOTAL, k], b[SHINE, k]
+            if kind == SHARE:
+                b[BY_ODDS, k] = shine * (1.0 - share) - (total - shine) * share
+            elif kind == REFLECTANCE:
+                cosine = 0.5 / np.sqrt(b[INVERSE_HALF2, k])
+                fresnel = fresnel_reflectance(cosine, f0, fresnel_sqrt)
+                slope = fresnel_by_reflectance(cosine, f0, fresnel_sqrt) * f0 * (1.0 - f0)
+                b[BY_REFLECTANCE, k] = shine * slope / fresnel
+
+
+@njit(cache=True, error_model="numpy")
+def departure_rows(block, shares, count, kinds, sigma, body, fresnel_sqrt, out):
+    """Derivatives of a block's magnitudes by departures, sigma at a time, into `out` (kind, LANES).
+
+    `block` and `shares` are those of `body_blocks.body_magnitude_departures`, `body` is as
+    departed. A dark object's derivatives are zero.
+    """
+    b = block.reshape((BLOCK_ROWS, LANES))
+    if not body.rough:
+        _add_odds(b, count, kinds, body.materials[0], fresnel_sqrt)
     for i in range(kinds.shape[0]):
         kind, scale = kinds[i], -2.5 / LN10 * sigma[i]
         for k in range(count):
@@ -140,12 +148,9 @@ def departure_rows(block, shares, count, kinds, sigma, material, fresnel_sqrt, o
             elif kind == SLOPE:
                 change = b[BY_SLOPE, k]
             elif kind == REFLECTANCE:
-                cosine = 0.5 / np.sqrt(b[INVERSE_HALF2, k])
-                fresnel = fresnel_reflectance(cosine, f0, fresnel_sqrt)
-                slope = fresnel_by_reflectance(cosine, f0, fresnel_sqrt) * f0 * (1.0 - f0)
-                change = shine * slope / fresnel
+                change = b[BY_REFLECTANCE, k]
             elif kind == SHARE:
-                change = shine * (1.0 - share) - (total - shine) * share
+                change = b[BY_ODDS, k]
             elif kind == SCALE:
                 change = total
             elif kind >= FACET:

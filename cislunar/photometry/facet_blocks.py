@@ -31,21 +31,26 @@ LANES = 32
 # First rows of a block: what is given, what is returned, and in between.
 QUATERNION, SUN, VIEW, RANGE = 0, 4, 7, 10
 MAGNITUDE, TURN = 11, 12
-TOTAL, INVERSE_HALF2, _SPECULAR, _LIT, _SEEN, _BY_LIT, _BY_SEEN = 15, 16, 17, 18, 19, 20, 23
+TOTAL, INVERSE_HALF2, SPECULAR, LIT, SEEN, BY_LIT, BY_SEEN = 15, 16, 17, 18, 19, 20, 23
 # Of `block_magnitude_departures` alone: the specular share of the sum, the sum's derivatives by the
 # logarithms of the slope and of the lengths along three axes, and what one facet adds to them.
-SHINE, BY_SLOPE, BY_STRETCH, _OWN, _OWN_BY_LIT, _OWN_BY_SEEN = 26, 27, 28, 31, 32, 33
-BLOCK_ROWS = 34
+SHINE, BY_SLOPE, BY_STRETCH, OWN, OWN_BY_LIT, OWN_BY_SEEN = 26, 27, 28, 31, 32, 33
+_PARTS_END = 34
+# Of `cislunar.photometry.body_blocks` alone: derivatives of the sum by |L + V|^2 and by the odds of
+# the normal reflectance and of the specular share; the share of a facet that is lit and seen, and
+# what it would throw back if it were so as a whole.
+BY_HALF2, BY_REFLECTANCE, BY_ODDS, FREE, OWN_IN_FULL = 34, 35, 36, 37, 38
+BLOCK_ROWS = 39
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _known_shape(block):
+def known_shape(block):
     """The block with its shape as constants, which tell the compiler that rows do not overlap."""
     return block.reshape((BLOCK_ROWS, LANES))
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _turn_into_body(b, count, material, fresnel_sqrt):
+def turn_into_body(b, count, material, fresnel_sqrt):
     """Directions in the body frame, and the factors that all facets share."""
     for k in range(count):
         q1, q2, q3, q4 = b[QUATERNION, k], b[QUATERNION + 1, k], b[QUATERNION + 2, k], b[3, k]
@@ -53,25 +58,25 @@ def _turn_into_body(b, count, material, fresnel_sqrt):
         vx, vy, vz = b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k]
         half2 = (lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2
         b[INVERSE_HALF2, k] = 1.0 / half2
-        b[_SPECULAR, k] = reflection_constants(material, half2, fresnel_sqrt)[1]
+        b[SPECULAR, k] = reflection_constants(material, half2, fresnel_sqrt)[1]
         b[SUN, k], b[SUN + 1, k], b[SUN + 2, k] = rotate_components(q1, q2, q3, q4, lx, ly, lz)
         b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k] = rotate_components(q1, q2, q3, q4, vx, vy, vz)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _cosines(b, count, nx, ny, nz):
+def cosines(b, count, nx, ny, nz):
     """N.L and N.V of a facet; in how many geometries it is both lit and seen."""
     bright = 0
     for k in range(count):
         lit = nx * b[SUN, k] + ny * b[SUN + 1, k] + nz * b[SUN + 2, k]
         seen = nx * b[VIEW, k] + ny * b[VIEW + 1, k] + nz * b[VIEW + 2, k]
-        b[_LIT, k], b[_SEEN, k] = lit, seen
+        b[LIT, k], b[SEEN, k] = lit, seen
         bright += (lit > 0.0) & (seen > 0.0)
     return bright
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _glint(lit, seen, inverse_half2, specular, steepness, far):
+def facet_glint(lit, seen, inverse_half2, specular, steepness, far):
     """Glint of a facet before attenuation, the attenuation without its bound of 1, sec^2(phi),
     N.L + N.V and the lesser of the two; see `cislunar.photometry.facets.facet_sums`."""
     lower = lit if lit < seen else seen
@@ -85,27 +90,32 @@ def _glint(lit, seen, inverse_half2, specular, steepness, far):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _add_facet(b, count, area, diffuse, steepness, far):
-    """Add what a facet throws back to the totals."""
+def add_facet(b, count, area, diffuse, steepness, far, shaded):
+    """Add what a facet throws back to the totals; if `shaded`, the share `FREE` of it."""
     for k in range(count):
-        lit, seen = b[_LIT, k], b[_SEEN, k]
-        glint, attenuation, _, _, lower = _glint(
-            lit, seen, b[INVERSE_HALF2, k], b[_SPECULAR, k], steepness, far
+        lit, seen = b[LIT, k], b[SEEN, k]
+        glint, attenuation, _, _, lower = facet_glint(
+            lit, seen, b[INVERSE_HALF2, k], b[SPECULAR, k], steepness, far
         )
         reflectance = diffuse * lit * seen + glint * (attenuation if attenuation < 1.0 else 1.0)
-        b[TOTAL, k] += area * reflectance if lower > 0.0 else 0.0
+        reflectance *= area * b[FREE, k] if shaded else area
+        b[TOTAL, k] += reflectance if lower > 0.0 else 0.0
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _add_facet_and_slopes(b, count, area, nx, ny, nz, diffuse, steepness, far, with_parts):
-    """Add what a facet throws back, and its derivatives by the directions.
+def add_facet_and_slopes(b, count, whole, nx, ny, nz, diffuse, steepness, far, with_parts, shaded):
+    """Add what a facet of area `whole` throws back, and its derivatives by the directions.
 
     With its parts go the specular share, the derivative by the slope, and what is the facet's own.
+    If `shaded`, only its share `FREE` counts, and `OWN_IN_FULL` has what the whole would throw
+    back; its parts are then left to `body_blocks` (both at a time take the compiler beyond what it
+    can do with rows at once).
     """
     for k in range(count):
-        lit, seen, inverse_half2 = b[_LIT, k], b[_SEEN, k], b[INVERSE_HALF2, k]
-        glint, attenuation, secant2, both, lower = _glint(
-            lit, seen, inverse_half2, b[_SPECULAR, k], steepness, far
+        area = whole * b[FREE, k] if shaded else whole
+        lit, seen, inverse_half2 = b[LIT, k], b[SEEN, k], b[INVERSE_HALF2, k]
+        glint, attenuation, secant2, both, lower = facet_glint(
+            lit, seen, inverse_half2, b[SPECULAR, k], steepness, far
         )
         slope = (secant2 * steepness - 2.0) * secant2 * glint * 2.0 * both * inverse_half2
         edge = 4.0 * inverse_half2 * glint if attenuation < 1.0 else 0.0
@@ -118,23 +128,26 @@ def _add_facet_and_slopes(b, count, area, nx, ny, nz, diffuse, steepness, far, w
         b[TOTAL, k] += area * reflectance if lower > 0.0 else 0.0
         by_lit = area * by_lit if lower > 0.0 else 0.0
         by_seen = area * by_seen if lower > 0.0 else 0.0
-        b[_BY_LIT, k] += by_lit * nx
-        b[_BY_LIT + 1, k] += by_lit * ny
-        b[_BY_LIT + 2, k] += by_lit * nz
-        b[_BY_SEEN, k] += by_seen * nx
-        b[_BY_SEEN + 1, k] += by_seen * ny
-        b[_BY_SEEN + 2, k] += by_seen * nz
+        b[BY_LIT, k] += by_lit * nx
+        b[BY_LIT + 1, k] += by_lit * ny
+        b[BY_LIT + 2, k] += by_lit * nz
+        b[BY_SEEN, k] += by_seen * nx
+        b[BY_SEEN + 1, k] += by_seen * ny
+        b[BY_SEEN + 2, k] += by_seen * nz
+        if shaded:
+            b[OWN_IN_FULL, k] = whole * reflectance if lower > 0.0 else 0.0
+        if shaded or with_parts:
+            b[OWN_BY_LIT, k] = by_lit
+            b[OWN_BY_SEEN, k] = by_seen
         if with_parts:
             shine = area * (glint * attenuation) if lower > 0.0 else 0.0
             b[SHINE, k] += shine
             b[BY_SLOPE, k] -= 2.0 * (1.0 + (1.0 - secant2) * steepness) * shine
-            b[_OWN, k] = area * reflectance if lower > 0.0 else 0.0
-            b[_OWN_BY_LIT, k] = by_lit
-            b[_OWN_BY_SEEN, k] = by_seen
+            b[OWN, k] = area * reflectance if lower > 0.0 else 0.0
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _add_stretch(b, count, nx, ny, nz):
+def add_stretch(b, count, nx, ny, nz):
     """Add what a facet's part changes by as the body grows along its axes.
 
     With s the logarithm of a length along axis c, its area changes by ``A (1 - n_c^2)`` and its
@@ -143,8 +156,8 @@ def _add_stretch(b, count, nx, ny, nz):
     for k in range(count):
         lx, ly, lz = b[SUN, k], b[SUN + 1, k], b[SUN + 2, k]
         vx, vy, vz = b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k]
-        lit, seen = b[_LIT, k], b[_SEEN, k]
-        own, by_lit, by_seen = b[_OWN, k], b[_OWN_BY_LIT, k], b[_OWN_BY_SEEN, k]
+        lit, seen = b[LIT, k], b[SEEN, k]
+        own, by_lit, by_seen = b[OWN, k], b[OWN_BY_LIT, k], b[OWN_BY_SEEN, k]
         tilt = by_lit * lit + by_seen * seen - own
         b[BY_STRETCH, k] += own + nx * (nx * tilt - by_lit * lx - by_seen * vx)
         b[BY_STRETCH + 1, k] += own + ny * (ny * tilt - by_lit * ly - by_seen * vy)
@@ -155,41 +168,43 @@ def _add_stretch(b, count, nx, ny, nz):
 def _sum_facets(b, count, areas, normals, material, with_slopes):
     """Sums over the facets, into the rows of the totals and of their derivatives."""
     diffuse, _, steepness, far = reflection_constants(material, 1.0, True)
-    for row in range(_BY_LIT, SHINE):
+    for row in range(BY_LIT, SHINE):
         b[row, :count] = 0.0
     b[TOTAL, :count] = 0.0
     for i in range(areas.shape[0]):
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-        if _cosines(b, count, nx, ny, nz) == 0:
+        if cosines(b, count, nx, ny, nz) == 0:
             continue
         if with_slopes:
-            _add_facet_and_slopes(b, count, areas[i], nx, ny, nz, diffuse, steepness, far, False)
+            add_facet_and_slopes(
+                b, count, areas[i], nx, ny, nz, diffuse, steepness, far, False, False
+            )
         else:
-            _add_facet(b, count, areas[i], diffuse, steepness, far)
+            add_facet(b, count, areas[i], diffuse, steepness, far, False)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _sum_parts(b, shares, stretched, count, areas, normals, material):
     """As `_sum_facets`, and the sums of `block_magnitude_departures`."""
     diffuse, _, steepness, far = reflection_constants(material, 1.0, True)
-    for row in range(_BY_LIT, BLOCK_ROWS):
+    for row in range(BY_LIT, _PARTS_END):
         b[row, :count] = 0.0
     b[TOTAL, :count] = 0.0
     shares[:, :count] = 0.0
     for i in range(areas.shape[0]):
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-        if _cosines(b, count, nx, ny, nz) == 0:
+        if cosines(b, count, nx, ny, nz) == 0:
             continue
-        _add_facet_and_slopes(b, count, areas[i], nx, ny, nz, diffuse, steepness, far, True)
+        add_facet_and_slopes(b, count, areas[i], nx, ny, nz, diffuse, steepness, far, True, False)
         if stretched:
-            _add_stretch(b, count, nx, ny, nz)
+            add_stretch(b, count, nx, ny, nz)
         if i < shares.shape[0]:
             for k in range(count):
-                shares[i, k] = b[_OWN, k]
+                shares[i, k] = b[OWN, k]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _magnitudes_of_totals(b, count, irradiance_4pi):
+def magnitudes_of_totals(b, count, irradiance_4pi):
     """Apparent magnitudes of the sums over the facets (Paul & Fan, eq. 6)."""
     for k in range(count):
         spread = np.pi * b[RANGE, k] * b[RANGE, k]
@@ -203,13 +218,13 @@ def _magnitudes_of_totals(b, count, irradiance_4pi):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _turns_of_slopes(b, count):
+def turns_of_slopes(b, count):
     """Derivatives of the magnitudes by a small turn, into the rows from `TURN` on."""
     for k in range(count):
         lx, ly, lz = b[SUN, k], b[SUN + 1, k], b[SUN + 2, k]
         vx, vy, vz = b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k]
-        ax, ay, az = b[_BY_LIT, k], b[_BY_LIT + 1, k], b[_BY_LIT + 2, k]
-        bx, by, bz = b[_BY_SEEN, k], b[_BY_SEEN + 1, k], b[_BY_SEEN + 2, k]
+        ax, ay, az = b[BY_LIT, k], b[BY_LIT + 1, k], b[BY_LIT + 2, k]
+        bx, by, bz = b[BY_SEEN, k], b[BY_SEEN + 1, k], b[BY_SEEN + 2, k]
         bright = b[MAGNITUDE, k] < FLOOR_MAGNITUDE
         scale = -2.5 / (LN10 * (b[TOTAL, k] if bright else 1.0))
         scale = scale if bright else 0.0
@@ -225,10 +240,10 @@ def block_magnitudes(block, count, areas, normals, material, irradiance_4pi, fre
     The other arguments, and the magnitude of a dark object, are as in
     `cislunar.photometry.facets.facet_magnitude`.
     """
-    b = _known_shape(block)
-    _turn_into_body(b, count, material, fresnel_sqrt)
+    b = known_shape(block)
+    turn_into_body(b, count, material, fresnel_sqrt)
     _sum_facets(b, count, areas, normals, material, False)
-    _magnitudes_of_totals(b, count, irradiance_4pi)
+    magnitudes_of_totals(b, count, irradiance_4pi)
 
 
 @njit(cache=True, error_model="numpy")
@@ -241,11 +256,11 @@ def block_magnitude_gradients(block, count, areas, normals, material, irradiance
     derivative is zero for a dark object, one-sided where a facet comes into light or view or the
     attenuation changes branch.
     """
-    b = _known_shape(block)
-    _turn_into_body(b, count, material, fresnel_sqrt)
+    b = known_shape(block)
+    turn_into_body(b, count, material, fresnel_sqrt)
     _sum_facets(b, count, areas, normals, material, True)
-    _magnitudes_of_totals(b, count, irradiance_4pi)
-    _turns_of_slopes(b, count)
+    magnitudes_of_totals(b, count, irradiance_4pi)
+    turns_of_slopes(b, count)
 
 
 @njit(cache=True, error_model="numpy")
@@ -258,8 +273,8 @@ def block_magnitude_departures(
     slope (`BY_SLOPE`) and, if `stretched`, those by the logarithms of the body's lengths along its
     axes (`BY_STRETCH`). `shares`, shape (F or 0, LANES), receives the share of each facet.
     """
-    b = _known_shape(block)
-    _turn_into_body(b, count, material, fresnel_sqrt)
+    b = known_shape(block)
+    turn_into_body(b, count, material, fresnel_sqrt)
     _sum_parts(b, shares, stretched, count, areas, normals, material)
-    _magnitudes_of_totals(b, count, irradiance_4pi)
-    _turns_of_slopes(b, count)
+    magnitudes_of_totals(b, count, irradiance_4pi)
+    turns_of_slopes(b, count)

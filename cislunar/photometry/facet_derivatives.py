@@ -43,6 +43,28 @@ def fresnel_slope(cosine, normal_reflectance, fresnel_sqrt):
 
 
 @njit(cache=True, error_model="numpy")
+def fresnel_by_reflectance(cosine, normal_reflectance, fresnel_sqrt):
+    """Derivative of `cislunar.photometry.facets.fresnel_reflectance` by F0, above 0."""
+    q = cosine
+    root = np.sqrt(normal_reflectance)
+    b = (1.0 + root) / (1.0 - root)
+    by_root = 1.0 / (root * (1.0 - root) * (1.0 - root))  # db/dF0
+    p = q * q - 1.0 + b * b
+    if fresnel_sqrt:
+        p = np.sqrt(p)
+        p_slope = b / p * by_root
+    else:
+        p_slope = 2.0 * b * by_root
+    ratio = (p - q) / (p + q)
+    above, below = q * (p + q) - 1.0, q * (p - q) + 1.0
+    second = above / below
+    ratio_slope = 2.0 * q / ((p + q) * (p + q))
+    second_slope = q * (1.0 - second) / below
+    by_p = ratio * ratio_slope * (1.0 + second * second) + ratio * ratio * second * second_slope
+    return by_p * p_slope
+
+
+@njit(cache=True, error_model="numpy")
 def facet_magnitude_derivatives(
     quaternion, sun_direction, view_direction, range_m, areas, normals, material,
     irradiance_4pi, fresnel_sqrt,

@@ -9,10 +9,11 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.errors import ConfigurationError
+from cislunar.errors import ConfigurationError, InputFileError
 
 IRRADIANCE_LAWS = ("4pi", "1/r^2")
 FRESNEL_FORMS = ("sqrt", "printed")
+REFLECTION_LAWS = ("cook-torrance", "lambert-phong")
 
 # Kinds of departure, see `cislunar.photometry.departures`; one for each axis, one for each facet.
 ALBEDO, SLOPE, REFLECTANCE, SHARE, SCALE, STRETCH, FACET = 0, 1, 2, 3, 4, 5, 8
@@ -77,6 +78,60 @@ PAINT = Material(0.95, 0.01, 0.7, 0.4, 0.05)
 specular weights conserve energy."""
 
 
+SURFACES = {"panel": PANEL, "foil": FOIL, "paint": PAINT}
+"""Their names in settings and tables."""
+
+USUAL = "material"
+"""Name of the material that a body has where nothing else is said."""
+
+
+def group_materials(source: str, text: str, usual: Material) -> dict[str, Material]:
+    """Materials of facet groups, as settings and tables state them.
+
+    Parameters
+    ----------
+    source : str
+        Where it stands, for messages.
+    text : str
+        ``group=material; group=material``; a material is one of `SURFACES`, ``material`` for the
+        usual one, or the five numbers of `Material` in their order. A group may be empty.
+    usual : Material
+        The one named ``material``.
+
+    Returns
+    -------
+    dict of str to Material
+
+    Raises
+    ------
+    InputFileError
+        If the text cannot be read, names a group twice, or a material is unknown or impossible.
+    """
+    found: dict[str, Material] = {}
+    for part in text.split(";"):
+        group, equals, name = (each.strip() for each in part.partition("="))
+        if not equals:
+            raise InputFileError(f"{source}: materials {part.strip()!r} is not group=material")
+        if group in found:
+            raise InputFileError(f"{source}: materials name the group {group!r} twice")
+        known = {**SURFACES, USUAL: usual}
+        try:
+            found[group] = known[name] if name in known else _of_numbers(name)
+        except ConfigurationError as error:
+            raise InputFileError(f"{source}: {error}") from None
+        except ValueError:
+            raise InputFileError(
+                f"{source}: material {name!r} of group {group!r} is none of {', '.join(known)}, "
+                "nor five numbers d s rho delta_RMS F_0"
+            ) from None
+    return found
+
+
+def _of_numbers(text: str) -> Material:
+    d, s, rho, slope, reflectance = map(float, text.split())
+    return Material(d, s, rho, slope, reflectance)
+
+
 def material_rows(
     source: str, groups: Sequence[str], materials: Mapping[str, Material]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -124,7 +179,7 @@ def material_rows(
 
 @dataclass(frozen=True)
 class PhotometryModel:
-    """How two ambiguous equations of the paper are read.
+    """How two ambiguous equations of the paper are read, and the law of reflection itself.
 
     Parameters
     ----------
@@ -133,6 +188,9 @@ class PhotometryModel:
         with the BRDF's definition, or 1/(4 pi r^2) as printed, 2.748 mag fainter.
     fresnel : {"sqrt", "printed"}
         p = sqrt(q^2 - 1 + b^2), as in Cook & Torrance (1982), or without the root as printed.
+    reflection : {"cook-torrance", "lambert-phong"}
+        The paper's law, or another one (`cislunar.photometry.body_blocks`), to see what a wrong one
+        does.
 
     Raises
     ------
@@ -142,9 +200,14 @@ class PhotometryModel:
 
     irradiance: str = "1/r^2"
     fresnel: str = "sqrt"
+    reflection: str = "cook-torrance"
 
     def __post_init__(self) -> None:
-        choices = {"irradiance": IRRADIANCE_LAWS, "fresnel": FRESNEL_FORMS}
+        choices = {
+            "irradiance": IRRADIANCE_LAWS,
+            "fresnel": FRESNEL_FORMS,
+            "reflection": REFLECTION_LAWS,
+        }
         for name, allowed in choices.items():
             value = getattr(self, name)
             if value not in allowed:
@@ -161,6 +224,11 @@ class PhotometryModel:
     def fresnel_sqrt(self) -> bool:
         """Flag of the kernels: True for the square root."""
         return self.fresnel == "sqrt"
+
+    @property
+    def phong(self) -> bool:
+        """Flag of the kernels: True for Lambert's and Phong's law."""
+        return self.reflection == "lambert-phong"
 
 
 PRINTED = PhotometryModel(irradiance="4pi")

@@ -118,7 +118,7 @@ def stretch(facets: Facets, factors: ArrayLike) -> Facets:
     return Facets(areas=areas, normals=vectors / areas[:, None])
 
 
-def _icosahedron_mesh() -> tuple[Array, NDArray[np.int64]]:
+def icosahedron_mesh() -> tuple[Array, NDArray[np.int64]]:
     """Vertices on the unit sphere, (12, 3), and outward triangles, (20, 3)."""
     golden = 0.5 * (1.0 + np.sqrt(5.0))
     face = np.array([[0.0, s, t * golden] for s in (-1.0, 1.0) for t in (-1.0, 1.0)])
@@ -171,7 +171,7 @@ def icosphere(subdivisions: int = 0, radius_m: float = 1.0) -> Facets:
     """
     if not 0 <= subdivisions <= 8:
         raise ConfigurationError(f"icosphere subdivisions = {subdivisions} must lie in 0..8")
-    vertices, triangles = _icosahedron_mesh()
+    vertices, triangles = icosahedron_mesh()
     for _ in range(subdivisions):
         vertices, triangles = _subdivide(vertices, triangles)
     return scale_to_sphere(facets_from_triangles(vertices, triangles), radius_m)

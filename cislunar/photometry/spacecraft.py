@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
-from cislunar.photometry.materials import FOIL, PAINT, PANEL
+from cislunar.photometry.materials import FOIL, PAINT, PANEL, Material
 from cislunar.photometry.meshes import Mesh, closed_mesh
 
 Array = NDArray[np.float64]
 
-SURFACES = {
+SURFACES: dict[str, dict[str, Material]] = {
     "box_with_wings": {"bus": FOIL, "cells": PANEL, "wing": PAINT},
     "dish_on_bus": {"bus": FOIL, "dish": PAINT},
     "upper_stage": {"tank": PAINT, "nozzle": FOIL},
@@ -262,3 +262,11 @@ def _joined(name, parts):
         np.concatenate([each + n for (_, each, _), n in zip(parts, counts, strict=False)]),
         sum((groups for _, _, groups in parts), ()),
     )
+
+
+MODELS = {
+    "box-with-wings": (box_with_wings, SURFACES["box_with_wings"]),
+    "dish-on-bus": (dish_on_bus, SURFACES["dish_on_bus"]),
+    "upper-stage": (upper_stage, SURFACES["upper_stage"]),
+}
+"""What makes each model, and its surface, by its name in settings and tables."""

@@ -367,8 +367,8 @@ def _require_consistency(
         )
     counts = {
         "epoch_state": initial.translation.shape[0],
-        "surfaces": surfaces.material.shape[0],
-        "truth.surfaces": truth.surfaces.material.shape[0],
+        "surfaces": surfaces.inertia.shape[0],
+        "truth.surfaces": truth.surfaces.inertia.shape[0],
         "target_ids": ids.size,
     }
     if len(set(counts.values())) != 1 or ids.size == 0:

@@ -14,10 +14,11 @@ from pathlib import Path
 import pytest
 import yaml
 from campaign_folder import read_campaign
+from cislunar.photometry.body_filess import load_shape
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from cislunar.campaign.settings.cells import campaign_cells, cell_settings, mesh_file
+from cislunar.campaign.settings.cells import body_files, campaign_cells, cell_settings
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.preflight import check_inputs
@@ -32,7 +33,6 @@ from cislunar.figures.tracking.choice import (
     target_count_cells,
     tasking_variants,
 )
-from cislunar.photometry.mesh_files import load_shape
 from cislunar.targets.missions import load_missions
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -147,7 +147,7 @@ def assert_workflow_can_use(config):
     assert len(cells) < MOST_CELLS
     for cell in cells:
         chosen = cell_settings(task2, cell.variant)
-        assert len(mesh_file(chosen)) < 2
+        assert len(body_files(chosen)) < 2
         assert 3600.0 * chosen["duration_hours"] / chosen["step_s"] < 1e7
     for name in figure_architectures(task2):
         for made in (target_count_cells, selected_cell, interval_cells, high_load_cells):

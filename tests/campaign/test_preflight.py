@@ -18,7 +18,7 @@ from cislunar.campaign.settings.preflight import (
     check_target_count,
 )
 from cislunar.campaign.settings.reading import merged
-from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.errors import CislunarError, ConfigurationError, InputFileError
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -63,7 +63,7 @@ def test_a_mesh_in_another_unit_is_refused(config, tmp_path):
     corners = "v 1e3 1e3 1e3\nv 1e3 -1e3 -1e3\nv -1e3 1e3 -1e3\nv -1e3 -1e3 1e3\n"
     mesh.write_text(corners + "f 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n")
     body = {"shape": str(mesh), "radius_m": None, "metres_per_unit": 1}
-    with pytest.raises(ConfigurationError, match=r"'task2\.body\.metres_per_unit' = 1: makes"):
+    with pytest.raises(ConfigurationError, match=r"body\.shape.*1\.05e\+03 m; .*metres_per_unit"):
         check_inputs(merged(config, {"task2": {"body": body}}))
     check_inputs(merged(config, {"task2": {"body": body | {"metres_per_unit": 0.001}}}))
 
@@ -113,6 +113,46 @@ def test_a_mesh_that_cannot_be_used_is_named(config, tmp_path, key, named, conte
         change = {part: change}
     with pytest.raises(ConfigurationError, match=rf"{named}: .*body\.obj: {said}"):
         check_inputs(merged(config, change))
+
+
+CUBE = """
+v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1
+usemtl tank\nf 1 3 2\nf 1 2 4\nf 1 4 3\nusemtl nozzle\nf 2 3 4
+"""
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("0,{mesh},,tank=foil", r"row 2: .*facet 4, of group 'nozzle', has no material"),
+        ("0,{open},,", r"row 2: .*open.obj: 3 facets cannot close a body"),
+        ("0,{inverted},,", r"row 2: .*facet 1 and all others face inward"),
+        ("0,icosahedron,-1,", r"row 2: radius_m = '-1' must be a number above 0"),
+        ("0,icosahedron,,", r"row 2: an icosahedron has no size"),
+        ("0,teapot,1,", r"row 2: shape 'teapot' is none of"),
+        ("0,{mesh},1000,", r"row 2: .*as large as a sphere of 1e\+03 m"),
+        ("0,{mesh},1,tank=gold; nozzle=foil", r"row 2: material 'gold' of group 'tank' is none of"),
+        ("0,{mesh},1,tank=1 1 2 1 0; nozzle=foil", r"row 2: material diffuse_albedo = 2"),
+        ("GATEWAY,icosahedron,1,", r"row 2: target 'GATEWAY' is none of scenario A, .* 0 to 201"),
+        ("0,icosahedron,1,\n0,icosahedron,1,", r"row 3: the target '0' is in a row above"),
+        ("0,icosahedron", r"row 2: 2 fields where the header has 4"),
+    ],
+)
+def test_a_table_of_bodies_is_checked_before_anything_runs(config, tmp_path, row, message):
+    closed = CUBE.splitlines()
+    meshes = {"mesh": closed, "open": closed[:-1], "inverted": []}
+    turned = {line: " ".join(["f", *line.split()[:0:-1]]) for line in closed if line[:1] == "f"}
+    meshes["inverted"] = [turned.get(line, line) for line in closed]
+    paths = {}
+    for name, lines in meshes.items():
+        paths[name] = tmp_path / f"{name}.obj"
+        paths[name].write_text("\n".join(lines))
+    table = tmp_path / "bodies.csv"
+    table.write_text("target,shape,radius_m,materials\n" + row.format(**paths))
+    change = {"task2": {"truth": {"body": {"table": str(table)}}}}
+    with pytest.raises(CislunarError, match=rf"bodies\.csv, {message}") as refused:
+        check_inputs(merged(config, change))
+    assert "\n" not in str(refused.value)
 
 
 def test_horizon_that_is_no_whole_number_of_steps_is_named(config):

@@ -11,22 +11,23 @@ import xarray as xr
 from campaign_folder import read_campaign
 
 from cislunar.campaign.data.netcdf import read_dataset, write_dataset
-from cislunar.campaign.settings.cell_tree import Body, CellSettings, batch_settings
+from cislunar.campaign.settings.cell_tree import CellSettings, batch_settings
 from cislunar.campaign.settings.cells import (
     TRACKED_TARGETS,
     Cell,
+    body_files,
     campaign_cells,
     cell_settings,
     check_cell,
     estimator_names,
     grid_cells,
-    mesh_file,
     true_settings,
     variant_cells,
+    wanted_body,
 )
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
-from cislunar.campaign.settings.library import body_facets, loop_settings, truth_model
+from cislunar.campaign.settings.library import believed_surfaces, loop_settings, truth_model
 from cislunar.campaign.settings.reading import merged, with_types
 from cislunar.campaign.settings.scenarios import scenario_settings
 from cislunar.campaign.tracking.cell import CellInputs, realization_seeds
@@ -42,12 +43,16 @@ from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.estimation.spread import INITIAL_SPREAD
 from cislunar.observation.body_spread import BodySpread
+from cislunar.observation.made_bodies import made_body
+from cislunar.observation.scene import body_of
 from cislunar.orbits import tracked as tracked_orbits
+from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import LoopSettings
 from cislunar.tasking.fates import LOOK_FATES
 from cislunar.tasking.simulation import INITIAL_RATE_DEG_H
 
+NAMES = [["0"], ["1"], ["2"]]
 ROOT = Path(__file__).resolve().parents[2]
 PAPER_COUNTS = {
     "A": [20, 25, 30, 50, 75, 100, 125, 150, 175, 202],
@@ -235,7 +240,7 @@ def test_truth_is_the_belief_unless_said_otherwise(config):
     for key in ("material", "body", "sensor"):
         assert true[key] == believed[key]
     assert true["angular_acceleration_deg_h2"] == [0, 0, 0]
-    model = truth_model(CellSettings(**believed), 3)
+    model = truth_model(CellSettings(**believed), NAMES[:3])
     loop = loop_settings(CellSettings(**believed), 60)
     np.testing.assert_array_equal(model.noise, loop.sensor.noise)
     np.testing.assert_array_equal(model.surfaces.areas, np.tile(icosahedron(1.0).areas, 3))
@@ -254,7 +259,7 @@ def test_unknowns_are_said_where_there_are_some(config):
     settings = CellSettings(**cell_settings(with_families(config)["task2"], "u"))
     assert batch_settings(settings.batch).unknowns == BodySpread(log_slope=0.25)
     assert batch_settings(settings.batch).noise_freedom == 8
-    assert truth_model(settings, 2).spread == BodySpread(log_slope=0.2)
+    assert truth_model(settings, NAMES[:2]).spread == BodySpread(log_slope=0.2)
 
 
 def test_truth_changes_alone(config):
@@ -270,7 +275,7 @@ def test_truth_changes_alone(config):
     check_campaign(config)
     settings = CellSettings(**cell_settings(config["task2"]))
     assert loop_settings(settings, 60) == usual
-    model = truth_model(settings, 2)
+    model = truth_model(settings, NAMES[:2])
     assert model.noise[0] == 0.2
     np.testing.assert_array_equal(model.noise[1:], usual.sensor.noise[1:])
     np.testing.assert_allclose(model.surfaces.material[:, 3], 0.4)
@@ -510,6 +515,10 @@ def test_impossible_cells_are_refused(sources):
         _cell(sources, minutes=7, step_s=50)
 
 
+def _facets(body):
+    return made_body(wanted_body(body), Material()).facets
+
+
 def test_body_from_a_mesh_file_sets_the_tasking_sphere(tmp_path):
     corners = ["1 1 1", "1 -1 -1", "-1 1 -1", "-1 -1 1"]
     faces = ["1 2 3", "1 4 2", "1 3 4", "2 4 3"]
@@ -518,16 +527,44 @@ def test_body_from_a_mesh_file_sets_the_tasking_sphere(tmp_path):
     path.write_text("\n".join(lines))
     body = {"shape": str(path), "radius_m": None, "metres_per_unit": 0.5, "stretch": [1, 1, 1]}
     area = 4.0 * np.sqrt(3.0) / 4.0 * (0.5 * np.sqrt(8.0)) ** 2
-    assert body_facets(Body(**body)).total_area == pytest.approx(area)
+    assert _facets(body).total_area == pytest.approx(area)
     settings = _small(body=body)
     radius = loop_settings(CellSettings(**settings), 60).tasking.radius_m
     assert radius == pytest.approx(np.sqrt(area / (4.0 * np.pi)))
-    assert mesh_file(settings) == [str(path)]
-    assert mesh_file(_small()) == []
-    assert mesh_file(_small(truth={"body": body})) == [str(path)]
-    assert mesh_file(_small(body=body, truth={"body": body})) == [str(path)]
-    larger = body_facets(Body(**body | {"stretch": [2, 2, 2]}))
+    assert body_files(settings) == [str(path)]
+    assert body_files(_small()) == []
+    assert body_files(_small(truth={"body": body})) == [str(path)]
+    assert body_files(_small(body=body, truth={"body": body})) == [str(path)]
+    larger = _facets(body | {"stretch": [2, 2, 2]})
     assert larger.total_area == pytest.approx(4.0 * area)
+
+
+def test_table_of_bodies_is_of_the_targets_it_names(tmp_path):
+    """By number or name; the others, and tasking's sphere, keep the body of the settings."""
+    table = tmp_path / "bodies.csv"
+    rows = ["target,shape,radius_m,materials", "1,box-with-wings,2,"]
+    rows.append("GATEWAY,icosahedron,3,=0.2 0.1 0.3 0.2 0.4")
+    table.write_text("\n".join(rows))
+    settings = CellSettings(**_small(truth={"body": {"table": str(table)}}))
+    names = [["1"], ["7", "GATEWAY"], ["3", "X"]]
+    believed, true = believed_surfaces(settings, names), truth_model(settings, names).surfaces
+    np.testing.assert_array_equal(true.rough, [True, False, False])
+    sizes = np.add.reduceat(true.areas, true.first[:-1]) / (4.0 * np.pi)
+    np.testing.assert_allclose(sizes, [4.0, 9.0, 1.0])
+    assert body_of(true, 1).materials.tolist() == [[0.2, 0.1, 0.3, 0.2, 0.4]]
+    np.testing.assert_array_equal(body_of(true, 2).areas, body_of(believed, 2).areas)
+    assert not believed.rough.any()
+    assert (
+        loop_settings(settings, 60).tasking == loop_settings(CellSettings(**_small()), 60).tasking
+    )
+    assert body_files(settings.model_dump()) == [str(table)]
+
+
+def test_settings_of_bodies_are_said_where_they_are_unusual(config):
+    usual = cell_settings(config["task2"])
+    assert not {"materials", "table"} & set(usual["body"])
+    config["task2"]["body"] |= {"shape": "upper-stage", "radius_m": None, "materials": "a=foil"}
+    assert cell_settings(config["task2"])["body"]["materials"] == "a=foil"
 
 
 def test_statistics_are_over_the_observed_targets(tracked_cell):

@@ -42,6 +42,7 @@ from cislunar.estimation.light_curves.row_blocks import (
     VIEW,
     WEIGHT,
 )
+from cislunar.photometry.bodies import plain_body
 from cislunar.photometry.facets import apparent_magnitude
 from cislunar.photometry.materials import PRINTED, Material
 from cislunar.photometry.shapes import icosahedron
@@ -56,8 +57,8 @@ def _model(inertia="spherical", limit=18.0):
     matrix = INERTIAS[inertia]
     return LightCurveModel(
         np.array([0.1, -0.2, 0.3, np.sqrt(0.86)]), RATE, SIGMA, *np.empty((2, 0), int), matrix,
-        np.linalg.inv(matrix), inertia == "spherical", FACETS.areas, FACETS.normals,
-        Material().as_array(), True, True, 0.01, 0.0, limit,
+        np.linalg.inv(matrix), inertia == "spherical",
+        plain_body(FACETS, Material()), True, True, 0.01, 0.0, limit,
     )  # fmt: skip
 
 

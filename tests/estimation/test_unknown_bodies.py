@@ -34,6 +34,7 @@ from cislunar.evaluation.metrics import INCONSISTENT
 from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.scene import target_surfaces
 from cislunar.observation.sensor import Sensor
+from cislunar.photometry.bodies import plain_body
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
@@ -55,8 +56,8 @@ def _model(unknowns, freedom=0.0):
     sigma = np.r_[ROTATION_SIGMA, of_rotation, of_surface]
     return LightCurveModel(
         np.array([0.1, -0.2, 0.3, np.sqrt(0.86)]), RATE, sigma, turning, kinds,
-        np.eye(3), np.eye(3), turning.size == 0, FACETS.areas, FACETS.normals,
-        Material().as_array(), True, True, 0.01, freedom, 15.0,
+        np.eye(3), np.eye(3), turning.size == 0, plain_body(FACETS, Material()),
+        True, True, 0.01, freedom, 15.0,
     )  # fmt: skip
 
 

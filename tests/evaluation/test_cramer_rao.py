@@ -21,9 +21,10 @@ from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.measurement import target_magnitude
 from cislunar.observation.measurement_derivatives import measurement_rows
 from cislunar.observation.records import Measurements, schedule
+from cislunar.observation.scene import body_of
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.sightline import direction_angles
-from cislunar.photometry.departures import departed_surface
+from cislunar.photometry.departures import departed_body
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.simulation import Truth, TruthModel, draw_truth, initial_estimate
@@ -143,9 +144,9 @@ def _departed(problem, j, kinds, amounts):
     surfaces = problem.surfaces
     own = slice(surfaces.first[j], surfaces.first[j + 1])
     parts = [each.copy() for each in (surfaces.areas, surfaces.normals, surfaces.material)]
-    parts[0][own], parts[1][own], parts[2][j] = departed_surface(
-        kinds, amounts, parts[0][own], parts[1][own], parts[2][j]
-    )
+    departed = departed_body(kinds, amounts, body_of(surfaces, j))
+    parts[0][own], parts[1][own] = departed.areas, departed.normals
+    parts[2][j] = departed.materials[0]
     return surfaces._replace(areas=parts[0], normals=parts[1], material=parts[2])
 
 

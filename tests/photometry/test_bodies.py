@@ -5,29 +5,71 @@ import pytest
 from numba import njit
 from oracles.ray_cast import cast_shares, random_points
 
-from cislunar.attitude.quaternion import normalize
+from cislunar.attitude.quaternion import (
+    attitude_matrix,
+    compose,
+    from_rotation_vector,
+    normalize,
+)
+from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
-from cislunar.observation.scene import target_surfaces
+from cislunar.observation.scene import body_of, target_surfaces
 from cislunar.photometry import spacecraft
 from cislunar.photometry.bodies import (
     Body,
     apparent_body_magnitude,
-    body_irradiance,
-    body_magnitude,
     build_body,
-    convex_facets,
-    is_plain,
+    plain_body,
+    scale_body,
 )
-from cislunar.photometry.facets import FLOOR_MAGNITUDE, apparent_magnitude, facet_irradiance
-from cislunar.photometry.materials import FOIL, PAINT, PANEL, Material
+from cislunar.photometry.body_blocks import (
+    body_magnitude,
+    body_magnitude_departures,
+    body_magnitude_derivatives,
+    body_magnitude_gradients,
+)
+from cislunar.photometry.departures import departed_body, departure_rows
+from cislunar.photometry.facet_blocks import (
+    BLOCK_ROWS,
+    LANES,
+    MAGNITUDE,
+    QUATERNION,
+    RANGE,
+    SUN,
+    TURN,
+    VIEW,
+)
+from cislunar.photometry.facets import (
+    FLOOR_MAGNITUDE,
+    IRRADIANCE_FLOOR,
+    apparent_magnitude,
+    facet_irradiance,
+)
+from cislunar.photometry.materials import (
+    ALBEDO,
+    FACET,
+    FOIL,
+    PAINT,
+    PANEL,
+    PRINTED,
+    REFLECTANCE,
+    SCALE,
+    SHARE,
+    SLOPE,
+    STRETCH,
+    Material,
+    PhotometryModel,
+)
 from cislunar.photometry.meshes import closed_mesh
-from cislunar.photometry.shadows import (
+from cislunar.photometry.shadows.blocks import lit_and_seen
+from cislunar.photometry.shadows.table import (
+    no_shadows,
     shadowing_pairs,
-    share_lit_and_seen,
     table_corners,
     table_directions,
 )
-from cislunar.photometry.shapes import facets_from_triangles
+from cislunar.photometry.shapes import facets_from_triangles, icosahedron
+from cislunar.photometry.sphere import returned_light
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 MATTE = Material(diffuse_weight=1.0, specular_weight=0.0, diffuse_albedo=1.0)
@@ -66,20 +108,20 @@ PLATES = boxes(
 
 @njit
 def table_shares(body, sun, view):
-    """Share of each facet lit and seen, as the kernel sums it."""
-    n = body.areas.shape[0]
+    """Share of each facet lit and seen, one by one from the table."""
+    n, table = body.areas.shape[0], body.shadows
     shares = np.zeros(n)
-    light = table_corners(sun[0], sun[1], sun[2], body.shadows.steps)
-    sight = table_corners(view[0], view[1], view[2], body.shadows.steps)
+    (i0, i1, i2), light, _ = table_corners(sun[0], sun[1], sun[2], table.steps)
+    (j0, j1, j2), sight, _ = table_corners(view[0], view[1], view[2], table.steps)
     for i in range(n):
         if np.dot(body.normals[i], sun) > 0.0 and np.dot(body.normals[i], view) > 0.0:
-            column = body.shadows.column[i]
+            c = table.column[i]
             shares[i] = 1.0
-            if column >= 0:
-                table = body.shadows
-                shares[i] = share_lit_and_seen(
-                    column, light, sight, table.lookup, table.masks, table.shares
-                )
+            if c >= 0:
+                lit = table.lookup[i0, c], table.lookup[i1, c], table.lookup[i2, c]
+                seen = table.lookup[j0, c], table.lookup[j1, c], table.lookup[j2, c]
+                found = lit_and_seen(lit, light, seen, sight, table.masks, table.shares)
+                shares[i] = found[0]
     return shares
 
 
@@ -126,8 +168,8 @@ def test_light_from_straight_above_leaves_the_lower_plate_dark(plates):
     up = np.array([0.0, 0.0, 1.0])
     shares = table_shares(plates, up, up)
     assert np.all(shares[10:12] == 0.0)
-    flux = body_irradiance(IDENTITY, up, up, 1.0, plates, False, True)
-    assert flux == pytest.approx(1.0 / np.pi, rel=1e-14)  # one matte square metre alone
+    magnitude = apparent_body_magnitude(IDENTITY, up, up, 1.0, plates, sun_magnitude=0.0)
+    assert 10.0 ** (-0.4 * magnitude) == pytest.approx(1.0 / np.pi)  # one matte square metre alone
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -144,7 +186,7 @@ def test_models_against_rays(bodies, name):
         made = table_shares(body, sun, view)
         shared.append((made - expected) @ facing / max(facing.sum(), 1e-9))
         # Without a shadow table, areas reduced by the rays are what the kernel should sum.
-        free = body.shadows._replace(steps=0, column=np.full_like(body.shadows.column, -1))
+        free = no_shadows(body.areas.size)
         cast = body._replace(areas=body.areas * expected, shadows=free)
         one, two = (
             body_magnitude(IDENTITY, sun, view, 1e7, each, True, True) for each in (body, cast)
@@ -160,7 +202,7 @@ def test_shadows_matter(bodies):
     rng = np.random.default_rng(8)
     geometry = normalize(rng.normal(size=(300, 4))), *unit(rng.normal(size=(2, 300, 3))), 1e7
     for body in bodies.values():
-        free = body.shadows._replace(steps=0, column=np.full_like(body.shadows.column, -1))
+        free = no_shadows(body.areas.size)
         dark = apparent_body_magnitude(*geometry, body)
         bright = apparent_body_magnitude(*geometry, body._replace(shadows=free))
         both = np.isfinite(dark) & np.isfinite(bright)
@@ -184,7 +226,7 @@ def test_table_interpolates_linearly_on_the_octahedron():
     directions = unit(np.random.default_rng(1).normal(size=(2000, 3)))
     edges = np.array([[1, 0, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [1, 1, 0], [-1, 0, 1]])
     for direction in [*directions, *unit(edges.astype(float)), *unit(nodes)]:
-        rows, weights = table_corners(*direction, 8)
+        rows, weights, _ = table_corners(*direction, 8)
         assert min(weights) >= 0.0
         assert sum(weights) == pytest.approx(1.0, abs=1e-14)
         on_face = direction / abs(direction).sum()
@@ -194,21 +236,18 @@ def test_table_interpolates_linearly_on_the_octahedron():
 def test_convex_body_of_one_material_is_left_to_the_convex_kernel():
     assert not shadowing_pairs(CUBE).any()
     body = build_body(CUBE, FOIL)
-    assert is_plain(body)
-    facets, material = convex_facets(body)
-    assert material == FOIL
+    assert not body.rough
     rng = np.random.default_rng(0)
     quaternions = normalize(rng.normal(size=(200, 4)))
     sun, view = unit(rng.normal(size=(2, 200, 3)))
+    expected = apparent_magnitude(quaternions, sun, view, 1e7, body.facets, FOIL)
     np.testing.assert_array_equal(
-        apparent_body_magnitude(quaternions, sun, view, 1e7, body),
-        apparent_magnitude(quaternions, sun, view, 1e7, facets, material),
+        apparent_body_magnitude(quaternions, sun, view, 1e7, body), expected
     )
-    for q, s, v in zip(quaternions, sun, view, strict=True):
-        plain = facet_irradiance(
-            q, s, v, 1e7, body.areas, body.normals, body.materials[0], True, True
-        )
-        assert body_irradiance(q, s, v, 1e7, body, True, True) == plain
+    rough = body._replace(rough=True)
+    np.testing.assert_allclose(
+        apparent_body_magnitude(quaternions, sun, view, 1e7, rough), expected, atol=1e-12
+    )
 
 
 def test_materials_of_groups_add_up():
@@ -224,13 +263,14 @@ def test_materials_of_groups_add_up():
             )
             for part, material in ((slice(6), FOIL), (slice(6, 12), PANEL))
         ]  # fmt: skip
-        both = body_irradiance(IDENTITY, sun, view, 1e7, body, True, True)
-        assert both == pytest.approx(sum(parts), rel=1e-13)
+        both = body_magnitude(IDENTITY, sun, view, 1e7, body, True, True)
+        expected = SUN_APPARENT_MAGNITUDE - 2.5 * np.log10(max(sum(parts), IRRADIANCE_FLOOR))
+        assert both == pytest.approx(expected, abs=1e-11)
 
 
 def test_same_material_twice_is_one_row():
     mesh = CUBE._replace(groups=("bus",) * 6 + ("cells",) * 6)
-    assert is_plain(build_body(mesh, {"bus": PAINT, "cells": PAINT}))
+    assert not build_body(mesh, {"bus": PAINT, "cells": PAINT}).rough
 
 
 def test_dark_body_is_at_the_floor(plates):
@@ -254,13 +294,158 @@ def test_unusable_materials(groups, materials, message):
     assert "\n" not in str(error.value)
 
 
-def test_estimators_refuse_what_has_no_derivatives(plates):
-    with pytest.raises(ConfigurationError, match="no derivatives"):
-        convex_facets(plates)
-    for given in (plates, [plates, plates]):
-        with pytest.raises(ConfigurationError, match="no derivatives"):
-            target_surfaces(given, Material(), 2)
-    assert isinstance(plates, Body)
+def geometries(n, seed=5):
+    rng = np.random.default_rng(seed)
+    return normalize(rng.normal(size=(n, 4))), *unit(rng.normal(size=(2, n, 3)))
+
+
+def filled(quaternion, sun, view):
+    """A block of geometries."""
+    block = np.zeros((BLOCK_ROWS, LANES))
+    for row, each in ((QUATERNION, quaternion), (SUN, sun), (VIEW, view)):
+        block[row : row + each.shape[1]] = each.T
+    block[RANGE] = 1e7
+    return block
+
+
+def triangles(body, quaternion, *directions):
+    """Where directions lie in the table, and which facets they reach."""
+    found = []
+    for number, q in enumerate(quaternion):
+        inside = [attitude_matrix(q) @ each[number] for each in directions]
+        reached = [tuple(body.normals @ each > 0.0) for each in inside]
+        steps = body.shadows.steps
+        found.append((reached, [table_corners(*d / body.lengths, steps)[2] for d in inside]))
+    return found
+
+
+def alike(these, those):
+    return np.array([a == b for a, b in zip(these, those, strict=True)])
+
+
+def turned(quaternion, turn):
+    return compose(from_rotation_vector(turn), quaternion)
+
+
+VARIED = {
+    "shadows and materials": lambda body: body,
+    "stretched": lambda body: departed_body(
+        np.array([STRETCH, STRETCH + 2]), np.array([0.2, -0.3]), body
+    ),
+    "lambert-phong": lambda body: body._replace(phong=True),
+}
+
+
+@pytest.mark.parametrize("varied", VARIED)
+@pytest.mark.parametrize("name", ["box_with_wings", "dish_on_bus"])
+def test_derivatives_by_a_turn_against_differences(bodies, name, varied):
+    """Away from the edges of facets and of the table, where the derivative is one-sided."""
+    body = VARIED[varied](bodies[name])
+    quaternion, sun, view = geometries(LANES)
+    block = filled(quaternion, sun, view)
+    body_magnitude_gradients(block, LANES, body, True, True)
+    bright, h = block[MAGNITUDE] < FLOOR_MAGNITUDE, 1e-6
+    for c in range(3):
+        step = h * np.eye(3)[c]
+        ends = [turned(quaternion, side * step) for side in (1.0, -1.0)]
+        smooth = bright & alike(*(triangles(body, q, sun, view) for q in ends))
+        values = [apparent_body_magnitude(q, sun, view, 1e7, body, PRINTED) for q in ends]
+        slope = (values[0] - values[1])[smooth] / (2.0 * h)
+        assert smooth.sum() > 20
+        np.testing.assert_allclose(block[TURN + c][smooth], slope, rtol=2e-6, atol=2e-6)
+
+
+@pytest.mark.parametrize("phong", [False, True])
+def test_derivatives_by_directions_and_departures_against_differences(bodies, phong):
+    body = bodies["dish_on_bus"]._replace(phong=phong)
+    quaternion, sun, view = geometries(LANES, 6)
+    kinds = np.array([ALBEDO, SLOPE, REFLECTANCE, SHARE, SCALE, *range(STRETCH, FACET), FACET + 40])
+    block, shares = filled(quaternion, sun, view), np.empty((body.areas.size, LANES))
+    body_magnitude_departures(block, shares, True, LANES, body, True, True)
+    rows, h = np.empty((kinds.size, LANES)), 1e-6
+    departure_rows(block, shares, LANES, kinds, np.ones(kinds.size), body, True, rows)
+    bright = block[MAGNITUDE] < FLOOR_MAGNITUDE
+    for number, kind in enumerate(kinds):
+        ends = [departed_body(np.array([kind]), np.array([side]), body) for side in (h, -h)]
+        smooth = bright & alike(*(triangles(each, quaternion, sun, view) for each in ends))
+        values = [apparent_body_magnitude(quaternion, sun, view, 1e7, e, PRINTED) for e in ends]
+        slope = (values[0] - values[1])[smooth] / (2.0 * h)
+        assert smooth.sum() > 20 and abs(slope).max() > 0.01
+        np.testing.assert_allclose(rows[number][smooth], slope, rtol=2e-6, atol=2e-6)
+    checked = 0
+    for q, s, v in zip(quaternion, sun, view, strict=True):
+        magnitude, _, by_sun, by_view, by_log_range = body_magnitude_derivatives(
+            tuple(q), s, v, 1e7, body, True, True
+        )
+        assert magnitude == body_magnitude(q, s, v, 1e7, body, True, True)
+        if magnitude == FLOOR_MAGNITUDE:
+            continue
+        assert by_log_range == pytest.approx(5.0 / np.log(10.0))
+        for place, gradient in enumerate((by_sun, by_view)):
+            across = np.cross((s, v)[place], [0.3, -0.5, 0.8])
+            ends = [[s, v], [s, v]]
+            for end, side in zip(ends, (1.0, -1.0), strict=True):
+                end[place] = unit(end[place] + side * h * across)
+            where = [triangles(body, q[None], *(each[None] for each in end)) for end in ends]
+            if where[0] == where[1]:
+                values = [body_magnitude(q, *end, 1e7, body, True, True) for end in ends]
+                slope = (values[0] - values[1]) / (2.0 * h)
+                assert np.dot(gradient, across) == pytest.approx(slope, rel=2e-6, abs=2e-6)
+                checked += 1
+    assert checked > 30
+
+
+def test_table_of_a_stretched_body_is_that_of_the_body():
+    """An affine map keeps what hides what: no other table is needed."""
+    mesh = spacecraft.box_with_wings(wing_turn=0.4)
+    factors = np.array([1.3, 0.8, 1.1])
+    own = build_body(mesh._replace(vertices=mesh.vertices * factors), FOIL)
+    kinds = np.arange(STRETCH, STRETCH + 3)
+    shared = departed_body(kinds, np.log(factors), build_body(mesh, FOIL))
+    one, two = (apparent_body_magnitude(*geometries(200), 1e7, each) for each in (own, shared))
+    seen = np.isfinite(one) & np.isfinite(two)
+    assert np.quantile(abs(one - two)[seen], 0.95) < 0.01
+
+
+def test_other_law_of_reflection_against_its_formula():
+    """Lambert and Phong of one matte and one shining square, and the light they return."""
+    material = Material(0.4, 0.2, 0.5, 0.3, 0.3)
+    body = build_body(CUBE, material)._replace(rough=True, phong=True)
+    quaternion, sun, view = geometries(50)
+    exponent = 0.5 / 0.3**2
+    for q, s, v in zip(quaternion, sun, view, strict=True):
+        lit, seen = (np.maximum(body.normals @ (attitude_matrix(q) @ each), 0.0) for each in (s, v))
+        mirrored = np.maximum(2.0 * lit * seen - s @ v, 0.0)
+        brightness = 0.2 + 0.2 * 0.3 / 0.3**2 * mirrored**exponent
+        total = np.sum(body.areas * lit * seen * brightness)
+        magnitude = apparent_body_magnitude(q, s, v, 1.0, body, sun_magnitude=0.0)
+        assert 10.0 ** (-0.4 * magnitude) == pytest.approx(total / np.pi, rel=1e-12)
+    model = PhotometryModel(reflection="lambert-phong")
+    light, views = (
+        np.array([np.sin(0.6), 0.0, np.cos(0.6)]),
+        unit(np.random.default_rng(0).normal(size=(200_000, 3))),
+    )
+    seen = np.maximum(views[:, 2], 0.0)
+    mirrored = np.maximum(2.0 * np.cos(0.6) * seen - views @ light, 0.0)
+    sent = (0.2 + 0.2 * 0.3 / 0.3**2 * mirrored**exponent) * seen / np.pi
+    assert returned_light(material, 0.6, model) == pytest.approx(
+        4.0 * np.pi * sent.mean(), rel=0.02
+    )
+
+
+def test_targets_with_bodies_of_their_own(bodies):
+    """Tables in one: each target is as bright as its body alone, and a body is kept once."""
+    dish, stage = bodies["dish_on_bus"], bodies["upper_stage"]
+    shapes = [dish, icosahedron(2.0), stage, scale_body(dish, 3.0)]
+    surfaces = target_surfaces(shapes, PAINT, 4)
+    widths = [-(-each.shadows.lookup.shape[1] // 64) * 64 for each in (dish, stage)]
+    assert surfaces.shadows.lookup.shape[1] == sum(widths)
+    np.testing.assert_array_equal(surfaces.rough, [True, False, True, True])
+    for j, shape in enumerate(shapes):
+        alone = shape if isinstance(shape, Body) else plain_body(shape, PAINT)
+        for q, s, v in zip(*geometries(20, j), strict=True):
+            together = body_magnitude(q, s, v, 1e7, body_of(surfaces, j), False, True)
+            assert together == body_magnitude(q, s, v, 1e7, alone, False, True)
 
 
 def test_models_have_the_dimensions_they_are_made_from():

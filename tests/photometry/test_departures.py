@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from cislunar.attitude.quaternion import normalize
-from cislunar.photometry.departures import departed_surface, departure_rows
+from cislunar.photometry.bodies import plain_body
+from cislunar.photometry.body_blocks import body_magnitude, body_magnitude_departures
+from cislunar.photometry.departures import departed_body, departure_rows
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
     LANES,
@@ -17,7 +19,7 @@ from cislunar.photometry.facet_blocks import (
     block_magnitude_departures,
     block_magnitude_gradients,
 )
-from cislunar.photometry.facets import FLOOR_MAGNITUDE, facet_magnitude
+from cislunar.photometry.facets import FLOOR_MAGNITUDE
 from cislunar.photometry.materials import (
     ALBEDO,
     FACET,
@@ -32,34 +34,35 @@ from cislunar.photometry.materials import (
 from cislunar.photometry.shapes import icosahedron, stretch
 
 FACETS = icosahedron()
-ROW = Material(0.6, 0.3, 0.4, 0.3, 0.3).as_array()
+MATERIAL = Material(0.6, 0.3, 0.4, 0.3, 0.3)
+ROW = MATERIAL.as_array()
 KINDS = np.array([ALBEDO, SLOPE, REFLECTANCE, SHARE, SCALE, *range(STRETCH, FACET), FACET + 3])
 AMOUNTS = np.array([0.2, -0.3, 0.4, -0.5, 0.1, 0.15, -0.1, 0.05, 0.3])
 
 
 def _departed(kinds, amounts):
     given = np.array(kinds), np.array(amounts, dtype=float)
-    return departed_surface(*given, FACETS.areas, FACETS.normals, ROW)
+    return departed_body(*given, plain_body(FACETS, MATERIAL))
 
 
 def test_amounts_mean_what_they_say():
-    _, _, material = _departed(KINDS[:4], AMOUNTS[:4])
+    material = _departed(KINDS[:4], AMOUNTS[:4]).materials[0]
     weights, odds = material[0] + material[1], ROW[4] / (1.0 - ROW[4])
     assert material[2] == pytest.approx(ROW[2] * np.exp(0.2))
     assert material[3] == pytest.approx(ROW[3] * np.exp(-0.3))
     assert material[4] / (1.0 - material[4]) == pytest.approx(odds * np.exp(0.4))
     assert weights == pytest.approx(0.9)
     assert material[1] / material[0] == pytest.approx(0.5 * np.exp(-0.5))
-    areas, _, _ = _departed([SCALE, FACET + 2], [0.1, 0.2])
+    areas = _departed([SCALE, FACET + 2], [0.1, 0.2]).areas
     factor = np.exp(0.1 + 0.2 * (np.arange(areas.size) == 2))
     np.testing.assert_allclose(areas, FACETS.areas * factor)
 
 
 def test_stretch_is_that_of_the_shape():
-    areas, normals, _ = _departed([STRETCH, STRETCH + 2], [0.1, -0.2])
+    body = _departed([STRETCH, STRETCH + 2], [0.1, -0.2])
     expected = stretch(FACETS, np.exp([0.1, 0.0, -0.2]))
-    np.testing.assert_allclose(areas, expected.areas, rtol=1e-12)
-    np.testing.assert_allclose(normals, expected.normals, atol=1e-12)
+    np.testing.assert_allclose(body.areas, expected.areas, rtol=1e-12)
+    np.testing.assert_allclose(body.normals, expected.normals, atol=1e-12)
 
 
 def _block(seed=0):
@@ -71,10 +74,9 @@ def _block(seed=0):
     return block
 
 
-def _magnitudes(block, areas, normals, material, fresnel_sqrt):
+def _magnitudes(block, body, fresnel_sqrt):
     return np.array([
-        facet_magnitude(b[:4], b[SUN:VIEW], b[VIEW:RANGE], b[RANGE], areas, normals, material,
-                        True, fresnel_sqrt)
+        body_magnitude(b[:4], b[SUN:VIEW], b[VIEW:RANGE], b[RANGE], body, True, fresnel_sqrt)
         for b in block.T.copy()
     ])  # fmt: skip
 
@@ -82,13 +84,13 @@ def _magnitudes(block, areas, normals, material, fresnel_sqrt):
 @pytest.mark.parametrize("fresnel_sqrt", [True, False])
 def test_derivatives_against_differences(fresnel_sqrt):
     given = _block()
-    surface = _departed(KINDS, AMOUNTS)
+    body = _departed(KINDS, AMOUNTS)
     kinds, sigma = np.append(KINDS, NOTHING), np.linspace(0.5, 1.5, KINDS.size + 1)
     block, shares = given.copy(), np.empty((FACETS.areas.size, LANES))
-    block_magnitude_departures(block, shares, True, LANES, *surface, True, fresnel_sqrt)
+    body_magnitude_departures(block, shares, True, LANES, body, True, fresnel_sqrt)
     rows = np.empty((kinds.size, LANES))
-    departure_rows(block, shares, LANES, kinds, sigma, surface[2], fresnel_sqrt, rows)
-    magnitude = _magnitudes(given, *surface, fresnel_sqrt)
+    departure_rows(block, shares, LANES, kinds, sigma, body, fresnel_sqrt, rows)
+    magnitude = _magnitudes(given, body, fresnel_sqrt)
     np.testing.assert_allclose(block[MAGNITUDE], magnitude, atol=1e-11)
     bright = magnitude < FLOOR_MAGNITUDE
     assert 15 < bright.sum() < LANES
@@ -96,7 +98,7 @@ def test_derivatives_against_differences(fresnel_sqrt):
     h = 1e-6
     for i in range(KINDS.size):
         ends = [
-            _magnitudes(given, *_departed(KINDS, AMOUNTS + side * (np.arange(KINDS.size) == i)),
+            _magnitudes(given, _departed(KINDS, AMOUNTS + side * (np.arange(KINDS.size) == i)),
                         fresnel_sqrt)
             for side in (h, -h)
         ]  # fmt: skip

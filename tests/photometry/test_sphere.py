@@ -7,12 +7,13 @@ from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.facets import apparent_magnitude
 from cislunar.photometry.materials import FOIL, PANEL, Material, PhotometryModel
-from cislunar.photometry.returned_light import equal_sphere_coefficient, returned_light
 from cislunar.photometry.shapes import Facets
 from cislunar.photometry.sphere import (
+    equal_sphere_coefficient,
     faintness_per_squared_range,
     phase_angle,
     phase_function,
+    returned_light,
     sphere_magnitude,
 )
 

@@ -25,7 +25,7 @@ from cislunar.campaign.settings.cells import (
     cell_settings,
     check_cell,
     estimator_names,
-    mesh_file,
+    body_files,
 )
 from cislunar.campaign.operation.handing_over import offer_worker
 from cislunar.campaign.operation.kernels import drop_stale_kernels
@@ -197,7 +197,7 @@ def kept_realizations(wildcards):
 
 def tracking_mesh(wildcards):
     """Mesh file of the targets, if they have one."""
-    return mesh_file(tracking_settings(wildcards))
+    return body_files(tracking_settings(wildcards))
 
 
 def tracking_bodies(wildcards):
@@ -232,7 +232,7 @@ def goal_mesh(wildcards, goal=None):
     """Mesh file of the moving targets, if their attitude matters and they have one."""
     if goal is not None and goal["objective"] != "attitude":
         return []
-    return mesh_file(comparison_settings(wildcards))
+    return body_files(comparison_settings(wildcards))
 
 
 def fronts_of(scenario):

@@ -6,8 +6,9 @@ Symmetric 6 x 6 matrices are the 21 entries of the lower triangle, row by row.
 import numpy as np
 from numba import njit
 
+from cislunar.observation.scene import body_of
 from cislunar.observation.sightline import METRES, in_clear_view, lit_directions, sphere_brighter
-from cislunar.photometry.facet_derivatives import facet_magnitude_derivatives
+from cislunar.photometry.body_blocks import body_magnitude_derivatives
 
 PACKED = 21
 
@@ -87,13 +88,12 @@ def add_magnitudes(track, target, sun, view, turning, surfaces, limit, looks, ou
             dx, dy, dz = _way(track[k], target[k, j])
             sx, sy, sz = _way(target[k, j], sun[k])
             light, toward, distance, _ = lit_directions(dx, dy, dz, sx, sy, sz, to_inertial[k])
-            facets = slice(surfaces.first[j], surfaces.first[j + 1])
+            body = body_of(surfaces, j)
             for s in range(n_attitudes):
                 q = attitude[k, j, s]
-                magnitude, turn, _, _, _ = facet_magnitude_derivatives(
+                magnitude, turn, _, _, _ = body_magnitude_derivatives(
                     (q[0], q[1], q[2], q[3]), light, toward, distance * METRES,
-                    surfaces.areas[facets], surfaces.normals[facets], surfaces.material[j],
-                    surfaces.irradiance_4pi, surfaces.fresnel_sqrt,
+                    body, surfaces.irradiance_4pi, surfaces.fresnel_sqrt,
                 )  # fmt: skip
                 if not magnitude < limit:
                     continue

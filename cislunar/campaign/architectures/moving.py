@@ -20,7 +20,7 @@ from cislunar.campaign.data.inputs import sun_at
 from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.seeds import generator
 from cislunar.campaign.settings.cell_tree import CellSettings
-from cislunar.campaign.settings.library import believed_surfaces, information_looks
+from cislunar.campaign.settings.library import believed_surfaces, information_looks, target_names
 from cislunar.campaign.settings.reading import typed
 from cislunar.orbits.families import OrbitSet
 from cislunar.tasking.simulation import INITIAL_RATE_DEG_H, epoch_states, monitored_targets
@@ -59,6 +59,7 @@ class Moving:
         ids = monitored_targets(period.size, self._wanted["targets"], own)
         states = epoch_states(tracked["state"].values, period, own)
         self._targets = states[ids], period[ids]
+        self._names = target_names(tracked, ids.tolist())
 
     def _scene(self, step_hours: float) -> tuple:
         """Targets, windows and Sun for looks at some spacing."""
@@ -86,7 +87,7 @@ class Moving:
         shared = {"propagator": self._propagator, "progress": progress}
         if kind == "information":
             return orbit_information(orbits, places, *self._coarse, looks, **shared)
-        surfaces = believed_surfaces(self._cell, self._wanted["targets"])
+        surfaces = believed_surfaces(self._cell, self._names)
         rate = np.deg2rad(INITIAL_RATE_DEG_H) / 3600.0
         given = looks, surfaces, rate, generator(*self._stream)
         count = self._wanted["attitudes"]

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from cislunar.photometry.facets import apparent_magnitude
 from cislunar.photometry.materials import IRRADIANCE_LAWS, Material, PhotometryModel
-from cislunar.photometry.returned_light import returned_light
 from cislunar.photometry.shapes import icosahedron
-from cislunar.photometry.sphere import sphere_magnitude
+from cislunar.photometry.sphere import returned_light, sphere_magnitude
 
 Array = NDArray[np.float64]
 

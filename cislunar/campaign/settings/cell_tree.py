@@ -16,6 +16,7 @@ from cislunar.campaign.settings.fields import (
     Partial,
     Positive,
     Section,
+    Text,
     Three,
     ThreePositive,
     number,
@@ -27,8 +28,10 @@ from cislunar.campaign.settings.fields import (
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.observation.body_spread import BodySpread
+from cislunar.observation.wanted_bodies import ICOSAHEDRON
+from cislunar.photometry.materials import REFLECTION_LAWS, PhotometryModel
 from cislunar.photometry.materials import Material as LibraryMaterial
-from cislunar.photometry.materials import PhotometryModel
+from cislunar.photometry.spacecraft import MODELS
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.schedule_model import ScheduleModel
 
@@ -246,19 +249,28 @@ def batch_settings(batch: Batch) -> BatchSettings:
     return BatchSettings(**{**dict(batch), "unknowns": BodySpread(**dict(batch.unknowns))})
 
 
-MESH_OR_ICOSAHEDRON = "^icosahedron$|[.]([oO][bB][jJ]|[sS][tT][lL])$"
+SHAPE = f"^({ICOSAHEDRON}|{'|'.join(MODELS)})$|[.]([oO][bB][jJ]|[sS][tT][lL])$"
+TABLE = "[.][cC][sS][vV]$"
 
 
 class Body(Section):
-    shape: Annotated[str, Field(pattern=MESH_OR_ICOSAHEDRON)] = setting(
-        "`icosahedron`, or a closed convex triangle mesh (`.obj`, `.stl`)", paper="icosahedron")
+    shape: Annotated[str, Field(pattern=SHAPE)] = setting(
+        "`icosahedron`, a model of docs/bodies.md, or a closed triangle mesh (`.obj`, `.stl`); "
+        "facets may shadow each other", paper="icosahedron")
     radius_m: Positive | None = setting(
-        "the shape is scaled to the surface area of this sphere; null keeps the size of a mesh "
-        "file", "m", "1")
+        "the shape is scaled to the surface area of this sphere; null keeps the size of a model or "
+        "a mesh file", "m", "1")
     metres_per_unit: Positive = setting("length of the mesh file's unit", "m", default=1)
     stretch: ThreePositive = setting(
         "factors by which the shape is stretched along its body axes, before it is scaled to "
         "`radius_m`", "1", default=[1, 1, 1])
+    materials: Text | None = setting(
+        "material of each facet group, `group=material; group=material`: `panel`, `foil`, `paint`, "
+        "`material` (the keys below) or their five numbers. null: a model's own, else `material` "
+        "all over", default=None)
+    table: Annotated[str, Field(pattern=TABLE)] | None = setting(
+        "table of bodies, a target to a row (docs/bodies.md); a target that is not in it has the "
+        "body above, which tasking's sphere stands for", default=None)
     inertia: ThreePositive | None = setting(
         "principal moments of inertia along the body axes, in any unit since bodies turn freely; "
         "null = spherical", paper="spherical", default=None)
@@ -291,6 +303,7 @@ class Truth(Partial):
     material: partial(Material) = None
     body: partial(Body) = None
     sensor: partial(Sensor, ("magnitude_noise", "angle_noise_arcsec")) = None
+    reflection: Literal[REFLECTION_LAWS] = None
     angular_acceleration_deg_h2: Three = None
     spread: partial(Unknowns) = None
 
@@ -341,10 +354,11 @@ class CellSettings(Section):
     truth: Truth = setting(
         "what targets and sensors truly are where the estimators believe otherwise: any of "
         "`material`, `body` (keys as above), `sensor.magnitude_noise`, "
-        "`sensor.angle_noise_arcsec`, and `angular_acceleration_deg_h2`, three numbers in deg/h^2 "
-        "along the body axes that a constant torque gives every target; and `spread`, keys as of "
-        "`batch.unknowns`, by which each target departs at random in each realization. `{}` = "
-        "nothing. The random numbers stay the same", default=Truth())
+        "`sensor.angle_noise_arcsec`, `reflection`, the law by which targets reflect "
+        "(`cook-torrance` or `lambert-phong`), `angular_acceleration_deg_h2`, three numbers in "
+        "deg/h^2 along the body axes that a constant torque gives every target, and `spread`, keys "
+        "as of `batch.unknowns`, by which each target departs at random in each realization. "
+        "`{}` = nothing. The random numbers stay the same", default=Truth())
 
 
 CellChange = partial(CellSettings)

@@ -21,6 +21,9 @@ from cislunar.campaign.settings.cell_tree import (
 )
 from cislunar.campaign.settings.reading import merged
 from cislunar.errors import ConfigurationError
+from cislunar.observation.wanted_bodies import ICOSAHEDRON, WantedBody, load_body_table
+from cislunar.photometry.materials import REFLECTION_LAWS
+from cislunar.photometry.spacecraft import MODELS
 
 TRACKED_TARGETS = 202
 """Number of targets in ``orbits/tracked.nc``."""
@@ -95,6 +98,7 @@ _SAID_IF_UNUSUAL = {
         for key, value in Batch().model_dump().items()
         if key in ("noise_freedom", "most_searches", "unknowns")
     },
+    "body": {"materials": None, "table": None},
     "tasking": {
         "detection": "sphere",
         "learned": Detection().model_dump(),
@@ -106,9 +110,13 @@ _SAID_IF_UNUSUAL = {
 
 
 def true_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """`material`, `body`, `sensor`, `angular_acceleration_deg_h2` and `spread` of the truth."""
+    """`material`, `body`, `sensor` and the keys of `truth` alone, as they truly are."""
     believed = {key: settings[key] for key in ("material", "body", "sensor")}
-    usual = {"angular_acceleration_deg_h2": [0, 0, 0], "spread": {}}
+    usual = {
+        "reflection": REFLECTION_LAWS[0],
+        "angular_acceleration_deg_h2": [0, 0, 0],
+        "spread": {},
+    }
     return merged({**believed, **usual}, settings["truth"])
 
 
@@ -223,7 +231,25 @@ def check_cell(
         )
 
 
-def mesh_file(settings: Mapping[str, Any]) -> list[str]:
-    """Mesh files a cell depends on, believed and true, each once; none for an icosahedron."""
-    shapes = dict.fromkeys([settings["body"]["shape"], true_settings(settings)["body"]["shape"]])
-    return [shape for shape in shapes if shape != "icosahedron"]
+def wanted_body(body: Mapping[str, Any], source: str = "task2.body") -> WantedBody:
+    """What a section `body` asks for, but for its table; `source` is its key, for messages."""
+    return WantedBody(
+        body["shape"],
+        body["radius_m"],
+        body["metres_per_unit"],
+        tuple(body["stretch"]),
+        body.get("materials"),
+        source,
+    )
+
+
+def body_files(settings: Mapping[str, Any]) -> list[str]:
+    """Meshes and tables of bodies a cell depends on, believed and true, each once."""
+    found: list[str] = []
+    for body in (settings["body"], true_settings(settings)["body"]):
+        shapes, table = [body["shape"]], body.get("table")
+        if table is not None:
+            found.append(table)
+            shapes += [each.shape for each in load_body_table(table).values()]
+        found += [shape for shape in shapes if shape != ICOSAHEDRON and shape not in MODELS]
+    return list(dict.fromkeys(found))

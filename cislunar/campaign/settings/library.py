@@ -3,27 +3,27 @@
 It needs the compiled library: jobs import it, the workflow does not.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from cislunar.architecture.information.tables import Looks
 from cislunar.campaign.settings import cell_tree, tree
-from cislunar.campaign.settings.cells import SCHEDULE_KEYS, true_settings
+from cislunar.campaign.settings.cells import SCHEDULE_KEYS, true_settings, wanted_body
 from cislunar.campaign.settings.reading import typed
 from cislunar.estimation.estimator import EstimatorFactory
 from cislunar.estimation.registry import estimator_named
 from cislunar.estimation.spread import ProcessNoise, Spread
 from cislunar.evaluation.metrics import Custody
 from cislunar.observation.body_spread import BodySpread
+from cislunar.observation.made_bodies import equal_sphere_of, made_body
 from cislunar.observation.scene import TargetSurfaces, target_surfaces
 from cislunar.observation.sensor import ExclusionAngles, Sensor
+from cislunar.observation.wanted_bodies import bodies_of_targets
 from cislunar.orbits.extent import CATALOGUE_EXTENT, Extent
-from cislunar.photometry.materials import Material, PhotometryModel
-from cislunar.photometry.mesh_files import load_shape
-from cislunar.photometry.returned_light import equal_sphere_coefficient
-from cislunar.photometry.shapes import Facets, icosahedron, scale_to_sphere, stretch
+from cislunar.photometry.materials import REFLECTION_LAWS, Material, PhotometryModel
 from cislunar.targets.sampling import SamplingSettings
 from cislunar.tasking.closed_loop import LoopSettings
 from cislunar.tasking.planning.detection_model import DetectionModel
@@ -71,34 +71,24 @@ def information_looks(cell: cell_tree.CellSettings) -> Looks:
     )
 
 
-def body_facets(body: cell_tree.Body) -> Facets:
-    """Shape of the targets."""
-    if body.shape == "icosahedron":
-        facets = icosahedron(body.radius_m)
-    else:
-        facets = load_shape(
-            body.shape, metres_per_unit=body.metres_per_unit, radius_m=body.radius_m
-        )
-    stretched = stretch(facets, body.stretch)
-    if stretched is facets or body.radius_m is None:
-        return stretched
-    return scale_to_sphere(stretched, body.radius_m)
-
-
-def _photometry(cell: cell_tree.CellSettings) -> PhotometryModel:
+def _photometry(
+    cell: cell_tree.CellSettings, reflection: str = REFLECTION_LAWS[0]
+) -> PhotometryModel:
     """The reading of the photometric equations; the physical law where none is chosen."""
-    return PhotometryModel(cell.photometry.irradiance or "1/r^2", cell.photometry.fresnel)
+    chosen = cell.photometry
+    return PhotometryModel(chosen.irradiance or "1/r^2", chosen.fresnel, reflection)
 
 
 def _tasking_model(cell: cell_tree.CellSettings) -> TaskingModel:
     """What tasking believes: the sphere that stands in for the body has its surface area."""
     chosen = cell.tasking
-    coefficient = chosen.diffuse_reflection_coefficient
-    if coefficient is None:
-        coefficient = equal_sphere_coefficient(Material(**dict(cell.material)), _photometry(cell))
+    body = made_body(wanted_body(cell.body.model_dump()), Material(**dict(cell.material)))
+    radius, coefficient = equal_sphere_of(body, _photometry(cell))
+    if chosen.diffuse_reflection_coefficient is not None:
+        coefficient = chosen.diffuse_reflection_coefficient
     return TaskingModel(
         diffuse_reflection_coefficient=coefficient,
-        radius_m=body_facets(cell.body).equivalent_radius,
+        radius_m=radius,
         states=chosen.states,
         track_gate=chosen.track_gate,
         measurements=chosen.credited_measurements,
@@ -106,15 +96,28 @@ def _tasking_model(cell: cell_tree.CellSettings) -> TaskingModel:
     )
 
 
-def believed_surfaces(cell: cell_tree.CellSettings, n_targets: int) -> TargetSurfaces:
-    """Shape, material and inertia, the same for all targets."""
+def believed_surfaces(
+    cell: cell_tree.CellSettings,
+    names: Sequence[Sequence[str]],
+    reflection: str = REFLECTION_LAWS[0],
+) -> TargetSurfaces:
+    """Shape, material and inertia of targets; `names` has what each may be called in a table."""
+    material = Material(**dict(cell.material))
+    wanted = bodies_of_targets(wanted_body(cell.body.model_dump()), cell.body.table, names)
+    made = {each: made_body(each, material) for each in dict.fromkeys(wanted)}
     return target_surfaces(
-        body_facets(cell.body),
-        Material(**dict(cell.material)),
-        n_targets,
-        _photometry(cell),
+        [made[each] for each in wanted],
+        material,
+        len(wanted),
+        _photometry(cell, reflection),
         inertia=1.0 if cell.body.inertia is None else cell.body.inertia,
     )
+
+
+def target_names(tracked: xr.Dataset, rows: Iterable[int]) -> list[list[str]]:
+    """What targets may be called: by their rows in ``orbits/tracked.nc``, and by name."""
+    own = tracked["name"].values if "name" in tracked else None
+    return [[str(row)] + ([] if own is None else [str(own[row])]) for row in rows]
 
 
 def sensor(chosen: cell_tree.Sensor) -> Sensor:
@@ -124,14 +127,14 @@ def sensor(chosen: cell_tree.Sensor) -> Sensor:
     return Sensor(**given, exclusion=exclusion)
 
 
-def truth_model(cell: cell_tree.CellSettings, n_targets: int) -> TruthModel:
+def truth_model(cell: cell_tree.CellSettings, names: Sequence[Sequence[str]]) -> TruthModel:
     """What the targets truly are, and the true noise, where `truth` says so."""
     true = true_settings(cell.model_dump())
     deg_h2 = np.array(true.pop("angular_acceleration_deg_h2"), dtype=float)
-    spread = BodySpread(**true.pop("spread"))
+    spread, reflection = BodySpread(**true.pop("spread")), true.pop("reflection")
     truth = typed({**cell.model_dump(), **true}, cell_tree.CellSettings)
     return TruthModel(
-        believed_surfaces(truth, n_targets),
+        believed_surfaces(truth, names, reflection),
         sensor(truth.sensor).noise,
         np.deg2rad(deg_h2) / 3600.0**2,
         spread=spread,

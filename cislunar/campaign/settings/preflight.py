@@ -10,11 +10,18 @@ import os
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from cislunar.architecture.published import PUBLISHED
-from cislunar.campaign.settings.cells import MOST_STEPS, cell_settings, true_settings, variant_place
+from cislunar.campaign.settings.cells import (
+    MOST_STEPS,
+    cell_settings,
+    true_settings,
+    variant_place,
+    wanted_body,
+)
 from cislunar.campaign.settings.families import stated_variants, with_families
 from cislunar.campaign.settings.scenarios import (
     in_study,
@@ -22,10 +29,13 @@ from cislunar.campaign.settings.scenarios import (
     orbits_of,
     scenario_settings,
     shared_dataset,
+    tracked_count,
+    tracked_names,
 )
 from cislunar.ephemeris.sampling import check_coverage
 from cislunar.errors import CislunarError, ConfigurationError
-from cislunar.photometry.mesh_files import load_shape
+from cislunar.observation.wanted_bodies import WantedBody, load_body_table
+from cislunar.photometry.materials import Material
 from cislunar.targets.missions import load_missions
 from cislunar.targets.tables import (
     check_closed_targets,
@@ -34,17 +44,14 @@ from cislunar.targets.tables import (
     load_target_states,
 )
 
-SMALLEST_BODY_M, LARGEST_BODY_M = 0.01, 200.0
-"""Radii of bodies, of equal area; a mesh beyond is in another unit."""
-
 
 def check_inputs(config: Mapping[str, Any]) -> None:
     """Check the files and packages a checked configuration asks for, and what its optimizers need.
 
-    An `InputFileError` if an ephemeris kernel is missing or does not cover the horizon, or a table
-    of missions or targets is missing or faulty. A `ConfigurationError` if a mesh is, the horizon is
-    no whole number of steps, a scenario has more targets than sampled points, or an optimizer
-    cannot run.
+    An `InputFileError` if an ephemeris kernel is missing or does not cover the horizon, or a mesh
+    or a table of missions, targets or bodies is missing or faulty. A `ConfigurationError` if the
+    horizon is no whole number of steps, a scenario has more targets than sampled points, or an
+    optimizer cannot run.
     """
     study = in_study(config)
     config = with_families(study)
@@ -55,7 +62,7 @@ def check_inputs(config: Mapping[str, Any]) -> None:
         _check_horizon(f"scenarios.{scenario}.settings.visibility", settings["visibility"])
         _check_static_targets(config, scenario, settings["targets"])
     _check_ephemerides(config)
-    _check_meshes(study, config)
+    _check_bodies(study, config)
     architecture = config["architecture"]
     if "atpe" in architecture["optimizers"] and importlib.util.find_spec("lightgbm") is None:
         raise ConfigurationError(
@@ -136,35 +143,55 @@ def _check_ephemerides(config: Mapping[str, Any]) -> None:
         check_coverage(epoch_jd, days, minutes, kernel)
 
 
-def _check_meshes(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
-    """Every mesh of a body, believed or true, by itself and with what a family changes."""
+def _check_bodies(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
+    """Every body, believed or true, by itself and with what a family changes, and every table."""
     task2 = config["task2"]
-    own = {name: scenario_settings(config, name)["task2"] for name in config["scenarios"]}
+    scenarios = {"task2.": task2["variants"]["scenario"]}
     cells = {"task2.": task2}
-    cells |= {f"scenarios.{name}.settings.task2.": each for name, each in own.items()}
+    for name in config["scenarios"]:
+        place = f"scenarios.{name}.settings.task2."
+        scenarios[place], cells[place] = name, scenario_settings(config, name)["task2"]
     for variant in stated_variants(study):
-        scenario = variant_place(task2, variant.name)[0]
-        cells[f"{variant.key}: "] = cell_settings(own.get(scenario, task2), variant.name)
+        place = f"{variant.key}: "
+        scenarios[place] = name = variant_place(task2, variant.name)[0]
+        own = scenario_settings(config, name)["task2"] if name in config["scenarios"] else task2
+        cells[place] = cell_settings(own, variant.name)
     seen = set()
     for place, cell in cells.items():
-        for key, body in (("body", cell["body"]), ("truth.body", true_settings(cell)["body"])):
-            sized = {name: body[name] for name in ("metres_per_unit", "radius_m")}
-            shape = body["shape"], *sized.values()
-            if body["shape"] == "icosahedron" or shape in seen:
-                continue
-            seen.add(shape)
-            try:
-                radius = load_shape(body["shape"], **sized).equivalent_radius
-            except CislunarError as error:
-                raise ConfigurationError(
-                    f"configuration key '{place}{key}.shape': {error}"
-                ) from None
-            if not SMALLEST_BODY_M <= radius <= LARGEST_BODY_M:
-                raise ConfigurationError(
-                    f"configuration key '{place}{key}.metres_per_unit' = "
-                    f"{body['metres_per_unit']}: makes {body['shape']} as large as a sphere of "
-                    f"{radius:.3g} m; {SMALLEST_BODY_M:g} to {LARGEST_BODY_M:g} m can be meant"
-                )
+        for key, of in (("body", cell), ("truth.body", true_settings(cell))):
+            body, usual = wanted_body(of["body"]), Material(**of["material"])
+            table = of["body"].get("table")
+            bare = replace(body, materials=None)
+            for aspect, each in (("shape", bare), ("materials", body)):
+                if (each, usual) not in seen:
+                    _check_body(replace(each, source=f"{place}{key}.{aspect}"), usual)
+                    seen.add((each, usual))
+            known = table, scenarios[place], usual
+            if table is not None and known not in seen:
+                _check_table(table, f"{place}{key}.table", config, scenarios[place], usual)
+                seen.add(known)
+
+
+def _check_body(body: WantedBody, usual: Material) -> None:
+    """Refuse a body that cannot be made; its source is the key."""
+    try:
+        replace(body, source=f"configuration key '{body.source}'").check(usual)
+    except CislunarError as error:
+        raise ConfigurationError(str(error)) from None
+
+
+def _check_table(
+    table: str, key: str, config: Mapping[str, Any], scenario: str, usual: Material
+) -> None:
+    """Bodies of a table, and whether the scenario has the targets."""
+    for target, body in load_body_table(table).items():
+        body.check(usual)
+        if scenario in config["scenarios"] and target not in tracked_names(config, scenario):
+            raise ConfigurationError(
+                f"{body.source}: target {target!r} is none of scenario {scenario}, whose targets "
+                f"are numbered from 0 to {tracked_count(config, scenario) - 1} (configuration key "
+                f"'{key}')"
+            )
 
 
 def _check_published(scenario: str, members: Mapping[str, int], max_satellites: int) -> None:

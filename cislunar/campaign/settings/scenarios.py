@@ -14,7 +14,7 @@ from cislunar.campaign.settings.cells import TRACKED_TARGETS
 from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.settings.tree import Surroundings
 from cislunar.exchange.inertial import epoch_at
-from cislunar.targets.tables import is_message, load_target_states
+from cislunar.targets.tables import TargetStates, is_message, load_target_states
 
 SECTIONS = tuple(Surroundings.model_fields)
 """Keys of the configuration a scenario may set for itself; of `task2`, those of a cell."""
@@ -117,10 +117,19 @@ def longest_horizon(config: Mapping[str, Any]) -> float:
 def tracked_count(config: Mapping[str, Any], scenario: str) -> int:
     """Number of moving targets of a scenario; its table may be missing or faulty."""
     table = config["scenarios"][scenario].get("tracked")
-    if table is None:
-        return TRACKED_TARGETS
+    return TRACKED_TARGETS if table is None else len(_tracked(config, scenario, table))
+
+
+def tracked_names(config: Mapping[str, Any], scenario: str) -> set[str]:
+    """What the moving targets of a scenario may be called: by their numbers, and by name."""
+    table = config["scenarios"][scenario].get("tracked")
+    numbers = {str(number) for number in range(tracked_count(config, scenario))}
+    return numbers | set(() if table is None else _tracked(config, scenario, table).name)
+
+
+def _tracked(config: Mapping[str, Any], scenario: str, table: str) -> TargetStates:
     decides = tracked_epoch(scenario_settings(config, scenario), table)
-    return len(load_target_states(table, decides and epoch_at(*decides)))
+    return load_target_states(table, decides and epoch_at(*decides))
 
 
 def tracked_epoch(settings: Mapping[str, Any], table: str | None) -> tuple[float, str] | None:

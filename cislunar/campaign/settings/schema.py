@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any, get_args
 
 from cislunar.campaign.settings.architecture_tree import ARCHITECTURE_NAME, Optimizer
-from cislunar.campaign.settings.cell_tree import MESH_OR_ICOSAHEDRON
+from cislunar.campaign.settings.cell_tree import SHAPE, TABLE
 from cislunar.campaign.settings.fields import Section
 from cislunar.campaign.settings.tree import (
     SCENARIO_NAME,
@@ -14,6 +14,8 @@ from cislunar.campaign.settings.tree import (
     VARIANT_NAME,
     Campaign,
 )
+from cislunar.observation.wanted_bodies import ICOSAHEDRON
+from cislunar.photometry.spacecraft import MODELS
 
 SCHEMA_FILE = "workflow/schemas/config.schema.json"
 
@@ -27,7 +29,8 @@ _TOLD = ("description", "unit", "paper", "default")
 _PATTERNS = {
     ARCHITECTURE_NAME: f"one of {', '.join(get_args(Optimizer))}, or of `observers` or "
     "`architecture.designs` a name of letters, digits and hyphens, a letter first",
-    MESH_OR_ICOSAHEDRON: "`icosahedron`, or a file ending in .obj or .stl",
+    SHAPE: f"one of {', '.join((ICOSAHEDRON, *MODELS))}, or a file ending in .obj or .stl",
+    TABLE: "a file ending in .csv",
     SCENARIO_NAME: "a name of letters, digits, dots and hyphens, a letter first",
     SWEEP_NAME: "a name of small letters, digits and hyphens, a letter first",
     VARIANT_NAME: "a name of small letters, digits, dots and hyphens, a letter first",

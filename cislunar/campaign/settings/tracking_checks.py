@@ -4,6 +4,9 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.campaign.settings.cell_tree import Tasking
 from cislunar.campaign.settings.cells import (
@@ -16,12 +19,16 @@ from cislunar.campaign.settings.cells import (
     is_multiple,
     true_settings,
     variant_place,
+    wanted_body,
 )
 from cislunar.campaign.settings.families import StatedVariant, stated_variants, swept_cells
 from cislunar.campaign.settings.scenarios import scenario_settings, tracked_count
 from cislunar.errors import ConfigurationError
 from cislunar.observation.body_spread import BodySpread
-from cislunar.photometry.materials import Material
+from cislunar.photometry.materials import Material, group_materials
+from cislunar.photometry.spacecraft import MODELS
+
+Array = NDArray[np.float64]
 
 
 def check_tracking(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
@@ -162,11 +169,11 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
         )
     true = true_settings(settings)
     for key, spread, of in (
-        ("batch.unknowns", settings["batch"].get("unknowns", {}), material),
-        ("truth.spread", true["spread"], true["material"]),
+        ("batch.unknowns", settings["batch"].get("unknowns", {}), settings),
+        ("truth.spread", true["spread"], true),
     ):
         try:
-            BodySpread(**spread).require_possible(Material(**of).as_array())
+            BodySpread(**spread).require_possible(_materials(of))
         except ConfigurationError as error:
             raise ConfigurationError(f"configuration key '{place}{key}': {error}") from None
     _check_body(f"{place}body", settings["body"])
@@ -189,6 +196,16 @@ def _check_schedule(place: str, tasking: Mapping[str, Any], step: float) -> None
                 f"configuration key '{place}.{key}' = {tasking[key]!r}: {', '.join(asked)} can "
                 f"be had with {needed!r} alone"
             )
+
+
+def _materials(settings: Mapping[str, Any]) -> list[Array]:
+    """Materials of the body of all targets that no table tells of."""
+    usual, body = Material(**settings["material"]), wanted_body(settings["body"])
+    if body.materials is not None:
+        found = group_materials(body.source, body.materials, usual).values()
+    else:
+        found = MODELS[body.shape][1].values() if body.shape in MODELS else [usual]
+    return [material.as_array() for material in found]
 
 
 def _check_body(place: str, body: Mapping[str, Any]) -> None:

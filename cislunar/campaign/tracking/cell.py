@@ -17,6 +17,7 @@ from cislunar.campaign.settings.library import (
     believed_surfaces,
     estimator_factory,
     loop_settings,
+    target_names,
     truth_model,
 )
 from cislunar.campaign.settings.reading import typed
@@ -111,10 +112,10 @@ def tracking_problem(
     phase = phases_of(architecture)
     ids = monitored_targets(tracked.sizes["target"], cell.targets, settings.monitored_seed)
     # All targets are placed, so that a target starts at the same point in every monitored set.
-    periods = tracked["period"].values
+    periods, names = tracked["period"].values, target_names(tracked, ids.tolist())
     states = epoch_states(tracked["state"].values, periods, settings.monitored_seed)
     placed = advance_orbits(states[ids], periods[ids], start)
-    truth = truth_model(settings, cell.targets)
+    truth = truth_model(settings, names)
     forces: tuple = EARTH_MOON
     if settings.dynamics.truth == "ephemeris":
         sky = _sky(bodies, settings)
@@ -129,7 +130,7 @@ def tracking_problem(
         scene = make_scene(tracks, sun_at(sun, times), loop.step_s)
     return Problem(
         scene,
-        believed_surfaces(settings, cell.targets),
+        believed_surfaces(settings, names),
         truth,
         placed,
         ids,

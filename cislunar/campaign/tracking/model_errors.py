@@ -50,8 +50,8 @@ def _size(kind: str, settings: Mapping[str, Any]) -> tuple[float, str]:
     true = true_settings(settings)
     if kind == TORQUE:
         return 0.5 * float(np.linalg.norm(true[kind])) * settings["duration_hours"] ** 2, "degree"
-    section, key = kind.split(".")
-    if section == "spread":  # each target has its own
+    section, _, key = kind.partition(".")
+    if section in ("spread", "reflection"):  # each target has its own; another law has no size
         return np.nan, "%"
     wanted, believed = true[section][key], settings[section][key]
     if key == "inertia":

@@ -44,7 +44,7 @@ from cislunar.estimation.light_curves.row_blocks import COLUMNS, ROTATION
 from cislunar.estimation.spread import ProcessNoise
 from cislunar.observation.body_spread import HOUR, BodySpread
 from cislunar.observation.records import Measurements
-from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.scene import Scene, TargetSurfaces, body_of
 from cislunar.observation.sensor import Sensor
 
 Array = NDArray[np.float64]
@@ -316,10 +316,10 @@ def _light_curve_model(
     initial: InitialEstimate,
     settings: BatchSettings,
 ) -> LightCurveModel:
-    facets = slice(surfaces.first[j], surfaces.first[j + 1])
+    body = body_of(surfaces, j)
     turning, of_rotation = settings.unknowns.rotation_kinds()
-    kinds, of_surface = settings.unknowns.surface_kinds(facets.stop - facets.start)
-    settings.unknowns.require_possible(surfaces.material[j])
+    kinds, of_surface = settings.unknowns.surface_kinds(body.areas.size)
+    settings.unknowns.require_possible(body.materials)
     return LightCurveModel(
         np.array(initial.quaternion[j], dtype=float),
         np.array(initial.angular_velocity[j], dtype=float),
@@ -329,9 +329,7 @@ def _light_curve_model(
         bodies.inertia[j],
         bodies.inverse[j],
         bool(bodies.spherical[j] and turning.size == 0),
-        np.ascontiguousarray(surfaces.areas[facets]),
-        np.ascontiguousarray(surfaces.normals[facets]),
-        np.array(surfaces.material[j]),
+        body,
         bool(surfaces.irradiance_4pi),
         bool(surfaces.fresnel_sqrt),
         float((settings.magnitude_noise_factor * sensor.magnitude_noise) ** 2),

@@ -50,11 +50,16 @@ from cislunar.estimation.light_curves.row_blocks import (
     sum_rows,
     work_rows,
 )
-from cislunar.photometry.departures import departed_surface, departure_rows
+from cislunar.photometry.bodies import Body
+from cislunar.photometry.body_blocks import (
+    body_magnitude_departures,
+    body_magnitude_gradients,
+    body_magnitudes,
+)
+from cislunar.photometry.departures import departed_body, departure_rows
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
     LANES,
-    block_magnitude_departures,
     block_magnitude_gradients,
     block_magnitudes,
 )
@@ -86,8 +91,10 @@ class LightCurveModel(NamedTuple):
         Any unit.
     even : bool
         Whether the angular velocity is constant, whatever the unknowns.
-    areas, normals, material, irradiance_4pi, fresnel_sqrt
-        As in `cislunar.photometry.facets.facet_magnitude`.
+    surface : Body
+        Shape and material.
+    irradiance_4pi, fresnel_sqrt : bool
+        Readings of the reflection model, see `cislunar.photometry.materials.PhotometryModel`.
     noise_variance : float
         R, mag^2, of a row of weight 1.
     noise_freedom : float
@@ -104,9 +111,7 @@ class LightCurveModel(NamedTuple):
     inertia: Array
     inverse_inertia: Array
     even: bool
-    areas: Array
-    normals: Array
-    material: Array
+    surface: Body
     irradiance_4pi: bool
     fresnel_sqrt: bool
     noise_variance: float
@@ -188,27 +193,21 @@ def _body(u, model):
 def _surface(u, model):
     """Shape and material of the body, given the unknowns."""
     if model.surface_kinds.shape[0] == 0:
-        return model.areas, model.normals, model.material
+        return model.surface
     carried = carried_unknowns(model)
-    amounts = model.sigma[carried:] * u[carried:]
-    return departed_surface(
-        model.surface_kinds, amounts, model.areas, model.normals, model.material
-    )
+    return departed_body(model.surface_kinds, model.sigma[carried:] * u[carried:], model.surface)
 
 
 @njit(cache=True, error_model="numpy")
-def _magnitudes_and_derivatives(block, shares, work, rows, areas, normals, material, model):
+def _magnitudes_and_departures(block, shares, work, rows, surface, model):
     """Magnitudes of a block, their derivatives by a turn, and those by departures of surface."""
     readings = model.irradiance_4pi, model.fresnel_sqrt
     kinds = model.surface_kinds
-    if kinds.shape[0] == 0:
-        block_magnitude_gradients(block, rows, areas, normals, material, *readings)
-        return
     stretched = np.any((kinds >= STRETCH) & (kinds < FACET))
-    block_magnitude_departures(block, shares, stretched, rows, areas, normals, material, *readings)
+    body_magnitude_departures(block, shares, stretched, rows, surface, *readings)
     first = carried_unknowns(model)
     out = rows_of_unknowns(work, first)
-    departure_rows(block, shares, rows, kinds, model.sigma[first:], material, readings[1], out)
+    departure_rows(block, shares, rows, kinds, model.sigma[first:], surface, readings[1], out)
 
 
 @njit(cache=True, error_model="numpy")
@@ -247,7 +246,9 @@ def cost(u, data, anchor, model, stop_above):
         track, times = start_track(start, omega, body, False)
     else:
         track, times = turned, omega
-    areas, normals, material = _surface(u, model)
+    surface = _surface(u, model)
+    plain = surface.areas, surface.normals, surface.materials[0]
+    readings = model.irradiance_4pi, model.fresnel_sqrt
     inverse_noise = 1.0 / np.sqrt(model.noise_variance)
     for first in range(0, data.shape[0], LANES):
         rows = min(LANES, data.shape[0] - first)
@@ -256,9 +257,10 @@ def cost(u, data, anchor, model, stop_above):
             read_attitude(block, work, rows, track, times, turned, body)
         elif not even:
             now = carry_attitude(block, work, rows, now, q, rate, no_errors, body)
-        block_magnitudes(
-            block, rows, areas, normals, material, model.irradiance_4pi, model.fresnel_sqrt
-        )
+        if surface.rough:
+            body_magnitudes(block, rows, surface, *readings)
+        else:
+            block_magnitudes(block, rows, *plain, *readings)
         for k in range(rows):
             h, weight = block[EXPECTED, k], data[first + k, WEIGHT]
             if data[first + k, SEEN] == 1.0:
@@ -314,9 +316,11 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
         track, times = start_track(start, omega, body, True)
     else:
         track, times = turned, omega
-    areas, normals, material = _surface(u, model)
+    surface = _surface(u, model)
+    plain = surface.areas, surface.normals, surface.materials[0]
+    readings = model.irradiance_4pi, model.fresnel_sqrt
     with_shares = np.any(model.surface_kinds >= FACET)
-    shares = np.empty((areas.shape[0] if with_shares else 0, LANES))
+    shares = np.empty((surface.areas.shape[0] if with_shares else 0, LANES))
     for first in range(0, data.shape[0], LANES):
         rows = min(LANES, data.shape[0] - first)
         fill_block(block, work, data, first, rows, start, omega)
@@ -324,7 +328,12 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
             read_attitude(block, work, rows, track, times, turned, body)
         elif not even:
             now = carry_attitude(block, work, rows, now, q, rate, errors, body)
-        _magnitudes_and_derivatives(block, shares, work, rows, areas, normals, material, model)
+        if model.surface_kinds.shape[0] > 0:
+            _magnitudes_and_departures(block, shares, work, rows, surface, model)
+        elif surface.rough:
+            body_magnitude_gradients(block, rows, surface, *readings)
+        else:
+            block_magnitude_gradients(block, rows, *plain, *readings)
         for k in range(rows):
             h, weight = block[EXPECTED, k], data[first + k, WEIGHT]
             if data[first + k, SEEN] == 1.0:

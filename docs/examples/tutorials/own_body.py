@@ -16,7 +16,6 @@ import cislunar as cs
 from cislunar.photometry.bodies import apparent_body_magnitude, build_body
 from cislunar.photometry.materials import FOIL, PAINT, PANEL, Material
 from cislunar.photometry.mesh_files import load_mesh
-from cislunar.photometry.shapes import facets_from_triangles
 from cislunar.photometry.spacecraft import box_with_wings
 
 # %%
@@ -90,9 +89,8 @@ panel.legend()
 # %%
 # Into the loop
 # -------------
-# Filter and bound need derivatives by attitude, which there are for convex bodies of one material.
-# Such a shape takes the place of the icosahedron:
+# Truth, filter, fits and bound take such bodies as they take the icosahedron, one for all targets
+# or one for each:
 
-facets = facets_from_triangles(mesh.vertices, mesh.triangles)
-surfaces = cs.target_surfaces(facets, Material(diffuse_albedo=0.3), n_targets=3)
+surfaces = cs.target_surfaces([winged, plain, plain], Material(), n_targets=3)
 print(surfaces.areas.size, "facets of 3 targets,", surfaces.areas.sum() / 3, "m2 each")

@@ -14,8 +14,7 @@ the two directions, so that it is continuous, and exact where the mask does not 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError
@@ -62,6 +61,9 @@ class Shadows(NamedTuple):
         Free points, one bit each; row `DARK` has none and row `CLEAR` all.
     shares : ndarray, shape (M,)
         Share of free points of each mask.
+    settled : ndarray of uint64, shape (16 steps^2, 2, ceil(C / 64))
+        A bit of each column, for each triangle of the table: whether the facet is clear at all
+        three corners, and whether it is dark at all three.
     """
 
     steps: int
@@ -69,36 +71,33 @@ class Shadows(NamedTuple):
     lookup: NDArray[np.int32]
     masks: NDArray[np.uint64]
     shares: Array
-
-
-@intrinsic
-def _count_bits(typing_context, word):
-    """Number of bits set in an unsigned 64-bit word."""
-
-    def generate(context, builder, signature, arguments):
-        return builder.ctpop(arguments[0])
-
-    return types.uint64(types.uint64), generate
+    settled: NDArray[np.uint64]
 
 
 @njit(cache=True, error_model="numpy")
 def table_corners(x, y, z, steps):
-    """Rows of `Shadows.lookup` for the three table directions about a direction, and weights."""
+    """Rows of `Shadows.lookup` for the three table directions about a direction, and weights.
+
+    Last comes the triangle's row of `Shadows.settled`.
+    """
     scale = steps * (1.0 - 1e-12) / (abs(x) + abs(y) + abs(z))  # the outermost edge stays inside
     a, b = abs(x) * scale, abs(y) * scale
     i, j = int(a), int(b)
     f, g = a - i, b - j
+    octant = 4 * (x < 0.0) + 2 * (y < 0.0) + (z < 0.0)
+    triangle = 2 * ((octant * steps + i) * steps + j)
     if f + g <= 1.0:
         weights = 1.0 - f - g, f, g
         first = _table_row(i, j, x, y, z, steps)
         second = _table_row(i + 1, j, x, y, z, steps)
         third = _table_row(i, j + 1, x, y, z, steps)
     else:
+        triangle += 1
         weights = f + g - 1.0, 1.0 - f, 1.0 - g
         first = _table_row(i + 1, j + 1, x, y, z, steps)
         second = _table_row(i, j + 1, x, y, z, steps)
         third = _table_row(i + 1, j, x, y, z, steps)
-    return (first, second, third), weights
+    return (first, second, third), weights, triangle
 
 
 @njit(cache=True, error_model="numpy")
@@ -181,6 +180,25 @@ def shadowing_pairs(mesh: Mesh) -> NDArray[np.bool_]:
     return rises & dips.T
 
 
+def no_shadows(n_facets: int) -> Shadows:
+    """Table of a body whose facets do not shadow each other.
+
+    Parameters
+    ----------
+    n_facets : int
+        F.
+
+    Returns
+    -------
+    Shadows
+        Of one row, without columns.
+    """
+    masks = np.array([[0] * WORDS, [~np.uint64(0)] * WORDS], dtype=np.uint64)
+    column = np.full(n_facets, -1, dtype=np.int64)
+    shares, settled = np.array([0.0, 1.0]), np.zeros((0, 2, 0), np.uint64)
+    return Shadows(0, column, np.zeros((1, 0), np.int32), masks, shares, settled)
+
+
 def shadow_table(mesh: Mesh, steps: int = STEPS) -> Shadows:
     """Tabulate the shadows that the facets of a body cast on each other.
 
@@ -205,14 +223,15 @@ def shadow_table(mesh: Mesh, steps: int = STEPS) -> Shadows:
         raise ConfigurationError(f"shadow table steps = {steps} must be positive")
     pairs = shadowing_pairs(mesh)
     shadowed = np.nonzero(pairs.any(axis=1))[0]
-    steps = steps if shadowed.size else 0
+    if not shadowed.size:
+        return no_shadows(len(pairs))
     column = np.full(len(pairs), -1, dtype=np.int64)
     column[shadowed] = np.arange(shadowed.size)
     normals = facets_from_triangles(mesh.vertices, mesh.triangles).normals
     corners = mesh.vertices[mesh.triangles]
     directions, points = table_directions(steps), sample_points(len(pairs))
     lookup = np.zeros((len(directions), shadowed.size), dtype=np.int32)
-    masks = [np.zeros((1, WORDS), np.uint64), np.full((1, WORDS), ~np.uint64(0))]
+    masks = [no_shadows(0).masks]
     found = 2
     for i in shadowed:
         edges = corners[i, 1:] - corners[i, 0]
@@ -238,7 +257,33 @@ def shadow_table(mesh: Mesh, steps: int = STEPS) -> Shadows:
         found += len(kept)
     table = np.concatenate(masks)
     shares = np.bitwise_count(table).sum(axis=1) / SAMPLES
-    return Shadows(steps, column, lookup, table, shares)
+    return Shadows(steps, column, lookup, table, shares, _settled(lookup, steps))
+
+
+@njit(cache=True, error_model="numpy")
+def _settled(lookup, steps):
+    """`Shadows.settled` of a lookup table."""
+    count = lookup.shape[1]
+    result = np.zeros((16 * steps * steps, 2, (count + 63) // 64), np.uint64)
+    for x in (-1.0, 1.0):
+        for y in (-1.0, 1.0):
+            for z in (-1.0, 1.0):
+                for i in range(steps):
+                    for j in range(steps - i):
+                        for third in (1.0 / 3.0, 2.0 / 3.0):
+                            a, b = i + third, j + third
+                            rest = steps - a - b
+                            if rest < 0.0:
+                                continue
+                            corners, _, triangle = table_corners(x * a, y * b, z * rest, steps)
+                            for c in range(count):
+                                mask = lookup[corners[0], c]
+                                alike = mask == lookup[corners[1], c]
+                                if alike and mask == lookup[corners[2], c] and mask <= CLEAR:
+                                    kind = 0 if mask == CLEAR else 1
+                                    bit = np.uint64(1) << np.uint64(c % 64)
+                                    result[triangle, kind, c // 64] |= bit
+    return result
 
 
 def _part_above(triangle: Array) -> Array:
@@ -308,42 +353,3 @@ def _free_points(directions, rising, polygons, sizes, points, lowest):
             s = free[spot]
             result[row, s // 64] |= np.uint64(1) << np.uint64(s % 64)
     return result
-
-
-@njit(cache=True, error_model="numpy")
-def _seen_bits(masks, mask, view, weights):
-    """Points that a mask shares with three others, weighted."""
-    first, second, third = np.uint64(0), np.uint64(0), np.uint64(0)
-    for k in range(WORDS):
-        word = masks[mask, k]
-        first += _count_bits(word & masks[view[0], k])
-        second += _count_bits(word & masks[view[1], k])
-        third += _count_bits(word & masks[view[2], k])
-    return (
-        weights[0] * np.int64(first) + weights[1] * np.int64(second) + weights[2] * np.int64(third)
-    )
-
-
-@njit(cache=True, error_model="numpy")
-def share_lit_and_seen(column, sun, view, lookup, masks, shares):
-    """Share of a facet's area that neither the Sun's light nor the observer's sight misses.
-
-    `sun` and `view` are what `table_corners` returns for L and V in the body frame; the arrays are
-    those of `Shadows`, one by one since a kernel counts references to those it takes from a tuple.
-    """
-    (i0, i1, i2), (a0, a1, a2) = sun
-    (j0, j1, j2), b = view
-    s0, s1, s2 = lookup[i0, column], lookup[i1, column], lookup[i2, column]
-    v0, v1, v2 = lookup[j0, column], lookup[j1, column], lookup[j2, column]
-    if s0 <= CLEAR and s0 == s1 and s0 == s2:
-        if s0 == DARK:
-            return 0.0
-        if v0 <= CLEAR and v0 == v1 and v0 == v2:
-            return shares[v0]
-        return b[0] * shares[v0] + b[1] * shares[v1] + b[2] * shares[v2]
-    if v0 <= CLEAR and v0 == v1 and v0 == v2:
-        return shares[v0] * (a0 * shares[s0] + a1 * shares[s1] + a2 * shares[s2])
-    rows = v0, v1, v2
-    total = a0 * _seen_bits(masks, s0, rows, b)
-    total += a1 * _seen_bits(masks, s1, rows, b) + a2 * _seen_bits(masks, s2, rows, b)
-    return total / SAMPLES

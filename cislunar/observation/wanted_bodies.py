@@ -1,0 +1,205 @@
+"""Bodies as settings and tables ask for them, without what only kernels need of them.
+
+A table of bodies is comma-separated, UTF-8, a target to a row:
+
+===================  =========================================================================
+column               holds
+===================  =========================================================================
+``target``           name of the target, or its number among the scenario's targets, from 0
+``shape``            as the key ``task2.body.shape``; a file is sought from the working folder
+``radius_m``         optional; empty keeps the size of the shape
+``metres_per_unit``  optional; empty stands for 1
+``materials``        optional; see `cislunar.photometry.materials.group_materials`
+===================  =========================================================================
+
+Other columns are ignored. Targets that are not in the table keep the body of the settings.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+
+from cislunar.errors import CislunarError, InputFileError
+from cislunar.exchange.csv_lines import listed, read_lines
+from cislunar.photometry.materials import Material, group_materials, material_rows
+from cislunar.photometry.mesh_files import load_mesh
+from cislunar.photometry.meshes import Mesh
+from cislunar.photometry.shapes import facets_from_triangles, icosahedron_mesh
+from cislunar.photometry.spacecraft import MODELS
+
+ICOSAHEDRON = "icosahedron"
+
+SMALLEST_M, LARGEST_M = 0.01, 200.0
+"""Radii of bodies, of equal area; a mesh beyond is in another unit."""
+
+
+@dataclass(frozen=True)
+class WantedBody:
+    """A body that is asked for.
+
+    Attributes
+    ----------
+    shape : str
+        ``icosahedron``, one of `cislunar.photometry.spacecraft.MODELS`, or a mesh file.
+    radius_m : float or None
+        The shape is scaled to the surface area of this sphere, m; None keeps its size.
+    metres_per_unit : float
+        Length of a mesh file's unit, m.
+    stretch : tuple of 3 float
+        Factors along the body axes, before it is scaled.
+    materials : str or None
+        See `cislunar.photometry.materials.group_materials`; None gives a model its own, and any
+        other shape the usual material all over.
+    source : str
+        Where it is asked for, for messages.
+    """
+
+    shape: str = ICOSAHEDRON
+    radius_m: float | None = 1.0
+    metres_per_unit: float = 1.0
+    stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    materials: str | None = None
+    source: str = "body"
+
+    def mesh(self) -> Mesh:
+        """Its mesh in its own size, checked; see `cislunar.photometry.mesh_files.load_mesh`."""
+        if self.shape == ICOSAHEDRON:
+            vertices, triangles = icosahedron_mesh()
+            return Mesh(ICOSAHEDRON, vertices, triangles, ("",) * len(triangles))
+        if self.shape in MODELS:
+            return MODELS[self.shape][0]()
+        return load_mesh(self.shape, metres_per_unit=self.metres_per_unit)
+
+    def surfaces(self, mesh: Mesh, usual: Material) -> dict[str, Material]:
+        """Material of each of its facet groups."""
+        if self.materials is not None:
+            return group_materials(self.source, self.materials, usual)
+        if self.shape in MODELS:
+            return MODELS[self.shape][1]
+        return dict.fromkeys(mesh.groups, usual)
+
+    def check(self, usual: Material) -> None:
+        """Refuse a body that cannot be made, before anything is run with it.
+
+        Parameters
+        ----------
+        usual : Material
+            As for `surfaces`.
+
+        Raises
+        ------
+        InputFileError
+            If the mesh is faulty, a facet has no material, or the size cannot be meant; the message
+            begins with the source.
+        """
+        try:
+            mesh = self.mesh()
+            material_rows(mesh.source, mesh.groups, self.surfaces(mesh, usual))
+        except CislunarError as error:
+            place = "" if str(error).startswith(self.source) else f"{self.source}: "
+            raise InputFileError(f"{place}{error}") from None
+        facets = facets_from_triangles(mesh.vertices, mesh.triangles)
+        radius = self.radius_m or facets.equivalent_radius
+        if not SMALLEST_M <= radius <= LARGEST_M:
+            raise InputFileError(
+                f"{self.source}: {self.shape} is as large as a sphere of {radius:.3g} m; "
+                f"{SMALLEST_M:g} to {LARGEST_M:g} m can be meant: correct metres_per_unit or "
+                "radius_m"
+            )
+
+
+def load_body_table(path: str | Path) -> dict[str, WantedBody]:
+    """Read a table of bodies.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    dict of str to WantedBody
+        By the targets' names or numbers.
+
+    Raises
+    ------
+    InputFileError
+        If the file is missing or empty, lacks a column, names a target twice, or a number is not
+        positive; the message names the file and the row as an editor numbers it.
+    """
+    lines = read_lines(path, "target")
+    header = [name.strip() for name in lines[0][1]] if lines else []
+    for column in ("target", "shape"):
+        if column not in header:
+            raise InputFileError(
+                f"{path}, row 1: no column {column}; the header has {listed(header)}"
+            )
+    found: dict[str, WantedBody] = {}
+    for number, fields in lines[1:]:
+        if not any(field.strip() for field in fields):
+            continue
+        place = f"{path}, row {number}"
+        if len(fields) != len(header):
+            raise InputFileError(
+                f"{place}: {len(fields)} fields where the header has {len(header)}"
+            )
+        row = {name: field.strip() for name, field in zip(header, fields, strict=True)}
+        if not row["target"] or row["target"] in found:
+            fault = "is in a row above" if row["target"] else "has no name"
+            raise InputFileError(f"{place}: the target {row['target']!r} {fault}")
+        found[row["target"]] = _body_of_row(place, row)
+    if not found:
+        raise InputFileError(f"{path}: holds no target; add a row per target")
+    return found
+
+
+def _body_of_row(place: str, row: dict[str, str]) -> WantedBody:
+    shape = row["shape"]
+    if not (shape in (ICOSAHEDRON, *MODELS) or Path(shape).suffix.lower() in (".obj", ".stl")):
+        raise InputFileError(
+            f"{place}: shape {shape!r} is none of {', '.join((ICOSAHEDRON, *MODELS))}, nor a file "
+            "ending in .obj or .stl"
+        )
+    sizes: dict[str, float | None] = {}
+    for column in ("radius_m", "metres_per_unit"):
+        text = row.get(column, "")
+        try:
+            value = float(text) if text else None
+        except ValueError:
+            value = 0.0
+        if value is not None and not (value > 0.0 and isfinite(value)):
+            raise InputFileError(f"{place}: {column} = {text!r} must be a number above 0")
+        sizes[column] = value
+    if shape == ICOSAHEDRON and sizes["radius_m"] is None:
+        raise InputFileError(f"{place}: an icosahedron has no size of its own; give radius_m")
+    return WantedBody(
+        shape,
+        sizes["radius_m"],
+        sizes["metres_per_unit"] or 1.0,
+        materials=row.get("materials") or None,
+        source=place,
+    )
+
+
+def bodies_of_targets(
+    usual: WantedBody, table: str | Path | None, names: Sequence[Sequence[str]]
+) -> list[WantedBody]:
+    """The body of each target.
+
+    Parameters
+    ----------
+    usual : WantedBody
+        Of a target that is not in the table.
+    table : str, Path or None
+        See `load_body_table`.
+    names : sequence of sequence of str
+        What each target may be called.
+
+    Returns
+    -------
+    list of WantedBody
+        One for each target.
+    """
+    known = {} if table is None else load_body_table(table)
+    return [next((known[name] for name in each if name in known), usual) for each in names]

@@ -1,0 +1,358 @@
+"""Apparent magnitudes of any body in a block of geometries at a time, with derivatives (compiled).
+
+A `cislunar.photometry.bodies.Body` that is convex, of one material and of the usual reflection law
+is left to `cislunar.photometry.facet_blocks`, bit by bit. Of any other the facets take their
+material from a table, count with the share of their area that is both lit and seen
+(`cislunar.photometry.shadows`), and may reflect by another law:
+
+    R_i = A_i / pi (N.L)(N.V) (d rho + s F0 / delta^2 cos^n(a)),   n = 1 / (2 delta^2),
+
+a the angle between the observer and the mirrored Sun: Lambert's law and Phong's, in the form that
+is the same with Sun and observer exchanged (Lafortune & Willems 1994). At its peak the lobe is as
+bright and as wide as that of the Cook-Torrance model with the same parameters.
+
+The share is piecewise linear in what the table is interpolated by, and so is what the derivatives
+are of: they are those of the magnitude that is returned, one-sided at the table's edges.
+"""
+
+import numpy as np
+from numba import njit
+
+from cislunar.attitude.quaternion import rotate_components
+from cislunar.photometry.facet_blocks import (
+    BLOCK_ROWS,
+    BY_HALF2,
+    BY_LIT,
+    BY_ODDS,
+    BY_REFLECTANCE,
+    BY_SEEN,
+    BY_SLOPE,
+    FREE,
+    INVERSE_HALF2,
+    LANES,
+    LIT,
+    MAGNITUDE,
+    OWN,
+    OWN_BY_LIT,
+    OWN_BY_SEEN,
+    OWN_IN_FULL,
+    QUATERNION,
+    RANGE,
+    SEEN,
+    SHINE,
+    SPECULAR,
+    SUN,
+    TOTAL,
+    TURN,
+    VIEW,
+    add_facet,
+    add_facet_and_slopes,
+    add_stretch,
+    block_magnitude_departures,
+    block_magnitude_gradients,
+    block_magnitudes,
+    cosines,
+    facet_glint,
+    known_shape,
+    magnitudes_of_totals,
+    turn_into_body,
+    turns_of_slopes,
+)
+from cislunar.photometry.facet_derivatives import (
+    ZERO,
+    facet_magnitude_derivatives,
+    fresnel_by_reflectance,
+    fresnel_slope,
+)
+from cislunar.photometry.facets import (
+    FLOOR_MAGNITUDE,
+    LN10,
+    facet_magnitude,
+    fresnel_reflectance,
+    reflection_constants,
+)
+from cislunar.photometry.shadows.blocks import (
+    add_edges,
+    find_corners,
+    gather,
+    resolve_edges,
+    settle,
+)
+
+OWN_SHINE = OWN
+"""Row of the specular part of a facet, until the whole of it takes its place."""
+
+# What is asked for besides the sums.
+_NOTHING, _TURNS, _PARTS = 0, 1, 2
+
+
+@njit(cache=True, error_model="numpy")
+def _specular_rows(b, count, materials, fresnel_sqrt, phong, wanted, rows):
+    """Factors of each material in each geometry, (material, 3, LANES), into `rows`.
+
+    That of the specular term, its logarithmic derivative by the odds of the normal reflectance,
+    and that by |L + V|^2 through the Fresnel factor.
+    """
+    for m in range(materials.shape[0]):
+        f0 = materials[m, 4]
+        for k in range(count):
+            half2 = 1.0 / b[INVERSE_HALF2, k]
+            if phong:
+                rows[m, 0, k] = materials[m, 1] * f0 / (materials[m, 3] * materials[m, 3])
+                rows[m, 1, k], rows[m, 2, k] = 1.0 - f0, 0.0
+                continue
+            rows[m, 0, k] = reflection_constants(materials[m], half2, fresnel_sqrt)[1]
+            rows[m, 1, k], rows[m, 2, k] = 0.0, 0.0
+            if wanted == _PARTS and f0 > 0.0:
+                half = np.sqrt(half2)
+                fresnel = fresnel_reflectance(0.5 * half, f0, fresnel_sqrt)
+                slope = fresnel_by_reflectance(0.5 * half, f0, fresnel_sqrt)
+                rows[m, 1, k] = slope / fresnel * f0 * (1.0 - f0)
+                # cosine |L + V| / 2, whose derivative by |L + V|^2 is 1 / (4 |L + V|)
+                rows[m, 2, k] = fresnel_slope(0.5 * half, f0, fresnel_sqrt) / fresnel * 0.25 / half
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _add_parts(b, count, whole, steepness, far):
+    """Add the specular part of a facet, and what it changes by with slope and |L + V|^2."""
+    for k in range(count):
+        inverse_half2 = b[INVERSE_HALF2, k]
+        glint, attenuation, secant2, _, lower = facet_glint(
+            b[LIT, k], b[SEEN, k], inverse_half2, b[SPECULAR, k], steepness, far
+        )
+        excess = (1.0 - secant2) * steepness
+        shine = whole * b[FREE, k] * glint * (attenuation if attenuation < 1.0 else 1.0)
+        shine = shine if lower > 0.0 else 0.0
+        power = (1.0 if attenuation < 1.0 else 2.0) + excess - steepness
+        b[OWN_SHINE, k] = shine
+        b[SHINE, k] += shine
+        b[BY_SLOPE, k] -= 2.0 * (1.0 + excess) * shine if lower > 0.0 else 0.0
+        b[BY_HALF2, k] += shine * power * inverse_half2 if lower > 0.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _add_odds(b, count, rows, specular_share):
+    """Add a facet's part in what depends on the odds of its material and on its Fresnel factor."""
+    for k in range(count):
+        shine, own = b[OWN_SHINE, k], b[OWN_IN_FULL, k] * b[FREE, k]
+        b[OWN, k] = own
+        b[BY_REFLECTANCE, k] += shine * rows[1, k]
+        b[BY_HALF2, k] += shine * rows[2, k]
+        b[BY_ODDS, k] += shine * (1.0 - specular_share) - (own - shine) * specular_share
+
+
+@njit(cache=True, error_model="numpy")
+def _add_phong(b, count, whole, nx, ny, nz, diffuse, exponent):
+    """As `facet_blocks.add_facet_and_slopes` for a shaded facet with its parts, by Phong's law."""
+    for k in range(count):
+        lit, seen = b[LIT, k], b[SEEN, k]
+        if not (lit > 0.0 and seen > 0.0):
+            for row in (OWN_BY_LIT, OWN_BY_SEEN, OWN_SHINE, OWN_IN_FULL):
+                b[row, k] = 0.0
+            continue
+        area, both = whole * b[FREE, k], lit * seen
+        mirrored = 2.0 * both + 1.0 - 0.5 / b[INVERSE_HALF2, k]  # cos a = 2 (N.L)(N.V) - L.V
+        lobe, slope, log = 0.0, 0.0, 0.0
+        if mirrored > 0.0:
+            lobe = b[SPECULAR, k] * mirrored**exponent
+            slope, log = exponent * lobe / mirrored, np.log(mirrored)
+        shine, brightness = area * lobe * both, diffuse + lobe + 2.0 * both * slope
+        b[OWN_IN_FULL, k] = whole * both * (diffuse + lobe)
+        b[OWN_SHINE, k] = shine
+        by_lit, by_seen = area * seen * brightness, area * lit * brightness
+        b[OWN_BY_LIT, k], b[OWN_BY_SEEN, k] = by_lit, by_seen
+        b[TOTAL, k] += area * both * (diffuse + lobe)
+        b[SHINE, k] += shine
+        b[BY_SLOPE, k] -= 2.0 * shine * (1.0 + exponent * log)
+        b[BY_HALF2, k] -= 0.5 * area * both * slope
+        b[BY_LIT, k], b[BY_SEEN, k] = b[BY_LIT, k] + by_lit * nx, b[BY_SEEN, k] + by_seen * nx
+        b[BY_LIT + 1, k] += by_lit * ny
+        b[BY_LIT + 2, k] += by_lit * nz
+        b[BY_SEEN + 1, k] += by_seen * ny
+        b[BY_SEEN + 2, k] += by_seen * nz
+
+
+@njit(cache=True, error_model="numpy")
+def _sum_body(block, shares, stretched, count, body, fresnel_sqrt, wanted):
+    """Sums over the facets of a body that is not plain; see `body_magnitude_departures`."""
+    b = known_shape(block)
+    areas, normals, rows, column = body.areas, body.normals, body.rows, body.shadows.column
+    materials, shadows, lengths, phong = body.materials, body.shadows, body.lengths, body.phong
+    turn_into_body(b, count, materials[0], fresnel_sqrt)
+    specular = np.empty((materials.shape[0], 3, LANES))
+    _specular_rows(b, count, materials, fresnel_sqrt, phong, wanted, specular)
+    sight = find_corners(b, count, lengths, shadows.steps)
+    settled = shadows.settled
+    b[TOTAL, :count] = 0.0
+    if wanted != _NOTHING:
+        b[BY_LIT : BY_REFLECTANCE + 2, :count] = 0.0
+        shares[:, :count] = 0.0
+    last, left, word, shaded = -1, 0, -1, True
+    diffuse, steepness, far, specular_share = 0.0, 0.0, 0.0, 0.0
+    for i in range(areas.shape[0]):
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        if cosines(b, count, nx, ny, nz) == 0:
+            continue
+        left = 0
+        if column[i] >= 0:
+            shaded = True
+            if column[i] // 64 != word:
+                word = column[i] // 64
+                gather(count, word, sight, settled)
+            left = settle(b, count, np.uint64(1) << np.uint64(column[i] % 64), sight)
+            if left < 0:
+                continue
+            if left > 0:
+                slopes = wanted != _NOTHING
+                resolve_edges(b, left, column[i], shadows, lengths, sight, slopes)
+        elif shaded:
+            shaded = False
+            b[FREE, :count] = 1.0
+        if rows[i] != last:
+            last = rows[i]
+            diffuse, _, steepness, far = reflection_constants(materials[last], 1.0, True)
+            b[SPECULAR, :count] = specular[last, 0, :count]
+            weights = materials[last, 0] + materials[last, 1]
+            specular_share = materials[last, 1] / weights if weights > 0.0 else 0.0
+        if phong:
+            _add_phong(b, count, areas[i], nx, ny, nz, diffuse, 0.5 * steepness)
+        elif wanted == _NOTHING:
+            add_facet(b, count, areas[i], diffuse, steepness, far, True)
+        else:
+            add_facet_and_slopes(
+                b, count, areas[i], nx, ny, nz, diffuse, steepness, far, False, True
+            )
+        if wanted == _NOTHING:
+            continue
+        if wanted == _PARTS:
+            if not phong:
+                _add_parts(b, count, areas[i], steepness, far)
+            _add_odds(b, count, specular[last], specular_share)
+            if stretched:
+                add_stretch(b, count, nx, ny, nz)
+            if i < shares.shape[0]:
+                for k in range(count):
+                    shares[i, k] = b[OWN, k]
+        add_edges(b, left, sight, wanted == _PARTS and stretched)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _sums(block, shares, stretched, count, body, fresnel_sqrt, wanted):
+    """`_sum_body`, compiled once and not anew for each constant that it is called with."""
+    given = body, fresnel_sqrt, np.int64(wanted)
+    _sum_body(block, shares, np.bool_(stretched), np.int64(count), *given)
+
+
+@njit(cache=True, error_model="numpy")
+def body_magnitudes(block, count, body, irradiance_4pi, fresnel_sqrt):
+    """Apparent magnitudes of a block's first `count` geometries, into its row `MAGNITUDE`.
+
+    As `cislunar.photometry.facet_blocks.block_magnitudes`, of any `Body`.
+    """
+    if not body.rough:
+        block_magnitudes(
+            block, count, body.areas, body.normals, body.materials[0], irradiance_4pi, fresnel_sqrt
+        )
+        return
+    _sums(block, np.empty((0, LANES)), False, count, body, fresnel_sqrt, _NOTHING)
+    magnitudes_of_totals(known_shape(block), count, irradiance_4pi)
+
+
+@njit(cache=True, error_model="numpy")
+def body_magnitude_gradients(block, count, body, irradiance_4pi, fresnel_sqrt):
+    """Magnitudes and their derivatives by a small turn of the body, mag/rad, in the body frame.
+
+    As `cislunar.photometry.facet_blocks.block_magnitude_gradients`, of any `Body`.
+    """
+    if not body.rough:
+        block_magnitude_gradients(
+            block, count, body.areas, body.normals, body.materials[0], irradiance_4pi, fresnel_sqrt
+        )
+        return
+    _sums(block, np.empty((0, LANES)), False, count, body, fresnel_sqrt, _TURNS)
+    b = known_shape(block)
+    magnitudes_of_totals(b, count, irradiance_4pi)
+    turns_of_slopes(b, count)
+
+
+@njit(cache=True, error_model="numpy")
+def body_magnitude_departures(block, shares, stretched, count, body, irradiance_4pi, fresnel_sqrt):
+    """As `body_magnitude_gradients`, with what derivatives by material and shape are made of.
+
+    As `cislunar.photometry.facet_blocks.block_magnitude_departures`, of any `Body`; of one that is
+    not plain the derivatives by odds (`BY_REFLECTANCE`, `BY_ODDS`) are summed too.
+    """
+    if not body.rough:
+        block_magnitude_departures(
+            block, shares, stretched, count, body.areas, body.normals, body.materials[0],
+            irradiance_4pi, fresnel_sqrt,
+        )  # fmt: skip
+        return
+    _sums(block, shares, stretched, count, body, fresnel_sqrt, _PARTS)
+    b = known_shape(block)
+    magnitudes_of_totals(b, count, irradiance_4pi)
+    turns_of_slopes(b, count)
+
+
+@njit(cache=True, error_model="numpy")
+def one_geometry(quaternion, sun_direction, view_direction, range_m):
+    """A block whose first column holds a geometry."""
+    block = np.empty((BLOCK_ROWS, LANES))
+    for c in range(4):
+        block[QUATERNION + c, 0] = quaternion[c]
+    for c in range(3):
+        block[SUN + c, 0], block[VIEW + c, 0] = sun_direction[c], view_direction[c]
+    block[RANGE, 0] = range_m
+    return block
+
+
+@njit(cache=True, error_model="numpy")
+def body_magnitude(
+    quaternion, sun_direction, view_direction, range_m, body, irradiance_4pi, fresnel_sqrt
+):
+    """Apparent magnitude in one geometry, see `cislunar.photometry.facets.facet_magnitude`."""
+    geometry = quaternion, sun_direction, view_direction, range_m
+    if not body.rough:
+        return facet_magnitude(
+            *geometry, body.areas, body.normals, body.materials[0], irradiance_4pi, fresnel_sqrt
+        )
+    block = one_geometry(*geometry)
+    body_magnitudes(block, np.int64(1), body, irradiance_4pi, fresnel_sqrt)
+    return block[MAGNITUDE, 0]
+
+
+@njit(cache=True, error_model="numpy")
+def body_magnitude_derivatives(
+    quaternion, sun_direction, view_direction, range_m, body, irradiance_4pi, fresnel_sqrt
+):
+    """Magnitude with its derivatives by attitude, directions and range.
+
+    As `cislunar.photometry.facet_derivatives.facet_magnitude_derivatives`, of any `Body`.
+    """
+    geometry = quaternion, sun_direction, view_direction, range_m
+    if not body.rough:
+        return facet_magnitude_derivatives(
+            *geometry, body.areas, body.normals, body.materials[0], irradiance_4pi, fresnel_sqrt
+        )
+    b = one_geometry(*geometry)
+    body_magnitude_departures(
+        b, np.empty((0, LANES)), np.bool_(False), np.int64(1), body, irradiance_4pi, fresnel_sqrt
+    )
+    if not b[MAGNITUDE, 0] < FLOOR_MAGNITUDE:
+        return FLOOR_MAGNITUDE, ZERO, ZERO, ZERO, 0.0
+    scale = -2.5 / (LN10 * b[TOTAL, 0])
+    q1, q2, q3, q4 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    ax, ay, az = rotate_components(
+        -q1, -q2, -q3, q4, b[BY_LIT, 0], b[BY_LIT + 1, 0], b[BY_LIT + 2, 0]
+    )
+    bx, by, bz = rotate_components(
+        -q1, -q2, -q3, q4, b[BY_SEEN, 0], b[BY_SEEN + 1, 0], b[BY_SEEN + 2, 0]
+    )
+    common = 2.0 * b[BY_HALF2, 0]
+    hx = common * (sun_direction[0] + view_direction[0])
+    hy = common * (sun_direction[1] + view_direction[1])
+    hz = common * (sun_direction[2] + view_direction[2])
+    turn = b[TURN, 0], b[TURN + 1, 0], b[TURN + 2, 0]
+    by_sun = scale * (ax + hx), scale * (ay + hy), scale * (az + hz)
+    by_view = scale * (bx + hx), scale * (by + hy), scale * (bz + hz)
+    return b[MAGNITUDE, 0], turn, by_sun, by_view, 5.0 / LN10
