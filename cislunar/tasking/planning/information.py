@@ -105,6 +105,7 @@ class _Belief(NamedTuple):
 
 
 def belief_of(model: TaskingModel, sensor: Sensor) -> _Belief:
+    """What kernels of tasking need of sensor and model."""
     limits = sensor.limits()
     faintness = faintness_per_squared_range(
         sensor.limiting_magnitude,
