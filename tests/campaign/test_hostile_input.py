@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 import yaml
 from campaign_folder import read_campaign
-from cislunar.photometry.body_filess import load_shape
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
@@ -33,6 +32,7 @@ from cislunar.figures.tracking.choice import (
     target_count_cells,
     tasking_variants,
 )
+from cislunar.photometry.mesh_files import load_shape
 from cislunar.targets.missions import load_missions
 
 ROOT = Path(__file__).resolve().parents[2]
