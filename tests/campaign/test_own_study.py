@@ -14,7 +14,13 @@ from campaign_folder import ROOT, copy_workflow, read_campaign, snakemake, with_
 
 from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.data.own_targets import own_static_dataset, own_tracked_dataset
-from cislunar.campaign.settings.cells import campaign_cells, cell_settings, variant_cells
+from cislunar.campaign.settings.cells import (
+    RECOMMENDED,
+    campaign_cells,
+    cell_settings,
+    in_mode,
+    variant_cells,
+)
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import sweep_points, swept_cells, with_families
 from cislunar.campaign.settings.preflight import check_inputs, check_orbits
@@ -422,6 +428,8 @@ def test_values_of_several_keys_go_by_their_names(paper, tmp_path):
     own = scenario_settings(with_families(study), "A")["task2"]
     changed = cell_settings(own, "recommended")["tasking"]
     usual = cell_settings(own, "as-in-the-paper")
+    longer = {**RECOMMENDED, "slot_minutes": 30}
+    assert in_mode({"mode": "recommended", "slot_minutes": 30}) == longer
     assert usual == cell_settings(own) and changed != usual["tasking"]
     assert changed["slot_minutes"] == changed["credited_measurements"] == 20
     table = sweep_rows("tasking", study["sweeps"]["tasking"], points, [], _summary(cells))

@@ -60,6 +60,10 @@ class Detection(Section):
 
 
 class Tasking(Section):
+    mode: Literal["paper", "recommended"] = setting(
+        "`recommended`: of the keys below, `detection` is `learned`, `slot_minutes` 20 and "
+        "`credited_measurements` 20, unless they are set otherwise (docs/tasking.md)",
+        paper="paper", default="paper")
     method: Literal["exact", "tpe", "tpe-compiled", "greedy", "random"] = setting(
         "assignment of observers: `exact` (linear assignment, optimal), `tpe` (the paper's, by "
         "Hyperopt), `tpe-compiled` (the same algorithm, compiled), `greedy`, `random`", paper="tpe")

@@ -75,8 +75,23 @@ def cell_settings(task2: Mapping[str, Any], variant: str = "") -> dict[str, Any]
     return _without_nothing(merged(base, variants[variant]["change"]))
 
 
+RECOMMENDED = {"detection": "learned", "slot_minutes": 20, "credited_measurements": 20}
+"""What the recommended mode of `task2.tasking` sets."""
+
+
+def in_mode(tasking: Mapping[str, Any]) -> dict[str, Any]:
+    """The section `tasking` as its mode has it, and without the mode."""
+    said = {key: value for key, value in tasking.items() if key != "mode"}
+    if tasking.get("mode") != "recommended":
+        return said
+    usual = {key: Tasking.model_fields[key].default for key in RECOMMENDED}
+    left = {key: v for key, v in RECOMMENDED.items() if said.get(key, usual[key]) == usual[key]}
+    return {**said, **left}
+
+
 def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings that keep what is usual do not say so: the file is the same as without the key."""
+    settings = {**settings, "tasking": in_mode(settings["tasking"])}
     fields = CellSettings.model_fields
     usual = {key: fields[key].default for key in ("start_day", "histories", "record", "eclipse")}
     usual["dynamics"] = Dynamics().model_dump()

@@ -16,6 +16,7 @@ from cislunar.campaign.settings.cells import (
     cell_settings,
     check_cell,
     has_architecture,
+    in_mode,
     is_multiple,
     true_settings,
     variant_place,
@@ -182,6 +183,7 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
 
 def _check_schedule(place: str, tasking: Mapping[str, Any], step: float) -> None:
     """Slots of a tasking interval, and what cannot be had with them."""
+    tasking = in_mode(tasking)
     minutes = tasking.get("slot_minutes")
     if minutes is not None and not is_multiple(60.0 * minutes, step):
         raise ConfigurationError(
