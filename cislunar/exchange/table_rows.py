@@ -44,15 +44,19 @@ BODIES = (("Earth", -MU, EARTH_RADIUS_KM), ("Moon", 1.0 - MU, MOON_RADIUS_KM))
 """Name, place on the x axis (nondimensional) and radius (km)."""
 
 
-def named_rows(path: str | Path, what: str) -> tuple[list[str], list[tuple[str, Row]]]:
+def named_rows(
+    path: str | Path, what: str, key: str = "id"
+) -> tuple[list[str], list[tuple[str, Row]]]:
     """Header of a table, and its rows with their place as it is named in messages.
 
     Parameters
     ----------
     path : str or Path
-        Comma-separated table in UTF-8, with a column ``id``.
+        Comma-separated table in UTF-8.
     what : str
         What a row holds, for messages.
+    key : str
+        Column that names a row.
 
     Returns
     -------
@@ -63,7 +67,8 @@ def named_rows(path: str | Path, what: str) -> tuple[list[str], list[tuple[str, 
     Raises
     ------
     InputFileError
-        If the file is missing or empty, a column occurs twice, or a row has too few fields.
+        If the file is missing or empty, a column occurs twice, that of the names is not there, or
+        a row has too few fields.
     """
     lines = read_lines(path, what)
     header = [name.strip() for name in lines[0][1]] if lines else []
@@ -81,9 +86,9 @@ def named_rows(path: str | Path, what: str) -> tuple[list[str], list[tuple[str, 
                 "row, and quote fields that contain commas"
             )
         row = {name: field.strip() for name, field in zip(header, fields, strict=True)}
-        rows.append((f"{place}, {what} {row['id']!r}" if row.get("id") else place, row))
-    if "id" not in header:
-        raise InputFileError(f"{path}, row 1: no column id; the header has {listed(header)}")
+        rows.append((f"{place}, {what} {row[key]!r}" if row.get(key) else place, row))
+    if key not in header:
+        raise InputFileError(f"{path}, row 1: no column {key}; the header has {listed(header)}")
     if not rows:
         raise InputFileError(f"{path}: holds no {what}; add a row per {what}")
     return header, rows
@@ -112,18 +117,19 @@ def quantity_columns(
     )
 
 
-def row_names(rows: list[tuple[str, Row]], what: str) -> list[str]:
+def row_names(rows: list[tuple[str, Row]], what: str, key: str = "id") -> list[str]:
     """Names of the rows, each of which must be given and occur once."""
     first: dict[str, str] = {}
     for place, row in rows:
-        if not row["id"]:
-            raise InputFileError(f"{place}: the {what} has no id; give it one")
-        if row["id"] in first:
-            earlier = first[row["id"]].removesuffix(f", {what} {row['id']!r}").rpartition(", ")[2]
+        name = row[key]
+        if not name:
+            raise InputFileError(f"{place}: the {what} has no {key}; give it one")
+        if name in first:
+            earlier = first[name].removesuffix(f", {what} {name!r}").rpartition(", ")[2]
             raise InputFileError(
-                f"{place}: the id is taken already in {earlier}; give every {what} an id of its own"
+                f"{place}: the {key} is taken already in {earlier}; give every {what} its own"
             )
-        first[row["id"]] = place
+        first[name] = place
     return list(first)
 
 

@@ -21,7 +21,8 @@ from math import isfinite
 from pathlib import Path
 
 from cislunar.errors import CislunarError, InputFileError
-from cislunar.exchange.csv_lines import listed, read_lines
+from cislunar.exchange.csv_lines import listed
+from cislunar.exchange.table_rows import named_rows, row_names
 from cislunar.photometry.materials import Material, group_materials, material_rows
 from cislunar.photometry.mesh_files import load_mesh
 from cislunar.photometry.meshes import Mesh
@@ -125,33 +126,14 @@ def load_body_table(path: str | Path) -> dict[str, WantedBody]:
     Raises
     ------
     InputFileError
-        If the file is missing or empty, lacks a column, names a target twice, or a number is not
-        positive; the message names the file and the row as an editor numbers it.
+        If the table is faulty, lacks a column, names a target twice, or a number is not positive;
+        the message names the file and the row as an editor numbers it.
     """
-    lines = read_lines(path, "target")
-    header = [name.strip() for name in lines[0][1]] if lines else []
-    for column in ("target", "shape"):
-        if column not in header:
-            raise InputFileError(
-                f"{path}, row 1: no column {column}; the header has {listed(header)}"
-            )
-    found: dict[str, WantedBody] = {}
-    for number, fields in lines[1:]:
-        if not any(field.strip() for field in fields):
-            continue
-        place = f"{path}, row {number}"
-        if len(fields) != len(header):
-            raise InputFileError(
-                f"{place}: {len(fields)} fields where the header has {len(header)}"
-            )
-        row = {name: field.strip() for name, field in zip(header, fields, strict=True)}
-        if not row["target"] or row["target"] in found:
-            fault = "is in a row above" if row["target"] else "has no name"
-            raise InputFileError(f"{place}: the target {row['target']!r} {fault}")
-        found[row["target"]] = _body_of_row(place, row)
-    if not found:
-        raise InputFileError(f"{path}: holds no target; add a row per target")
-    return found
+    header, rows = named_rows(path, "target", "target")
+    if "shape" not in header:
+        raise InputFileError(f"{path}, row 1: no column shape; the header has {listed(header)}")
+    names = row_names(rows, "target", "target")
+    return {name: _body_of_row(*each) for name, each in zip(names, rows, strict=True)}
 
 
 def _body_of_row(place: str, row: dict[str, str]) -> WantedBody:

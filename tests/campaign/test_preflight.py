@@ -121,20 +121,29 @@ usemtl tank\nf 1 3 2\nf 1 2 4\nf 1 4 3\nusemtl nozzle\nf 2 3 4
 """
 
 
+OWN = "row 2, target '0'"
+
+
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        ("0,{mesh},,tank=foil", r"row 2: .*facet 4, of group 'nozzle', has no material"),
-        ("0,{open},,", r"row 2: .*open.obj: 3 facets cannot close a body"),
-        ("0,{inverted},,", r"row 2: .*facet 1 and all others face inward"),
-        ("0,icosahedron,-1,", r"row 2: radius_m = '-1' must be a number above 0"),
-        ("0,icosahedron,,", r"row 2: an icosahedron has no size"),
-        ("0,teapot,1,", r"row 2: shape 'teapot' is none of"),
-        ("0,{mesh},1000,", r"row 2: .*as large as a sphere of 1e\+03 m"),
-        ("0,{mesh},1,tank=gold; nozzle=foil", r"row 2: material 'gold' of group 'tank' is none of"),
-        ("0,{mesh},1,tank=1 1 2 1 0; nozzle=foil", r"row 2: material diffuse_albedo = 2"),
-        ("GATEWAY,icosahedron,1,", r"row 2: target 'GATEWAY' is none of scenario A, .* 0 to 201"),
-        ("0,icosahedron,1,\n0,icosahedron,1,", r"row 3: the target '0' is in a row above"),
+        ("0,{mesh},,tank=foil", rf"{OWN}: .*facet 4, of group 'nozzle', has no material"),
+        ("0,{open},,", rf"{OWN}: .*open.obj: 3 facets cannot close a body"),
+        ("0,{inverted},,", rf"{OWN}: .*facet 1 and all others face inward"),
+        ("0,icosahedron,-1,", rf"{OWN}: radius_m = '-1' must be a number above 0"),
+        ("0,icosahedron,,", rf"{OWN}: an icosahedron has no size"),
+        ("0,teapot,1,", rf"{OWN}: shape 'teapot' is none of"),
+        ("0,{mesh},1000,", rf"{OWN}: .*as large as a sphere of 1e\+03 m"),
+        (
+            "0,{mesh},1,tank=gold; nozzle=foil",
+            rf"{OWN}: material 'gold' of group 'tank' is none of",
+        ),
+        ("0,{mesh},1,tank=1 1 2 1 0; nozzle=foil", rf"{OWN}: material diffuse_albedo = 2"),
+        ("GATEWAY,icosahedron,1,", r"row 2, target 'GATEWAY': is none of scenario A, .* 0 to 201"),
+        (
+            "0,icosahedron,1,\n0,icosahedron,1,",
+            r"row 3, target '0': the target is taken already in row 2",
+        ),
         ("0,icosahedron", r"row 2: 2 fields where the header has 4"),
     ],
 )

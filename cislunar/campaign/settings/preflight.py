@@ -188,7 +188,7 @@ def _check_table(
         body.check(usual)
         if scenario in config["scenarios"] and target not in tracked_names(config, scenario):
             raise ConfigurationError(
-                f"{body.source}: target {target!r} is none of scenario {scenario}, whose targets "
+                f"{body.source}: is none of scenario {scenario}, whose targets "
                 f"are numbered from 0 to {tracked_count(config, scenario) - 1} (configuration key "
                 f"'{key}')"
             )
