@@ -155,8 +155,9 @@ def _assigned(
     known = scene, surfaces, settings.sensor, settings.tasking
     n_pairs = scene.observer_position.shape[0] * prediction.translation.shape[0]
     pairs = margin = lit = None
-    if settings.eclipse:
+    if settings.eclipse or detection is not None:
         margin = sphere_margins(prediction, scene, settings.sensor, settings.tasking)
+    if settings.eclipse:
         margin -= dimming_at(prediction, scene)
         lit = margin > (0.0 if detection is None else -np.inf)
     few = settings.keep_information or lit is not None
@@ -166,8 +167,6 @@ def _assigned(
     else:
         worth = pairs = pair_information(prediction, *known, wanted=lit)
         if detection is not None:
-            if margin is None:
-                margin = sphere_margins(prediction, scene, settings.sensor, settings.tasking)
             worth = detection.worth(pairs, margin)
         tasking = assign(
             worth,

@@ -138,7 +138,7 @@ def observable(observer, place, sun, primaries, belief):
 
 
 @njit(cache=True, error_model="numpy")
-def direction_sigma(cross, even, noise_variance, declination):
+def _direction_sigma(cross, even, noise_variance, declination):
     """Largest standard deviation of the predicted direction on the sky, rad."""
     scale = np.cos(declination)
     a = even[0, 0] - noise_variance[0]
@@ -151,6 +151,24 @@ def direction_sigma(cross, even, noise_variance, declination):
     a *= scale * scale
     b *= scale
     return np.sqrt(0.5 * (a + c) + np.sqrt(0.25 * (a - c) ** 2 + b * b))
+
+
+@njit(cache=True, error_model="numpy")
+def expect_look(points, observer, sky, belief, expected, shift, cross, even):
+    """Moments U and S of the directions of a look into `cross` and `even`, if it can be made.
+
+    It can if the first of the sigma points `points` (6, n) is `observable` from `observer` and,
+    where that is asked, the direction is known well enough to be found. `sky` are the axes of
+    right ascension and declination, the place of the Sun, and those of Earth and Moon.
+    """
+    axes, sun, primaries = sky
+    if not observable(observer, points[:3, 0], sun, primaries, belief):
+        return False
+    noise_variance = belief.variance[1:]
+    _, declination = expected_directions(points, observer, axes, expected)
+    innovation_moments(expected, noise_variance, belief.six, shift, cross, even)
+    sigma = _direction_sigma(cross, even, noise_variance, declination)
+    return not belief.gate or sigma <= belief.limits.half_field
 
 
 @njit(cache=True, error_model="numpy")
@@ -193,20 +211,16 @@ def _fill(prediction, joint, scene, surfaces, belief, wanted, out):
     all_cross, all_even = np.empty((12, 3)), np.empty((3, 3))
     block = np.empty((BLOCK_ROWS, LANES))
     sun, axes, variance = scene.sun_position[index], scene.observer_axes[index], belief.variance
-    primaries = scene.primaries[index]
+    sky = axes, sun, scene.primaries[index]
     for o in range(out.shape[0]):
         observer = scene.observer_position[o, index]
         for j in range(n_targets):
             if not wanted[o, j]:
                 continue
             out[o, j] = 0.0
-            place = translation[j]
-            if not usable[j] or not observable(observer, place, sun, primaries, belief):
+            if not usable[j]:
                 continue
-            _, declination = expected_directions(points[j], observer, axes, expected)
-            innovation_moments(expected, variance[1:], belief.six, shift, cross, even)
-            sigma = direction_sigma(cross, even, variance[1:], declination)
-            if belief.gate and not sigma <= belief.limits.half_field:
+            if not expect_look(points[j], observer, sky, belief, expected, shift, cross, even):
                 continue
             if belief.full:
                 expected_measurements(

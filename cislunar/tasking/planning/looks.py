@@ -26,9 +26,8 @@ from cislunar.dynamics.bundle import step_bundle
 from cislunar.dynamics.forces import of_state
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.estimation.estimator import Prediction
-from cislunar.estimation.expected import expected_directions
 from cislunar.estimation.triangular import cholesky, solve_lower
-from cislunar.estimation.unscented import innovation_moments, sigma_points
+from cislunar.estimation.unscented import sigma_points
 from cislunar.observation.eclipse import dimming
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensor
@@ -36,8 +35,7 @@ from cislunar.tasking.planning.detection import sphere_magnitudes
 from cislunar.tasking.planning.information import (
     TaskingModel,
     belief_of,
-    direction_sigma,
-    observable,
+    expect_look,
 )
 
 Array = NDArray[np.float64]
@@ -90,21 +88,14 @@ def _factors(index, points, scene, belief, out):
     """Factors (observer, target, 6, 2) of looks at a time, from sigma points (target, 6, 13)."""
     expected, shift = np.empty((2 * SIZE, 2)), np.empty(2)
     cross, even = np.empty((SIZE, 2)), np.empty((2, 2))
-    sun, axes, variance = scene.sun_position[index], scene.observer_axes[index], belief.variance
-    primaries = scene.primaries[index]
+    sky = scene.observer_axes[index], scene.sun_position[index], scene.primaries[index]
     for o in range(out.shape[0]):
         observer = scene.observer_position[o, index]
         for j in range(points.shape[0]):
             out[o, j, :, :] = 0.0
-            place = points[j, :3, 0]
             if not np.isfinite(np.sum(points[j])):
                 continue
-            if not observable(observer, place, sun, primaries, belief):
-                continue
-            _, declination = expected_directions(points[j], observer, axes, expected)
-            innovation_moments(expected, variance[1:], belief.six, shift, cross, even)
-            sigma = direction_sigma(cross, even, variance[1:], declination)
-            if belief.gate and not sigma <= belief.limits.half_field:
+            if not expect_look(points[j], observer, sky, belief, expected, shift, cross, even):
                 continue
             if not cholesky(even):
                 continue
