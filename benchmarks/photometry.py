@@ -25,8 +25,6 @@ from cislunar.photometry.facet_blocks import (
     RANGE,
     SUN,
     VIEW,
-    block_magnitude_gradients,
-    block_magnitudes,
 )
 from cislunar.photometry.facet_derivatives import facet_magnitude_derivatives
 from cislunar.photometry.facets import (
@@ -82,26 +80,7 @@ def compiled_derivatives(quaternion, sun, view, areas, normals, material, out):
 
 
 @njit
-def blocked(quaternion, sun, view, areas, normals, material, with_gradient, out):
-    """`block_magnitudes`, or `block_magnitude_gradients`, of n geometries, filled in as well."""
-    block = np.empty((BLOCK_ROWS, LANES))
-    block[RANGE] = RANGE_M
-    for first in range(0, out.shape[0], LANES):
-        count = min(LANES, out.shape[0] - first)
-        for k in range(count):
-            for c in range(4):
-                block[c, k] = quaternion[first + k, c]
-            for c in range(3):
-                block[SUN + c, k], block[VIEW + c, k] = sun[first + k, c], view[first + k, c]
-        if with_gradient:
-            block_magnitude_gradients(block, count, areas, normals, material, True, True)
-        else:
-            block_magnitudes(block, count, areas, normals, material, True, True)
-        out[first : first + count] = block[MAGNITUDE, :count]
-
-
-@njit
-def blocked_bodies(quaternion, sun, view, body, with_gradient, out):
+def blocked(quaternion, sun, view, body, with_gradient, out):
     """`body_magnitudes`, or `body_magnitude_gradients`, of n geometries, filled in as well."""
     block = np.empty((BLOCK_ROWS, LANES))
     block[RANGE] = RANGE_M
@@ -136,7 +115,7 @@ def compare_bodies(quaternion, sun, view, repeats: int) -> None:
                 for _ in range(repeats):
                     for number, each in enumerate((plain, body)):
                         task = (*geometry, each, gradient, out)
-                        taken = best_time(lambda t=task: blocked_bodies(*t), 1)
+                        taken = best_time(lambda t=task: blocked(*t), 1)
                         best[number] = min(best[number], taken)
                 convex, shadowed = (1e6 * taken / n for taken in best)
                 print(
@@ -164,9 +143,11 @@ def main() -> None:
         facets = icosphere(subdivisions)
         out, out_of_blocks = np.empty(n), np.empty(n)
         shape = (facets.areas, facets.normals, material.as_array())
+        body = plain_body(facets, material)
         inputs = (quaternion, sun, view, *shape)
+        in_blocks = (quaternion, sun, view, body)
         compiled_magnitudes(*inputs, out)
-        blocked(*inputs, False, out_of_blocks)
+        blocked(*in_blocks, False, out_of_blocks)
         np.testing.assert_allclose(out_of_blocks, out, atol=1e-11, rtol=0.0)
         np.testing.assert_allclose(
             out, numpy_magnitude(quaternion, sun, view, facets, material), rtol=1e-12
@@ -174,9 +155,9 @@ def main() -> None:
         few = range(min(n, 200))
         tasks = {
             "one by one": (lambda i=inputs, o=out: compiled_magnitudes(*i, o), n),
-            "blocks": (lambda i=inputs, o=out: blocked(*i, False, o), n),
+            "blocks": (lambda i=in_blocks, o=out: blocked(*i, False, o), n),
             "derivatives one by one": (lambda i=inputs, o=out: compiled_derivatives(*i, o), n),
-            "gradient in blocks": (lambda i=inputs, o=out: blocked(*i, True, o), n),
+            "gradient in blocks": (lambda i=in_blocks, o=out: blocked(*i, True, o), n),
             "NumPy one by one": (
                 lambda f=facets, k=few: [
                     numpy_magnitude(quaternion[i], sun[i], view[i], f, material) for i in k
@@ -185,9 +166,14 @@ def main() -> None:
             ),
             "NumPy": (lambda f=facets: numpy_magnitude(quaternion, sun, view, f, material), n),
         }
-        for name, kernel in (("one by one", compiled_magnitudes), ("blocks", blocked)):
-            given = (tumble, *still, *shape, *(() if name == "one by one" else (False,)), out)
-            tasks[f"tumble {name}"] = (lambda k=kernel, g=given: k(*g), n)
+        for name, kernel, given in (
+            ("one by one", compiled_magnitudes, shape),
+            ("blocks", blocked, (body, False)),
+        ):
+            tasks[f"tumble {name}"] = (
+                lambda k=kernel, g=given, o=out: k(tumble, *still, *g, o),
+                n,
+            )
         us = {
             name: 1e6 * best_time(task, arguments.repeats if count == n else 3) / count
             for name, (task, count) in tasks.items()

@@ -36,7 +36,7 @@ from cislunar.photometry.facets import apparent_magnitude, broadcast_geometries
 from cislunar.photometry.materials import Material, PhotometryModel, material_rows
 from cislunar.photometry.meshes import Mesh
 from cislunar.photometry.shadows.table import STEPS, Shadows, no_shadows, shadow_table
-from cislunar.photometry.shapes import Facets, facets_from_triangles, scale_to_sphere
+from cislunar.photometry.shapes import Facets, facets_from_triangles
 
 Array = NDArray[np.float64]
 
@@ -138,29 +138,6 @@ def build_body(
     shadows = shadow_table(mesh, steps) if shadows is None else shadows
     rough = shadows.steps > 0 or len(table) > 1
     return Body(facets.areas, facets.normals, rows, table, shadows, np.ones(3), rough)
-
-
-def scale_body(body: Body, radius_m: float) -> Body:
-    """The same body, scaled to the surface area 4 pi R^2 of a sphere.
-
-    Parameters
-    ----------
-    body : Body
-        Any.
-    radius_m : float
-        R, m.
-
-    Returns
-    -------
-    Body
-        With the same table of shadows, which know no size.
-
-    Raises
-    ------
-    ConfigurationError
-        If the radius is not positive.
-    """
-    return body._replace(areas=scale_to_sphere(body.facets, radius_m).areas)
 
 
 def apparent_body_magnitude(

@@ -20,7 +20,6 @@ from cislunar.photometry.bodies import (
     apparent_body_magnitude,
     build_body,
     plain_body,
-    scale_body,
 )
 from cislunar.photometry.body_blocks import (
     body_magnitude,
@@ -436,7 +435,7 @@ def test_other_law_of_reflection_against_its_formula():
 def test_targets_with_bodies_of_their_own(bodies):
     """Tables in one: each target is as bright as its body alone, and a body is kept once."""
     dish, stage = bodies["dish_on_bus"], bodies["upper_stage"]
-    shapes = [dish, icosahedron(2.0), stage, scale_body(dish, 3.0)]
+    shapes = [dish, icosahedron(2.0), stage, dish._replace(areas=2.0 * dish.areas)]
     surfaces = target_surfaces(shapes, PAINT, 4)
     widths = [-(-each.shadows.lookup.shape[1] // 64) * 64 for each in (dish, stage)]
     assert surfaces.shadows.lookup.shape[1] == sum(widths)
