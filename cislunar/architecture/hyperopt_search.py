@@ -1,6 +1,7 @@
 """Sampling searches for an architecture: TPE, adaptive TPE and random (Paul & Fan, section 3).
 
-They are Hyperopt's; TPE is also had from the compiled sampler of the same algorithm.
+TPE and adaptive TPE are Hyperopt's; TPE is also had from the compiled sampler of the same
+algorithm. Random draws are NumPy's, of the same distributions as Hyperopt's.
 """
 
 import importlib.util
@@ -20,17 +21,12 @@ from cislunar.parzen import ParzenSearch
 
 HYPEROPT_METHODS = ("tpe", "tpe-compiled", "atpe", "random")
 
-# Random draws do not depend on earlier results, so they can be drawn many at a time.
-_RANDOM_BATCH = 500
-
 
 def _suggestion(method: str) -> Callable:
-    from hyperopt import rand, tpe
+    from hyperopt import tpe
 
     if method == "tpe":
         return partial(tpe.suggest, verbose=False)
-    if method == "random":
-        return rand.suggest
     if importlib.util.find_spec("lightgbm") is None:
         raise ConfigurationError(
             "optimizer 'atpe' needs the package lightgbm: pip install lightgbm, or choose 'tpe'"
@@ -91,7 +87,6 @@ def _run_hyperopt(
         trials=Trials(),
         rstate=rng,
         early_stop_fn=lambda trials, *_: (stalled(), []),
-        max_queue_len=_RANDOM_BATCH if method == "random" else 1,
         show_progressbar=False,
         verbose=False,
         return_argmin=False,
@@ -114,6 +109,24 @@ def _run_compiled(
             break
 
 
+def _run_random(
+    space: Mapping[str, Range],
+    loss: Callable[[Mapping[str, Any]], float],
+    stalled: Callable[[], bool],
+    rng: np.random.Generator,
+    max_evaluations: int,
+) -> None:
+    """Evaluate independent draws, each label by its own distribution."""
+    ranges = list(space.values())
+    low, high = np.array([(of.low, of.high) for of in ranges]).T
+    whole = np.array([of.categories > 0 for of in ranges])
+    draws = rng.uniform(low, high, size=(max_evaluations, len(ranges)))
+    for draw in np.where(whole, np.floor(draws), draws).tolist():
+        loss(dict(zip(space, draw, strict=True)))
+        if stalled():
+            break
+
+
 def hyperopt_search(
     objective: Objective,
     *,
@@ -132,8 +145,8 @@ def hyperopt_search(
     objective : Objective
         What makes an architecture better.
     method : str
-        "tpe", "random", or "atpe" (needs lightgbm), all by Hyperopt; "tpe-compiled" is TPE by
-        `cislunar.parzen`.
+        "tpe" or "atpe" (needs lightgbm) by Hyperopt; "tpe-compiled", TPE by `cislunar.parzen`;
+        "random".
     rng : numpy.random.Generator
         Source of randomness.
     n_slots : int
@@ -176,7 +189,7 @@ def hyperopt_search(
             progress(len(history), max_evaluations)
         return -value
 
-    run = _run_compiled if method == "tpe-compiled" else partial(_run_hyperopt, method)
+    own = {"tpe-compiled": _run_compiled, "random": _run_random}
+    run = own.get(method, partial(_run_hyperopt, method))
     run(space, loss, lambda: watch.stop is not None, rng, max_evaluations)
-    # A batch of random draws may run past the stop; draws beyond it do not count.
-    return SearchResult.from_trials(objective, tried[: watch.stop], history[: watch.stop])
+    return SearchResult.from_trials(objective, tried, history)

@@ -5,7 +5,9 @@ import itertools
 
 import numpy as np
 import pytest
-from scipy.stats import chisquare
+from hyperopt import Trials, rand
+from hyperopt.base import Domain
+from scipy.stats import chi2_contingency, chisquare
 
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.hyperopt_search import hyperopt_search, stopping_evaluation
@@ -127,6 +129,21 @@ def test_result_is_the_best_of_the_evaluations(method, labels):
     assert objective.value(found.orbit, found.satellites) == found.value
     best = int(np.argmax(values))
     assert found.n_satellites == found.satellites_history[best]
+
+
+@pytest.mark.parametrize("labels", LABELS)
+def test_random_draws_are_as_likely_as_hyperopts(labels):
+    """Members of each family and satellites per orbit, against draws by Hyperopt itself."""
+    objective = make_objective()
+    found = search(labels=labels, n_slots=1, max_evaluations=4000)
+    space, decode = build_space(objective, n_slots=1, labels=labels)
+    trials = rand.suggest(range(4000), Domain(lambda _: 0.0, hyperopt_space(space)), Trials(), 3)
+    drawn = [{name: value[0] for name, value in t["misc"]["vals"].items()} for t in trials]
+    theirs = [np.concatenate(each) for each in zip(*map(decode, drawn), strict=True)]
+    for ours, other in zip((found.orbit_trials, found.satellites_trials), theirs, strict=True):
+        table = [np.bincount(v.ravel(), minlength=objective.n_orbits) for v in (ours, other)]
+        seen = np.sum(table, axis=0) > 0
+        assert chi2_contingency(np.array(table)[:, seen]).pvalue > 1e-4
 
 
 def test_tpe_learns_where_random_search_does_not():
