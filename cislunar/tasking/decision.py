@@ -53,6 +53,13 @@ class Decision(NamedTuple):
     margin: Array | None
     starts: NDArray[np.int64]
 
+    def margins(
+        self, target: NDArray[np.int64], step: NDArray[np.int64], observer: NDArray[np.int64]
+    ) -> Array:
+        """By how much spheres are brighter than the limit at looks, shape (look,)."""
+        slot = np.searchsorted(self.starts, step, side="right") - 1
+        return self.margin[slot, observer, target]
+
     def learn(
         self,
         detection: LearnedDetection,

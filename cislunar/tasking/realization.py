@@ -6,12 +6,19 @@ light curves a batch estimator keeps; histories leave it in pieces.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.estimation.estimator import Estimates, Estimator, EstimatorFactory, InitialEstimate
+from cislunar.estimation.estimator import (
+    Estimates,
+    Estimator,
+    EstimatorFactory,
+    InitialEstimate,
+    Prediction,
+)
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
 from cislunar.observation.drawn_bodies import true_departures
@@ -19,9 +26,12 @@ from cislunar.observation.eclipse import dimming
 from cislunar.observation.measurement import DETECTED, FAINT, NOT_TASKED, OCCULTED, measure
 from cislunar.observation.records import Measurements, highest, pointed_schedule, rows_of
 from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.tasking.communication.contact import arrivals
+from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.decision import Decision, decide
 from cislunar.tasking.planning.assignment import IDLE
 from cislunar.tasking.planning.detection import LearnedDetection
+from cislunar.tasking.planning.under_way import credited
 from cislunar.tasking.recording import Piece, interval_records
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.simulation import (
@@ -37,7 +47,10 @@ from cislunar.tasking.simulation import (
 Array = NDArray[np.float64]
 
 USED = DETECTED + 1
-"""Fate of a look whose measurement was used, beyond those of `cislunar.observation.measurement`."""
+"""Fate of a look whose measurement was used, beyond those of `cislunar.observation.measurement`.
+
+So is that of a measurement still under way at the end of its interval.
+"""
 
 FATE_NAMES = ("not_tasked", "faint", "excluded", "occulted", "rejected", "used")
 """Names of the fates; "rejected" was out of the field of view, or the estimate had failed."""
@@ -68,6 +81,7 @@ class Realization(NamedTuple):
     evaluation: Evaluation
     detection: LearnedDetection | None
     pointing: NDArray[np.int64]
+    reception: Reception | None
 
     @property
     def end(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:
@@ -104,8 +118,17 @@ def begun(world: World, number: int, seed: int) -> Realization:
     learned = settings.tasking.detection
     detection = None if learned is None else LearnedDetection(learned, world.ids.size)
     pointing = np.full(scene.observer_position.shape[0], IDLE, dtype=np.int64)
+    reception = None
+    if settings.communication.late:
+        reception = Reception(
+            arrivals(settings.communication, scene),
+            settings.steps_between_updates,
+            (estimator, bound),
+            (scene, world.surfaces, truth.surfaces, world.forces, truth.forces),
+            world.ids.size,
+        )
     return Realization(
-        number, seed, truth, motion, estimator, bound, evaluation, detection, pointing
+        number, seed, truth, motion, estimator, bound, evaluation, detection, pointing, reception
     )
 
 
@@ -114,13 +137,13 @@ def interval(world: World, own: Realization, number: int) -> Piece:
     settings, start = world.settings, int(world.settings.epochs[number])
     n_steps = min(settings.steps_per_interval, settings.n_steps - start)
     tasking = decide(
-        own.estimator.predict(), n_steps, world.scene, world.surfaces, settings, world.forces,
-        own.detection, own.pointing, stream(TASKING, own.seed, number),
+        _predicted(world, own, start), n_steps, world.scene, world.surfaces, settings,
+        world.forces, own.detection, own.pointing, stream(TASKING, own.seed, number),
     )  # fmt: skip
     for target in tasking.target:
         own.pointing[:] = np.where(target == IDLE, own.pointing, target)
-    motion, measurements, fate, estimates = _observed(world, own, start, tasking)
-    error, least = _judged(world, own, start, motion, measurements, estimates)
+    motion, measurements, fate = _observed(world, own, start, tasking)
+    estimates, error, least = _judged(world, own, start, motion, measurements, fate)
     some = settings.recorded_within(start, n_steps)
     asked, looks = interval_records(
         start, own.number, tasking.looking, motion, estimates, measurements, fate, settings,
@@ -170,8 +193,8 @@ def _in_slots(target: NDArray[np.int64], settings: LoopSettings) -> NDArray[np.i
 
 def _observed(
     world: World, own: Realization, start: int, tasking: Decision
-) -> tuple[Truth, Measurements, NDArray[np.uint8], Estimates]:
-    """Truth, measurements with their fates, and estimates of the steps from `start` on."""
+) -> tuple[Truth, Measurements, NDArray[np.uint8]]:
+    """Truth and measurements with their fates of the steps from `start` on."""
     looking, scene = tasking.looking, world.scene
     motion = own.motion.advance(looking.shape[0])
     dimmed, noise = np.zeros(motion.noise.shape[:2]), motion.noise
@@ -196,15 +219,51 @@ def _observed(
     shaded = dimmed[target, step + 1] > 0.0
     if np.any(shaded):
         measurements.value[shaded, 0] -= dimmed[target, step + 1][shaded]
-    if own.detection is not None:
+    if own.detection is not None or own.reception is not None:
         # a shadow says nothing of how bright its target is
         told = np.where(shaded & (fate == FAINT), OCCULTED, fate)
-        tasking.learn(own.detection, target, step, measurements.observer, told)
+        if own.reception is not None:
+            own.reception.note(start, tasking, measurements, told)
+        else:
+            tasking.learn(own.detection, target, step, measurements.observer, told)
+    return motion, measurements, fate
+
+
+def _predicted(world: World, own: Realization, start: int) -> Prediction:
+    """What tasking knows at the epoch before the step `start`."""
+    if own.reception is None:
+        return own.estimator.predict()
+    settings = world.settings
+    own.reception.receive(start, partial(_worked, world, own))
+    own.reception.learn(start, own.detection)
+    prediction = own.estimator.predict()
+    if not settings.communication.credit_under_way:
+        return prediction
+    looks = own.reception.under_way(start, own.detection)
+    return credited(prediction, looks, world.scene, settings.sensor, settings.tasking, world.forces)
+
+
+def _worked(
+    world: World,
+    own: Realization,
+    motion: Truth,
+    measurements: Measurements,
+    wanted: NDArray[np.bool_],
+) -> tuple[Estimates, Array]:
+    """Estimates of the steps of measurements, and the bound of what was used of them."""
     estimates = own.estimator.advance(
         measurements, covariance="covariance" in world.settings.record
     )
-    fate[estimates.used] = USED
-    return motion, measurements, fate, estimates
+    used = measurements.where(estimates.used)
+    variance = np.broadcast_to(own.truth.noise**2, used.variance.shape).copy()
+    least = own.bound.advance(
+        motion.translation,
+        motion.quaternion,
+        motion.angular_velocity,
+        used._replace(variance=variance),
+        wanted,
+    )
+    return estimates, least
 
 
 def _judged(
@@ -213,21 +272,23 @@ def _judged(
     start: int,
     motion: Truth,
     measurements: Measurements,
-    estimates: Estimates,
-) -> tuple[Array, Array]:
-    """Errors of an interval and its bound, both added to the metrics."""
+    fate: NDArray[np.uint8],
+) -> tuple[Estimates, Array, Array]:
+    """Estimates of an interval, their errors and the bound, which are added to the metrics.
+
+    The fates of what is used are set.
+    """
+    n_steps = measurements.offset.shape[1] - 1
+    wanted = own.evaluation.final(n_steps)
+    wanted[world.settings.recorded_within(start, n_steps)] = True
+    work = partial(_worked, world, own)
+    if own.reception is None:
+        estimates, least = work(motion, measurements, wanted)
+        observed = np.isin(np.arange(world.ids.size), rows_of(measurements)[0][estimates.used])
+    else:
+        estimates, least = own.reception.advance(start, motion, measurements, wanted, work)
+        observed = own.reception.observed
+    fate[estimates.used & (fate == DETECTED)] = USED
     error = estimation_errors(1, motion, estimates)
-    used = measurements.where(estimates.used)
-    variance = np.broadcast_to(own.truth.noise**2, used.variance.shape).copy()
-    wanted = own.evaluation.final(error.shape[1])
-    wanted[world.settings.recorded_within(start, error.shape[1])] = True
-    least = own.bound.advance(
-        motion.translation,
-        motion.quaternion,
-        motion.angular_velocity,
-        used._replace(variance=variance),
-        wanted,
-    )
-    observed = np.isin(np.arange(world.ids.size), rows_of(used)[0])
     own.evaluation.update(error, estimates.sigma, observed, least)
-    return error, least
+    return estimates, error, least

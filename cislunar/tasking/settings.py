@@ -9,6 +9,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.spread import INITIAL_SPREAD, Spread
 from cislunar.evaluation.metrics import Custody
 from cislunar.observation.sensor import Sensor
+from cislunar.tasking.communication.model import CommunicationModel
 from cislunar.tasking.planning.assignment import EARLY_STOP, MAX_EVALUATIONS, METHODS
 from cislunar.tasking.planning.information import TaskingModel
 from cislunar.tasking.planning.schedule_model import ScheduleModel
@@ -45,6 +46,8 @@ class LoopSettings:
         What the tasking step believes.
     schedule : ScheduleModel
         Slots within an interval, and observers at a target.
+    communication : CommunicationModel
+        When measurements reach the common estimate.
     eclipse : bool
         Whether the shadows of Earth and Moon dim targets; tasking knows it. A magnitude measured
         in the penumbra has the dimming taken off, which is known far better than the magnitude.
@@ -76,6 +79,7 @@ class LoopSettings:
     sensor: Sensor = field(default_factory=Sensor)
     tasking: TaskingModel = field(default_factory=TaskingModel)
     schedule: ScheduleModel = field(default_factory=ScheduleModel)
+    communication: CommunicationModel = field(default_factory=CommunicationModel)
     eclipse: bool = False
     initial: Spread = INITIAL_SPREAD
     custody: Custody = field(default_factory=Custody)
@@ -106,6 +110,7 @@ class LoopSettings:
             if not {*getattr(self, key)} <= {*possible}:
                 raise ConfigurationError(f"{key} = {getattr(self, key)} must be some of {possible}")
         self._check_schedule()
+        self._check_communication()
         if not np.all(self.initial.components() > 0.0):
             raise ConfigurationError(f"initial = {self.initial} must be positive throughout")
 
@@ -128,6 +133,33 @@ class LoopSettings:
                         f"{key} = {value!r}: slots, several observers at a target and turning "
                         f"times need {key} = {needed!r}"
                     )
+
+    def _check_communication(self) -> None:
+        """Refuse measurements that never come, and what cannot be had with late ones."""
+        model = self.communication
+        if model.delay_minutes >= 60.0 * self.duration_hours:
+            raise ConfigurationError(
+                f"delay_minutes = {model.delay_minutes} is as long as the run of duration_hours = "
+                f"{self.duration_hours}: nothing would ever be received; shorten it"
+            )
+        minutes = model.update_minutes
+        if minutes is not None:
+            steps = 60.0 * minutes / self.step_s
+            if round(steps) < 1 or abs(steps - round(steps)) > 1e-9:
+                raise ConfigurationError(
+                    f"update_minutes = {minutes} must be a multiple of step_s = {self.step_s} s"
+                )
+        if model.late and model.credit_under_way and self.tasking.states != "translation":
+            raise ConfigurationError(
+                f"states = {self.tasking.states!r}: credit_under_way needs states = "
+                "'translation'; set one of them"
+            )
+
+    @property
+    def steps_between_updates(self) -> int:
+        """Steps after which what has come late is taken in."""
+        minutes = self.communication.update_minutes
+        return round(60.0 * (self.interval_minutes if minutes is None else minutes) / self.step_s)
 
     @property
     def slots(self) -> int | None:

@@ -166,6 +166,7 @@ def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
         ("task2.duration_hours", 24.0001),
         ("task2.tasking.slot_minutes", 0.5),
         ("task2.eclipse", "partial"),
+        ("task2.communication.delay_minutes", 1440),
         ("task2.duration_hours", 24 * 31),
         ("task2.interval_minutes", 61),
         ("task2.target_counts.D", [20]),

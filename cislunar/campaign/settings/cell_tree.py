@@ -32,6 +32,7 @@ from cislunar.observation.wanted_bodies import ICOSAHEDRON
 from cislunar.photometry.materials import REFLECTION_LAWS, PhotometryModel
 from cislunar.photometry.materials import Material as LibraryMaterial
 from cislunar.photometry.spacecraft import MODELS
+from cislunar.tasking.communication.model import CommunicationModel
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.schedule_model import ScheduleModel
 
@@ -133,6 +134,28 @@ class Custody(Section):
         "km", "not in the paper", default=10)
     attitude_deg: Positive = setting(
         "largest attitude error of such a target", "deg", "not in the paper", default=5)
+
+
+class Contact(Section):
+    moon: Flag = setting(
+        "true: behind the Moon's disc an observer is out of contact with the Earth",
+        default=CommunicationModel.moon)
+    sun_deg: Angle = setting(
+        "angle at the Earth between Sun and observer below which there is no contact", "deg",
+        default=int(CommunicationModel.sun_deg))
+
+
+class Communication(Section):
+    delay_minutes: NotNegative = setting(
+        "time until the common estimate has what an observer in contact measures, shorter than the "
+        "run", "min", "0", default=int(CommunicationModel.delay_minutes))
+    contact: Contact = Contact()
+    update_minutes: Positive | None = setting(
+        "time between the instants at which the common estimate takes in what comes late; null: "
+        "the tasking interval", "min", default=CommunicationModel.update_minutes)
+    credit_under_way: Flag = setting(
+        "tasking counts on looks taken and not yet received",
+        default=CommunicationModel.credit_under_way)
 
 
 class ProcessNoise(Section):
@@ -347,6 +370,7 @@ class CellSettings(Section):
     eclipse: Flag = setting(
         "true: targets dim in the penumbra of Earth and Moon, and cannot be seen in the umbra; "
         "tasking knows it", paper="not in the paper", default=False)
+    communication: Communication = Communication()
     process_noise: ProcessNoise = ProcessNoise()
     dynamics: Dynamics = Dynamics()
     filter: Filter = Filter()

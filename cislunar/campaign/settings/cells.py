@@ -14,6 +14,7 @@ from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.settings.cell_tree import (
     Batch,
     CellSettings,
+    Communication,
     Detection,
     Dynamics,
     Filter,
@@ -96,6 +97,7 @@ def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
     usual = {key: fields[key].default for key in ("start_day", "histories", "record", "eclipse")}
     usual["dynamics"] = Dynamics().model_dump()
     usual["filter"] = Filter().model_dump()
+    usual["communication"] = Communication().model_dump()
     said = {key: value for key, value in settings.items() if value != usual.get(key, ...)}
     for section, unsaid in _SAID_IF_UNUSUAL.items():
         said[section] = {

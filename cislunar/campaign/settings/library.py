@@ -26,6 +26,7 @@ from cislunar.orbits.extent import CATALOGUE_EXTENT, Extent
 from cislunar.photometry.materials import REFLECTION_LAWS, Material, PhotometryModel
 from cislunar.targets.sampling import SamplingSettings
 from cislunar.tasking.closed_loop import LoopSettings
+from cislunar.tasking.communication.model import CommunicationModel
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel
 from cislunar.tasking.planning.schedule_model import ScheduleModel
@@ -145,7 +146,8 @@ def loop_settings(
     cell: cell_tree.CellSettings, interval_minutes: int, *, keep_information: bool = False
 ) -> LoopSettings:
     """Settings of the closed loop; `keep_information` is of all pairs."""
-    tasking = cell.tasking
+    tasking, links = cell.tasking, dict(cell.communication)
+    links |= dict(links.pop("contact"))
     return LoopSettings(
         step_s=cell.step_s,
         interval_minutes=interval_minutes,
@@ -156,6 +158,7 @@ def loop_settings(
         sensor=sensor(cell.sensor),
         tasking=_tasking_model(cell),
         schedule=ScheduleModel(**{key: getattr(tasking, key) for key in SCHEDULE_KEYS}),
+        communication=CommunicationModel(**links),
         eclipse=cell.eclipse,
         initial=Spread(**dict(cell.initial_sigma)),
         custody=Custody(**dict(cell.custody)),

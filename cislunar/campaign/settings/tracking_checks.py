@@ -151,6 +151,7 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
             f"configuration key '{place}batch.use_non_detections': a target in shadow is not seen "
             "either, which the estimator would take for a faint attitude; leave out 'eclipse'"
         )
+    _check_communication(place, settings)
     days = config["visibility"]["duration_days"]
     start = settings.get("start_day", 0)
     if hours > 24.0 * (days - start):
@@ -198,6 +199,29 @@ def _check_schedule(place: str, tasking: Mapping[str, Any], step: float) -> None
                 f"configuration key '{place}.{key}' = {tasking[key]!r}: {', '.join(asked)} can "
                 f"be had with {needed!r} alone"
             )
+
+
+def _check_communication(place: str, settings: Mapping[str, Any]) -> None:
+    """Delays within the run, updates that steps fit, and what cannot be had with late data."""
+    links = settings.get("communication", {})
+    key, delay = f"configuration key '{place}communication.", links.get("delay_minutes", 0)
+    minutes, step = links.get("update_minutes"), settings["step_s"]
+    if delay >= 60.0 * settings["duration_hours"]:
+        raise ConfigurationError(
+            f"{key}delay_minutes' = {delay} is as long as the run of duration_hours = "
+            f"{settings['duration_hours']}: nothing would ever be received; shorten it"
+        )
+    if minutes is not None and not is_multiple(60.0 * minutes, step):
+        raise ConfigurationError(
+            f"{key}update_minutes' = {minutes} is no multiple of step_s = {step} s, from one step "
+            "on"
+        )
+    late = delay > 0 or any(links.get("contact", {}).values())
+    if late and links.get("credit_under_way") and settings["tasking"]["states"] != "translation":
+        raise ConfigurationError(
+            f"{key}credit_under_way': tasking by 'full' states cannot count on looks under way; "
+            "set it to false, or 'tasking.states' to 'translation'"
+        )
 
 
 def _materials(settings: Mapping[str, Any]) -> list[Array]:

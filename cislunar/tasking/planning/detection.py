@@ -112,6 +112,11 @@ class LearnedDetection:
             ]
         )
 
+    def chance(self, target: NDArray, margin: ArrayLike) -> Array:
+        """Probability that looks detect their targets, given target and margin, shape (look,)."""
+        limit = np.where(np.isnan(margin), -np.inf, np.asarray(margin, dtype=float))
+        return np.sum(np.exp(self.log_weight[target]) * ndtr(self._excess(limit)), axis=1)
+
     def _excess(self, margin: Array) -> Array:
         """Standard deviations by which offsets keep a look above the limit, (..., offset)."""
         return (margin[..., None] - self.grid) / self.model.flicker_mag

@@ -62,7 +62,7 @@ class SlotLooks(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def _spread_points(mean, covariance, spread, points):
+def spread_points(mean, covariance, spread, points):
     """Sigma points (target, 6, 13) of all targets; NaN for those without an estimate."""
     root = np.empty((SIZE, SIZE))
     for j in range(mean.shape[0]):
@@ -83,26 +83,38 @@ def _carry(points, index, count, step, forces):
             step_bundle(own, k * step, points[j], step, slopes, stage)
 
 
+@njit(cache=True)
+def look_scratch():
+    """Scratch arrays of `look_factor`."""
+    return np.empty((2 * SIZE, 2)), np.empty(2), np.empty((SIZE, 2)), np.empty((2, 2))
+
+
+@njit(cache=True, error_model="numpy")
+def look_factor(points, o, index, scene, belief, scratch, out):
+    """Factor (6, 2) of a look of observer o at a time, from sigma points (6, 13); zero for none."""
+    expected, shift, cross, even = scratch
+    sky = scene.observer_axes[index], scene.sun_position[index], scene.primaries[index]
+    observer = scene.observer_position[o, index]
+    out[:, :] = 0.0
+    if not np.isfinite(np.sum(points)):
+        return
+    if not expect_look(points, observer, sky, belief, expected, shift, cross, even):
+        return
+    if not cholesky(even):
+        return
+    for i in range(SIZE):
+        solve_lower(even, cross[i])
+    if np.isfinite(np.sum(cross)):
+        out[:, :] = cross
+
+
 @njit(cache=True, error_model="numpy")
 def _factors(index, points, scene, belief, out):
     """Factors (observer, target, 6, 2) of looks at a time, from sigma points (target, 6, 13)."""
-    expected, shift = np.empty((2 * SIZE, 2)), np.empty(2)
-    cross, even = np.empty((SIZE, 2)), np.empty((2, 2))
-    sky = scene.observer_axes[index], scene.sun_position[index], scene.primaries[index]
+    scratch = look_scratch()
     for o in range(out.shape[0]):
-        observer = scene.observer_position[o, index]
         for j in range(points.shape[0]):
-            out[o, j, :, :] = 0.0
-            if not np.isfinite(np.sum(points[j])):
-                continue
-            if not expect_look(points[j], observer, sky, belief, expected, shift, cross, even):
-                continue
-            if not cholesky(even):
-                continue
-            for i in range(SIZE):
-                solve_lower(even, cross[i])
-            if np.isfinite(np.sum(cross)):
-                out[o, j] = cross
+            look_factor(points[j], o, index, scene, belief, scratch, out[o, j])
 
 
 def sphere_margins(
@@ -185,7 +197,7 @@ def slot_looks(
         np.ascontiguousarray(each) for each in (prediction.translation, prediction.covariance)
     )
     belief, now = belief_of(model, sensor), 0
-    _spread_points(mean, covariance, belief.six.spread, points)
+    spread_points(mean, covariance, belief.six.spread, points)
     for s, step in enumerate(starts):
         index = prediction.index + int(step)
         _carry(points, prediction.index + now, int(step) - now, scene.step, forces)

@@ -1,0 +1,61 @@
+"""When observers can speak to the Earth, and when their measurements arrive there.
+
+Assumptions and limitations
+---------------------------
+- Stations stand all around the Earth: its centre in view is contact.
+- An observer sends everything it holds at the first step of a contact.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.observation.scene import Scene
+from cislunar.observation.sightline import MOON_RADIUS
+from cislunar.tasking.communication.model import CommunicationModel
+
+
+def contacts(model: CommunicationModel, scene: Scene) -> NDArray[np.bool_]:
+    """Whether each observer is in contact with the Earth.
+
+    Parameters
+    ----------
+    model : CommunicationModel
+    scene : Scene
+
+    Returns
+    -------
+    ndarray of bool, shape (observer, time)
+    """
+    place, earth, moon = scene.observer_position, scene.primaries[:, 0], scene.primaries[:, 1]
+    found = np.ones(place.shape[:2], dtype=bool)
+    if model.moon:
+        down, aside = earth - place, moon - place
+        nearest = np.sum(down * aside, axis=-1) / np.sum(down**2, axis=-1)
+        miss = aside - np.clip(nearest, 0.0, 1.0)[..., None] * down
+        found &= np.sum(miss**2, axis=-1) >= MOON_RADIUS**2
+    if model.sun_deg > 0.0:
+        way, light = place - earth, scene.sun_position - earth
+        lengths = np.linalg.norm(way, axis=-1) * np.linalg.norm(light, axis=-1)
+        found &= np.sum(way * light, axis=-1) <= np.cos(np.deg2rad(model.sun_deg)) * lengths
+    return found
+
+
+def arrivals(model: CommunicationModel, scene: Scene) -> NDArray[np.int64]:
+    """When what is measured reaches the common estimate.
+
+    Parameters
+    ----------
+    model : CommunicationModel
+    scene : Scene
+
+    Returns
+    -------
+    ndarray of int, shape (observer, step)
+        Step at which a measurement of each step, both counted from 0 at the first measurement, can
+        be used; the number of steps or more for one that comes after the end.
+    """
+    in_contact = contacts(model, scene)[:, 1:]
+    n_steps = in_contact.shape[1]
+    steps = np.where(in_contact, np.arange(n_steps), n_steps)
+    sent = np.minimum.accumulate(steps[:, ::-1], axis=1)[:, ::-1]
+    return sent + int(np.ceil(60.0 * model.delay_minutes / scene.step_s - 1e-9))

@@ -1,0 +1,234 @@
+"""Late measurements against the same in order, links against geometry, credit against a filter."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from cislunar.dynamics.cr3bp import EARTH_MOON
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.registry import estimator_named
+from cislunar.evaluation.cramer_rao import CramerRaoBound
+from cislunar.observation.measurement import measure
+from cislunar.observation.records import pointed_schedule, rows_of
+from cislunar.observation.sensor import Sensor
+from cislunar.observation.sightline import EARTH_RADIUS, occulted
+from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.communication.contact import arrivals, contacts
+from cislunar.tasking.communication.model import CommunicationModel
+from cislunar.tasking.communication.reception import Reception
+from cislunar.tasking.decision import Decision
+from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.planning.information import TaskingModel
+from cislunar.tasking.planning.under_way import PlannedLooks, credited
+from cislunar.tasking.simulation import draw_truth, initial_estimate
+
+BRIGHT = Sensor(limiting_magnitude=22.0)
+SPAN, SPANS = 30, 5
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return tracking_problem(4, 5, duration_hours=SPAN * SPANS / 60.0, sensor=BRIGHT)
+
+
+@pytest.fixture(scope="module")
+def spans(problem):
+    """Truth and measurements of consecutive spans, each observer at two targets in turn."""
+    scene, surfaces, epoch, ids, loop = problem
+    initial = initial_estimate(epoch, loop.initial.components())
+    truth = draw_truth(initial, scene, BRIGHT.noise, 3, ids)
+    looking = (np.arange(SPAN * SPANS)[:, None] // 40 + np.arange(4)) % 5
+    found = []
+    for first in range(0, SPAN * SPANS, SPAN):
+        motion = type(truth)(*(each[:, first : first + SPAN + 1] for each in truth))
+        plan = pointed_schedule(looking[first : first + SPAN], 5)
+        states = motion.translation, motion.quaternion, motion.noise
+        found.append((motion, measure(first + 1, plan, scene, surfaces, BRIGHT, *states,
+                                      begins=first)[0]))  # fmt: skip
+    return initial, found
+
+
+def _made(problem, initial, name):
+    scene, surfaces = problem[:2]
+    make = estimator_named(name)
+    own = make(scene, surfaces, BRIGHT, initial, np.random.default_rng(4), EARTH_MOON)
+    bound = CramerRaoBound(scene, surfaces, initial.sigma)
+
+    def work(motion, measurements, wanted):
+        estimates = own.advance(measurements)
+        states = motion.translation, motion.quaternion, motion.angular_velocity
+        return estimates, bound.advance(*states, measurements.where(estimates.used), wanted)
+
+    return own, bound, work
+
+
+@pytest.mark.parametrize("name", ["mukf", "batch"])
+def test_late_measurements_say_what_the_same_in_order_say(problem, spans, name):
+    initial, spans = spans
+    everywhere = np.ones(SPAN, dtype=bool)
+    in_order = _made(problem, initial, name)
+    for motion, measurements in spans:
+        expected = in_order[2](motion, measurements, everywhere)
+    delays = np.array([0, 7, 45, 80])[:, None]  # by observer: the last one's span the others
+    arrival = np.arange(SPAN * SPANS) + delays
+    late = _made(problem, initial, name)
+    reception = Reception(arrival, SPAN, late[:2], (problem.scene, problem.surfaces), 5)
+    for number, (motion, measurements) in enumerate(spans):
+        reception.receive(number * SPAN, late[2])
+        so_far = reception.advance(number * SPAN, motion, measurements, everywhere, late[2])
+    # by now much is under way: less is known, and nothing else than what was received says
+    known = late[0].predict().covariance[:, 0, 0]
+    assert np.any(known > 1.5 * in_order[0].predict().covariance[:, 0, 0])
+    partly = _made(problem, initial, name)
+    for number, (motion, measurements) in enumerate(spans):
+        _, step = rows_of(measurements)
+        taken = SPAN * number + step
+        there = arrival[measurements.observer, taken]
+        now = there < SPAN * (SPANS - 1) if number < SPANS - 1 else there == taken
+        again = partly[2](motion, measurements.where(now), everywhere)
+    for one, other in zip(again[0][:4], so_far[0][:4], strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(again[1], so_far[1])
+    # all of it in time for the last span, the earliest last
+    late = _made(problem, initial, name)
+    arrival = np.minimum(np.arange(SPAN * SPANS) + delays, SPAN * (SPANS - 1) - 1)
+    arrival = np.maximum(arrival, np.arange(SPAN * SPANS))
+    reception = Reception(arrival, SPAN, late[:2], (problem.scene, problem.surfaces), 5)
+    for number, (motion, measurements) in enumerate(spans):
+        reception.receive(number * SPAN, late[2])
+        now = reception.advance(number * SPAN, motion, measurements, everywhere, late[2])
+    for one, other in zip(expected[0], now[0], strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(expected[1], now[1])
+    np.testing.assert_array_equal(in_order[0].counters, late[0].counters)
+    assert not reception._spans and np.all(reception.observed)
+
+
+def test_contact_is_what_the_discs_and_the_angle_leave(problem):
+    scene = problem.scene
+    rng = np.random.default_rng(5)
+    position = scene.observer_position.copy()
+    moon, earth = scene.primaries[0, 1], scene.primaries[0, 0]
+    position[0] = moon + (moon - earth) * 0.05 + rng.normal(0.0, 0.004, position[0].shape)
+    position[1] = earth + 0.9 * scene.sun_position / 389.0 + rng.normal(0.0, 0.2, position[1].shape)
+    scene = scene._replace(observer_position=position)
+    found = contacts(CommunicationModel(moon=True), scene)
+    for o in range(4):
+        for k in range(0, position.shape[1], 3):
+            # short of the Earth, which would stand before its own centre
+            way = earth - position[o, k]
+            way *= 1.0 - 1.5 * EARTH_RADIUS / np.linalg.norm(way)
+            assert found[o, k] != occulted(*position[o, k], *way, scene.primaries[k])
+    assert 0.1 < found[0].mean() < 0.9
+    away = contacts(CommunicationModel(sun_deg=20.0), scene)
+    way, light = position - earth, scene.sun_position - earth
+    angle = np.arctan2(np.linalg.norm(np.cross(way, light), axis=-1), np.sum(way * light, axis=-1))
+    np.testing.assert_array_equal(away, np.rad2deg(angle) >= 20.0)
+    assert 0.1 < away[1].mean() < 0.9
+    model = CommunicationModel(delay_minutes=2.5, moon=True)
+    when = arrivals(model, scene)
+    for k in range(when.shape[1]):
+        waits = np.flatnonzero(found[0, 1 + k :])
+        assert when[0, k] == 3 + (k + waits[0] if waits.size else when.shape[1])
+
+
+def test_credit_is_what_the_filter_will_know(problem, spans):
+    initial, found = spans
+    scene = problem.scene
+    own, _, work = _made(problem, initial, "mukf")
+    ahead, _, _ = _made(problem, initial, "mukf")
+    nothing = np.zeros(SPAN, dtype=bool)
+    for number, (motion, measurements) in enumerate(found[:3]):
+        none = measurements.where(np.zeros(measurements.observer.size, bool))
+        ahead.advance(measurements if number == 0 else none)
+        work(motion, measurements, nothing)
+    parts = []
+    for number in (1, 2):
+        measurements = found[number][1]
+        target, step = rows_of(measurements)
+        seen = np.isfinite(measurements.value[:, 0])
+        columns = number * SPAN + step + 1, target, measurements.observer, np.ones(step.size)
+        parts.append([column[seen] for column in columns])
+    looks = PlannedLooks(*map(np.concatenate, zip(*parts, strict=True)))
+    prediction = ahead.predict()
+    told = credited(prediction, looks, scene, BRIGHT, TaskingModel(), EARTH_MOON)
+    known = own.predict().covariance
+    before, after, expected = (
+        np.sqrt(np.trace(each[:, :3, :3], axis1=1, axis2=2))
+        for each in (prediction.covariance, told.covariance, known)
+    )
+    assert np.all(after < before) and np.any(after < 0.3 * before)
+    np.testing.assert_allclose(after, expected, rtol=0.1)
+    less = credited(prediction, looks._replace(chance=0.25 * looks.chance), scene, BRIGHT,
+                    TaskingModel(), EARTH_MOON)  # fmt: skip
+    assert np.all(np.trace(less.covariance, axis1=1, axis2=2)
+                  > np.trace(told.covariance, axis1=1, axis2=2))  # fmt: skip
+
+
+def test_what_an_observer_found_is_learned_once_all_of_an_interval_has_come(problem, spans):
+    measurements = spans[1][0][1]
+    learned = []
+
+    class Told:
+        def learn(self, target, observer, fate, margin):
+            learned.extend(observer.tolist())
+
+    arrival = np.arange(SPAN * SPANS) + np.array([0, 7, 45, 80])[:, None]
+    reception = Reception(arrival, SPAN, (), (), 5)
+    starts, margin = np.zeros(1, dtype=np.int64), np.zeros((1, 4, 5))
+    decision = Decision(None, None, 0.0, 0, 0.0, None, margin, starts)
+    found = np.zeros(measurements.observer.size, dtype=np.uint8)
+    reception.note(0, decision, measurements, found)
+    for now, expected in ((30, {0}), (60, {0, 1}), (90, {0, 1, 2}), (120, {0, 1, 2, 3})):
+        reception.learn(now, Told())
+        assert set(learned) == expected
+    counts = np.bincount(learned)
+    np.testing.assert_array_equal(counts, np.bincount(measurements.observer))
+
+
+def test_delays_cost_and_credit_helps():
+    errors = {}
+    for delay, credit in ((0.0, True), (60.0, True), (60.0, False)):
+        model = CommunicationModel(delay_minutes=delay, credit_under_way=credit)
+        problem = tracking_problem(
+            3, 9, duration_hours=8.0, sensor=BRIGHT, communication=model, record_every=60
+        )
+        result = run_closed_loop(*problem[:4], (0, 1), problem.loop)
+        away = np.linalg.norm(result.error[:, -1, :, 6:9], axis=-1)
+        errors[delay, credit] = np.exp(np.mean(np.log(away)))
+    assert errors[0.0, True] < errors[60.0, True] < errors[60.0, False]
+
+
+def test_nothing_late_is_nothing_new(problem):
+    scene, surfaces, epoch, ids, loop = problem
+    runs = []
+    # an observer that is always in contact is as one that nobody asks
+    for model in (CommunicationModel(), CommunicationModel(sun_deg=1e-9)):
+        settings = dataclasses.replace(loop, communication=model)
+        runs.append(run_closed_loop(scene, surfaces, epoch, ids, (0,), settings))
+    for name in ("error", "sigma", "bound", "fate", "assignment"):
+        assert getattr(runs[0], name).tobytes() == getattr(runs[1], name).tobytes()
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({"delay_minutes": 360.0}, "delay_minutes = 360.0 is as long as the run"),
+        ({"delay_minutes": -1.0}, "delay_minutes = -1.0 must be"),
+        ({"sun_deg": 180.0}, "sun_deg = 180.0 must lie"),
+        ({"update_minutes": 0.25}, "update_minutes = 0.25 must be a multiple of step_s"),
+        ({"update_minutes": 0.0}, "update_minutes = 0.0 must be positive"),
+    ],
+)
+def test_impossible_links_are_refused(given, words):
+    with pytest.raises(ConfigurationError, match=words):
+        tracking_problem(2, 2, duration_hours=6.0, communication=CommunicationModel(**given))
+
+
+def test_full_states_cannot_be_credited():
+    with pytest.raises(ConfigurationError, match="credit_under_way needs states"):
+        tracking_problem(
+            2, 2, duration_hours=6.0, communication=CommunicationModel(delay_minutes=5.0),
+            tasking=TaskingModel(states="full"),
+        )  # fmt: skip
