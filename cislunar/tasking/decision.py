@@ -113,12 +113,17 @@ def decide(
     slot_steps = n_steps
     if model.slot_minutes is not None:
         slot_steps = round(60.0 * model.slot_minutes / step_s)
-    starts = np.arange(0, n_steps, slot_steps)
+    ends = _interval_ends(prediction, n_steps, scene, settings)
+    begins = [0, *ends[:-1]]
+    starts = np.concatenate(
+        [np.arange(begin, end, slot_steps) for begin, end in zip(begins, ends, strict=True)]
+    )
     looks = slot_looks(
         prediction, starts, scene, settings.sensor, settings.tasking, forces,
         eclipse=settings.eclipse,
     )  # fmt: skip
-    lengths = np.diff(np.append(starts, n_steps))
+    lengths = np.diff(np.append(starts, ends[-1]))
+    now = np.count_nonzero(starts < n_steps)
 
     def turning(target: NDArray[np.int64]) -> NDArray[np.int64]:
         return _turning_steps(target, pointing, looks.direction, model, step_s)
@@ -132,21 +137,33 @@ def decide(
         chances(detection, prediction.translation.shape[0]),
         observers_per_target=model.observers_per_target,
         shares=shares if model.turning else None,
+        carried_out=now,
     )
-    looking = np.repeat(plan.target, lengths, axis=0)
+    target = plan.target[:now]
+    looking = np.repeat(target, lengths[:now], axis=0)
     if model.turning:
         lost = turning(plan.target)
-        for s, o in np.argwhere(plan.target != IDLE):
-            until = min(lost[s, o, plan.target[s, o]], lengths[s])
+        for s, o in np.argwhere(target != IDLE):
+            until = min(lost[s, o, target[s, o]], lengths[s])
             looking[starts[s] : starts[s] + until, o] = IDLE
     pairs = None
     if settings.keep_information:
         known = scene, surfaces, settings.sensor, settings.tasking
         pairs = pair_information(prediction, *known)
-    margin = None if detection is None else looks.margin
+    margin = None if detection is None else looks.margin[:now]
+    starts = starts[:now]
     return Decision(
-        plan.target, looking, plan.information, plan.evaluations, plan.gap, pairs, margin, starts
+        target, looking, plan.information, plan.evaluations, plan.gap, pairs, margin, starts
     )
+
+
+def _interval_ends(
+    prediction: Prediction, n_steps: int, scene: Scene, settings: LoopSettings
+) -> list[int]:
+    """Steps at which this interval and the others of the horizon end, within the scene."""
+    left = scene.sun_position.shape[0] - prediction.index
+    others = settings.steps_per_interval * np.arange(settings.schedule.horizon_epochs)
+    return np.unique(np.minimum(n_steps + others, left)).tolist()
 
 
 def _assigned(

@@ -130,8 +130,8 @@ class LoopSettings:
             ):
                 if value != needed:
                     raise ConfigurationError(
-                        f"{key} = {value!r}: slots, several observers at a target and turning "
-                        f"times need {key} = {needed!r}"
+                        f"{key} = {value!r}: slots, several observers at a target, turning times "
+                        f"and a horizon need {key} = {needed!r}"
                     )
 
     def _check_communication(self) -> None:

@@ -13,7 +13,7 @@ from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.observation.records import Measurements, pointed_schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.closed_loop import run_closed_loop
-from cislunar.tasking.decision import _turning_steps
+from cislunar.tasking.decision import _turning_steps, decide
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.planning.assignment import IDLE
 from cislunar.tasking.planning.detection import LearnedDetection
@@ -209,3 +209,31 @@ def test_schedules_that_cannot_be_planned_are_refused(problem, change, message):
 def test_impossible_models_are_refused(key):
     with pytest.raises(ConfigurationError, match=key):
         ScheduleModel(**{key: 0})
+
+
+def test_of_a_horizon_the_first_interval_is_carried_out(problem):
+    scene, surfaces, epoch, _, loop = problem
+    filt = MultiplicativeUKF(
+        scene, surfaces, BRIGHT, initial_estimate(epoch, loop.initial.components())
+    )
+    settings = dataclasses.replace(loop, schedule=ScheduleModel(40.0, horizon_epochs=9))
+    nowhere = np.full(4, IDLE)
+    given = scene, surfaces, settings, EARTH_MOON, None, nowhere, np.random.default_rng(0)
+    found = decide(filt.predict(), 60, *given)
+    starts = np.array([0, 40, 60, 100, 120, 160])  # the run has three intervals
+    looks = slot_looks(filt.predict(), starts, scene, BRIGHT, TaskingModel(), EARTH_MOON)
+    plan = plan_schedule(looks, chances(None, 8))
+    np.testing.assert_array_equal(found.target, plan.target[:2])
+    np.testing.assert_array_equal(found.looking, np.repeat(plan.target[:2], [40, 20], axis=0))
+    of_two = SlotLooks(*(each[:2] for each in looks))
+    learned = _learned(8)
+    learned.log_weight[:] = -1e9
+    learned.log_weight[:, 0] = 0.0  # far brighter than the limit
+    learned.detected[:] = True
+    worth = _worth(of_two._replace(margin=of_two.margin + 99.0), learned, plan.target[:2])
+    assert found.information == pytest.approx(worth, rel=1e-9)
+    assert found.information < plan.information
+    result = run_closed_loop(scene, surfaces, epoch, problem.ids, (0,), settings)
+    assert result.assignment.shape == (1, 3, 2, 4)
+    with pytest.raises(ConfigurationError, match="horizon_epochs = 0 must be at least 1"):
+        ScheduleModel(horizon_epochs=0)

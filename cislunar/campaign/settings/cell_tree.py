@@ -99,6 +99,9 @@ class Tasking(Section):
         "at once", default=None)
     settle_s: NotNegative = setting(
         "time after turning until the first look", "s", "0", default=int(ScheduleModel.settle_s))
+    horizon_epochs: whole(ge=1, le=24) = setting(
+        "tasking intervals that are planned together at an epoch; the first is carried out", "1",
+        "1", default=ScheduleModel.horizon_epochs)
 
 
 class Sensor(Section):

@@ -106,7 +106,7 @@ def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
     return said
 
 
-SCHEDULE_KEYS = ("slot_minutes", "observers_per_target", "slew_deg_s", "settle_s")
+SCHEDULE_KEYS = ("slot_minutes", "observers_per_target", "slew_deg_s", "settle_s", "horizon_epochs")
 """Keys of `task2.tasking` that say how observers are scheduled within an interval."""
 
 _SAID_IF_UNUSUAL = {

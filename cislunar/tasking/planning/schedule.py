@@ -177,7 +177,7 @@ class SlotSchedule:
     worth : float
         The sum of F_j, nats.
     information : float
-        That of the looks if all detect their targets, nats.
+        That of the looks that are carried out if all detect their targets, nats.
     evaluations : int
         Assignments and set packings solved.
     gap : float
@@ -201,6 +201,7 @@ def plan_schedule(
     *,
     observers_per_target: int = 1,
     shares: Shares | None = None,
+    carried_out: int | None = None,
 ) -> SlotSchedule:
     """Choose the looks of an interval, slot by slot until nothing is gained.
 
@@ -213,6 +214,8 @@ def plan_schedule(
     shares : callable, optional
         Called with a schedule; gives the shares, shape (slot, observer, target), of each slot that
         are left after turning to each target. All of it, if omitted.
+    carried_out : int, optional
+        The first slots, whose `information` is wanted; all, if omitted.
 
     Returns
     -------
@@ -244,7 +247,7 @@ def plan_schedule(
     if shares is not None:
         share = shares(best)
     certain = chances(None, margin.shape[2])
-    information = _total(factor, share, margin, certain, best)
+    information = _total(factor, share, margin, certain, best[:carried_out])
     return SlotSchedule(best, best_worth, information, evaluations, gap)
 
 

@@ -22,6 +22,8 @@ class ScheduleModel:
         Rate of turning to another target, deg/s; None: at once.
     settle_s : float
         Time after turning until the first look, s.
+    horizon_epochs : int
+        Tasking intervals that are planned together at an epoch; the first is carried out.
 
     Raises
     ------
@@ -33,16 +35,16 @@ class ScheduleModel:
     observers_per_target: int = 1
     slew_deg_s: float | None = None
     settle_s: float = 0.0
+    horizon_epochs: int = 1
 
     def __post_init__(self) -> None:
         for key in ("slot_minutes", "slew_deg_s"):
             value = getattr(self, key)
             if value is not None and not (value > 0.0 and np.isfinite(value)):
                 raise ConfigurationError(f"{key} = {value} must be positive, or left out")
-        if self.observers_per_target < 1:
-            raise ConfigurationError(
-                f"observers_per_target = {self.observers_per_target} must be at least 1"
-            )
+        for key in ("observers_per_target", "horizon_epochs"):
+            if getattr(self, key) < 1:
+                raise ConfigurationError(f"{key} = {getattr(self, key)} must be at least 1")
         if not (self.settle_s >= 0.0 and np.isfinite(self.settle_s)):
             raise ConfigurationError(f"settle_s = {self.settle_s} must not be negative")
 
@@ -53,5 +55,9 @@ class ScheduleModel:
 
     @property
     def plain(self) -> bool:
-        """Whether each observer has one target from epoch to epoch, and each target one of them."""
-        return self.slot_minutes is None and self.observers_per_target == 1 and not self.turning
+        """Whether each observer has one target from epoch to epoch, and each target one of them.
+
+        And nothing is thought of beyond.
+        """
+        alone = self.observers_per_target == self.horizon_epochs == 1
+        return self.slot_minutes is None and alone and not self.turning
