@@ -9,6 +9,7 @@ from oracles.visibility import visible
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
+from cislunar.architecture.information.brightness import bright_share, squared_reaches
 from cislunar.architecture.information.certificate import certify_information, greedy_information
 from cislunar.architecture.information.kernels import gains, slopes
 from cislunar.architecture.information.objective import InformationObjective
@@ -148,6 +149,18 @@ def test_relaxation_is_solved(nuisance):
         assert relaxed <= -solved.fun * (1.0 + 2e-4)
 
 
+def test_a_tenth_of_a_satellite_is_not_nearly_all_of_what_it_tells():
+    looks = 1e6 * np.eye(10)[:, :, None] * np.eye(6)[LOWER]  # place c sees item c alone
+    tables = objective_of(0, 0).tables
+    own = np.arange(10)
+    same = InformationTables(
+        looks, 0, (1, 10, 1), own, 0.0 * own, tables.family[own % 9], 1.0 + own
+    )
+    found = certify_information(InformationObjective(same), 4)
+    assert found.value == pytest.approx(0.4 * 3.0 * np.log1p(1e6))
+    assert found.value <= found.bound <= (1.0 + 1e-8) * found.value
+
+
 def test_all_places_are_proven_and_runs_agree_in_every_bit():
     objective = objective_of(3, 3)
     every = certify_information(objective, 9)
@@ -223,6 +236,40 @@ def test_orbit_tables_hold_the_information_of_differences():
     scale = np.sqrt(np.einsum("...ii->...", expected))[..., None, None] ** 2
     assert 0.0 < np.mean(scale > 0.0) < 1.0
     assert np.all(np.abs(found - expected) <= 1e-6 * scale + 1e-12)
+
+
+def test_looks_count_by_how_often_the_body_is_bright_enough():
+    orbits, state, period, windows, sun = scene()
+    targets, places = moving_targets(state, period, windows), free_places(orbits, 2)
+    given = orbits, places, targets, windows, sun, LOOKS
+    plain = orbit_information(*given).matrix
+    assert np.array_equal(orbit_information(*given, reaches=np.full((3, 7, 2), 1e9)).matrix, plain)
+    some = np.tile([0.0, 1e9, 1e9, 1e9], (3, 7, 1))
+    np.testing.assert_allclose(orbit_information(*given, reaches=some).matrix, 0.75 * plain)
+    some[1] = 0.0
+    told = orbit_information(*given, reaches=some).matrix.reshape(len(plain), 2, 3, 21)
+    assert told[:, :, 0].any() and not told[:, :, 1].any()
+
+
+def test_reaches_are_where_magnitudes_are_those_of_the_limit():
+    shape = icosahedron(1.0)
+    surfaces = target_surfaces(shape, MATERIAL, 2, MODEL)
+    attitudes = Rotation.random(6, random_state=4).as_quat()
+    found = np.sqrt(squared_reaches(surfaces, 17.0, attitudes)) * LENGTH_UNIT_KM * 1e3
+    assert found.shape == (2, 91, 6) and np.array_equal(*found)
+    assert np.all(np.diff(found[0]) >= 0.0)
+    for row, angle in ((0, 0.0), (30, 60.0), (60, 120.0)):
+        toward = [np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle)), 0.0]
+        far = [apparent_magnitude(q, [1.0, 0.0, 0.0], toward, 1.0, shape, MATERIAL, MODEL)
+               for q in attitudes]  # fmt: skip
+        np.testing.assert_allclose(found[0, row], np.sort(10.0 ** (0.2 * (17.0 - np.array(far)))))
+    # 60 degrees between the ways to Sun and observer, between two of the distances
+    reaches = squared_reaches(surfaces, 17.0, attitudes)[0]
+    distance = np.sqrt(reaches[30, 2:4].mean())
+    way, light = distance * np.array([1.0, 0.0, 0.0]), 400.0 * np.array([0.5, np.sqrt(0.75), 0.0])
+    assert bright_share(*way, *light, reaches) == pytest.approx(3.0 / 6.0)
+    with pytest.raises(ConfigurationError, match="quaternion"):
+        squared_reaches(surfaces, 17.0, np.empty((0, 4)))
 
 
 RATE = np.deg2rad([-40.0, 5.0, 8.0]) / 3600.0

@@ -229,8 +229,8 @@ def goal_settings(wildcards, goal=None):
 
 
 def goal_mesh(wildcards, goal=None):
-    """Mesh file of the moving targets, if their attitude matters and they have one."""
-    if goal is not None and goal["objective"] != "attitude":
+    """Mesh file of the moving targets, if their brightness matters and they have one."""
+    if goal is not None and goal["objective"] not in ("information", "attitude"):
         return []
     return body_files(comparison_settings(wildcards))
 

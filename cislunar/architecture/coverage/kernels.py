@@ -44,8 +44,14 @@ def add_layers(at_least, layer):
 
 
 @njit(cache=True)
-def _gain(at_least, layer):
-    """What layers (layer, word) add to the sum of a multiplicity (fold, word).
+def open_words(at_least, reachable):
+    """Words of a multiplicity (fold, word) with room for elements that are reachable (word,)."""
+    return np.flatnonzero(reachable & ~at_least[-1])
+
+
+@njit(cache=True)
+def _gain(at_least, layer, word):
+    """What layers (layer, word) add in some words to the sum of a multiplicity (fold, word).
 
     A residual of at least j + 1 is a multiplicity below fold - j.
     """
@@ -54,29 +60,32 @@ def _gain(at_least, layer):
     for j in range(layer.shape[0]):
         reached = at_least[fold - 1 - j]
         row = layer[j]
-        for w in range(reached.size):
+        for w in word:
             total += _ones(row[w] & ~reached[w])
     return total
 
 
 @njit(cache=True)
-def gains(at_least, layers, candidate):
-    """Gain of each candidate, rows of ``layers`` (candidate, layer, word): int64."""
-    found = np.empty(candidate.size, dtype=np.int64)
+def gains(at_least, layers, candidate, reachable):
+    """Gain of each candidate, rows of ``layers`` (candidate, layer, word): int64.
+
+    ``reachable`` (word,) has the elements that any of them sees.
+    """
+    found, word = np.empty(candidate.size, dtype=np.int64), open_words(at_least, reachable)
     for c in range(candidate.size):
-        found[c] = _gain(at_least, layers[candidate[c]])
+        found[c] = _gain(at_least, layers[candidate[c]], word)
     return found
 
 
 @njit(cache=True)
-def lazy_greedy(layers, candidate, number, fold):
+def lazy_greedy(layers, candidate, number, fold, reachable):
     """Pick ``number`` candidates one by one, each of the largest gain, the first among equals.
 
     Gains only fall as more is covered, so that a stale gain bounds the present one and only the
     largest bounds are evaluated anew. Returns positions in ``candidate`` in order, and evaluations.
     """
     at_least = np.zeros((fold, layers.shape[2]), dtype=np.uint64)
-    bound = gains(at_least, layers, candidate)
+    bound, word = gains(at_least, layers, candidate, reachable), open_words(at_least, reachable)
     evaluated = np.zeros(candidate.size, dtype=np.int64)
     picked = np.empty(number, dtype=np.int64)
     evaluations = candidate.size
@@ -85,11 +94,12 @@ def lazy_greedy(layers, candidate, number, fold):
             best = np.argmax(bound)
             if evaluated[best] == step:
                 break
-            bound[best] = _gain(at_least, layers[candidate[best]])
+            bound[best] = _gain(at_least, layers[candidate[best]], word)
             evaluated[best] = step
             evaluations += 1
         picked[step] = best
         add_layers(at_least, layers[candidate[best]])
+        word = open_words(at_least, reachable)
         bound[best] = -1
         evaluated[best] = number
     return picked, evaluations
@@ -100,24 +110,71 @@ def weighted_sums(layers, candidate, weight):
     """Sum of the weights (byte, 8) of the elements in all layers of each candidate: float64.
 
     ``layers`` (candidate, layer, byte) are the bytes of the words. One table of the 256 partial
-    sums of a byte serves all candidates, so that a byte costs one addition.
+    sums of a byte serves all candidates, so that a byte costs one addition, and one without weight
+    none.
     """
     total = np.zeros(candidate.size)
     n_bytes = weight.shape[0]
-    table = np.zeros((_TILE, 256))
+    table, byte = np.zeros((_TILE, 256)), np.empty(_TILE, dtype=np.int64)
     for start in range(0, n_bytes, _TILE):
-        size = min(_TILE, n_bytes - start)
-        for b in range(size):
-            filled = 1
+        size = 0
+        for b in range(start, min(start + _TILE, n_bytes)):
+            if not weight[b].any():
+                continue
+            byte[size], filled = b, 1
             for bit in range(8):
                 for v in range(filled):
-                    table[b, filled + v] = table[b, v] + weight[start + b, bit]
+                    table[size, filled + v] = table[size, v] + weight[b, bit]
                 filled *= 2
+            size += 1
+        if size == 0:
+            continue
         for c in range(candidate.size):
             subtotal = 0.0
             for j in range(layers.shape[1]):
-                row = layers[candidate[c], j, start : start + size]
+                row = layers[candidate[c], j]
                 for b in range(size):
-                    subtotal += table[b, row[b]]
+                    subtotal += table[b, row[byte[b]]]
             total[c] += subtotal
     return total
+
+
+@njit(cache=True)
+def times_seen(layers, candidate, n_bits):
+    """How many layers of some candidates (candidate, layer, word) hold each bit: int64."""
+    found = np.zeros(n_bits, dtype=np.int64)
+    for c in candidate:
+        for j in range(layers.shape[1]):
+            row = layers[c, j]
+            for w in range(row.size):
+                rest = row[w]
+                while rest != 0:
+                    lowest = rest & (~rest + np.uint64(1))
+                    found[64 * w + _ones(lowest - np.uint64(1))] += 1
+                    rest ^= lowest
+    return found
+
+
+@njit(cache=True)
+def blend(mean, share, downhill):
+    """Mean of directions (element,) in place: a share of what it was, the rest the new one."""
+    for e in range(mean.size):
+        mean[e] = share * mean[e] + (1.0 - share) * downhill[e]
+
+
+@njit(cache=True)
+def inside(direction, multiplier, out):
+    """A direction without what leads out of the box 0 .. 1 of the multipliers, into `out`."""
+    for e in range(out.size):
+        d, m = direction[e], multiplier[e]
+        outward = m >= 1.0 if d > 0.0 else m <= 0.0
+        out[e] = 0.0 if outward else d
+
+
+@njit(cache=True)
+def moved(multiplier, length, direction):
+    """Multipliers moved along a direction, kept in the box 0 .. 1."""
+    found = np.empty(multiplier.size)
+    for e in range(found.size):
+        found[e] = min(max(multiplier[e] + length * direction[e], 0.0), 1.0)
+    return found

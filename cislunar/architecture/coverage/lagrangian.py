@@ -24,7 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.architecture.certified import Bound
-from cislunar.architecture.coverage.kernels import add_layers, count_ones, weighted_sums
+from cislunar.architecture.coverage.kernels import (
+    add_layers,
+    blend,
+    count_ones,
+    inside,
+    moved,
+    times_seen,
+    weighted_sums,
+)
 from cislunar.architecture.coverage.objective import CoverageObjective
 from cislunar.architecture.optimality.knapsack import (
     NO_CHOICE,
@@ -44,7 +52,9 @@ class _Relaxation:
     """The candidates left, and the best choice among them for given multipliers."""
 
     def __init__(self, objective: CoverageObjective, n_slots: int, total: int) -> None:
-        self.layers = objective.candidates.view(np.uint8)
+        self.words = objective.candidates
+        self.layers = self.words.view(np.uint8)
+        self.reachable = np.unpackbits(objective.reachable.view(np.uint8), bitorder="little")
         self.counts = objective.max_satellites
         self.n_slots, self.excess = n_slots, total - n_slots
         active = np.arange(len(self.layers))
@@ -52,7 +62,8 @@ class _Relaxation:
 
     def best(self, multiplier: NDArray) -> tuple[float, NDArray, NDArray]:
         """Score, places and satellites of the best choice; ``NO_CHOICE`` where none is left."""
-        found = weighted_sums(self.layers, self.active, multiplier.reshape(-1, 8))
+        weight = (multiplier * self.reachable).reshape(-1, 8)
+        found = weighted_sums(self.layers, self.active, weight)
         places, self.row = np.unique(self.active // self.counts, return_inverse=True)
         position, extra = np.zeros((2, self.n_slots), dtype=np.int64)
         if places.size < self.n_slots:
@@ -68,9 +79,7 @@ class _Relaxation:
 
     def times_seen(self, orbit: NDArray, satellites: NDArray) -> NDArray[np.int64]:
         """Satellites of a choice that see each element, at most the fold at each place."""
-        chosen = self.layers[orbit * self.counts + satellites - 1]
-        bits = np.unpackbits(chosen.reshape(-1, chosen.shape[-1]), axis=1, bitorder="little")
-        return bits.sum(axis=0, dtype=np.int64)
+        return times_seen(self.words, orbit * self.counts + satellites - 1, self.reachable.size)
 
     def keep(self, least: float) -> None:
         """Leave out the candidates in no choice of at least a score, by the last multipliers."""
@@ -84,12 +93,6 @@ def _seen_by_all(objective: CoverageObjective) -> int:
     for layer in objective.candidates:
         add_layers(at_least, layer)
     return count_ones(at_least.ravel())
-
-
-def _inside(direction: NDArray, multiplier: NDArray) -> NDArray[np.float64]:
-    """A direction without what leads out of the box of the multipliers."""
-    outward = np.where(direction > 0.0, multiplier >= 1.0, multiplier <= 0.0)
-    return np.where(outward, 0.0, direction)
 
 
 def coverage_bound(
@@ -118,7 +121,7 @@ def coverage_bound(
     multiplier = np.where(relaxation.times_seen(orbit, satellites) <= fold, 1.0, 0.0)
     ceiling = _seen_by_all(objective)
     lowest, best, choices, mean = np.inf, multiplier, [], None
-    length, idle, step = 1.0, 0, 0
+    length, idle, step, direction = 1.0, 0, 0, np.empty(multiplier.size)
     for step in range(1, steps + 1):
         score, *choice = relaxation.best(multiplier)
         if score <= 0.5 * NO_CHOICE:  # nothing better is left
@@ -137,14 +140,18 @@ def coverage_bound(
         if idle >= _PATIENCE:
             length, idle, multiplier = length * _SHORTEN, 0, best
         downhill = fold - relaxation.times_seen(*choice)
-        mean = downhill if mean is None else _MEMORY * mean + (1.0 - _MEMORY) * downhill
-        direction = _inside(mean, multiplier)
+        if mean is None:
+            mean = downhill.astype(float)
+        else:
+            blend(mean, _MEMORY, downhill)
+        inside(mean, multiplier, direction)
         if not direction.any():
-            mean, direction = downhill, _inside(downhill, multiplier)
+            mean[:] = downhill
+            inside(mean, multiplier, direction)
         square = np.sum(direction**2)
         if square == 0.0:  # a subgradient that leads nowhere: L is at its least
             break
-        multiplier = np.clip(multiplier + length * (bound - known) / square * direction, 0.0, 1.0)
+        multiplier = moved(multiplier, length * (bound - known) / square, direction)
     return Bound(
         bound=max(known, min(ceiling, int(np.floor(lowest)))) / objective.scale,
         steps=step,

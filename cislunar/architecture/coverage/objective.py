@@ -1,5 +1,7 @@
 """Coverage of static targets as an objective: of target-hours or target-days, single or k-fold."""
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -52,6 +54,11 @@ class CoverageObjective(Objective):
         """Layers of every (place, count): ndarray of shape (place * satellites, layer, word)."""
         layers = self.tables.layers
         return layers.reshape(-1, *layers.shape[2:])
+
+    @cached_property
+    def reachable(self) -> NDArray[np.uint64]:
+        """Bits of the elements that any candidate sees, shape (word,)."""
+        return np.bitwise_or.reduce(self.candidates[:, 0], axis=0)
 
     def _at_least(self, orbit: NDArray, satellites: NDArray) -> NDArray[np.uint64]:
         """Bits of the elements seen by at least 1 .. fold satellites, shape (fold, word)."""
@@ -111,7 +118,7 @@ class CoverageObjective(Objective):
         place = np.setdiff1d(np.arange(self.n_orbits), others)
         count = np.arange(lowest, highest + 1)
         candidate = (place[:, None] * self.max_satellites + count - 1).ravel()
-        gain = gains(covered, self.candidates, candidate)
+        gain = gains(covered, self.candidates, candidate, self.reachable)
         largest = int(np.argmax(gain))
         value = (count_ones(covered.ravel()) + int(gain[largest])) / self.scale
         if value <= best * IMPROVES:

@@ -6,6 +6,7 @@ Symmetric 6 x 6 matrices are the 21 entries of the lower triangle, row by row.
 import numpy as np
 from numba import njit
 
+from cislunar.architecture.information.brightness import bright_share
 from cislunar.observation.scene import body_of
 from cislunar.observation.sightline import METRES, in_clear_view, lit_directions, sphere_brighter
 from cislunar.photometry.body_blocks import body_magnitude_derivatives
@@ -36,15 +37,16 @@ def _mark_seen(observer, target, sun, view, seen):
 
 
 @njit(cache=True, error_model="numpy")
-def add_directions(track, target, motion, sun, view, looks, out):
+def add_directions(track, target, motion, sun, view, reaches, looks, out):
     """Add what the directions tell of position and velocity; see `orbit_information`.
 
     `track` (time, 3), `target` (time, target, 3), `motion` (time, target, 3, 6) the derivative of
     the position by the whitened state at the start, `sun` (time, 3), `view` limits, faintness and
-    primaries, `looks` those of a step over the variance of an angle (rad^2); `out` (target, 21).
+    primaries, `reaches` those of `brightness.squared_reaches` or of no target, `looks` those of a
+    step over the variance of an angle (rad^2); `out` (target, 21).
 
     A look along the unit vector u at the distance r has the information (I - u u^T) / (sigma r)^2
-    about the position.
+    about the position, times the share of attitudes in which the target is bright enough.
     """
     n_targets = target.shape[1]
     seen, along = np.empty(n_targets, np.bool_), np.empty(6)
@@ -55,7 +57,13 @@ def add_directions(track, target, motion, sun, view, looks, out):
                 continue
             dx, dy, dz = _way(track[k], target[k, j])
             squared = dx * dx + dy * dy + dz * dz
-            weight, per_square = looks / (count * squared), 1.0 / squared
+            share = 1.0
+            if reaches.shape[0] > 0:
+                fx, fy, fz = _way(sun[k], target[k, j])
+                share = bright_share(dx, dy, dz, fx, fy, fz, reaches[j])
+                if share == 0.0:
+                    continue
+            weight, per_square = share * looks / (count * squared), 1.0 / squared
             rows = motion[k, j]
             for a in range(6):
                 along[a] = dx * rows[0, a] + dy * rows[1, a] + dz * rows[2, a]

@@ -250,6 +250,7 @@ def orbit_information(
     sun_position: ArrayLike,
     looks: Looks,
     *,
+    reaches: ArrayLike | None = None,
     propagator: str = "dopri5",
     mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
@@ -273,6 +274,10 @@ def orbit_information(
         Sun at those times, nondimensional, rotating frame.
     looks : Looks
         Sensor, looks in an hour, initial uncertainty.
+    reaches : array_like, shape (target, angle, attitude), optional
+        From `cislunar.architecture.information.brightness.squared_reaches`: a look then counts by
+        the share of attitudes in which the target is bright enough. Without it a look counts in
+        full wherever the sphere of `looks` is bright enough, as tasking judges.
     propagator : str
         Of the observers, see `cislunar.visibility.counts.satellite_tracks`.
     mu : float
@@ -287,10 +292,11 @@ def orbit_information(
     view, sun = looks.view(mu), np.ascontiguousarray(sun_position, dtype=float)
     motion = np.ascontiguousarray(targets.motion * looks.initial.components()[6:])
     worth = looks.per_hour * windows.step_hours / view[0].noise_variance[1]
+    bright = np.empty((0, 1, 1)) if reaches is None else np.ascontiguousarray(reaches, dtype=float)
 
     def add(window: int, track: Array, out: Array) -> None:
         own = targets.position[window], motion[window], sun[window]
-        add_directions(track, *own, view, worth, out[:, 0])
+        add_directions(track, *own, view, bright, worth, out[:, 0])
 
     shape = (len(windows.start), targets.position.shape[2], 1)
     return _tables(orbits, places, windows, shape, 0, add, propagator, mu, progress)

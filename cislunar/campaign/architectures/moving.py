@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from cislunar.architecture.information.brightness import squared_reaches
 from cislunar.architecture.information.objective import InformationObjective
 from cislunar.architecture.information.tables import (
     InformationTables,
@@ -16,6 +17,7 @@ from cislunar.architecture.information.tables import (
     windows_of,
 )
 from cislunar.architecture.places import Places, satellite_places
+from cislunar.attitude.quaternion import normalize
 from cislunar.campaign.data.inputs import sun_at
 from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.seeds import generator
@@ -27,6 +29,9 @@ from cislunar.tasking.simulation import INITIAL_RATE_DEG_H, epoch_states, monito
 
 ATTITUDE_STEP_HOURS = 0.25
 """Longest step of attitude information: the targets turn by 46 deg an hour."""
+
+ATTITUDES = 100
+"""Attitudes over which the share in which a body is bright enough is taken."""
 
 
 def orbit_set(orbits: xr.Dataset) -> OrbitSet:
@@ -79,6 +84,16 @@ class Moving:
         step = self._wanted["step_hours"]
         return self._scene(step / np.ceil(step / ATTITUDE_STEP_HOURS - 1e-9))
 
+    @cached_property
+    def _reaches(self) -> np.ndarray | None:
+        if self._wanted["brightness"] == "sphere":
+            return None
+        attitudes = normalize(
+            generator(*self._stream, "brightness").standard_normal((ATTITUDES, 4))
+        )
+        surfaces = believed_surfaces(self._cell, self._names)
+        return squared_reaches(surfaces, self._cell.sensor.limiting_magnitude, attitudes)
+
     def tables(
         self, kind: str, orbits: OrbitSet, places: Places, progress: Progress | None = None
     ) -> InformationTables:
@@ -86,7 +101,9 @@ class Moving:
         looks = information_looks(self._cell)
         shared = {"propagator": self._propagator, "progress": progress}
         if kind == "information":
-            return orbit_information(orbits, places, *self._coarse, looks, **shared)
+            return orbit_information(
+                orbits, places, *self._coarse, looks, reaches=self._reaches, **shared
+            )
         surfaces = believed_surfaces(self._cell, self._names)
         rate = np.deg2rad(INITIAL_RATE_DEG_H) / 3600.0
         given = looks, surfaces, rate, generator(*self._stream)
