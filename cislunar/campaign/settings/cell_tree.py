@@ -26,6 +26,7 @@ from cislunar.campaign.settings.fields import (
     whole,
 )
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.fusion.ways import FUSIONS
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.wanted_bodies import ICOSAHEDRON
@@ -374,6 +375,10 @@ class CellSettings(Section):
         "true: targets dim in the penumbra of Earth and Moon, and cannot be seen in the umbra; "
         "tasking knows it", paper="not in the paper", default=False)
     communication: Communication = Communication()
+    fusion: Literal[FUSIONS] = setting(
+        "whose estimates count: one `common` to all observers, or of catalogues that each makes of "
+        "its own measurements the best of each target (`alone`), or what they say together",
+        paper="common", default=FUSIONS[0])
     process_noise: ProcessNoise = ProcessNoise()
     dynamics: Dynamics = Dynamics()
     filter: Filter = Filter()

@@ -90,11 +90,15 @@ def in_mode(tasking: Mapping[str, Any]) -> dict[str, Any]:
     return {**said, **left}
 
 
+_UNSAID = ("start_day", "histories", "record", "eclipse", "fusion")
+"""Keys that are left out of settings where they keep what is usual."""
+
+
 def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings that keep what is usual do not say so: the file is the same as without the key."""
     settings = {**settings, "tasking": in_mode(settings["tasking"])}
     fields = CellSettings.model_fields
-    usual = {key: fields[key].default for key in ("start_day", "histories", "record", "eclipse")}
+    usual = {key: fields[key].default for key in _UNSAID}
     usual["dynamics"] = Dynamics().model_dump()
     usual["filter"] = Filter().model_dump()
     usual["communication"] = Communication().model_dump()

@@ -14,6 +14,7 @@ from cislunar.campaign.settings import cell_tree, tree
 from cislunar.campaign.settings.cells import SCHEDULE_KEYS, true_settings, wanted_body
 from cislunar.campaign.settings.reading import typed
 from cislunar.estimation.estimator import EstimatorFactory
+from cislunar.estimation.fusion.catalogues import catalogues
 from cislunar.estimation.registry import estimator_named
 from cislunar.estimation.spread import ProcessNoise, Spread
 from cislunar.evaluation.metrics import Custody
@@ -171,9 +172,10 @@ def loop_settings(
 
 def estimator_factory(name: str, cell: cell_tree.CellSettings) -> EstimatorFactory:
     """The estimator of a cell, by its name in the configuration key `task2.estimators`."""
-    return estimator_named(
+    common = estimator_named(
         name,
         process_noise=ProcessNoise(**dict(cell.process_noise)),
         splitting=cell.filter.splitting,
         batch_settings=cell_tree.batch_settings(cell.batch),
     )
+    return catalogues(common, cell.fusion)

@@ -152,6 +152,7 @@ def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, A
             "either, which the estimator would take for a faint attitude; leave out 'eclipse'"
         )
     _check_communication(place, settings)
+    _check_fusion(place, settings)
     days = config["visibility"]["duration_days"]
     start = settings.get("start_day", 0)
     if hours > 24.0 * (days - start):
@@ -222,6 +223,22 @@ def _check_communication(place: str, settings: Mapping[str, Any]) -> None:
             f"{key}credit_under_way': tasking by 'full' states cannot count on looks under way; "
             "set it to false, or 'tasking.states' to 'translation'"
         )
+
+
+def _check_fusion(place: str, settings: Mapping[str, Any]) -> None:
+    """What catalogues of single observers cannot have."""
+    fusion = settings.get("fusion", "common")
+    if fusion == "common":
+        return
+    for key, unfit in (
+        ("tasking.states", settings["tasking"]["states"] != "translation"),
+        ("batch.unknowns", any(settings["batch"].get("unknowns", {}).values())),
+    ):
+        if unfit:
+            raise ConfigurationError(
+                f"configuration key '{place}{key}': fusion = {fusion!r} hands on position and "
+                "velocity, and no more than attitude and rate besides; leave one of them out"
+            )
 
 
 def _materials(settings: Mapping[str, Any]) -> list[Array]:
