@@ -244,3 +244,22 @@ def test_a_schedule_of_slots_is_in_the_file(inputs, tmp_path):
     looks = 40 * first.sum() + 20 * second.sum()
     assert step.size == looks > 0
     assert np.all(kept["planning_gap"] < 1e-6) and kept["brightness_offset"].shape == (2, 2, 3)
+
+
+def test_late_measurements_of_single_observers_are_told_apart(inputs, tmp_path):
+    """What is still under way at the end has been looked at, and has taught nobody anything."""
+    cell, settings = cell_of([])
+    kept = {}
+    for name, changed in (
+        ("usual", {}),
+        ("late", {"communication": {"delay_minutes": 100, "contact": {"moon": True}}}),
+        ("alone", {"fusion": "alone"}),
+    ):
+        path = tmp_path / f"{name}.nc"
+        write_cell(cell, inputs, merged(settings, changed), path, propagator="dop853", seed=3)
+        kept[name] = read_dataset(path)
+    np.testing.assert_array_equal(kept["late"]["fate"][:, :60], kept["usual"]["fate"][:, :60])
+    updates = [kept[name]["updates"].values.sum() for name in ("usual", "late", "alone")]
+    assert 0 <= updates[1] < updates[0] and updates[2] > 0
+    assert json.loads(kept["alone"].attrs["settings"])["fusion"] == "alone"
+    assert "communication" not in json.loads(kept["alone"].attrs["settings"])

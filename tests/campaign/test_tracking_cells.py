@@ -221,6 +221,16 @@ def test_unknown_keys_are_refused_with_a_suggestion(config):
             "batch.unknowns': log_slope = 0.3: the light of such a surface",
         ),
         ({"batch": {"noise_freedom": 8, "window_hours": 3}}, "exclude each other"),
+        ({"communication": {"update_minutes": 0.5}}, "communication.update_minutes' = 0.5 is no"),
+        (
+            {"communication": {"contact": {"moon": True}}, "tasking": {"states": "full"}},
+            "communication.credit_under_way': tasking by 'full' states",
+        ),
+        ({"fusion": "alone", "tasking": {"states": "full"}}, "tasking.states': fusion = 'alone'"),
+        (
+            {"fusion": "alone", "batch": {"unknowns": {"log_slope": 0.3}}},
+            "batch.unknowns': fusion = 'alone'",
+        ),
     ],
 )
 def test_changes_of_a_variant_are_checked_like_settings(config, change, message):
