@@ -9,6 +9,7 @@ from oracles.visibility import visible
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
+from cislunar.architecture.coverage.objective import CoverageObjective
 from cislunar.architecture.information.brightness import bright_share, squared_reaches
 from cislunar.architecture.information.certificate import certify_information, greedy_information
 from cislunar.architecture.information.kernels import gains, slopes
@@ -337,6 +338,10 @@ def test_impossible_windows_are_refused(change, message):
 
 
 def test_impossible_looks_tables_and_numbers_are_refused():
+    with pytest.raises(ConfigurationError, match=r"InformationTables, made by .* not a NoneType"):
+        InformationObjective(None)
+    with pytest.raises(ConfigurationError, match=r"CoverageTables, made by .* InformationTables"):
+        CoverageObjective(objective_of(0, 0).tables)
     with pytest.raises(ConfigurationError, match="per_hour"):
         Looks(per_hour=0.0)
     with pytest.raises(ConfigurationError, match="initial"):

@@ -1,6 +1,7 @@
 """Architectures by other objectives than J, from settings to data sets, tables and tracking."""
 
 import re
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -9,6 +10,7 @@ import xarray as xr
 from campaign_folder import ROOT, copy_workflow, read_campaign, snakemake, with_change
 
 from cislunar.campaign.architectures.designs import design_dataset, objective_front_dataset
+from cislunar.campaign.architectures.elsewhere import elsewhere_rows
 from cislunar.campaign.architectures.goals import World
 from cislunar.campaign.architectures.moving import Moving
 from cislunar.campaign.architectures.objectives_table import objective_row, of_front, single
@@ -129,11 +131,14 @@ def test_places_by_chance_are_distinct_and_hang_on_the_name(world, settings, pha
     assert not all(drawn[0].equals(other) for other in drawn[2:])
 
 
-@pytest.mark.parametrize("method, evaluations", [("tpe", None), ("random", 2)])
+@pytest.mark.parametrize(
+    "method, evaluations, sampler",
+    [("tpe", None, "compiled"), ("tpe", None, "hyperopt"), ("random", 2, "compiled")],
+)
 def test_the_papers_searches_take_the_objectives_and_stay_below_the_bound(
-    world, settings, method, evaluations
+    world, settings, method, evaluations, sampler
 ):
-    search = {"labels": "index", "early_stop": 30, "max_evaluations": 40, "sampler": "compiled"}
+    search = {"labels": "index", "early_stop": 30, "max_evaluations": 40, "sampler": sampler}
     wanted = WANTED | {"objective": "information"}
     most = float(design_dataset(wanted, world, settings, **GIVEN)["bound"])
     wanted |= {"method": method, "evaluations": evaluations}
@@ -185,6 +190,23 @@ def test_fronts_hold_every_number_and_draw(world, settings):
     assert legend == ["most seen", "most known", "up to the proven bound", "by coverage", "TPE"]
     bar = figure.axes[2].child_axes[0]
     assert bar.get_xlim()[0] < 3.0 < 30.0 < bar.get_xlim()[1]
+
+
+def test_targets_elsewhere_are_told_of_by_what_was_chosen_on_others(world, settings):
+    moving = observer_library({"Halo_L1_N": 3, "Lyap_L1": 3})
+    other = world._replace(tracked=orbit_set_dataset(moving, "target", "targets", {}))
+    wanted = {"satellites": [2, 3], "target_seeds": [5], "windows": 1, "least": 3}
+    given = settings | {"elsewhere": wanted}
+    table = pd.DataFrame(elsewhere_rows(other, given, scenario="A", seed=7))
+    assert len(table) == 2 * 2 + 2 * 2 * 3 and (table["information_nat"] > 0.0).all()
+    assert set(table["targets_of"]) == {5, "Halo", "Lyap"}
+    assert set(table.loc[table["targets_by"] == "seed", "windows"]) == {1}
+    by = table.set_index(["targets_of", "satellites", "chosen_on"])["information_nat"]
+    for of, number in product((5, "Halo", "Lyap"), (2, 3)):
+        best = by[of, number, "these"]
+        assert best >= 0.98 * by[of, number, "the campaign's"]
+        if of != 5:
+            assert best >= 0.98 * by[of, number, "others"]
 
 
 def test_rank_correlations_are_those_of_the_ranks_and_know_what_is_better():

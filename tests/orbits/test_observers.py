@@ -74,6 +74,7 @@ def test_a_member_may_be_chosen_by_its_period_in_days(tmp_path):
         ([STATES, FREE + "0.5"], "'free': phase is a share of the period; give period_days"),
         ([STATES, "one" + MEMBER + "1.5"], "'one': phase = 1.5 must be within 0 .. 1"),
         ([STATES, "one,,,,,,,,Halo_L4,3.1,"], "'one': unknown orbit family 'Halo_L4'; the"),
+        ([STATES, "one,,,,,,,,Halo_L1N,3.1,"], "orbit family 'Halo_L1N'; did you mean 'Halo_L1_N'"),
         ([STATES, "one,,,,,,,3,DRO,3.1,"], "'one': give one of jacobi and period_days"),
         ([STATES, "one,,,,,,,,DRO,,"], "'one': give one of jacobi and period_days"),
         ([STATES, "one,388000,0,0,0,.1,0,,,,"], "x = 388000 is taken in units of 384400 km"),

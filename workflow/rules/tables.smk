@@ -1,6 +1,7 @@
 # Scenarios with architectures by other objectives than J.
 JUDGED = [scenario for scenario in SCENARIOS if designs_of(scenario) or fronts_of(scenario)]
 READ = ARCHITECTURE["readings"]["scenario"]
+ELSEWHERE = ARCHITECTURE["elsewhere"]["scenario"]
 LABELLED = ARCHITECTURE["label_comparison"]["scenario"]
 
 
@@ -104,6 +105,39 @@ rule objectives_table:
         "../scripts/objectives_table.py"
 
 
+rule elsewhere_table:
+    input:
+        orbits=rules.families.output[0],
+        targets=rules.static_targets.output[0],
+        tracked=shared("orbits/tracked"),
+        sun=shared("ephemeris/sun"),
+        mesh=goal_mesh,
+    output:
+        report(
+            results("tables/objectives_elsewhere_{scenario}.csv"),
+            caption="../report/objectives_elsewhere.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/objectives_elsewhere_{scenario}"),
+        times=benchmark_of("elsewhere_table/{scenario}"),
+    conda:
+        "../envs/cislunar.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+    params:
+        settings=lambda wildcards: {
+            **goal_settings(wildcards),
+            "elsewhere": ARCHITECTURE["elsewhere"],
+        },
+        seed=config["seed"],
+    message:
+        "Judging architectures by targets they were not chosen on (scenario {wildcards.scenario})"
+    script:
+        "../scripts/elsewhere_table.py"
+
+
 rule label_comparison:
     input:
         expand(
@@ -186,6 +220,7 @@ rule task1:
         rules.architecture_table.output if OPTIMIZERS else [],
         rules.observers_table.output if OBSERVERS else [],
         expand(results("tables/objectives_{scenario}.csv"), scenario=JUDGED),
+        expand(rules.elsewhere_table.output, scenario=ELSEWHERE or []),
         rules.label_comparison.output if OPTIMIZERS and LABELLED else [],
         rules.readings.output if OPTIMIZERS and READ else [],
         rules.architecture_claims.output if OF_THE_PAPER else [],

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.architecture.coverage.kernels import add_layers, count_ones, gains
 from cislunar.architecture.coverage.tables import CoverageTables
 from cislunar.architecture.objective import IMPROVES, Objective, Replacement
+from cislunar.errors import ConfigurationError
 
 
 class CoverageObjective(Objective):
@@ -38,9 +39,19 @@ class CoverageObjective(Objective):
     ----------
     tables : CoverageTables
         What every place and satellite count sees.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is given anything else.
     """
 
     def __init__(self, tables: CoverageTables) -> None:
+        if not isinstance(tables, CoverageTables):
+            raise ConfigurationError(
+                f"tables: CoverageTables, made by coverage_tables, are needed, not a "
+                f"{type(tables).__name__}"
+            )
         super().__init__(tables.family, tables.stability_index, tables.max_satellites)
         self.tables = tables
 

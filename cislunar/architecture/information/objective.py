@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.architecture.information.kernels import combined, gains, item_values
 from cislunar.architecture.information.tables import InformationTables
 from cislunar.architecture.objective import IMPROVES, Objective, Replacement, first_best
+from cislunar.errors import ConfigurationError
 
 
 class InformationObjective(Objective):
@@ -35,9 +36,19 @@ class InformationObjective(Objective):
     ----------
     tables : InformationTables
         What a satellite at every place tells of every item.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is given anything else.
     """
 
     def __init__(self, tables: InformationTables) -> None:
+        if not isinstance(tables, InformationTables):
+            raise ConfigurationError(
+                "tables: InformationTables, made by orbit_information or attitude_information, are "
+                f"needed, not a {type(tables).__name__}"
+            )
         super().__init__(tables.family, tables.stability_index, 1)
         self.tables = tables
 

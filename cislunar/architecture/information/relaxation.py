@@ -19,7 +19,8 @@ add up to 1 for each item, a tangent lies above the mean information F of all ch
          <= the same at x - g . x + the N largest entries of g
 
 with A(0) = L and g the gradient: a bound whatever x and w are. Spectral projected gradients
-(Birgin, Martinez & Raydan, 2000) with an exact line search lead to the x where it is least over sum x = N.
+(Birgin, Martinez & Raydan, 2000) with an exact line search lead to the x where it is least over
+sum x = N.
 What is left between it and the best choice is the gap of integrality, which only branching would
 close.
 """

@@ -129,7 +129,7 @@ def _searched(
     budget = design["evaluations"] or settings["max_evaluations"]
     found = hyperopt_search(
         objective,
-        method=sampling_method(design["method"], settings["sampler"]),
+        method=sampling_method(design["method"], design.get("sampler") or settings["sampler"]),
         rng=rng,
         n_slots=design["satellites"],
         labels=settings["labels"],

@@ -80,6 +80,20 @@ class Information(Section):
         "random attitudes of each target in each window", "1", default=1)
 
 
+class Elsewhere(Section):
+    scenario: str | None = setting(
+        "scenario whose architectures by `information` are judged on other targets "
+        "(`tables/objectives_elsewhere.csv`); null: none", default=None)
+    satellites: several(Count) = setting("numbers of satellites", default=[20, 33])
+    target_seeds: several(whole(ge=0)) = setting(
+        "choose other sets of moving targets, as `information.target_seed` does", "1",
+        default=[11, 12, 13])
+    windows: whole(ge=1, le=1000) = setting("windows in which these are", "1", default=7)
+    least: whole(ge=1) = setting(
+        "classes of families with so many moving targets are left out of the choice in turn", "1",
+        default=10)
+
+
 class _Goal(Section):
     objective: Objective = setting(
         "what architectures are chosen for, see `docs/objectives.md`: `coverage` of target-hours, "
@@ -108,6 +122,8 @@ class Design(_Goal):
         default="certified")
     evaluations: Count | None = setting(
         "evaluations of `tpe` and `random`; null: `max_evaluations`", default=None)
+    sampler: Sampler | None = setting(
+        "who draws for `tpe`; null: `architecture.sampler`", default=None)
     scenarios: several(str) | None = setting(
         "scenarios in which it is judged by every objective; null: all", default=None)
     copies: whole(ge=1, le=1000) = setting(
@@ -146,5 +162,6 @@ class Search(Section):
     information: Information = Information()
     designs: dict[Architecture, Design] = setting("", default={}, name="{design}")
     objective_fronts: dict[Architecture, ObjectiveFront] = setting("", default={}, name="{front}")
+    elsewhere: Elsewhere = Elsewhere()
     label_comparison: LabelComparison = LabelComparison()
     readings: Readings = Readings()

@@ -163,7 +163,7 @@ def _check_optimization(config: Mapping[str, Any]) -> None:
             f"configuration key 'architecture.slots' = {architecture['slots']} exceeds the "
             f"{library} orbits of the library: lower it or raise orbits.members"
         )
-    for key in ("label_comparison", "readings"):
+    for key in ("label_comparison", "readings", "elsewhere"):
         scenario = architecture[key]["scenario"]
         if scenario is not None and scenario not in config["scenarios"]:
             raise ConfigurationError(

@@ -22,6 +22,7 @@ SECTIONS = tuple(Surroundings.model_fields)
 COMPARISONS = (
     ("architecture", "label_comparison"),
     ("architecture", "readings"),
+    ("architecture", "elsewhere"),
     ("task2", "tasking_comparison"),
 )
 """Parts of the configuration that rest on one scenario, and are left out without it."""
