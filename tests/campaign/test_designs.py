@@ -272,6 +272,7 @@ DESIGN = {"objective": "information", "satellites": 20}
     "key, value, message",
     [
         ("designs.tpe", DESIGN, "name 'tpe' is taken"),
+        ("elsewhere.scenario", "Z", "'architecture.elsewhere.scenario' = 'Z' is none of"),
         ("designs.fronts", DESIGN, "name 'fronts' is taken"),
         ("designs.x", DESIGN | {"phases": None}, "designs.x.phases' = null: information is that"),
         ("designs.x", DESIGN | {"phases": None, "method": "tpe", "objective": "coverage"},
