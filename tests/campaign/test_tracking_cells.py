@@ -226,6 +226,10 @@ def test_unknown_keys_are_refused_with_a_suggestion(config):
             {"communication": {"contact": {"moon": True}}, "tasking": {"states": "full"}},
             "communication.credit_under_way': tasking by 'full' states",
         ),
+        (
+            {"fusion": "alone", "dynamics": {"truth": "ephemeris"}},
+            "dynamics.filter': fusion = 'alone' needs",
+        ),
         ({"fusion": "alone", "tasking": {"states": "full"}}, "tasking.states': fusion = 'alone'"),
         (
             {"fusion": "alone", "batch": {"unknowns": {"log_slope": 0.3}}},

@@ -239,6 +239,12 @@ def _check_fusion(place: str, settings: Mapping[str, Any]) -> None:
                 f"configuration key '{place}{key}': fusion = {fusion!r} hands on position and "
                 "velocity, and no more than attitude and rate besides; leave one of them out"
             )
+    dynamics = settings.get("dynamics", {})
+    if dynamics.get("truth") == "ephemeris" and dynamics.get("filter") == "cr3bp":
+        raise ConfigurationError(
+            f"configuration key '{place}dynamics.filter': fusion = {fusion!r} needs a force model "
+            "that all targets share; set it to 'ephemeris'"
+        )
 
 
 def _materials(settings: Mapping[str, Any]) -> list[Array]:
