@@ -231,7 +231,8 @@ def visible_sun(body, sun, radius, sun_radius):
     by_sun -= 2.0 * covered / sun
     # Gradients of the three angles: radii change along the lines of sight, their distance across.
     along_p = by_sun * np.tan(sun) / to_sun
-    along_q = by_disc * np.tan(disc) / to_body
+    # within a body its disc is half of the sky, wherever that is
+    along_q = by_disc * np.tan(disc) / to_body if disc_sine < 1.0 else 0.0
     across = by_apart / sine if sine > 0.0 else 0.0
     p_part = along_p - across * cosine / to_sun + across / to_body
     q_part = along_q - across * cosine / to_body + across / to_sun

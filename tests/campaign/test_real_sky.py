@@ -7,18 +7,25 @@ import xarray as xr
 from campaign_folder import ROOT, read_campaign
 
 from cislunar.campaign.data.inputs import bodies_dataset, body_table, sun_dataset
+from cislunar.campaign.data.refined_orbits import (
+    forces_on_observers,
+    observer_states,
+    refined_dataset,
+    refined_rows,
+)
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell, cell_settings
 from cislunar.campaign.settings.library import loop_settings
 from cislunar.campaign.settings.reading import checked, merged, typed
 from cislunar.campaign.tracking.cell import CellInputs, tracking_problem
 from cislunar.campaign.tracking.dataset import cell_dataset
-from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM
+from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, MU
 from cislunar.dynamics.ephemeris import UNITS, propagate_utc
 from cislunar.dynamics.frames import from_inertial, pulsating_frame
 from cislunar.dynamics.propagation import propagate_periodic
 from cislunar.ephemeris.kernel import EARTH_MOON_BARYCENTER, kernel_path, loaded
 from cislunar.errors import ConfigurationError
+from cislunar.orbits.among_bodies.refinement import RefinedPath, path_states
 from cislunar.orbits.families import observer_library
 
 REAL = {"truth": "ephemeris", "filter": "ephemeris"}
@@ -100,6 +107,33 @@ def test_truth_moves_among_the_bodies_and_the_filter_follows(inputs):
     miss = np.abs(cell["error"].values[..., 6:]) / cell["sigma"].values[..., 6:]
     assert np.mean(miss[:, :, used[0]] < 3.0) > 0.95
     assert np.all(np.isfinite(cell["bound"].values[:, -1][:, used[0]]))
+
+
+def test_observers_fly_refined_paths(inputs, caplog):
+    """Those of the data set; one that has none is named and held, or refused."""
+    dynamics = {**REAL, "observers": "refined"}
+    settings = typed(settings_of(dynamics=dynamics, start_day=1.0), CellSettings)
+    loop = loop_settings(settings, 60)
+    chosen = {"dynamics": settings.dynamics.model_dump()}
+    refined = refined_dataset(inputs.orbits, inputs.bodies, chosen)
+    own = refined["node_orbit"].values == 2
+    assert np.all(refined["position_miss"].values < 1.0)
+    assert np.all(refined["velocity_miss"].values < 1.0)
+    assert refined_rows({"observers": refined})["refined"].tolist() == [3, 3]
+    scene = tracking_problem(CELL, inputs, settings, "dop853", loop).scene
+    epoch = float(inputs.bodies["epoch_et"])
+    path = RefinedPath(refined["node_time"].values[own], refined["node_state"].values[own], 0, 0)
+    forces = forces_on_observers(inputs.bodies, chosen["dynamics"])
+    assert forces.epoch == epoch
+    time = 86_400.0 + scene.step_s * np.arange(scene.observer_position.shape[1])
+    wanted = path_states(forces, path, time)[:, :3]
+    np.testing.assert_allclose(scene.observer_position[2], wanted, rtol=0, atol=1e-9)
+    lost = [1.0 - MU + 0.02, 0.0, 0.0, 0.0, 0.0, 0.0]  # falls into the Moon
+    held = observer_states(forces, settings.dynamics, np.array(lost), 0.0, 0.0, [0.0], "it")
+    assert held.shape == (1, 6) and "it, 0 of a period ahead, is not refined" in caplog.text
+    refuses = settings.dynamics.model_copy(update={"unrefined": "refused"})
+    with pytest.raises(ConfigurationError, match=r"set task2\.dynamics\.unrefined to 'held'"):
+        observer_states(forces, refuses, np.array(lost), 0.0, 0.0, [0.0], "it")
 
 
 def test_what_cannot_be_is_refused(inputs):

@@ -237,6 +237,14 @@ def test_gradient_of_the_shadow(distance):
     np.testing.assert_allclose(fraction(place)[1:], slopes, rtol=1e-5, atol=1e-9)
 
 
+def test_it_is_dark_within_a_body():
+    """A guess of a path may dip below the surface, where no disc has an angular radius."""
+    sun = np.array([-ASTRONOMICAL_UNIT_KM, 0.0, 0.0])
+    for place in ([1_000.0, 300.0, 0.0], [-10.0, 1_700.0, 0.0]):
+        seen = visible_sun(tuple(place), tuple(place - sun), MOON_RADIUS_KM, SUN_RADIUS_KM)
+        assert np.all(np.abs(seen[1:]) < 0.1), place
+
+
 def test_variational_equations(forces, starts):
     """Against differences of the right-hand side in penumbra and near the Moon, and of a day."""
     table = forces.table

@@ -66,3 +66,49 @@ rule own_tracked_targets:
         "Reading the moving targets in {input}"
     script:
         "../scripts/own_tracked_targets.py"
+
+
+rule refined_orbits:
+    input:
+        orbits=results("orbits/{orbits}.nc"),
+        bodies=rules.bodies.output[0],
+    output:
+        results("orbits/refined_{orbits}.nc"),
+    log:
+        log_of("orbits/refined_{orbits}"),
+        times=benchmark_of("refined_orbits/{orbits}"),
+    wildcard_constraints:
+        orbits="families|tracked",
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        settings={
+            "dynamics": TASK2["dynamics"],
+            "epoch_jd": config["epoch_jd"],
+            "duration_days": config["visibility"]["duration_days"],
+        },
+    message:
+        "Refining {wildcards.orbits} among Earth, Moon and Sun as they are"
+    script:
+        "../scripts/refined_orbits.py"
+
+
+rule refined_orbits_table:
+    input:
+        expand(rules.refined_orbits.output, orbits=["families", "tracked"]),
+    output:
+        report(
+            results("tables/refined_orbits.csv"),
+            caption="../report/refined_orbits.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/refined_orbits"),
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        uses=["observers", "targets"],
+    message:
+        "Writing what refined orbits depart by, and what holding them would cost"
+    script:
+        "../scripts/refined_orbits_table.py"

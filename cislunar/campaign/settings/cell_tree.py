@@ -176,8 +176,7 @@ class ProcessNoise(Section):
 
 class Radiation(Section):
     area_to_mass: NotNegative = setting(
-        "cross-section of every target by its mass; 0: sunlight does not push", "m^2/kg",
-        default=0.01)
+        "cross-section by mass; 0: sunlight does not push", "m^2/kg", default=0.01)
     reflectivity: NotNegative = setting(
         "coefficient C_R of radiation pressure: 1 absorbs, 2 reflects back", "1", default=1.3)
     believed_factor: NotNegative = setting(
@@ -191,17 +190,18 @@ class Dynamics(Section):
     filter: Literal["cr3bp", "ephemeris"] = setting(
         "what the estimators believe in; a filter of the CR3BP among real bodies has the "
         "instantaneous rotating frame", paper="cr3bp", default="cr3bp")
+    observers: Literal["refined", "reference"] = setting(
+        "observers among real bodies: `reference` holds them on their orbits of the CR3BP, "
+        "`refined` finds paths beside these that take no fuel", default="reference")
+    unrefined: Literal["held", "refused"] = setting("observers without such a path", default="held")
     srp: Radiation = Radiation()
-    lunar_harmonics: Flag = setting(
-        "true: J2 and C22 of the Moon act in the ephemeris model", default=True)
+    lunar_harmonics: Flag = setting("true: J2 and C22 of the Moon act there", default=True)
 
     @model_validator(mode="after")
     def _possible(self) -> "Dynamics":
         if self.filter == "ephemeris" and self.truth == "cr3bp":
-            raise ConfigurationError(
-                "filter = 'ephemeris' with truth = 'cr3bp': where targets move by the CR3BP no "
-                "body is where the ephemeris has it; set truth to 'ephemeris'"
-            )
+            raise ConfigurationError("filter = 'ephemeris' with truth = 'cr3bp': no body is where "
+                                     "the ephemeris has it; set truth to 'ephemeris'")
         return self
 
 

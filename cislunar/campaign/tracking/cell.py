@@ -25,9 +25,9 @@ from cislunar.campaign.settings.scenarios import orbits_of
 from cislunar.campaign.tracking.real_sky import (
     Sky,
     believed_forces,
+    observer_tracks,
     placed_targets,
     real_scene,
-    reference_tracks,
     true_forces,
 )
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
@@ -120,7 +120,7 @@ def tracking_problem(
     if settings.dynamics.truth == "ephemeris":
         sky = _sky(bodies, settings)
         ahead = [p + np.arange(n) / n for p, n in zip(phase, satellites, strict=True)]
-        tracks = reference_tracks(sky, *flown, ahead, loop.elapsed_s, propagator)
+        tracks = observer_tracks(sky, settings.dynamics, *flown, ahead, loop.elapsed_s)
         scene = real_scene(sky, tracks, loop)
         placed, low_lunar = placed_targets(sky, placed)
         truth = truth._replace(forces=true_forces(sky, settings.dynamics))

@@ -8,20 +8,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.campaign.data.refined_orbits import observer_states
 from cislunar.campaign.settings.cell_tree import CellSettings, Dynamics
-from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.dynamics.ephemeris_forces import Ephemeris, ephemeris_forces
-from cislunar.dynamics.framed_cr3bp import framed_cr3bp, inertial_states, is_low_lunar
-from cislunar.dynamics.frames import lunar_frame, pulsating_frame, to_inertial
+from cislunar.dynamics.framed_cr3bp import framed_cr3bp, inertial_states
 from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
 from cislunar.ephemeris.sampling import rotating_frame
 from cislunar.observation.scene import Scene, make_scene
 from cislunar.tasking.settings import LoopSettings
-from cislunar.visibility.counts import satellite_tracks
 
 Array = NDArray[np.float64]
-
-_CLOCK_STEP_S = 600.0
 
 
 class Sky(NamedTuple):
@@ -63,40 +60,29 @@ def placed_targets(sky: Sky, state: ArrayLike) -> tuple[Array, NDArray[np.bool_]
     return inertial_states(state, sky.table, sky.start)
 
 
-def reference_tracks(
+def observer_tracks(
     sky: Sky,
+    dynamics: Dynamics,
     state: ArrayLike,
     period: ArrayLike,
     ahead: list[Array],
     elapsed_s: Array,
-    propagator: str,
 ) -> Array:
-    """Satellites held on their paths of the CR3BP, (satellite, time, 3), inertial axes.
+    """Satellites on orbits of the CR3BP among the bodies, (satellite, time, 3), inertial axes.
 
     Row by row of the orbits; `ahead` has the phases of the satellites of each, as fractions of the
-    period. Time passes for them in the units of the instantaneous frame.
-    """  # fmt: skip
-    found = []
-    times = sky.start + elapsed_s
-    frames = pulsating_frame(sky.table, times), lunar_frame(sky.table, times)
-    clocks = _clock(sky, elapsed_s), (times - sky.epoch) / TIME_UNIT_S
-    low = is_low_lunar(state)
-    for s, p, phases, kind in zip(np.asarray(state), np.asarray(period), ahead, low, strict=True):
-        wanted = clocks[int(kind)]
-        if len(phases):
-            track = satellite_tracks([s], [p], phases, wanted, propagator=propagator)[0]
-            at_rest = np.concatenate([track, np.zeros_like(track)], axis=-1)
-            found.append(to_inertial(at_rest, frames[int(kind)])[..., :3] / LENGTH_UNIT_KM)
-    return np.concatenate(found)
-
-
-def _clock(sky: Sky, elapsed_s: Array) -> Array:
-    """Time since the campaign's epoch in the units of the pulsating frame."""
-    length = sky.start - sky.epoch + elapsed_s[-1]
-    nodes = np.linspace(0.0, length, max(2, int(np.ceil(length / _CLOCK_STEP_S)) + 1))
-    rate = 1.0 / pulsating_frame(sky.table, sky.epoch + nodes).time
-    passed = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(nodes) * (rate[1:] + rate[:-1]))])
-    return np.interp(sky.start - sky.epoch + elapsed_s, nodes, passed)
+    period. See `observer_states`.
+    """
+    forces = true_forces(sky._replace(start=sky.epoch), dynamics)
+    times = sky.start - sky.epoch + elapsed_s
+    flown = enumerate(zip(np.asarray(state), np.asarray(period), ahead, strict=True), start=1)
+    return np.array(
+        [
+            observer_states(forces, dynamics, s, p, phase, times, f"the orbit of slot {slot}")
+            for slot, (s, p, phases) in flown
+            for phase in phases
+        ]
+    )[..., :3]
 
 
 def real_scene(sky: Sky, tracks: Array, loop: LoopSettings) -> Scene:
