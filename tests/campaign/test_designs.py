@@ -21,7 +21,7 @@ from cislunar.campaign.settings.cells import campaign_cells, cell_settings, most
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.reading import merged
-from cislunar.campaign.settings.scenarios import in_study, scenario_settings
+from cislunar.campaign.settings.scenarios import in_study, information_of, scenario_settings
 from cislunar.campaign.tracking.objective_ranks import rank_correlation, rank_rows
 from cislunar.errors import ConfigurationError
 from cislunar.figures.search.objectives import objectives_figure, tracking_errors
@@ -190,6 +190,18 @@ def test_fronts_hold_every_number_and_draw(world, settings):
     assert legend == ["most seen", "most known", "up to the proven bound", "by coverage", "TPE"]
     bar = figure.axes[2].child_axes[0]
     assert bar.get_xlim()[0] < 3.0 < 30.0 < bar.get_xlim()[1]
+
+
+def test_a_design_may_look_at_targets_in_its_own_way(paper):
+    design = {"objective": "information", "satellites": 20, "information": {"window_hours": 12}}
+    changed = with_change(paper, "architecture.designs.x", design)
+    search = in_study(check_campaign(changed))["architecture"]
+    told = information_of(search["designs"]["x"], search)
+    assert told == search["information"] | {"window_hours": 12}
+    assert information_of(search["designs"]["information-20"], search) == search["information"]
+    design["information"] = {"targets": 203}
+    with pytest.raises(ConfigurationError, match=r"information\.targets' = 203"):
+        check_campaign(with_change(paper, "architecture.designs.x", design))
 
 
 def test_targets_elsewhere_are_told_of_by_what_was_chosen_on_others(world, settings):

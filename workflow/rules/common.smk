@@ -13,6 +13,7 @@ from cislunar.campaign.settings.preflight import check_inputs, check_orbits, che
 from cislunar.campaign.settings.reading import with_types
 from cislunar.campaign.settings.scenarios import (
     in_study,
+    information_of,
     longest_horizon,
     orbits_of,
     scenario_settings,
@@ -221,7 +222,8 @@ def goal_settings(wildcards, goal=None):
     own = settings_in(wildcards.scenario, "epoch_jd", "propagator", "visibility")
     own |= {key: ARCHITECTURE[key] for key in ("slots", "max_satellites")}
     if goal is None or goal["objective"] in ("information", "attitude"):
-        own |= {"information": ARCHITECTURE["information"], "cell": comparison_settings(wildcards)}
+        told = information_of(goal or {}, ARCHITECTURE)
+        own |= {"information": told, "cell": comparison_settings(wildcards)}
     if goal is not None and goal.get("method") in ("tpe", "random"):
         search = ("labels", "early_stop", "max_evaluations", "sampler")
         own |= {key: ARCHITECTURE[key] for key in search}

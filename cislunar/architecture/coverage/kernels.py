@@ -78,6 +78,17 @@ def gains(at_least, layers, candidate, reachable):
 
 
 @njit(cache=True)
+def shared_ones(mask, layers, candidate):
+    """Elements of a mask (word,) in the first layer of each candidate: int64."""
+    found, word = np.zeros(candidate.size, dtype=np.int64), np.flatnonzero(mask)
+    for c in range(candidate.size):
+        row = layers[candidate[c], 0]
+        for w in word:
+            found[c] += _ones(row[w] & mask[w])
+    return found
+
+
+@njit(cache=True)
 def lazy_greedy(layers, candidate, number, fold, reachable):
     """Pick ``number`` candidates one by one, each of the largest gain, the first among equals.
 

@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.architecture.coverage.kernels import add_layers, count_ones, gains
+from cislunar.architecture.coverage.kernels import add_layers, count_ones, gains, shared_ones
 from cislunar.architecture.coverage.tables import CoverageTables
 from cislunar.architecture.objective import IMPROVES, Objective, Replacement
 from cislunar.errors import ConfigurationError
@@ -54,6 +54,7 @@ class CoverageObjective(Objective):
             )
         super().__init__(tables.family, tables.stability_index, tables.max_satellites)
         self.tables = tables
+        self._over: tuple[NDArray, NDArray, NDArray] | None = None
 
     @property
     def scale(self) -> int:
@@ -70,6 +71,22 @@ class CoverageObjective(Objective):
     def reachable(self) -> NDArray[np.uint64]:
         """Bits of the elements that any candidate sees, shape (word,)."""
         return np.bitwise_or.reduce(self.candidates[:, 0], axis=0)
+
+    def _gains_again(
+        self, orbit: NDArray, others: NDArray, candidate: NDArray
+    ) -> NDArray[np.int64]:
+        """Gains over all places but one, from those over all: few elements hang on the one.
+
+        `others` (word,) are the elements that have enough satellites without it. Where each place
+        carries one satellite, a candidate gains each element it sees that has not enough.
+        """
+        if self._over is None or not np.array_equal(self._over[0], orbit):
+            every = self._at_least(orbit, np.ones_like(orbit))
+            all_of_them = np.arange(self.n_orbits)
+            over = gains(every, self.candidates, all_of_them, self.reachable)
+            self._over = orbit.copy(), every[-1], over
+        _, enough, gain = self._over
+        return gain[candidate] + shared_ones(enough & ~others, self.candidates, candidate)
 
     def _at_least(self, orbit: NDArray, satellites: NDArray) -> NDArray[np.uint64]:
         """Bits of the elements seen by at least 1 .. fold satellites, shape (fold, word)."""
@@ -129,7 +146,10 @@ class CoverageObjective(Objective):
         place = np.setdiff1d(np.arange(self.n_orbits), others)
         count = np.arange(lowest, highest + 1)
         candidate = (place[:, None] * self.max_satellites + count - 1).ravel()
-        gain = gains(covered, self.candidates, candidate, self.reachable)
+        if self.max_satellites == 1:
+            gain = self._gains_again(orbit, covered[-1], candidate)
+        else:
+            gain = gains(covered, self.candidates, candidate, self.reachable)
         largest = int(np.argmax(gain))
         value = (count_ones(covered.ravel()) + int(gain[largest])) / self.scale
         if value <= best * IMPROVES:

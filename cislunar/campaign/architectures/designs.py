@@ -85,7 +85,7 @@ def design_dataset(
     kind = design["objective"] or method
     unit = UNITS.get(kind, "1")
     title = f"Scenario {scenario}, {number} satellites by {kind}"
-    attributes = provenance(title, settings={**settings, "design": dict(design)}, seed=seed)
+    attributes = provenance(title, settings={**settings, "design": _said(design)}, seed=seed)
     attributes |= {"design": name, "objective": kind}
     if method == "chance":
         measured, (place, satellites) = {}, places.by_chance(number, rng)
@@ -114,6 +114,13 @@ def design_dataset(
         observations=(("slot", "target"), seen, "times the static target is observable"),
     )
     return xr.Dataset(found | measured, attrs=attributes)
+
+
+def _said(design: Mapping[str, Any]) -> dict[str, Any]:
+    """What is kept of a design beside its data: all but the keys that say nothing of their own."""
+    # how it looks at targets is among the settings
+    unusual = {"information": None, "sampler": design.get("sampler")}
+    return {key: value for key, value in design.items() if unusual.get(key, key) is not None}
 
 
 def _searched(

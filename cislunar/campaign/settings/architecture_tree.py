@@ -94,6 +94,13 @@ class Elsewhere(Section):
         default=10)
 
 
+class OwnInformation(Section):
+    targets: Count | None = setting(
+        "of a design, in place of `architecture.information.targets`", "1", default=None)
+    windows: Count | None = setting("windows", "1", default=None)
+    window_hours: Positive | None = setting("length of each", "h", default=None)
+
+
 class _Goal(Section):
     objective: Objective = setting(
         "what architectures are chosen for, see `docs/objectives.md`: `coverage` of target-hours, "
@@ -122,6 +129,7 @@ class Design(_Goal):
         default="certified")
     evaluations: Count | None = setting(
         "evaluations of `tpe` and `random`; null: `max_evaluations`", default=None)
+    information: OwnInformation = OwnInformation()
     sampler: Sampler | None = setting(
         "who draws for `tpe`; null: `architecture.sampler`", default=None)
     scenarios: several(str) | None = setting(

@@ -17,6 +17,7 @@ from cislunar.campaign.settings.reading import checked, shown
 from cislunar.campaign.settings.scenarios import (
     OPTIMIZERS,
     in_study,
+    information_of,
     scenario_settings,
     tracked_count,
 )
@@ -231,12 +232,14 @@ def _check_goals(config: Mapping[str, Any]) -> None:
                     f"{place}.scenarios': {scenario!r} is none of {', '.join(config['scenarios'])}"
                 )
         if told:
-            _check_windows(config, config["scenarios"] if scenarios is None else scenarios)
+            judged = config["scenarios"] if scenarios is None else scenarios
+            _check_windows(config, judged, information_of(goal, config["architecture"]))
 
 
-def _check_windows(config: Mapping[str, Any], scenarios: Iterable[str]) -> None:
+def _check_windows(
+    config: Mapping[str, Any], scenarios: Iterable[str], wanted: Mapping[str, Any]
+) -> None:
     """Whether windows fit the horizon, and there are as many moving targets as are asked for."""
-    wanted = config["architecture"]["information"]
     hours, step = wanted["window_hours"], wanted["step_hours"]
     if not is_multiple(hours, step):
         raise ConfigurationError(

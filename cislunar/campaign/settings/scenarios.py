@@ -75,6 +75,13 @@ def _left(goal: Mapping[str, Any], absent: Collection[str | None]) -> dict[str, 
     return {**goal, **kept}
 
 
+def information_of(goal: Mapping[str, Any], architecture: Mapping[str, Any]) -> dict[str, Any]:
+    """How moving targets are looked at for a design or a front: `architecture.information`, with
+    what a design says otherwise."""
+    own = goal.get("information", {})
+    return architecture["information"] | {k: v for k, v in own.items() if v is not None}
+
+
 PHOTOMETRY = {"printed": ("4pi", 0.5), "physical": ("1/r^2", None)}
 """Irradiance and C_d of tasking's sphere of the scenarios that leave them open; None: that of the
 sphere as bright as the body's material."""
