@@ -86,7 +86,7 @@ class Moving:
 
     @cached_property
     def _reaches(self) -> np.ndarray | None:
-        if self._wanted["brightness"] == "sphere":
+        if self._wanted.get("brightness", "sphere") == "sphere":
             return None
         attitudes = normalize(
             generator(*self._stream, "brightness").standard_normal((ATTITUDES, 4))

@@ -73,9 +73,9 @@ class Information(Section):
     window_hours: Positive = setting("length of each", "h", default=24)
     step_hours: Positive = setting(
         "time between the looks that are computed, each for all in a step", "h", default=1)
-    brightness: Literal["body", "sphere"] = setting(
-        "a look of `information` counts by the share of attitudes in which the body is bright "
-        "enough, or in full where the sphere is that tasking believes in", default="body")
+    brightness: Literal["sphere", "body"] = setting(
+        "a look of `information` counts in full where the sphere is bright enough that tasking "
+        "believes in, or by the share of attitudes in which the body is", default="sphere")
     attitudes: whole(ge=1, le=1000) = setting(
         "random attitudes of each target in each window", "1", default=1)
 
