@@ -14,7 +14,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
-from cislunar.observation.sensor import Sensor
+from cislunar.observation.sensor import Sensors
 
 Array = NDArray[np.float64]
 
@@ -162,7 +162,7 @@ class EstimatorFactory(Protocol):
         self,
         scene: Scene,
         surfaces: TargetSurfaces,
-        sensor: Sensor,
+        sensor: Sensors,
         initial: InitialEstimate,
         rng: np.random.Generator,
         forces: tuple,

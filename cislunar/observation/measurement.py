@@ -6,9 +6,9 @@ and the direction of the target in the body frame of the observer.
 Assumptions and limitations
 ---------------------------
 - Observers know their own position and attitude exactly; light time and aberration are neglected.
-- Right ascension and declination have the same constant noise everywhere, as in the paper, also
+- Right ascension and declination have the same noise everywhere, as in the paper, also
   near the pole of the observer's frame, where right ascension is then too informative.
-- A target in the shadow of the Earth or Moon is taken as lit.
+- A target in the shadow of the Earth or Moon is taken as lit unless its dimming is given.
 """
 
 import numpy as np
@@ -18,13 +18,20 @@ from numpy.typing import NDArray
 from cislunar.errors import ConfigurationError
 from cislunar.observation.records import Measurements, Schedule
 from cislunar.observation.scene import Scene, TargetSurfaces, body_of
-from cislunar.observation.sensor import Sensor
+from cislunar.observation.sensor import (
+    Sensors,
+    extinction,
+    limits_of,
+    noise_variance_at,
+    sensor_limits,
+)
 from cislunar.observation.sightline import (
+    BRIGHT,
+    CLEAR,
     METRES,
     direction_angles,
     lit_directions,
-    occulted,
-    outside_exclusion,
+    obstacle,
     wrap_angle,
 )
 from cislunar.photometry.body_blocks import body_magnitude
@@ -55,19 +62,26 @@ def target_magnitude(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, 
 
 
 @njit(cache=True, error_model="numpy")
-def _look(scene, surfaces, limits, observer, j, k, state, attitude, noise, out):
-    """Fate of one look at target j at time k; what is measured goes into `out` (3,)."""
+def _look(scene, surfaces, own, true, standard, observer, j, k, motion, noise, dimmed, out):
+    """Fate of one look at target j at time k; value and variance go into `out`, with scratch.
+
+    `own` are the observer's limits, `true` those of its true sensor, of whose noise errors are
+    counted in standard deviations if they are `standard`.
+    """
+    state, attitude = motion
+    value, variance, truly = out
     ox = scene.observer_position[observer, k, 0]
     oy = scene.observer_position[observer, k, 1]
     oz = scene.observer_position[observer, k, 2]
     x, y, z = state[0], state[1], state[2]
     dx, dy, dz = x - ox, y - oy, z - oz
     sun, primaries = scene.sun_position[k], scene.primaries[k]
-    if not outside_exclusion(ox, oy, oz, dx, dy, dz, sun, limits.cosines, primaries):
-        return EXCLUDED
-    if limits.occultation and occulted(ox, oy, oz, dx, dy, dz, primaries):
-        return OCCULTED
-    magnitude = noise[0] + target_magnitude(
+    noise_variance_at(own, own.limiting_magnitude, variance)
+    way = obstacle(ox, oy, oz, dx, dy, dz, sun, own, primaries)
+    if way != CLEAR:
+        return EXCLUDED if way == BRIGHT else OCCULTED
+    lost = dimmed + extinction(ox, oy, oz, dx, dy, dz, primaries[0], own)
+    arriving = lost + target_magnitude(
         dx,
         dy,
         dz,
@@ -79,34 +93,51 @@ def _look(scene, surfaces, limits, observer, j, k, state, attitude, noise, out):
         surfaces,
         j,
     )
-    if not magnitude <= limits.limiting_magnitude:
+    error = noise[0], noise[1], noise[2]
+    if standard:
+        noise_variance_at(true, arriving, truly)
+        error = (
+            noise[0] * np.sqrt(truly[0]),
+            noise[1] * np.sqrt(truly[1]),
+            noise[2] * np.sqrt(truly[2]),
+        )
+    magnitude = error[0] + arriving
+    if not magnitude <= own.limiting_magnitude:
         return FAINT
+    noise_variance_at(own, magnitude, variance)
     ra, dec = direction_angles(dx, dy, dz, scene.observer_axes[k])
-    out[0] = magnitude
-    out[1] = wrap_angle(ra + noise[1])
-    out[2] = dec + noise[2]
+    value[0] = magnitude - lost
+    value[1] = wrap_angle(ra + error[1])
+    value[2] = dec + error[2]
     return DETECTED
 
 
 @njit(cache=True, error_model="numpy")
-def _measure(first, begins, scene, surfaces, limits, looks, states, attitudes, noise, out, fate):
+def _measure(
+    first, begins, scene, surfaces, limits, true, standard, looks, truth, value, variance, fate
+):
     """All looks over the steps first, first + 1 and so on; see `measure`."""
-    out[:, :] = np.nan
+    states, attitudes, noise, dimmed = truth
+    truly = np.empty(3)
+    value[:, :] = np.nan
     for j in range(looks.offset.shape[0]):
         for i in range(looks.offset.shape[1] - 1):
             k, start = first + i, looks.offset[j, i]
             for row in range(start, looks.offset[j, i + 1]):
+                o = looks.observer[row]
                 fate[row] = _look(
                     scene,
                     surfaces,
-                    limits,
-                    looks.observer[row],
+                    limits_of(limits, o),
+                    limits_of(true, o),
+                    standard,
+                    o,
                     j,
                     k,
-                    states[j, k - begins],
-                    attitudes[j, k - begins],
+                    (states[j, k - begins], attitudes[j, k - begins]),
                     noise[j, k - begins, row - start],
-                    out[row],
+                    dimmed[j, k - begins],
+                    (value[row], variance[row], truly),
                 )
 
 
@@ -115,18 +146,21 @@ def measure(
     looks: Schedule,
     scene: Scene,
     surfaces: TargetSurfaces,
-    sensor: Sensor,
+    sensor: Sensors,
     states: Array,
     attitudes: Array,
     noise: Array,
     *,
     begins: int = 0,
+    true: Sensors | None = None,
+    dimmed: Array | None = None,
 ) -> tuple[Measurements, NDArray[np.uint8]]:
     """Simulate the measurements of an interval from the true states (Paul & Fan, eqs. 23, 43).
 
-    An observation exists when the noisy magnitude reaches the sensor's limit and the true line of
-    sight keeps clear of the bright bodies (Paul & Fan, section 5.2). The field of view is the
-    estimator's to check, since it compares with the expected direction.
+    An observation exists when the noisy magnitude that arrives reaches the sensor's limit and the
+    true line of sight keeps clear of the bright bodies (Paul & Fan, section 5.2), and of the
+    horizon on the ground. By what air and shadow have dimmed is taken off again. The field of view
+    is the estimator's to check, since it compares with the expected direction.
 
     Parameters
     ----------
@@ -138,37 +172,46 @@ def measure(
         Observers and Sun.
     surfaces : TargetSurfaces
         Shapes and materials.
-    sensor : Sensor
-        Limits, and the noise that the records state.
+    sensor : Sensor or sequence of Sensor
+        Limits, and the noise that the records state: of all observers, or of each.
     states : ndarray, shape (target, time, 6)
         True states, nondimensional, rotating frame.
     attitudes : ndarray, shape (target, time, 4)
         True attitudes, inertial to body.
     noise : ndarray, shape (target, time, look, 3)
-        Errors of the first, second ... look at a target at a time: mag, rad, rad.
+        Errors of the first, second ... look at a target at a time: mag, rad, rad; in standard
+        deviations, if `true` is given.
     begins : int
         Index, among the scene's times, of the first of the states, attitudes and errors.
+    true : Sensor or sequence of Sensor, optional
+        Whose standard deviations the errors truly have.
+    dimmed : ndarray, shape (target, time), optional
+        By what a shadow dims, mag; by nothing, if omitted.
 
     Returns
     -------
     measurements : Measurements
-        A record for each look.
+        A record for each look, with the variance of the sensor at the measured magnitude.
     fate : ndarray of uint8, shape (row,)
         FAINT, EXCLUDED, OCCULTED or DETECTED.
 
     Raises
     ------
     ConfigurationError
-        If the schedule has more looks at a target at a step than there are errors for.
+        If the schedule has more looks at a target at a step than there are errors for, or an
+        observer has no sensor.
     """
     most = int(np.diff(looks.offset, axis=1).max(initial=0))
     if most > noise.shape[2]:
         raise ConfigurationError(
             f"noise: {most} looks at a target at one step need as many errors, not {noise.shape[2]}"
         )
-    limits = sensor.limits()
-    value = np.empty((looks.observer.size, 3))
-    fate = np.empty(looks.observer.size, dtype=np.uint8)
-    world, truth = (scene, surfaces, limits, looks), (states, attitudes, noise)
-    _measure(first, begins, *world, *truth, value, fate)
-    return Measurements(*looks, value, np.tile(limits.noise_variance, (fate.size, 1))), fate
+    n_observers, n_rows = scene.observer_position.shape[0], looks.observer.size
+    limits = sensor_limits(sensor, n_observers)
+    truly = limits if true is None else sensor_limits(true, n_observers)
+    dimmed = np.zeros(states.shape[:2]) if dimmed is None else dimmed
+    value, variance = np.empty((n_rows, 3)), np.empty((n_rows, 3))
+    fate = np.empty(n_rows, dtype=np.uint8)
+    world = scene, surfaces, limits, truly, true is not None, looks
+    _measure(first, begins, *world, (states, attitudes, noise, dimmed), value, variance, fate)
+    return Measurements(*looks, value, variance), fate

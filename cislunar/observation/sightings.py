@@ -17,7 +17,7 @@ from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.errors import ConfigurationError
 from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
 from cislunar.observation.sensor import Sensor
-from cislunar.observation.sightline import occulted, outside_exclusion
+from cislunar.observation.sightline import BRIGHT, CLEAR, obstacle
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
 
 Array = NDArray[np.float64]
@@ -53,10 +53,9 @@ def _obstacles(observer, way, sun, limits, primaries, fate):
     for k in range(fate.size):
         x, y, z = observer[k, 0], observer[k, 1], observer[k, 2]
         dx, dy, dz = way[k, 0], way[k, 1], way[k, 2]
-        if not outside_exclusion(x, y, z, dx, dy, dz, sun[k], limits.cosines, primaries):
-            fate[k] = EXCLUDED
-        elif limits.occultation and occulted(x, y, z, dx, dy, dz, primaries):
-            fate[k] = OCCULTED
+        found = obstacle(x, y, z, dx, dy, dz, sun[k], limits, primaries)
+        if found != CLEAR:
+            fate[k] = EXCLUDED if found == BRIGHT else OCCULTED
 
 
 def sightings(

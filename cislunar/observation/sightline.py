@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM
+from cislunar.observation.sensor import sine_of_elevation
 
 EARTH_RADIUS = EARTH_RADIUS_KM / LENGTH_UNIT_KM
 MOON_RADIUS = MOON_RADIUS_KM / LENGTH_UNIT_KM
@@ -16,6 +17,8 @@ METRES = 1000.0 * LENGTH_UNIT_KM
 """Metres in the unit of length."""
 
 SUN, MOON, EARTH = range(3)
+
+CLEAR, BRIGHT, HIDDEN = range(3)
 
 
 @njit(cache=True, inline="always")
@@ -103,10 +106,42 @@ def occulted(ox, oy, oz, dx, dy, dz, primaries):
 
 @njit(cache=True, error_model="numpy")
 def in_clear_view(ox, oy, oz, dx, dy, dz, sun, limits, primaries):
-    """Whether neither a bright body nor, where `SensorLimits` heed it, a disc is in the way."""
+    """Whether nothing is in the way of a look, see `obstacle`."""
+    return obstacle(ox, oy, oz, dx, dy, dz, sun, limits, primaries) == CLEAR
+
+
+@njit(cache=True, error_model="numpy")
+def obstacle(ox, oy, oz, dx, dy, dz, sun, limits, primaries):
+    """What is in the way of a look: CLEAR, BRIGHT (a body, or the day) or HIDDEN.
+
+    A target is hidden by a disc, where `SensorLimits` heed it; on the ground by that of the Moon,
+    and by the Earth where it stands too low.
+    """
     if not outside_exclusion(ox, oy, oz, dx, dy, dz, sun, limits.cosines, primaries):
-        return False
-    return not (limits.occultation and occulted(ox, oy, oz, dx, dy, dz, primaries))
+        return BRIGHT
+    if limits.ground:
+        earth = primaries[0]
+        sx, sy, sz = sun[0] - ox, sun[1] - oy, sun[2] - oz
+        if sine_of_elevation(ox, oy, oz, sx, sy, sz, earth) > limits.atmosphere[1]:
+            return BRIGHT
+        if sine_of_elevation(ox, oy, oz, dx, dy, dz, earth) < limits.atmosphere[0]:
+            return HIDDEN
+        bx, by, bz = toward_primary(MOON, ox, oy, oz, primaries)
+        hidden = limits.occultation and _disc_hides(bx, by, bz, dx, dy, dz, MOON_RADIUS)
+        return HIDDEN if hidden else CLEAR
+    hidden = limits.occultation and occulted(ox, oy, oz, dx, dy, dz, primaries)
+    return HIDDEN if hidden else CLEAR
+
+
+@njit(cache=True, error_model="numpy")
+def sphere_margin(dx, dy, dz, fx, fy, fz, faintness):
+    """By how much a diffuse sphere is brighter than a limit, mag; as of `sphere_brighter`."""
+    squared = dx * dx + dy * dy + dz * dz
+    cosine = (dx * fx + dy * fy + dz * fz) / np.sqrt(squared * (fx * fx + fy * fy + fz * fz))
+    cosine = min(1.0, max(-1.0, cosine))
+    alpha = np.arccos(cosine)
+    phase = np.sin(alpha) + (np.pi - alpha) * cosine
+    return 2.5 * np.log10(max(0.0, phase) / (faintness * squared))
 
 
 @njit(cache=True, error_model="numpy")

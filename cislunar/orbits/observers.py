@@ -5,8 +5,9 @@ by its state at the epoch, in the columns of tables of targets (`cislunar.target
 ``family`` of periodic orbits (`cislunar.orbits.catalogue`) and the value of one of ``jacobi`` and
 ``period`` (nondimensional) or ``period_days`` that one member takes. A state with a period is on a
 closed orbit, one without flies on freely. With ``phase``, a share of the period, the observer is
-that far ahead of the state, or of the point where the catalogue begins the orbit. Cells that do not
-apply are left empty.
+that far ahead of the state, or of the point where the catalogue begins the orbit. What is otherwise
+about its sensor than the configuration has it for all may stand in `SENSOR_COLUMNS`. Cells that do
+not apply are left empty.
 """
 
 from collections.abc import Callable, Sequence
@@ -55,6 +56,18 @@ _JACOBI: Columns = (("jacobi",), 1.0)
 _PHASE: Columns = (("phase",), 1.0)
 
 
+SENSOR_COLUMNS = {
+    "limiting_magnitude": (-np.inf, "any"),
+    "magnitude_noise": (0.0, "above 0"),
+    "angle_noise_arcsec": (0.0, "above 0"),
+    "field_of_view_deg": (0.0, "above 0"),
+    "sun_exclusion_deg": (-1e-9, "from 0 on"),
+    "moon_exclusion_deg": (-1e-9, "from 0 on"),
+    "earth_exclusion_deg": (-1e-9, "from 0 on"),
+}
+"""Columns of a sensor of its own, what their numbers exceed, and that in words."""
+
+
 class Observer(NamedTuple):
     """A row of a table of observers.
 
@@ -72,6 +85,8 @@ class Observer(NamedTuple):
         Nondimensional; 0 where not given.
     phase : float
         Share of the period, 0 .. 1.
+    sensor : dict
+        Numbers of `SENSOR_COLUMNS` that are its own.
     """
 
     place: str
@@ -81,6 +96,7 @@ class Observer(NamedTuple):
     jacobi: float
     period: float
     phase: float
+    sensor: dict[str, float]
 
 
 def load_observers(path: str | Path) -> list[Observer]:
@@ -99,8 +115,8 @@ def load_observers(path: str | Path) -> list[Observer]:
     Raises
     ------
     InputFileError
-        If the file is missing, empty or no such table; if a column is not known, such as one of a
-        sensor of its own; if an observer has no name or one that occurs twice, both a state and a
+        If the file is missing, empty or no such table; if a column is not known; if a sensor is
+        impossible; if an observer has no name or one that occurs twice, both a state and a
         family or neither, an unknown family, not one value to choose its member by, or a phase
         outside of 0 .. 1; if a state is inside a body, or in another unit. The message names the
         file, the row and the observer.
@@ -112,11 +128,12 @@ def load_observers(path: str | Path) -> list[Observer]:
     period = quantity_columns(path, header, PERIOD, optional=True)
     of_state = [name for names, _ in states for name in names]
     known = ["id", "family", "jacobi", "phase", *of_state, *(period[0] if period else ())]
+    known += SENSOR_COLUMNS
     for column in header:
         if column not in known:
             raise InputFileError(
-                f"{path}, row 1: column {column!r} is none of those of observers; all of them have "
-                "the sensor of the configuration (task2.sensor), none has its own"
+                f"{path}, row 1: column {column!r} is none of those of observers; of a sensor "
+                f"there are {', '.join(SENSOR_COLUMNS)}"
             )
     observers = []
     for name, (place, row) in zip(row_names(rows, "observer"), rows, strict=True):
@@ -129,10 +146,24 @@ def load_observers(path: str | Path) -> list[Observer]:
         duration = row_period(place, row, period)
         phase = row_numbers(place, row, _PHASE)[0] if row.get("phase") else 0.0
         family = row.get("family") or OWN_FAMILY
-        found = Observer(place, name, family, state, jacobi, duration, phase)
+        own = _sensor(place, row)
+        found = Observer(place, name, family, state, jacobi, duration, phase, own)
         _check_orbit(found, row)
         observers.append(found)
     return observers
+
+
+def _sensor(place: str, row: Row) -> dict[str, float]:
+    """What a row says of the observer's sensor."""
+    found = {}
+    for column, (least, words) in SENSOR_COLUMNS.items():
+        if row.get(column):
+            found[column] = row_numbers(place, row, ((column,), 1.0))[0]
+            if not least < found[column] < 180.0:
+                raise InputFileError(
+                    f"{place}: {column} = {row[column]} must be {words} and below 180"
+                )
+    return found
 
 
 def _check_orbit(observer: Observer, row: Row) -> None:

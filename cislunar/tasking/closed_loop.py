@@ -33,6 +33,7 @@ from cislunar.estimation.registry import estimator_named
 from cislunar.evaluation.metrics import TrackingMetrics
 from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.sensor import Sensor, sensors_of
 from cislunar.tasking.fates import counted, report_fates, report_unknowns
 from cislunar.tasking.realization import USED, Realization, World, begun, interval
 from cislunar.tasking.recording import Piece, Records, gathered, joined
@@ -83,7 +84,7 @@ class LoopResult:
         `cislunar.tasking.planning.detection`.
     planning_gap : ndarray, shape (seed, epoch), or None
         By how much, relative to its worth, the choice for a slot may fall short of the best one,
-        if several observers may look at a target.
+        if several observers may look at a target, or with `bound_steps` that for all slots.
     departure_error, departure_sigma : ndarray of float32, shape (seed, epoch, target, n), or None
         What is estimated of the targets besides their motion after each interval: truth less
         estimate, and standard deviation, as of `cislunar.observation.body_spread.BodySpread.named`.
@@ -192,7 +193,10 @@ class ClosedLoop:
         if initial is None:
             initial = initial_estimate(epoch_state, settings.initial.components())
         if truth is None:
-            truth = TruthModel(surfaces, settings.sensor.noise, np.zeros(3), forces)
+            each = sensors_of(settings.sensor, scene.observer_position.shape[0])
+            plain = isinstance(settings.sensor, Sensor) and settings.sensor.plain
+            own = None if plain else each
+            truth = TruthModel(surfaces, each[0].noise, np.zeros(3), forces, sensor=own)
         _require_consistency(scene, surfaces, truth, initial, ids, seeds, settings)
         self.world = World(scene, surfaces, settings, factory, initial, truth, ids, forces)
         self.seeds = [int(seed) for seed in seeds]

@@ -15,6 +15,7 @@ from cislunar.tasking.planning.information import pair_information
 from cislunar.tasking.planning.looks import dimming_at, slot_looks, sphere_margins
 from cislunar.tasking.planning.preselection import assign_preselected, preselects
 from cislunar.tasking.planning.schedule import chances, plan_schedule
+from cislunar.tasking.planning.schedule_bound import schedule_bound
 from cislunar.tasking.planning.schedule_model import ScheduleModel
 from cislunar.tasking.settings import LoopSettings
 
@@ -35,7 +36,8 @@ class Decision(NamedTuple):
     evaluations : int
         Taskings tried, or assignments and set packings solved for a schedule.
     gap : float
-        By how much, relative to its worth, a set packing may fall short of the best.
+        By how much, relative to its worth, a set packing may fall short of the best, or the
+        schedule of all slots, if that is bounded.
     pairs : ndarray, shape (observer, target), or None
         Information of all pairs, where it was computed.
     margin : ndarray, shape (slot, observer, target), or None
@@ -132,13 +134,25 @@ def decide(
         left = lengths[:, None, None] - turning(target)
         return np.maximum(left, 0) / lengths[:, None, None]
 
+    believed = chances(detection, prediction.translation.shape[0])
     plan = plan_schedule(
         looks,
-        chances(detection, prediction.translation.shape[0]),
+        believed,
         observers_per_target=model.observers_per_target,
         shares=shares if model.turning else None,
         carried_out=now,
     )
+    gap = plan.gap
+    if model.bound_steps > 0 and plan.worth > 0.0:
+        bound = schedule_bound(
+            looks,
+            believed,
+            plan.target,
+            plan.worth,
+            observers_per_target=model.observers_per_target,
+            steps=model.bound_steps,
+        )
+        gap = bound / plan.worth - 1.0
     target = plan.target[:now]
     looking = np.repeat(target, lengths[:now], axis=0)
     if model.turning:
@@ -152,9 +166,7 @@ def decide(
         pairs = pair_information(prediction, *known)
     margin = None if detection is None else looks.margin[:now]
     starts = starts[:now]
-    return Decision(
-        target, looking, plan.information, plan.evaluations, plan.gap, pairs, margin, starts
-    )
+    return Decision(target, looking, plan.information, plan.evaluations, gap, pairs, margin, starts)
 
 
 def _interval_ends(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.observation.measurement import NOT_TASKED
+from cislunar.observation.sensor import Sensor
 from cislunar.tasking.realization import FATE_NAMES, World
 
 logger = logging.getLogger("cislunar")
@@ -111,7 +112,8 @@ def report_unknowns(
 
 def _mends(world: World, names: Names) -> dict[str, str]:
     """What would change a loss."""
-    sensor = world.settings.sensor
+    given = world.settings.sensor
+    sensor = given if isinstance(given, Sensor) else given[0]
     faint = f"raise {names.limit} = {sensor.limiting_magnitude:g}, or see {names.body}"
     if world.surfaces.irradiance_4pi:
         faint += (

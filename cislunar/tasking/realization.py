@@ -26,6 +26,7 @@ from cislunar.observation.eclipse import dimming
 from cislunar.observation.measurement import DETECTED, FAINT, NOT_TASKED, OCCULTED, measure
 from cislunar.observation.records import Measurements, highest, pointed_schedule, rows_of
 from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.sensor import sensor_limits
 from cislunar.tasking.communication.contact import arrivals
 from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.decision import Decision, decide
@@ -96,7 +97,7 @@ def begun(world: World, number: int, seed: int) -> Realization:
     motion = TrueMotion(
         world.initial,
         scene,
-        truth.noise,
+        truth.noise if truth.sensor is None else np.ones(3),
         seed,
         world.ids,
         forces=truth.forces,
@@ -162,7 +163,7 @@ def interval(world: World, own: Realization, number: int) -> Piece:
     ):
         if history in settings.histories:
             kept[name] = "time", values[:, some].swapaxes(0, 1).astype(np.float32)
-    if settings.schedule.observers_per_target > 1:
+    if settings.schedule.bounded:
         kept["planning_gap"] = "epoch", np.array([tasking.gap])
     if own.detection is not None:
         names = "brightness_offset", "brightness_offset_sigma"
@@ -197,13 +198,11 @@ def _observed(
     """Truth and measurements with their fates of the steps from `start` on."""
     looking, scene = tasking.looking, world.scene
     motion = own.motion.advance(looking.shape[0])
-    dimmed, noise = np.zeros(motion.noise.shape[:2]), motion.noise
+    dimmed = np.zeros(motion.noise.shape[:2])
     if world.settings.eclipse:
         here = slice(start, start + looking.shape[0] + 1)
         given = scene.sun_position[here], scene.primaries[here]
         dimmed = dimming(motion.translation[..., :3], *given)
-        noise = noise.copy()
-        noise[..., 0] += dimmed[..., None]  # what is added to the magnitude decides who is faint
     measurements, fate = measure(
         start + 1,  # index 0 of the scene is the start of the run, without a measurement
         pointed_schedule(looking, world.ids.size),
@@ -212,13 +211,13 @@ def _observed(
         world.settings.sensor,
         motion.translation,
         motion.quaternion,
-        noise,
+        motion.noise,
         begins=start,
+        true=own.truth.sensor,
+        dimmed=dimmed,
     )
     target, step = rows_of(measurements)
     shaded = dimmed[target, step + 1] > 0.0
-    if np.any(shaded):
-        measurements.value[shaded, 0] -= dimmed[target, step + 1][shaded]
     if own.detection is not None or own.reception is not None:
         # a shadow says nothing of how bright its target is
         told = np.where(shaded & (fate == FAINT), OCCULTED, fate)
@@ -256,6 +255,13 @@ def _worked(
     )
     used = measurements.where(estimates.used)
     variance = np.broadcast_to(own.truth.noise**2, used.variance.shape).copy()
+    if own.truth.sensor is not None:
+        # of photons as recorded; what is constant may truly be otherwise
+        believed, true = (
+            sensor_limits(each, world.scene.observer_position.shape[0]).noise_variance
+            for each in (world.settings.sensor, own.truth.sensor)
+        )
+        variance = used.variance + (true - believed)[used.observer]
     least = own.bound.advance(
         motion.translation,
         motion.quaternion,

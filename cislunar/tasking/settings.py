@@ -40,8 +40,8 @@ class LoopSettings:
         Of the assignment, see `cislunar.tasking.planning.assignment.assign`.
     max_evaluations, early_stop : int
         Budget of the methods that search.
-    sensor : Sensor
-        Noise and limits of the observers.
+    sensor : Sensor or tuple of Sensor
+        Noise and limits of the observers, of all or of each.
     tasking : TaskingModel
         What the tasking step believes.
     schedule : ScheduleModel
@@ -76,7 +76,7 @@ class LoopSettings:
     method: str = "exact"
     max_evaluations: int = MAX_EVALUATIONS
     early_stop: int = EARLY_STOP
-    sensor: Sensor = field(default_factory=Sensor)
+    sensor: Sensor | tuple[Sensor, ...] = field(default_factory=Sensor)
     tasking: TaskingModel = field(default_factory=TaskingModel)
     schedule: ScheduleModel = field(default_factory=ScheduleModel)
     communication: CommunicationModel = field(default_factory=CommunicationModel)

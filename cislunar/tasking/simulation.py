@@ -24,6 +24,7 @@ from cislunar.estimation.estimator import Estimates, InitialEstimate
 from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.drawn_bodies import drawn_rotations, drawn_surfaces
 from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.sensor import Sensors
 
 Array = NDArray[np.float64]
 
@@ -31,8 +32,7 @@ INITIAL_QUATERNION = (0.0, 0.0, 0.0, 1.0)
 INITIAL_RATE_DEG_H = (-44.723808, -6.6573, -8.514216)
 """Mean attitude and angular velocity of the targets at the epoch (Paul & Fan, table 3)."""
 
-_TOLERANCE = 1e-13
-"""Of the rotation of bodies whose angular velocity changes, see `propagate_kernel`."""
+_TOLERANCE = 1e-13  # of the rotation of bodies whose angular velocity changes
 
 # Independent streams of random numbers; the first entry of a generator's seed.
 _PHASE, _SELECTION, _INITIAL_ERROR, _MEASUREMENT, TASKING, ESTIMATOR, _BODY = range(7)
@@ -108,13 +108,15 @@ class TruthModel(NamedTuple):
     surfaces : TargetSurfaces
         Shapes, materials and inertia.
     noise : ndarray, shape (3,)
-        Standard deviations of the measurements: mag, rad, rad.
+        Standard deviations of the measurements: mag, rad, rad; unused with `sensor`.
     angular_acceleration : ndarray, shape (3,) or (target, 3)
         That which a torque constant in the body frame gives the targets, rad/s^2.
     forces : NamedTuple
         Force model of the translation, see `cislunar.dynamics.forces`.
     spread : BodySpread
         How far the targets of a realization depart from `surfaces`, each by its own draw.
+    sensor : Sensor, sequence of Sensor, or None
+        True ones, if noise depends on observer or magnitude.
     """
 
     surfaces: TargetSurfaces
@@ -122,6 +124,7 @@ class TruthModel(NamedTuple):
     angular_acceleration: Array
     forces: tuple = EARTH_MOON
     spread: BodySpread = BodySpread()
+    sensor: Sensors | None = None
 
     def drawn(self, seed: int, target_ids: ArrayLike) -> "TruthModel":
         """The truth of one realization, with nothing left open.
@@ -166,8 +169,8 @@ class Truth(NamedTuple):
     angular_velocity : ndarray, shape (target, time, 3)
         rad/s, body frame; constant for spherical inertia without torque.
     noise : ndarray, shape (target, time, look, 3)
-        Errors of magnitude (mag), right ascension and declination (rad) of the first, second ...
-        look at a target at a time.
+        Errors of the looks at a target at a time: mag, rad, rad; with ``TruthModel.sensor`` in
+        standard deviations.
     """
 
     translation: Array

@@ -22,6 +22,7 @@ from cislunar.observation.sensor import ExclusionAngles
 from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.visibility.kernel import count_observations
 from cislunar.visibility.phasing import distinct_phases
+from cislunar.visibility.shade import lost_observations, shade_of
 
 Array = NDArray[np.float64]
 
@@ -44,6 +45,8 @@ class VisibilitySettings:
         Sun, Moon and Earth exclusion angles.
     propagator : str
         Method of `cislunar.dynamics.propagation.propagate`: "dopri5" (the paper's) or "dop853".
+    eclipse : bool
+        Whether the shadows of Earth and Moon dim targets; in the paper they do not.
     """
 
     limiting_magnitude: float = 18.0
@@ -51,6 +54,7 @@ class VisibilitySettings:
     diffuse_reflection_coefficient: float = 1.0
     angles: ExclusionAngles = field(default_factory=ExclusionAngles)
     propagator: str = "dopri5"
+    eclipse: bool = False
 
     @property
     def faintness(self) -> float:
@@ -212,14 +216,17 @@ def count_visibility(
     dtype = np.uint16 if largest <= np.iinfo(np.uint16).max else np.uint32
     observations = np.empty((len(state), max_satellites, len(target)), dtype=dtype)
     distance = np.empty((len(state), max_satellites))
+    shade = shade_of(target, sun, mu) if settings.eclipse else None
     for first in range(0, len(state), _ORBITS_PER_BATCH):
         batch = slice(first, min(first + _ORBITS_PER_BATCH, len(state)))
         track = satellite_tracks(
             state[batch], period[batch], phase, times, propagator=settings.propagator, mu=mu
         )
-        per_phase = count_observations(
-            track, target, sun, settings.angles.cosines, settings.faintness, mu
-        )
+        given = track, target, sun, settings.angles.cosines, settings.faintness, mu
+        per_phase = count_observations(*given)
+        if shade is not None:
+            lost = lost_observations(*given, shade)
+            np.subtract.at(per_phase, (slice(None), slice(None), shade.target), lost)
         earth, moon = primary_distances(track, mu)
         path_length = np.sum(earth + moon, axis=-1)
         for count, rows in enumerate(members):

@@ -361,7 +361,7 @@ def test_a_sweep_of_the_tracking_makes_variants(study):
     whole = with_families(in_study(study))
     own = scenario_settings(whole, "D")["task2"]
     changed = cell_settings(own, "noise-0.2")
-    assert changed["sensor"] == own["sensor"] | {"magnitude_noise": 0.2}
+    assert changed["sensor"] == cell_settings(own)["sensor"] | {"magnitude_noise": 0.2}
     without = with_families(in_study(study | {"sweeps": {}}))
     assert campaign_cells(whole["task2"]) == campaign_cells(without["task2"])
     estimators = study["task2"]["estimators"]

@@ -3,6 +3,7 @@
 import copy
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,8 @@ from cislunar.campaign.settings.cells import (
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.library import believed_surfaces, loop_settings, truth_model
-from cislunar.campaign.settings.reading import merged, with_types
+from cislunar.campaign.settings.observing.sensors import observer_sensors, true_sensors
+from cislunar.campaign.settings.reading import merged, typed, with_types
 from cislunar.campaign.settings.scenarios import scenario_settings
 from cislunar.campaign.tracking.cell import CellInputs, realization_seeds
 from cislunar.campaign.tracking.dataset import cell_dataset
@@ -45,6 +47,7 @@ from cislunar.estimation.spread import INITIAL_SPREAD
 from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.made_bodies import made_body
 from cislunar.observation.scene import body_of
+from cislunar.observation.sensor import Atmosphere, PhotonNoise
 from cislunar.orbits import tracked as tracked_orbits
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
@@ -165,6 +168,8 @@ def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
         ("task2.record_minutes", 1.5),
         ("task2.duration_hours", 24.0001),
         ("task2.tasking.slot_minutes", 0.5),
+        ("task2.stations", {"hill": {"latitude_deg": 91, "longitude_deg": 0}}),
+        ("task2.sensor.photon_noise", {"aperture_m": 0}),
         ("task2.eclipse", "partial"),
         ("task2.communication.delay_minutes", 1440),
         ("task2.duration_hours", 24 * 31),
@@ -194,6 +199,29 @@ def test_impossible_values_name_the_key(config, key, value):
         config["task2"]["duration_hours"] = 24
     with pytest.raises(ConfigurationError, match=re.escape(key)):
         check_campaign(config)
+
+
+def test_telescopes_are_those_of_all_of_groups_and_of_stations(config):
+    """Each with what is otherwise about it; what is truly otherwise holds for all."""
+    own = {
+        "sensors": {"small": {"observers": [1], "sensor": {"limiting_magnitude": 16}}},
+        "stations": {"hill": {"latitude_deg": 10, "longitude_deg": 20, "sun_below_deg": 18}},
+        "truth": {"sensor": {"magnitude_noise": 0.3}},
+    }
+    usual = typed(cell_settings(config["task2"]), CellSettings)
+    chosen = typed(merged(cell_settings(config["task2"]), own), CellSettings)
+    alike = observer_sensors(usual, 3)
+    found = observer_sensors(chosen, 3, [{}, {}, {"exclusion_deg": {"sun": 50}}])
+    assert found[0] == alike and true_sensors(usual, alike) is None
+    assert found[1] == replace(alike, limiting_magnitude=16)
+    assert found[2] == replace(alike, exclusion=replace(alike.exclusion, sun_deg=50))
+    assert found[3] == replace(alike, atmosphere=Atmosphere(sun_below_deg=18))
+    true = true_sensors(chosen, found)
+    assert true == tuple(replace(each, magnitude_noise=0.3) for each in found)
+    photons = replace(alike, photon_noise=PhotonNoise(0.2))
+    assert true_sensors(chosen, photons) == replace(photons, magnitude_noise=0.3)
+    with pytest.raises(ConfigurationError, match=r"small.observers': 1 is none of .* 0 \.\. 0"):
+        observer_sensors(typed(merged(chosen.model_dump(), {"stations": {}}), CellSettings), 0)
 
 
 def test_unknown_keys_are_refused_with_a_suggestion(config):

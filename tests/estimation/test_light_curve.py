@@ -53,12 +53,12 @@ SIGMA = np.repeat([np.deg2rad(5.0), np.deg2rad(2.4) / 3600.0], 3)
 INERTIAS = {"spherical": np.eye(3), "triaxial": np.diag([1.0, 1.3, 0.8])}
 
 
-def _model(inertia="spherical", limit=18.0):
+def _model(inertia="spherical"):
     matrix = INERTIAS[inertia]
     return LightCurveModel(
         np.array([0.1, -0.2, 0.3, np.sqrt(0.86)]), RATE, SIGMA, *np.empty((2, 0), int), matrix,
         np.linalg.inv(matrix), inertia == "spherical",
-        plain_body(FACETS, Material()), True, True, 0.01, 0.0, limit,
+        plain_body(FACETS, Material()), True, True, 0.01, 0.0,
     )  # fmt: skip
 
 
@@ -106,9 +106,9 @@ def test_cost_is_prior_and_chi_squared(inertia):
 
 
 def test_non_detections_cost_the_probability_of_being_fainter():
-    model = _model(limit=15.0)
+    model = _model()
     data = _light_curve(TRUE, model, n=30)
-    data[::3, SEEN] = 0.0
+    data[::3, SEEN], data[::3, MAGNITUDE] = 0.0, 15.0
     u = 0.3 * np.ones(6)
     h = _magnitudes(u, data, model)
     seen = data[:, SEEN] == 1.0
@@ -134,10 +134,10 @@ def test_non_detection_derivatives(z):
 @pytest.mark.parametrize("inertia", INERTIAS)
 @pytest.mark.parametrize("case", ["plain", "non-detections"])
 def test_gradient_against_differences(inertia, case):
-    model = _model(inertia, limit=14.0)
+    model = _model(inertia)
     data = _light_curve(TRUE, model)
     if case == "non-detections":
-        data[::4, SEEN] = 0.0
+        data[::4, SEEN], data[::4, MAGNITUDE] = 0.0, 14.0
     u = np.array([0.3, -0.7, 0.5, 0.2, -0.4, 0.8])
     gradient, information = np.empty(6), np.empty((6, 6))
     value = cost_and_derivatives(u, data, _anchor(), model, gradient, information)
@@ -165,8 +165,7 @@ def test_information_of_non_detections_weighs_rows_by_their_curvature():
     model = _model()
     data = _light_curve(TRUE, model, n=60)
     limit = float(np.median(_magnitudes(TRUE, data, model)[::3]))
-    model = model._replace(limiting_magnitude=limit)
-    data[::3, SEEN] = 0.0
+    data[::3, SEEN], data[::3, MAGNITUDE] = 0.0, limit
     gradient, information = np.empty(6), np.empty((6, 6))
     cost_and_derivatives(TRUE, data, _anchor(), model, gradient, information)
     jacobian = approx_fprime(TRUE, lambda u: _magnitudes(u, data, model), 1e-6)

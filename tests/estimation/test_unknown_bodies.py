@@ -57,7 +57,7 @@ def _model(unknowns, freedom=0.0):
     return LightCurveModel(
         np.array([0.1, -0.2, 0.3, np.sqrt(0.86)]), RATE, sigma, turning, kinds,
         np.eye(3), np.eye(3), turning.size == 0, plain_body(FACETS, Material()),
-        True, True, 0.01, freedom, 15.0,
+        True, True, 0.01, freedom,
     )  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def _anchor(size):
 def test_gradient_against_differences(unknowns, freedom, unseen):
     model, data = _model(unknowns, freedom), _light_curve()
     if unseen:
-        data[::4, SEEN] = 0.0
+        data[::4, SEEN], data[::4, MAGNITUDE] = 0.0, 15.0
     size = model.sigma.size
     u = 0.5 * np.random.default_rng(1).standard_normal(size)
     gradient, information = np.empty(size), np.empty((size, size))

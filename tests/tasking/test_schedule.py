@@ -22,6 +22,7 @@ from cislunar.tasking.planning.information import TaskingModel, pair_information
 from cislunar.tasking.planning.looks import SlotLooks, slot_looks
 from cislunar.tasking.planning.packing import best_packing
 from cislunar.tasking.planning.schedule import chances, plan_schedule
+from cislunar.tasking.planning.schedule_bound import schedule_bound
 from cislunar.tasking.planning.schedule_model import ScheduleModel
 from cislunar.tasking.simulation import initial_estimate
 
@@ -98,6 +99,11 @@ def test_no_slot_of_several_can_be_chosen_better_and_hardly_all_together():
                 assert _worth(looks, learned, changed) <= plan.worth + 1e-8
         best = max(_worth(looks, learned, np.array(both)) for both in product(*singles))
         assert plan.worth > 0.95 * best
+        for most, least in ((1, best), (2, plan.worth)):
+            given = looks, chances(learned, 3), plan.target, plan.worth
+            bound = schedule_bound(*given, observers_per_target=most, steps=60)
+            assert bound >= least * (1.0 - 1e-12)
+            assert most == 2 or bound < 1.05 * best
 
 
 def test_packings_are_those_of_brute_force():

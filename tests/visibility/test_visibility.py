@@ -1,16 +1,22 @@
 """Compiled visibility counts against plain NumPy, pair by pair, and independent propagation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from oracles.visibility import visible
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from cislunar.architecture.coverage.measures import coverage
+from cislunar.architecture.coverage.tables import coverage_tables
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import equations_of_motion
 from cislunar.errors import ConfigurationError
+from cislunar.observation.eclipse import sunlit_share
 from cislunar.observation.sensor import ExclusionAngles
-from cislunar.orbits.families import family_members
+from cislunar.observation.sightline import EARTH_RADIUS
+from cislunar.orbits.families import OrbitSet, family_members
 from cislunar.photometry.sphere import phase_function, sphere_magnitude
 from cislunar.visibility.counts import (
     VisibilitySettings,
@@ -162,6 +168,35 @@ def test_observers_are_counted_by_satellite():
     counts = count_observers(track, target, sun, SETTINGS.angles.cosines, SETTINGS.faintness, MU)
     assert expected.max() > 2
     np.testing.assert_array_equal(counts, expected)
+
+
+def test_the_shadows_take_away_what_is_too_faint_in_them():
+    """Pair by pair, by the share of the Sun that is seen: counts, coverage and its tables."""
+    settings = VisibilitySettings(angles=ExclusionAngles(0.0, 0.0, 0.0), eclipse=True)
+    times, sun = np.zeros(1), sun_at([0.4])
+    away = -sun[0] / np.linalg.norm(sun[0])
+    reach = np.linspace(0.01, 0.05, 12)[:, None]
+    aside = np.array([0.0, 0.0, 1.0]) * EARTH_RADIUS * np.linspace(0.9, 1.1, 12)[:, None]
+    target = np.vstack([EARTH + reach * away, EARTH + reach * away + aside, MOON + 0.1])
+    state = np.array([[0.9, 0.05, 0.05, 0.0, 0.0, 0.0]])
+    share = sunlit_share(target[:, None], sun, np.array([[EARTH, MOON]]))[:, 0]
+    assert np.any(share == 0.0) and np.any((share > 0.0) & (share < 1.0)) and np.any(share == 1.0)
+    seen = visible(state[:, :3], target, sun, settings)[0]
+    for j in np.flatnonzero(share < 1.0):
+        dim = np.inf if share[j] == 0.0 else -2.5 * np.log10(share[j])
+        fainter = replace(settings, limiting_magnitude=18.0 - dim)
+        seen[j] &= share[j] > 0.0 and visible(state[:, :3], target[j : j + 1], sun, fainter)[0, 0]
+    without = replace(settings, eclipse=False)
+    lit = count_visibility(state, [0.0], target, times, sun, without, max_satellites=1)
+    found = count_visibility(state, [0.0], target, times, sun, settings, max_satellites=1)
+    np.testing.assert_array_equal(found.observations[0, 0], seen)
+    assert lit.observations.sum() > found.observations.sum() > 0
+    whole = coverage(state[:, None, :3], target, times, sun, settings)
+    assert whole.union_coverage == seen.mean()
+    orbits = OrbitSet(np.array(["own"]), state, *np.zeros((5, 1)))
+    table = coverage_tables(orbits, target, times, sun, settings, phases=1)
+    bits = np.unpackbits(table.layers[0, 0, 0].view(np.uint8), bitorder="little")
+    np.testing.assert_array_equal(bits[: len(target)], seen)
 
 
 def test_ten_satellites_need_32_phases():

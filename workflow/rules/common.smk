@@ -202,14 +202,14 @@ def tracking_mesh(wildcards):
 
 
 def tracking_bodies(wildcards):
-    """The bodies, if the targets move among them as they are."""
+    """The bodies, if targets move among them as they are, or observers stand on the Earth."""
     return bodies_for(wildcards.scenario, tracking_settings(wildcards))
 
 
 def bodies_for(scenario, chosen):
     """The same for the settings of a cell."""
     among = chosen.get("dynamics", {}).get("truth") == "ephemeris"
-    return shared("ephemeris/bodies", scenario) if among else []
+    return shared("ephemeris/bodies", scenario) if among or chosen.get("stations") else []
 
 
 def comparison_settings(wildcards):

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.visibility.counts import VisibilitySettings, satellite_tracks
 from cislunar.visibility.kernel import count_observers
+from cislunar.visibility.shade import lost_observations, shade_of
 
 
 def day_starts(times: ArrayLike) -> NDArray[np.intp]:
@@ -113,14 +114,13 @@ def coverage(
     Coverage
     """
     times = np.asarray(times, dtype=float)
-    observers = count_observers(
-        np.ascontiguousarray(track, dtype=float),
-        np.ascontiguousarray(target, dtype=float),
-        np.ascontiguousarray(sun_position, dtype=float),
-        settings.angles.cosines,
-        settings.faintness,
-        mu,
-    )
+    places = (np.ascontiguousarray(each, dtype=float) for each in (track, target, sun_position))
+    given = *places, settings.angles.cosines, settings.faintness, mu
+    observers = count_observers(*given)
+    if settings.eclipse:
+        shade = shade_of(given[1], given[2], mu)
+        lost = lost_observations(*given, shade).sum(axis=0, dtype=observers.dtype)
+        np.subtract.at(observers, (shade.time, shade.target), lost)
     seen = observers > 0
     daily = np.logical_or.reduceat(seen, day_starts(times), axis=0)
     covered = int(np.count_nonzero(seen))

@@ -15,6 +15,7 @@ from cislunar.orbits.families import OrbitSet
 from cislunar.visibility.counts import VisibilitySettings, satellite_tracks
 from cislunar.visibility.kernel import mark_observations
 from cislunar.visibility.phasing import distinct_phases
+from cislunar.visibility.shade import lost_observations, shade_of
 
 _ORBITS_PER_BATCH = 8
 _WORD = 64
@@ -164,15 +165,19 @@ def coverage_tables(
     n_windows = len(starts) if window == "day" else len(times)
     n_words = -(-n_windows * len(target) // _WORD)
     layers = np.zeros((len(allowed) * places, counts, layer, n_words), dtype=np.uint64)
+    shade = shade_of(target, sun, mu) if settings.eclipse else None
     for first in range(0, len(allowed), _ORBITS_PER_BATCH):
         batch = allowed[first : first + _ORBITS_PER_BATCH]
         track = satellite_tracks(
             orbits.state[batch], orbits.period[batch], phase, times,
             propagator=settings.propagator, mu=mu,
         )  # fmt: skip
-        bits = mark_observations(
-            track, target, sun, settings.angles.cosines, settings.faintness, mu
-        )
+        given = track, target, sun, settings.angles.cosines, settings.faintness, mu
+        bits = mark_observations(*given)
+        if shade is not None:
+            at = shade.time * len(target) + shade.target
+            lost = lost_observations(*given, shade).astype(np.uint8) << (at & 7).astype(np.uint8)
+            np.bitwise_and.at(bits, (slice(None), slice(None), at >> 3), ~lost)
         rows = as_words(_by_day(bits, shape, starts) if window == "day" else bits)
         for orbit in range(len(batch)):
             place = (first + orbit) * places

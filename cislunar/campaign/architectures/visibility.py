@@ -1,6 +1,8 @@
 """Data sets of visibility, and the cost and the coverage of architectures from them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,8 @@ from cislunar.campaign.data.netcdf import variable
 from cislunar.campaign.data.progress import Progress, logger
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.library import visibility_settings
-from cislunar.visibility.counts import count_visibility
+from cislunar.campaign.settings.observing.sensors import own_sensors
+from cislunar.visibility.counts import VisibilityCounts, VisibilitySettings, count_visibility
 
 
 def visibility_dataset(
@@ -29,20 +32,21 @@ def visibility_dataset(
     """``visibility/{scenario}.nc``: observations by orbit and satellite count.
 
     From ``orbits/families.nc``, ``targets/static_{scenario}.nc`` and ``ephemeris/sun.nc``, up to a
-    number of satellites on one orbit. `settings` has the configuration keys `epoch_jd`,
-    `propagator` and `visibility`; `progress` counts orbits.
+    number of satellites on one orbit; observers of a table see as their own sensors do. `settings`
+    has the configuration keys `epoch_jd`, `propagator` and `visibility`; `progress` counts orbits.
     """
     chosen = visibility_settings(settings)
     times = horizon(settings)
-    counts = count_visibility(
-        orbits["state"].values,
-        orbits["period"].values,
-        targets["position"].values,
-        times,
-        sun_at(sun, times),
-        chosen,
-        max_satellites=max_satellites,
-        progress=progress,
+    seen = targets["position"].values, times, sun_at(sun, times)
+    found = []
+    for first, last, own in _by_sensor(chosen, orbits):
+        flown = orbits["state"].values[first:last], orbits["period"].values[first:last]
+        found.append(
+            count_visibility(*flown, *seen, own, max_satellites=max_satellites, progress=progress)
+        )
+    counts = VisibilityCounts(
+        np.concatenate([each.observations for each in found]),
+        np.concatenate([each.distance for each in found]),
     )
     if not counts.observations.any():
         logger.warning(
@@ -80,6 +84,20 @@ def visibility_dataset(
         },
         attrs=attributes,
     )
+
+
+def _by_sensor(
+    chosen: VisibilitySettings, orbits: xr.Dataset
+) -> Iterator[tuple[int, int, VisibilitySettings]]:
+    """Runs of orbits, first and last, whose observers see alike, as their own sensors have it."""
+    own = own_sensors(orbits, range(orbits.sizes["orbit"]))
+    starts = [0, *(k for k in range(1, len(own)) if own[k] != own[k - 1]), len(own)]
+    for first, last in pairwise(starts):
+        limit = own[first].get("limiting_magnitude", chosen.limiting_magnitude)
+        angles = own[first].get("exclusion_deg", {})
+        excluded = {f"{body}_deg": angle for body, angle in angles.items()}
+        other = replace(chosen.angles, **excluded)
+        yield first, last, replace(chosen, limiting_magnitude=limit, angles=other)
 
 
 def cost_function(visibility: xr.Dataset, orbits: xr.Dataset) -> CostFunction:

@@ -11,7 +11,7 @@ from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.data.provenance import provenance
 from cislunar.dynamics.cr3bp import jacobi_constant
 from cislunar.exchange.inertial import epoch_at
-from cislunar.orbits.observers import load_observers, observer_orbits
+from cislunar.orbits.observers import SENSOR_COLUMNS, load_observers, observer_orbits
 from cislunar.targets.tables import (
     check_closed_targets,
     load_target_positions,
@@ -94,4 +94,14 @@ def own_observers_dataset(
     orbits["state"].attrs["long_name"] = "state at the epoch, nondimensional, rotating frame"
     orbits["period"].attrs["long_name"] += "; 0 for a path that is not closed"
     orbits["stability_index"].attrs["long_name"] += "; NaN for a path that is not closed"
-    return orbits.assign(name=names, phase=phases)
+    sensors = {
+        f"sensor_{column}": variable(
+            "orbit",
+            [each.sensor.get(column, np.nan) for each in observers],
+            "1",
+            f"{column} of the observer's own sensor; NaN where it has that of the configuration",
+        )
+        for column in SENSOR_COLUMNS
+        if any(column in each.sensor for each in observers)
+    }
+    return orbits.assign(name=names, phase=phases, **sensors)

@@ -12,7 +12,6 @@ from cislunar.campaign.settings.fields import (
     Count,
     Flag,
     NotNegative,
-    Number,
     Partial,
     Positive,
     Section,
@@ -24,6 +23,12 @@ from cislunar.campaign.settings.fields import (
     setting,
     several,
     whole,
+)
+from cislunar.campaign.settings.observing.sensor_tree import (
+    GroupName,
+    Sensor,
+    SensorGroup,
+    Station,
 )
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.fusion.ways import FUSIONS
@@ -41,12 +46,6 @@ from cislunar.tasking.planning.schedule_model import ScheduleModel
 
 History = Literal["errors", "bound"]
 Recordable = Literal["truth", "estimates", "covariance", "measurements", "pointing"]
-
-
-class Exclusion(Section):
-    sun: Angle = setting("least angle between the line of sight and the Sun", "deg", "35")
-    moon: Angle = setting("the same for the centre of the Moon", "deg", "5")
-    earth: Angle = setting("the same for the centre of the Earth", "deg", "15")
 
 
 class Detection(Section):
@@ -103,22 +102,10 @@ class Tasking(Section):
     horizon_epochs: whole(ge=1, le=24) = setting(
         "tasking intervals that are planned together at an epoch; the first is carried out", "1",
         "1", default=ScheduleModel.horizon_epochs)
-
-
-class Sensor(Section):
-    magnitude_noise: Positive = setting(
-        "standard deviation of the measured magnitude", "mag", "0.1")
-    angle_noise_arcsec: Positive = setting(
-        "standard deviation of right ascension and of declination", "arcsec", "3")
-    field_of_view_deg: number(gt=0, le=180) = setting(
-        "full width; measurements beyond half of it from the expected direction are rejected",
-        "deg", "3")
-    limiting_magnitude: Number = setting(
-        "faintest measured magnitude that counts, and the limit tasking assumes", "mag", "18")
-    exclusion_deg: Exclusion = setting("")
-    occultation: Flag = setting(
-        "true: targets behind the disc of Earth or Moon are hidden",
-        paper="not in the paper", default=True)
+    bound_steps: whole(ge=0) = setting(
+        "steps of the prices by which the best joint choice of all slots is bounded "
+        "(`planning_gap` in a cell's file; 30 take some tenths of a second an epoch); 0: it is not",
+        "1", "not in the paper", default=ScheduleModel.bound_steps)
 
 
 class InitialSigma(Section):
@@ -370,6 +357,8 @@ class CellSettings(Section):
         "every step) and `pointing` (where observers look)", default=[])
     tasking: Tasking = setting("")
     sensor: Sensor = setting("")
+    sensors: dict[GroupName, SensorGroup] = setting("", default={})
+    stations: dict[GroupName, Station] = setting("", default={})
     initial_sigma: InitialSigma = setting("")
     eclipse: Flag = setting(
         "true: targets dim in the penumbra of Earth and Moon, and cannot be seen in the umbra; "

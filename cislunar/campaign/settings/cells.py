@@ -90,7 +90,7 @@ def in_mode(tasking: Mapping[str, Any]) -> dict[str, Any]:
     return {**said, **left}
 
 
-_UNSAID = ("start_day", "histories", "record", "eclipse", "fusion")
+_UNSAID = ("start_day", "histories", "record", "eclipse", "fusion", "sensors", "stations")
 """Keys that are left out of settings where they keep what is usual."""
 
 
@@ -110,10 +110,18 @@ def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
     return said
 
 
-SCHEDULE_KEYS = ("slot_minutes", "observers_per_target", "slew_deg_s", "settle_s", "horizon_epochs")
+SCHEDULE_KEYS = (
+    "slot_minutes",
+    "observers_per_target",
+    "slew_deg_s",
+    "settle_s",
+    "horizon_epochs",
+    "bound_steps",
+)
 """Keys of `task2.tasking` that say how observers are scheduled within an interval."""
 
 _SAID_IF_UNUSUAL = {
+    "sensor": {"photon_noise": None},
     "batch": {
         key: value
         for key, value in Batch().model_dump().items()

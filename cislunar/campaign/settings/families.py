@@ -14,8 +14,8 @@ from cislunar.campaign.settings.cells import Cell, has_architecture
 from cislunar.campaign.settings.reading import merged, with_types
 from cislunar.errors import ConfigurationError
 
-TRACKING_KEYS = "settings.task2."
-"""Beginning of the keys of a sweep that leave the architecture as it is."""
+TRACKING = "settings.task2"
+"""Key of a scenario, or their beginning, whose sweep leaves the architecture as it is."""
 
 
 PLACE = ("scenario", "architecture", "other_architectures", "other_scenarios", "estimators")
@@ -57,9 +57,14 @@ def _in_a_path(value: Any) -> str:
     return re.sub(r"[^a-z0-9.]+", "-", str(value).lower()).strip("-.")
 
 
+def _within_cell(key: str) -> str | None:
+    """Key of a cell that a sweep's key stands for, empty for several at once; None for no such."""
+    return key[len(TRACKING) + 1 :] if f"{key}.".startswith(f"{TRACKING}.") else None
+
+
 def nested(key: str, value: Any) -> dict[str, Any]:
     """A mapping with one entry, at a dotted key."""
-    for part in reversed(key.split(".")):
+    for part in reversed(key.split(".") if key else []):
         value = {part: value}
     return value
 
@@ -72,7 +77,7 @@ def _cell_change(key: str, value: Any) -> dict[str, Any]:
 def sweep_points(config: Mapping[str, Any], name: str) -> list[SweepPoint]:
     """The values of a sweep, in the order of the configuration."""
     sweep = config["sweeps"][name]
-    if sweep["key"].startswith(TRACKING_KEYS):
+    if _within_cell(sweep["key"]) is not None:
         return [SweepPoint(v, sweep["scenario"], label) for label, v in _named_values(name, sweep)]
     named = _named_values(name, sweep)
     return [SweepPoint(value, f"{sweep['scenario']}-{label}", "") for label, value in named]
@@ -102,7 +107,7 @@ def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
                 entry["other_scenarios"] = others
             yield StatedVariant(f"task2.variants.families.{name}", key, variant, entry)
     for name, sweep in config["sweeps"].items():
-        key = sweep["key"].removeprefix(TRACKING_KEYS)
+        key = _within_cell(sweep["key"]) or ""
         place = {k: sweep[k] for k in ("scenario", "architecture")}
         for point in sweep_points(config, name):
             if point.variant:
@@ -202,7 +207,7 @@ def _check_sweep(config: Mapping[str, Any], name: str, taken: set[str]) -> None:
             f"{place}.scenario' = {scenario!r} is none of the scenarios "
             f"{', '.join(config['scenarios'])}"
         )
-    if not sweep.get("targets") and key.startswith(TRACKING_KEYS):
+    if not sweep.get("targets") and _within_cell(key) is not None:
         raise ConfigurationError(
             f"{place}.targets' is empty: {key} changes the tracking alone; give at least one "
             "number of targets"

@@ -12,6 +12,7 @@ import xarray as xr
 from cislunar.architecture.information.tables import Looks
 from cislunar.campaign.settings import cell_tree, tree
 from cislunar.campaign.settings.cells import SCHEDULE_KEYS, true_settings, wanted_body
+from cislunar.campaign.settings.observing.sensors import exclusion, sensor
 from cislunar.campaign.settings.reading import typed
 from cislunar.estimation.estimator import EstimatorFactory
 from cislunar.estimation.fusion.catalogues import catalogues
@@ -21,7 +22,6 @@ from cislunar.evaluation.metrics import Custody
 from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.made_bodies import equal_sphere_of, made_body
 from cislunar.observation.scene import TargetSurfaces, target_surfaces
-from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.observation.wanted_bodies import bodies_of_targets
 from cislunar.orbits.extent import CATALOGUE_EXTENT, Extent
 from cislunar.photometry.materials import REFLECTION_LAWS, Material, PhotometryModel
@@ -35,10 +35,6 @@ from cislunar.tasking.simulation import TruthModel
 from cislunar.visibility.counts import VisibilitySettings
 
 
-def _exclusion(angles: cell_tree.Exclusion) -> ExclusionAngles:
-    return ExclusionAngles(**{f"{body}_deg": angle for body, angle in angles})
-
-
 def visibility_settings(settings: Mapping[str, Any]) -> VisibilitySettings:
     """Photometry and exclusion angles, from the keys `propagator` and `visibility`."""
     chosen = typed(settings["visibility"], tree.Visibility)
@@ -46,8 +42,9 @@ def visibility_settings(settings: Mapping[str, Any]) -> VisibilitySettings:
         limiting_magnitude=chosen.limiting_magnitude,
         target_radius_m=chosen.target_radius_m,
         diffuse_reflection_coefficient=chosen.diffuse_reflection_coefficient,
-        angles=_exclusion(chosen.exclusion_deg),
+        angles=exclusion(chosen.exclusion_deg),
         propagator=settings["propagator"],
+        eclipse=chosen.eclipse,
     )
 
 
@@ -120,13 +117,6 @@ def target_names(tracked: xr.Dataset, rows: Iterable[int]) -> list[list[str]]:
     """What targets may be called: by their rows in ``orbits/tracked.nc``, and by name."""
     own = tracked["name"].values if "name" in tracked else None
     return [[str(row)] + ([] if own is None else [str(own[row])]) for row in rows]
-
-
-def sensor(chosen: cell_tree.Sensor) -> Sensor:
-    """The observers' telescope."""
-    given = dict(chosen)
-    exclusion = _exclusion(given.pop("exclusion_deg"))
-    return Sensor(**given, exclusion=exclusion)
 
 
 def truth_model(cell: cell_tree.CellSettings, names: Sequence[Sequence[str]]) -> TruthModel:

@@ -11,10 +11,11 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, WithJsonSchema, create_model
 
 from cislunar.campaign.settings.architecture_tree import Architecture, Sampler, Search
-from cislunar.campaign.settings.cell_tree import CellChange, CellSettings, Exclusion
+from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
 from cislunar.campaign.settings.fields import (
     Count,
     Date,
+    Flag,
     NotNegative,
     Number,
     Partial,
@@ -27,6 +28,7 @@ from cislunar.campaign.settings.fields import (
     several,
     whole,
 )
+from cislunar.campaign.settings.observing.sensor_tree import Exclusion
 
 # fmt: off
 
@@ -101,6 +103,9 @@ class Visibility(Section):
     diffuse_reflection_coefficient: Positive = setting(
         "C_d of the sphere; 1 brings out the paper's J, see `docs/deviations.md`", default=1)
     exclusion_deg: Exclusion = setting("")
+    eclipse: Flag = setting(
+        "true: targets dim in the penumbra of Earth and Moon, and cannot be seen in the umbra",
+        paper="not in the paper", default=False)
 
 
 def _values(value: Any) -> Any:
@@ -162,7 +167,8 @@ class Sweep(Family):
     estimators: Estimators = _optional("estimators; left out: `task2.estimators`")
     key: Text = setting(
         "dotted key within `scenarios.NAME`, such as `settings.visibility.limiting_magnitude`, "
-        "`settings.task2.sensor.magnitude_noise`, `targets`, `tracked`")
+        "`settings.task2.sensor.magnitude_noise`, `targets`, `tracked`; `settings.task2` for "
+        "values that set several keys of a cell")
     values: Values = setting(
         "its values. Of `settings.task2`, each is a variant of the scenario's cells "
         "(`_{sweep}-{value}.nc`); else a scenario of its own (`{scenario}-{sweep}-{value}`), with "

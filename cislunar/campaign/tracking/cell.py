@@ -1,6 +1,7 @@
 """A cell of the tracking campaign: from configuration and data sets to the closed loop."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,11 +21,17 @@ from cislunar.campaign.settings.library import (
     target_names,
     truth_model,
 )
+from cislunar.campaign.settings.observing.sensors import (
+    observer_sensors,
+    own_sensors,
+    true_sensors,
+)
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.scenarios import orbits_of
 from cislunar.campaign.tracking.real_sky import (
     Sky,
     believed_forces,
+    grounded,
     observer_tracks,
     placed_targets,
     real_scene,
@@ -35,6 +42,7 @@ from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.propagation import advance_orbits
 from cislunar.errors import ConfigurationError
 from cislunar.observation.scene import Scene, TargetSurfaces, make_scene
+from cislunar.observation.sensor import Sensors
 from cislunar.tasking.closed_loop import ClosedLoop, LoopSettings
 from cislunar.tasking.simulation import TruthModel, epoch_states, monitored_targets
 
@@ -68,7 +76,8 @@ class Problem(NamedTuple):
     nondimensional; `target_ids` their rows in ``orbits/tracked.nc``; `observer_slot` the slot of
     the architecture each observer flies in; `forces` those the estimator believes in. Positions
     are in the rotating frame, or among the bodies as they are, see
-    `cislunar.campaign.tracking.real_sky`.
+    `cislunar.campaign.tracking.real_sky`. Observers on the ground come last, in slot -1; `sensor`
+    are the telescopes of all.
     """
 
     scene: Scene
@@ -78,6 +87,7 @@ class Problem(NamedTuple):
     target_ids: NDArray[np.int64]
     observer_slot: NDArray[np.int64]
     forces: tuple
+    sensor: Sensors
 
 
 def orbits_file(cell: Cell, orbits: xr.Dataset) -> str:
@@ -117,16 +127,23 @@ def tracking_problem(
     placed = advance_orbits(states[ids], periods[ids], start)
     truth = truth_model(settings, names)
     forces: tuple = EARTH_MOON
+    slots = np.repeat(np.arange(orbit.size), satellites)
+    sensors = observer_sensors(settings, slots.size, own_sensors(orbits, orbit[slots]))
+    truth = truth._replace(sensor=true_sensors(settings, sensors))
     if settings.dynamics.truth == "ephemeris":
         sky = _sky(bodies, settings)
         ahead = [p + np.arange(n) / n for p, n in zip(phase, satellites, strict=True)]
         tracks = observer_tracks(sky, settings.dynamics, *flown, ahead, loop.elapsed_s)
+        tracks = np.concatenate([tracks, grounded(sky, settings, loop, inertial=True)])
         scene = real_scene(sky, tracks, loop)
         placed, low_lunar = placed_targets(sky, placed)
         truth = truth._replace(forces=true_forces(sky, settings.dynamics))
         forces = believed_forces(sky, settings, loop, low_lunar)
     else:
         tracks = architecture_tracks(*flown, satellites, times, phase=phase, propagator=propagator)
+        if settings.stations:
+            stations = grounded(_sky(bodies, settings), settings, loop, inertial=False)
+            tracks = np.concatenate([tracks, stations])
         scene = make_scene(tracks, sun_at(sun, times), loop.step_s)
     return Problem(
         scene,
@@ -134,8 +151,9 @@ def tracking_problem(
         truth,
         placed,
         ids,
-        np.repeat(np.arange(orbit.size), satellites),
+        np.append(slots, np.full(len(settings.stations), -1)),
         forces,
+        sensors,
     )
 
 
@@ -143,7 +161,8 @@ def _sky(bodies: xr.Dataset | None, settings: CellSettings) -> Sky:
     """The bodies and times of a cell."""
     if bodies is None:
         raise ConfigurationError(
-            "'task2.dynamics.truth' = 'ephemeris' needs ephemeris/bodies.nc: give it as `bodies`"
+            "'task2.dynamics.truth' = 'ephemeris' and 'task2.stations' need ephemeris/bodies.nc: "
+            "give it as `bodies`"
         )
     epoch = float(bodies["epoch_et"])
     return Sky(body_table(bodies), epoch, epoch + settings.start_day * SECONDS_PER_DAY)
@@ -173,7 +192,7 @@ def cell_loop(
         problem.epoch_state,
         problem.target_ids,
         realization_seeds(seed, chosen.seeds),
-        loop,
+        replace(loop, sensor=problem.sensor),
         estimator=estimator_factory(cell.estimator, chosen),
         truth=problem.truth,
         forces=problem.forces,

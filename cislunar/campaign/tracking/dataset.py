@@ -172,6 +172,7 @@ def _dataset(
 ) -> xr.Dataset:
     """Coordinates, histories as far as they are given, and what the run came to."""
     settings, ids, slot = loop.world.settings, problem.target_ids, problem.observer_slot
+    orbit_of = np.where(slot < 0, -1, inputs.architecture["orbit"].values[slot])
     since, days = "time since the epoch", start_day(attributes)
     since += f" and {days:g} days" if days else ""
     coords = {
@@ -185,7 +186,7 @@ def _dataset(
         "target_id": ("target", ids, "1", "row of the target in orbits/tracked.nc"),
         "family": ("target", list(inputs.tracked["family"].values[ids]), "1",
                    "orbit class of the target"),
-        "observer_orbit": ("observer", inputs.architecture["orbit"].values[slot], "1",
+        "observer_orbit": ("observer", orbit_of, "1",
                            f"row in {orbits_file(cell, inputs.orbits)}"),
         "observer_slot": ("observer", slot, "1", "slot of the architecture"),
     }  # fmt: skip
@@ -261,7 +262,8 @@ _KEPT = {
         ("seed", "epoch", "target"), "f4", "mag", "standard deviation of brightness_offset"),
     "planning_gap": Described(
         ("seed", "epoch"), "f8", "1",
-        "largest relative gap to the best choice for a slot that the set packings leave"),
+        "by how much the schedule may fall short: largest relative gap of the set packings, "
+        "or to the bound of all slots with task2.tasking.bound_steps"),
     "departure_error": Described(
         ("seed", "epoch", "target", "unknown"), "f4", _OWN_UNIT,
         "truth less estimate of what is not known of the target, after the interval"),
@@ -288,7 +290,7 @@ def _histories(loop: ClosedLoop) -> dict[str, Described]:
     }
     if settings.tasking.detection is None:
         left_out |= {"brightness_offset", "brightness_offset_sigma"}
-    if settings.schedule.observers_per_target == 1:
+    if not settings.schedule.bounded:
         left_out.add("planning_gap")
     if not loop.unknowns:
         left_out |= {"departure_error", "departure_sigma", "searches"}

@@ -15,6 +15,7 @@ from cislunar.dynamics.ephemeris_forces import Ephemeris, ephemeris_forces
 from cislunar.dynamics.framed_cr3bp import framed_cr3bp, inertial_states
 from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
 from cislunar.ephemeris.sampling import rotating_frame
+from cislunar.observation.ground import station_positions, station_tracks
 from cislunar.observation.scene import Scene, make_scene
 from cislunar.tasking.settings import LoopSettings
 
@@ -83,6 +84,16 @@ def observer_tracks(
             for phase in phases
         ]
     )[..., :3]
+
+
+def grounded(sky: Sky, settings: CellSettings, loop: LoopSettings, *, inertial: bool) -> Array:
+    """Tracks (station, time, 3) of the stations, in the rotating frame or inertial axes."""
+    sites = settings.stations.values()
+    if not sites:
+        return np.empty((0, loop.n_steps + 1, 3))
+    places = zip(*((s.latitude_deg, s.longitude_deg, s.height_m) for s in sites), strict=True)
+    times = sky.start + loop.elapsed_s
+    return station_tracks(station_positions(*places), sky.table, times, inertial=inertial)
 
 
 def real_scene(sky: Sky, tracks: Array, loop: LoopSettings) -> Scene:

@@ -33,7 +33,7 @@ from cislunar.estimation.spread import ProcessNoise
 from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
-from cislunar.observation.sensor import Sensor
+from cislunar.observation.sensor import Sensors
 
 
 class MultiplicativeUKF:
@@ -48,7 +48,7 @@ class MultiplicativeUKF:
         Observers, Sun and frames; index 0 is the epoch of the initial estimate.
     surfaces : TargetSurfaces
         Shapes, materials and inertia.
-    sensor : Sensor
+    sensor : Sensor or sequence of Sensor
         Noise and field of view.
     initial : InitialEstimate
         Estimates at the epoch.
@@ -72,7 +72,7 @@ class MultiplicativeUKF:
         self,
         scene: Scene,
         surfaces: TargetSurfaces,
-        sensor: Sensor,
+        sensor: Sensors,
         initial: InitialEstimate,
         *,
         process_noise: ProcessNoise | None = None,

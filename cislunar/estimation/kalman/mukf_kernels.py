@@ -244,9 +244,11 @@ def _update_split(state, parts, j, measurements, row, k, scene, surfaces, consta
     """
     translation, root = state.translation[j].copy(), state.root[j, 6:, 6:].copy()
     ra, dec = measurements.value[row, 1], measurements.value[row, 2]
-    place = scene.observer_position[measurements.observer[row], k]
+    observer = measurements.observer[row]
+    place, half_field = scene.observer_position[observer, k], constants.half_field[observer]
     look = ra, dec, measurements.variance[row, 1:], place, scene.observer_axes[k]
-    outcome = update_parts(parts, j, translation, root, look, k, scene, constants, stack)
+    given = look, half_field, k, scene, constants, stack
+    outcome = update_parts(parts, j, translation, root, *given)
     if outcome == ACCEPTED:
         if constants.use_magnitude:
             given = state, j, measurements, row, k, scene, surfaces, constants
@@ -269,7 +271,7 @@ def _use(state, parts, j, measurements, row, k, scene, surfaces, constants, work
     given = measurements, row, k, scene, surfaces, constants
     outcome = CURVED
     if parts.count[j] == 0:
-        limits = constants.half_field, constants.curvature
+        limits = constants.half_field[measurements.observer[row]], constants.curvature
         outcome = update(state, j, *given, limits, parts.strain[j], work)
         if outcome == CURVED:
             place = scene.observer_position[measurements.observer[row], k]

@@ -92,7 +92,7 @@ def _look(points, look, constants, work):
     """Moments of the angles expected at sigma points, into the work; the log likelihood.
 
     A look is right ascension and declination, their variances (2,), and the place (3,) and axes
-    (3, 3) of the observer.
+    (3, 3) of the observer, of whose field of view `half_field` is half.
     """
     right_ascension, declination, variance, observer, axes = look
     ra0, dec0 = expected_directions(points, observer, axes, work.expected)
@@ -150,18 +150,19 @@ def _take(parts, j, count, points, look, weights, work):
 
 
 @njit(cache=True, error_model="numpy")
-def update_parts(parts, j, translation, root, look, k, scene, constants, stack):
+def update_parts(parts, j, translation, root, look, half_field, k, scene, constants, stack):
     """Use one direction of a mixture at time k: ACCEPTED, OUTSIDE_FIELD or FAILED_UPDATE.
 
-    `translation` and `root` are those of its moments, before and after. The most likely part comes
-    first, so that it is the unlikely ones that stay whole where there is no more room.
+    `half_field` is half the observer's field of view, `translation` and `root` are those of the
+    mixture's moments, before and after. The most likely part comes first, so that it is the
+    unlikely ones that stay whole where there is no more room.
     """
     work, weights = stack.filter, constants.orbit_weights
     right_ascension, declination, variance, observer, axes = look
     sigma_points(translation, root, weights.spread, work.bundle)
     ra0, dec0 = expected_directions(work.bundle, observer, axes, work.expected)
     off_ra, off_dec = wrap_angle(right_ascension - ra0), declination - dec0
-    if not in_field(off_ra, off_dec, dec0, constants.half_field):
+    if not in_field(off_ra, off_dec, dec0, half_field):
         return OUTSIDE_FIELD
     waiting, since = parts.count[j], parts.since[j]
     for m in range(waiting):
@@ -243,15 +244,15 @@ def open_if_curved(parts, j, translation, rows, look, k, scene, constants, work)
 
 
 @njit(cache=True, error_model="numpy")
-def use_direction(parts, j, translation, root, look, k, scene, constants, stack):
+def use_direction(parts, j, translation, root, look, half_field, k, scene, constants, stack):
     """Use one direction of target j at time k; its outcome, as of `update_translation`.
 
     A look is right ascension and declination, their variances (2,), and the place (3,) and axes
-    (3, 3) of the observer.
+    (3, 3) of the observer, of whose field of view `half_field` is half.
     """
     work, weights = stack.filter, constants.orbit_weights
     if parts.count[j] == 0:
-        limits, strain = (constants.half_field, constants.curvature), parts.strain[j]
+        limits, strain = (half_field, constants.curvature), parts.strain[j]
         outcome = update_translation(translation, root, *look, limits, strain, weights, work)
         given = look, k, scene, constants, work
         if outcome == CURVED and not open_if_curved(parts, j, translation, root, *given):
@@ -260,4 +261,4 @@ def use_direction(parts, j, translation, root, look, k, scene, constants, stack)
             updated(parts, j)
         if outcome != CURVED:
             return outcome
-    return update_parts(parts, j, translation, root, look, k, scene, constants, stack)
+    return update_parts(parts, j, translation, root, look, half_field, k, scene, constants, stack)

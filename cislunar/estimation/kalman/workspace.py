@@ -17,7 +17,7 @@ from cislunar.estimation.spread import ProcessNoise
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import UnscentedWeights, unscented_weights
 from cislunar.observation.scene import Scene
-from cislunar.observation.sensor import Sensor
+from cislunar.observation.sensor import Sensors, sensor_limits
 from cislunar.observation.sightline import inside_primary
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
 
@@ -35,8 +35,8 @@ class FilterConstants(NamedTuple):
         Added to the covariance's diagonal at each step.
     process_covariance : float
         Added to that of position and velocity on the same axis.
-    half_field : float
-        Half the field of view, rad.
+    half_field : ndarray, shape (observer,)
+        Half the fields of view, rad.
     use_magnitude : bool
         False leaves the magnitude out of the update.
     weights : UnscentedWeights
@@ -53,7 +53,7 @@ class FilterConstants(NamedTuple):
     forces: tuple
     process_variance: Array
     process_covariance: float
-    half_field: float
+    half_field: Array
     use_magnitude: bool
     weights: UnscentedWeights
     orbit_weights: UnscentedWeights
@@ -64,7 +64,7 @@ class FilterConstants(NamedTuple):
 def filter_constants(
     n: int,
     scene: Scene,
-    sensor: Sensor,
+    sensor: Sensors,
     process_noise: ProcessNoise | None,
     forces: tuple,
     use_magnitude: bool,
@@ -77,7 +77,7 @@ def filter_constants(
         forces,
         variance[12 - n :],
         covariance,
-        sensor.limits().half_field,
+        sensor_limits(sensor, scene.observer_position.shape[0]).half_field,
         bool(use_magnitude),
         unscented_weights(n),
         unscented_weights(6),

@@ -45,7 +45,7 @@ from cislunar.estimation.spread import ProcessNoise
 from cislunar.observation.body_spread import HOUR, BodySpread
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces, body_of
-from cislunar.observation.sensor import Sensor
+from cislunar.observation.sensor import Sensor, Sensors, sensor_limits, sensors_of
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class BatchEstimator:
         Observers, Sun and frames; index 0 is the epoch of the initial estimate.
     surfaces : TargetSurfaces
         Shapes and materials.
-    sensor : Sensor
+    sensor : Sensor or sequence of Sensor
         Noise and limits.
     initial : InitialEstimate
         Estimates at the epoch.
@@ -89,7 +89,7 @@ class BatchEstimator:
         self,
         scene: Scene,
         surfaces: TargetSurfaces,
-        sensor: Sensor,
+        sensor: Sensors,
         initial: InitialEstimate,
         rng: np.random.Generator,
         *,
@@ -108,6 +108,7 @@ class BatchEstimator:
         settings = BatchSettings() if settings is None else settings
         self._scene, self._unknowns = scene, settings.unknowns
         filtering = process_noise, forces, splitting
+        first = sensors_of(sensor, scene.observer_position.shape[0])[0]
         self._constants = _batch_constants(settings, scene, sensor, *filtering)
         self._translation = np.array(initial.translation, dtype=float)
         n_targets = self._translation.shape[0]
@@ -115,7 +116,7 @@ class BatchEstimator:
         self._parts = no_parts(n_targets, splitting)
         bodies = rigid_bodies(surfaces.inertia)
         self._models = [
-            _light_curve_model(j, surfaces, bodies, sensor, initial, settings)
+            _light_curve_model(j, surfaces, bodies, first, initial, settings)
             for j in range(n_targets)
         ]
         self._hypotheses = [
@@ -288,7 +289,7 @@ def _prior_points(hypotheses: Hypotheses, model: LightCurveModel) -> tuple[Array
 def _batch_constants(
     settings: BatchSettings,
     scene: Scene,
-    sensor: Sensor,
+    sensor: Sensors,
     process_noise: ProcessNoise | None,
     forces: tuple,
     splitting: bool,
@@ -299,7 +300,7 @@ def _batch_constants(
     )
     return BatchConstants(
         filter_constants(SIZE, scene, sensor, process_noise, forces, False, splitting),
-        sensor.limits(),
+        sensor_limits(sensor, scene.observer_position.shape[0]),
         settings.search_settings(),
         float(settings.refit_growth),
         window,
@@ -334,7 +335,6 @@ def _light_curve_model(
         bool(surfaces.fresnel_sqrt),
         float((settings.magnitude_noise_factor * sensor.magnitude_noise) ** 2),
         float(settings.noise_freedom or 0.0),
-        float(sensor.limiting_magnitude),
     )
 
 

@@ -41,7 +41,7 @@ from cislunar.estimation.light_curves.row_blocks import (
     WEIGHT,
 )
 from cislunar.estimation.triangular import cholesky
-from cislunar.observation.sensor import SensorLimits
+from cislunar.observation.sensor import SensorLimits, extinction, limits_of
 from cislunar.observation.sightline import METRES, in_clear_view, lit_directions
 
 FEWEST_FRESH = 4
@@ -56,6 +56,7 @@ class BatchConstants(NamedTuple):
     translation : FilterConstants
         Of the filter of the orbit.
     limits : SensorLimits
+        Of all observers.
     search : SearchSettings
     growth : float
         Share by which a light curve grows before it is fitted within an interval; 0 for never.
@@ -94,7 +95,10 @@ class FitState(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def _fill_row(row, elapsed, magnitude, seen, weight, translation, observer, sun, to_inertial):
-    """One row of a light curve, with the geometry of the estimated place."""
+    """One row of a light curve, with the geometry of the estimated place.
+
+    The magnitude of a target that was not seen is the limit.
+    """
     light, view, distance, _ = lit_directions(
         translation[0] - observer[0],
         translation[1] - observer[1],
@@ -133,15 +137,25 @@ def _use(
 ):
     """Use one record at time k: whether the direction was, and the rows of the light curve now."""
     magnitude, ra, dec = records.value[row]
-    place, sun = scene.observer_position[records.observer[row], k], scene.sun_position[k]
-    variance, limits = records.variance[row], constants.limits
+    observer, sun = records.observer[row], scene.sun_position[k]
+    place, limits = scene.observer_position[observer, k], limits_of(constants.limits, observer)
+    variance = records.variance[row]
     detected = np.isfinite(magnitude + ra + dec)
     used = False
     if detected:
         axes = scene.observer_axes[k]
         look = ra, dec, variance[1:], place, axes
         outcome = use_direction(
-            parts, j, translation, root, look, k, scene, constants.translation, work
+            parts,
+            j,
+            translation,
+            root,
+            look,
+            limits.half_field,
+            k,
+            scene,
+            constants.translation,
+            work,
         )
         used = outcome == ACCEPTED
         if used:
@@ -155,8 +169,10 @@ def _use(
         dx, dy, dz = translation[0] - ox, translation[1] - oy, translation[2] - oz
         if not in_clear_view(ox, oy, oz, dx, dy, dz, sun, limits, scene.primaries[k]):
             return False, rows
+        earth = scene.primaries[k, 0]
+        magnitude = limits.limiting_magnitude - extinction(ox, oy, oz, dx, dy, dz, earth, limits)
     if used or (constants.use_non_detections and not detected):
-        weight = limits.noise_variance[0] / variance[0]
+        weight = constants.limits.noise_variance[0, 0] / variance[0]
         seen = 1.0 if used else 0.0
         elapsed, to_inertial = k * scene.step_s, scene.frame_axes[k]
         _fill_row(

@@ -99,8 +99,6 @@ class LightCurveModel(NamedTuple):
         R, mag^2, of a row of weight 1.
     noise_freedom : float
         Degrees of freedom of what is known of R beforehand; 0 if R is known.
-    limiting_magnitude : float
-        What a non-detection is known to be fainter than.
     """
 
     quaternion: Array
@@ -116,7 +114,6 @@ class LightCurveModel(NamedTuple):
     fresnel_sqrt: bool
     noise_variance: float
     noise_freedom: float
-    limiting_magnitude: float
 
 
 class Anchor(NamedTuple):
@@ -219,7 +216,8 @@ def cost(u, data, anchor, model, stop_above):
     u : ndarray, shape (n,)
         Unknowns.
     data : ndarray, shape (n, COLUMNS)
-        The light curve: time since the epoch (s), magnitude, directions to Sun and observer
+        The light curve: time since the epoch (s), magnitude (of a non-detection that which the
+        target is known to be fainter than), directions to Sun and observer
         (inertial frame), range (m), 1 for a detection or 0 for a non-detection, and the model's
         noise variance over that of the row; by rising time.
     anchor : Anchor
@@ -268,7 +266,7 @@ def cost(u, data, anchor, model, stop_above):
                 squares += weight * residual * residual
                 seen += 1
             else:
-                excess = (h - model.limiting_magnitude) * inverse_noise
+                excess = (h - data[first + k, MAGNITUDE]) * inverse_noise
                 total += fainter_than_limit(excess * np.sqrt(weight))[0]
         if total + _misfit(squares, seen, model) > stop_above:
             break
@@ -344,7 +342,7 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
                 slope = -residual * curvature
             else:
                 sharpness = inverse_noise * np.sqrt(weight)
-                excess = (h - model.limiting_magnitude) * sharpness
+                excess = (h - data[first + k, MAGNITUDE]) * sharpness
                 value, slope, curvature = fainter_than_limit(excess)
                 total += value
                 slope *= sharpness

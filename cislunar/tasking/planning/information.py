@@ -24,8 +24,15 @@ from cislunar.estimation.unscented import (
     unscented_weights,
 )
 from cislunar.observation.scene import Scene, TargetSurfaces
-from cislunar.observation.sensor import Sensor, SensorLimits
-from cislunar.observation.sightline import METRES, in_clear_view, sphere_brighter
+from cislunar.observation.sensor import (
+    SensorLimits,
+    Sensors,
+    extinction,
+    limits_of,
+    noise_variance_at,
+    sensor_limits,
+)
+from cislunar.observation.sightline import METRES, in_clear_view, sphere_brighter, sphere_margin
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
 from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.tasking.planning.detection_model import DetectionModel
@@ -92,11 +99,15 @@ _WEIGHTS = unscented_weights(6), unscented_weights(12)
 
 
 class _Belief(NamedTuple):
-    """What the kernel needs of `TaskingModel` and sensor."""
+    """What the kernel needs of `TaskingModel` and sensors.
+
+    `limits` and `faintness` are of all observers, or of the one of `belief_of_one`; variances are
+    divided by `measurements`.
+    """
 
     limits: SensorLimits
-    variance: Array
-    faintness: float
+    faintness: Array
+    measurements: float
     sphere: bool
     gate: bool
     full: bool
@@ -104,18 +115,21 @@ class _Belief(NamedTuple):
     twelve: UnscentedWeights
 
 
-def belief_of(model: TaskingModel, sensor: Sensor) -> _Belief:
-    """What kernels of tasking need of sensor and model."""
-    limits = sensor.limits()
-    faintness = faintness_per_squared_range(
-        sensor.limiting_magnitude,
-        radius_m=model.radius_m,
-        diffuse_reflection_coefficient=model.diffuse_reflection_coefficient,
-    )
+def belief_of(model: TaskingModel, sensor: Sensors, n_observers: int) -> _Belief:
+    """What kernels of tasking need of sensors and model."""
+    limits = sensor_limits(sensor, n_observers)
+    faintness = [
+        faintness_per_squared_range(
+            float(limit),
+            radius_m=model.radius_m,
+            diffuse_reflection_coefficient=model.diffuse_reflection_coefficient,
+        )
+        for limit in limits.limiting_magnitude
+    ]
     return _Belief(
         limits,
-        limits.noise_variance / model.measurements,
-        faintness * METRES**2,
+        np.array(faintness) * METRES**2,
+        float(model.measurements),
         model.detection is None,
         model.track_gate,
         model.states == "full",
@@ -123,18 +137,49 @@ def belief_of(model: TaskingModel, sensor: Sensor) -> _Belief:
     )
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def belief_of_one(belief, o):
+    """What holds for one observer, out of what holds for all."""
+    return _Belief(
+        limits_of(belief.limits, o),
+        belief.faintness[o],
+        belief.measurements,
+        belief.sphere,
+        belief.gate,
+        belief.full,
+        belief.six,
+        belief.twelve,
+    )
+
+
 @njit(cache=True, error_model="numpy")
-def observable(observer, place, sun, primaries, belief):
-    """Whether a place is in clear view, and the sphere that stands for a target bright enough."""
+def observable(observer, place, sun, primaries, belief, variance):
+    """Whether a place is in clear view, and the sphere that stands for a target bright enough.
+
+    `belief` is that of the observer; the variances (3,) of its measurements of the sphere go into
+    `variance`.
+    """
+    limits = belief.limits
     ox, oy, oz = observer[0], observer[1], observer[2]
     x, y, z = place[0], place[1], place[2]
     dx, dy, dz = x - ox, y - oy, z - oz
-    if not in_clear_view(ox, oy, oz, dx, dy, dz, sun, belief.limits, primaries):
+    if not in_clear_view(ox, oy, oz, dx, dy, dz, sun, limits, primaries):
         return False
-    if not belief.sphere:
-        return True
     fx, fy, fz = x - sun[0], y - sun[1], z - sun[2]
-    return sphere_brighter(dx, dy, dz, fx, fy, fz, belief.faintness)
+    magnitude = limits.limiting_magnitude
+    if limits.ground or limits.photons[0] > 0.0:
+        margin = sphere_margin(dx, dy, dz, fx, fy, fz, belief.faintness)
+        margin -= extinction(ox, oy, oz, dx, dy, dz, primaries[0], limits)
+        # fainter than the limit nothing is measured
+        magnitude -= max(0.0, margin)
+        if belief.sphere and not margin > 0.0:
+            return False
+    elif belief.sphere and not sphere_brighter(dx, dy, dz, fx, fy, fz, belief.faintness):
+        return False
+    noise_variance_at(limits, magnitude, variance)
+    for i in range(3):
+        variance[i] /= belief.measurements
+    return True
 
 
 @njit(cache=True, error_model="numpy")
@@ -154,20 +199,20 @@ def _direction_sigma(cross, even, noise_variance, declination):
 
 
 @njit(cache=True, error_model="numpy")
-def expect_look(points, observer, sky, belief, expected, shift, cross, even):
+def expect_look(points, observer, sky, belief, variance, expected, shift, cross, even):
     """Moments U and S of the directions of a look into `cross` and `even`, if it can be made.
 
     It can if the first of the sigma points `points` (6, n) is `observable` from `observer` and,
     where that is asked, the direction is known well enough to be found. `sky` are the axes of
-    right ascension and declination, the place of the Sun, and those of Earth and Moon.
+    right ascension and declination, the place of the Sun, and those of Earth and Moon; `belief` and
+    `variance` are as of `observable`.
     """
     axes, sun, primaries = sky
-    if not observable(observer, points[:3, 0], sun, primaries, belief):
+    if not observable(observer, points[:3, 0], sun, primaries, belief, variance):
         return False
-    noise_variance = belief.variance[1:]
     _, declination = expected_directions(points, observer, axes, expected)
-    innovation_moments(expected, noise_variance, belief.six, shift, cross, even)
-    sigma = _direction_sigma(cross, even, noise_variance, declination)
+    innovation_moments(expected, variance[1:], belief.six, shift, cross, even)
+    sigma = _direction_sigma(cross, even, variance[1:], declination)
     return not belief.gate or sigma <= belief.limits.half_field
 
 
@@ -210,17 +255,18 @@ def _fill(prediction, joint, scene, surfaces, belief, wanted, out):
     all_expected, all_shift = np.empty((24, 3)), np.empty(3)
     all_cross, all_even = np.empty((12, 3)), np.empty((3, 3))
     block = np.empty((BLOCK_ROWS, LANES))
-    sun, axes, variance = scene.sun_position[index], scene.observer_axes[index], belief.variance
+    sun, axes, variance = scene.sun_position[index], scene.observer_axes[index], np.empty(3)
     sky = axes, sun, scene.primaries[index]
     for o in range(out.shape[0]):
-        observer = scene.observer_position[o, index]
+        observer, own = scene.observer_position[o, index], belief_of_one(belief, o)
         for j in range(n_targets):
             if not wanted[o, j]:
                 continue
             out[o, j] = 0.0
             if not usable[j]:
                 continue
-            if not expect_look(points[j], observer, sky, belief, expected, shift, cross, even):
+            look = points[j], observer, sky, own, variance
+            if not expect_look(*look, expected, shift, cross, even):
                 continue
             if belief.full:
                 expected_measurements(
@@ -251,7 +297,7 @@ def pair_information(
     prediction: Prediction,
     scene: Scene,
     surfaces: TargetSurfaces,
-    sensor: Sensor,
+    sensor: Sensors,
     model: TaskingModel,
     *,
     wanted: NDArray[np.bool_] | None = None,
@@ -298,7 +344,7 @@ def pair_information(
     out = np.zeros(shape) if out is None else out
     wanted = np.ones(shape, dtype=bool) if wanted is None else wanted
     translation = prediction.index, *_translation(prediction)
-    belief = belief_of(model, sensor)
+    belief = belief_of(model, sensor, shape[0])
     _fill(translation, joint, scene, surfaces, belief, wanted, out)
     return out
 
@@ -312,7 +358,7 @@ def _translation(prediction: Prediction) -> tuple[Array, Array]:
 
 
 def information_bound(
-    prediction: Prediction, scene: Scene, sensor: Sensor, model: TaskingModel
+    prediction: Prediction, scene: Scene, sensor: Sensors, model: TaskingModel
 ) -> Array:
     """Upper bound of the information of position and velocity of every pair, nats.
 
@@ -329,14 +375,15 @@ def information_bound(
     ndarray, shape (observer, target)
         Infinite where nothing can be said, zero of a target without an estimate.
     """
-    belief = belief_of(model, sensor)
     out = np.empty((scene.observer_position.shape[0], prediction.translation.shape[0]))
+    belief = belief_of(model, sensor, out.shape[0])
+    limits = belief.limits
     bound_all(
         (prediction.index, *_translation(prediction)),
         scene,
-        (belief.variance[1:], belief.limits.cosines, belief.faintness),
+        (limits.noise_variance[:, 1:] / belief.measurements, limits.cosines, belief.faintness),
         belief.six,
-        belief.limits.half_field if belief.gate else np.inf,
+        limits.half_field if belief.gate else np.full(out.shape[0], np.inf),
         out,
     )
     return out

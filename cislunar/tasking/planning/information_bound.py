@@ -166,9 +166,9 @@ def _is_lost(j, observer, points, gate):
 def bound_all(prediction, scene, belief, weights, gate, out):
     """Upper bound of the information of all pairs, nats, into `out` (observer, target) (compiled).
 
-    `prediction` is index, translation (target, 6) and covariance (target, 6, 6); `belief` variance
-    of right ascension and declination, cosines of the exclusions, and faintness; `gate` the
-    greatest standard deviation of the direction (rad) or infinity.
+    `prediction` is index, translation (target, 6) and covariance (target, 6, 6); `belief` by
+    observer the least variances of right ascension and declination, cosines of the exclusions, and
+    faintness; `gate` the greatest standard deviations of the direction (rad) or infinity.
     """
     index, translation, covariance = prediction
     variance, cosines, faintness = belief
@@ -189,11 +189,11 @@ def bound_all(prediction, scene, belief, weights, gate, out):
             bx, by, bz = rotate(axes, bx, by, bz)
             directions[body] = bx / distance, by / distance, bz / distance
         observer = rotate(axes, x, y, z)
-        _bound_row(observer, place, root, reach, variance, weights, gate, out[o])
+        _bound_row(observer, place, root, reach, variance[o], weights, gate[o], out[o])
         there = rotate(axes, sun[0], sun[1], sun[2])
-        _drop_row(observer, place, directions, there, (cosines, faintness), out[o])
+        _drop_row(observer, place, directions, there, (cosines[o], faintness[o]), out[o])
         for j in range(count):
-            if np.isnan(place[0, j]) or out[o, j] == 1.0 or _is_lost(j, observer, points, gate):
+            if np.isnan(place[0, j]) or out[o, j] == 1.0 or _is_lost(j, observer, points, gate[o]):
                 out[o, j] = 0.0
             elif out[o, j] < np.inf:
                 out[o, j] = 0.5 * np.log(out[o, j]) + 1e-9

@@ -30,11 +30,18 @@ from cislunar.estimation.triangular import cholesky, solve_lower
 from cislunar.estimation.unscented import sigma_points
 from cislunar.observation.eclipse import dimming
 from cislunar.observation.scene import Scene
-from cislunar.observation.sensor import Sensor
+from cislunar.observation.sensor import (
+    SensorLimits,
+    Sensors,
+    extinction,
+    limits_of,
+    sensor_limits,
+)
 from cislunar.tasking.planning.detection import sphere_magnitudes
 from cislunar.tasking.planning.information import (
     TaskingModel,
     belief_of,
+    belief_of_one,
     expect_look,
 )
 
@@ -86,19 +93,20 @@ def _carry(points, index, count, step, forces):
 @njit(cache=True)
 def look_scratch():
     """Scratch arrays of `look_factor`."""
-    return np.empty((2 * SIZE, 2)), np.empty(2), np.empty((SIZE, 2)), np.empty((2, 2))
+    moments = np.empty((2 * SIZE, 2)), np.empty(2), np.empty((SIZE, 2)), np.empty((2, 2))
+    return np.empty(3), *moments
 
 
 @njit(cache=True, error_model="numpy")
 def look_factor(points, o, index, scene, belief, scratch, out):
     """Factor (6, 2) of a look of observer o at a time, from sigma points (6, 13); zero for none."""
-    expected, shift, cross, even = scratch
+    _, _, _, cross, even = scratch
     sky = scene.observer_axes[index], scene.sun_position[index], scene.primaries[index]
     observer = scene.observer_position[o, index]
     out[:, :] = 0.0
     if not np.isfinite(np.sum(points)):
         return
-    if not expect_look(points, observer, sky, belief, expected, shift, cross, even):
+    if not expect_look(points, observer, sky, belief_of_one(belief, o), *scratch):
         return
     if not cholesky(even):
         return
@@ -118,7 +126,7 @@ def _factors(index, points, scene, belief, out):
 
 
 def sphere_margins(
-    prediction: Prediction, scene: Scene, sensor: Sensor, model: TaskingModel
+    prediction: Prediction, scene: Scene, sensor: Sensors, model: TaskingModel
 ) -> Array:
     """By how much the spheres that stand for targets are brighter than the sensor's limit.
 
@@ -132,11 +140,24 @@ def sphere_margins(
     ndarray, shape (observer, target)
         mag.
     """
-    return sensor.limiting_magnitude - sphere_magnitudes(
+    limits = sensor_limits(sensor, scene.observer_position.shape[0])
+    margin = limits.limiting_magnitude[:, None] - sphere_magnitudes(
         prediction,
         scene,
         radius_m=model.radius_m,
         diffuse_reflection_coefficient=model.diffuse_reflection_coefficient,
+    )
+    for o in np.flatnonzero(limits.ground):
+        margin[o] -= _extinctions(prediction, scene, limits_of(limits, o), o)
+    return margin
+
+
+def _extinctions(prediction: Prediction, scene: Scene, limits: SensorLimits, o: int) -> Array:
+    """By how much the air dims targets where they are estimated to be, mag, shape (target,)."""
+    k = prediction.index
+    site, earth = scene.observer_position[o, k], scene.primaries[k, 0]
+    return np.array(
+        [extinction(*site, *(place[:3] - site), earth, limits) for place in prediction.translation]
     )
 
 
@@ -162,7 +183,7 @@ def slot_looks(
     prediction: Prediction,
     starts: NDArray[np.int64],
     scene: Scene,
-    sensor: Sensor,
+    sensor: Sensors,
     model: TaskingModel,
     forces: tuple,
     *,
@@ -196,7 +217,7 @@ def slot_looks(
     mean, covariance = (
         np.ascontiguousarray(each) for each in (prediction.translation, prediction.covariance)
     )
-    belief, now = belief_of(model, sensor), 0
+    belief, now = belief_of(model, sensor, n_observers), 0
     spread_points(mean, covariance, belief.six.spread, points)
     for s, step in enumerate(starts):
         index = prediction.index + int(step)

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from cislunar.estimation.estimator import Prediction
 from cislunar.observation.scene import Scene, TargetSurfaces
-from cislunar.observation.sensor import Sensor
+from cislunar.observation.sensor import Sensors
 from cislunar.tasking.planning.assignment import IDLE, Assignment, assign
 from cislunar.tasking.planning.information import TaskingModel, information_bound, pair_information
 
@@ -56,7 +56,7 @@ def assign_preselected(
     prediction: Prediction,
     scene: Scene,
     surfaces: TargetSurfaces,
-    sensor: Sensor,
+    sensor: Sensors,
     model: TaskingModel,
 ) -> Assignment:
     """The exact assignment of `pair_information`, from the information of few pairs.

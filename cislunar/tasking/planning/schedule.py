@@ -94,7 +94,7 @@ def _information(factor, share, j, looks, trusted, matrix):
 
 
 @njit(cache=True, error_model="numpy")
-def _worth(factor, share, margin, chances, j, looks, count):
+def worth_of_looks(factor, share, margin, chances, j, looks, count):
     """F_j of the first `count` of the looks (look, 2) of slot and observer."""
     n = min(count, MOST_TRIALS)
     detects = np.empty((count, chances.grid.size))
@@ -146,13 +146,13 @@ def _columns_worth(factor, share, margin, chances, target, slot, columns, observ
         j = columns[c]
         if j != last:
             last, count = j, _taken(target, slot, j, looks)
-            without = _worth(factor, share, margin, chances, j, looks, count)
+            without = worth_of_looks(factor, share, margin, chances, j, looks, count)
         more = count
         for o in observers[c]:
             if o >= 0:
                 looks[more, 0], looks[more, 1] = slot, o
                 more += 1
-        out[c] = _worth(factor, share, margin, chances, j, looks, more) - without
+        out[c] = worth_of_looks(factor, share, margin, chances, j, looks, more) - without
 
 
 @njit(cache=True, error_model="numpy")
@@ -162,7 +162,7 @@ def _total(factor, share, margin, chances, target):
     for j in range(factor.shape[2]):
         count = _taken(target, -1, j, looks)
         if count > 0:
-            total += _worth(factor, share, margin, chances, j, looks, count)
+            total += worth_of_looks(factor, share, margin, chances, j, looks, count)
     return total
 
 

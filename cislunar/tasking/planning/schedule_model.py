@@ -24,6 +24,8 @@ class ScheduleModel:
         Time after turning until the first look, s.
     horizon_epochs : int
         Tasking intervals that are planned together at an epoch; the first is carried out.
+    bound_steps : int
+        Steps of the prices by which the best joint choice of all slots is bounded; 0: it is not.
 
     Raises
     ------
@@ -36,15 +38,16 @@ class ScheduleModel:
     slew_deg_s: float | None = None
     settle_s: float = 0.0
     horizon_epochs: int = 1
+    bound_steps: int = 0
 
     def __post_init__(self) -> None:
         for key in ("slot_minutes", "slew_deg_s"):
             value = getattr(self, key)
             if value is not None and not (value > 0.0 and np.isfinite(value)):
                 raise ConfigurationError(f"{key} = {value} must be positive, or left out")
-        for key in ("observers_per_target", "horizon_epochs"):
-            if getattr(self, key) < 1:
-                raise ConfigurationError(f"{key} = {getattr(self, key)} must be at least 1")
+        for key, least in (("observers_per_target", 1), ("horizon_epochs", 1), ("bound_steps", 0)):
+            if getattr(self, key) < least:
+                raise ConfigurationError(f"{key} = {getattr(self, key)} must be at least {least}")
         if not (self.settle_s >= 0.0 and np.isfinite(self.settle_s)):
             raise ConfigurationError(f"settle_s = {self.settle_s} must not be negative")
 
@@ -52,6 +55,11 @@ class ScheduleModel:
     def turning(self) -> bool:
         """Whether turning to another target takes time."""
         return self.slew_deg_s is not None or self.settle_s > 0.0
+
+    @property
+    def bounded(self) -> bool:
+        """Whether it is said how far a schedule may be from the best."""
+        return self.observers_per_target > 1 or self.bound_steps > 0
 
     @property
     def plain(self) -> bool:

@@ -27,7 +27,7 @@ from cislunar.dynamics.tableau import STAGES8
 from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.triangular import cholesky, solve_lower
 from cislunar.observation.scene import Scene
-from cislunar.observation.sensor import Sensor
+from cislunar.observation.sensor import Sensors
 from cislunar.tasking.planning.information import TaskingModel, belief_of
 from cislunar.tasking.planning.looks import SIZE, look_factor, look_scratch, spread_points
 
@@ -95,7 +95,7 @@ def credited(
     prediction: Prediction,
     looks: PlannedLooks,
     scene: Scene,
-    sensor: Sensor,
+    sensor: Sensors,
     model: TaskingModel,
     forces: tuple,
 ) -> Prediction:
@@ -120,7 +120,10 @@ def credited(
     order = np.lexsort((looks.observer, -looks.index))
     in_order = PlannedLooks(*(column[order] for column in looks))
     covariance = np.array(prediction.covariance)
-    n_targets, belief = covariance.shape[0], belief_of(model, sensor)
+    n_targets, belief = (
+        covariance.shape[0],
+        belief_of(model, sensor, scene.observer_position.shape[0]),
+    )
     points = np.empty((n_targets, SIZE, 2 * SIZE + 1))
     mean = np.ascontiguousarray(prediction.translation)
     spread_points(mean, covariance, belief.six.spread, points)

@@ -1,0 +1,1 @@
+"""What the observers are: their telescopes, and where those on the ground stand."""

@@ -1,0 +1,93 @@
+"""The telescopes of a cell's observers as the library takes them.
+
+Each observer has that of `sensor`, changed by what its own table says, then by its group.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from cislunar.campaign.settings.cell_tree import CellSettings
+from cislunar.campaign.settings.observing import sensor_tree
+from cislunar.campaign.settings.reading import merged, typed
+from cislunar.errors import ConfigurationError
+from cislunar.observation.sensor import Atmosphere, ExclusionAngles, PhotonNoise, Sensor, Sensors
+from cislunar.orbits.observers import SENSOR_COLUMNS
+
+
+def exclusion(angles: sensor_tree.Exclusion) -> ExclusionAngles:
+    """Exclusion angles of a telescope."""
+    return ExclusionAngles(**{f"{body}_deg": angle for body, angle in angles})
+
+
+def sensor(chosen: sensor_tree.Sensor) -> Sensor:
+    """The telescope of all observers."""
+    given = dict(chosen)
+    photons = given.pop("photon_noise")
+    return Sensor(
+        exclusion=exclusion(given.pop("exclusion_deg")),
+        photon_noise=None if photons is None else PhotonNoise(**dict(photons)),
+        **given,
+    )
+
+
+def observer_sensors(
+    cell: CellSettings, n_flying: int, own: Sequence[Mapping[str, Any]] = ()
+) -> Sensors:
+    """The telescope of all observers, or of each, those on the ground last.
+
+    `own` has what the table of the flying observers says of each. A `ConfigurationError` if a group
+    names an observer that there is not, or one twice.
+    """
+    if not cell.sensors and not cell.stations and not any(own):
+        return sensor(cell.sensor)
+    usual = cell.sensor.model_dump()
+    chosen = [merged(usual, one) for one in own] or [usual] * n_flying
+    chosen += [merged(usual, site.sensor.model_dump()) for site in cell.stations.values()]
+    taken: dict[int, str] = {}
+    for name, group in cell.sensors.items():
+        for observer in group.observers:
+            key = f"configuration key 'task2.sensors.{name}.observers': {observer}"
+            if observer >= len(chosen):
+                raise ConfigurationError(f"{key} is none of the observers 0 .. {len(chosen) - 1}")
+            if observer in taken:
+                raise ConfigurationError(f"{key} is in {taken[observer]!r} already")
+            taken[observer] = name
+            chosen[observer] = merged(chosen[observer], group.sensor.model_dump())
+    found = [sensor(typed(each, sensor_tree.Sensor)) for each in chosen]
+    for number, site in enumerate(cell.stations.values(), start=n_flying):
+        air = Atmosphere(site.min_elevation_deg, site.extinction_mag, site.sun_below_deg)
+        found[number] = replace(found[number], atmosphere=air)
+    return tuple(found)
+
+
+def own_sensors(orbits: xr.Dataset, rows: Sequence[int]) -> list[dict[str, Any]]:
+    """What the table of ``orbits/observers_{architecture}.nc`` says of some of its sensors."""
+    columns = [column for column in SENSOR_COLUMNS if f"sensor_{column}" in orbits]
+    found: list[dict[str, Any]] = []
+    for row in rows:
+        own: dict[str, Any] = {}
+        for column in columns:
+            value = float(orbits[f"sensor_{column}"][row])
+            if np.isfinite(value):
+                body = column.replace("_exclusion_deg", "")
+                change = {column: value} if body == column else {"exclusion_deg": {body: value}}
+                own = merged(own, change)
+        found.append(own)
+    return found
+
+
+def true_sensors(cell: CellSettings, believed: Sensors) -> Sensors | None:
+    """What telescopes truly are, where noise depends on observer or magnitude; None: it does not.
+
+    Constant noise is that of ``truth.sensor`` where it says so, for all of them.
+    """
+    if isinstance(believed, Sensor) and believed.plain:
+        return None
+    given = {} if cell.truth.sensor is None else cell.truth.sensor.model_dump()
+    if isinstance(believed, Sensor):
+        return replace(believed, **given)
+    return tuple(replace(one, **given) for one in believed)

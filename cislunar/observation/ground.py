@@ -1,0 +1,122 @@
+"""Observers on the ground: where stations on the turning Earth are.
+
+The rotation of the Earth is SPICE's frame IAU_EARTH with the constants of the text kernel
+pck00010.tpc (Archinal et al. 2011, Celest. Mech. Dyn. Astron. 109, 101, table 1), on the ellipsoid
+of the same. It leaves out nutation and runs in TDB, which puts a station some 10 km from where it
+truly stands: nothing to a simulation, whose estimators know the places of their observers.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import LENGTH_UNIT_KM, MU
+from cislunar.dynamics.cr3bp import primary_positions
+from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
+from cislunar.ephemeris.sampling import rotating_frame
+from cislunar.errors import ConfigurationError
+
+Array = NDArray[np.float64]
+
+_EARTH = 399
+_POOL = {
+    "BODY399_POLE_RA": (0.0, -0.641, 0.0),
+    "BODY399_POLE_DEC": (90.0, -0.557, 0.0),
+    "BODY399_PM": (190.147, 360.9856235, 0.0),
+}
+_RADII_KM = 6378.1366, 6356.7519
+
+
+def earth_rotation(time: ArrayLike) -> Array:
+    """Rotation from the axes of J2000 to those fixed to the Earth, by SPICE.
+
+    Parameters
+    ----------
+    time : array_like, shape (time,)
+        TDB seconds past J2000.
+
+    Returns
+    -------
+    ndarray, shape (time, 3, 3)
+        ``r_fixed = rotation @ r_j2000``.
+    """
+    import spiceypy
+
+    # constants that the caller has loaded from a kernel of his own are his
+    for name in [name for name in _POOL if not spiceypy.expool(name)]:
+        spiceypy.pdpool(name, _POOL[name])
+    return np.array([spiceypy.tipbod("J2000", _EARTH, float(t)) for t in np.ravel(time)])
+
+
+def station_positions(
+    latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike
+) -> Array:
+    """Places fixed to the Earth.
+
+    Parameters
+    ----------
+    latitude_deg, longitude_deg : array_like, shape (station,)
+        Geodetic; longitude east.
+    height_m : array_like, shape (station,)
+        Above the ellipsoid.
+
+    Returns
+    -------
+    ndarray, shape (station, 3)
+        km.
+
+    Raises
+    ------
+    ConfigurationError
+        If a station is outside the globe.
+    """
+    import spiceypy
+
+    equatorial, polar = _RADII_KM
+    found = []
+    for place in zip(latitude_deg, longitude_deg, height_m, strict=True):
+        latitude, longitude, height = (float(each) for each in place)
+        if not (abs(latitude) <= 90.0 and -180.0 <= longitude <= 360.0 and abs(height) < 1e5):
+            raise ConfigurationError(
+                f"station at latitude_deg = {latitude}, longitude_deg = {longitude}, height_m = "
+                f"{height} is not on the globe: latitudes go from -90 to 90, longitudes from -180 "
+                "to 360, heights are in m"
+            )
+        angles = np.deg2rad(longitude), np.deg2rad(latitude)
+        flattening = (equatorial - polar) / equatorial
+        found.append(spiceypy.georec(*angles, 1e-3 * height, equatorial, flattening))
+    return np.array(found)
+
+
+def station_tracks(
+    position_km: ArrayLike, table: BodyTable, time: ArrayLike, *, inertial: bool = False
+) -> Array:
+    """Where stations are while the Earth turns.
+
+    Parameters
+    ----------
+    position_km : array_like, shape (station, 3)
+        From `station_positions`.
+    table : BodyTable
+        Gives the directions of the rotating frame, which follow the Moon.
+    time : array_like, shape (time,)
+        TDB seconds past J2000.
+    inertial : bool
+        Positions among the bodies as they are, about the barycenter in the axes of J2000; otherwise
+        in the rotating frame, about the Earth of the three-body problem.
+
+    Returns
+    -------
+    ndarray, shape (station, time, 3)
+        Nondimensional.
+    """
+    times = np.asarray(time, dtype=float)
+    fixed = np.asarray(position_km, dtype=float)
+    out = np.einsum("tji,sj->sti", earth_rotation(times), fixed) / LENGTH_UNIT_KM
+    position, velocity, _ = read_table(table, times)
+    earth, moon = COLUMNS["earth"], COLUMNS["moon"]
+    if inertial:
+        return out + position[:, earth] / LENGTH_UNIT_KM
+    axes = rotating_frame(
+        position[:, moon] - position[:, earth], velocity[:, moon] - velocity[:, earth]
+    )
+    return np.einsum("tij,stj->sti", axes, out) + np.array(primary_positions(MU)[0])

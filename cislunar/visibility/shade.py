@@ -1,0 +1,106 @@
+"""Static targets in the shadow of the Earth or Moon: observations that are lost there.
+
+Hardly any target is ever shaded, so that the tables are made as if all were lit, and what the
+shadow takes away is taken off. The dimming is that of `cislunar.observation.eclipse`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from cislunar.dynamics.cr3bp import primary_positions
+from cislunar.observation.eclipse import sunlit_share
+from cislunar.observation.sightline import outside_exclusion, sphere_brighter
+
+Array = NDArray[np.float64]
+
+_TARGETS_AT_ONCE = 256
+
+
+class Shade(NamedTuple):
+    """When which targets are shaded.
+
+    Attributes
+    ----------
+    time, target : ndarray of int, shape (pair,)
+    share : ndarray, shape (pair,)
+        Of the Sun's disc that is seen, below 1.
+    """
+
+    time: NDArray[np.int64]
+    target: NDArray[np.int64]
+    share: Array
+
+
+def shade_of(target: Array, sun: Array, mu: float) -> Shade:
+    """Find the shaded targets.
+
+    Parameters
+    ----------
+    target : ndarray, shape (target, 3)
+        Nondimensional, rotating frame.
+    sun : ndarray, shape (time, 3)
+        The same.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    Shade
+    """
+    primaries = np.tile(np.array(primary_positions(mu)), (len(sun), 1, 1))
+    found = []
+    for first in range(0, len(target), _TARGETS_AT_ONCE):
+        some = target[first : first + _TARGETS_AT_ONCE]
+        place = np.broadcast_to(some[:, None], (len(some), len(sun), 3))
+        share = sunlit_share(place, sun, primaries)
+        which, when = np.nonzero(share < 1.0)
+        found.append((when, first + which, share[which, when]))
+    return Shade(*(np.concatenate(column) for column in zip(*found, strict=True)))
+
+
+@njit(cache=True, error_model="numpy")
+def _lost(track, target, sun, cosines, faintness, primaries, shade, out):
+    """Which of the shaded pairs each track (n, time, 3) would see if they were lit, (n, pair)."""
+    for i in range(shade.time.size):
+        k, place, light = shade.time[i], target[shade.target[i]], sun[shade.time[i]]
+        x, y, z = place[0], place[1], place[2]
+        fx, fy, fz = x - light[0], y - light[1], z - light[2]
+        for n in range(track.shape[0]):
+            ox, oy, oz = track[n, k, 0], track[n, k, 1], track[n, k, 2]
+            dx, dy, dz = x - ox, y - oy, z - oz
+            out[n, i] = sphere_brighter(dx, dy, dz, fx, fy, fz, faintness)
+            if not out[n, i]:
+                continue
+            share = shade.share[i]
+            bright = share > 0.0 and sphere_brighter(dx, dy, dz, fx, fy, fz, faintness / share)
+            clear = outside_exclusion(ox, oy, oz, dx, dy, dz, light, cosines, primaries)
+            out[n, i] = clear and not bright
+
+
+def lost_observations(
+    track: Array, target: Array, sun: Array, cosines: Array, faintness: float, mu: float,
+    shade: Shade,
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Which observations of lit targets the shadow takes away.
+
+    Parameters
+    ----------
+    track : ndarray, shape (..., time, 3)
+        Positions of observers, nondimensional, rotating frame.
+    target, sun, cosines, faintness, mu
+        As of `cislunar.visibility.kernel.count_observations`.
+    shade : Shade
+        From `shade_of`.
+
+    Returns
+    -------
+    ndarray of bool, shape (..., pair)
+    """
+    flat = np.ascontiguousarray(track).reshape(-1, *track.shape[-2:])
+    out = np.zeros((len(flat), shade.time.size), dtype=np.bool_)
+    primaries = np.array(primary_positions(mu))
+    _lost(flat, target, sun, cosines, float(faintness), primaries, shade, out)
+    return out.reshape(*track.shape[:-2], -1)
