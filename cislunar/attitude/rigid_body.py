@@ -68,7 +68,7 @@ def pull_back_gradient(omega, dt, gx, gy, gz):
 def spherical_transition(omega, dt, out):
     """Transition matrix of (small turn, angular velocity) for spherical inertia, exact (compiled).
 
-    Into `out`, shape (6, 6); see `cislunar.attitude.short_steps.rigid_transition`.
+    Into `out`, shape (6, 6); see `cislunar.attitude.departures.departing_transition`.
     """
     out[:, :] = 0.0
     for i in range(3):

@@ -36,7 +36,6 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.attitude.departures import departing_transition
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.rigid_body import spherical_transition
-from cislunar.attitude.short_steps import rigid_transition
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import of_state
 from cislunar.dynamics.runge_kutta import DOP853, OK, integrate
@@ -167,12 +166,10 @@ def _turn_on(omega, step_s, bodies, j, of_rotation, scratch, turn):
     kinds, sigma = of_rotation
     step_turn, product = scratch[0], scratch[1]
     inertia, inverse = bodies.inertia[j], bodies.inverse[j]
-    if kinds.shape[0] > 0:
-        departing_transition(omega, step_s, inertia, inverse, kinds, step_turn)
-    elif bodies.spherical[j]:
+    if bodies.spherical[j] and kinds.shape[0] == 0:
         spherical_transition(omega, step_s, step_turn)
     else:
-        rigid_transition(omega, step_s, inertia, inverse, step_turn)
+        departing_transition(omega, step_s, inertia, inverse, kinds, step_turn)
     for a in range(6):
         for b in range(turn.shape[1]):
             total = 0.0

@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.optimize import approx_fprime, minimize
 from scipy.stats import norm
 
 from cislunar.attitude import grp
-from cislunar.attitude.quaternion import compose, rotation_vector
+from cislunar.attitude.quaternion import compose
 from cislunar.attitude.rigid_body import propagate_torque_free
-from cislunar.attitude.short_steps import propagate_with_errors
 from cislunar.estimation.light_curves.batch_settings import SearchSettings
 from cislunar.estimation.light_curves.effort import search_until_clear
 from cislunar.estimation.light_curves.hypotheses import (
@@ -184,34 +182,6 @@ def test_giving_up_early_never_lowers_the_cost():
     whole = cost(u, data, _anchor(), model, np.inf)
     partial = cost(u, data, _anchor(), model, 0.1 * whole)
     assert 0.1 * whole < partial <= whole
-
-
-def test_sensitivity_of_a_triaxial_body_against_scipy():
-    inertia = INERTIAS["triaxial"]
-    moments = np.diag(inertia)
-    rate = np.array([0.8, -0.5, 0.3])
-
-    def motion(_, y):
-        q, w = y[:4], y[4:]
-        turn = compose(np.r_[0.5 * w, 0.0], q)
-        return np.r_[turn, -np.cross(w, moments * w) / moments]
-
-    def end(w0):
-        start = np.r_[0.0, 0.0, 0.0, 1.0, w0]
-        return solve_ivp(motion, (0.0, 9.0), start, rtol=1e-12, atol=1e-12).y[:, -1]
-
-    q, w, sensitivity = np.array([0.0, 0.0, 0.0, 1.0]), rate.copy(), np.zeros((6, 3))
-    sensitivity[3:] = np.eye(3)
-    propagate_with_errors(q, w, sensitivity, 9.0, inertia, np.linalg.inv(inertia), np.zeros(3))
-    reference = end(rate)
-    np.testing.assert_allclose(q, reference[:4] / np.linalg.norm(reference[:4]), atol=1e-6)
-    np.testing.assert_allclose(w, reference[4:], atol=1e-6)
-    for c in range(3):
-        step = 1e-5 * np.eye(3)[c]
-        above, below = end(rate + step), end(rate - step)
-        turn = rotation_vector(compose(above[:4], below[:4] * [-1, -1, -1, 1])) / 2e-5
-        np.testing.assert_allclose(sensitivity[:3, c], turn, atol=1e-4)
-        np.testing.assert_allclose(sensitivity[3:, c], (above[4:] - below[4:]) / 2e-5, atol=1e-4)
 
 
 def test_levenberg_marquardt_finds_the_minimum_scipy_finds():

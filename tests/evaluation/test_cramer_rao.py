@@ -5,7 +5,7 @@ import pytest
 from measured import during, evaluate
 
 from cislunar.attitude import grp
-from cislunar.attitude.departures import departed_rotation
+from cislunar.attitude.departures import departed_rotation, departing_transition
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.attitude.quaternion import compose, from_rotation_vector
 from cislunar.attitude.rigid_body import (
@@ -13,7 +13,6 @@ from cislunar.attitude.rigid_body import (
     propagate_under_torque,
     spherical_transition,
 )
-from cislunar.attitude.short_steps import rigid_transition
 from cislunar.dynamics.propagation import propagate, propagate_stm
 from cislunar.errors import ConfigurationError
 from cislunar.evaluation.cramer_rao import CramerRaoBound
@@ -258,12 +257,13 @@ def test_transition_of_a_rigid_body(rate):
     omega, dt = rate * np.array([0.6, -0.5, 0.7]), 60.0
     closed, integrated = np.empty((6, 6)), np.empty((6, 6))
     spherical_transition(omega, dt, closed)
-    rigid_transition(omega, dt, np.eye(3), np.eye(3), integrated)
+    none = np.empty(0, np.int64)
+    departing_transition(omega, dt, np.eye(3), np.eye(3), none, integrated)
     unit = np.repeat([1.0, 1.0 / dt], 3)  # an angular velocity counts by the turn it makes
     np.testing.assert_allclose(integrated * unit, closed * unit, rtol=0, atol=3e-7)
 
     inertia = np.diag(UNEVEN)
-    rigid_transition(omega, dt, inertia, np.linalg.inv(inertia), integrated)
+    departing_transition(omega, dt, inertia, np.linalg.inv(inertia), none, integrated)
     still = np.array([0.0, 0.0, 0.0, 1.0])
     (true,), _ = propagate_torque_free(still, omega, [dt], UNEVEN)
     back = true * np.array([-1.0, -1.0, -1.0, 1.0])

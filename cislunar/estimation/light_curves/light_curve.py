@@ -40,7 +40,6 @@ from cislunar.estimation.light_curves.row_blocks import (
     SEEN,
     WEIGHT,
     add_products,
-    carry_attitude,
     fill_block,
     fold,
     pull_back,
@@ -48,6 +47,7 @@ from cislunar.estimation.light_curves.row_blocks import (
     read_attitude,
     rows_of_unknowns,
     sum_rows,
+    turn_evenly,
     work_rows,
 )
 from cislunar.photometry.bodies import Body
@@ -232,29 +232,25 @@ def cost(u, data, anchor, model, stop_above):
         The cost, or a lower bound of it above `stop_above`.
     """
     total = anchor_cost(u, anchor)
-    start, omega, now = np.empty(4), np.empty(3), 0.0
+    start, omega = np.empty(4), np.empty(3)
     initial_state(u, model, start, omega)
-    q, rate = start.copy(), omega.copy()
     block, work = np.empty((BLOCK_ROWS, LANES)), np.empty((work_rows(ROTATION), LANES))
-    no_errors, turned = np.empty((6, 0)), np.empty((1, COLUMNS))
     squares, seen = 0.0, 0
     even, body = model.even, _body(u, model)
-    departing = model.rotation_kinds.shape[0] > 0
-    if departing:
+    track, times = np.empty((0, COLUMNS)), omega
+    if not even:
         track, times = start_track(start, omega, body, False)
-    else:
-        track, times = turned, omega
     surface = _surface(u, model)
     plain = surface.areas, surface.normals, surface.materials[0]
     readings = model.irradiance_4pi, model.fresnel_sqrt
     inverse_noise = 1.0 / np.sqrt(model.noise_variance)
     for first in range(0, data.shape[0], LANES):
         rows = min(LANES, data.shape[0] - first)
-        fill_block(block, work, data, first, rows, start, omega)
-        if departing:
-            read_attitude(block, work, rows, track, times, turned, body)
-        elif not even:
-            now = carry_attitude(block, work, rows, now, q, rate, no_errors, body)
+        fill_block(block, work, data, first, rows)
+        if even:
+            turn_evenly(block, work, rows, start, omega)
+        else:
+            read_attitude(block, work, rows, track, times, 0, body)
         if surface.rough:
             body_magnitudes(block, rows, surface, *readings)
         else:
@@ -296,24 +292,19 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
     The latter is ``Lambda + sum_k w_k a_k a_k^T / R``, a_k the gradient of h_k; see `cost`.
     """
     total = anchor_cost(u, anchor)
-    start, omega, now = np.empty(4), np.empty(3), 0.0
+    start, omega = np.empty(4), np.empty(3)
     initial_state(u, model, start, omega)
-    q, rate = start.copy(), omega.copy()
     unknowns = u.shape[0]
     block, work = np.empty((BLOCK_ROWS, LANES)), np.empty((work_rows(unknowns), LANES))
     kinds, carried = model.rotation_kinds, carried_unknowns(model)
-    products, errors = np.zeros((sum_rows(unknowns), LANES)), np.zeros((6, 3))
-    for i in range(3):
-        errors[3 + i, i] = 1.0  # d omega(0) / d omega(0)
+    products = np.zeros((sum_rows(unknowns), LANES))
     inverse_variance = 1.0 / model.noise_variance
     inverse_noise = np.sqrt(inverse_variance)
     squares, seen = 0.0, 0
     even, body = model.even, _body(u, model)
-    departing, turned = kinds.shape[0] > 0, np.empty((4, COLUMNS))
-    if departing:
+    track, times = np.empty((0, COLUMNS)), omega
+    if not even:
         track, times = start_track(start, omega, body, True)
-    else:
-        track, times = turned, omega
     surface = _surface(u, model)
     plain = surface.areas, surface.normals, surface.materials[0]
     readings = model.irradiance_4pi, model.fresnel_sqrt
@@ -321,11 +312,11 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
     shares = np.empty((surface.areas.shape[0] if with_shares else 0, LANES))
     for first in range(0, data.shape[0], LANES):
         rows = min(LANES, data.shape[0] - first)
-        fill_block(block, work, data, first, rows, start, omega)
-        if departing:
-            read_attitude(block, work, rows, track, times, turned, body)
-        elif not even:
-            now = carry_attitude(block, work, rows, now, q, rate, errors, body)
+        fill_block(block, work, data, first, rows)
+        if even:
+            turn_evenly(block, work, rows, start, omega)
+        else:
+            read_attitude(block, work, rows, track, times, COLUMNS, body)
         if model.surface_kinds.shape[0] > 0:
             _magnitudes_and_departures(block, shares, work, rows, surface, model)
         elif surface.rough:

@@ -11,7 +11,7 @@ from cislunar.attitude.grp import (
     quaternion_from_grp_components,
 )
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
-from cislunar.attitude.short_steps import propagate_with_errors
+from cislunar.attitude.short_steps import carry_rotation
 
 RECENTERINGS = 2
 """Times the reference of the mean attitude is moved to the mean error about it."""
@@ -24,7 +24,6 @@ def step_points(quaternion, omega, departures, dt, model):
     `departures` (n, m) are the amounts by which the rotation departs at each point, of the kinds
     of the `LightCurveModel`. Exact for a body that turns evenly.
     """
-    no_errors = np.empty((6, 0))
     body = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for i in range(quaternion.shape[0]):
         q, w = quaternion[i], omega[i]
@@ -35,7 +34,7 @@ def step_points(quaternion, omega, departures, dt, model):
         if i == 0 or departures.shape[1] > 0:
             kinds, believed = model.rotation_kinds, (model.inertia, model.inverse_inertia)
             departed_rotation(kinds, departures[i], *believed, body)
-        propagate_with_errors(q, w, no_errors, dt, *body)
+        carry_rotation(q, w, dt, body)
 
 
 @njit(cache=True, error_model="numpy")

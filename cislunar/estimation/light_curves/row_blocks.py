@@ -12,10 +12,9 @@ all rows and applied to the sums. Unknowns beyond those six come after them, alr
 import numpy as np
 from numba import njit
 
-from cislunar.attitude.departures import FIRST_DEPARTURE, extend_track, read_track
+from cislunar.attitude.departures import FIRST_DEPARTURE, ends_of, extend_track, weigh_ends
 from cislunar.attitude.grp import GRP_A, GRP_F, pull_back_to_grp
 from cislunar.attitude.quaternion import multiply_components, rotate_components
-from cislunar.attitude.short_steps import propagate_with_errors
 from cislunar.elementary import sine_and_cosine
 from cislunar.photometry import facet_blocks
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, QUATERNION, TURN
@@ -33,8 +32,10 @@ _GEOMETRY = 2
 # Rows of a block's work besides the magnitudes.
 MISFIT_SLOPE, CURVATURE = 0, 1
 """Of a row: derivative of its cost by the magnitude, and the second."""
-_ELAPSED, _LAG, _REST, _RATE_ERRORS, _DERIVATIVE = 2, 3, 4, 5, 29
-"""There is room for the errors by the rate and by five departures of the rotation."""
+_ELAPSED, _LAG, _REST, _TURNS, _DERIVATIVE = 2, 3, 4, 5, 29
+"""There is room for the turns by the rate and by five departures of the rotation."""
+_WEIGHTS = _DERIVATIVE
+"""Of the ends of a track's step, before there are derivatives."""
 _MOTION_ROWS = _DERIVATIVE + ROTATION
 _ROTATION_SUMS = ROTATION * (ROTATION + 1) // 2 + ROTATION
 
@@ -71,9 +72,22 @@ def _axis(omega):
     return rate, inverse, omega[0] * inverse, omega[1] * inverse, omega[2] * inverse
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _turn_evenly(b, w, count, start, omega):
+@njit(cache=True, error_model="numpy")
+def fill_block(block, work, data, first, count):
+    """Directions, ranges and times of the rows from `first` on."""
+    b = block.reshape((BLOCK_ROWS, LANES))
+    w = _motion_rows(work)
+    for k in range(count):
+        w[_ELAPSED, k] = data[first + k, TIME]
+        for c in range(7):
+            b[facet_blocks.SUN + c, k] = data[first + k, _GEOMETRY + c]
+
+
+@njit(cache=True, error_model="numpy")
+def turn_evenly(block, work, count, start, omega):
     """Attitudes of a body of constant angular velocity, and the factors of `pull_back`."""
+    b = block.reshape((BLOCK_ROWS, LANES))
+    w = _motion_rows(work)
     rate, inverse, nx, ny, nz = _axis(omega)
     s1, s2, s3, s4 = start[0], start[1], start[2], start[3]
     for k in range(count):
@@ -88,57 +102,47 @@ def _turn_evenly(b, w, count, start, omega):
         w[_REST, k] = t - 2.0 * sine * cosine * inverse
 
 
-@njit(cache=True, error_model="numpy")
-def fill_block(block, work, data, first, count, start, omega):
-    """Geometry of the rows from `first` on, as `facet_blocks` takes it.
+@njit(cache=True, error_model="numpy", inline="always")
+def _interpolate(rows, row, w, first, end, ends):
+    """A quantity of the rows from `first` to `end` that fall within one step of a track."""
+    before, after, leaving, arriving = ends
+    for k in range(first, end):
+        rows[row, k] = (before * w[_WEIGHTS, k] + after * w[_WEIGHTS + 1, k]) + (
+            leaving * w[_WEIGHTS + 2, k] + arriving * w[_WEIGHTS + 3, k]
+        )
 
-    The attitudes follow from that at the epoch and a constant angular velocity.
+
+@njit(cache=True, error_model="numpy")
+def read_attitude(block, work, count, track, times, columns, body):
+    """Attitudes of a body that does not turn evenly, from a track that is extended.
+
+    So many first `columns` of its turns are kept for `pull_back`; see
+    `cislunar.attitude.departures`.
     """
     b = block.reshape((BLOCK_ROWS, LANES))
     w = _motion_rows(work)
-    for k in range(count):
-        w[_ELAPSED, k] = data[first + k, TIME]
-        for c in range(7):
-            b[facet_blocks.SUN + c, k] = data[first + k, _GEOMETRY + c]
-    _turn_evenly(b, w, count, start, omega)
-
-
-@njit(cache=True, error_model="numpy")
-def carry_attitude(block, work, count, now, q, rate, errors, body):
-    """Attitudes of a body that does not turn evenly, in place of those of `fill_block`.
-
-    Attitude, angular velocity and `errors` (6, 0 or 3) are carried on from time `now`; returns the
-    time reached. `body` is inertia, its inverse and the forced acceleration.
-    """
-    for k in range(count):
-        propagate_with_errors(q, rate, errors, work[_ELAPSED, k] - now, *body)
-        now = work[_ELAPSED, k]
+    first = 0
+    while first < count:
+        if w[_ELAPSED, first] > times[1]:
+            extend_track(track, times, w[_ELAPSED, first], body, columns > 0)
+        end = first
+        while end < count and not w[_ELAPSED, end] > times[1]:
+            weights = weigh_ends(times, w[_ELAPSED, end])
+            w[_WEIGHTS, end], w[_WEIGHTS + 1, end] = weights[0], weights[1]
+            w[_WEIGHTS + 2, end], w[_WEIGHTS + 3, end] = weights[2], weights[3]
+            end += 1
         for c in range(4):
-            block[QUATERNION + c, k] = q[c]
-        for c in range(errors.shape[1]):
+            _interpolate(b, QUATERNION + c, w, first, end, ends_of(track, 0, c))
+        for c in range(columns):
             for i in range(3):
-                work[_RATE_ERRORS + 3 * c + i, k] = errors[i, c]
-    return now
-
-
-@njit(cache=True, error_model="numpy")
-def read_attitude(block, work, count, track, times, found, body):
-    """The same for a body that departs from what is believed, from a track that is extended.
-
-    See `cislunar.attitude.departures`; `found` (1 or 4, its COLUMNS) is overwritten, and says
-    whether errors are wanted.
-    """
-    with_errors = found.shape[0] > 1
+                _interpolate(w, _TURNS + 3 * c + i, w, first, end, ends_of(track, 1 + i, c))
+        first = end
     for k in range(count):
-        if work[_ELAPSED, k] > times[1]:
-            extend_track(track, times, work[_ELAPSED, k], body, with_errors)
-        read_track(track, times, work[_ELAPSED, k], found)
-        for c in range(4):
-            block[QUATERNION + c, k] = found[0, c]
-        if with_errors:
-            for c in range(found.shape[1]):
-                for i in range(3):
-                    work[_RATE_ERRORS + 3 * c + i, k] = found[1 + i, c]
+        q1, q2, q3 = b[QUATERNION, k], b[QUATERNION + 1, k], b[QUATERNION + 2, k]
+        q4 = b[QUATERNION + 3, k]
+        scale = 1.0 / np.sqrt(q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
+        b[QUATERNION, k], b[QUATERNION + 1, k] = scale * q1, scale * q2
+        b[QUATERNION + 2, k], b[QUATERNION + 3, k] = scale * q3, scale * q4
 
 
 @njit(cache=True, error_model="numpy")
@@ -176,9 +180,9 @@ def pull_back(block, work, count, omega, even, kinds, sigma):
             scale, column = sigma[c - 3], FIRST_DEPARTURE + kinds[c - 3]
         for k in range(count):
             whole[_DERIVATIVE + 3 + c, k] = scale * (
-                whole[_RATE_ERRORS + 3 * column, k] * b[TURN, k]
-                + whole[_RATE_ERRORS + 3 * column + 1, k] * b[TURN + 1, k]
-                + whole[_RATE_ERRORS + 3 * column + 2, k] * b[TURN + 2, k]
+                whole[_TURNS + 3 * column, k] * w[_DERIVATIVE, k]
+                + whole[_TURNS + 3 * column + 1, k] * w[_DERIVATIVE + 1, k]
+                + whole[_TURNS + 3 * column + 2, k] * w[_DERIVATIVE + 2, k]
             )
 
 
