@@ -10,16 +10,19 @@ column               holds
 ``radius_m``         optional; empty keeps the size of the shape
 ``metres_per_unit``  optional; empty stands for 1
 ``materials``        optional; see `cislunar.photometry.materials.group_materials`
+``inertia_x``        optional, with ``inertia_y`` and ``inertia_z``: principal moments along the
+                     body axes, any unit; empty keeps those of the settings
 ===================  =========================================================================
 
 Other columns are ignored. Targets that are not in the table keep the body of the settings.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 
+from cislunar.attitude.inertia import inertia_matrix
 from cislunar.errors import CislunarError, InputFileError
 from cislunar.exchange.csv_lines import listed
 from cislunar.exchange.table_rows import named_rows, row_names
@@ -52,6 +55,9 @@ class WantedBody:
     materials : str or None
         See `cislunar.photometry.materials.group_materials`; None gives a model its own, and any
         other shape the usual material all over.
+    inertia : tuple of 3 float or None
+        Principal moments along the body axes, any unit; None for a spherical body, or in a table
+        for what its settings say.
     source : str
         Where it is asked for, for messages.
     """
@@ -61,6 +67,7 @@ class WantedBody:
     metres_per_unit: float = 1.0
     stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
     materials: str | None = None
+    inertia: tuple[float, float, float] | None = None
     source: str = "body"
 
     def mesh(self) -> Mesh:
@@ -126,14 +133,41 @@ def load_body_table(path: str | Path) -> dict[str, WantedBody]:
     Raises
     ------
     InputFileError
-        If the table is faulty, lacks a column, names a target twice, or a number is not positive;
-        the message names the file and the row as an editor numbers it.
+        If the table is faulty, lacks a column, names a target twice, a number is not positive, or
+        no rigid body has such an inertia; the message names the file and the row as an editor
+        numbers it.
     """
     header, rows = named_rows(path, "target", "target")
     if "shape" not in header:
         raise InputFileError(f"{path}, row 1: no column shape; the header has {listed(header)}")
     names = row_names(rows, "target", "target")
     return {name: _body_of_row(*each) for name, each in zip(names, rows, strict=True)}
+
+
+def _number(place: str, column: str, text: str) -> float | None:
+    """A positive number of a row, None where there is none."""
+    try:
+        value = float(text) if text else None
+    except ValueError:
+        value = 0.0
+    if value is not None and not (value > 0.0 and isfinite(value)):
+        raise InputFileError(f"{place}: {column} = {text!r} must be a number above 0")
+    return value
+
+
+def _inertia_of_row(place: str, row: dict[str, str]) -> tuple[float, float, float] | None:
+    """Principal moments of a row, None where it has none."""
+    columns = ("inertia_x", "inertia_y", "inertia_z")
+    x, y, z = (_number(place, column, row.get(column, "")) for column in columns)
+    if x is None or y is None or z is None:
+        if (x, y, z) != (None, None, None):
+            raise InputFileError(f"{place}: give all of {', '.join(columns)}, or none")
+        return None
+    try:
+        inertia_matrix([x, y, z])
+    except CislunarError as error:
+        raise InputFileError(f"{place}: {error}") from None
+    return x, y, z
 
 
 def _body_of_row(place: str, row: dict[str, str]) -> WantedBody:
@@ -143,23 +177,17 @@ def _body_of_row(place: str, row: dict[str, str]) -> WantedBody:
             f"{place}: shape {shape!r} is none of {', '.join((ICOSAHEDRON, *MODELS))}, nor a file "
             "ending in .obj or .stl"
         )
-    sizes: dict[str, float | None] = {}
-    for column in ("radius_m", "metres_per_unit"):
-        text = row.get(column, "")
-        try:
-            value = float(text) if text else None
-        except ValueError:
-            value = 0.0
-        if value is not None and not (value > 0.0 and isfinite(value)):
-            raise InputFileError(f"{place}: {column} = {text!r} must be a number above 0")
-        sizes[column] = value
-    if shape == ICOSAHEDRON and sizes["radius_m"] is None:
+    radius_m, metres_per_unit = (
+        _number(place, column, row.get(column, "")) for column in ("radius_m", "metres_per_unit")
+    )
+    if shape == ICOSAHEDRON and radius_m is None:
         raise InputFileError(f"{place}: an icosahedron has no size of its own; give radius_m")
     return WantedBody(
         shape,
-        sizes["radius_m"],
-        sizes["metres_per_unit"] or 1.0,
+        radius_m,
+        metres_per_unit or 1.0,
         materials=row.get("materials") or None,
+        inertia=_inertia_of_row(place, row),
         source=place,
     )
 
@@ -172,7 +200,7 @@ def bodies_of_targets(
     Parameters
     ----------
     usual : WantedBody
-        Of a target that is not in the table.
+        Of a target that is not in the table; its inertia that of one without in the table.
     table : str, Path or None
         See `load_body_table`.
     names : sequence of sequence of str
@@ -184,4 +212,8 @@ def bodies_of_targets(
         One for each target.
     """
     known = {} if table is None else load_body_table(table)
+    known = {
+        name: body if body.inertia else replace(body, inertia=usual.inertia)
+        for name, body in known.items()
+    }
     return [next((known[name] for name in each if name in known), usual) for each in names]

@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 from cislunar.attitude.departures import (
     COLUMNS,
+    TURN_PER_STEP,
     departed_rotation,
     departing_transition,
     ends_of,
@@ -57,8 +58,8 @@ def test_attitude_and_all_derivatives_against_scipy():
     ends = [(_motion(h), _motion(-h)) for h in 1e-4 * np.eye(COLUMNS)]
     reference = _motion(np.zeros(COLUMNS))
     for k, when in enumerate(TIMES):
-        extend_track(track, times, when, body, True)
-        extend_track(alone, alone_times, when, body, False)
+        extend_track(track, times, when, body, True, TURN_PER_STEP)
+        extend_track(alone, alone_times, when, body, False, TURN_PER_STEP)
         (q, turns), (without, _) = _read(track, times, when), _read(alone, alone_times, when)
         np.testing.assert_array_equal(without, q)
         expected = reference[k, :4] / np.linalg.norm(reference[k, :4])
@@ -86,5 +87,5 @@ def test_transition_with_and_without_departures():
 def test_a_track_ends_whatever_the_rate(rate):
     body = _body(AMOUNTS)
     track, times = start_track(np.array([0.0, 0.0, 0.0, 1.0]), np.full(3, rate), body, True)
-    extend_track(track, times, 1.0, body, True)
+    extend_track(track, times, 1.0, body, True, TURN_PER_STEP)
     assert not times[0] > 1.0

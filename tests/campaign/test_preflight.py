@@ -164,6 +164,25 @@ def test_a_table_of_bodies_is_checked_before_anything_runs(config, tmp_path, row
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("moments", "message"),
+    [
+        ("1,1.2,", r"give all of inertia_x, inertia_y, inertia_z, or none"),
+        ("1,-1,1", r"inertia_y = '-1' must be a number above 0"),
+        ("1,heavy,1", r"inertia_y = 'heavy' must be a number above 0"),
+        ("1,1,3", r"principal moments of inertia .* none may exceed the sum of the other two"),
+    ],
+)
+def test_impossible_inertia_in_a_table_of_bodies_is_named(config, tmp_path, moments, message):
+    table = tmp_path / "bodies.csv"
+    header = "target,shape,radius_m,inertia_x,inertia_y,inertia_z\n"
+    table.write_text(f"{header}0,icosahedron,1,{moments}")
+    change = {"task2": {"body": {"table": str(table)}}}
+    with pytest.raises(CislunarError, match=rf"bodies\.csv, row 2: {message}") as refused:
+        check_inputs(merged(config, change))
+    assert "\n" not in str(refused.value)
+
+
 def test_horizon_that_is_no_whole_number_of_steps_is_named(config):
     with pytest.raises(ConfigurationError, match=r"'visibility\.duration_days' = 30 .*= 7"):
         check_inputs(with_change(config, "visibility.step_hours", 7))

@@ -585,10 +585,12 @@ def test_body_from_a_mesh_file_sets_the_tasking_sphere(tmp_path):
 def test_table_of_bodies_is_of_the_targets_it_names(tmp_path):
     """By number or name; the others, and tasking's sphere, keep the body of the settings."""
     table = tmp_path / "bodies.csv"
-    rows = ["target,shape,radius_m,materials", "1,box-with-wings,2,"]
-    rows.append("GATEWAY,icosahedron,3,=0.2 0.1 0.3 0.2 0.4")
+    header = "target,shape,radius_m,materials,inertia_x,inertia_y,inertia_z"
+    rows = [header, "1,box-with-wings,2,,3,2,2"]
+    rows.append("GATEWAY,icosahedron,3,=0.2 0.1 0.3 0.2 0.4,,,")
     table.write_text("\n".join(rows))
-    settings = CellSettings(**_small(truth={"body": {"table": str(table)}}))
+    truth = {"body": {"table": str(table), "inertia": [1.0, 1.2, 0.9]}}
+    settings = CellSettings(**_small(truth=truth))
     names = [["1"], ["7", "GATEWAY"], ["3", "X"]]
     believed, true = believed_surfaces(settings, names), truth_model(settings, names).surfaces
     np.testing.assert_array_equal(true.rough, [True, False, False])
@@ -597,6 +599,9 @@ def test_table_of_bodies_is_of_the_targets_it_names(tmp_path):
     assert body_of(true, 1).materials.tolist() == [[0.2, 0.1, 0.3, 0.2, 0.4]]
     np.testing.assert_array_equal(body_of(true, 2).areas, body_of(believed, 2).areas)
     assert not believed.rough.any()
+    moments = np.diagonal(true.inertia, axis1=1, axis2=2)
+    np.testing.assert_array_equal(moments, [[3, 2, 2], [1, 1.2, 0.9], [1, 1.2, 0.9]])
+    np.testing.assert_array_equal(believed.inertia, [np.eye(3)] * 3)
     assert (
         loop_settings(settings, 60).tasking == loop_settings(CellSettings(**_small()), 60).tasking
     )

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from cislunar.architecture.information.tables import Looks
+from cislunar.attitude.inertia import inertia_matrix
 from cislunar.campaign.settings import cell_tree, tree
 from cislunar.campaign.settings.cells import SCHEDULE_KEYS, true_settings, wanted_body
 from cislunar.campaign.settings.observing.sensors import exclusion, sensor
@@ -109,7 +110,7 @@ def believed_surfaces(
         material,
         len(wanted),
         _photometry(cell, reflection),
-        inertia=1.0 if cell.body.inertia is None else cell.body.inertia,
+        inertia=np.array([inertia_matrix(each.inertia or 1.0) for each in wanted]),
     )
 
 

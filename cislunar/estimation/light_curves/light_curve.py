@@ -29,7 +29,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.attitude.departures import COLUMNS, departed_rotation, start_track
+from cislunar.attitude.departures import (
+    COLUMNS,
+    TURN_IF_KNOWN,
+    TURN_PER_STEP,
+    departed_rotation,
+    start_track,
+)
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
 from cislunar.estimation.light_curves.row_blocks import (
@@ -238,6 +244,7 @@ def cost(u, data, anchor, model, stop_above):
     squares, seen = 0.0, 0
     even, body = model.even, _body(u, model)
     track, times = np.empty((0, COLUMNS)), omega
+    turn = TURN_IF_KNOWN if model.rotation_kinds.shape[0] == 0 else TURN_PER_STEP
     if not even:
         track, times = start_track(start, omega, body, False)
     surface = _surface(u, model)
@@ -250,7 +257,7 @@ def cost(u, data, anchor, model, stop_above):
         if even:
             turn_evenly(block, work, rows, start, omega)
         else:
-            read_attitude(block, work, rows, track, times, 0, body)
+            read_attitude(block, work, rows, track, times, 0, body, turn)
         if surface.rough:
             body_magnitudes(block, rows, surface, *readings)
         else:
@@ -303,6 +310,7 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
     squares, seen = 0.0, 0
     even, body = model.even, _body(u, model)
     track, times = np.empty((0, COLUMNS)), omega
+    turn = TURN_IF_KNOWN if model.rotation_kinds.shape[0] == 0 else TURN_PER_STEP
     if not even:
         track, times = start_track(start, omega, body, True)
     surface = _surface(u, model)
@@ -316,7 +324,7 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
         if even:
             turn_evenly(block, work, rows, start, omega)
         else:
-            read_attitude(block, work, rows, track, times, COLUMNS, body)
+            read_attitude(block, work, rows, track, times, COLUMNS, body, turn)
         if model.surface_kinds.shape[0] > 0:
             _magnitudes_and_departures(block, shares, work, rows, surface, model)
         elif surface.rough:

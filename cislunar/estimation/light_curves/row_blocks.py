@@ -113,10 +113,10 @@ def _interpolate(rows, row, w, first, end, ends):
 
 
 @njit(cache=True, error_model="numpy")
-def read_attitude(block, work, count, track, times, columns, body):
+def read_attitude(block, work, count, track, times, columns, body, turn):
     """Attitudes of a body that does not turn evenly, from a track that is extended.
 
-    So many first `columns` of its turns are kept for `pull_back`; see
+    So many first `columns` of its turns are kept for `pull_back`; its steps turn by `turn`. See
     `cislunar.attitude.departures`.
     """
     b = block.reshape((BLOCK_ROWS, LANES))
@@ -124,7 +124,7 @@ def read_attitude(block, work, count, track, times, columns, body):
     first = 0
     while first < count:
         if w[_ELAPSED, first] > times[1]:
-            extend_track(track, times, w[_ELAPSED, first], body, columns > 0)
+            extend_track(track, times, w[_ELAPSED, first], body, columns > 0, turn)
         end = first
         while end < count and not w[_ELAPSED, end] > times[1]:
             weights = weigh_ends(times, w[_ELAPSED, end])
