@@ -178,7 +178,7 @@ def test_impossible_inertia_in_a_table_of_bodies_is_named(config, tmp_path, mome
     header = "target,shape,radius_m,inertia_x,inertia_y,inertia_z\n"
     table.write_text(f"{header}0,icosahedron,1,{moments}")
     change = {"task2": {"body": {"table": str(table)}}}
-    with pytest.raises(CislunarError, match=rf"bodies\.csv, row 2: {message}") as refused:
+    with pytest.raises(CislunarError, match=rf"bodies\.csv, {OWN}: {message}") as refused:
         check_inputs(merged(config, change))
     assert "\n" not in str(refused.value)
 
