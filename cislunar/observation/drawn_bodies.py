@@ -157,7 +157,7 @@ def true_departures(
         could be told in several ways (scale, stretch, facets).
     """
     count = true.inertia.shape[0]
-    n_facets = int(np.diff(true.first).max(initial=0))
+    n_facets = int(np.diff(believed.first).max(initial=0))  # the true body may have more
     moments = [np.diagonal(each.inertia, axis1=1, axis2=2) for each in (believed, true)]
     ratios = [each[:, 1:] / each[:, :1] for each in moments]
     torques = np.broadcast_to(np.rad2deg(forced) * 3600.0**2, (count, 3))

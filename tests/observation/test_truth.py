@@ -8,10 +8,13 @@ from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.kalman.mukf import mukf
+from cislunar.observation.body_spread import BodySpread
+from cislunar.observation.drawn_bodies import true_departures
 from cislunar.observation.scene import target_surfaces
 from cislunar.observation.sensor import Sensor
 from cislunar.photometry.materials import Material
-from cislunar.photometry.shapes import icosahedron
+from cislunar.photometry.shapes import facets_from_triangles, icosahedron
+from cislunar.photometry.spacecraft import box_with_wings
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.simulation import TrueMotion, TruthModel, draw_truth, initial_estimate
@@ -195,3 +198,16 @@ def test_truth_of_another_number_of_targets_is_refused(problem):
 def test_impossible_inertia_of_targets_is_refused(inertia):
     with pytest.raises(ConfigurationError, match="inertia"):
         target_surfaces(icosahedron(), Material(), 5, inertia=inertia)
+
+
+def test_departures_are_of_the_facets_that_are_believed():
+    """A true body may have more of them, of which nothing can be told."""
+    mesh = box_with_wings()
+    wings = facets_from_triangles(mesh.vertices, mesh.triangles)
+    believed = target_surfaces(icosahedron(1.0), Material(), 2)
+    true = target_surfaces(wings, Material(rms_slope=0.33), 2)
+    unknowns = BodySpread(log_slope=0.25, log_facets=0.2)
+    found = true_departures(unknowns, believed, true, np.zeros(3))
+    assert found.shape == (2, len(unknowns.named(20)))
+    np.testing.assert_allclose(found[:, 0], np.log(1.1))
+    assert np.isnan(found[:, 1:]).all()
