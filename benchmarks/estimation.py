@@ -36,10 +36,14 @@ from cislunar.observation.sensor import Sensor
 from cislunar.photometry.body_blocks import body_magnitude
 from cislunar.photometry.materials import PRINTED
 from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.decision import decide
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.planning.assignment import assign
+from cislunar.tasking.planning.assignment import IDLE, assign
+from cislunar.tasking.planning.detection import LearnedDetection
+from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel, pair_information
 from cislunar.tasking.planning.preselection import assign_preselected
+from cislunar.tasking.planning.schedule_model import ScheduleModel
 from cislunar.tasking.simulation import draw_truth, initial_estimate
 
 SENSOR = Sensor(limiting_magnitude=24.0)
@@ -192,6 +196,28 @@ def preselection_time(n_observers: int, n_targets: int) -> None:
     )
 
 
+def decision_time(n_observers: int, n_targets: int) -> None:
+    """Deciding at a tasking epoch: as in the paper, with learned detection, with slots besides."""
+    line = f"decision, {n_observers} observers, {n_targets} targets:"
+    learning = DetectionModel()
+    for name, tasking, slots in (
+        ("paper's", TaskingModel(), None),
+        ("learned", TaskingModel(detection=learning), None),
+        ("recommended", TaskingModel(detection=learning, measurements=20), 20.0),
+    ):
+        scene, surfaces, epoch, _, loop = tracking_problem(
+            n_observers, n_targets, PRINTED, duration_hours=1.0, sensor=SENSOR, tasking=tasking,
+            schedule=ScheduleModel(slot_minutes=slots),
+        )  # fmt: skip
+        initial = initial_estimate(epoch, loop.initial.components())
+        prediction = MultiplicativeUKF(scene, surfaces, SENSOR, initial).predict()
+        detection = None if tasking.detection is None else LearnedDetection(learning, n_targets)
+        idle = np.full(n_observers, IDLE)
+        given = prediction, 60, scene, surfaces, loop, EARTH_MOON, detection, idle, None
+        line += f" {name} {1e3 * best_time(lambda g=given: decide(*g)):.1f} ms"
+    print(line)
+
+
 def cell_time(n_observers: int, n_targets: int) -> None:
     """A one-day cell with one seed and exact tasking, by each estimator."""
     problem = tracking_problem(n_observers, n_targets, PRINTED)
@@ -215,6 +241,7 @@ def main() -> None:
     propagation_times()
     for n_targets in options.targets:
         tasking_times(options.observers, n_targets)
+    decision_time(43, 100)
     preselection_time(100, 10_000)
     for n_targets in options.targets:
         cell_time(options.observers, n_targets)

@@ -91,26 +91,27 @@ class LearnedDetection:
         self.log_weight = np.tile(prior - logsumexp(prior), (n_targets, 1))
         self.detected = np.zeros(n_targets, dtype=bool)
 
-    def probability(self, margin: ArrayLike) -> Array:
+    def probability(self, margin: ArrayLike, wanted: NDArray[np.bool_] | None = None) -> Array:
         """Probability of detecting each target.
 
         Parameters
         ----------
         margin : array_like, shape (observer, target)
             The sensor's limit less the sphere's magnitude; NaN counts as never seen.
+        wanted : ndarray of bool, shape (observer, target), optional
+            Pairs to tell of; others have 0.
 
         Returns
         -------
         ndarray, shape (observer, target)
         """
-        weight = np.exp(self.log_weight)
+        margins = np.asarray(margin, dtype=float)
+        chance, weight = np.zeros(margins.shape), np.exp(self.log_weight)
+        some = ~np.isnan(margins) if wanted is None else wanted & ~np.isnan(margins)
         # an observer at a time: with all at once, memory would grow with their product
-        return np.array(
-            [
-                np.sum(weight * ndtr(self._excess(np.where(np.isnan(own), -np.inf, own))), axis=1)
-                for own in np.asarray(margin, dtype=float)
-            ]
-        )
+        for own, out, now in zip(margins, chance, some, strict=True):
+            out[now] = np.sum(weight[now] * ndtr(self._excess(own[now])), axis=1)
+        return chance
 
     def chance(self, target: NDArray, margin: ArrayLike) -> Array:
         """Probability that looks detect their targets, given target and margin, shape (look,)."""
@@ -137,7 +138,7 @@ class LearnedDetection:
         """
         gain = np.asarray(information, dtype=float)
         bonus = self.model.never_detected_bonus * ~self.detected
-        return np.where(gain > 0.0, self.probability(margin) * (gain + bonus), 0.0)
+        return np.where(gain > 0.0, self.probability(margin, gain > 0.0) * (gain + bonus), 0.0)
 
     def learn(
         self, target: NDArray, observer: NDArray, fate: NDArray[np.uint8], margin: Array
