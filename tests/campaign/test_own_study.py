@@ -14,6 +14,7 @@ from campaign_folder import ROOT, copy_workflow, read_campaign, snakemake, with_
 
 from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.data.own_targets import own_static_dataset, own_tracked_dataset
+from cislunar.campaign.operation.handing_over import tracking_kernels
 from cislunar.campaign.settings.cells import (
     RECOMMENDED,
     campaign_cells,
@@ -435,6 +436,21 @@ def test_values_of_several_keys_go_by_their_names(paper, tmp_path):
     table = sweep_rows("tasking", study["sweeps"]["tasking"], points, [], _summary(cells))
     assert list(table["value"].unique()) == [point.variant for point in points]
     assert sweep_figure(table).axes
+
+
+def test_a_sweep_may_change_several_keys_of_the_tracking(paper, tmp_path):
+    """The study of dynamics."""
+    changed = merged(paper, _yaml("dynamics.yaml") | {"results": str(tmp_path)})
+    study = in_study(check_campaign(changed))
+    cells, points = swept_cells(study, "perigee"), sweep_points(study, "perigee")
+    assert {point.scenario for point in points} == {"A"} and len(cells) == 2 * len(points)
+    task2 = scenario_settings(with_families(study), "A")["task2"]
+    chosen = cell_settings(task2, "perigee-real-cr3bp-noise")
+    assert chosen["start_day"] == 15 and chosen["process_noise"]["acceleration_m2_s3"] == 3e-5
+    assert chosen["dynamics"]["filter"] == "cr3bp"
+    assert tracking_kernels(chosen) == "tracking-cr3bp"
+    assert tracking_kernels(cell_settings(task2, "real")) == "tracking-ephemeris"
+    assert tracking_kernels(cell_settings(task2, "cr3bp")) == "tracking"
 
 
 def test_the_table_of_a_sweep_of_architectures_has_what_they_reach(study, tmp_path):

@@ -1,8 +1,8 @@
 """Makes task2/tasking/{scenario}_{architecture}_nt{n}.nc: tasking methods on one cell."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.campaign.operation.handing_over import in_worker, tracking_kernels
 
-in_worker("tracking")
+in_worker(tracking_kernels(snakemake.params.settings))
 
 from cislunar.campaign.data.job import job
 from cislunar.campaign.data.netcdf import write_dataset

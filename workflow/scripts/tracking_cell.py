@@ -3,9 +3,9 @@
 With a realization among the wildcards that one alone, kept beside the file for its maker.
 """
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.campaign.operation.handing_over import in_worker, tracking_kernels
 
-in_worker("tracking")
+in_worker(tracking_kernels(snakemake.params.settings))
 
 from cislunar.campaign.data.job import job
 from cislunar.campaign.data.progress import progress_log

@@ -13,6 +13,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +76,13 @@ def in_worker(kernels: str = "") -> None:
             signal.signal(-code, signal.SIG_DFL)
         os.kill(os.getpid(), -code)
     sys.exit(code)
+
+
+def tracking_kernels(settings: Mapping[str, Any]) -> str:
+    """The kernels of a cell of tracking, by its settings."""
+    dynamics = settings.get("dynamics", {})
+    among_bodies = dynamics.get("truth") == "ephemeris"
+    return f"tracking-{dynamics['filter']}" if among_bodies else "tracking"
 
 
 def _connection(folder: Path) -> socket.socket | None:

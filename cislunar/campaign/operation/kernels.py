@@ -3,7 +3,7 @@
 Numba caches a kernel in the folder ``__pycache__`` of its module, or below ``NUMBA_CACHE_DIR``. Two
 processes that call it first at the same time both compile it, and what is cached does not notice a
 change in another file that it draws on. ``python -m cislunar.campaign.operation.kernels`` compiles
-what searches and tracking take, before many jobs need it.
+what searches and tracking take, or the kinds that it is given, before many jobs need it.
 """
 
 import contextlib
@@ -12,9 +12,10 @@ import hashlib
 import json
 import os
 import re
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import cislunar
 from cislunar.campaign.data.compilation import announced
@@ -141,6 +142,36 @@ def _track() -> None:
             pass
 
 
+def _track_among_bodies(belief: Literal["ephemeris", "cr3bp"]) -> None:
+    """Both estimators, of either belief, among Earth, Moon and Sun as they are; a refined path."""
+    import numpy as np
+
+    from cislunar.campaign.settings.cell_tree import CellSettings, Dynamics
+    from cislunar.campaign.tracking import real_sky
+    from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+    from cislunar.ephemeris.bodies import tabulate_bodies
+    from cislunar.tasking.closed_loop import ClosedLoop
+    from cislunar.tasking.demonstration import tracking_problem
+    from cislunar.tasking.simulation import TruthModel
+
+    problem = tracking_problem(2, 3, duration_hours=2, interval_minutes=60)
+    dynamics = Dynamics(truth="ephemeris", filter=belief, observers="refined")
+    settings = CellSettings.model_construct(dynamics=dynamics)
+    sky = real_sky.Sky(tabulate_bodies(0.0, 0.1 * SECONDS_PER_DAY), 0.0, 0.0)
+    observed = problem.epoch[:2], [SECONDS_PER_DAY / TIME_UNIT_S] * 2, [np.zeros(1)] * 2
+    tracks = real_sky.observer_tracks(sky, dynamics, *observed, problem.loop.elapsed_s)
+    scene = real_sky.real_scene(sky, tracks, problem.loop)
+    placed, low_lunar = real_sky.placed_targets(sky, problem.epoch)
+    surfaces, noise = problem.surfaces, problem.loop.sensor.noise
+    truth = TruthModel(surfaces, noise, np.zeros(3), real_sky.true_forces(sky, dynamics))
+    forces = real_sky.believed_forces(sky, settings, problem.loop, low_lunar)
+    for estimator in ("mukf", "batch"):
+        given = {"estimator": estimator, "truth": truth, "forces": forces}
+        loop = ClosedLoop(scene, surfaces, placed, problem.ids, [1], problem.loop, **given)
+        for _ in loop.pieces():
+            pass
+
+
 def _search() -> None:
     """Both samplers and the cost J on tables as small as can be; Hyperopt is loaded on the way."""
     import numpy as np
@@ -174,14 +205,18 @@ class Kind(NamedTuple):
     modules: tuple[str, ...] = ()
 
 
+_AMONG_BODIES = ("tasking/closed_loop.py", "campaign/tracking/real_sky.py")
+
 KINDS = {
     "tracking": Kind(_track, ("tasking/closed_loop.py", "tasking/demonstration.py")),
+    "tracking-ephemeris": Kind(lambda: _track_among_bodies("ephemeris"), _AMONG_BODIES),
+    "tracking-cr3bp": Kind(lambda: _track_among_bodies("cr3bp"), _AMONG_BODIES),
     "search": Kind(_search, ("architecture/hyperopt_search.py", "architecture/cost.py")),
 }
-"""What jobs share that costs much to make ready."""
+"""What jobs share that costs much to make ready; among real bodies by what estimators believe."""
 
 
 if __name__ == "__main__":
     drop_stale_kernels()
-    for each in KINDS:
+    for each in sys.argv[1:] or ("tracking", "search"):
         compile_kernels(each)
