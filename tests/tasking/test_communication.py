@@ -126,6 +126,8 @@ def test_contact_is_what_the_discs_and_the_angle_leave(problem):
     angle = np.arctan2(np.linalg.norm(np.cross(way, light), axis=-1), np.sum(way * light, axis=-1))
     np.testing.assert_array_equal(away, np.rad2deg(angle) >= 20.0)
     assert 0.1 < away[1].mean() < 0.9
+    position[2] = earth + EARTH_RADIUS * scene.sun_position / 389.0  # under the Sun at noon
+    assert np.all(contacts(CommunicationModel(sun_deg=20.0), scene)[2])
     model = CommunicationModel(delay_minutes=2.5, moon=True)
     when = arrivals(model, scene)
     for k in range(when.shape[1]):

@@ -4,13 +4,14 @@ Assumptions and limitations
 ---------------------------
 - Stations stand all around the Earth: its centre in view is contact.
 - An observer sends everything it holds at the first step of a contact.
+- A station on the ground is always in contact.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.observation.scene import Scene
-from cislunar.observation.sightline import MOON_RADIUS
+from cislunar.observation.sightline import EARTH_RADIUS, MOON_RADIUS
 from cislunar.tasking.communication.model import CommunicationModel
 
 
@@ -37,7 +38,8 @@ def contacts(model: CommunicationModel, scene: Scene) -> NDArray[np.bool_]:
         way, light = place - earth, scene.sun_position - earth
         lengths = np.linalg.norm(way, axis=-1) * np.linalg.norm(light, axis=-1)
         found &= np.sum(way * light, axis=-1) <= np.cos(np.deg2rad(model.sun_deg)) * lengths
-    return found
+    at_home = np.linalg.norm(place - earth, axis=-1) < 1.01 * EARTH_RADIUS
+    return found | at_home
 
 
 def arrivals(model: CommunicationModel, scene: Scene) -> NDArray[np.int64]:
