@@ -30,8 +30,9 @@ from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.data.seeds import generator
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
 from cislunar.campaign.documents.settings_tables import SETTINGS_BLOCKS
-from cislunar.campaign.settings.architecture_tree import Design, ObjectiveFront
+from cislunar.campaign.settings.architecture_tree import Design, ObjectiveFront, OwnInformation
 from cislunar.campaign.settings.checks import check_campaign
+from cislunar.campaign.settings.observing.sensor_tree import SensorGroup, Station
 from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.settings.schema import SCHEMA_FILE, schema_text
 from cislunar.errors import ConfigurationError, InputFileError
@@ -475,6 +476,7 @@ def all_keys(config):
     """Keys of the configuration, with those that only a study of one's own has."""
     own = (ROOT / "config/examples/own_study.yaml").read_text(encoding="utf-8")
     study = merged(config, yaml.safe_load(own))
+    windows = dict.fromkeys(OwnInformation.model_fields)
     rarely = {
         "scenarios": {"E": {"static_targets": "table.csv", "photometry": "physical"}},
         "sweeps": {"noise": {"estimators": ["mukf"]}},
@@ -483,10 +485,12 @@ def all_keys(config):
                 "families": {
                     "slope": {"scenario": "D", "architecture": "exact", "other_architectures": []}
                 }
-            }
+            },
+            "sensors": {"small": dict.fromkeys(SensorGroup.model_fields)},
+            "stations": {"tenerife": dict.fromkeys(Station.model_fields)},
         },
         "architecture": {
-            "designs": {"union": dict.fromkeys(Design.model_fields)},
+            "designs": {"union": dict.fromkeys(Design.model_fields) | {"information": windows}},
             "objective_fronts": {"union": dict.fromkeys(ObjectiveFront.model_fields)},
         },
     }
