@@ -268,7 +268,7 @@ def wanted_body(body: Mapping[str, Any], source: str = "task2.body") -> WantedBo
         body["metres_per_unit"],
         tuple(body["stretch"]),
         body.get("materials"),
-        None if body["inertia"] is None else tuple(body["inertia"]),
+        None if body.get("inertia") is None else tuple(body["inertia"]),
         source,
     )
 
