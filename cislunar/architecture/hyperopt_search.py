@@ -93,36 +93,35 @@ def _run_hyperopt(
     )
 
 
-def _run_compiled(
+class _RandomSearch:
+    """Independent draws, each label by its own distribution; used as `ParzenSearch` is."""
+
+    def __init__(self, low, high, categories, rng: np.random.Generator) -> None:
+        self._low, self._high, self._rng = np.array(low), np.array(high), rng
+        self._whole = np.array(categories) > 0
+
+    def suggest(self) -> list[float]:
+        """The next draw."""
+        draw = self._rng.uniform(self._low, self._high)
+        return np.where(self._whole, np.floor(draw), draw).tolist()
+
+    def tell(self, values: list[float], loss: float) -> None:
+        """What a draw is worth changes nothing."""
+
+
+def _run_own(
+    sampler: type[ParzenSearch] | type[_RandomSearch],
     space: Mapping[str, Range],
     loss: Callable[[Mapping[str, Any]], float],
     stalled: Callable[[], bool],
     rng: np.random.Generator,
     max_evaluations: int,
 ) -> None:
-    """Evaluate what the compiled sampler suggests."""
-    search = ParzenSearch(*zip(*space.values(), strict=True), rng)
+    """Evaluate what a sampler of our own suggests."""
+    search = sampler(*zip(*space.values(), strict=True), rng)
     for _ in range(max_evaluations):
         values = search.suggest()
         search.tell(values, loss(dict(zip(space, values, strict=True))))
-        if stalled():
-            break
-
-
-def _run_random(
-    space: Mapping[str, Range],
-    loss: Callable[[Mapping[str, Any]], float],
-    stalled: Callable[[], bool],
-    rng: np.random.Generator,
-    max_evaluations: int,
-) -> None:
-    """Evaluate independent draws, each label by its own distribution."""
-    ranges = list(space.values())
-    low, high = np.array([(of.low, of.high) for of in ranges]).T
-    whole = np.array([of.categories > 0 for of in ranges])
-    draws = rng.uniform(low, high, size=(max_evaluations, len(ranges)))
-    for draw in np.where(whole, np.floor(draws), draws).tolist():
-        loss(dict(zip(space, draw, strict=True)))
         if stalled():
             break
 
@@ -189,7 +188,7 @@ def hyperopt_search(
             progress(len(history), max_evaluations)
         return -value
 
-    own = {"tpe-compiled": _run_compiled, "random": _run_random}
-    run = own.get(method, partial(_run_hyperopt, method))
+    own = {"tpe-compiled": ParzenSearch, "random": _RandomSearch}
+    run = partial(_run_own, own[method]) if method in own else partial(_run_hyperopt, method)
     run(space, loss, lambda: watch.stop is not None, rng, max_evaluations)
     return SearchResult.from_trials(objective, tried, history)
