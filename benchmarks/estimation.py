@@ -16,8 +16,10 @@ from numba import njit
 from scipy.integrate import solve_ivp
 
 from cislunar.attitude.rigid_body import propagate_spherical
-from cislunar.dynamics.bundle import propagate_bundle
+from cislunar.constants import TIME_UNIT_S
+from cislunar.dynamics.bundle import propagate_bundle, step_bundle, step_cloud
 from cislunar.dynamics.cr3bp import EARTH_MOON, equations_of_motion
+from cislunar.dynamics.tableau import STAGES8
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.light_curve import cost, cost_and_derivatives
@@ -132,6 +134,32 @@ def light_curve_times() -> None:
     )
 
 
+@njit
+def _steps(step, count, points, dt, slopes, work):
+    """A number of steps of sigma points, in place."""
+    for _ in range(count):
+        step(EARTH_MOON, 0.0, points, dt, slopes, work)
+
+
+def cloud_times() -> None:
+    """A step of sigma points by all stages, and by the fewer that do away from the primaries."""
+    _, _, epoch, _, loop = tracking_problem(1, 3, PRINTED)
+    dt, times, ends = loop.step_s / TIME_UNIT_S, [], []
+    for step in (step_bundle, step_cloud):
+        ends.append(np.repeat(epoch[2][:, None], 25, axis=1))
+        slopes, work = np.empty((STAGES8, 6, 25)), np.empty((6, 25))
+        _steps(step, 1440, ends[-1], dt, slopes, work)
+        points = np.repeat(epoch[2][:, None], 25, axis=1)
+        times.append(
+            best_time(lambda s=step, a=(points, dt, slopes, work): _steps(s, 1440, *a)) / 1440
+        )
+    print(
+        f"25 sigma points, 60 s, on a halo: order 8 {1e6 * times[0]:.2f} us, order 5 "
+        f"{1e6 * times[1]:.2f} us   ratio {times[0] / times[1]:.1f}, apart by "
+        f"{np.abs(ends[0] - ends[1]).max():.0e} after a day"
+    )
+
+
 def propagation_times() -> None:
     """Twenty-five sigma points over a minute."""
     _, _, epoch, _, loop = tracking_problem(1, 1, PRINTED)
@@ -238,6 +266,7 @@ def main() -> None:
     options = parser.parse_args()
     filter_times()
     light_curve_times()
+    cloud_times()
     propagation_times()
     for n_targets in options.targets:
         tasking_times(options.observers, n_targets)

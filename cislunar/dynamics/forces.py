@@ -65,6 +65,15 @@ def is_special(field, x, y, z):
     return False
 
 
+@for_all_others
+def is_calm(field, x, y, z, dt):
+    """Whether a step from a place is exact enough by a pair of order 5: an error below 1e-10 a day.
+
+    Unless a model knows, it is not.
+    """
+    return False
+
+
 def acceleration(field, x, y, z, vx, vy, vz):
     """Acceleration (ax, ay, az) of one state."""
     raise NotImplementedError

@@ -3,8 +3,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cislunar.constants import GM_MOON_KM3_S2, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU, TIME_UNIT_S
-from cislunar.dynamics.bundle import propagate_bundle
-from cislunar.dynamics.cr3bp import equations_of_motion, jacobi_constant
+from cislunar.dynamics.bundle import propagate_bundle, step_bundle, step_cloud
+from cislunar.dynamics.cr3bp import EARTH_MOON, equations_of_motion, jacobi_constant
+from cislunar.dynamics.tableau import STAGES8
 
 STEP = 60.0 / TIME_UNIT_S
 DAY_STEPS = 1440
@@ -55,3 +56,42 @@ def test_a_collision_leaves_the_others_alone_and_raises_nothing():
     tracks = propagate_bundle(states, STEP, 2)
     assert not np.any(np.isfinite(tracks[0, -1]))
     np.testing.assert_array_equal(tracks[1], propagate_bundle(states[1:], STEP, 2)[0])
+
+
+def _circling(center, mass, kilometres):
+    """A state on a circle about a primary, seen in the rotating frame."""
+    d = kilometres / LENGTH_UNIT_KM
+    return np.array([center + 0.6 * d, 0.0, 0.8 * d, 0.0, np.sqrt(mass / d) - 0.6 * d, 0.0])
+
+
+def _cloud_day(state, spread=0.0):
+    points = state[:, None] + spread * np.random.default_rng(0).standard_normal((6, 5))
+    whole = points.copy()
+    slopes, work = np.empty((STAGES8, *points.shape)), np.empty(points.shape)
+    for _ in range(DAY_STEPS):
+        step_cloud(EARTH_MOON, 0.0, points, STEP, slopes, work)
+        step_bundle(EARTH_MOON, 0.0, whole, STEP, slopes, work)
+    return points, whole
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        _circling(1.0 - MU, MU, 7_500.0),
+        _circling(-MU, 1.0 - MU, 32_000.0),
+        STATES["retrograde"],
+        STATES["halo"],
+    ],
+)
+def test_fewer_stages_away_from_the_primaries_are_exact_enough(state):
+    """Just outside the places where DOP853 steps, a day's error is a tenth of that allowed."""
+    ours, theirs = _cloud_day(state, 1e-5)
+    assert 0.0 < np.max(np.abs(ours - theirs)) < 1e-11
+
+
+@pytest.mark.parametrize(
+    "state", [_circling(1.0 - MU, MU, 6_500.0), _circling(-MU, 1.0 - MU, 29_000.0)]
+)
+def test_near_a_primary_every_stage_is_taken(state):
+    ours, theirs = _cloud_day(state)
+    np.testing.assert_array_equal(ours, theirs)

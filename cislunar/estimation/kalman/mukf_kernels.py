@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
-from cislunar.dynamics.bundle import step_bundle
+from cislunar.dynamics.bundle import step_cloud
 from cislunar.dynamics.forces import of_state
 from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
@@ -124,7 +124,7 @@ def predict(state, j, k, bodies, scene, constants, work):
     bundle, differences = work.bundle, work.differences
     sigma_points(translation, root[6:], weights.spread, bundle)
     forces = of_state(constants.forces, j)
-    step_bundle(forces, k * scene.step, bundle, scene.step, work.slopes, work.stage)
+    step_cloud(forces, k * scene.step, bundle, scene.step, work.slopes, work.stage)
     turn = rotation_differences(omega, root, weights.spread, scene.step_s, bodies, j, differences)
     for c in range(6):
         center = bundle[c, 0]

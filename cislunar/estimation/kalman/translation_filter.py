@@ -8,7 +8,7 @@ that leaving it to the attitude's estimator changes the orbit by less than its n
 import numpy as np
 from numba import njit
 
-from cislunar.dynamics.bundle import step_bundle
+from cislunar.dynamics.bundle import step_cloud
 from cislunar.dynamics.forces import of_state
 from cislunar.estimation.estimator import HEALTHY
 from cislunar.estimation.expected import expected_directions
@@ -38,7 +38,7 @@ def predict_translation(translation, root, j, k, scene, constants, work):
     weights, bundle, differences = constants.weights, work.bundle, work.differences
     sigma_points(translation, root, weights.spread, bundle)
     forces = of_state(constants.forces, j)
-    step_bundle(forces, k * scene.step, bundle, scene.step, work.slopes, work.stage)
+    step_cloud(forces, k * scene.step, bundle, scene.step, work.slopes, work.stage)
     for c in range(SIZE):
         center = bundle[c, 0]
         for i in range(2 * SIZE):
