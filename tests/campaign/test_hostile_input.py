@@ -119,7 +119,7 @@ def changed(config, change):
             above[value[0]] = value[1]
         else:
             above.append(value[1])
-    except (KeyError, IndexError, TypeError):
+    except (AttributeError, KeyError, IndexError, TypeError):
         pass  # an earlier change has done away with the place
     return config
 

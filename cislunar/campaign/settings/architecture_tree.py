@@ -75,7 +75,7 @@ class Information(Section):
         "time between the looks that are computed, each for all in a step", "h", default=1)
     brightness: Literal["sphere", "body"] = setting(
         "a look of `information` counts in full where the sphere is bright enough that tasking "
-        "believes in, or by the share of attitudes in which the body is", default="sphere")
+        "believes in, or by the share of attitudes in which the body is", default="body")
     attitudes: whole(ge=1, le=1000) = setting(
         "random attitudes of each target in each window", "1", default=1)
 

@@ -196,7 +196,7 @@ class Filter(Section):
     splitting: Flag = setting(
         "true: both estimators take an orbit for a mixture of Gaussians where, after a gap between "
         "measurements or at short range, one is not enough (docs/dynamics.md)",
-        paper="one Gaussian", default=False)
+        paper="one Gaussian", default=True)
 
 
 class Unknowns(Section):

@@ -17,7 +17,6 @@ from cislunar.campaign.settings.cell_tree import (
     Communication,
     Detection,
     Dynamics,
-    Filter,
     Tasking,
 )
 from cislunar.campaign.settings.reading import merged
@@ -100,7 +99,6 @@ def _without_nothing(settings: dict[str, Any]) -> dict[str, Any]:
     fields = CellSettings.model_fields
     usual = {key: fields[key].default for key in _UNSAID}
     usual["dynamics"] = Dynamics().model_dump()
-    usual["filter"] = Filter().model_dump()
     usual["communication"] = Communication().model_dump()
     said = {key: value for key, value in settings.items() if value != usual.get(key, ...)}
     for section, unsaid in _SAID_IF_UNUSUAL.items():

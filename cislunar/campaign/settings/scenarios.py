@@ -77,10 +77,9 @@ def _left(goal: Mapping[str, Any], absent: Collection[str | None]) -> dict[str, 
 
 def information_of(goal: Mapping[str, Any], architecture: Mapping[str, Any]) -> dict[str, Any]:
     """How moving targets are looked at for a design or a front: `architecture.information`, with
-    what a design says otherwise; of `brightness` only what is unusual."""
+    what a design says otherwise."""
     own = goal.get("information", {})
-    told = architecture["information"] | {k: v for k, v in own.items() if v is not None}
-    return {k: v for k, v in told.items() if (k, v) != ("brightness", "sphere")}
+    return architecture["information"] | {k: v for k, v in own.items() if v is not None}
 
 
 PHOTOMETRY = {"printed": ("4pi", 0.5), "physical": ("1/r^2", None)}
