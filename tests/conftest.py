@@ -1,5 +1,7 @@
 """Fixtures shared by the test modules."""
 
+from collections import Counter
+
 import pytest
 from campaign_folder import QUICK, copy_workflow, snakemake
 
@@ -27,11 +29,19 @@ def pytest_addoption(parser):
     )
 
 
+LONGEST = "test_faults.py", "finished"
+"""Groups of tests that take minutes though they are few: begun first, so that no worker is idle."""
+
+
 def pytest_collection_modifyitems(items):
     """With several workers, one of them runs what needs the finished campaign, made once."""
-    for item in items:
-        group = "finished" if "finished" in item.fixturenames else item.path.name
+    groups = {
+        item: "finished" if "finished" in item.fixturenames else item.path.name for item in items
+    }
+    sizes = Counter(groups.values())
+    for item, group in groups.items():
         item.add_marker(pytest.mark.xdist_group(group))
+    items.sort(key=lambda item: (groups[item] not in LONGEST, -sizes[groups[item]], groups[item]))
 
 
 @pytest.fixture(scope="session")

@@ -48,6 +48,7 @@ from cislunar.observation.measurement_derivatives import departure_row, measurem
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.observation.sightline import inside_primary
+from cislunar.threads import share_out
 
 Array = NDArray[np.float64]
 
@@ -267,11 +268,14 @@ def _advance_target(j, first, world, truth, records, wanted, process_variance, f
     state.ended[j] = n_steps < out.shape[0]
 
 
-@njit(cache=True, error_model="numpy")
-def _advance(first, world, truth, records, wanted, process_variance, forces, state, out):
-    """Bounds of all targets, (target, step, 12), into `out`; see `CramerRaoBound.advance`."""
+@njit(cache=True, error_model="numpy", nogil=True)
+def _advance(targets, first, world, truth, records, wanted, process_variance, forces, state, out):
+    """Bounds of targets, from one to before another, (target, step, 12), into `out`.
+
+    See `CramerRaoBound.advance`.
+    """
     given = process_variance, forces, state
-    for j in range(out.shape[0]):
+    for j in range(targets[0], targets[1]):
         _advance_target(j, first, world, truth, records, wanted, *given, out[j])
 
 
@@ -387,6 +391,7 @@ class CramerRaoBound:
         )
         asked = np.ones(n_offsets - 1, dtype=bool) if wanted is None else np.array(wanted, bool)
         given = self._world, truth, measurements, asked, self._process_variance, self._forces
-        _advance(self._index, *given, self._state, out)
+        given = (self._index, *given, self._state, out)
+        share_out(lambda start, stop: _advance((start, stop), *given), n_targets)
         self._index += n_offsets - 1
         return out

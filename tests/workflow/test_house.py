@@ -15,7 +15,7 @@ PATHS = {
 FOLDERS = sorted({path.parent for path in PATHS.values()})
 
 FLOORS = (
-    "constants errors compiled elementary parzen",
+    "constants errors compiled elementary parzen threads",
     "ephemeris",
     "dynamics",
     "exchange",

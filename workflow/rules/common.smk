@@ -50,6 +50,15 @@ if workflow.is_main_process:
     drop_stale_kernels()
 offer_worker(workflow.is_main_process)
 
+
+onstart:
+    # Snakemake (9.27) looks once more a second after each look for jobs that its rate limit lets it
+    # start, and each finished job begins another such chain: after some hundred jobs it does little
+    # else. A computer's own cores need no such limit.
+    if workflow.local_exec:
+        workflow.scheduler.job_rate_limiter = None
+
+
 RESULTS = config["results"].rstrip("/")
 SCENARIOS = list(config["scenarios"])
 ARCHITECTURE = config["architecture"]

@@ -43,7 +43,7 @@ rule tracking_cell_variant:
     priority: 4
     conda:
         "../envs/cislunar.yaml"
-    threads: 1
+    threads: TASK2["threads"]
     resources:
         mem_mb=2000,
     params:

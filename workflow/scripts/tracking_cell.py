@@ -13,7 +13,7 @@ from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import read_inputs
 from cislunar.campaign.tracking.dataset import write_cell
 
-with job(snakemake.log):
+with job(snakemake.log, snakemake.threads):
     params, realization = snakemake.params, snakemake.wildcards.get("realization")
     write_cell(
         Cell(*params.cell),

@@ -232,6 +232,9 @@ class Task2(CellSettings):
     realization_jobs: bool = setting(
         "each realization of a cell is a job of its own: for large cells, where there are more "
         "cores than cells", default=False)
+    threads: whole(ge=1, le=1024) = setting(
+        "cores of the job of a cell, which share its targets: for cells of thousands, where there "
+        "are more cores than jobs", "1", default=1)
     tasking_comparison: TaskingComparison = setting("")
 
 

@@ -34,6 +34,7 @@ from cislunar.observation.body_spread import BodySpread
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.observation.sensor import Sensors
+from cislunar.threads import share_out
 
 
 class MultiplicativeUKF:
@@ -128,7 +129,8 @@ class MultiplicativeUKF:
         """Work through the next steps; see `Estimator.advance`."""
         out = empty_estimates(measurements, covariance)
         world = (self._scene, self._surfaces, self._bodies, self._constants)
-        advance(self._index + 1, *world, measurements, self._state, self._parts, out)
+        given = (self._index + 1, *world, measurements, self._state, self._parts, out)
+        share_out(lambda start, stop: advance((start, stop), *given), len(self._state.failed))
         self._index += measurements.offset.shape[1] - 1
         return out
 

@@ -294,13 +294,13 @@ def _use(state, parts, j, measurements, row, k, scene, surfaces, constants, work
     return outcome == ACCEPTED
 
 
-@njit(cache=True, error_model="numpy")
-def advance(first, scene, surfaces, bodies, constants, measurements, state, parts, out):
-    """Filter all targets over an interval that begins at time `first`, target by target."""
+@njit(cache=True, error_model="numpy", nogil=True)
+def advance(targets, first, scene, surfaces, bodies, constants, measurements, state, parts, out):
+    """Filter targets, from one to before another, over an interval that begins at time `first`."""
     work = make_workspace(SIZE, 3 if constants.use_magnitude else 2)
     stack = make_split_work(parts.weight.shape[1])
     offset = measurements.offset
-    for j in range(offset.shape[0]):
+    for j in range(targets[0], targets[1]):
         for i in range(offset.shape[1] - 1):
             k = first + i
             if state.failed[j] == HEALTHY:

@@ -46,6 +46,7 @@ from cislunar.observation.body_spread import HOUR, BodySpread
 from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene, TargetSurfaces, body_of
 from cislunar.observation.sensor import Sensor, Sensors, sensor_limits, sensors_of
+from cislunar.threads import share_out
 
 Array = NDArray[np.float64]
 
@@ -237,26 +238,31 @@ class BatchEstimator:
         """Work through the next steps; see `Estimator.advance`."""
         out = empty_estimates(measurements, covariance)
         looks = measurements.offset[:, -1] - measurements.offset[:, 0]
-        for j, model in enumerate(self._models):
-            self._make_room(j, int(looks[j]))
-            advance_target(
-                j,
-                self._index + 1,
-                self._scene,
-                self._constants,
-                model,
-                measurements,
-                self._parts,
-                self._translation,
-                self._root,
-                self._hypotheses[j],
-                self._points[j],
-                self._data[j],
-                self._state,
-                self._counters,
-                self._rngs[j],
-                out,
-            )
+        for j, count in enumerate(looks):
+            self._make_room(j, int(count))
+
+        def work(start: int, stop: int) -> None:
+            for j in range(start, stop):
+                advance_target(
+                    j,
+                    self._index + 1,
+                    self._scene,
+                    self._constants,
+                    self._models[j],
+                    measurements,
+                    self._parts,
+                    self._translation,
+                    self._root,
+                    self._hypotheses[j],
+                    self._points[j],
+                    self._data[j],
+                    self._state,
+                    self._counters,
+                    self._rngs[j],
+                    out,
+                )
+
+        share_out(work, looks.size)
         self._index += measurements.offset.shape[1] - 1
         return out
 

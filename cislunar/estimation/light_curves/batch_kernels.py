@@ -182,7 +182,7 @@ def _use(
     return used, rows
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def advance_target(
     j,
     first,
