@@ -13,6 +13,8 @@ from cislunar.architecture.objective import IMPROVES, Objective
 from cislunar.errors import ConfigurationError
 
 _ROUNDS = 2  # searches from the choices of a bound, each with a bound of its own
+_STARTS = 6  # choices of a bound from which is searched: those of largest value
+_WORTH = 1 / 3  # share of the gap by which the value has to rise for another bound to pay
 
 Choice = tuple[NDArray[np.int64], NDArray[np.int64]]
 """Places and satellites at each, both of shape (slot,)."""
@@ -92,10 +94,14 @@ def check_size(objective: Objective, n_satellites: int, n_slots: int, steps: int
         raise ConfigurationError(f"steps = {steps} must be at least 1")
 
 
-def _distinct(choices: list[Choice]) -> list[Choice]:
-    """The choices, each once."""
+def _promising(objective: Objective, choices: list[Choice]) -> list[Choice]:
+    """The choices of largest value, each once; of those equal to rounding the first."""
     each = {(orbit.tobytes(), count.tobytes()): (orbit, count) for orbit, count in choices}
-    return list(each.values())
+    distinct = list(each.values())
+    values = np.array([objective.value(*choice) for choice in distinct])
+    scale = max(values.max(), np.finfo(float).tiny)
+    order = np.argsort(-np.round(values / scale, 9), kind="stable")
+    return [distinct[k] for k in order[:_STARTS]]
 
 
 def certified_search(
@@ -109,7 +115,8 @@ def certified_search(
     """Search from a start, bound what was found, and search on from the choices of the bound.
 
     The search is `coordinate_search` with the number of satellites prescribed. If a choice of the
-    bound leads higher, the bound is computed again from there. No result depends on time.
+    bound leads higher by a good part of the gap, the bound is computed again from there. No result
+    depends on time.
 
     Parameters
     ----------
@@ -140,11 +147,13 @@ def certified_search(
         bound, taken = min(bound, found.bound), taken + found.steps
         if bound <= best.value or not found.choices:
             break
-        starts = _distinct(found.choices)
+        starts = _promising(objective, found.choices)
         again = coordinate_search(objective, rng, restarts=0, starts=starts, **search)
         if again.value <= best.value * IMPROVES:
             break
-        best = again
+        before, best = best, again
+        if best.value - before.value < _WORTH * (bound - before.value):
+            break
     return Certificate(
         orbit=best.orbit,
         satellites=best.satellites,
