@@ -13,11 +13,28 @@ from cislunar.architecture.objective import IMPROVES, Objective
 from cislunar.errors import ConfigurationError
 
 _ROUNDS = 2  # searches from the choices of a bound, each with a bound of its own
-_STARTS = 6  # choices of a bound from which is searched: those of largest value
-_WORTH = 1 / 3  # share of the gap by which the value has to rise for another bound to pay
 
 Choice = tuple[NDArray[np.int64], NDArray[np.int64]]
 """Places and satellites at each, both of shape (slot,)."""
+
+
+class Effort(NamedTuple):
+    """What is done with the choices that a bound points at.
+
+    Attributes
+    ----------
+    starts : int or None
+        From how many of them is searched, those of largest value; None: from all.
+    worth : float
+        Share of the gap by which a search has to raise the value for another bound to be made.
+    """
+
+    starts: int | None
+    worth: float
+
+
+THOROUGH = Effort(starts=None, worth=0.0)
+"""Every choice is searched from, and any rise is followed by another bound."""
 
 
 class Bound(NamedTuple):
@@ -94,14 +111,16 @@ def check_size(objective: Objective, n_satellites: int, n_slots: int, steps: int
         raise ConfigurationError(f"steps = {steps} must be at least 1")
 
 
-def _promising(objective: Objective, choices: list[Choice]) -> list[Choice]:
-    """The choices of largest value, each once; of those equal to rounding the first."""
+def _promising(objective: Objective, choices: list[Choice], most: int | None) -> list[Choice]:
+    """The choices, each once, or those of largest value; of those equal to rounding the first."""
     each = {(orbit.tobytes(), count.tobytes()): (orbit, count) for orbit, count in choices}
     distinct = list(each.values())
+    if most is None or len(distinct) <= most:
+        return distinct
     values = np.array([objective.value(*choice) for choice in distinct])
     scale = max(values.max(), np.finfo(float).tiny)
     order = np.argsort(-np.round(values / scale, 9), kind="stable")
-    return [distinct[k] for k in order[:_STARTS]]
+    return [distinct[k] for k in order[:most]]
 
 
 def certified_search(
@@ -111,12 +130,12 @@ def certified_search(
     *,
     restarts: int = 0,
     rng: np.random.Generator | None = None,
+    effort: Effort = THOROUGH,
 ) -> Certificate:
     """Search from a start, bound what was found, and search on from the choices of the bound.
 
     The search is `coordinate_search` with the number of satellites prescribed. If a choice of the
-    bound leads higher by a good part of the gap, the bound is computed again from there. No result
-    depends on time.
+    bound leads higher, the bound is computed again from there. No result depends on time.
 
     Parameters
     ----------
@@ -130,6 +149,8 @@ def certified_search(
         Further random starts of the search.
     rng : numpy.random.Generator, optional
         Source of the random starts.
+    effort : Effort
+        What is done with the choices of the bound.
 
     Returns
     -------
@@ -147,12 +168,12 @@ def certified_search(
         bound, taken = min(bound, found.bound), taken + found.steps
         if bound <= best.value or not found.choices:
             break
-        starts = _promising(objective, found.choices)
+        starts = _promising(objective, found.choices, effort.starts)
         again = coordinate_search(objective, rng, restarts=0, starts=starts, **search)
         if again.value <= best.value * IMPROVES:
             break
         before, best = best, again
-        if best.value - before.value < _WORTH * (bound - before.value):
+        if best.value - before.value < effort.worth * (bound - before.value):
             break
     return Certificate(
         orbit=best.orbit,

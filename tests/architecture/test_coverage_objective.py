@@ -10,6 +10,7 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
 from cislunar.architecture.coordinate_search import coordinate_search
+from cislunar.architecture.coverage import certificate
 from cislunar.architecture.coverage.certificate import certify_coverage, greedy_coverage
 from cislunar.architecture.coverage.gap_objective import GAP_MEASURES, GapObjective, certify_gaps
 from cislunar.architecture.coverage.lagrangian import coverage_bound
@@ -142,6 +143,18 @@ def test_bound_and_search_enclose_what_enumeration_finds(seed, most, fold, n_slo
         steps=60,
     )
     assert poor.bound >= best * (1 - 1e-12)
+
+
+@pytest.mark.parametrize("seed, most, fold, n_slots, total", CASES)
+def test_little_effort_for_large_tables_still_encloses_it(
+    monkeypatch, seed, most, fold, n_slots, total
+):
+    monkeypatch.setattr(certificate, "_LARGE", 0)
+    counts = random_counts(seed, most=most)
+    found = certify_coverage(objective_of(counts, fold), total, n_slots=n_slots)
+    best = best_of_all(counts, fold, n_slots, total)
+    assert found.greedy <= found.value <= best * (1 + 1e-12) <= found.bound * (1 + 2e-12)
+    assert found.steps <= certified(seed, most, fold, n_slots, total).steps
 
 
 def test_some_cases_are_proven():

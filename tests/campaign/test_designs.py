@@ -9,9 +9,10 @@ import pytest
 import xarray as xr
 from campaign_folder import ROOT, copy_workflow, read_campaign, snakemake, with_change
 
+from cislunar.campaign.architectures import goals
 from cislunar.campaign.architectures.designs import design_dataset, objective_front_dataset
 from cislunar.campaign.architectures.elsewhere import elsewhere_rows
-from cislunar.campaign.architectures.goals import World
+from cislunar.campaign.architectures.goals import World, check_places
 from cislunar.campaign.architectures.moving import Moving
 from cislunar.campaign.architectures.objectives_table import objective_row, of_front, single
 from cislunar.campaign.architectures.visibility import architecture_coverage
@@ -20,6 +21,7 @@ from cislunar.campaign.data.netcdf import read_dataset, write_dataset
 from cislunar.campaign.settings.cells import campaign_cells, cell_settings, most_alike
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
+from cislunar.campaign.settings.preflight import crowded_goals
 from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.settings.scenarios import in_study, information_of, scenario_settings
 from cislunar.campaign.tracking.objective_ranks import rank_correlation, rank_rows
@@ -306,6 +308,31 @@ DESIGN = {"objective": "information", "satellites": 20}
 def test_impossible_goals_name_their_key(paper, key, value, message):
     with pytest.raises(ConfigurationError, match=message):
         check_campaign(with_change(paper, f"architecture.{key}", value))
+
+
+@pytest.mark.parametrize(
+    "caps, places",
+    [
+        ({"max_stability_index": None}, None),
+        ({"max_stability_index": 1500}, None),
+        ({"max_stability_index": 1}, "max_stability_index = 1 leaves no orbit"),
+        ({"max_stability_index": 2}, "70 satellites on 40 places, those on the 1 orbits"),
+        ({"max_station_keeping_m_s": 0}, "max_station_keeping_m_s = 0 leaves no orbit"),
+    ],
+)
+def test_more_satellites_than_caps_leave_places_are_refused_beforehand(
+    paper, world, monkeypatch, caps, places
+):
+    monkeypatch.setattr(goals, "families_dataset", lambda settings: world.orbits)
+    wanted = DESIGN | {"phases": 40, "satellites": 70} | caps
+    config = check_campaign(with_change(paper, "architecture.designs.x", wanted))
+    crowded = crowded_goals(config)
+    assert crowded == ([] if None in caps.values() else ["designs.x"])
+    if places is None:
+        check_places(config, crowded)
+        return
+    with pytest.raises(ConfigurationError, match=rf"'architecture\.designs\.x': {places}"):
+        check_places(config, crowded)
 
 
 @pytest.mark.parametrize(

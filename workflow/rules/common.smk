@@ -9,7 +9,12 @@ from pathlib import Path
 from cislunar.architecture.published import PUBLISHED
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import sweep_points, swept_cells, with_families
-from cislunar.campaign.settings.preflight import check_inputs, check_orbits, check_request
+from cislunar.campaign.settings.preflight import (
+    check_inputs,
+    check_orbits,
+    check_request,
+    crowded_goals,
+)
 from cislunar.campaign.settings.reading import with_types
 from cislunar.campaign.settings.scenarios import (
     in_study,
@@ -41,6 +46,11 @@ try:
     STUDY = with_families(config)
     if workflow.is_main_process:
         check_orbits(STUDY)
+        if crowded := crowded_goals(STUDY):
+            # it takes seconds to import, and few studies need it
+            from cislunar.campaign.architectures.goals import check_places
+
+            check_places(STUDY, crowded)
     TRACKED_COUNT = {name: tracked_count(STUDY, name) for name in STUDY["scenarios"]}
 except CislunarError as error:
     # not an exception that Snakemake would wrap in lines of its own

@@ -1,6 +1,6 @@
 """What designs and fronts are chosen for: the objective over its tables, and the places."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from cislunar.architecture.optimality.prescribed import certify_total
 from cislunar.architecture.places import Places, places_at, steady_orbits
 from cislunar.campaign.architectures.moving import Moving, orbit_set
 from cislunar.campaign.architectures.visibility import cost_function, visibility_dataset
-from cislunar.campaign.data.inputs import horizon, sun_at
+from cislunar.campaign.data.inputs import families_dataset, horizon, sun_at
 from cislunar.campaign.data.progress import Progress
 from cislunar.campaign.settings.library import visibility_settings
 from cislunar.errors import ConfigurationError
@@ -88,6 +88,33 @@ def where(wanted: Mapping[str, Any], orbits: xr.Dataset, settings: Mapping[str, 
     if phases is not None:
         return Where(at, 1, None)
     return Where(at, settings["max_satellites"], settings["slots"])
+
+
+def check_places(config: Mapping[str, Any], goals: Iterable[str]) -> None:
+    """Refuse designs and fronts, keys of `architecture`, that have not the places they ask for.
+
+    A `ConfigurationError` that names the key. The library of orbits is made for it.
+    """
+    search, orbits = config["architecture"], families_dataset({"orbits": config["orbits"]})
+    for key in goals:
+        kind, name = key.split(".")
+        goal = search[kind][name]
+        try:
+            found = where(goal, orbits, search)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"configuration key 'architecture.{key}': {error}") from None
+        held, wanted = (
+            found.places.orbit.size,
+            goal["satellites"] if found.slots is None else found.slots,
+        )
+        most = max(wanted) if isinstance(wanted, list) else wanted
+        if most > held:
+            what = "satellites" if found.slots is None else "slots"
+            raise ConfigurationError(
+                f"configuration key 'architecture.{key}': {most} {what} on {held} places, those on "
+                f"the {np.unique(found.places.orbit).size} orbits that max_stability_index and "
+                "max_station_keeping_m_s leave; ask for fewer, raise a cap or phases"
+            )
 
 
 def objective_of(

@@ -112,7 +112,7 @@ class _Goal(Section):
         default=10)
     fold: whole(ge=1, le=8) = setting(
         "satellites that have to see a target for `coverage` and `target-days`", default=1)
-    max_stability_index: Positive | None = setting(
+    max_stability_index: number(ge=1) | None = setting(
         "orbits of a larger stability index are left out; null: none is", "1", default=2)
     max_station_keeping_m_s: NotNegative | None = setting(
         "and orbits that take more velocity a year, by `cislunar/orbits/station_keeping.py`; null: "

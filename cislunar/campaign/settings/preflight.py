@@ -44,6 +44,9 @@ from cislunar.targets.tables import (
     load_target_states,
 )
 
+_FEW = 60
+"""Satellites of a design that are taken to find places without asking the library of orbits."""
+
 
 def check_inputs(config: Mapping[str, Any]) -> None:
     """Check the files and packages a checked configuration asks for, and what its optimizers need.
@@ -94,6 +97,27 @@ def check_orbits(config: Mapping[str, Any]) -> None:
             continue
         if not _made_since(table, results / shared_dataset(config, scenario, "orbits/tracked")):
             check_closed_targets(table, load_target_states(table))
+
+
+def crowded_goals(config: Mapping[str, Any]) -> list[str]:
+    """Designs and fronts with caps on their orbits that may leave too few places, as keys.
+
+    Which orbits are left only the library tells, which takes seconds to make: those of at most 60
+    satellites, on at most a fifth of all places, are taken to find theirs.
+    """
+    search, members = config["architecture"], sum(config["orbits"]["members"].values())
+    found = []
+    for kind in ("designs", "objective_fronts"):
+        for name, goal in search[kind].items():
+            capped = goal["max_stability_index"] or goal.get("max_station_keeping_m_s") is not None
+            if not capped or goal.get("scenarios") == []:
+                continue
+            places = members * goal["phases"] if goal["phases"] else members
+            wanted = goal["satellites"] if goal["phases"] else search["slots"]
+            most = max(wanted) if isinstance(wanted, list) else wanted
+            if most > min(_FEW, places / 5.0):
+                found.append(f"{kind}.{name}")
+    return found
 
 
 def _made_since(table: str, made: Path) -> bool:
