@@ -74,7 +74,7 @@ def main() -> None:
 
     def compiled():
         return count_observations(
-            track, target, sun, settings.angles.cosines, settings.faintness, MU
+            track, target, sun, settings.angles.cosines, settings.faintness_at(len(sun)), MU
         )
 
     counts = compiled()

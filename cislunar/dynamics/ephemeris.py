@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, TIME_UNIT_S
 from cislunar.dynamics.ephemeris_forces import Ephemeris, ephemeris_forces
 from cislunar.dynamics.frames import BARYCENTER, recenter
-from cislunar.dynamics.propagation import propagate
+from cislunar.dynamics.propagation import propagate, state_vector
 from cislunar.dynamics.radiation import SUN_RADIUS_KM
 from cislunar.ephemeris.bodies import require_within, tabulate_bodies
 from cislunar.ephemeris.kernel import DEFAULT_KERNEL
@@ -122,7 +122,7 @@ def propagate_utc(
         )
     table = forces.table
     require_within(table, *reached)
-    begin = recenter(state, table, first, old=center, new=BARYCENTER)
+    begin = recenter(state_vector(state), table, first, old=center, new=BARYCENTER)
     for body, radius in _RADII_KM.items():
         distance = np.linalg.norm(recenter(begin, table, first, old=BARYCENTER, new=body)[..., :3])
         if distance < radius:

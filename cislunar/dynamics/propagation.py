@@ -34,10 +34,11 @@ def _method_and_tolerances(
     return METHODS[method], rtol, atol
 
 
-def _state_vector(state: ArrayLike) -> Array:
+def state_vector(state: ArrayLike) -> Array:
+    """A state as 6 numbers, or a `ConfigurationError`."""
     vector = np.array(state, dtype=float)
     if vector.shape != (6,) or not np.all(np.isfinite(vector)):
-        raise ConfigurationError(f"a state must be 6 finite numbers, got {vector!r}")
+        raise ConfigurationError(f"a state must be 6 finite numbers, got {vector.tolist()}")
     return vector
 
 
@@ -105,7 +106,7 @@ def propagate(
         If the step size underflows, as on a collision with a primary.
     """
     code, rtol, atol = _method_and_tolerances(method, rtol, atol)
-    y0 = _state_vector(state)
+    y0 = state_vector(state)
     if isinstance(forces, CR3BP):
         require_nondimensional("state", y0)
     times = np.asarray(times, dtype=float)
@@ -205,7 +206,7 @@ def propagate_stm(
         As in `propagate`.
     """
     code, rtol, atol = _method_and_tolerances("dop853", rtol, atol)
-    y0 = np.concatenate([_state_vector(state), np.eye(6).ravel()])
+    y0 = np.concatenate([state_vector(state), np.eye(6).ravel()])
     wanted = np.asarray(duration, dtype=float)
     end, _ = _integrate(code, forces, start, y0, np.atleast_1d(wanted), rtol, atol)
     return end[:, :6].reshape(*wanted.shape, 6), end[:, 6:].reshape(*wanted.shape, 6, 6)
@@ -285,6 +286,6 @@ def closest_approaches(
         raise ConfigurationError(f"duration = {duration} must be positive")
     code, rtol, atol = _method_and_tolerances("dop853", rtol, atol)
     centres = np.array(primary_positions(mu))[:, 0]
-    start, times = _state_vector(state), np.array([float(duration)])
+    start, times = state_vector(state), np.array([float(duration)])
     _, closest = _integrate(code, CR3BP(mu), 0.0, start, times, rtol, atol, centres)
     return float(closest[0]), float(closest[1])

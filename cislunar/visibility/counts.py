@@ -66,6 +66,23 @@ class VisibilitySettings:
         )
         return per_square_metre * (LENGTH_UNIT_KM * 1e3) ** 2
 
+    def faintness_at(self, count: int, length: ArrayLike = 1.0) -> Array:
+        """`faintness` at a number of times.
+
+        Parameters
+        ----------
+        count : int
+            Number of times.
+        length : array_like, shape (count,) or ()
+            Unit of length of the frame in units of l*.
+
+        Returns
+        -------
+        ndarray, shape (count,)
+            Per squared unit of length of the frame.
+        """
+        return np.broadcast_to(self.faintness * np.square(length), count).astype(float)
+
 
 @dataclass(frozen=True)
 class VisibilityCounts:
@@ -77,7 +94,7 @@ class VisibilityCounts:
         Times each target is observable, summed over time and over the satellites.
     distance : ndarray, shape (orbit, satellites)
         Distance to the Earth plus distance to the Moon, summed over time and satellites,
-        nondimensional.
+        in units of l*.
     """
 
     observations: NDArray[np.unsignedinteger]
@@ -168,11 +185,16 @@ def count_visibility(
     settings: VisibilitySettings,
     *,
     max_satellites: int = 10,
+    tracks: ArrayLike | None = None,
+    length: ArrayLike = 1.0,
     mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
 ) -> VisibilityCounts:
     """Count observations of static targets from every orbit and satellite count
     (Paul & Fan, eq. 59).
+
+    Angles are the same in a frame that breathes, so that Earth, Moon, Sun and satellites among real
+    bodies take no more than their places in it and its `length`.
 
     Parameters
     ----------
@@ -190,6 +212,11 @@ def count_visibility(
         Photometry and exclusion.
     max_satellites : int
         Counts 1 .. `max_satellites` are tabulated.
+    tracks : array_like, shape (orbit, phase, time, 3), optional
+        Where satellites truly are at the phases of `distinct_phases`, nondimensional, rotating
+        frame, in place of the periodic orbits of the CR3BP.
+    length : array_like, shape (time,) or ()
+        Unit of length of the frame in units of l*, not 1 where it is that of the instant.
     mu : float
         Mass ratio.
     progress : callable, optional
@@ -216,19 +243,24 @@ def count_visibility(
     dtype = np.uint16 if largest <= np.iinfo(np.uint16).max else np.uint32
     observations = np.empty((len(state), max_satellites, len(target)), dtype=dtype)
     distance = np.empty((len(state), max_satellites))
-    shade = shade_of(target, sun, mu) if settings.eclipse else None
+    unit = np.broadcast_to(np.asarray(length, dtype=float), len(times))
+    faintness = settings.faintness_at(len(times), unit)
+    shade = shade_of(target, sun, mu, unit) if settings.eclipse else None
     for first in range(0, len(state), _ORBITS_PER_BATCH):
         batch = slice(first, min(first + _ORBITS_PER_BATCH, len(state)))
-        track = satellite_tracks(
-            state[batch], period[batch], phase, times, propagator=settings.propagator, mu=mu
-        )
-        given = track, target, sun, settings.angles.cosines, settings.faintness, mu
+        if tracks is None:
+            track = satellite_tracks(
+                state[batch], period[batch], phase, times, propagator=settings.propagator, mu=mu
+            )
+        else:
+            track = np.ascontiguousarray(tracks[batch], dtype=float)
+        given = track, target, sun, settings.angles.cosines, faintness, mu
         per_phase = count_observations(*given)
         if shade is not None:
             lost = lost_observations(*given, shade)
             np.subtract.at(per_phase, (slice(None), slice(None), shade.target), lost)
         earth, moon = primary_distances(track, mu)
-        path_length = np.sum(earth + moon, axis=-1)
+        path_length = np.sum((earth + moon) * unit, axis=-1)
         for count, rows in enumerate(members):
             observations[batch, count] = per_phase[:, rows].sum(axis=1)
             distance[batch, count] = path_length[:, rows].sum(axis=1)

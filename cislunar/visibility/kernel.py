@@ -135,7 +135,7 @@ def count_observations(track, target, sun, cosines, faintness, mu):
 
     Positions of targets (target, 3) and Sun (time, 3) nondimensional, rotating frame; cosines of
     the Sun, Moon and Earth exclusion angles; K of `faintness_per_squared_range` per squared
-    nondimensional length.
+    nondimensional length at each time (time,).
     """
     n_orbits, n_phases, n_times, _ = track.shape
     n_targets = target.shape[0]
@@ -151,7 +151,7 @@ def count_observations(track, target, sun, cosines, faintness, mu):
                 for phase in range(n_phases):
                     _observe_tile(
                         track[orbit, phase, t], sun[t], tile, single,
-                        cosines, faintness, mu, seen,
+                        cosines, faintness[t], mu, seen,
                     )  # fmt: skip
                     row = counts[orbit, phase, start : start + size]
                     for i in range(size):
@@ -179,7 +179,7 @@ def count_observers(track, target, sun, cosines, faintness, mu):
             for satellite in range(n_satellites):
                 _observe_tile(
                     track[satellite, t], sun[t], tile, single,
-                    cosines, faintness, mu, seen,
+                    cosines, faintness[t], mu, seen,
                 )  # fmt: skip
                 for i in range(size):
                     row[i] += seen[i]
@@ -207,7 +207,7 @@ def mark_observations(track, target, sun, cosines, faintness, mu):
                 for phase in range(n_phases):
                     _observe_tile(
                         track[orbit, phase, t], sun[t], tile, single,
-                        cosines, faintness, mu, seen,
+                        cosines, faintness[t], mu, seen,
                     )  # fmt: skip
                     row = bits[orbit, phase]
                     for i in range(size):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.observation.eclipse import sunlit_share
@@ -34,7 +34,7 @@ class Shade(NamedTuple):
     share: Array
 
 
-def shade_of(target: Array, sun: Array, mu: float) -> Shade:
+def shade_of(target: Array, sun: Array, mu: float, length: ArrayLike = 1.0) -> Shade:
     """Find the shaded targets.
 
     Parameters
@@ -45,17 +45,19 @@ def shade_of(target: Array, sun: Array, mu: float) -> Shade:
         The same.
     mu : float
         Mass ratio.
+    length : array_like, shape (time,) or ()
+        Unit of length of the frame in units of l*: Earth and Moon stay as large as they are.
 
     Returns
     -------
     Shade
     """
-    primaries = np.tile(np.array(primary_positions(mu)), (len(sun), 1, 1))
+    unit = np.broadcast_to(np.asarray(length, dtype=float), len(sun))[:, None]
+    primaries = unit[..., None] * np.array(primary_positions(mu))
     found = []
     for first in range(0, len(target), _TARGETS_AT_ONCE):
         some = target[first : first + _TARGETS_AT_ONCE]
-        place = np.broadcast_to(some[:, None], (len(some), len(sun), 3))
-        share = sunlit_share(place, sun, primaries)
+        share = sunlit_share(unit * some[:, None], unit * sun, primaries)
         which, when = np.nonzero(share < 1.0)
         found.append((when, first + which, share[which, when]))
     return Shade(*(np.concatenate(column) for column in zip(*found, strict=True)))
@@ -66,22 +68,22 @@ def _lost(track, target, sun, cosines, faintness, primaries, shade, out):
     """Which of the shaded pairs each track (n, time, 3) would see if they were lit, (n, pair)."""
     for i in range(shade.time.size):
         k, place, light = shade.time[i], target[shade.target[i]], sun[shade.time[i]]
-        x, y, z = place[0], place[1], place[2]
+        x, y, z, needed = place[0], place[1], place[2], faintness[k]
         fx, fy, fz = x - light[0], y - light[1], z - light[2]
         for n in range(track.shape[0]):
             ox, oy, oz = track[n, k, 0], track[n, k, 1], track[n, k, 2]
             dx, dy, dz = x - ox, y - oy, z - oz
-            out[n, i] = sphere_brighter(dx, dy, dz, fx, fy, fz, faintness)
+            out[n, i] = sphere_brighter(dx, dy, dz, fx, fy, fz, needed)
             if not out[n, i]:
                 continue
             share = shade.share[i]
-            bright = share > 0.0 and sphere_brighter(dx, dy, dz, fx, fy, fz, faintness / share)
+            bright = share > 0.0 and sphere_brighter(dx, dy, dz, fx, fy, fz, needed / share)
             clear = outside_exclusion(ox, oy, oz, dx, dy, dz, light, cosines, primaries)
             out[n, i] = clear and not bright
 
 
 def lost_observations(
-    track: Array, target: Array, sun: Array, cosines: Array, faintness: float, mu: float,
+    track: Array, target: Array, sun: Array, cosines: Array, faintness: Array, mu: float,
     shade: Shade,
 ) -> NDArray[np.bool_]:  # fmt: skip
     """Which observations of lit targets the shadow takes away.
@@ -102,5 +104,5 @@ def lost_observations(
     flat = np.ascontiguousarray(track).reshape(-1, *track.shape[-2:])
     out = np.zeros((len(flat), shade.time.size), dtype=np.bool_)
     primaries = np.array(primary_positions(mu))
-    _lost(flat, target, sun, cosines, float(faintness), primaries, shade, out)
+    _lost(flat, target, sun, cosines, faintness, primaries, shade, out)
     return out.reshape(*track.shape[:-2], -1)

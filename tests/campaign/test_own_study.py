@@ -453,6 +453,21 @@ def test_a_sweep_may_change_several_keys_of_the_tracking(paper, tmp_path):
     assert tracking_kernels(cell_settings(task2, "cr3bp")) == "tracking"
 
 
+def test_the_campaign_among_the_bodies_shares_the_paths_of_its_observers(paper, tmp_path):
+    real = merged(paper, _yaml("ephemeris.yaml") | {"results": str(tmp_path)})
+    again = {"settings": {"visibility": {"limiting_magnitude": 17}}}
+    other = {"settings": {"task2": {"dynamics": {"observers": "reference"}}}}
+    scenarios = {"D": {"targets": 10, **again}, "E": {"targets": 10, **other}}
+    study = in_study(check_campaign(merged(real, {"scenarios": scenarios})))
+    assert list(study["scenarios"]) == ["A", "D", "E"]
+    for name, file in (("A", "paths"), ("D", "paths"), ("E", "paths_E")):
+        own = scenario_settings(study, name)
+        assert own["visibility"]["dynamics"] == own["task2"]["dynamics"]["truth"] == "ephemeris"
+        assert shared_dataset(study, name, "orbits/paths") == f"orbits/{file}.nc"
+    usual = check_campaign(merged(paper, {"results": str(tmp_path)}))
+    assert "dynamics" not in usual["visibility"]
+
+
 def test_the_table_of_a_sweep_of_architectures_has_what_they_reach(study, tmp_path):
     points = sweep_points(study, "limit")
     reached = [{"J": 1e-3 * k, "satellites": 10.0 + k} for k in range(3)]
@@ -486,8 +501,8 @@ def test_the_figure_of_a_sweep_shows_every_value(study, tmp_path, values, archit
     table = sweep_rows("noise", sweep, points, architectures, _summary(cells))
     table.to_csv(tmp_path / "table.csv", index=False)
     figure = sweep_figure(pd.read_csv(tmp_path / "table.csv"))
-    assert len(figure.axes) == 4 * (1 + bool(architectures))
-    tracked = figure.axes[-4]
+    assert len(figure.axes) == 4 * (2 + bool(architectures))
+    tracked = figure.axes[-8]
     assert tracked.get_xscale() == ("log" if log else "linear")
     lines = [line for line in tracked.lines if len(line.get_xdata()) == len(values)]
     estimators = len(study["task2"]["estimators"])

@@ -6,14 +6,16 @@ import spiceypy
 import xarray as xr
 from campaign_folder import ROOT, read_campaign
 
+from cislunar.campaign.architectures.visibility import architecture_coverage, visibility_dataset
 from cislunar.campaign.data.inputs import bodies_dataset, body_table, sun_dataset
 from cislunar.campaign.data.refined_orbits import (
     forces_on_observers,
     observer_states,
+    paths_dataset,
     refined_dataset,
     refined_rows,
 )
-from cislunar.campaign.settings.cell_tree import CellSettings
+from cislunar.campaign.settings.cell_tree import CellSettings, Dynamics
 from cislunar.campaign.settings.cells import Cell, cell_settings
 from cislunar.campaign.settings.library import loop_settings
 from cislunar.campaign.settings.reading import checked, merged, typed
@@ -25,10 +27,13 @@ from cislunar.dynamics.frames import from_inertial, pulsating_frame
 from cislunar.dynamics.propagation import propagate_periodic
 from cislunar.ephemeris.kernel import EARTH_MOON_BARYCENTER, kernel_path, loaded
 from cislunar.errors import ConfigurationError
+from cislunar.observation.eclipse import sunlit_share
 from cislunar.orbits.among_bodies.refinement import RefinedPath, path_states
 from cislunar.orbits.families import observer_library
+from cislunar.photometry.sphere import phase_angle, sphere_magnitude
 
 REAL = {"truth": "ephemeris", "filter": "ephemeris"}
+REFINED = REAL | {"observers": "refined"}
 CELL = Cell("A", "tpe", "mukf", 3, 60)
 
 
@@ -147,3 +152,81 @@ def test_what_cannot_be_is_refused(inputs):
     mixed = settings_of(dynamics={"truth": "cr3bp", "filter": "ephemeris"})
     with pytest.raises(ConfigurationError, match="set truth to 'ephemeris'"):
         checked(mixed, CellSettings)
+
+
+@pytest.mark.parametrize("eclipse", [False, True])
+def test_static_targets_are_seen_from_where_satellites_truly_are(inputs, eclipse):
+    """Every pair in km and axes of J2000, with bodies by SPICE, against counts in the frame."""
+    seen = {"duration_days": 3, "step_hours": 6, "limiting_magnitude": 16, "target_radius_m": 1}
+    seen |= {"diffuse_reflection_coefficient": 1, "eclipse": eclipse, "dynamics": "ephemeris"}
+    seen["exclusion_deg"] = {"sun": 35, "moon": 5, "earth": 15}
+    settings = {"epoch_jd": EPOCH_JD, "propagator": "dopri5", "visibility": seen}
+    flown = {**settings, "dynamics": settings_of(dynamics=REFINED)["dynamics"]}
+    orbits = inputs.orbits.assign(stability_index=("orbit", np.ones(3)))
+    paths = paths_dataset(orbits, inputs.bodies, flown, 2)
+    epoch, hours = float(inputs.bodies["epoch_et"]), np.arange(13) * 6.0
+    forces, dynamics = (
+        forces_on_observers(inputs.bodies, flown["dynamics"]),
+        typed(flown["dynamics"], Dynamics),
+    )
+    with loaded(kernel_path("de421")):
+        states = {
+            body: np.array([
+                spiceypy.spkgeo(code, epoch + 3600.0 * h, "J2000", EARTH_MOON_BARYCENTER)[0]
+                for h in hours
+            ])
+            for body, code in (("sun", 10), ("moon", 301), ("earth", 399))
+        }  # fmt: skip
+    sun, moon, earth = (states[body][:, :3] for body in ("sun", "moon", "earth"))
+    away = moon - earth
+    axes = np.empty((13, 3, 3))
+    axes[:, 0] = away / np.linalg.norm(away, axis=1)[:, None]
+    up = np.cross(away, (states["moon"] - states["earth"])[:, 3:])
+    axes[:, 2] = up / np.linalg.norm(up, axis=1)[:, None]
+    axes[:, 1] = np.cross(axes[:, 2], axes[:, 0])
+    length = np.linalg.norm(away, axis=1)
+    origin = (1.0 - MU) * earth + MU * moon
+    target = np.random.default_rng(3).normal([1.0, 0.0, 0.0], 0.2, (150, 3))
+    if eclipse:  # some near the edge of the Earth's shadow at a time
+        shade = earth[5] - sun[5]
+        behind = earth[5] + 60_000.0 * shade / np.linalg.norm(shade)
+        aside = behind + np.linspace(5_500.0, 7_000.0, 50)[:, None] * axes[5, 2]
+        target[:50] = (aside - origin[5]) @ axes[5].T / length[5]
+    place = origin[:, None] + length[:, None, None] * np.einsum("tji,nj->tni", axes, target)
+    lit = 1.0
+    if eclipse:
+        both = np.stack([earth, moon], axis=1) / LENGTH_UNIT_KM
+        lit = sunlit_share(place.swapaxes(0, 1) / LENGTH_UNIT_KM, sun / LENGTH_UNIT_KM, both).T
+        assert np.any(lit == 0.0) and np.any((lit > 0.0) & (lit < 1.0))
+    expected = np.zeros((3, 2, 13, 150), dtype=bool)
+    travelled = np.zeros((3, 2))
+    for orbit, phase in np.ndindex(3, 2):
+        state, period = orbits["state"].values[orbit], orbits["period"].values[orbit]
+        given = dynamics, state, period, 0.5 * phase, 3600.0 * hours, "one"
+        observer = observer_states(forces, *given)[:, :3] * LENGTH_UNIT_KM
+        line = place - observer[:, None]
+        distance = np.linalg.norm(line, axis=-1)
+        with np.errstate(divide="ignore"):
+            dim = -2.5 * np.log10(lit)
+        magnitude = sphere_magnitude(1e3 * distance, phase_angle(line, place - sun[:, None])) + dim
+        clear = magnitude < 16.0
+        for body, least in ((sun, 35.0), (moon, 5.0), (earth, 15.0)):
+            toward = body - observer
+            cosine = np.sum(line * toward[:, None], axis=-1) / distance
+            cosine /= np.linalg.norm(toward, axis=1)[:, None]
+            clear &= np.degrees(np.arccos(cosine)) > least
+        expected[orbit, phase] = clear
+        for body in (moon, earth):
+            travelled[orbit, phase] += np.linalg.norm(observer - body, axis=1).sum()
+    static = xr.Dataset({"position": (("target", "axis"), target)})
+    found = visibility_dataset(orbits, static, paths, settings, 2)
+    assert 0.02 < expected.mean() < 0.9
+    np.testing.assert_array_equal(found["observations"][:, 0], expected[:, 0].sum(axis=1))
+    np.testing.assert_array_equal(found["observations"][:, 1], expected.sum(axis=(1, 2)))
+    np.testing.assert_allclose(found["distance"][:, 1], travelled.sum(axis=1) / LENGTH_UNIT_KM)
+    ways = np.array([2, 0]), np.array([2, 1])
+    covered = architecture_coverage(*ways, orbits, static, paths, settings)
+    both = expected[2, 0] | expected[2, 1] | expected[0, 0]
+    assert covered.union_coverage == both.mean()
+    with pytest.raises(ConfigurationError, match="an architecture has phases that"):
+        architecture_coverage(*ways, orbits, static, paths, settings, 0.3)

@@ -359,6 +359,9 @@ def test_bad_input_is_refused(forces, starts, tmp_path):
         forces_between(FIRST, "2024-10-02", kernel=tmp_path / "none.bsp")
     with pytest.raises(ConfigurationError, match=r"inside the Moon: 1000\.000 km .* 1737\.4 km"):
         propagate_utc([1_000.0, 0, 0, 0, 1, 0], FIRST, "2024-10-02", forces=forces, center="moon")
+    for wrong in ([np.nan, 1.0, 0, 0, 1, 0], [9e4, 1.0, 0]):
+        with pytest.raises(ConfigurationError, match=r"6 finite numbers, got \[.*1\.0, 0"):
+            propagate_utc(wrong, FIRST, "2024-10-02", forces=forces)
     with pytest.raises(ConfigurationError, match=r"covers 2024-10-01.*wanted.*2024-11-01"):
         propagate_utc(state, FIRST, "2024-11-01", forces=forces)
     with pytest.raises(ConfigurationError, match=r"table of bodies covers .* not 0\.0000 to 30"):

@@ -42,7 +42,12 @@ def sun_at(times):
 def observed(observer, target, sun, settings):
     """What one satellite observes by the compiled kernel: bool, shape (time, target)."""
     counts = count_observers(
-        observer[None], target, sun, settings.angles.cosines, settings.faintness, MU
+        observer[None],
+        target,
+        sun,
+        settings.angles.cosines,
+        settings.faintness_at(len(observer)),
+        MU,
     )
     return counts > 0
 
@@ -59,11 +64,21 @@ def test_every_pair_of_random_tracks(n_targets):
     expected = visible(observer, target, sun, SETTINGS)
     np.testing.assert_array_equal(observed(observer, target, sun, SETTINGS), expected)
     counts = count_observations(
-        observer[None, None], target, sun, SETTINGS.angles.cosines, SETTINGS.faintness, MU
+        observer[None, None],
+        target,
+        sun,
+        SETTINGS.angles.cosines,
+        SETTINGS.faintness_at(len(sun)),
+        MU,
     )
     np.testing.assert_array_equal(counts[0, 0], expected.sum(axis=0))
     bits = mark_observations(
-        observer[None, None], target, sun, SETTINGS.angles.cosines, SETTINGS.faintness, MU
+        observer[None, None],
+        target,
+        sun,
+        SETTINGS.angles.cosines,
+        SETTINGS.faintness_at(len(sun)),
+        MU,
     )
     np.testing.assert_array_equal(bits[0, 0], np.packbits(expected, bitorder="little"))
 
@@ -165,7 +180,9 @@ def test_observers_are_counted_by_satellite():
     target = rng.normal(size=(150, 3))
     sun = sun_at(rng.uniform(0.0, SYNODIC_MONTH, 12))
     expected = sum(visible(each, target, sun, SETTINGS).astype(int) for each in track)
-    counts = count_observers(track, target, sun, SETTINGS.angles.cosines, SETTINGS.faintness, MU)
+    counts = count_observers(
+        track, target, sun, SETTINGS.angles.cosines, SETTINGS.faintness_at(len(sun)), MU
+    )
     assert expected.max() > 2
     np.testing.assert_array_equal(counts, expected)
 

@@ -1,6 +1,7 @@
 """Numbers in the documents come from tables: blocks filled, outdated ones found, none typed."""
 
 import shutil
+from itertools import product
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,6 +18,7 @@ from cislunar.campaign.claims.judges import (
     VERDICTS,
     Claim,
 )
+from cislunar.campaign.documents import dynamics_block
 from cislunar.campaign.documents import update as documents
 from cislunar.campaign.documents.blocks import BLOCKS, files_block, readings_tracking_block
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks, markdown_table
@@ -195,6 +197,27 @@ def test_page_tells_version_revision_and_settings(tables):
     page = results_page(tables, [dataset, dataset], {"seed": 7, "task2": {"seeds": 3}})
     assert "Made by cislunar 9.9, revision abc+, seed 7." in page
     assert "task2:\n  seeds: 3\n" in page
+
+
+def test_the_study_of_dynamics_has_a_section_if_it_was_run(campaign):
+    root, results = campaign
+    rows = [
+        {"estimator": "mukf", "targets": count, "mean": 0.875}
+        | {"quantity": quantity, "part": part or None, "unit": unit}
+        for count, (quantity, part, unit, _) in product((50, 100), dynamics_block.SHOWN.values())
+    ]
+    rows.append(rows[0] | {"quantity": "failed"})
+    for name in dynamics_block.SWEEPS:
+        value = {"apogee": "real-cr3bp"}.get(name, f"{name}-real")
+        pd.DataFrame(rows).assign(value=value).to_csv(results / f"tables/sweep_{name}.csv")
+    documents.refresh(root, results)
+    page = root / "docs/results.md"
+    assert "CR3BP costs" not in page.read_text(encoding="utf-8")
+    assert documents.main(["--root", str(root), "--dynamics", str(results)]) == 0
+    text = page.read_text(encoding="utf-8")
+    assert "| apogee | real, CR3BP | filter | 100 | 0.875 | 0.875 | 0.875 |" in text
+    assert text.count("| real, real, one Gaussian |") == text.count("| perigee |") == 2
+    assert documents.main(["--check", "--root", str(root)]) == 0
 
 
 def test_only_sure_differences_are_marked(tables):

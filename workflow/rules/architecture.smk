@@ -110,7 +110,7 @@ rule front:
         visibility=rules.visibility.output[0],
         orbits=rules.families.output[0],
         targets=rules.static_targets.output[0],
-        sun=shared("ephemeris/sun"),
+        sun=sky(),
     output:
         results("architecture/{scenario}/front.nc"),
     log:

@@ -160,6 +160,39 @@ def shared(name, scenario=None):
     return results(shared_dataset(STUDY, scenario, name))
 
 
+def sky(scenario=None, architecture=""):
+    """Where the Sun is, and among the bodies as they are also observers; by default, of a job."""
+    if scenario is None:
+        return lambda wildcards: sky(wildcards.scenario, wildcards.get("observers", ""))
+    if settings_in(scenario, "visibility")["visibility"].get("dynamics") != "ephemeris":
+        return shared("ephemeris/sun", scenario)
+    if architecture in OBSERVERS:
+        return results(f"orbits/paths_{scenario}_{architecture}.nc")
+    return shared("orbits/paths", scenario)
+
+
+def path_settings(wildcards):
+    """What the paths of observers among the bodies depend on."""
+    own = settings_in(wildcards.scenario, "epoch_jd", "visibility", "task2")
+    return own | {"dynamics": own.pop("task2")["dynamics"]}
+
+
+def in_cr3bp(scenario, what):
+    """Refuse what is made in the CR3BP alone for a scenario that has its architectures elsewhere."""
+    if settings_in(scenario, "visibility")["visibility"].get("dynamics") == "ephemeris":
+        raise SystemExit(
+            f"error: scenario {scenario} has visibility.dynamics = 'ephemeris', and {what} of the "
+            f"CR3BP alone; leave {scenario} out there, or set visibility.dynamics to 'cr3bp'"
+        )
+
+
+def readings_settings(*keys):
+    """The configuration of the scenario that is rerun under each reading of the paper."""
+    scenario = ARCHITECTURE["readings"]["scenario"]
+    in_cr3bp(scenario, "architecture.readings is")
+    return settings_in(scenario, *keys)
+
+
 def orbits_file(architecture):
     """The orbits that an architecture refers to."""
     return results(orbits_of(architecture, architecture in OBSERVERS))
@@ -238,6 +271,7 @@ def comparison_settings(wildcards):
 
 def goal_settings(wildcards, goal=None):
     """What an architecture by an objective of its own depends on; `goal` is a design or a front."""
+    in_cr3bp(wildcards.scenario, "architecture.designs, objective_fronts and elsewhere are")
     own = settings_in(wildcards.scenario, "epoch_jd", "propagator", "visibility")
     own |= {key: ARCHITECTURE[key] for key in ("slots", "max_satellites")}
     if goal is None or goal["objective"] in ("information", "attitude"):

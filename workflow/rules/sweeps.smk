@@ -17,7 +17,8 @@ rule sweep_table:
             results(f"targets/static_{name}.nc") for name in swept_scenarios(wildcards)
         ],
         suns=lambda wildcards: [
-            shared("ephemeris/sun", name) for name in swept_scenarios(wildcards)
+            sky(name, SWEEPS[wildcards.sweep]["architecture"])
+            for name in swept_scenarios(wildcards)
         ],
     output:
         report(

@@ -8,7 +8,7 @@ LABELLED = ARCHITECTURE["label_comparison"]["scenario"]
 rule architecture_table:
     input:
         orbits=rules.families.output[0],
-        suns=[shared("ephemeris/sun", scenario) for scenario in SCENARIOS],
+        suns=[sky(scenario) for scenario in SCENARIOS],
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
         architectures=architecture_files("architecture/{scenario}/{optimizer}.nc"),
     output:
@@ -42,7 +42,7 @@ rule architecture_table:
 rule observers_table:
     input:
         orbits=expand(rules.own_observers.output, observers=OBSERVERS),
-        suns=[shared("ephemeris/sun", scenario) for scenario in SCENARIOS],
+        suns=[sky(scenario, name) for scenario in SCENARIOS for name in OBSERVERS],
         targets=expand(results("targets/static_{scenario}.nc"), scenario=SCENARIOS),
         architectures=expand(rules.own_architecture.output, scenario=SCENARIOS, observers=OBSERVERS),
     output:
@@ -181,8 +181,7 @@ rule readings:
     threads: ALL_CORES
     params:
         scenario=READ,
-        config=lambda wildcards: settings_in(
-            READ,
+        config=lambda wildcards: readings_settings(
             "seed",
             "epoch_jd",
             "propagator",
@@ -224,4 +223,5 @@ rule task1:
         rules.label_comparison.output if OPTIMIZERS and LABELLED else [],
         rules.readings.output if OPTIMIZERS and READ else [],
         rules.architecture_claims.output if OF_THE_PAPER else [],
+        rules.refined_orbits_table.output if TASK2["dynamics"]["truth"] == "ephemeris" else [],
         expand(rules.front.output, scenario=SCENARIOS if OPTIMIZERS else []),

@@ -1,8 +1,59 @@
+rule observer_paths:
+    input:
+        orbits=rules.families.output[0],
+        bodies=rules.bodies.output[0],
+    output:
+        results("orbits/paths.nc"),
+    log:
+        log_of("orbits/paths"),
+        times=benchmark_of("observer_paths"),
+    priority: 90
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        settings=settings("epoch_jd", "visibility") | {"dynamics": TASK2["dynamics"]},
+        max_satellites=ARCHITECTURE["max_satellites"],
+    message:
+        "Flying the candidate observers among Earth, Moon and Sun as they are"
+    script:
+        "../scripts/observer_paths.py"
+
+
+use rule observer_paths as observer_paths_of_scenario with:
+    input:
+        orbits=rules.families.output[0],
+        bodies=shared("ephemeris/bodies"),
+    output:
+        results("orbits/paths_{scenario}.nc"),
+    log:
+        log_of("orbits/paths_{scenario}"),
+        times=benchmark_of("observer_paths_of_scenario/{scenario}"),
+    params:
+        settings=path_settings,
+        max_satellites=ARCHITECTURE["max_satellites"],
+
+
+use rule observer_paths_of_scenario as own_observer_paths with:
+    input:
+        orbits=rules.own_observers.output[0],
+        bodies=shared("ephemeris/bodies"),
+    output:
+        results("orbits/paths_{scenario}_{observers}.nc"),
+    log:
+        log_of("orbits/paths_{scenario}_{observers}"),
+        times=benchmark_of("own_observer_paths/{scenario}_{observers}"),
+    params:
+        settings=path_settings,
+        max_satellites=1,
+    message:
+        "Flying the observers {wildcards.observers} among Earth, Moon and Sun as they are"
+
+
 rule visibility:
     input:
         orbits=rules.families.output[0],
         targets=rules.static_targets.output[0],
-        sun=shared("ephemeris/sun"),
+        sun=sky(),
     output:
         results("visibility/{scenario}.nc"),
     log:
@@ -25,7 +76,7 @@ use rule visibility as observer_visibility with:
     input:
         orbits=rules.own_observers.output[0],
         targets=rules.static_targets.output[0],
-        sun=shared("ephemeris/sun"),
+        sun=sky(),
     output:
         results("visibility/{scenario}_{observers}.nc"),
     log:

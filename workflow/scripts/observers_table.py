@@ -16,12 +16,13 @@ from cislunar.campaign.data.progress import each
 with job(snakemake.log, snakemake.threads):
     read, settings = snakemake.input, snakemake.params.settings
     orbits = dict(zip(snakemake.params.observers, map(read_dataset, read.orbits), strict=True))
-    suns = dict(zip(settings, map(read_dataset, read.suns), strict=True))
+    suns = dict(zip(read.architectures, map(read_dataset, read.suns), strict=True))
     targets = dict(zip(settings, map(read_dataset, read.targets), strict=True))
     rows = []
-    for path in map(Path, each(read.architectures, "architectures")):
+    for file in each(read.architectures, "architectures"):
+        path = Path(file)
         scenario, name = path.parent.name, path.stem
-        places = orbits[name], targets[scenario], suns[scenario], settings[scenario]
+        places = orbits[name], targets[scenario], suns[file], settings[scenario]
         found = architecture_rows(scenario, name, read_dataset(path), *places)
         labels = found.drop(columns=["paper_family", "paper_satellites"])
         labels.insert(3, "observer", orbits[name]["name"].values)

@@ -90,6 +90,7 @@ def coverage(
     sun_position: ArrayLike,
     settings: VisibilitySettings,
     *,
+    length: ArrayLike = 1.0,
     mu: float = MU,
 ) -> Coverage:
     """Measure what a set of satellites sees of a static target set.
@@ -106,6 +107,8 @@ def coverage(
         Sun at those times, nondimensional, rotating frame.
     settings : VisibilitySettings
         Photometry and exclusion.
+    length : array_like, shape (time,) or ()
+        Unit of length of the frame in units of l*.
     mu : float
         Mass ratio.
 
@@ -115,10 +118,11 @@ def coverage(
     """
     times = np.asarray(times, dtype=float)
     places = (np.ascontiguousarray(each, dtype=float) for each in (track, target, sun_position))
-    given = *places, settings.angles.cosines, settings.faintness, mu
+    faintness = settings.faintness_at(len(times), length)
+    given = *places, settings.angles.cosines, faintness, mu
     observers = count_observers(*given)
     if settings.eclipse:
-        shade = shade_of(given[1], given[2], mu)
+        shade = shade_of(given[1], given[2], mu, length)
         lost = lost_observations(*given, shade).sum(axis=0, dtype=observers.dtype)
         np.subtract.at(observers, (shade.time, shade.target), lost)
     seen = observers > 0

@@ -165,6 +165,7 @@ def coverage_tables(
     n_windows = len(starts) if window == "day" else len(times)
     n_words = -(-n_windows * len(target) // _WORD)
     layers = np.zeros((len(allowed) * places, counts, layer, n_words), dtype=np.uint64)
+    faintness = settings.faintness_at(len(times))
     shade = shade_of(target, sun, mu) if settings.eclipse else None
     for first in range(0, len(allowed), _ORBITS_PER_BATCH):
         batch = allowed[first : first + _ORBITS_PER_BATCH]
@@ -172,7 +173,7 @@ def coverage_tables(
             orbits.state[batch], orbits.period[batch], phase, times,
             propagator=settings.propagator, mu=mu,
         )  # fmt: skip
-        given = track, target, sun, settings.angles.cosines, settings.faintness, mu
+        given = track, target, sun, settings.angles.cosines, faintness, mu
         bits = mark_observations(*given)
         if shade is not None:
             at = shade.time * len(target) + shade.target

@@ -18,6 +18,7 @@ from cislunar.campaign.data.progress import Progress, logger
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.library import visibility_settings
 from cislunar.campaign.settings.observing.sensors import own_sensors
+from cislunar.errors import ConfigurationError
 from cislunar.visibility.counts import VisibilityCounts, VisibilitySettings, count_visibility
 
 
@@ -32,18 +33,21 @@ def visibility_dataset(
     """``visibility/{scenario}.nc``: observations by orbit and satellite count.
 
     From ``orbits/families.nc``, ``targets/static_{scenario}.nc`` and ``ephemeris/sun.nc``, up to a
-    number of satellites on one orbit; observers of a table see as their own sensors do. `settings`
-    has the configuration keys `epoch_jd`, `propagator` and `visibility`; `progress` counts orbits.
+    number of satellites on one orbit; observers of a table see as their own sensors do. Among the
+    bodies as they are `sun` is ``orbits/paths.nc`` of these orbits. `settings` has the
+    configuration keys `epoch_jd`, `propagator` and `visibility`; `progress` counts orbits.
     """
     chosen = visibility_settings(settings)
     times = horizon(settings)
-    seen = targets["position"].values, times, sun_at(sun, times)
+    place, length = _sky(sun, times)
+    tracks = sun["track"].values if "track" in sun else None
+    seen = targets["position"].values, times, place
+    told: dict[str, Any] = {"max_satellites": max_satellites, "length": length}
     found = []
     for first, last, own in _by_sensor(chosen, orbits):
         flown = orbits["state"].values[first:last], orbits["period"].values[first:last]
-        found.append(
-            count_visibility(*flown, *seen, own, max_satellites=max_satellites, progress=progress)
-        )
+        told["tracks"] = None if tracks is None else tracks[first:last]
+        found.append(count_visibility(*flown, *seen, own, **told, progress=progress))
     counts = VisibilityCounts(
         np.concatenate([each.observations for each in found]),
         np.concatenate([each.distance for each in found]),
@@ -84,6 +88,29 @@ def visibility_dataset(
         },
         attrs=attributes,
     )
+
+
+def _sky(sun: xr.Dataset, times: np.ndarray) -> tuple[np.ndarray, ArrayLike]:
+    """Sun (time, 3) in the rotating frame, and the frame's unit of length over l*."""
+    if "track" in sun:
+        return sun["sun_position"].values, sun["length"].values
+    return sun_at(sun, times), 1.0
+
+
+def _flown(
+    paths: xr.Dataset, orbit: np.ndarray, satellites: np.ndarray, phase: ArrayLike
+) -> np.ndarray:
+    """Tracks (satellite, time, 3) of an architecture in ``orbits/paths.nc``."""
+    ahead = np.broadcast_to(np.asarray(phase, dtype=float), np.shape(orbit))
+    rows = np.repeat(orbit, satellites)
+    wanted = np.concatenate([a + np.arange(n) / n for a, n in zip(ahead, satellites, strict=True)])
+    away = np.abs((wanted[:, None] - paths["phase"].values + 0.5) % 1.0 - 0.5)
+    if np.any(away.min(axis=1) > 1e-9):
+        raise ConfigurationError(
+            "an architecture has phases that orbits/paths.nc has not: those of satellites spread "
+            "evenly from the first"
+        )
+    return paths["track"].values[rows, np.argmin(away, axis=1)]
 
 
 def _by_sensor(
@@ -127,12 +154,16 @@ def architecture_coverage(
     """
     chosen = visibility_settings(settings)
     times = horizon(settings)
-    track = architecture_tracks(
-        orbits["state"].values[orbit],
-        orbits["period"].values[orbit],
-        satellites,
-        times,
-        phase=phase,
-        propagator=chosen.propagator,
-    )
-    return coverage(track, targets["position"].values, times, sun_at(sun, times), chosen)
+    place, length = _sky(sun, times)
+    if "track" in sun:
+        track = _flown(sun, orbit, satellites, phase)
+    else:
+        track = architecture_tracks(
+            orbits["state"].values[orbit],
+            orbits["period"].values[orbit],
+            satellites,
+            times,
+            phase=phase,
+            propagator=chosen.propagator,
+        )
+    return coverage(track, targets["position"].values, times, place, chosen, length=length)

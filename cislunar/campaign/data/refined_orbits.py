@@ -1,4 +1,4 @@
-"""Data set and table of orbits of the CR3BP refined into paths among the bodies as they are."""
+"""Data sets and table of orbits of the CR3BP flown among the bodies as they are."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,19 +7,22 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from cislunar.campaign.data.inputs import COMPONENTS, body_table
+from cislunar.campaign.data.inputs import AXES, COMPONENTS, body_table, horizon
 from cislunar.campaign.data.netcdf import variable
 from cislunar.campaign.data.progress import Progress, logger
 from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cell_tree import Dynamics
 from cislunar.campaign.settings.reading import typed
 from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.ephemeris_forces import Ephemeris, ephemeris_forces
 from cislunar.dynamics.framed_cr3bp import is_low_lunar
+from cislunar.dynamics.frames import from_inertial, pulsating_frame
 from cislunar.ephemeris.bodies import COLUMNS, read_table
 from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.orbits.among_bodies.held import holding_cost, reference_states
 from cislunar.orbits.among_bodies.refinement import RefinedPath, path_states, refined_path
+from cislunar.visibility.phasing import distinct_phases
 
 _HOUR_S = 3600.0
 
@@ -138,6 +141,56 @@ def refined_dataset(
         coords={"component": variable("component", list(COMPONENTS), "1", "component")},
         attrs=provenance("Orbits refined among Earth, Moon and Sun", settings=dict(settings)),
     )  # fmt: skip
+
+
+def paths_dataset(
+    orbits: xr.Dataset,
+    bodies: xr.Dataset,
+    settings: Mapping[str, Any],
+    max_satellites: int,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """``orbits/paths.nc``: Sun and satellites of every orbit and phase among the bodies.
+
+    At the times of the horizon, in the frame of the instant, whose unit of length is there too.
+    From ``orbits/families.nc`` or a table's orbits and ``ephemeris/bodies.nc``; `settings` has
+    `visibility`, and `task2.dynamics` as `dynamics`, which says how satellites fly (see
+    `observer_states`). `progress` counts orbits.
+    """
+    dynamics = typed(settings["dynamics"], Dynamics)
+    forces = forces_on_observers(bodies, settings["dynamics"])
+    elapsed = horizon(settings) * TIME_UNIT_S
+    frame = pulsating_frame(forces.table, forces.epoch + elapsed)
+    sun = np.zeros((elapsed.size, 6))
+    sun[:, :3] = read_table(forces.table, forces.epoch + elapsed)[0][:, COLUMNS["sun"]]
+    phase, _ = distinct_phases(max_satellites)
+    states, periods = orbits["state"].values, orbits["period"].values
+    track = np.empty((len(states), phase.size, elapsed.size, 3))
+    for row, (state, period) in enumerate(zip(states, periods, strict=True)):
+        name = f"{orbits['family'].values[row]}, row {row}"
+        for k, ahead in enumerate(phase):
+            flown = observer_states(forces, dynamics, state, period, ahead, elapsed, name)
+            track[row, k] = from_inertial(flown * UNITS, frame)[:, :3]
+        if progress is not None:
+            progress(row + 1, len(states))
+    frame_of = "nondimensional, rotating frame with the distance of Earth and Moon as unit"
+    return xr.Dataset(
+        {
+            "track": variable(("orbit", "phase", "time", "axis"), track, "1", frame_of),
+            "sun_position": variable(
+                ("time", "axis"), from_inertial(sun, frame)[:, :3], "1", f"Sun, {frame_of}"
+            ),
+            "length": variable(
+                "time", frame.length / LENGTH_UNIT_KM, "1", "distance of Earth and Moon over l*"
+            ),
+        },
+        coords={
+            "phase": variable("phase", phase, "1", "share of the period ahead"),
+            "time": variable("time", elapsed, "s", "time since the epoch"),
+            "axis": variable("axis", list(AXES), "1", "axis of the rotating frame"),
+        },
+        attrs=provenance("Observers among Earth, Moon and Sun", settings=dict(settings)),
+    )
 
 
 def _measured(

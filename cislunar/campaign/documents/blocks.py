@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import pandas as pd
 
+from cislunar.campaign.documents.dynamics_block import STUDY, dynamics_block
 from cislunar.campaign.documents.estimator_blocks import AWARE, ESTIMATOR_BLOCKS
 from cislunar.campaign.documents.markdown import markdown_table
 from cislunar.campaign.documents.results_page import (
@@ -195,6 +196,7 @@ BLOCKS: Mapping[str, Callable[[Tables], str]] = {
     "readings-tracking": readings_tracking_block,
     "photometry": photometry_block,
     "returned-light": returned_light_block,
+    STUDY: dynamics_block,
     **ESTIMATOR_BLOCKS,
 }
 """What makes each block, by the name in its opening line."""

@@ -19,6 +19,7 @@ from cislunar.campaign.claims.judges import (
     REPRODUCED,
     VERDICTS,
 )
+from cislunar.campaign.documents.dynamics_block import dynamics_section
 from cislunar.campaign.documents.markdown import generated_block, markdown_table
 
 DASH = "\N{EN DASH}"
@@ -62,7 +63,7 @@ def results_body(tables: Tables) -> str:
     """The page of results without its header and settings.
 
     A diagram of the verdicts and their numbers, a line for each claim with the full statistic
-    folded below, the architectures, every cell of tracking.
+    folded below, the architectures, every cell of tracking, and the study of dynamics, if any.
     """
     claims = tables["paper_vs_ours"].fillna("-")
     parts = [
@@ -76,7 +77,7 @@ def results_body(tables: Tables) -> str:
         group = claims[claims["where"] == where]
         parts += [f"## {_heading(where)}\n", claims_list(group), claims_details(group)]
     parts += ["## Architectures\n", architecture_list(tables["architecture"])]
-    parts += ["## Tracking\n", tracking_list(tables["tracking"])]
+    parts += ["## Tracking\n", tracking_list(tables["tracking"]), dynamics_section(tables)]
     return "\n".join(parts)
 
 

@@ -7,7 +7,8 @@ From the folder of the repository, after the campaign::
 copies the tables the documents rest on from ``results/`` to ``docs/tables``, the page of results to
 ``docs/results.md``, and makes every block between the lines ``<!-- begin generated: NAME -->`` and
 ``<!-- end generated -->`` anew from these tables. ``--results FOLDER`` takes another results
-folder; ``--check`` changes nothing and fails where a document differs from its tables.
+folder; ``--dynamics FOLDER`` takes the tables of the study ``config/dynamics.yaml`` alone;
+``--check`` changes nothing and fails where a document differs from its tables.
 """
 
 import argparse
@@ -22,6 +23,7 @@ import pandas as pd
 
 from cislunar.campaign.data.netcdf import write_text
 from cislunar.campaign.documents.blocks import BLOCKS
+from cislunar.campaign.documents.dynamics_block import STUDY, study_table
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
 from cislunar.campaign.documents.results_page import STRIP, shown_quantities, verdicts_svg
 from cislunar.campaign.documents.run_times import run_times
@@ -46,8 +48,13 @@ _THINNED = ("readings_tracking", "tracking")
 
 
 def read_tables(folder: str | Path) -> dict[str, pd.DataFrame]:
-    """The tables the documents rest on, of ``docs/tables``, by name; all must be there."""
-    return {name: _read(Path(folder) / f"{name}.csv") for name in TABLES}
+    """The tables the documents rest on, of ``docs/tables``, by name.
+
+    All of the campaign must be there; that of the study of dynamics need not.
+    """
+    folder = Path(folder)
+    own = [STUDY] if (folder / f"{STUDY}.csv").is_file() else []
+    return {name: _read(folder / f"{name}.csv") for name in (*TABLES, *own)}
 
 
 def _read(path: Path) -> pd.DataFrame:
@@ -157,12 +164,21 @@ def main(arguments: list[str] | None = None) -> int:
         description="Fill the documents with the numbers of a finished campaign.",
     )
     parser.add_argument("--results", default="results", help="results folder (default: results)")
+    parser.add_argument(
+        "--dynamics", help="results folder of config/dynamics.yaml, of which alone tables are taken"
+    )
     parser.add_argument("--root", default=".", help="folder of the repository (default: here)")
     parser.add_argument(
         "--check", action="store_true", help="change nothing; fail where a document is outdated"
     )
     chosen = parser.parse_args(arguments)
     try:
+        if chosen.dynamics is not None:
+            kept = Path(chosen.root) / f"docs/tables/{STUDY}.csv"
+            write_text(study_table(chosen.dynamics).to_csv(index=False), kept)
+            for path, text in outdated(chosen.root).items():
+                write_text(text, path)
+            return 0
         if not chosen.check:
             changed = refresh(chosen.root, chosen.results)
             print("\n".join(map(str, changed)) or "nothing has changed")

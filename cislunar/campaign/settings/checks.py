@@ -78,9 +78,9 @@ def _with_copies(config: dict[str, Any]) -> dict[str, Any]:
             every = [one for each in further for one in _copies(search["designs"], each)]
             families[name] = family | {"other_architectures": every}
     variants = task2["variants"] | {"families": families}
-    lit = {k: v for k, v in config["visibility"].items() if (k, v) != ("eclipse", False)}
+    plain = ("eclipse", False), ("dynamics", "cr3bp")
     return config | {
-        "visibility": lit,
+        "visibility": {k: v for k, v in config["visibility"].items() if (k, v) not in plain},
         "architecture": search | {"designs": designs, "objective_fronts": fronts},
         "task2": task2 | {"other_architectures": tracked, "variants": variants},
     }

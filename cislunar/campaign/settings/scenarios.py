@@ -154,6 +154,10 @@ SHARED: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Any]] = {
     "ephemeris/bodies": lambda settings, _: (
         settings["epoch_jd"], settings["ephemeris"], settings["visibility"]["duration_days"]
     ),
+    "orbits/paths": lambda settings, _: (
+        settings["epoch_jd"], settings["ephemeris"], settings["visibility"]["duration_days"],
+        settings["visibility"]["step_hours"], settings["task2"]["dynamics"],
+    ),
     "targets/zvs_points": lambda settings, _: settings["targets"] | {"seeding": None},
     "orbits/tracked": lambda settings, entry: (
         entry.get("tracked"), tracked_epoch(settings, entry.get("tracked"))

@@ -106,6 +106,11 @@ class Visibility(Section):
     eclipse: Flag = setting(
         "true: targets dim in the penumbra of Earth and Moon, and cannot be seen in the umbra",
         paper="not in the paper", default=False)
+    dynamics: Literal["cr3bp", "ephemeris"] = setting(
+        "where observers and bodies are while architectures are chosen: as in the `cr3bp`, or "
+        "Earth, Moon and Sun where they are and observers as `task2.dynamics` has them; static "
+        "targets rest in the frame of the instant, and J is the only objective (docs/dynamics.md)",
+        paper="cr3bp", default="cr3bp")
 
 
 def _values(value: Any) -> Any:

@@ -63,6 +63,13 @@ TRACKING = (
     Quantity("rmse_median", "position RMSE,\nmedian, km", "position", "km", log=True),
     Quantity("never_observed", "moving targets\nnever observed", within=COUNT),
 )  # fmt: skip
+ORBITS = (
+    Quantity("coverage", "position within\n3\N{GREEK SMALL LETTER SIGMA}, % of time", "position",
+             factor=100.0, within=PERCENT),
+    Quantity("anees_mean", "ANEES of position,\nmean", "position", log=True),
+    Quantity("rmse_median", "velocity RMSE,\nmedian, m/s", "velocity", "m s-1", log=True),
+    Quantity("inconsistent_translation", "targets with\ninconsistent orbit", within=COUNT),
+)  # fmt: skip
 
 
 class _Values(NamedTuple):
@@ -91,15 +98,14 @@ def _axis_of(table: pd.DataFrame) -> _Values:
 def sweep_figure(table: pd.DataFrame) -> Figure:
     """What the architectures of ``tables/sweep_{name}.csv`` reach and where they differ.
 
-    Then a row of panels for each target count.
+    Then two rows of panels for each target count, the second of the orbits alone.
     """
     values = _axis_of(table)
     counts = sorted(table["targets"].dropna().unique())
     rows = [("the architecture", ARCHITECTURE, table[table["targets"].isna()])]
-    rows += [
-        (f"tracking of $n_T$ = {int(n)} moving targets", TRACKING, table[table["targets"] == n])
-        for n in counts
-    ]
+    for n in counts:
+        own, heading = table[table["targets"] == n], f"$n_T$ = {int(n)} moving targets"
+        rows += [(f"tracking of {heading}", TRACKING, own), (f"orbits of {heading}", ORBITS, own)]
     rows = [row for row in rows if not row[2].empty]
     foot = _FOOT + (0.0 if values.numeric else _LINE_IN * len(values.names))
     width_in = (PAGE_WIDTH_IN - _LEFT - _RIGHT - (_COLUMNS - 1) * _GAP) / _COLUMNS
