@@ -89,25 +89,6 @@ def dop853_step(forces, t, state, dt, slopes, work):
     state[:, :] = work
 
 
-@njit(cache=True, error_model="numpy")
-def step_cloud(forces, t, state, dt, slopes, work):
-    """As `step_bundle`, for states near one another: by Dormand-Prince 5 where that will do.
-
-    The first state, the middle of the cloud, decides: `DOP853` costs twice as much and is needed
-    near a primary only, see `is_calm`.
-    """
-    field = at(forces, t)
-    if not is_calm(field, state[0, 0], state[1, 0], state[2, 0], dt):
-        step_bundle(forces, t, state, dt, slopes, work)
-        return
-    _slopes(field, state, slopes[0])
-    for s in range(1, STAGES5):
-        _combine(state, dt, A5[s], 1, s, slopes, work)
-        _slopes(at(forces, t + C5[s] * dt), work, slopes[s])
-    _combine(state, dt, A5[STAGES5], 1, STAGES5, slopes, work)
-    state[:, :] = work
-
-
 @for_all_others
 def take_step(forces, t, state, dt, slopes, work):
     """A step of a bundle as a model takes it: one of DOP853 unless it says otherwise."""
@@ -122,6 +103,36 @@ def step_bundle(forces, t, state, dt, slopes, work):
     (STAGES8, 6, N), and `work`, shape (6, N), are scratch.
     """
     take_step(forces, t, state, dt, slopes, work)
+
+
+@njit(cache=True, error_model="numpy")
+def _dopri5_step(forces, t, state, dt, slopes, work):
+    """One Dormand-Prince step of a bundle; arguments as of `step_bundle` (compiled)."""
+    _slopes(at(forces, t), state, slopes[0])
+    for s in range(1, STAGES5):
+        _combine(state, dt, A5[s], 1, s, slopes, work)
+        _slopes(at(forces, t + C5[s] * dt), work, slopes[s])
+    _combine(state, dt, A5[STAGES5], 1, STAGES5, slopes, work)
+    state[:, :] = work
+
+
+@for_all_others
+def take_cloud_step(forces, t, state, dt, slopes, work):
+    """A step of a cloud as a model takes it: see `step_cloud`, unless it says otherwise."""
+    if is_calm(at(forces, t), state[0, 0], state[1, 0], state[2, 0], dt):
+        _dopri5_step(forces, t, state, dt, slopes, work)
+    else:
+        take_step(forces, t, state, dt, slopes, work)
+
+
+@njit(cache=True, error_model="numpy")
+def step_cloud(forces, t, state, dt, slopes, work):
+    """As `step_bundle`, for states near one another: by Dormand-Prince 5 where that will do.
+
+    The first state, the middle of the cloud, decides: `DOP853` costs twice as much and is needed
+    near a primary only, see `is_calm`.
+    """
+    take_cloud_step(forces, t, state, dt, slopes, work)
 
 
 @njit(cache=True, error_model="numpy")

@@ -76,12 +76,6 @@ def _acceleration(field, x, y, z, vx, vy, vz):
     return ax, ay, az
 
 
-CALM_STEP = 7e-3
-"""Step of Dormand-Prince 5 over the time scale sqrt(d^3 / mass) of a primary, at most.
-
-At steps of 60 s that is 7 100 km from the Moon and 31 000 km from the Earth."""
-
-
 @implements(forces.is_calm, CR3BP)
 def _is_calm(field, x, y, z, dt):
     x_earth = x + field.mu
@@ -90,7 +84,7 @@ def _is_calm(field, x, y, z, dt):
     d2 = x_earth * x_earth + yz2
     r2 = x_moon * x_moon + yz2
     rate2 = max((1.0 - field.mu) / (d2 * np.sqrt(d2)), field.mu / (r2 * np.sqrt(r2)))
-    return rate2 * dt * dt < CALM_STEP * CALM_STEP
+    return rate2 * dt * dt < forces.CALM_STEP**2
 
 
 @implements(forces.partials, CR3BP)

@@ -255,6 +255,15 @@ def _maybe_in_shadow(field, x, y, z):
     )
 
 
+@implements(forces.is_calm, Field)
+def _is_calm(field, x, y, z, dt):
+    # without regard to shadows, whose edges steps of neither order end at
+    at = (x, y, z)
+    earth = field.gm_earth * _inverse_cube(_minus(at, field.earth))
+    moon = field.gm_moon * _inverse_cube(_minus(at, field.moon))
+    return max(earth, moon) * dt * dt < forces.CALM_STEP**2
+
+
 @implements(forces.acceleration, Field)
 def _acceleration(field, x, y, z, vx, vy, vz):
     at = (x, y, z)

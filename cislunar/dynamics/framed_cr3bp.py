@@ -23,7 +23,7 @@ from scipy.integrate import cumulative_trapezoid
 from cislunar.compiled import implements
 from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics import forces
-from cislunar.dynamics.bundle import dop853_step, take_step
+from cislunar.dynamics.bundle import take_cloud_step, take_step
 from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.frames import Frame, lunar_frame, pulsating_frame, to_inertial
@@ -213,15 +213,28 @@ def _map(matrix, shift_in, shift_out, state, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _framed_step(model, t, state, dt, slopes, work):
+def _enter(model, t, state, dt, out):
+    """States in their frame, into `out`; where the tables end the step, and its length there."""
     k, last = int(np.floor(t / model.step + 0.5)), int(np.floor((t + dt) / model.step + 0.5))
-    at_rest = np.zeros(6)
-    _map(model.inward[k], model.origin[k], at_rest, state, work)
-    duration = model.clock[last] - model.clock[k]
-    dop853_step(CR3BP(model.mu), 0.0, work, duration, slopes, state)
-    _map(model.outward[last], at_rest, model.origin[last], work, state)
+    _map(model.inward[k], model.origin[k], np.zeros(6), state, out)
+    return last, model.clock[last] - model.clock[k]
+
+
+@njit(cache=True, error_model="numpy")
+def _leave(model, last, state, out):
+    """States out of their frame."""
+    _map(model.outward[last], np.zeros(6), model.origin[last], state, out)
 
 
 @implements(take_step, _OneFrame)
 def _step(model, t, state, dt, slopes, work):
-    _framed_step(model, t, state, dt, slopes, work)
+    last, duration = _enter(model, t, state, dt, work)
+    take_step(CR3BP(model.mu), 0.0, work, duration, slopes, state)
+    _leave(model, last, work, state)
+
+
+@implements(take_cloud_step, _OneFrame)
+def _cloud_step(model, t, state, dt, slopes, work):
+    last, duration = _enter(model, t, state, dt, work)
+    take_cloud_step(CR3BP(model.mu), 0.0, work, duration, slopes, state)
+    _leave(model, last, work, state)

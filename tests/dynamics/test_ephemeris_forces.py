@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU, TIME_UNIT_S
 from cislunar.dynamics import forces as seam
-from cislunar.dynamics.bundle import propagate_bundle
+from cislunar.dynamics.bundle import propagate_bundle, step_bundle, step_cloud
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.ephemeris import UNITS, forces_between, propagate_utc
 from cislunar.dynamics.ephemeris_forces import ephemeris_forces
@@ -23,7 +23,16 @@ from cislunar.dynamics.radiation import (
     visible_sun,
 )
 from cislunar.dynamics.runge_kutta import _derivative
-from cislunar.ephemeris.bodies import GM_EARTH, GM_MOON, GM_SUN, BodyTable, moon_axes
+from cislunar.dynamics.tableau import STAGES8
+from cislunar.ephemeris.bodies import (
+    COLUMNS,
+    GM_EARTH,
+    GM_MOON,
+    GM_SUN,
+    BodyTable,
+    moon_axes,
+    read_table,
+)
 from cislunar.ephemeris.kernel import EARTH, EARTH_MOON_BARYCENTER, MOON, SUN, kernel_path, loaded
 from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.errors import ConfigurationError, InputFileError
@@ -303,6 +312,34 @@ def test_targets_of_a_bundle_have_their_own_radiation(forces, starts):
 
     assert [strength(each, i) for i in range(3)] == list(each.radiation.strength)
     assert strength(forces, 2) == forces.radiation.strength
+
+
+@njit
+def _day_of_a_cloud(forces, points, whole, step):
+    slopes, work = np.empty((STAGES8, *points.shape)), np.empty(points.shape)
+    for k in range(1440):
+        step_cloud(forces, k * step, points, step, slopes, work)
+        step_bundle(forces, k * step, whole, step, slopes, work)
+
+
+@pytest.mark.parametrize(("name", "calm"), [("halo", True), ("high lunar", True), ("lunar", False)])
+def test_clouds_take_fewer_stages_away_from_the_moon_alone(forces, starts, name, calm):
+    """As in the CR3BP: exact to a tenth of the tolerance a day, or the same steps.
+
+    The high lunar orbit faces the Sun: steps do not end at edges of a shadow.
+    """
+    sun = read_table(forces.table, START)[0][COLUMNS["sun"]]
+    aside = np.cross(sun, [0.0, 0.0, 1.0])
+    along = np.cross(sun, aside)
+    r, v = (each / np.linalg.norm(each) for each in (aside, along))
+    high = np.concatenate([7_500.0 * r, np.sqrt(GM_MOON / 7_500.0) * v])
+    high = recenter(high, forces.table, START, old="moon", new="barycenter")
+    state = {**starts, "high lunar": high}[name] / UNITS
+    points = state[:, None] + 1e-5 * np.random.default_rng(1).standard_normal((6, 3))
+    whole = points.copy()
+    _day_of_a_cloud(forces, points, whole, 60.0 / TIME_UNIT_S)
+    apart = np.max(np.abs(points - whole))
+    assert (0.0 < apart < 1e-11) if calm else apart == 0.0
 
 
 def test_kepler_motion_about_an_earth_at_rest(forces):

@@ -6,7 +6,7 @@ from numba import njit
 from scipy.integrate import quad
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
-from cislunar.dynamics.bundle import step_bundle
+from cislunar.dynamics.bundle import step_bundle, step_cloud
 from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.forces import of_state
 from cislunar.dynamics.framed_cr3bp import framed_cr3bp, inertial_states, is_low_lunar
@@ -40,6 +40,13 @@ def _stepped(forces, j, bundle, dt, n_steps):
         step_bundle(of_state(forces, j), k * dt, bundle, dt, slopes, work)
 
 
+@njit
+def _stepped_as_a_cloud(forces, j, bundle, dt, n_steps):
+    slopes, work = np.empty((STAGES8, *bundle.shape)), np.empty(bundle.shape)
+    for k in range(n_steps):
+        step_cloud(of_state(forces, j), k * dt, bundle, dt, slopes, work)
+
+
 def test_orbits_of_the_moon_are_told_from_others():
     assert is_low_lunar([HALO, LOW]).tolist() == [False, True]
     faster = LOW.copy()
@@ -63,3 +70,7 @@ def test_steps_are_those_of_the_cr3bp_between_the_frames(table):
         wanted = to_inertial(moved, last) / UNITS
         atol = STEPS * 1e-13  # of a step near the Moon
         np.testing.assert_allclose(bundle, np.tile(wanted[:, None], (1, 3)), rtol=0, atol=atol)
+        cloud = np.ascontiguousarray(np.tile(start[j][:, None], (1, 3)))
+        _stepped_as_a_cloud(forces, j, cloud, STEP_S / TIME_UNIT_S, STEPS)
+        apart = np.max(np.abs(cloud - bundle))
+        assert (apart == 0.0) if make is lunar_frame else (0.0 < apart < 1e-12)
