@@ -128,6 +128,8 @@ def test_bound_and_search_enclose_what_enumeration_finds(seed, nuisance, number)
     if nuisance == 0:
         assert found.greedy >= (1.0 - np.exp(-1.0)) * best
         assert found.gap < 0.12
+        halved = certify_information(objective, number, halvings=2)
+        assert best * (1.0 - 1e-12) <= halved.bound and halved.gap < 0.12
 
 
 @pytest.mark.parametrize("nuisance", [0, 3])

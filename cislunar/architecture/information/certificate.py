@@ -1,9 +1,17 @@
 """The largest information of N satellites: greedy, local search, bound on what is left to gain."""
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.architecture.certified import Certificate, certified_search, check_size
+from cislunar.architecture.certified import (
+    Bound,
+    Certificate,
+    Choice,
+    certified_search,
+    check_size,
+)
 from cislunar.architecture.information.kernels import greedy_places
 from cislunar.architecture.information.objective import InformationObjective
 from cislunar.architecture.information.relaxation import information_bound
@@ -43,6 +51,7 @@ def certify_information(
     n_satellites: int,
     *,
     steps: int = 200,
+    halvings: int = 0,
     restarts: int = 0,
     rng: np.random.Generator | None = None,
 ) -> Certificate:
@@ -61,6 +70,9 @@ def certify_information(
         Number of satellites, N, each at a place of its own.
     steps : int
         Most steps of each bound.
+    halvings : int
+        The bound is linear also over the first N/2, N/4 ... of greedy's choices, so many sets of
+        them, see `cislunar.architecture.information.relaxation`.
     restarts : int
         Further random starts of the search.
     rng : numpy.random.Generator, optional
@@ -76,10 +88,19 @@ def certify_information(
         If there are fewer places, or `steps` is below 1.
     """
     check_size(objective, n_satellites, n_satellites, steps)
+
+    @cache
+    def greedy() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        return greedy_information(objective, n_satellites)
+
+    def bound(known: Choice) -> Bound:
+        over = [greedy()[0][: n_satellites // 2**number] for number in range(1, halvings + 1)]
+        return information_bound(objective, known[0], steps=steps, over=over)
+
     return certified_search(
         objective,
-        lambda: greedy_information(objective, n_satellites),
-        lambda known: information_bound(objective, known[0], steps=steps),
+        greedy,
+        bound,
         restarts=restarts,
         rng=rng,
     )

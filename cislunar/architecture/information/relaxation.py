@@ -25,6 +25,7 @@ What is left between it and the best choice is the gap of integrality, which onl
 close.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -76,11 +77,10 @@ def _projected(wanted: NDArray, number: int) -> NDArray[np.float64]:
 class _Relaxation:
     """The functions above the information, their softmin and its gradient."""
 
-    def __init__(self, objective: InformationObjective, orbit: NDArray) -> None:
+    def __init__(self, objective: InformationObjective, sets: Sequence[NDArray]) -> None:
         self.objective = objective
-        nuisance = objective.tables.nuisance
-        sets = () if nuisance else (np.sort(orbit)[:0], np.sort(orbit))
-        self.above = [self._over(places) for places in sets]
+        submodular = objective.tables.nuisance == 0
+        self.above = [self._over(np.sort(places)) for places in sets if submodular]
 
     def _over(self, places: NDArray) -> _Linear:
         """The linear functions over a set of places."""
@@ -141,7 +141,11 @@ class _Relaxation:
 
 
 def information_bound(
-    objective: InformationObjective, orbit: NDArray, *, steps: int = 200
+    objective: InformationObjective,
+    orbit: NDArray,
+    *,
+    steps: int = 200,
+    over: Sequence[NDArray] = (),
 ) -> Bound:
     """Bound the information of all architectures of as many satellites as a known one.
 
@@ -156,6 +160,9 @@ def information_bound(
         The places of the best architecture known, where the steps begin.
     steps : int
         Most steps.
+    over : sequence of ndarray of int64
+        Further sets of places over which the information has a linear function above it, beside
+        none and those known. Each makes the bound sharper and a step longer.
 
     Returns
     -------
@@ -166,7 +173,7 @@ def information_bound(
     known = objective.value(orbit, np.ones_like(orbit))
     share = np.full(objective.n_orbits, _SPREAD * number / objective.n_orbits)
     share[orbit] += 1.0 - _SPREAD
-    relaxation = _Relaxation(objective, orbit)
+    relaxation = _Relaxation(objective, [orbit[:0], orbit, *over])
     at = relaxation.point(_projected(share, number))
     lowest, length, taken = np.inf, None, 0
     for each in relaxation.above:

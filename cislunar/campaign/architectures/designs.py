@@ -33,11 +33,12 @@ def _certified(
     slots: int | None,
     rng: np.random.Generator,
     unit: str,
+    halvings: int = 0,
 ) -> list[Certificate]:
     found, progress = [], progress_log("numbers of satellites")
     told = "" if unit == "1" else f" {unit}"
     for done, number in enumerate(numbers, start=1):
-        each = certificate(objective, number, slots, rng)
+        each = certificate(objective, number, slots, rng, halvings)
         logger.info(
             "%d satellites: %.6g%s, at most %.6g (%.2f %%), %.1f s",
             number, each.value, told, each.bound, 100.0 * each.gap, each.seconds,
@@ -94,7 +95,8 @@ def design_dataset(
             design, places, world, settings, scenario=scenario, seed=seed, progress=progress
         )
         if method == "certified":
-            (best,) = _certified(objective, [number], places.slots, rng, unit)
+            halvings = settings["information"].get("halvings", 0)
+            (best,) = _certified(objective, [number], places.slots, rng, unit, halvings)
             attributes["certificate_seconds"] = best.seconds
             measured, place, satellites = _measured([best], unit, ()), best.orbit, best.satellites
         else:

@@ -155,11 +155,18 @@ def objective_of(
 
 
 def certificate(
-    objective: Objective, satellites: int, slots: int | None, rng: np.random.Generator
+    objective: Objective,
+    satellites: int,
+    slots: int | None,
+    rng: np.random.Generator,
+    halvings: int = 0,
 ) -> Certificate:
-    """The best architecture of a number of satellites, and the bound."""
+    """The best architecture of a number of satellites, and the bound.
+
+    `halvings` as of `certify_information`, which it concerns alone.
+    """
     if isinstance(objective, InformationObjective):
-        return certify_information(objective, satellites)
+        return certify_information(objective, satellites, halvings=halvings)
     if isinstance(objective, GapObjective):
         return certify_gaps(objective, satellites, n_slots=slots)
     if isinstance(objective, CoverageObjective):

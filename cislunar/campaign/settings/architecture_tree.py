@@ -99,6 +99,9 @@ class OwnInformation(Section):
         "of a design, in place of `architecture.information.targets`", "1", default=None)
     windows: Count | None = setting("windows", "1", default=None)
     window_hours: Positive | None = setting("length of each", "h", default=None)
+    halvings: whole(ge=1, le=5) | None = setting(
+        "a sharper bound, that takes longer: linear also over the first half, quarter ... of "
+        "greedy's choices, so many of them", "1", default=None)
 
 
 class _Goal(Section):
