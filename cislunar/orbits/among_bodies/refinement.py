@@ -26,11 +26,11 @@ Assumptions and limitations
 - Manoeuvres are none: what navigation and station keeping add is not counted.
 """
 
-import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import cho_solve_banded, cholesky_banded
@@ -44,7 +44,8 @@ from cislunar.constants import (
 )
 from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.ephemeris_forces import Ephemeris
-from cislunar.dynamics.propagation import propagate, propagate_stm
+from cislunar.dynamics.propagation import propagate
+from cislunar.dynamics.runge_kutta import DOP853, OK, integrate
 from cislunar.ephemeris.bodies import COLUMNS, GM_EARTH, GM_MOON, read_table
 from cislunar.errors import ConvergenceError
 from cislunar.orbits.among_bodies.held import CLOCK_STEP_S, flow, reference_states
@@ -262,16 +263,41 @@ def _periapsis(forces: Ephemeris, body: str, node: Array) -> float:
     return float(turning @ turning / (gm * (1.0 + np.linalg.norm(shape))))
 
 
+@njit(cache=True)
+def _fly(forces, nodes, ends, matrices):
+    """End and transition matrix of every arc; how many arcs could be flown.
+
+    Newton's method bears an error in the matrices, and near a body rounding of the time takes
+    digits of them.
+    """
+    length, nowhere = np.empty(1), np.empty(0)
+    end, both, start = np.empty((1, 6)), np.empty((1, 42)), np.zeros(42)
+    for i in range(len(ends)):
+        length[0] = nodes[i + 1, 6] - nodes[i, 6]
+        start[:] = 0.0
+        start[:6] = nodes[i, :6]
+        start[6::7] = 1.0
+        for y0, out, tolerance in ((start[:6], end, 1e-13), (start, both, 1e-9)):
+            status, _ = integrate(
+                DOP853, forces, nodes[i, 6], y0, length, tolerance, tolerance, out, nowhere, nowhere
+            )
+            if status != OK:
+                return i
+        ends[i] = end[0]
+        for a in range(6):
+            matrices[i, a] = both[0, 6 + 6 * a : 12 + 6 * a]
+    return len(ends)
+
+
 def _arcs(forces: Ephemeris, nodes: Array) -> _Arcs:
     """Arcs between nodes (node, 7) of state and time; `by_begin`, `by_end` have shape (n, 6, 7)."""
-    ends, matrices = [], []
-    for x, later in itertools.pairwise(nodes):
-        given = {"forces": forces, "start": x[6]}
-        ends.append(propagate(x[:6], [later[6] - x[6]], method="dop853", **given)[0])
-        # Newton's method bears an error here, and near a body rounding of the time takes digits
-        length = later[6] - x[6]
-        matrices.append(propagate_stm(x[:6], length, rtol=1e-9, atol=1e-9, **given)[1])
-    met, matrix, n = np.array(ends), np.array(matrices), len(ends)
+    n = len(nodes) - 1
+    met, matrix = np.empty((n, 6)), np.empty((n, 6, 6))
+    done = _fly(forces, np.ascontiguousarray(nodes), met, matrix)
+    if done < n:
+        raise ConvergenceError(
+            f"an arc from {nodes[done, :6].tolist()} runs into the centre of a body"
+        )
     by_begin, by_end = np.zeros((2, n, 6, 7))
     by_begin[..., :6], by_end[..., :6] = matrix, -np.eye(6)
     leave = flow(forces, nodes[:-1, 6], nodes[:-1, :6])
