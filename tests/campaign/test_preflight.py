@@ -69,6 +69,7 @@ def test_a_mesh_in_another_unit_is_refused(config, tmp_path):
 
 
 OUTPUTS = ["r/task2/{scenario}/{architecture}/nt{n,[1-9]}_dt{minutes}.nc", "r/orbits/tracked.nc"]
+OUTPUTS += ["r/told_{scenario}.csv", "r/told_elsewhere_{scenario}.csv"]
 KNOWN = {"scenario": ["A", "B"], "architecture": ["tpe"]}
 
 
@@ -77,11 +78,13 @@ KNOWN = {"scenario": ["A", "B"], "architecture": ["tpe"]}
     [
         ("r/task2/Q/tpe/nt5_dt60.nc", "scenario 'Q' is none of this configuration, which has A, B"),
         ("r/task2/A/tpx/nt5_dt60.nc", "architecture 'tpx' is none of this"),
+        ("r/told_elsewhere_Q.csv", "scenario 'elsewhere_Q' is none of this"),
         ("r/fig99.png", "r/fig99.png: nothing makes a file of this name"),
     ],
 )
 def test_a_file_nothing_makes_is_refused_by_what_is_wrong(asked, message):
-    check_request("r/task2/B/tpe/nt5_dt60.nc", OUTPUTS, KNOWN, made=True)
+    for name in ("r/task2/B/tpe/nt5_dt60.nc", "r/told_elsewhere_A.csv"):
+        check_request(name, OUTPUTS, KNOWN, made=True)
     with pytest.raises(ConfigurationError) as refused:
         check_request(asked, OUTPUTS, KNOWN, made=False)
     assert message in str(refused.value) and "\n" not in str(refused.value)

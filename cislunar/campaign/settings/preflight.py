@@ -272,16 +272,20 @@ def check_request(
     `outputs` are the names of files that rules make, with wildcards in braces; `known` are the
     values of wildcards that this configuration has, and `made` says whether a rule takes the name.
     """
+    wrong = []
     for output in outputs:
         pattern = re.sub(r"\\\{(\w+)(?:,[^}]*)?\\\}", r"(?P<\1>[^/]*)", re.escape(output))
         found = re.fullmatch(pattern, target)
-        for key, value in found.groupdict().items() if found else ():
-            if value not in known.get(key, [value]):
-                raise ConfigurationError(
-                    f"{target}: {key} {value!r} is none of this configuration, which has "
-                    f"{', '.join(known[key])}; correct the file name, or add the --configfile it "
-                    "belongs to"
-                )
+        if found:
+            named = found.groupdict().items()
+            wrong.append([(key, own) for key, own in named if own not in known.get(key, [own])])
+    if wrong and all(wrong):  # the names of two rules may look alike
+        key, value = wrong[0][0]
+        raise ConfigurationError(
+            f"{target}: {key} {value!r} is none of this configuration, which has "
+            f"{', '.join(known[key])}; correct the file name, or add the --configfile it "
+            "belongs to"
+        )
     if not made:
         raise ConfigurationError(
             f"{target}: nothing makes a file of this name; correct it, or add the --configfile it "
