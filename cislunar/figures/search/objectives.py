@@ -142,6 +142,18 @@ def _colors(errors: NDArray[np.float64]) -> ScalarMappable | None:
     return ScalarMappable(LogNorm(0.95 * known.min(), 1.05 * known.max()), "viridis_r")
 
 
+def _emptiest_corner(axes: Axes, table: pd.DataFrame) -> tuple[float, float]:
+    """Where a bar of colours hides the fewest points of the plane, in shares of the axes."""
+    axes.autoscale_view()  # else the limits are set when all is drawn
+    points = table[["union_coverage", "information_nat"]].dropna().to_numpy()
+    x, y = (axes.transData + axes.transAxes.inverted()).transform(points).T
+    corners = [(0.55, 0.1), (0.05, 0.1), (0.05, 0.84), (0.55, 0.84)]
+    hidden = [
+        np.sum((abs(x - left - 0.2) < 0.25) & (abs(y - low - 0.02) < 0.14)) for left, low in corners
+    ]
+    return corners[int(np.argmin(hidden))]
+
+
 def _plane(
     axes: Axes,
     table: pd.DataFrame,
@@ -173,7 +185,7 @@ def _plane(
     axes.set_xlabel(_LABELS[1])
     axes.set_ylabel("orbit information, nat")
     if colors is not None and np.isfinite(table["error"]).any():
-        inside = axes.inset_axes((0.55, 0.1, 0.4, 0.04))
+        inside = axes.inset_axes((*_emptiest_corner(axes, table), 0.4, 0.04))
         bar = axes.figure.colorbar(colors, cax=inside, orientation="horizontal")
         log_ticks(bar.ax.xaxis, *colors.get_clim())
         bar.ax.set_title("position error, km", fontsize=5.5, pad=2)
