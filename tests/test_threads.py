@@ -7,7 +7,7 @@ import pytest
 from cislunar.estimation.registry import ESTIMATORS
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.threads import share_out
+from cislunar.threads import allow_threads, share_out
 
 pytestmark = pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two cores")
 
@@ -15,7 +15,8 @@ pytestmark = pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="need
 @pytest.fixture
 def threads():
     before = numba.get_num_threads()
-    yield numba.set_num_threads
+    yield allow_threads
+    allow_threads(1)
     numba.set_num_threads(before)
 
 

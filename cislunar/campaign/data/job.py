@@ -88,9 +88,9 @@ def job(files: Sequence[str | Path], threads: int = 1) -> Iterator[None]:
     an interrupt (SIGINT) and a termination (SIGTERM: a cluster's time limit, or Snakemake
     stopping).
     """
-    import numba
+    from cislunar.threads import allow_threads
 
-    numba.set_num_threads(max(1, min(threads, numba.config.NUMBA_NUM_THREADS)))
+    allow_threads(threads)
     handlers: list[logging.Handler] = []
     start = time.monotonic()
     try:
