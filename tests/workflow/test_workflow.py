@@ -66,6 +66,8 @@ def test_small_campaign_makes_every_kind_of_result(finished):
         "tables/paper_vs_ours.csv",
         "tables/model_error.csv",
         "figures/fig18_model_error.png",
+        "orbits/paths_A-ephemeris_pair.nc",
+        "figures/sweep_bodies.png",
     ):
         assert (results / name).is_file(), name
     assert [path.name for path in (finished / "results").iterdir()] == ["quick"]
