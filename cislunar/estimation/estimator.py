@@ -53,6 +53,24 @@ class InitialEstimate(NamedTuple):
             raise ConfigurationError(f"initial sigma {self.sigma} must be positive throughout")
 
 
+class Rotation(NamedTuple):
+    """Attitudes as they are known at a time.
+
+    Attributes
+    ----------
+    quaternion : ndarray, shape (target, 4)
+        Inertial to body.
+    angular_velocity : ndarray, shape (target, 3)
+        rad/s, body frame.
+    root : ndarray, shape (target, 6, 6)
+        Lower Cholesky factor of the covariance of attitude error (GRP) and angular velocity.
+    """
+
+    quaternion: Array
+    angular_velocity: Array
+    root: Array
+
+
 class Prediction(NamedTuple):
     """Estimates carried to the next measurement time.
 
@@ -69,6 +87,8 @@ class Prediction(NamedTuple):
     root : ndarray, shape (target, 12, 12), or None
         Lower Cholesky factor of the joint covariance of attitude error, angular velocity (rad/s),
         position and velocity.
+    rotation : Rotation or None
+        Attitude and angular velocity by themselves, if the estimator has one estimate of them.
     """
 
     index: int
@@ -76,6 +96,7 @@ class Prediction(NamedTuple):
     covariance: Array
     quaternion: Array | None = None
     root: Array | None = None
+    rotation: Rotation | None = None
 
 
 class Estimates(NamedTuple):

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from cislunar.estimation.estimator import Prediction
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.tasking.planning.assignment import IDLE, assign, total_information
+from cislunar.tasking.planning.brightness import facet_margins, sphere_margins
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.information import pair_information
-from cislunar.tasking.planning.looks import dimming_at, slot_looks, sphere_margins
+from cislunar.tasking.planning.looks import slot_looks
 from cislunar.tasking.planning.preselection import assign_preselected, preselects
 from cislunar.tasking.planning.schedule import chances, plan_schedule
 from cislunar.tasking.planning.schedule_bound import schedule_bound
@@ -40,8 +41,8 @@ class Decision(NamedTuple):
         schedule of all slots, if that is bounded.
     pairs : ndarray, shape (observer, target), or None
         Information of all pairs, where it was computed.
-    margin : ndarray, shape (slot, observer, target), or None
-        By how much spheres are brighter than the limit, where detection is learned.
+    detects : ndarray, shape (slot, observer, target, offset), or None
+        As of `LearnedDetection.detects`, where detection is learned.
     starts : ndarray of int, shape (slot,)
         First step of each slot.
     """
@@ -52,15 +53,15 @@ class Decision(NamedTuple):
     evaluations: int
     gap: float
     pairs: Array | None
-    margin: Array | None
+    detects: Array | None
     starts: NDArray[np.int64]
 
-    def margins(
+    def detects_at(
         self, target: NDArray[np.int64], step: NDArray[np.int64], observer: NDArray[np.int64]
     ) -> Array:
-        """By how much spheres are brighter than the limit at looks, shape (look,)."""
+        """The rows of `detects` of looks, shape (look, offset)."""
         slot = np.searchsorted(self.starts, step, side="right") - 1
-        return self.margin[slot, observer, target]
+        return self.detects[slot, observer, target]
 
     def learn(
         self,
@@ -72,9 +73,9 @@ class Decision(NamedTuple):
     ) -> None:
         """Let what became of the looks, shape (look,), teach how likely they detect."""
         slot = np.searchsorted(self.starts, step, side="right") - 1
-        for s, margin in enumerate(() if self.margin is None else self.margin):
+        for s, detects in enumerate(() if self.detects is None else self.detects):
             now = slot == s
-            detection.learn(target[now], observer[now], fate[now], margin)
+            detection.learn(target[now], observer[now], fate[now], detects)
 
 
 def decide(
@@ -110,7 +111,7 @@ def decide(
     Decision
     """
     if settings.schedule.plain:
-        return _assigned(prediction, n_steps, scene, surfaces, settings, detection, rng)
+        return _assigned(prediction, n_steps, scene, surfaces, settings, forces, detection, rng)
     model, step_s = settings.schedule, scene.step_s
     slot_steps = n_steps
     if model.slot_minutes is not None:
@@ -134,7 +135,13 @@ def decide(
         left = lengths[:, None, None] - turning(target)
         return np.maximum(left, 0) / lengths[:, None, None]
 
-    believed = chances(detection, prediction.translation.shape[0])
+    margin = looks.margin[..., None]
+    if detection is not None and _by_facets(detection, prediction):
+        margin = facet_margins(
+            prediction, starts, ends[-1], np.any(looks.factor != 0.0, axis=(3, 4)), scene, surfaces,
+            settings.sensor, forces, eclipse=settings.eclipse,
+        )  # fmt: skip
+    believed = chances(detection, margin)
     plan = plan_schedule(
         looks,
         believed,
@@ -164,9 +171,15 @@ def decide(
     if settings.keep_information:
         known = scene, surfaces, settings.sensor, settings.tasking
         pairs = pair_information(prediction, *known)
-    margin = None if detection is None else looks.margin[:now]
-    starts = starts[:now]
-    return Decision(target, looking, plan.information, plan.evaluations, gap, pairs, margin, starts)
+    detects = None if detection is None else believed.detects[:now]
+    return Decision(
+        target, looking, plan.information, plan.evaluations, gap, pairs, detects, starts[:now]
+    )
+
+
+def _by_facets(detection: LearnedDetection, prediction: Prediction) -> bool:
+    """Whether facets say how bright targets are; without an attitude it is the sphere."""
+    return detection.model.brightness == "facets" and prediction.rotation is not None
 
 
 def _interval_ends(
@@ -184,17 +197,19 @@ def _assigned(
     scene: Scene,
     surfaces: TargetSurfaces,
     settings: LoopSettings,
+    forces: tuple,
     detection: LearnedDetection | None,
     rng: np.random.Generator,
 ) -> Decision:
     """One target for each observer until the next epoch, as in the paper."""
     known = scene, surfaces, settings.sensor, settings.tasking
     n_pairs = scene.observer_position.shape[0] * prediction.translation.shape[0]
-    pairs = margin = lit = None
-    if settings.eclipse or detection is not None:
-        margin = sphere_margins(prediction, scene, settings.sensor, settings.tasking)
-    if settings.eclipse:
-        margin -= dimming_at(prediction, scene)
+    pairs = margin = lit = detects = None
+    eclipse = settings.eclipse
+    if eclipse or detection is not None:
+        given = prediction, scene, settings.sensor, settings.tasking
+        margin = sphere_margins(*given, eclipse=eclipse)
+    if eclipse:
         lit = margin > (0.0 if detection is None else -np.inf)
     few = settings.keep_information or lit is not None
     if not few and preselects(settings.tasking, settings.method, n_pairs):
@@ -203,7 +218,15 @@ def _assigned(
     else:
         worth = pairs = pair_information(prediction, *known, wanted=lit)
         if detection is not None:
-            worth = detection.worth(pairs, margin)
+            seen = pairs > 0.0
+            expected = margin[..., None]
+            if _by_facets(detection, prediction):
+                expected = facet_margins(
+                    prediction, np.zeros(1, dtype=np.int64), n_steps, seen[None], scene, surfaces,
+                    settings.sensor, forces, eclipse=eclipse,
+                )[0]  # fmt: skip
+            detects = detection.detects(expected, seen)
+            worth = detection.worth(pairs, detects)
         tasking = assign(
             worth,
             settings.method,
@@ -221,7 +244,7 @@ def _assigned(
         tasking.history.size,
         0.0,
         pairs,
-        None if detection is None else margin[None],
+        None if detects is None else detects[None],
         np.zeros(1, dtype=np.int64),
     )
 

@@ -71,11 +71,16 @@ class World(NamedTuple):
 
 
 class Realization(NamedTuple):
-    """What is carried on of one; its parts change."""
+    """What is carried on of one; its parts change.
+
+    `variance` is that of the true noise (3,), or where the truth has sensors of its own, by how
+    much that of each observer's (observer, 3) exceeds what measurements say.
+    """
 
     number: int
     seed: int
     truth: TruthModel
+    variance: Array
     motion: TrueMotion
     estimator: Estimator
     bound: CramerRaoBound
@@ -105,6 +110,14 @@ def begun(world: World, number: int, seed: int) -> Realization:
         angular_acceleration=truth.angular_acceleration,
         looks=settings.schedule.observers_per_target,
     )
+    variance = truth.noise**2
+    if truth.sensor is not None:
+        # of photons as recorded; what is constant may truly be otherwise
+        believed, true = (
+            sensor_limits(each, scene.observer_position.shape[0]).noise_variance
+            for each in (settings.sensor, truth.sensor)
+        )
+        variance = true - believed
     own = stream(ESTIMATOR, seed)
     given = settings.sensor, world.initial, own, world.forces
     estimator = world.factory(scene, world.surfaces, *given)
@@ -129,8 +142,9 @@ def begun(world: World, number: int, seed: int) -> Realization:
             world.ids.size,
         )
     return Realization(
-        number, seed, truth, motion, estimator, bound, evaluation, detection, pointing, reception
-    )
+        number, seed, truth, variance, motion, estimator, bound, evaluation, detection, pointing,
+        reception,
+    )  # fmt: skip
 
 
 def interval(world: World, own: Realization, number: int) -> Piece:
@@ -254,14 +268,10 @@ def _worked(
         measurements, covariance="covariance" in world.settings.record
     )
     used = measurements.where(estimates.used)
-    variance = np.broadcast_to(own.truth.noise**2, used.variance.shape).copy()
-    if own.truth.sensor is not None:
-        # of photons as recorded; what is constant may truly be otherwise
-        believed, true = (
-            sensor_limits(each, world.scene.observer_position.shape[0]).noise_variance
-            for each in (world.settings.sensor, own.truth.sensor)
-        )
-        variance = used.variance + (true - believed)[used.observer]
+    if own.truth.sensor is None:
+        variance = np.broadcast_to(own.variance, used.variance.shape).copy()
+    else:
+        variance = used.variance + own.variance[used.observer]
     least = own.bound.advance(
         motion.translation,
         motion.quaternion,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.attitude import grp
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.quaternion import compose, multiply_components, normalize
-from cislunar.attitude.rigid_body import propagate_kernel, propagate_spherical
+from cislunar.attitude.turning import turn_bodies
 from cislunar.constants import MU
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON
@@ -204,40 +204,6 @@ def initial_estimate(translation: ArrayLike, sigma: ArrayLike) -> InitialEstimat
     )
 
 
-@njit(cache=True, error_model="numpy")
-def _turn(elapsed_s, bodies, forced, tolerance, attitude, rate, quaternion, omega):
-    """Attitudes (target, time, 4) and rates of all targets at some times.
-
-    `attitude` and `rate` are those at the epoch of targets that turn in closed form, and those at
-    the first of the times, or the epoch, of the others, which are carried on to the last.
-    """
-    for j in range(attitude.shape[0]):
-        if bodies.spherical[j] and not np.any(forced[j]):
-            for i in range(elapsed_s.size):
-                quaternion[j, i] = propagate_spherical(attitude[j], rate[j], elapsed_s[i])
-                omega[j, i] = rate[j]
-            continue
-        now = elapsed_s[0]
-        for i in range(elapsed_s.size):
-            if i > 0 or now == 0.0:  # the last state of an interval is the first of the next
-                propagate_kernel(
-                    attitude[j],
-                    rate[j],
-                    bodies.inertia[j],
-                    bodies.inverse[j],
-                    elapsed_s[i] - now,
-                    tolerance,
-                    attitude[j],
-                    rate[j],
-                    forced[j, 0],
-                    forced[j, 1],
-                    forced[j, 2],
-                )
-            now = elapsed_s[i]
-            quaternion[j, i] = attitude[j]
-            omega[j, i] = rate[j]
-
-
 class TrueMotion:
     """True motion of the targets, carried on from interval to interval.
 
@@ -326,7 +292,7 @@ class TrueMotion:
         elapsed = scene.step_s * np.arange(first, first + n_steps + 1)
         quaternion, omega = (np.empty((n_targets, n_steps + 1, n)) for n in (4, 3))
         given = elapsed, self._bodies, self._forced, _TOLERANCE
-        _turn(*given, self._attitude, self._rate, quaternion, omega)
+        turn_bodies(*given, self._attitude, self._rate, quaternion, omega)
         noise = np.concatenate([self._last, self._draw(n_steps)], axis=1)
         self._translation, self._last = translation[:, -1].copy(), noise[:, -1:].copy()
         self._index += n_steps

@@ -425,7 +425,8 @@ def test_values_of_several_keys_go_by_their_names(paper, tmp_path):
     """As in the study of tasking."""
     tasking = merged(paper, _yaml("tasking.yaml") | {"results": str(tmp_path)})
     study = in_study(check_campaign(tasking))
-    cells, points = swept_cells(study, "tasking")[:8], sweep_points(study, "tasking")
+    points = sweep_points(study, "tasking")
+    cells = swept_cells(study, "tasking")[: len(points)]
     own = scenario_settings(with_families(study), "A")["task2"]
     changed = cell_settings(own, "recommended")["tasking"]
     usual = cell_settings(own, "as-in-the-paper")
@@ -436,6 +437,13 @@ def test_values_of_several_keys_go_by_their_names(paper, tmp_path):
     table = sweep_rows("tasking", study["sweeps"]["tasking"], points, [], _summary(cells))
     assert list(table["value"].unique()) == [point.variant for point in points]
     assert sweep_figure(table).axes
+    gap = np.full((len(cells), 2), np.nan)
+    gap[-1] = 0.02
+    known = _summary(cells).assign(planning_gap=(("cell", "seed"), gap))
+    rows = sweep_rows("tasking", study["sweeps"]["tasking"], points, [], known)
+    rows = rows[rows["quantity"] == "planning_gap"]
+    assert rows["mean"].dropna().tolist() == [0.02]
+    assert "planning_gap" not in set(table["quantity"])
 
 
 def test_a_sweep_may_change_several_keys_of_the_tracking(paper, tmp_path):

@@ -173,13 +173,13 @@ def test_what_an_observer_found_is_learned_once_all_of_an_interval_has_come(prob
     learned = []
 
     class Told:
-        def learn(self, target, observer, fate, margin):
+        def learn(self, target, observer, fate, detects):
             learned.extend(observer.tolist())
 
     arrival = np.arange(SPAN * SPANS) + np.array([0, 7, 45, 80])[:, None]
     reception = Reception(arrival, SPAN, (), (), 5)
-    starts, margin = np.zeros(1, dtype=np.int64), np.zeros((1, 4, 5))
-    decision = Decision(None, None, 0.0, 0, 0.0, None, margin, starts)
+    starts, detects = np.zeros(1, dtype=np.int64), np.zeros((1, 4, 5, 1))
+    decision = Decision(None, None, 0.0, 0, 0.0, None, detects, starts)
     found = np.zeros(measurements.observer.size, dtype=np.uint8)
     reception.note(0, decision, measurements, found)
     for now, expected in ((30, {0}), (60, {0, 1}), (90, {0, 1, 2}), (120, {0, 1, 2, 3})):

@@ -10,23 +10,28 @@ from scipy.stats import norm
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
-from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT
+from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, measure
+from cislunar.observation.records import pointed_schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.planning.detection import LearnedDetection, sphere_magnitudes
+from cislunar.tasking.planning.brightness import facet_margins, sphere_magnitudes
+from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel, pair_information
-from cislunar.tasking.simulation import TruthModel, initial_estimate
+from cislunar.tasking.simulation import TruthModel, draw_truth, initial_estimate
 
-MODEL = DetectionModel(prior_mag=0.8, flicker_mag=0.5, never_detected_bonus=4.0)
+MODEL = DetectionModel(
+    brightness="sphere", prior_mag=0.8, flicker_mag=0.5, never_detected_bonus=4.0
+)
 
 
 def test_probability_before_any_look_is_that_of_two_gaussians():
     margin = np.array([[-3.0, -0.4, 0.0], [0.7, 2.5, np.nan]])
     expected = norm.cdf(margin / np.hypot(MODEL.prior_mag, MODEL.flicker_mag))
     expected[1, 2] = 0.0  # a target without an estimate
-    found = LearnedDetection(MODEL, 3).probability(margin)
+    learned = LearnedDetection(MODEL, 3)
+    found = learned.probability(learned.detects(margin[..., None]))
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
@@ -35,7 +40,7 @@ def test_looks_are_learned_from_as_bayes_says():
     margin = np.array([[0.6, 0.0], [1.1, 0.0]])
     fate = np.array([FAINT, FAINT, DETECTED, DETECTED + 1, EXCLUDED, FAINT])
     looks = np.zeros(6, dtype=int), np.array([0, 0, 0, 0, 0, 1])
-    learned.learn(*looks, fate, margin)
+    learned.learn(*looks, fate, learned.detects(margin[..., None]))
 
     def posterior(b):
         bright, dim = (norm.logcdf(sign * (0.6 - b) / 0.5) for sign in (1.0, -1.0))
@@ -56,7 +61,8 @@ def test_a_pair_is_worth_what_it_brings_on_average():
     learned = LearnedDetection(MODEL, 3)
     learned.detected[0] = True
     information, margin = np.array([[3.0, 3.0, 0.0]]), np.array([[0.0, 0.0, 9.0]])
-    np.testing.assert_allclose(learned.worth(information, margin), [[1.5, 3.5, 0.0]], atol=1e-9)
+    worth = learned.worth(information, learned.detects(margin[..., None]))
+    np.testing.assert_allclose(worth, [[1.5, 3.5, 0.0]], atol=1e-9)
 
 
 def test_spheres_are_those_of_the_gate():
@@ -74,6 +80,32 @@ def test_spheres_are_those_of_the_gate():
     )
     np.testing.assert_array_equal(bright, clear & (margin > 0.0))
     assert 0 < bright.sum() < clear.sum()
+
+
+def test_facets_are_those_that_will_be_measured():
+    scene, surfaces, epoch, ids, _ = tracking_problem(2, 4, duration_hours=1.0)
+    initial = initial_estimate(epoch, np.full(12, 1e-9))
+    given = scene, surfaces, Sensor(limiting_magnitude=99.0)
+    prediction = MultiplicativeUKF(*given, initial).predict()
+    wanted = np.ones((2, 2, 4), dtype=bool)
+    wanted[1, 0, 2] = False
+    slots = np.array([0, 30]), 60, wanted
+    margin = facet_margins(prediction, *slots, *given, EARTH_MOON)
+    assert margin.shape == (2, 2, 4, 24)  # two times of each half hour, twelve attitudes
+    assert np.isnan(margin[1, 0, 2]).all() and np.isnan(margin).sum() == 24
+    motion = draw_truth(initial, scene, np.zeros(3), 0, ids)
+    for o in range(2):
+        for j in range(4):
+            looking = np.full((60, 2), -1)
+            looking[:, o] = j
+            schedule = pointed_schedule(looking, 4)
+            states = motion.translation, motion.quaternion, np.zeros((4, 61, 1, 3))
+            found, fate = measure(1, schedule, *given, *states)
+            for slot, steps in ((0, (7, 22)), (1, (37, 52))):
+                told = margin[slot, o, j].reshape(12, 2).T
+                for own, step in zip(told, steps, strict=True):
+                    if wanted[slot, o, j] and fate[step] == DETECTED:
+                        np.testing.assert_allclose(99.0 - own, found.value[step, 0], atol=1e-4)
 
 
 def test_tasking_turns_away_from_a_target_that_is_never_seen():
@@ -102,7 +134,13 @@ def test_tasking_turns_away_from_a_target_that_is_never_seen():
 
 
 @pytest.mark.parametrize(
-    ("key", "value"), [("prior_mag", 0.0), ("flicker_mag", -1.0), ("never_detected_bonus", -1.0)]
+    ("key", "value"),
+    [
+        ("prior_mag", 0.0),
+        ("flicker_mag", -1.0),
+        ("never_detected_bonus", -1.0),
+        ("brightness", "cube"),
+    ],
 )
 def test_impossible_models_are_refused(key, value):
     with pytest.raises(ConfigurationError, match=key):

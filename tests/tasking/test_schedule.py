@@ -44,6 +44,10 @@ def _learned(n_targets):
     return learned
 
 
+def _chances(learned, looks):
+    return chances(learned, looks.margin[..., None])
+
+
 def _worth(looks, learned, schedule):
     """The expectation over outcomes and brightness, spelled out."""
     total = 0.0
@@ -55,7 +59,8 @@ def _worth(looks, learned, schedule):
             for found in combinations(own, size):
                 matrix, probability = np.eye(6), weight.copy()
                 for at in own:
-                    p = norm.cdf((looks.margin[at][j] - learned.grid) / MODEL.flicker_mag)
+                    margin = looks.margin[at][j] - learned.grid
+                    p = norm.cdf(margin / MODEL.flicker_mag)
                     probability *= p if at in found else 1.0 - p
                     if at in found:
                         matrix += looks.factor[at][j] @ looks.factor[at][j].T
@@ -78,7 +83,7 @@ def test_one_slot_is_the_best_of_all_taskings(most):
     learned = _learned(3)
     for seed in range(4):
         looks = _random_looks(np.random.default_rng(seed), 1, 3, 3)
-        plan = plan_schedule(looks, chances(learned, 3), observers_per_target=most)
+        plan = plan_schedule(looks, _chances(learned, looks), observers_per_target=most)
         assert plan.worth == pytest.approx(_worth(looks, learned, plan.target), rel=1e-9)
         best = max(_worth(looks, learned, each[None]) for each in _taskings(looks, 0, most))
         assert plan.worth == pytest.approx(best, rel=1e-9)
@@ -89,7 +94,7 @@ def test_no_slot_of_several_can_be_chosen_better_and_hardly_all_together():
     learned = _learned(3)
     for seed in range(3):
         looks = _random_looks(np.random.default_rng(seed), 2, 2, 3)
-        plan = plan_schedule(looks, chances(learned, 3))
+        plan = plan_schedule(looks, _chances(learned, looks))
         assert plan.worth == pytest.approx(_worth(looks, learned, plan.target), rel=1e-9)
         singles = [list(_taskings(looks, slot, 1)) for slot in range(2)]
         for slot in range(2):
@@ -100,7 +105,7 @@ def test_no_slot_of_several_can_be_chosen_better_and_hardly_all_together():
         best = max(_worth(looks, learned, np.array(both)) for both in product(*singles))
         assert plan.worth > 0.95 * best
         for most, least in ((1, best), (2, plan.worth)):
-            given = looks, chances(learned, 3), plan.target, plan.worth
+            given = looks, _chances(learned, looks), plan.target, plan.worth
             bound = schedule_bound(*given, observers_per_target=most, steps=60)
             assert bound >= least * (1.0 - 1e-12)
             assert most == 2 or bound < 1.05 * best
@@ -228,7 +233,7 @@ def test_of_a_horizon_the_first_interval_is_carried_out(problem):
     found = decide(filt.predict(), 60, *given)
     starts = np.array([0, 40, 60, 100, 120, 160])  # the run has three intervals
     looks = slot_looks(filt.predict(), starts, scene, BRIGHT, TaskingModel(), EARTH_MOON)
-    plan = plan_schedule(looks, chances(None, 8))
+    plan = plan_schedule(looks, _chances(None, looks))
     np.testing.assert_array_equal(found.target, plan.target[:2])
     np.testing.assert_array_equal(found.looking, np.repeat(plan.target[:2], [40, 20], axis=0))
     of_two = SlotLooks(*(each[:2] for each in looks))

@@ -49,11 +49,16 @@ Recordable = Literal["truth", "estimates", "covariance", "measurements", "pointi
 
 
 class Detection(Section):
+    brightness: Literal["facets", "sphere"] = setting(
+        "what a target's magnitude is expected to be but for an offset of its own: that of its "
+        "`facets` in the attitude the estimator expects (of catalogues of one's own, which have no "
+        "common one, that of the sphere), or that of the `sphere`",
+        default=DetectionModel.brightness)
     prior_mag: Positive = setting(
-        "standard deviation of a target's magnitude less the sphere's, before the first look",
+        "standard deviation of that offset, before the first look (of the `sphere`: 1)",
         "mag", default=DetectionModel.prior_mag)
     flicker_mag: Positive = setting(
-        "standard deviation of its magnitude about that", "mag",
+        "standard deviation of its magnitude about that (of the `sphere`: 0.5)", "mag",
         default=DetectionModel.flicker_mag)
     never_detected_bonus: NotNegative = setting(
         "what a sure detection of a target that was never detected is worth beyond its information",

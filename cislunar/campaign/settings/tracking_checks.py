@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cislunar.architecture.published import PUBLISHED
 from cislunar.attitude.inertia import inertia_matrix
-from cislunar.campaign.settings.cell_tree import Tasking
+from cislunar.campaign.settings.cell_tree import CellSettings, Tasking
 from cislunar.campaign.settings.cells import (
     MOST_STEPS,
     SCHEDULE_KEYS,
@@ -23,6 +24,8 @@ from cislunar.campaign.settings.cells import (
     wanted_body,
 )
 from cislunar.campaign.settings.families import StatedVariant, stated_variants, swept_cells
+from cislunar.campaign.settings.observing.sensors import observer_sensors
+from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.scenarios import scenario_settings, tracked_count
 from cislunar.errors import ConfigurationError
 from cislunar.observation.body_spread import BodySpread
@@ -102,6 +105,9 @@ def _check_counts(config: Mapping[str, Any], stated: Iterable[StatedVariant]) ->
     for cell in campaign_cells(task2) + swept:
         own = cell_settings(scenario_settings(config, cell.scenario)["task2"], cell.variant)
         check_cell(cell.targets, cell.interval_minutes, own, available[cell.scenario])
+        slots = PUBLISHED.get(cell.scenario) if cell.architecture == "published" else None
+        if slots and own.get("sensors"):  # the observers of others are not known yet
+            observer_sensors(typed(own, CellSettings), sum(count for _, count in slots))
 
 
 def _check_architectures(config: Mapping[str, Any], stated: Iterable[StatedVariant]) -> None:

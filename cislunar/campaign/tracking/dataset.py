@@ -257,7 +257,7 @@ _KEPT = {
         _HISTORY, "f4", _SEVERAL, "standard deviation of the posterior Cramer-Rao bound"),
     "brightness_offset": Described(
         ("seed", "epoch", "target"), "f4", "mag",
-        "magnitude of the target less that of tasking's sphere, learned after the interval"),
+        "magnitude of the target less the expected one, learned after the interval"),
     "brightness_offset_sigma": Described(
         ("seed", "epoch", "target"), "f4", "mag", "standard deviation of brightness_offset"),
     "planning_gap": Described(

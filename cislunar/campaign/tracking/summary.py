@@ -72,6 +72,11 @@ PER_CELL = {
 }
 """Quantities of a cell with their units."""
 
+WHERE_BOUNDED = {
+    "planning_gap": ("1", "by how much schedules may fall short of the best, largest over epochs")
+}
+"""Quantities of cells that have a variable of this name, in a summary with any such cell."""
+
 BAND_COVERAGE, BAND_ANEES = 0.9, 3.0
 """The translation of a target is outside the band if position or velocity is within 3 sigma for
 less than this share of the time, or has a larger ANEES, as means over the axes; or is lost."""
@@ -143,7 +148,8 @@ _OF_TARGETS = {
 def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
     """Statistics of a cell for each realization, without need of its time histories.
 
-    Those named in `PER_PART` have shape (seed, part), those in `PER_CELL` (seed,).
+    Those named in `PER_PART` have shape (seed, part), those in `PER_CELL` and, if the cell has
+    them, `WHERE_BOUNDED` (seed,).
     """
     status = cell["status"].values
     observed = status != NEVER_OBSERVED
@@ -187,6 +193,7 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         "failed": (cell["failed"].values != 0).sum(axis=1),
     }
     found |= fate_shares(_looks(cell))
+    found |= {name: cell[name].values.max(axis=1) for name in WHERE_BOUNDED if name in cell}
     for name in ("out_of_field", "dark_sigma_points", "cholesky_failures"):
         found[name] = cell[name].values.sum(axis=1)
     return {name: np.asarray(values, dtype=float) for name, values in found.items()}
@@ -203,10 +210,12 @@ def summary_dataset(
     n_seeds = max(data.sizes["seed"] for _, data in cells)
 
     def stacked(name: str) -> Array:
-        shape = (len(found), n_seeds, *found[0][name].shape[1:])
+        first = next(each[name] for each in found if name in each)
+        shape = (len(found), n_seeds, *first.shape[1:])
         values = np.full(shape, np.nan)
         for row, statistics in zip(values, found, strict=True):
-            row[: len(statistics[name])] = statistics[name]
+            if name in statistics:
+                row[: len(statistics[name])] = statistics[name]
         return values
 
     data = {
@@ -217,7 +226,8 @@ def summary_dataset(
         data[name].attrs["units"] = "see part_unit"
     data |= {
         name: variable(("cell", "seed"), stacked(name), unit, meaning)
-        for name, (unit, meaning) in PER_CELL.items()
+        for name, (unit, meaning) in (PER_CELL | WHERE_BOUNDED).items()
+        if any(name in each for each in found)
     }
     labels = {key: [getattr(cell, key) for cell, _ in cells] for key in _ID}
     numbers = {

@@ -24,6 +24,7 @@ from cislunar.estimation.estimator import (
     EstimatorFactory,
     InitialEstimate,
     Prediction,
+    Rotation,
     empty_estimates,
 )
 from cislunar.estimation.kalman.mukf_kernels import SIZE, FilterState, advance, predict_all
@@ -121,8 +122,9 @@ class MultiplicativeUKF:
         predict_all(self._index, self._scene, self._bodies, self._constants, ahead, parts)
         lower = ahead.root[:, 6:]
         covariance = lower @ np.swapaxes(lower, 1, 2)
+        rotation = Rotation(ahead.quaternion, ahead.omega, ahead.root[:, :6, :6])
         return Prediction(
-            self._index + 1, ahead.translation, covariance, ahead.quaternion, ahead.root
+            self._index + 1, ahead.translation, covariance, ahead.quaternion, ahead.root, rotation
         )
 
     def advance(self, measurements: Measurements, *, covariance: bool = False) -> Estimates:

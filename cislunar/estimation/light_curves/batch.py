@@ -26,6 +26,7 @@ from cislunar.estimation.estimator import (
     EstimatorFactory,
     InitialEstimate,
     Prediction,
+    Rotation,
     empty_estimates,
 )
 from cislunar.estimation.kalman.parts import Parts, no_parts
@@ -212,6 +213,7 @@ class BatchEstimator:
         translation, root = self._translation.copy(), self._root.copy()
         parts = Parts(*(part.copy() for part in self._parts))
         mean, joint = np.empty((n_targets, 4)), np.zeros((n_targets, 12, 12))
+        rate = np.full((n_targets, 3), np.nan)
         for j in range(n_targets):
             if self._state.condition[j] != HEALTHY:
                 translation[j] = np.nan
@@ -231,8 +233,11 @@ class BatchEstimator:
                 mean[j],
                 joint[j],
             )
+            count = self._state.points[j]
+            rate[j] = np.sum(points[2][:count, None] * points[1][:count], axis=0)
         covariance = root @ np.swapaxes(root, 1, 2)
-        return Prediction(self._index + 1, translation, covariance, mean, joint)
+        rotation = Rotation(mean, rate, joint[:, :6, :6])
+        return Prediction(self._index + 1, translation, covariance, mean, joint, rotation)
 
     def advance(self, measurements: Measurements, *, covariance: bool = False) -> Estimates:
         """Work through the next steps; see `Estimator.advance`."""

@@ -14,6 +14,9 @@ from cislunar.observation.scene import Scene
 from cislunar.observation.sightline import EARTH_RADIUS, MOON_RADIUS
 from cislunar.tasking.communication.model import CommunicationModel
 
+_GRAZING = 1e-9
+"""By which a line of sight may fall short of clear, so that one that grazes is so everywhere."""
+
 
 def contacts(model: CommunicationModel, scene: Scene) -> NDArray[np.bool_]:
     """Whether each observer is in contact with the Earth.
@@ -33,11 +36,12 @@ def contacts(model: CommunicationModel, scene: Scene) -> NDArray[np.bool_]:
         down, aside = earth - place, moon - place
         nearest = np.sum(down * aside, axis=-1) / np.sum(down**2, axis=-1)
         miss = aside - np.clip(nearest, 0.0, 1.0)[..., None] * down
-        found &= np.sum(miss**2, axis=-1) >= MOON_RADIUS**2
+        found &= np.sum(miss**2, axis=-1) >= (1.0 - _GRAZING) * MOON_RADIUS**2
     if model.sun_deg > 0.0:
         way, light = place - earth, scene.sun_position - earth
         lengths = np.linalg.norm(way, axis=-1) * np.linalg.norm(light, axis=-1)
-        found &= np.sum(way * light, axis=-1) <= np.cos(np.deg2rad(model.sun_deg)) * lengths
+        limit = np.cos(np.deg2rad(model.sun_deg)) + _GRAZING
+        found &= np.sum(way * light, axis=-1) <= limit * lengths
     at_home = np.linalg.norm(place - earth, axis=-1) < 1.01 * EARTH_RADIUS
     return found | at_home
 

@@ -209,8 +209,8 @@ class Reception:
             target, observer = each.target[rows], each.observer[rows]
             chance = np.ones(target.size)
             if detection is not None:
-                margin = each.decision.margins(target, each.step[rows], observer)
-                chance = detection.chance(target, margin)
+                detects = each.decision.detects_at(target, each.step[rows], observer)
+                chance = detection.chance(target, detects)
             parts.append((each.first + each.step[rows] + 1, target, observer, chance))
         if not parts:
             return PlannedLooks(*np.empty((3, 0), dtype=np.int64), np.empty(0))

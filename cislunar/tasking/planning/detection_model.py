@@ -6,15 +6,20 @@ import numpy as np
 
 from cislunar.errors import ConfigurationError
 
+BRIGHTNESSES = ("facets", "sphere")
+
 
 @dataclass(frozen=True)
 class DetectionModel:
-    """Brightness of targets against the sphere; see `cislunar.tasking.planning.detection`.
+    """Brightness of targets; see `cislunar.tasking.planning.detection`.
 
     Attributes
     ----------
+    brightness : {"facets", "sphere"}
+        What a target's magnitude is expected to be but for its offset: that of its facets in the
+        attitude the estimator expects, or that of a sphere.
     prior_mag : float
-        Standard deviation of a target's offset from the sphere, mag.
+        Standard deviation of a target's offset from that, mag.
     flicker_mag : float
         Standard deviation of a magnitude about that, mag.
     never_detected_bonus : float
@@ -27,11 +32,16 @@ class DetectionModel:
         If a value is impossible.
     """
 
-    prior_mag: float = 1.0
-    flicker_mag: float = 0.5
+    brightness: str = "facets"
+    prior_mag: float = 0.3
+    flicker_mag: float = 0.3
     never_detected_bonus: float = 5.0
 
     def __post_init__(self) -> None:
+        if self.brightness not in BRIGHTNESSES:
+            raise ConfigurationError(
+                f"brightness = {self.brightness!r} is unknown: use one of {list(BRIGHTNESSES)}"
+            )
         for key in ("prior_mag", "flicker_mag"):
             if not (getattr(self, key) > 0.0 and np.isfinite(getattr(self, key))):
                 raise ConfigurationError(f"{key} = {getattr(self, key)} must be positive")

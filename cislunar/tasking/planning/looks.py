@@ -28,16 +28,9 @@ from cislunar.dynamics.tableau import STAGES8
 from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.triangular import cholesky, solve_lower
 from cislunar.estimation.unscented import sigma_points
-from cislunar.observation.eclipse import dimming
 from cislunar.observation.scene import Scene
-from cislunar.observation.sensor import (
-    SensorLimits,
-    Sensors,
-    extinction,
-    limits_of,
-    sensor_limits,
-)
-from cislunar.tasking.planning.detection import sphere_magnitudes
+from cislunar.observation.sensor import Sensors
+from cislunar.tasking.planning.brightness import sphere_margins
 from cislunar.tasking.planning.information import (
     TaskingModel,
     belief_of,
@@ -125,60 +118,6 @@ def _factors(index, points, scene, belief, out):
             look_factor(points[j], o, index, scene, belief, scratch, out[o, j])
 
 
-def sphere_margins(
-    prediction: Prediction, scene: Scene, sensor: Sensors, model: TaskingModel
-) -> Array:
-    """By how much the spheres that stand for targets are brighter than the sensor's limit.
-
-    Parameters
-    ----------
-    prediction, scene, sensor, model
-        As for `cislunar.tasking.planning.information.pair_information`.
-
-    Returns
-    -------
-    ndarray, shape (observer, target)
-        mag.
-    """
-    limits = sensor_limits(sensor, scene.observer_position.shape[0])
-    margin = limits.limiting_magnitude[:, None] - sphere_magnitudes(
-        prediction,
-        scene,
-        radius_m=model.radius_m,
-        diffuse_reflection_coefficient=model.diffuse_reflection_coefficient,
-    )
-    for o in np.flatnonzero(limits.ground):
-        margin[o] -= _extinctions(prediction, scene, limits_of(limits, o), o)
-    return margin
-
-
-def _extinctions(prediction: Prediction, scene: Scene, limits: SensorLimits, o: int) -> Array:
-    """By how much the air dims targets where they are estimated to be, mag, shape (target,)."""
-    k = prediction.index
-    site, earth = scene.observer_position[o, k], scene.primaries[k, 0]
-    return np.array(
-        [extinction(*site, *(place[:3] - site), earth, limits) for place in prediction.translation]
-    )
-
-
-def dimming_at(prediction: Prediction, scene: Scene) -> Array:
-    """By how much the shadows of Earth and Moon dim targets where they are estimated to be.
-
-    Parameters
-    ----------
-    prediction : Prediction
-    scene : Scene
-
-    Returns
-    -------
-    ndarray, shape (target,)
-        mag; infinite in the umbra.
-    """
-    place = prediction.translation[:, None, :3]
-    at = slice(prediction.index, prediction.index + 1)
-    return dimming(place, scene.sun_position[at], scene.primaries[at])[:, 0]
-
-
 def slot_looks(
     prediction: Prediction,
     starts: NDArray[np.int64],
@@ -226,9 +165,8 @@ def slot_looks(
         _factors(index, points, scene, belief, factor[s])
         place = np.ascontiguousarray(points[:, :, 0])
         then = prediction._replace(index=index, translation=place)
-        margin[s] = sphere_margins(then, scene, sensor, model)
+        margin[s] = sphere_margins(then, scene, sensor, model, eclipse=eclipse)
         if eclipse:
-            margin[s] -= dimming_at(then, scene)
             factor[s][~(margin[s] > (0.0 if model.detection is None else -np.inf))] = 0.0
         way = place[:, :3] - scene.observer_position[:, index, None]
         direction[s] = way / np.linalg.norm(way, axis=-1, keepdims=True)

@@ -27,7 +27,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
-from math import erfc
 from typing import NamedTuple
 
 import numpy as np
@@ -53,24 +52,25 @@ MOST_SWEEPS = 20
 class Chances(NamedTuple):
     """What tells how likely looks detect targets, for compiled code.
 
-    `weight` (target, offset) are probabilities of the offsets `grid` (offset,), `bonus` (target,)
-    what a first detection is worth.
+    `weight` (target, offset) are probabilities of the offsets, `detects` (slot, observer, target,
+    offset) those that a look detects a target of that offset, `bonus` (target,) what a first
+    detection is worth.
     """
 
     weight: Array
-    grid: Array
-    flicker: float
+    detects: Array
     bonus: Array
 
 
-def chances(detection: LearnedDetection | None, n_targets: int) -> Chances:
-    """Those of what has been learned; certain ones, if nothing is."""
+def chances(detection: LearnedDetection | None, margin: Array) -> Chances:
+    """Those of what has been learned, by margins (slot, observer, target, sample); or certainty."""
+    n_targets = margin.shape[2]
     if detection is None:
-        return Chances(np.ones((n_targets, 1)), np.array([-1e9]), 1.0, np.zeros(n_targets))
+        return Chances(
+            np.ones((n_targets, 1)), np.ones((*margin.shape[:3], 1)), np.zeros(n_targets)
+        )
     bonus = detection.model.never_detected_bonus * ~detection.detected
-    return Chances(
-        np.exp(detection.log_weight), detection.grid, float(detection.model.flicker_mag), bonus
-    )
+    return Chances(np.exp(detection.log_weight), detection.detects(margin), bonus)
 
 
 @njit(cache=True, error_model="numpy")
@@ -94,22 +94,21 @@ def _information(factor, share, j, looks, trusted, matrix):
 
 
 @njit(cache=True, error_model="numpy")
-def worth_of_looks(factor, share, margin, chances, j, looks, count):
+def worth_of_looks(factor, share, chances, j, looks, count):
     """F_j of the first `count` of the looks (look, 2) of slot and observer."""
     n = min(count, MOST_TRIALS)
-    detects = np.empty((count, chances.grid.size))
+    n_offsets = chances.weight.shape[1]
+    detects = np.empty((count, n_offsets))
     trusted, matrix = np.empty(count), np.empty((SIZE, SIZE))
     for a in range(count):
-        room = margin[looks[a, 0], looks[a, 1], j]
         trusted[a] = 0.0
-        for b in range(chances.grid.size):
-            excess = (room - chances.grid[b]) / chances.flicker
-            detects[a, b] = 0.5 * erfc(-excess / np.sqrt(2.0))
+        for b in range(n_offsets):
+            detects[a, b] = chances.detects[looks[a, 0], looks[a, 1], j, b]
             trusted[a] += chances.weight[j, b] * detects[a, b]
     total = 0.0
     for outcome in range(2**n):
         probability = 0.0
-        for b in range(chances.grid.size):
+        for b in range(n_offsets):
             product = chances.weight[j, b]
             for a in range(n):
                 product *= detects[a, b] if outcome >> a & 1 else 1.0 - detects[a, b]
@@ -138,7 +137,7 @@ def _taken(target, but, j, looks):
 
 
 @njit(cache=True, error_model="numpy")
-def _columns_worth(factor, share, margin, chances, target, slot, columns, observers, out):
+def _columns_worth(factor, share, chances, target, slot, columns, observers, out):
     """What observers (column, k) at targets (column,) in a slot add to the rest of a schedule."""
     looks = np.empty((target.size + observers.shape[1], 2), np.int64)
     last, count, without = -1, 0, 0.0
@@ -146,23 +145,23 @@ def _columns_worth(factor, share, margin, chances, target, slot, columns, observ
         j = columns[c]
         if j != last:
             last, count = j, _taken(target, slot, j, looks)
-            without = worth_of_looks(factor, share, margin, chances, j, looks, count)
+            without = worth_of_looks(factor, share, chances, j, looks, count)
         more = count
         for o in observers[c]:
             if o >= 0:
                 looks[more, 0], looks[more, 1] = slot, o
                 more += 1
-        out[c] = worth_of_looks(factor, share, margin, chances, j, looks, more) - without
+        out[c] = worth_of_looks(factor, share, chances, j, looks, more) - without
 
 
 @njit(cache=True, error_model="numpy")
-def _total(factor, share, margin, chances, target):
+def _total(factor, share, chances, target):
     """What a schedule is worth."""
     looks, total = np.empty((target.size, 2), np.int64), 0.0
     for j in range(factor.shape[2]):
         count = _taken(target, -1, j, looks)
         if count > 0:
-            total += worth_of_looks(factor, share, margin, chances, j, looks, count)
+            total += worth_of_looks(factor, share, chances, j, looks, count)
     return total
 
 
@@ -221,11 +220,11 @@ def plan_schedule(
     -------
     SlotSchedule
     """
-    factor, margin = looks.factor, np.where(np.isnan(looks.margin), -np.inf, looks.margin)
-    n_slots, n_observers, _ = margin.shape
+    factor = looks.factor
+    n_slots, n_observers, _ = looks.margin.shape
     visible = np.any(factor != 0.0, axis=(3, 4))
     target = np.full((n_slots, n_observers), IDLE, dtype=np.int64)
-    share = np.ones(margin.shape)
+    share = np.ones(looks.margin.shape)
     best, best_worth, evaluations, gap = target.copy(), 0.0, 0, 0.0
     for _ in range(MOST_SWEEPS):
         for slot in range(n_slots):
@@ -233,12 +232,12 @@ def plan_schedule(
                 share = shares(target)
             columns, observers = _columns(visible[slot], observers_per_target)
             added = np.empty(columns.size)
-            _columns_worth(factor, share, margin, known, target, slot, columns, observers, added)
+            _columns_worth(factor, share, known, target, slot, columns, observers, added)
             target[slot], own_gap = _chosen(columns, observers, added, visible[slot].shape)
             gap, evaluations = max(gap, own_gap), evaluations + 1
         if shares is not None:
             share = shares(target)
-        worth = _total(factor, share, margin, known, target)
+        worth = _total(factor, share, known, target)
         if not worth > best_worth + 10.0**-INFORMATION_DECIMALS:
             break
         best, best_worth = target.copy(), worth
@@ -246,8 +245,8 @@ def plan_schedule(
             break
     if shares is not None:
         share = shares(best)
-    certain = chances(None, margin.shape[2])
-    information = _total(factor, share, margin, certain, best[:carried_out])
+    certain = chances(None, looks.margin)
+    information = _total(factor, share, certain, best[:carried_out])
     return SlotSchedule(best, best_worth, information, evaluations, gap)
 
 

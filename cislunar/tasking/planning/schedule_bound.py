@@ -29,7 +29,7 @@ MOST_CANDIDATES = 12
 
 
 @njit(cache=True, error_model="numpy")
-def _alone(factor, share, margin, chances, visible, out):
+def _alone(factor, share, chances, visible, out):
     """Worth of every look (slot, observer, target) alone, into `out`."""
     look = np.empty((1, 2), np.int64)
     for s in range(out.shape[0]):
@@ -38,11 +38,11 @@ def _alone(factor, share, margin, chances, visible, out):
                 out[s, o, j] = 0.0
                 if visible[s, o, j]:
                     look[0, 0], look[0, 1] = s, o
-                    out[s, o, j] = worth_of_looks(factor, share, margin, chances, j, look, 1)
+                    out[s, o, j] = worth_of_looks(factor, share, chances, j, look, 1)
 
 
 @njit(cache=True, error_model="numpy")
-def _best_looks(factor, share, margin, chances, alone, price, most, j, chosen):
+def _best_looks(factor, share, chances, alone, price, most, j, chosen):
     """max_A (F_j(A) - p(A)) at most; the looks A (slot, observer) are marked in `chosen`."""
     n_slots, n_observers = price.shape
     looks, count = np.empty((n_slots * n_observers, 2), np.int64), 0
@@ -80,7 +80,7 @@ def _best_looks(factor, share, margin, chances, alone, price, most, j, chosen):
                 n += 1
         if alike > most or bound - cost <= best:
             continue
-        value = worth_of_looks(factor, share, margin, chances, j, some, n) - cost
+        value = worth_of_looks(factor, share, chances, j, some, n) - cost
         if value > best:
             best, at = value, mask
     for i in range(count):
@@ -90,7 +90,7 @@ def _best_looks(factor, share, margin, chances, alone, price, most, j, chosen):
 
 
 @njit(cache=True, error_model="numpy")
-def _own_worth(factor, share, margin, chances, target, price):
+def _own_worth(factor, share, chances, target, price):
     """What each look of a schedule adds to the others of its target, into `price`."""
     looks, some = np.empty((target.size, 2), np.int64), np.empty((target.size, 2), np.int64)
     price[:, :] = 0.0
@@ -103,31 +103,31 @@ def _own_worth(factor, share, margin, chances, target, price):
                     count += 1
         if count == 0:
             continue
-        whole = worth_of_looks(factor, share, margin, chances, j, looks, count)
+        whole = worth_of_looks(factor, share, chances, j, looks, count)
         for left in range(count):
             n = 0
             for i in range(count):
                 if i != left:
                     some[n] = looks[i]
                     n += 1
-            rest = worth_of_looks(factor, share, margin, chances, j, some, n)
+            rest = worth_of_looks(factor, share, chances, j, some, n)
             price[looks[left, 0], looks[left, 1]] = max(0.0, whole - rest)
 
 
 @njit(cache=True, error_model="numpy")
-def _least_bound(factor, margin, chances, visible, target, worth, most, steps):
+def _least_bound(factor, chances, visible, target, worth, most, steps):
     """Least L met with in so many steps."""
-    share, alone = np.ones(margin.shape), np.empty(margin.shape)
-    _alone(factor, share, margin, chances, visible, alone)
+    share, alone = np.ones(factor.shape[:3]), np.empty(factor.shape[:3])
+    _alone(factor, share, chances, visible, alone)
     price = np.empty(target.shape)
-    _own_worth(factor, share, margin, chances, target, price)
+    _own_worth(factor, share, chances, target, price)
     chosen, used = np.empty(target.shape, np.bool_), np.empty(target.shape)
     least = np.inf
     for _ in range(steps):
         bound = np.sum(price)
         used[:, :] = 0.0
         for j in range(factor.shape[2]):
-            given = factor, share, margin, chances, alone, price, most, j, chosen
+            given = factor, share, chances, alone, price, most, j, chosen
             bound += _best_looks(*given)
             used += chosen
         least = min(least, bound)
@@ -171,7 +171,7 @@ def schedule_bound(
     -------
     float
     """
-    factor, margin = looks.factor, np.where(np.isnan(looks.margin), -np.inf, looks.margin)
+    factor = looks.factor
     visible = np.any(factor != 0.0, axis=(3, 4))
-    given = factor, margin, known, visible, np.ascontiguousarray(target), float(worth)
+    given = factor, known, visible, np.ascontiguousarray(target), float(worth)
     return float(max(worth, _least_bound(*given, observers_per_target, steps)))
