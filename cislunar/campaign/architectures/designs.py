@@ -95,7 +95,8 @@ def design_dataset(
             design, places, world, settings, scenario=scenario, seed=seed, progress=progress
         )
         if method == "certified":
-            halvings = settings["information"].get("halvings", 0)
+            # coverage has no settings of how moving targets are looked at
+            halvings = settings.get("information", {}).get("halvings", 0)
             (best,) = _certified(objective, [number], places.slots, rng, unit, halvings)
             attributes["certificate_seconds"] = best.seconds
             measured, place, satellites = _measured([best], unit, ()), best.orbit, best.satellites
