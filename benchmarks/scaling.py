@@ -1,22 +1,24 @@
 """How the cost of tracking grows with targets, observers, realizations and length.
 
-    python benchmarks/scaling.py [--redraw | --memory]
+    python benchmarks/scaling.py [--redraw | --memory | --threads]
 
 measures processor time and memory of closed loops about a usual size, each in a process of its
 own, one size varied at a time; writes them to ``docs/scaling.csv``, draws
 ``docs/images/scaling.png``, and puts exponents and the estimate for a large campaign into
 ``docs/scaling.md``. ``--memory`` measures the memory of long runs alone, day by day, for
-``docs/memory.csv``; ``--redraw`` leaves out the measuring. The scene needs no file. Everything runs
-on one thread; compilation is not counted.
+``docs/memory.csv``; ``--threads`` the time of a day of the large campaign by the cores that share
+its targets, for ``docs/threads.csv``; ``--redraw`` leaves out the measuring. The scene needs no
+file. Everything else runs on one thread; compilation is not counted.
 """
 
 import argparse
 import multiprocessing
+import os
 import resource
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import process_time
+from time import perf_counter, process_time
 
 import numpy as np
 import pandas as pd
@@ -30,10 +32,12 @@ from cislunar.figures.style import estimator_style, house_style, new_figure, sav
 from cislunar.photometry.materials import PRINTED
 from cislunar.tasking.closed_loop import ClosedLoop
 from cislunar.tasking.demonstration import tracking_problem
+from cislunar.threads import allow_threads
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "docs/scaling.csv"
 MEMORY_TABLE = ROOT / "docs/memory.csv"
+THREADS_TABLE = ROOT / "docs/threads.csv"
 DOCUMENT = ROOT / "docs/scaling.md"
 IMAGE = ROOT / "docs/images/scaling"
 BEGIN, END = "<!-- begin measured -->\n", "<!-- end measured -->\n"
@@ -155,6 +159,26 @@ def measure_days(estimator: str, size: dict[str, int]) -> list[dict[str, object]
     return rows
 
 
+def _elapsed(estimator: str, size: dict[str, int], threads: int) -> list[tuple[float, ...]]:
+    """Time and processor time (s) of a loop whose targets are shared among threads."""
+    allow_threads(threads)
+    start, start_cpu = perf_counter(), process_time()
+    run(estimator, **size)
+    return [(perf_counter() - start, process_time() - start_cpu)]
+
+
+def measure_threads(estimator: str, size: dict[str, int]) -> list[dict[str, object]]:
+    """Rows of the table of threads: 1, 2, 4 ... up to the cores of the machine."""
+    rows, threads = [], 1
+    while threads <= os.cpu_count():
+        ((elapsed_s, cpu_s),) = in_a_fork(_elapsed, estimator, size, threads)
+        took = {"elapsed_s": round(elapsed_s, 1), "cpu_s": round(cpu_s, 1)}
+        rows.append({"estimator": estimator, **size, "threads": threads, **took})
+        print(rows[-1], flush=True)
+        threads *= 2
+    return rows
+
+
 def sizes() -> list[dict[str, int]]:
     """The usual size with one number changed at a time, each once, and the large one."""
     found = [{**USUAL, name: value} for name, values in VARIED.items() for value in values]
@@ -236,10 +260,26 @@ def memory_table(table: pd.DataFrame) -> str:
     return markdown_table([*header, *(f"day {day}, MB" for day in days)], rows)
 
 
-def describe(table: pd.DataFrame, memory: pd.DataFrame) -> None:
+def threads_table(table: pd.DataFrame) -> str:
+    """Time of a day by threads, and how many times shorter than on one."""
+    rows = []
+    for (estimator, targets, observers), some in table.groupby(
+        ["estimator", "targets", "observers"], sort=False
+    ):
+        for row in some.itertuples():
+            shorter = some.elapsed_s.iloc[0] / row.elapsed_s
+            size = f"{targets:,} x {observers}"
+            rows.append(
+                [size, estimator, str(row.threads), f"{row.elapsed_s:.0f}", f"{shorter:.2f}"]
+            )
+    head = ["targets x observers", "estimator", "threads", "a day, s", "times shorter"]
+    return markdown_table(head, rows)
+
+
+def describe(table: pd.DataFrame, memory: pd.DataFrame, threads: pd.DataFrame) -> None:
     """Put the figures into the document."""
     text = DOCUMENT.read_text(encoding="utf-8")
-    parts = exponents_table(table), large_table(table), memory_table(memory)
+    parts = exponents_table(table), large_table(table), memory_table(memory), threads_table(threads)
     block = "\n" + "".join(f"{part}\n" for part in parts)
     write_text(replace_between(text, BEGIN, END, block, str(DOCUMENT)), DOCUMENT)
 
@@ -249,18 +289,24 @@ def main() -> None:
     only = parser.add_mutually_exclusive_group()
     only.add_argument("--redraw", action="store_true", help="from the tables, without measuring")
     only.add_argument("--memory", action="store_true", help="measure the memory of long runs alone")
+    only.add_argument("--threads", action="store_true", help="measure cores sharing targets alone")
     options = parser.parse_args()
-    rows, days = [], []
-    for estimator in () if options.redraw else ESTIMATORS:
+    rows, days, shared = [], [], []
+    # a data window changes nothing in how targets are shared
+    asked = ("mukf", "batch") if options.threads else ESTIMATORS
+    for estimator in () if options.redraw else asked:
         run(estimator, 5, 5, 1, 1.0)  # compiles
+        if options.threads:
+            shared += measure_threads(estimator, {**LARGE, "hours": 24})
+            continue
         rows += [] if options.memory else [measure(estimator, size) for size in sizes()]
         days += [row for size in LONG_RUNS for row in measure_days(estimator, size)]
-    for path, found in ((TABLE, rows), (MEMORY_TABLE, days)):
+    for path, found in ((TABLE, rows), (MEMORY_TABLE, days), (THREADS_TABLE, shared)):
         if found:
             write_text(pd.DataFrame(found).to_csv(index=False), path)
     table = pd.read_csv(TABLE)
     draw(table)
-    describe(table, pd.read_csv(MEMORY_TABLE))
+    describe(table, pd.read_csv(MEMORY_TABLE), pd.read_csv(THREADS_TABLE))
 
 
 if __name__ == "__main__":
