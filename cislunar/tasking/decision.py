@@ -136,7 +136,7 @@ def decide(
         return np.maximum(left, 0) / lengths[:, None, None]
 
     margin = looks.margin[..., None]
-    if detection is not None and _by_facets(detection, prediction):
+    if _by_facets(detection, prediction):
         margin = facet_margins(
             prediction, starts, ends[-1], np.any(looks.factor != 0.0, axis=(3, 4)), scene, surfaces,
             settings.sensor, forces, eclipse=settings.eclipse,
@@ -177,9 +177,11 @@ def decide(
     )
 
 
-def _by_facets(detection: LearnedDetection, prediction: Prediction) -> bool:
+def _by_facets(detection: LearnedDetection | None, prediction: Prediction) -> bool:
     """Whether facets say how bright targets are; without an attitude it is the sphere."""
-    return detection.model.brightness == "facets" and prediction.rotation is not None
+    if detection is None or prediction.rotation is None:
+        return False
+    return detection.model.brightness == "facets"
 
 
 def _interval_ends(
@@ -205,8 +207,8 @@ def _assigned(
     known = scene, surfaces, settings.sensor, settings.tasking
     n_pairs = scene.observer_position.shape[0] * prediction.translation.shape[0]
     pairs = margin = lit = detects = None
-    eclipse = settings.eclipse
-    if eclipse or detection is not None:
+    eclipse, by_facets = settings.eclipse, _by_facets(detection, prediction)
+    if eclipse or (detection is not None and not by_facets):
         given = prediction, scene, settings.sensor, settings.tasking
         margin = sphere_margins(*given, eclipse=eclipse)
     if eclipse:
@@ -219,12 +221,13 @@ def _assigned(
         worth = pairs = pair_information(prediction, *known, wanted=lit)
         if detection is not None:
             seen = pairs > 0.0
-            expected = margin[..., None]
-            if _by_facets(detection, prediction):
+            if by_facets:
                 expected = facet_margins(
                     prediction, np.zeros(1, dtype=np.int64), n_steps, seen[None], scene, surfaces,
                     settings.sensor, forces, eclipse=eclipse,
                 )[0]  # fmt: skip
+            else:
+                expected = margin[..., None]
             detects = detection.detects(expected, seen)
             worth = detection.worth(pairs, detects)
         tasking = assign(

@@ -63,23 +63,11 @@ def test_every_pair_of_random_tracks(n_targets):
     sun = sun_at(rng.uniform(0.0, SYNODIC_MONTH, 40))
     expected = visible(observer, target, sun, SETTINGS)
     np.testing.assert_array_equal(observed(observer, target, sun, SETTINGS), expected)
-    counts = count_observations(
-        observer[None, None],
-        target,
-        sun,
-        SETTINGS.angles.cosines,
-        SETTINGS.faintness_at(len(sun)),
-        MU,
-    )
+    faintness = SETTINGS.faintness_at(len(sun))
+    given = observer[None, None], target, sun, SETTINGS.angles.cosines, faintness, MU
+    counts = count_observations(*given)
     np.testing.assert_array_equal(counts[0, 0], expected.sum(axis=0))
-    bits = mark_observations(
-        observer[None, None],
-        target,
-        sun,
-        SETTINGS.angles.cosines,
-        SETTINGS.faintness_at(len(sun)),
-        MU,
-    )
+    bits = mark_observations(*given)
     np.testing.assert_array_equal(bits[0, 0], np.packbits(expected, bitorder="little"))
 
 

@@ -160,11 +160,17 @@ def shared(name, scenario=None):
     return results(shared_dataset(STUDY, scenario, name))
 
 
+def among_bodies(scenario):
+    """Whether the architectures of a scenario are chosen among the bodies as they are."""
+    own = settings_in(scenario, "visibility")["visibility"]
+    return own.get("dynamics") == "ephemeris"
+
+
 def sky(scenario=None, architecture=""):
     """Where the Sun is, and among the bodies as they are also observers; by default, of a job."""
     if scenario is None:
         return lambda wildcards: sky(wildcards.scenario, wildcards.get("observers", ""))
-    if settings_in(scenario, "visibility")["visibility"].get("dynamics") != "ephemeris":
+    if not among_bodies(scenario):
         return shared("ephemeris/sun", scenario)
     if architecture in OBSERVERS:
         return results(f"orbits/paths_{scenario}_{architecture}.nc")
@@ -179,7 +185,7 @@ def path_settings(wildcards):
 
 def in_cr3bp(scenario, what):
     """Refuse what is made in the CR3BP alone for a scenario that has its architectures elsewhere."""
-    if settings_in(scenario, "visibility")["visibility"].get("dynamics") == "ephemeris":
+    if among_bodies(scenario):
         raise SystemExit(
             f"error: scenario {scenario} has visibility.dynamics = 'ephemeris', and {what} of the "
             f"CR3BP alone; leave {scenario} out there, or set visibility.dynamics to 'cr3bp'"

@@ -1,6 +1,6 @@
 """What designs and fronts are chosen for: the objective over its tables, and the places."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,29 +90,25 @@ def where(wanted: Mapping[str, Any], orbits: xr.Dataset, settings: Mapping[str, 
     return Where(at, settings["max_satellites"], settings["slots"])
 
 
-def check_places(config: Mapping[str, Any], goals: Iterable[str]) -> None:
-    """Refuse designs and fronts, keys of `architecture`, that have not the places they ask for.
+def check_places(config: Mapping[str, Any], goals: Mapping[str, int]) -> None:
+    """Refuse designs and fronts, keys of `architecture`, that have not so many places.
 
     A `ConfigurationError` that names the key. The library of orbits is made for it.
     """
     search, orbits = config["architecture"], families_dataset({"orbits": config["orbits"]})
-    for key in goals:
+    for key, wanted in goals.items():
         kind, name = key.split(".")
         goal = search[kind][name]
         try:
             found = where(goal, orbits, search)
         except ConfigurationError as error:
             raise ConfigurationError(f"configuration key 'architecture.{key}': {error}") from None
-        held, wanted = (
-            found.places.orbit.size,
-            goal["satellites"] if found.slots is None else found.slots,
-        )
-        most = max(wanted) if isinstance(wanted, list) else wanted
-        if most > held:
+        held = found.places.orbit.size
+        if wanted > held:
             what = "satellites" if found.slots is None else "slots"
             raise ConfigurationError(
-                f"configuration key 'architecture.{key}': {most} {what} on {held} places, those on "
-                f"the {np.unique(found.places.orbit).size} orbits that max_stability_index and "
+                f"configuration key 'architecture.{key}': {wanted} {what} on {held} places, those "
+                f"on the {np.unique(found.places.orbit).size} orbits that max_stability_index and "
                 "max_station_keeping_m_s leave; ask for fewer, raise a cap or phases"
             )
 

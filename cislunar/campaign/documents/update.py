@@ -152,9 +152,14 @@ def refresh(root: str | Path, results: str | Path) -> list[Path]:
         write_text(text, root / "docs/tables" / f"{name}.csv")
     before = {path: _text(path) for path in (*documents(root), page, root / "docs" / STRIP)}
     write_text(_text(source), page)
+    _write_outdated(root)
+    return [path for path, text in before.items() if text != _text(path)]
+
+
+def _write_outdated(root: str | Path) -> None:
+    """Make anew what differs from the tables in ``docs/tables``."""
     for path, text in outdated(root).items():
         write_text(text, path)
-    return [path for path, text in before.items() if text != _text(path)]
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -176,8 +181,7 @@ def main(arguments: list[str] | None = None) -> int:
         if chosen.dynamics is not None:
             kept = Path(chosen.root) / f"docs/tables/{STUDY}.csv"
             write_text(study_table(chosen.dynamics).to_csv(index=False), kept)
-            for path, text in outdated(chosen.root).items():
-                write_text(text, path)
+            _write_outdated(chosen.root)
             return 0
         if not chosen.check:
             changed = refresh(chosen.root, chosen.results)

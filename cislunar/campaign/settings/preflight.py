@@ -99,14 +99,16 @@ def check_orbits(config: Mapping[str, Any]) -> None:
             check_closed_targets(table, load_target_states(table))
 
 
-def crowded_goals(config: Mapping[str, Any]) -> list[str]:
+def crowded_goals(config: Mapping[str, Any]) -> dict[str, int]:
     """Designs and fronts with caps on their orbits that may leave too few places, as keys.
+
+    With each stands how many places it asks for.
 
     Which orbits are left only the library tells, which takes seconds to make: those of at most 60
     satellites, on at most a fifth of all places, are taken to find theirs.
     """
     search, members = config["architecture"], sum(config["orbits"]["members"].values())
-    found = []
+    found = {}
     for kind in ("designs", "objective_fronts"):
         for name, goal in search[kind].items():
             capped = goal["max_stability_index"] or goal.get("max_station_keeping_m_s") is not None
@@ -116,7 +118,7 @@ def crowded_goals(config: Mapping[str, Any]) -> list[str]:
             wanted = goal["satellites"] if goal["phases"] else search["slots"]
             most = max(wanted) if isinstance(wanted, list) else wanted
             if most > min(_FEW, places / 5.0):
-                found.append(f"{kind}.{name}")
+                found[f"{kind}.{name}"] = most
     return found
 
 

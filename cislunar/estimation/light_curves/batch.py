@@ -231,10 +231,9 @@ class BatchEstimator:
                 points,
                 self._state.points[j],
                 mean[j],
+                rate[j],
                 joint[j],
             )
-            count = self._state.points[j]
-            rate[j] = np.sum(points[2][:count, None] * points[1][:count], axis=0)
         covariance = root @ np.swapaxes(root, 1, 2)
         rotation = Rotation(mean, rate, joint[:, :6, :6])
         return Prediction(self._index + 1, translation, covariance, mean, joint, rotation)

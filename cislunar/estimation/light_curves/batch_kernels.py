@@ -278,9 +278,12 @@ def _forget(hypotheses, data, model, state, j, before, memory):
 
 @njit(cache=True, error_model="numpy")
 def predict_target(
-    j, k, scene, constants, model, parts, translation, root, points, count, mean, joint
+    j, k, scene, constants, model, parts, translation, root, points, count, mean, rate, joint
 ):
-    """Carry copies of target j's estimate over the step from time k; fills the joint root."""
+    """Carry copies of target j's estimate over the step from time k.
+
+    Fills mean attitude and rate, and the joint root.
+    """
     work = make_workspace(SIZE, 2)
     health = step_orbit(parts, j, translation, root, k, scene, constants.translation, work)
     joint[:, :] = 0.0
@@ -290,7 +293,7 @@ def predict_target(
     _carry_points(points, count, scene.step_s, model)
     quaternion, omega, weight = points[0][:count], points[1][:count], points[2][:count]
     differences = np.empty((count, ROTATION))
-    mixture_moments(quaternion, omega, weight, mean, np.empty(3), differences)
+    mixture_moments(quaternion, omega, weight, mean, rate, differences)
     covariance = np.zeros((ROTATION, ROTATION))
     for i in range(weight.shape[0]):
         for a in range(ROTATION):
