@@ -26,7 +26,7 @@ from cislunar.dynamics.forces import (
     plain,
     require_span,
 )
-from cislunar.dynamics.tableau import A5, A8, C5, C8, FIRST8, STAGES5, STAGES8
+from cislunar.dynamics.tableau import PAIR5, PAIR8, STAGES8
 
 Array = NDArray[np.float64]
 
@@ -79,20 +79,21 @@ def _combine(state, dt, row, skip, stage, slopes, out):
 
 
 @njit(cache=True, error_model="numpy")
-def dop853_step(forces, t, state, dt, slopes, work):
-    """One DOP853 step of a bundle; arguments as of `step_bundle` (compiled)."""
+def runge_kutta_step(pair, forces, t, state, dt, slopes, work):
+    """One step of a bundle by a pair; other arguments as of `step_bundle` (compiled)."""
+    a, c, first, stages = pair
     _slopes(at(forces, t), state, slopes[0])
-    for s in range(1, STAGES8):
-        _combine(state, dt, A8[s], FIRST8[s], s, slopes, work)
-        _slopes(at(forces, t + C8[s] * dt), work, slopes[s])
-    _combine(state, dt, A8[STAGES8], FIRST8[STAGES8], STAGES8, slopes, work)
+    for s in range(1, stages):
+        _combine(state, dt, a[s], first[s], s, slopes, work)
+        _slopes(at(forces, t + c[s] * dt), work, slopes[s])
+    _combine(state, dt, a[stages], first[stages], stages, slopes, work)
     state[:, :] = work
 
 
 @for_all_others
 def take_step(forces, t, state, dt, slopes, work):
     """A step of a bundle as a model takes it: one of DOP853 unless it says otherwise."""
-    dop853_step(forces, t, state, dt, slopes, work)
+    runge_kutta_step(PAIR8, forces, t, state, dt, slopes, work)
 
 
 @njit(cache=True, error_model="numpy")
@@ -105,22 +106,11 @@ def step_bundle(forces, t, state, dt, slopes, work):
     take_step(forces, t, state, dt, slopes, work)
 
 
-@njit(cache=True, error_model="numpy")
-def _dopri5_step(forces, t, state, dt, slopes, work):
-    """One Dormand-Prince step of a bundle; arguments as of `step_bundle` (compiled)."""
-    _slopes(at(forces, t), state, slopes[0])
-    for s in range(1, STAGES5):
-        _combine(state, dt, A5[s], 1, s, slopes, work)
-        _slopes(at(forces, t + C5[s] * dt), work, slopes[s])
-    _combine(state, dt, A5[STAGES5], 1, STAGES5, slopes, work)
-    state[:, :] = work
-
-
 @for_all_others
 def take_cloud_step(forces, t, state, dt, slopes, work):
     """A step of a cloud as a model takes it: see `step_cloud`, unless it says otherwise."""
     if is_calm(at(forces, t), state[0, 0], state[1, 0], state[2, 0], dt):
-        _dopri5_step(forces, t, state, dt, slopes, work)
+        runge_kutta_step(PAIR5, forces, t, state, dt, slopes, work)
     else:
         take_step(forces, t, state, dt, slopes, work)
 

@@ -9,11 +9,18 @@ slope the error estimate and the next step use.
 import numpy as np
 from scipy.integrate import DOP853, RK45
 
+
+def _first(a: np.ndarray) -> np.ndarray:
+    """First nonzero column after column 0, row by row: the columns between are all zero."""
+    return np.array([1 + np.argmax(np.append(row[1:], 1.0) != 0.0) for row in a])
+
+
 STAGES5 = 6
 A5 = np.zeros((7, 7))
 A5[:6, :5] = RK45.A
 A5[6, :6] = RK45.B
 C5 = np.append(RK45.C, 1.0)
+FIRST5 = _first(A5)
 ERROR5 = np.ascontiguousarray(RK45.E)
 DENSE5 = np.ascontiguousarray(RK45.P)
 
@@ -24,8 +31,11 @@ A8[:12, :12] = DOP853.A
 A8[12, :12] = DOP853.B
 A8[13:] = DOP853.A_EXTRA
 C8 = np.concatenate([DOP853.C, [1.0], DOP853.C_EXTRA])
-FIRST8 = np.array([1 + np.argmax(np.append(row[1:], 1.0) != 0.0) for row in A8])
-"""First nonzero column after column 0, row by row: the columns between are all zero."""
+FIRST8 = _first(A8)
 ERROR8_3 = np.ascontiguousarray(DOP853.E3)
 ERROR8_5 = np.ascontiguousarray(DOP853.E5)
 DENSE8 = np.ascontiguousarray(DOP853.D)
+
+PAIR5 = A5, C5, FIRST5, STAGES5
+PAIR8 = A8, C8, FIRST8, STAGES8
+"""What the stages of a step take."""
