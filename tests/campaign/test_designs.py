@@ -200,7 +200,8 @@ def test_a_design_may_look_at_targets_in_its_own_way(paper):
     search = in_study(check_campaign(changed))["architecture"]
     usual = search["information"]
     assert information_of(search["designs"]["x"], search) == usual | {"window_hours": 12}
-    assert information_of(search["designs"]["information-20"], search) == usual
+    assert information_of(search["designs"]["coverage-20"], search) == usual
+    assert information_of(search["designs"]["information-20"], search) == usual | {"halvings": 2}
     design["information"] = {"targets": 203}
     with pytest.raises(ConfigurationError, match=r"information\.targets' = 203"):
         check_campaign(with_change(paper, "architecture.designs.x", design))
