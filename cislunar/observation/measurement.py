@@ -8,6 +8,7 @@ Assumptions and limitations
 - Observers know their own position and attitude exactly; light time and aberration are neglected.
 - Right ascension and declination have the same noise everywhere, as in the paper, also
   near the pole of the observer's frame, where right ascension is then too informative.
+- Where there is noise of photons, all errors of the brightness are Gaussian in the flux.
 - A target in the shadow of the Earth or Moon is taken as lit unless its dimming is given.
 """
 
@@ -41,6 +42,9 @@ Array = NDArray[np.float64]
 # What became of a look.
 NOT_TASKED, FAINT, EXCLUDED, OCCULTED, DETECTED = range(5)
 
+_PER_SHARE = 2.5 / np.log(10.0)
+"""Magnitudes by which a source is fainter per share of its flux that is missing, to first order."""
+
 
 @njit(cache=True, error_model="numpy")
 def target_magnitude(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j):
@@ -59,6 +63,17 @@ def target_magnitude(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, 
         surfaces.irradiance_4pi,
         surfaces.fresnel_sqrt,
     )
+
+
+@njit(cache=True, error_model="numpy")
+def _in_flux(error):
+    """Error of a magnitude whose flux errs by as much to first order; infinite without any flux.
+
+    The noise of photons is Gaussian in the flux: a source far below the noise, whose magnitude
+    would err by hundreds, is not found at a hundred magnitudes above its own.
+    """
+    share = 1.0 - error / _PER_SHARE
+    return -_PER_SHARE * np.log(share) if share > 0.0 else np.inf
 
 
 @njit(cache=True, error_model="numpy")
@@ -102,6 +117,8 @@ def _look(scene, surfaces, own, true, standard, observer, j, k, motion, noise, d
             noise[2] * np.sqrt(truly[2]),
         )
     magnitude = error[0] + arriving
+    if standard and true.photons[0] > 0.0:
+        magnitude = arriving + _in_flux(error[0])
     if not magnitude <= own.limiting_magnitude:
         return FAINT
     noise_variance_at(own, magnitude, variance)

@@ -13,7 +13,7 @@ from cislunar.ephemeris.bodies import COLUMNS, read_table, tabulate_bodies
 from cislunar.ephemeris.time_scales import julian_date, utc_to_tdb
 from cislunar.errors import ConfigurationError
 from cislunar.observation.ground import earth_rotation, station_positions, station_tracks
-from cislunar.observation.measurement import DETECTED, EXCLUDED, OCCULTED, measure
+from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED, measure
 from cislunar.observation.records import pointed_schedule
 from cislunar.observation.sensor import (
     ARCSECOND,
@@ -86,11 +86,24 @@ def test_records_say_how_noisy_they_are_and_errors_are(problem):
     np.testing.assert_allclose(
         np.sqrt(noisy.variance), noise_at(sensor, noisy.value[:, 0]), rtol=1e-12
     )
-    standard = (noisy.value - exact.value)[:, [0, 2]] / noise_at(sensor, exact.value[:, 0])[
-        :, [0, 2]
-    ]
+    error = noisy.value - exact.value
+    error[:, 0] = (1.0 - 10.0 ** (-0.4 * error[:, 0])) * 2.5 / np.log(10.0)  # of the flux
+    standard = (error / noise_at(sensor, exact.value[:, 0]))[:, [0, 2]]
     errors = truth.noise[:2, 1:, 0].reshape(-1, 3)[:, [0, 2]]
     np.testing.assert_allclose(standard, errors, rtol=1e-6, atol=1e-6)
+
+
+def test_what_is_far_below_the_noise_of_photons_is_not_found(problem):
+    """Of thousands of looks at targets dimmed by 20 magnitudes none is a detection."""
+    scene, surfaces, truth = problem
+    sensor = replace(KEEN, limiting_magnitude=18.0, photon_noise=PHOTONS)
+    looks = pointed_schedule(np.tile([0, 1], (60, 1)), 5)
+    dimmed = np.full(truth.translation.shape[:2], 20.0)
+    given = 1, looks, scene, surfaces, sensor, truth.translation, truth.quaternion
+    many = np.random.default_rng(3).standard_normal((40, *truth.noise.shape))
+    for noise in many:
+        _, fate = measure(*given, noise, true=(sensor, sensor), dimmed=dimmed)
+        assert np.all(fate == FAINT)
 
 
 def test_each_observer_sees_by_its_own_sensor(problem):
