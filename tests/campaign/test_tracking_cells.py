@@ -709,6 +709,20 @@ def test_error_over_bound_is_that_of_the_histories(sources):
         np.testing.assert_allclose(cell["bound_ratio"].values[..., p], expected, rtol=1e-5)
 
 
+def test_the_error_at_the_end_counts_every_target(summary, tracked_cell):
+    """The final hours are here all of the run."""
+    km = LENGTH_UNIT_KM * tracked_cell["error"].values[0, :, :, 6:9].astype(float)
+    each = np.sqrt((km**2).sum(axis=-1).mean(axis=0))
+    assert each.size == 4 and (tracked_cell["updates"].values[0] == 0).any()
+    row = (
+        tracking_rows(summary)
+        .query("quantity == 'final_error_geometric_all' and part == 'position' and unit == 'km'")
+        .iloc[1]
+    )
+    assert row["variant"] == "one-seed"
+    assert row["mean"] == pytest.approx(np.prod(each) ** 0.25)
+
+
 def test_error_over_bound_stands_in_the_tables(summary, tracked_cell):
     table = tracking_rows(summary)
     own = table[(table.variant == "") & table.quantity.isin(["bound_ratio_90", "anees_mean"])]

@@ -18,10 +18,14 @@ from cislunar.campaign.claims.judges import (
     VERDICTS,
     Claim,
 )
-from cislunar.campaign.documents import dynamics_block
 from cislunar.campaign.documents import update as documents
 from cislunar.campaign.documents.blocks import BLOCKS, files_block, readings_tracking_block
-from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks, markdown_table
+from cislunar.campaign.documents.markdown import (
+    fill_blocks,
+    generated_block,
+    generated_blocks,
+    markdown_table,
+)
 from cislunar.campaign.documents.results_page import (
     COLORS,
     LISTED,
@@ -33,6 +37,7 @@ from cislunar.campaign.documents.results_page import (
 )
 from cislunar.campaign.documents.run_times import run_times
 from cislunar.campaign.documents.settings_tables import SETTINGS_BLOCKS
+from cislunar.campaign.documents.studies import STUDIES
 from cislunar.campaign.readings.photometry import RETURNED, photometry_table
 from cislunar.errors import InputFileError
 
@@ -199,25 +204,46 @@ def test_page_tells_version_revision_and_settings(tables):
     assert "task2:\n  seeds: 3\n" in page
 
 
-def test_the_study_of_dynamics_has_a_section_if_it_was_run(campaign):
+@pytest.fixture
+def studies(campaign):
+    """Tables of the sweeps of each study, in the campaign's folder."""
     root, results = campaign
-    rows = [
-        {"estimator": "mukf", "targets": count, "mean": 0.875}
-        | {"quantity": quantity, "part": part or None, "unit": unit}
-        for count, (quantity, part, unit, _) in product((50, 100), dynamics_block.SHOWN.values())
-    ]
-    rows.append(rows[0] | {"quantity": "failed"})
-    for name in dynamics_block.SWEEPS:
-        value = {"apogee": "real-cr3bp"}.get(name, f"{name}-real")
-        pd.DataFrame(rows).assign(value=value).to_csv(results / f"tables/sweep_{name}.csv")
+    for study in STUDIES.values():
+        rows = [
+            {"estimator": "mukf", "targets": count, "mean": 0.875, "low": 0.5, "high": 1.0}
+            | {"quantity": quantity, "part": part or None, "unit": unit}
+            for count, (quantity, part, unit, _) in product((50, 100), study.shown)
+        ]
+        rows.append(rows[0] | {"quantity": "failed"})
+        for name in study.sweeps:
+            value = {"apogee": "real-cr3bp"}.get(name, f"{name}-real")
+            table = pd.DataFrame(rows).assign(value=value, sweep=name)
+            table.to_csv(results / f"tables/sweep_{name}.csv")
+    return root, results
+
+
+def test_the_study_of_dynamics_has_a_section_if_it_was_run(studies):
+    root, results = studies
     documents.refresh(root, results)
     page = root / "docs/results.md"
     assert "CR3BP costs" not in page.read_text(encoding="utf-8")
-    assert documents.main(["--root", str(root), "--dynamics", str(results)]) == 0
+    chosen = ["--root", str(root), "--results", str(results), "--study", "dynamics"]
+    assert documents.main(chosen) == 0
     text = page.read_text(encoding="utf-8")
     assert "| apogee | real, CR3BP | filter | 100 | 0.875 | 0.875 | 0.875 |" in text
     assert text.count("| real, real, one Gaussian |") == text.count("| perigee |") == 2
     assert documents.main(["--check", "--root", str(root)]) == 0
+
+
+def test_the_study_of_tasking_fills_its_tables(studies):
+    root, results = studies
+    documents.refresh(root, results)
+    page = root / "docs/tasking.md"
+    page.write_text(generated_block("tasking-fusion", ""), encoding="utf-8")
+    chosen = ["--root", str(root), "--results", str(results), "--study", "tasking"]
+    assert documents.main(chosen) == 0
+    told = "0.9 [0.5, 1.0] | 0.88 [0.50, 1.00] | 0.875 [0.5, 1] | \N{EN DASH} | 88% [50%, 100%]"
+    assert f"| 100 | `fusion-real` | {told} |" in page.read_text(encoding="utf-8")
 
 
 def test_only_sure_differences_are_marked(tables):

@@ -4,11 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import pandas as pd
 
-from cislunar.campaign.documents.dynamics_block import STUDY, dynamics_block
 from cislunar.campaign.documents.estimator_blocks import AWARE, ESTIMATOR_BLOCKS
-from cislunar.campaign.documents.markdown import markdown_table
+from cislunar.campaign.documents.markdown import DASH, markdown_table
 from cislunar.campaign.documents.results_page import (
-    DASH,
     LISTED,
     Tables,
     architecture_list,
@@ -16,6 +14,7 @@ from cislunar.campaign.documents.results_page import (
     results_body,
     verdicts_sentence,
 )
+from cislunar.campaign.documents.studies import STUDY_BLOCKS
 from cislunar.campaign.readings.photometry import BRIGHTER, RANGE, RETURNED
 from cislunar.campaign.tracking.statistics import certain
 
@@ -196,7 +195,7 @@ BLOCKS: Mapping[str, Callable[[Tables], str]] = {
     "readings-tracking": readings_tracking_block,
     "photometry": photometry_block,
     "returned-light": returned_light_block,
-    STUDY: dynamics_block,
+    **STUDY_BLOCKS,
     **ESTIMATOR_BLOCKS,
 }
 """What makes each block, by the name in its opening line."""

@@ -4,8 +4,8 @@ from itertools import product
 
 import pandas as pd
 
-from cislunar.campaign.documents.markdown import markdown_table
-from cislunar.campaign.documents.results_page import DASH, LISTED, Tables, quantity_rows
+from cislunar.campaign.documents.markdown import DASH, markdown_table
+from cislunar.campaign.documents.results_page import LISTED, Tables, quantity_rows
 from cislunar.campaign.tracking.model_errors import NONE, TORQUE
 
 NAMES = {"mukf": "filter of the paper", "batch": "batch"}

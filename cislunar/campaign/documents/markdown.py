@@ -6,6 +6,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from cislunar.errors import InputFileError
 
 _BEGIN, _END = "<!-- begin generated: {} -->\n", "<!-- end generated -->\n"
+DASH = "\N{EN DASH}"
+"""Where a table has nothing to say."""
+
 _NAME = re.compile(r"^<!-- begin generated: ([\w-]+) -->$", flags=re.MULTILINE)
 
 

@@ -19,10 +19,9 @@ from cislunar.campaign.claims.judges import (
     REPRODUCED,
     VERDICTS,
 )
-from cislunar.campaign.documents.dynamics_block import dynamics_section
-from cislunar.campaign.documents.markdown import generated_block, markdown_table
+from cislunar.campaign.documents.markdown import DASH, generated_block, markdown_table
+from cislunar.campaign.documents.studies import dynamics_section
 
-DASH = "\N{EN DASH}"
 STRIP = "images/verdicts.svg"
 """The diagram of the verdicts, beside the page."""
 

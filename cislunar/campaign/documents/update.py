@@ -7,7 +7,8 @@ From the folder of the repository, after the campaign::
 copies the tables the documents rest on from ``results/`` to ``docs/tables``, the page of results to
 ``docs/results.md``, and makes every block between the lines ``<!-- begin generated: NAME -->`` and
 ``<!-- end generated -->`` anew from these tables. ``--results FOLDER`` takes another results
-folder; ``--dynamics FOLDER`` takes the tables of the study ``config/dynamics.yaml`` alone;
+folder; ``--study NAME`` takes the tables of the study ``config/NAME.yaml`` alone, out of
+``results/NAME`` unless another one is named;
 ``--check`` changes nothing and fails where a document differs from its tables.
 """
 
@@ -23,11 +24,11 @@ import pandas as pd
 
 from cislunar.campaign.data.netcdf import write_text
 from cislunar.campaign.documents.blocks import BLOCKS
-from cislunar.campaign.documents.dynamics_block import STUDY, study_table
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
 from cislunar.campaign.documents.results_page import STRIP, shown_quantities, verdicts_svg
 from cislunar.campaign.documents.run_times import run_times
 from cislunar.campaign.documents.settings_tables import SETTINGS_BLOCKS
+from cislunar.campaign.documents.studies import STUDIES, study_table
 from cislunar.errors import CislunarError, InputFileError
 
 RESULTS_PAGE = "results.md"
@@ -50,10 +51,10 @@ _THINNED = ("readings_tracking", "tracking")
 def read_tables(folder: str | Path) -> dict[str, pd.DataFrame]:
     """The tables the documents rest on, of ``docs/tables``, by name.
 
-    All of the campaign must be there; that of the study of dynamics need not.
+    All of the campaign must be there; those of studies need not.
     """
     folder = Path(folder)
-    own = [STUDY] if (folder / f"{STUDY}.csv").is_file() else []
+    own = [name for name in STUDIES if (folder / f"{name}.csv").is_file()]
     return {name: _read(folder / f"{name}.csv") for name in (*TABLES, *own)}
 
 
@@ -168,9 +169,9 @@ def main(arguments: list[str] | None = None) -> int:
         prog="python -m cislunar.campaign.documents.update",
         description="Fill the documents with the numbers of a finished campaign.",
     )
-    parser.add_argument("--results", default="results", help="results folder (default: results)")
+    parser.add_argument("--results", help="results folder (default: results, or results/NAME)")
     parser.add_argument(
-        "--dynamics", help="results folder of config/dynamics.yaml, of which alone tables are taken"
+        "--study", choices=STUDIES, help="of config/NAME.yaml, of which alone tables are taken"
     )
     parser.add_argument("--root", default=".", help="folder of the repository (default: here)")
     parser.add_argument(
@@ -178,13 +179,14 @@ def main(arguments: list[str] | None = None) -> int:
     )
     chosen = parser.parse_args(arguments)
     try:
-        if chosen.dynamics is not None:
-            kept = Path(chosen.root) / f"docs/tables/{STUDY}.csv"
-            write_text(study_table(chosen.dynamics).to_csv(index=False), kept)
+        if chosen.study is not None:
+            table = study_table(chosen.study, chosen.results or f"results/{chosen.study}")
+            kept = Path(chosen.root) / f"docs/tables/{chosen.study}.csv"
+            write_text(table.to_csv(index=False), kept)
             _write_outdated(chosen.root)
             return 0
         if not chosen.check:
-            changed = refresh(chosen.root, chosen.results)
+            changed = refresh(chosen.root, chosen.results or "results")
             print("\n".join(map(str, changed)) or "nothing has changed")
             return 0
         stale = outdated(chosen.root)

@@ -11,7 +11,7 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.campaign.tracking.summary import PARTS, PER_CELL, PER_PART, WHERE_BOUNDED
+from cislunar.campaign.tracking.summary import ERRORS, PARTS, PER_CELL, PER_PART, WHERE_BOUNDED
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ def realizations(summary: xr.Dataset) -> pd.DataFrame:
     for name in PER_PART:
         for p, part in enumerate(PARTS):
             own = summary[name].values[..., p]
-            if not name.startswith("rmse"):
+            if name not in ERRORS:
                 measures.append((name, part, "1"))
                 values.append(own)
                 continue

@@ -17,7 +17,13 @@ from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.records import recorded_variables
 from cislunar.errors import InputFileError
-from cislunar.evaluation.metrics import INCONSISTENT, NEVER_OBSERVED, PARTS, TRACKED
+from cislunar.evaluation.metrics import (
+    FINAL_HOURS,
+    INCONSISTENT,
+    NEVER_OBSERVED,
+    PARTS,
+    TRACKED,
+)
 from cislunar.tasking.fates import LOOK_FATES, counted, fate_shares
 from cislunar.tasking.settings import RECORDABLE
 
@@ -38,8 +44,16 @@ PER_PART = {
     "rmse_90": "root mean square error, 90th percentile over targets and axes",
     "rmse_median_all": "root mean square error, median over all targets, seen or not, and axes",
     "rmse_geometric_all": "root mean square error, geometric mean over all targets and axes",
+    "final_error_geometric_all": (
+        "length of the error in the final hours, root mean square over the recorded times, "
+        "geometric mean over all targets; NaN where no histories of errors are kept"
+    ),
 }
 """Quantities of every part, over observed targets."""
+
+ERRORS = ("rmse_median", "rmse_90", "rmse_median_all", "rmse_geometric_all")
+ERRORS += ("final_error_geometric_all",)
+"""Those of them that have the unit of the part's errors."""
 
 PER_CELL = {
     "final_attitude_error_median": ("degree", "attitude error of the final hours, median"),
@@ -91,7 +105,7 @@ _ID = ("scenario", "architecture", "estimator", "variant")
 
 
 def read_cell_metrics(path: str | Path) -> xr.Dataset:
-    """Read the metrics of a cell, with `looks` in place of its time histories.
+    """Read the metrics of a cell, with `looks` and `final_error` in place of its time histories.
 
     An `InputFileError` if it has none.
     """
@@ -103,7 +117,28 @@ def read_cell_metrics(path: str | Path) -> xr.Dataset:
             "earlier version; delete it and run snakemake again"
         )
     # counted at once: the fates of all cells together are too large to keep
-    return cell.drop_vars("fate").assign(looks=(("seed", "outcome"), _looks(cell)))
+    cell = cell.drop_vars("fate").assign(looks=(("seed", "outcome"), _looks(cell)))
+    with xr.open_dataset(path, engine="netcdf4") as histories:
+        return cell.assign(final_error=(("seed", "target", "part"), _final_error(histories)))
+
+
+def _final_error(cell: xr.Dataset) -> Array:
+    """Root mean square length of each part's error in the final hours, (seed, target, part).
+
+    Of the recorded times; NaN without them. Only those of the final hours are read.
+    """
+    if "final_error" in cell:
+        return cell["final_error"].values
+    if "error" not in cell:
+        return np.full((*cell["status"].shape, len(PARTS)), np.nan)
+    final = cell["time"].values > cell["time"].values[-1] - 3600.0 * FINAL_HOURS
+    error = cell["error"].isel(time=final).transpose("seed", "target", "time", "component").values
+    parts = np.square(error, dtype=float).reshape(*error.shape[:3], len(PARTS), -1).sum(axis=-1)
+    # of an estimate that has come to an end, what there is
+    finite = np.isfinite(parts)
+    count = finite.sum(axis=2)
+    total = np.where(finite, parts, 0.0).sum(axis=2)
+    return np.sqrt(np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0))
 
 
 def _looks(cell: xr.Dataset) -> NDArray[np.int64]:
@@ -186,6 +221,13 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         "translation_outside_share": outside.sum(axis=1) / seen,
         "rmse_median_all": reduced("rmse", np.median, np.ones_like(observed)),
         "rmse_geometric_all": reduced("rmse", _geometric_mean, np.ones_like(observed)),
+        "final_error_geometric_all": np.stack(
+            [
+                _over_targets(part, np.ones_like(observed), _geometric_mean)
+                for part in np.moveaxis(_final_error(cell), -1, 0)
+            ],
+            axis=-1,
+        ),
         "custody_share": cell["custody"].values.mean(axis=1),
         "tracked_share": (status == TRACKED).mean(axis=1),
         "valid_fraction": cell["updates"].values.mean(axis=1) / cell.sizes["step"],
@@ -222,7 +264,7 @@ def summary_dataset(
         name: variable(("cell", "seed", "part"), stacked(name), "1", meaning)
         for name, meaning in PER_PART.items()
     }
-    for name in ("rmse_median", "rmse_90", "rmse_median_all", "rmse_geometric_all"):
+    for name in ERRORS:
         data[name].attrs["units"] = "see part_unit"
     data |= {
         name: variable(("cell", "seed"), stacked(name), unit, meaning)

@@ -60,7 +60,8 @@ TRACKING = (
     Quantity("coverage", "attitude within\n3\N{GREEK SMALL LETTER SIGMA}, % of time", "attitude",
              factor=100.0, within=PERCENT),
     Quantity("final_attitude_error_median", "final attitude error,\nmedian, degree", log=True),
-    Quantity("rmse_median", "position RMSE,\nmedian, km", "position", "km", log=True),
+    Quantity("final_error_geometric_all", "final position error,\nall targets, km", "position",
+             "km", log=True),
     Quantity("never_observed", "moving targets\nnever observed", within=COUNT),
 )  # fmt: skip
 ORBITS = (
