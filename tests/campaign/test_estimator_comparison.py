@@ -10,10 +10,26 @@ from cislunar.campaign.documents.estimator_blocks import (
     aware_tasking_block,
     batch_settings_block,
     estimators_block,
-    headline_block,
     model_errors_block,
 )
-from cislunar.campaign.tracking.tables import estimator_rows, reading_rows, tracking_rows
+from cislunar.campaign.documents.estimator_blocks import (
+    headline_block as estimators_headline,
+)
+from cislunar.campaign.documents.real_block import (
+    NOT_RUN,
+    REAL_BLOCKS,
+    headline_block,
+    number_block,
+    study_table,
+)
+from cislunar.campaign.tracking.statistics import t_interval
+from cislunar.campaign.tracking.tables import (
+    estimator_rows,
+    pooled_rows,
+    reading_rows,
+    tracking_rows,
+)
+from cislunar.figures.tracking.pooled import pooled_figure
 from cislunar.figures.tracking.trends import against_interval_figure, against_targets_figure
 
 
@@ -61,7 +77,7 @@ def test_blocks_tell_both_estimators_and_mark_what_is_missing(tables):
                for line in lines)  # fmt: skip
     assert any(line.startswith("| 50 | batch |") and "1.0 (1)" in line for line in lines)
     assert not any(line.startswith("| 202 |") for line in lines)
-    assert "| 50 | 10.0 | 1.0 |" in headline_block(tables)
+    assert "| 50 | 10.0 | 1.0 |" in estimators_headline(tables)
     settings = batch_settings_block(tables)
     assert "| `accurate` | 50 |" in settings and "single-start" not in settings
 
@@ -105,3 +121,72 @@ def test_figures_hold_both_estimators_and_the_bound(summary, draw):
                for line in lost.lines if len(line.get_xdata()) > 1}  # fmt: skip
     assert {10.0, 1.0} <= heights
     assert draw(summary.isel(cell=summary["estimator"].values == "mukf"), "estimator") is not None
+
+
+@pytest.fixture(scope="module")
+def pooled():
+    """Two pipelines of 20 and 43 satellites; ours on two days, of which the second is worse."""
+    parts = [
+        ("information", "batch", "", 0.9),
+        ("information", "batch", "day10", 0.7),
+        ("published", "mukf", "paper-ephemeris", 0.4),
+        ("published", "mukf", "paper-ephemeris-day10", 0.4),
+        ("published", "mukf", "paper", 0.0),
+    ]
+    cells = []
+    for name, estimator, variant, held in parts:
+        known = {"custody_share": held, "final_error_geometric_all": (0.1, 1e-5, 1e-5, 1e-5)}
+        made = make_summary(lambda *cell, known=known: known)
+        made = made.isel(cell=np.flatnonzero(made["interval_minutes"].values == 60))
+        for observers in (20, 43):
+            stem = f"{name}-{observers}" if name == "information" else name
+            own = _labeled(made, architecture=stem, estimator=estimator, variant=variant)
+            cells.append(_labeled(own, observers=observers))
+    return pooled_rows(xr.concat(cells, "cell"), ["day10"])
+
+
+def _custody(table, **labels):
+    own = table[table["quantity"] == "custody_share"]
+    for key, value in labels.items():
+        own = own[own[key] == value]
+    assert len(own) == 1
+    return own.iloc[0]
+
+
+def test_realizations_of_days_count_together(pooled):
+    cell = {"scenario": "A", "targets": 100, "observers": 20}
+    both = _custody(pooled, estimator="batch", **cell)
+    assert both["variant"] == "" and both["seeds"] == 16
+    np.testing.assert_allclose(both["mean"], 0.8)
+    days = np.outer([0.9, 0.7], 1.0 + 0.01 * np.linspace(-1.0, 1.0, 8))
+    assert both["high"] >= t_interval(days.ravel()).high
+    assert both["smallest"] < 0.7 < 0.9 < both["largest"]
+    assert _custody(pooled, variant="paper-ephemeris", **cell)["seeds"] == 16
+    assert _custody(pooled, variant="paper", **cell)["seeds"] == 8
+
+
+def test_the_study_of_the_real_world_is_told_once_it_was_run(pooled, tmp_path):
+    assert headline_block({}) == "" and number_block({}) == NOT_RUN
+    (tmp_path / "tables").mkdir()
+    pooled.to_csv(tmp_path / "tables/pooled.csv", index=False)
+    table = study_table(tmp_path)
+    head = headline_block({"real": table[table["targets"] == 100]})
+    assert "| ours, 20 satellites | 80 [" in head
+    assert "| the paper's, filter of the ephemeris, 43 satellites | 40 [" in head
+    assert len(number_block({"real": table}).splitlines()) > 6
+    assert all(make({"real": table}) for make in REAL_BLOCKS.values())
+
+
+def test_a_curve_for_each_pipeline(pooled):
+    figure = pooled_figure(pooled[pooled["scenario"] == "A"])
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert texts == [
+        "information, batch",
+        "published, mukf, paper-ephemeris",
+        "published, mukf, paper",
+    ]
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert sum("n_T" in title for title in titles) == 3
+    drawn = {round(float(np.mean(line.get_ydata())), 3)
+             for line in figure.axes[2].lines if len(line.get_xdata()) == 2}  # fmt: skip
+    assert drawn >= {80.0, 40.0, 0.0}

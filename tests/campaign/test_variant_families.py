@@ -44,6 +44,25 @@ def test_a_family_states_values_changes_or_combinations(config):
     assert paths[-1] == "task2/A/published/batch/nt50_dt60_rough-wide.nc"
 
 
+def test_further_days_are_combined_with_the_changes_of_a_family(config):
+    config["task2"]["variants"]["pooled"] = ["late"]
+    task2 = variants(
+        config,
+        days={"targets": [20], "changes": {"late": {"start_day": 10}}},
+        known={
+            "targets": [30],
+            "changes": {"rough": {"material": {"rms_slope": 0.4}}},
+            "combine": {"late": ["rough"]},
+        },
+    )
+    assert list(task2["variants"]["cells"]) == ["late", "rough", "rough-late"]
+    changed = cell_settings(task2, "rough-late")
+    assert (changed["start_day"], changed["material"]["rms_slope"]) == (10, 0.4)
+    config["task2"]["variants"]["pooled"] = ["later"]
+    with pytest.raises(ConfigurationError, match=r"variants\.pooled': 'later' is none of"):
+        check_campaign(config)
+
+
 def test_values_of_the_command_line_get_their_types(config):
     family = {"targets": [20], "key": "body.inertia", "values": {"long": "[1, 1, 0.2]"}}
     task2 = variants(config, shape=family)
@@ -72,7 +91,7 @@ def test_a_smaller_campaign_names_the_variants_it_keeps(config):
             {"changes": {"a": {"seeds": 1}}, "other_scenarios": {"B": [20, 999]}},
             "'task2.variants.families.f.other_scenarios.B': 999 targets",
         ),
-        ({}, "'task2.variants.families.f': give either key and values, changes or combine"),
+        ({}, "'task2.variants.families.f': give either key and values or changes, or combine"),
         ({"key": "step_s"}, "'task2.variants.families.f': give either"),
         ({"key": "step_s", "values": {"a": 30}, "changes": {"b": {"seeds": 1}}}, "give either"),
         ({"combine": {"a": ["b"]}}, "'task2.variants.families.f.combine.a': 'b' is no variant"),

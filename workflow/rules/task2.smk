@@ -131,6 +131,27 @@ rule tracking_tables:
         "../scripts/tracking_tables.py"
 
 
+rule pooled_table:
+    input:
+        rules.tracking_summary.output[0],
+    output:
+        report(
+            results("tables/pooled.csv"),
+            caption="../report/pooled.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/pooled"),
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        pooled=config["task2"]["variants"]["pooled"],
+    message:
+        "Pooling the realizations of days and targets"
+    script:
+        "../scripts/pooled_table.py"
+
+
 rule objective_ranks:
     input:
         tracking=rules.tracking_tables.output.tracking,
@@ -306,6 +327,7 @@ rule task2:
         CELLS,
         rules.tracking_tables.output if CELLS else [],
         rules.objective_ranks.output if JUDGED and most_alike(TASK2) >= FEWEST_RANKED else [],
+        rules.pooled_table.output if config["task2"]["variants"]["pooled"] else [],
         rules.model_error_table.output if WITH_ERRORS else [],
         rules.tasking_comparison.output if COMPARED["scenario"] else [],
         rules.tracking_claims.output if CELLS and OF_THE_PAPER else [],

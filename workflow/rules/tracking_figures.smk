@@ -288,6 +288,33 @@ rule model_error_figure:
         "../scripts/figure_model_error.py"
 
 
+rule pooled_figure:
+    input:
+        rules.pooled_table.output[0],
+    output:
+        png=report(
+            results("figures/pooled.png"),
+            caption="../report/figure_pooled.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/pooled.pdf"),
+    log:
+        log_of("figures/pooled"),
+        times=benchmark_of("pooled_figure"),
+    conda:
+        "../envs/cislunar.yaml"
+    message:
+        "Drawing what is known of all targets by number of satellites"
+    script:
+        "../scripts/figure_pooled.py"
+
+
+rule pooled:
+    input:
+        rules.pooled_table.output,
+        rules.pooled_figure.output,
+
+
 rule learned_figure:
     input:
         [results(cell.path) for cell in LEARNED],
@@ -331,3 +358,4 @@ rule tracking_figures:
         rules.tasking_figure.output if COMPARED["scenario"] else [],
         rules.model_error_figure.output if drawn_errors(TASK2) else [],
         rules.learned_figure.output if LEARNED else [],
+        rules.pooled_figure.output if config["task2"]["variants"]["pooled"] else [],

@@ -14,6 +14,7 @@ folder; ``--study NAME`` takes the tables of the study ``config/NAME.yaml`` alon
 
 import argparse
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
@@ -23,6 +24,7 @@ from pathlib import Path
 import pandas as pd
 
 from cislunar.campaign.data.netcdf import write_text
+from cislunar.campaign.documents import real_block
 from cislunar.campaign.documents.blocks import BLOCKS
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
 from cislunar.campaign.documents.results_page import STRIP, shown_quantities, verdicts_svg
@@ -45,6 +47,10 @@ TABLES = (
 )
 """Tables of ``docs/tables``; the last comes from the benchmarks, the others from the campaign."""
 
+_STUDIES = {name: partial(study_table, name) for name in STUDIES}
+_STUDIES |= {real_block.STUDY: real_block.study_table}
+"""What makes the table of each study from its folder of results."""
+
 _THINNED = ("readings_tracking", "tracking")
 
 
@@ -54,7 +60,7 @@ def read_tables(folder: str | Path) -> dict[str, pd.DataFrame]:
     All of the campaign must be there; those of studies need not.
     """
     folder = Path(folder)
-    own = [name for name in STUDIES if (folder / f"{name}.csv").is_file()]
+    own = [name for name in _STUDIES if (folder / f"{name}.csv").is_file()]
     return {name: _read(folder / f"{name}.csv") for name in (*TABLES, *own)}
 
 
@@ -157,6 +163,13 @@ def refresh(root: str | Path, results: str | Path) -> list[Path]:
     return [path for path, text in before.items() if text != _text(path)]
 
 
+def _take_study(name: str, results: Path, docs: Path) -> None:
+    """Copy the table of a study from its folder of results, and its figure if it has one."""
+    write_text(_STUDIES[name](results).to_csv(index=False), docs / f"tables/{name}.csv")
+    if name == real_block.STUDY:
+        shutil.copyfile(results / "figures/pooled.png", docs / real_block.FIGURE)
+
+
 def _write_outdated(root: str | Path) -> None:
     """Make anew what differs from the tables in ``docs/tables``."""
     for path, text in outdated(root).items():
@@ -171,7 +184,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--results", help="results folder (default: results, or results/NAME)")
     parser.add_argument(
-        "--study", choices=STUDIES, help="of config/NAME.yaml, of which alone tables are taken"
+        "--study", choices=_STUDIES, help="of config/NAME.yaml, of which alone tables are taken"
     )
     parser.add_argument("--root", default=".", help="folder of the repository (default: here)")
     parser.add_argument(
@@ -180,9 +193,8 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     try:
         if chosen.study is not None:
-            table = study_table(chosen.study, chosen.results or f"results/{chosen.study}")
-            kept = Path(chosen.root) / f"docs/tables/{chosen.study}.csv"
-            write_text(table.to_csv(index=False), kept)
+            results = Path(chosen.results or f"results/{chosen.study}")
+            _take_study(chosen.study, results, Path(chosen.root) / "docs")
             _write_outdated(chosen.root)
             return 0
         if not chosen.check:

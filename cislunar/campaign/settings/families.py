@@ -176,10 +176,11 @@ def check_families(config: Mapping[str, Any], left: Mapping[str, Any]) -> None:
     variants = config["task2"]["variants"]
     for name, family in variants["families"].items():
         ways = [way for way in ("values", "changes", "combine") if way in family]
-        if len(ways) != 1 or ("key" in family) != ("values" in family):
+        several = ways[:2] == ["values", "changes"]
+        if not ways or several or ("key" in family) != ("values" in family):
             raise ConfigurationError(
-                f"configuration key 'task2.variants.families.{name}': give either key and values, "
-                "changes or combine"
+                f"configuration key 'task2.variants.families.{name}': give either key and values "
+                "or changes, or combine, beside them or alone"
             )
     taken = set(config["scenarios"])
     for variant in stated_variants(config | {"sweeps": {}}):
@@ -189,11 +190,12 @@ def check_families(config: Mapping[str, Any], left: Mapping[str, Any]) -> None:
                 f"{variant.name!r}; rename one of them"
             )
         taken.add(variant.name)
-    for name in variants["only"] or ():
-        if name not in taken:
-            raise ConfigurationError(
-                f"configuration key 'task2.variants.only': {name!r} is none of the variants"
-            )
+    for key in ("only", "pooled"):
+        for name in variants[key] or ():
+            if name not in taken:
+                raise ConfigurationError(
+                    f"configuration key 'task2.variants.{key}': {name!r} is none of the variants"
+                )
     for name in left["sweeps"]:
         _check_sweep(left, name, taken)
 

@@ -157,7 +157,7 @@ class VariantFamily(Family):
         "in place of `key` and `values`: settings that differ, in the form of the keys above, by "
         "the names of the variants", default=None, name="")
     combine: dict[VariantName, several(VariantName)] = setting(
-        "in place of both: variants of other families that this one is added to; each is called "
+        "in place of both or beside them: variants that another one is added to; each is called "
         "`{one of them}-{variant}`", default=None, name="")
 
 
@@ -191,6 +191,10 @@ class Variants(Section):
         "`nt50_dt60_{variant}.nc`", default=None)
     targets: TargetCounts | None = setting(
         "their numbers of targets in place of the families' own; null: those", "1", default=None)
+    pooled: several(VariantName) = setting(
+        "variants that only set another day, or other targets: their realizations, and those of "
+        "each `{variant}-{one of them}`, count as further ones of what they change, in "
+        "`tables/pooled.csv` and `figures/pooled.png`", default=[])
     families: dict[VariantName, VariantFamily] = setting("", default={}, name="{family}")
 
 

@@ -6,10 +6,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy.typing import NDArray
 
 from cislunar.campaign.tracking.model_errors import NONE, ModelError
 from cislunar.campaign.tracking.realizations import CELL, MEASURE, by_measure, realizations, select
 from cislunar.campaign.tracking.statistics import SPANS_DECADES, Paired, interval_of, paired
+
+Array = NDArray[np.float64]
 
 _PLACE = ["scenario", "architecture", "estimator", "variant"]
 _PLACE += ["observers", "targets", "interval_minutes"]
@@ -25,14 +28,63 @@ def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
     practical ones.
     """
     heads, values = by_measure(realizations(summary))
-    found = []
-    for name, targets, row in zip(heads["quantity"], heads["targets"], values, strict=True):
-        finite = row[np.isfinite(row)]
-        mean, low, high, seeds = interval_of(name, row, targets)
-        ends = (finite.min(), finite.max()) if finite.size else (np.nan, np.nan)
-        found.append((mean, low, high, *ends, seeds))
-    columns = ["mean", "low", "high", "smallest", "largest", "seeds"]
-    return heads[[*_PLACE, *MEASURE]].join(pd.DataFrame(found, columns=columns))
+    found = map(_statistics, heads["quantity"], heads["targets"], values)
+    return heads[[*_PLACE, *MEASURE]].join(pd.DataFrame(found, columns=_STATISTICS))
+
+
+_STATISTICS = ["mean", "low", "high", "smallest", "largest", "seeds"]
+
+
+def _statistics(quantity: str, targets: int, values: Array) -> tuple:
+    """Mean, interval, range and number of some realizations of a quantity."""
+    finite = values[np.isfinite(values)]
+    mean, low, high, seeds = interval_of(quantity, values, targets)
+    ends = (finite.min(), finite.max()) if finite.size else (np.nan, np.nan)
+    return mean, low, high, *ends, seeds
+
+
+POOLED_QUANTITIES = (
+    ("custody_share", "", "1"),
+    ("final_error_geometric_all", "position", "km"),
+    ("final_error_geometric_all", "attitude", "degree"),
+    ("never_observed", "", "1"),
+    ("final_attitude_error_median", "", "degree"),
+    *(("coverage", part, "1") for part in ("attitude", "position", "velocity")),
+    *(("anees_mean", part, "1") for part in ("attitude", "position", "velocity")),
+    ("inconsistent_rotation", "", "1"),
+    ("inconsistent_translation", "", "1"),
+    ("failed", "", "1"),
+)
+"""Quantities with part and unit."""
+
+
+def pooled_rows(summary: xr.Dataset, pooled: Sequence[str]) -> pd.DataFrame:
+    """Rows of ``tables/pooled.csv``, from ``task2/summary.nc``: as `tracking_rows`, over days.
+
+    `pooled` is the configuration key `task2.variants.pooled`: realizations of these variants count
+    as further ones of the usual cell, and those of each ``{variant}-{one of them}`` of its variant.
+    All are taken for independent.
+    """
+    frame = realizations(summary).set_index(MEASURE, drop=False)
+    frame = frame.loc[frame.index.isin(POOLED_QUANTITIES)].reset_index(drop=True)
+    roots = {name: _root(name, pooled) for name in frame["variant"].unique()}
+    frame = frame.assign(variant=frame["variant"].map(roots))
+    heads, found = [], []
+    for head, values in frame.groupby([*_PLACE, *MEASURE], sort=False)["value"]:
+        told = dict(zip([*_PLACE, *MEASURE], head, strict=True))
+        heads.append(told)
+        found.append(_statistics(told["quantity"], told["targets"], values.to_numpy(float)))
+    return pd.DataFrame(heads).join(pd.DataFrame(found, columns=_STATISTICS))
+
+
+def _root(variant: str, pooled: Sequence[str]) -> str:
+    """A variant without the day or the targets that it may be called after."""
+    for name in pooled:
+        if variant == name:
+            return ""
+        if variant.endswith(f"-{name}"):
+            return variant.removesuffix(f"-{name}")
+    return variant
 
 
 def compared(

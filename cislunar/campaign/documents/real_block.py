@@ -1,0 +1,159 @@
+"""The tables of both pipelines in the real world, from the study ``config/real.yaml``."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from cislunar.campaign.documents.markdown import markdown_table
+from cislunar.campaign.tracking.statistics import Interval
+from cislunar.errors import InputFileError
+
+STUDY = "real"
+"""Name of the study's table in ``docs/tables``, and of its figure in ``docs/images``."""
+
+FIGURE = f"images/{STUDY}.png"
+"""The figure, relative to ``docs``."""
+
+NOT_RUN = "The study has not been run yet.\n"
+
+_OURS, _PAPER = ("information", "batch", ""), ("published", "mukf", "paper")
+_PAPER_EPHEMERIS = ("published", "mukf", "paper-ephemeris")
+
+_BY_NUMBER = {
+    _OURS: "ours",
+    _PAPER_EPHEMERIS: "the paper's, filter of the ephemeris",
+    _PAPER: "the paper's as printed",
+}
+_PARTS = {
+    _OURS: "ours",
+    ("published", "batch", ""): "ours, the paper's satellites",
+    ("information", "mukf", ""): "ours, attitudes by the paper's filter",
+    ("information", "batch", "without-unknowns"): "ours, bodies taken for known",
+    ("information", "batch", "without-learning"): "ours, detection not learned",
+    ("information", "batch", "without-slots"): "ours, no slots",
+    ("information", "batch", "without-both"): "ours, the paper's tasking",
+    ("information", "batch", "without-mixtures"): "ours, one Gaussian for each orbit",
+    ("information", "batch", "without-ephemeris"): "ours, filter of the CR3BP",
+    ("information", "batch", "without-credit"): "ours, looks under way not credited",
+    _PAPER: "the paper's as printed",
+    _PAPER_EPHEMERIS: "the paper's, filter of the ephemeris",
+    ("information", "mukf", "with-orbits"): "and our satellites",
+    ("published", "mukf", "with-tasking"): "and our tasking",
+    ("published", "mukf", "with-mixtures"): "and mixtures for orbits",
+    ("published", "batch", "with-batch"): "and batch estimates of attitudes and bodies",
+    ("published", "mukf", ""): "and our tasking and mixtures",
+}
+"""Ways of working: names of designs without their number, estimator and variant."""
+
+SHOWN = {
+    "in custody, %": ("custody_share", "", "1", 100.0, ".0f"),
+    "position, km": ("final_error_geometric_all", "position", "km", 1.0, ".3g"),
+    "attitude, degree": ("final_error_geometric_all", "attitude", "degree", 1.0, ".3g"),
+    "never observed": ("never_observed", "", "1", 1.0, ".1f"),
+    "coverage of attitude": ("coverage", "attitude", "1", 1.0, ".3f"),
+    "of position": ("coverage", "position", "1", 1.0, ".3f"),
+    "ANEES of attitude": ("anees_mean", "attitude", "1", 1.0, ".3g"),
+    "of position ": ("anees_mean", "position", "1", 1.0, ".3g"),
+}
+"""Quantity, part, unit, factor and form of each column of numbers."""
+
+_WITH_INTERVAL = 4
+"""The first columns have their intervals."""
+
+_KEYS = ["architecture", "estimator", "variant", "observers", "targets"]
+
+
+def study_table(results: str | Path) -> pd.DataFrame:
+    """The shown quantities of a finished study, from its folder of results."""
+    path = Path(results) / "tables/pooled.csv"
+    if not path.is_file():
+        raise InputFileError(
+            f"{path}: no such table; run the study first, with --configfile config/real.yaml"
+        )
+    table = pd.read_csv(path)
+    shown = {key[:3] for key in SHOWN.values()}
+    keys = zip(table["quantity"], table["part"].fillna(""), table["unit"], strict=True)
+    kept = [*_KEYS, "quantity", "part", "unit", "mean", "low", "high", "seeds"]
+    return table[[key in shown for key in keys]][kept]
+
+
+def _ways(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with the way of working of each row."""
+    table = table.fillna({"part": "", "variant": ""})
+    stem = [re.sub(r"-?\d+$", "", name) for name in table["architecture"]]
+    way = list(zip(stem, table["estimator"], table["variant"], strict=True))
+    return table.assign(way=way)
+
+
+def _interval(rows: pd.DataFrame, column: str) -> tuple[Interval, str]:
+    """A quantity of a cell, and how it is written."""
+    quantity, part, unit, factor, form = SHOWN[column]
+    own = rows[
+        (rows["quantity"] == quantity) & (rows["part"] == part) & (rows["unit"] == unit)
+    ].iloc[0]
+    mean, low, high = (factor * own[key] for key in ("mean", "low", "high"))
+    return Interval(mean, low, high, int(own["seeds"])), form
+
+
+def _numbers(rows: pd.DataFrame) -> list[str]:
+    """What a row of a table shows of a cell."""
+    found = []
+    for place, column in enumerate(SHOWN):
+        interval, form = _interval(rows, column)
+        found.append(f"{interval if place < _WITH_INTERVAL else interval.mean:{form}}")
+    return found
+
+
+def _block(tables: Mapping[str, pd.DataFrame], ways: Mapping[tuple, str], targets: list) -> str:
+    """Cells of some ways of working, by number of targets, way and number of satellites."""
+    if STUDY not in tables:
+        return NOT_RUN
+    table = _ways(tables[STUDY])
+    rows = []
+    for count in targets or sorted(table["targets"].unique()):
+        for way, told in ways.items():
+            here = (table["targets"] == count) & (table["way"].map(way.__eq__))
+            for observers, own in table[here].groupby("observers"):
+                rows.append([count, told, observers, *_numbers(own)])
+    return markdown_table(["targets", "pipeline", "satellites", *SHOWN], rows)
+
+
+def number_block(tables: Mapping[str, pd.DataFrame]) -> str:
+    """Both pipelines by number of targets and of satellites."""
+    return _block(tables, _BY_NUMBER, [])
+
+
+def parts_block(tables: Mapping[str, pd.DataFrame]) -> str:
+    """One part left out of ours, or added to the paper's: twenty satellites, 100 targets."""
+    if STUDY not in tables:
+        return NOT_RUN
+    twenty = tables[STUDY][tables[STUDY]["observers"] == 20]
+    return _block({STUDY: twenty}, _PARTS, [100])
+
+
+def headline_block(tables: Mapping[str, pd.DataFrame], figure: str = f"docs/{FIGURE}") -> str:
+    """The figure, and twenty satellites of ours beside the paper's 43 at 100 targets."""
+    if STUDY not in tables:
+        return ""
+    table = _ways(tables[STUDY])
+    told = []
+    for way, observers in ((_OURS, 20), (_PAPER_EPHEMERIS, 43), (_PAPER, 43)):
+        here = (table["targets"] == 100) & (table["observers"] == observers)
+        own = table[here & table["way"].map(way.__eq__)]
+        told.append([f"{_BY_NUMBER[way]}, {observers} satellites", *_numbers(own)[:_WITH_INTERVAL]])
+    return (
+        f"![Custody and errors against the number of satellites]({figure})\n\n"
+        "At 100 targets, means with 95 % intervals over days and realizations:\n\n"
+        + markdown_table(["pipeline", *list(SHOWN)[:_WITH_INTERVAL]], told)
+    )
+
+
+REAL_BLOCKS = {
+    "real-number": number_block,
+    "real-parts": parts_block,
+    "real-headline": headline_block,
+    "real-figure": lambda tables: headline_block(tables, FIGURE),
+}
+"""What makes each block of the study, by the name in its opening line."""
