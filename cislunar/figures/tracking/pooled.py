@@ -35,11 +35,12 @@ _LOOKS = (
     (BLACK, DASHED, "P"),
 )
 
+_FINAL = "final_error_geometric_all"
 ROWS = (
     Row("in custody, % of\nall targets", (("custody_share", "", "1"),), factor=100.0,
         within=PERCENT),
-    Row("final position error\nof all targets, km", (("final_error_geometric_all", "position", "km"),), log=True),
-    Row("final attitude error\nof all targets, degree", (("final_error_geometric_all", "attitude", "degree"),),
+    Row("final position error\nof all targets, km", ((_FINAL, "position", "km"),), log=True),
+    Row("final attitude error\nof all targets, degree", ((_FINAL, "attitude", "degree"),),
         log=True),
     Row("never observed,\ntargets", (("never_observed", "", "1"),), within=COUNT),
 )  # fmt: skip
