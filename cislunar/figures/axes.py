@@ -117,9 +117,10 @@ def note_empty(axes: Axes, text: str) -> None:
 
 
 def widened(low: float, high: float) -> tuple[float, float]:
-    """Ends of an axis of whole numbers, two of them at least between them."""
+    """Ends of an axis of counts: two at least between them, and little room below zero."""
     spare = max(0.0, 0.5 * (2.5 - (high - low)))
-    return low - spare, high + spare
+    low, high = low - spare, high + spare
+    return max(low, -0.1 * max(high, 2.0)), high if low > 0.0 else max(high, 2.0)
 
 
 def whole_numbers(axis: Axis, most: int = 4) -> None:

@@ -235,13 +235,18 @@ def test_the_study_of_dynamics_has_a_section_if_it_was_run(studies):
     assert documents.main(["--check", "--root", str(root)]) == 0
 
 
-def test_the_study_of_tasking_fills_its_tables(studies):
+def test_the_study_of_tasking_fills_its_page(studies, capsys):
     root, results = studies
     documents.refresh(root, results)
     page = root / "docs/tasking.md"
     page.write_text(generated_block("tasking-fusion", ""), encoding="utf-8")
     chosen = ["--root", str(root), "--results", str(results), "--study", "tasking"]
+    assert documents.main(chosen) == 1
+    assert "sweep_tasking.png: no such figure" in capsys.readouterr().err
+    (results / "figures").mkdir()
+    (results / "figures/sweep_tasking.png").write_bytes(b"drawn")
     assert documents.main(chosen) == 0
+    assert (root / "docs/images/tasking.png").read_bytes() == b"drawn"
     told = "0.9 [0.5, 1.0] | 0.88 [0.50, 1.00] | 0.875 [0.5, 1] | \N{EN DASH} | 88% [50%, 100%]"
     assert f"| 100 | `fusion-real` | {told} |" in page.read_text(encoding="utf-8")
 

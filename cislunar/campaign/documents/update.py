@@ -30,7 +30,7 @@ from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
 from cislunar.campaign.documents.results_page import STRIP, shown_quantities, verdicts_svg
 from cislunar.campaign.documents.run_times import run_times
 from cislunar.campaign.documents.settings_tables import SETTINGS_BLOCKS
-from cislunar.campaign.documents.studies import STUDIES, study_table
+from cislunar.campaign.documents.studies import STUDIES, TASKING, study_table
 from cislunar.errors import CislunarError, InputFileError
 
 RESULTS_PAGE = "results.md"
@@ -50,6 +50,9 @@ TABLES = (
 _STUDIES = {name: partial(study_table, name) for name in STUDIES}
 _STUDIES |= {real_block.STUDY: real_block.study_table}
 """What makes the table of each study from its folder of results."""
+
+_FIGURES = {real_block.STUDY: "pooled", TASKING: "sweep_tasking"}
+"""Figure of a study's results that ``docs/images`` has by the study's name."""
 
 _THINNED = ("readings_tracking", "tracking")
 
@@ -165,9 +168,13 @@ def refresh(root: str | Path, results: str | Path) -> list[Path]:
 
 def _take_study(name: str, results: Path, docs: Path) -> None:
     """Copy the table of a study from its folder of results, and its figure if it has one."""
-    write_text(_STUDIES[name](results).to_csv(index=False), docs / f"tables/{name}.csv")
-    if name == real_block.STUDY:
-        shutil.copyfile(results / "figures/pooled.png", docs / real_block.FIGURE)
+    table = _STUDIES[name](results)
+    if name in _FIGURES:
+        drawn = results / f"figures/{_FIGURES[name]}.png"
+        if not drawn.is_file():
+            raise InputFileError(f"{drawn}: no such figure; let snakemake draw it")
+        shutil.copyfile(drawn, docs / f"images/{name}.png")
+    write_text(table.to_csv(index=False), docs / f"tables/{name}.csv")
 
 
 def _write_outdated(root: str | Path) -> None:
