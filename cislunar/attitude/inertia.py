@@ -100,6 +100,9 @@ def rigid_bodies(inertia: ArrayLike) -> RigidBodies:
     ConfigurationError
         If no rigid body has such an inertia.
     """
-    matrices = np.array([inertia_matrix(matrix) for matrix in np.asarray(inertia, dtype=float)])
+    # most often all are alike, and each takes longer to check than to turn
+    given, kind = np.unique(np.asarray(inertia, dtype=float), axis=0, return_inverse=True)
+    matrices = np.array([inertia_matrix(matrix) for matrix in given])
     spherical = np.array([is_spherical(matrix) for matrix in matrices])
-    return RigidBodies(matrices, np.linalg.inv(matrices), spherical)
+    kind = kind.ravel()
+    return RigidBodies(matrices[kind], np.linalg.inv(matrices)[kind], spherical[kind])

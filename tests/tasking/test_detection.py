@@ -35,6 +35,16 @@ def test_probability_before_any_look_is_that_of_two_gaussians():
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
+def test_tabulated_chances_are_those_of_the_gaussian():
+    margin = np.random.default_rng(3).normal(0.0, 3.0, (40, 12))
+    margin[0] = -np.inf, np.inf, np.nan, -9.0, 9.0, *np.linspace(-8.4, 8.4, 7)
+    learned = LearnedDetection(MODEL, 40)
+    each = norm.cdf((margin[..., None] - learned.grid) / MODEL.flicker_mag)
+    found = learned.detects(margin)
+    np.testing.assert_allclose(found, np.nan_to_num(each).mean(axis=1), atol=5e-10)
+    assert found.min() >= 0.0 and found.max() <= 1.0
+
+
 def test_looks_are_learned_from_as_bayes_says():
     learned = LearnedDetection(MODEL, 2)
     margin = np.array([[0.6, 0.0], [1.1, 0.0]])

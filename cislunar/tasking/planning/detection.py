@@ -20,12 +20,10 @@ Assumptions and limitations
 - A target's offset does not change; whether a look was clear of the bright bodies is known.
 """
 
-from math import erfc
-
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import logsumexp
+from scipy.special import logsumexp, ndtr
 
 from cislunar.observation.measurement import DETECTED, FAINT
 from cislunar.tasking.planning.detection_model import DetectionModel
@@ -38,8 +36,11 @@ _GRID_PRIORS = 5
 _LEAST_CHANCE = 1e-12
 """Of detecting or missing a target, whatever its offset: no outcome is impossible."""
 
-_CERTAIN = 6.0
-"""Beyond this, erfc is 0 or 2 but for 2e-17."""
+_CERTAIN = 8.5
+"""Beyond so many flickers Phi is 0 or 1 but for 1e-17."""
+
+_NODES_PER_FLICKER = 64
+"""Of the margins at which chances are tabulated; cubics between them are off by 2e-9 at most."""
 
 
 class LearnedDetection:
@@ -68,6 +69,11 @@ class LearnedDetection:
         prior = -0.5 * standard**2
         self.log_weight = np.tile(prior - logsumexp(prior), (n_targets, 1))
         self.detected = np.zeros(n_targets, dtype=bool)
+        # Phi((margin - b) / flicker) at margins out to where all are 0 or 1
+        far = self.grid[-1] + _CERTAIN * model.flicker_mag
+        half = int(np.ceil(far * _NODES_PER_FLICKER / model.flicker_mag)) + 2
+        margin = np.arange(-half, half + 1) * (model.flicker_mag / _NODES_PER_FLICKER)
+        self._chances = ndtr((margin[:, None] - self.grid) / model.flicker_mag)
 
     def detects(self, margin: ArrayLike, wanted: NDArray[np.bool_] | None = None) -> Array:
         """Probability that looks detect their targets, for each offset these may have.
@@ -89,8 +95,8 @@ class LearnedDetection:
         some = np.ones(pairs, dtype=bool) if wanted is None else wanted
         out = np.zeros((*pairs, self.grid.size))
         _mean_chances(
-            margins.reshape(some.size, -1), np.ravel(some), self.grid,
-            float(self.model.flicker_mag), out.reshape(some.size, -1),
+            margins.reshape(some.size, -1), np.ravel(some), self._chances,
+            _NODES_PER_FLICKER / self.model.flicker_mag, out.reshape(some.size, -1),
         )  # fmt: skip
         return out
 
@@ -163,17 +169,31 @@ class LearnedDetection:
 
 
 @njit(cache=True, error_model="numpy")
-def _mean_chances(margin, wanted, grid, flicker, out):
-    """Mean over samples of Phi((margin - b) / flicker), (look, sample) to (look, offset)."""
-    scale = 1.0 / (flicker * np.sqrt(2.0))
+def _mean_chances(margin, wanted, chances, nodes_per_mag, out):
+    """Mean over samples of the chances at each margin, (look, sample) to (look, offset).
+
+    `chances` (margin, offset) at margins about zero, between which goes a cubic through four.
+    """
+    middle, last = chances.shape[0] // 2, chances.shape[0] - 3
     for i in range(margin.shape[0]):
         if not wanted[i]:
             continue
         for s in range(margin.shape[1]):
-            if margin[i, s] == margin[i, s]:
-                for b in range(grid.size):
-                    below = (grid[b] - margin[i, s]) * scale
-                    if below < _CERTAIN:
-                        out[i, b] += 0.5 * erfc(below) if below > -_CERTAIN else 1.0
-        for b in range(grid.size):
-            out[i, b] /= margin.shape[1]
+            at = margin[i, s] * nodes_per_mag + middle
+            if at >= last:
+                for b in range(out.shape[1]):
+                    out[i, b] += 1.0
+            elif at >= 1.0:
+                k = int(at)
+                t = at - k
+                before = -t * (t - 1.0) * (t - 2.0) / 6.0
+                here = (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0
+                there = -(t + 1.0) * t * (t - 2.0) / 2.0
+                after = (t + 1.0) * t * (t - 1.0) / 6.0
+                for b in range(out.shape[1]):
+                    out[i, b] += (before * chances[k - 1, b] + here * chances[k, b]) + (
+                        there * chances[k + 1, b] + after * chances[k + 2, b]
+                    )
+        for b in range(out.shape[1]):
+            # a cubic may leave the range of what it goes through
+            out[i, b] = min(max(out[i, b] / margin.shape[1], 0.0), 1.0)
