@@ -17,8 +17,11 @@ from cislunar.campaign.data.refined_orbits import (
 )
 from cislunar.campaign.settings.cell_tree import CellSettings, Dynamics
 from cislunar.campaign.settings.cells import Cell, cell_settings
+from cislunar.campaign.settings.checks import check_campaign
+from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.library import loop_settings
 from cislunar.campaign.settings.reading import checked, merged, typed
+from cislunar.campaign.settings.scenarios import in_study, scenario_settings
 from cislunar.campaign.tracking.cell import CellInputs, tracking_problem
 from cislunar.campaign.tracking.dataset import cell_dataset
 from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, MU
@@ -112,6 +115,30 @@ def test_truth_moves_among_the_bodies_and_the_filter_follows(inputs):
     miss = np.abs(cell["error"].values[..., 6:]) / cell["sigma"].values[..., 6:]
     assert np.mean(miss[:, :, used[0]] < 3.0) > 0.95
     assert np.all(np.isfinite(cell["bound"].values[:, -1][:, used[0]]))
+
+
+@pytest.fixture(scope="module")
+def study():
+    """The configuration of both pipelines in the real world."""
+    return with_families(
+        in_study(check_campaign(read_campaign(ROOT / "config", ROOT / "config/real.yaml")))
+    )
+
+
+@pytest.mark.parametrize(("estimator", "variant"), [("batch", ""), ("mukf", "paper-ephemeris")])
+def test_all_of_it_at_once(inputs, study, estimator, variant):
+    """A small cell of each pipeline: nothing is known for an hour, then what covariances say."""
+    own = cell_settings(scenario_settings(study, "A")["task2"], variant)
+    table = {"table": str(ROOT / own["body"]["table"])}
+    few = {"seeds": 1, "duration_hours": 3, "record_minutes": 20, "body": table}
+    small = Cell("A", "information-20", estimator, 3, 60)
+    cell = cell_dataset(small, inputs, merged(own, few), propagator="dop853", seed=3)
+    assert ("slot" in cell.sizes) == ("departure_sigma" in cell) == (estimator == "batch")
+    assert not cell["valid"].values[:, cell["time"].values <= 3600.0].any()
+    used = cell["updates"].values[0] > 0
+    assert used.any() and not cell["failed"].values.any()
+    miss = np.abs(cell["error"].values[0, :, used] / cell["sigma"].values[0, :, used])
+    assert np.mean(miss[..., 6:] < 3.0) > 0.95
 
 
 def test_observers_fly_refined_paths(inputs, caplog):

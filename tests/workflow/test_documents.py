@@ -26,6 +26,7 @@ from cislunar.campaign.documents.markdown import (
     generated_blocks,
     markdown_table,
 )
+from cislunar.campaign.documents.real_block import SHOWN
 from cislunar.campaign.documents.results_page import (
     COLORS,
     LISTED,
@@ -249,6 +250,26 @@ def test_the_study_of_tasking_fills_its_page(studies, capsys):
     assert (root / "docs/images/tasking.png").read_bytes() == b"drawn"
     told = "0.9 [0.5, 1.0] | 0.88 [0.50, 1.00] | 0.875 [0.5, 1] | \N{EN DASH} | 88% [50%, 100%]"
     assert f"| 100 | `fusion-real` | {told} |" in page.read_text(encoding="utf-8")
+
+
+def test_the_study_of_the_real_world_has_a_table_and_a_figure(campaign):
+    root, results = campaign
+    documents.refresh(root, results)
+    page = root / "docs/real.md"
+    page.write_text(generated_block("real-number", ""), encoding="utf-8")
+    cell = {"architecture": "published", "estimator": "mukf", "variant": "paper"}
+    cell |= {"observers": 43, "targets": 100, "mean": 0.25, "low": 0.125, "high": 0.5, "seeds": 12}
+    shown = [{"quantity": q, "part": p or None, "unit": u} for q, p, u, *_ in SHOWN.values()]
+    pd.DataFrame([cell | each for each in shown]).to_csv(results / "tables/pooled.csv")
+    (results / "figures").mkdir()
+    (results / "figures/pooled.png").write_bytes(b"drawn")
+    (root / "docs/images").mkdir(exist_ok=True)
+    chosen = ["--root", str(root), "--results", str(results), "--study", "real"]
+    assert documents.main(chosen) == 0
+    told = "| 100 | the paper's as printed | 43 | 25 [12, 50] | 0.25 [0.125, 0.5] |"
+    assert told in page.read_text(encoding="utf-8")
+    assert (root / "docs/images/real.png").read_bytes() == b"drawn"
+    assert documents.main(["--check", "--root", str(root)]) == 0
 
 
 def test_only_sure_differences_are_marked(tables):
