@@ -1,7 +1,7 @@
 """Time of an action, as all benchmarks take it."""
 
 from collections.abc import Callable
-from time import perf_counter
+from time import perf_counter, process_time
 
 
 def best_time(action: Callable[[], object], repeats: int = 3) -> float:
@@ -13,3 +13,18 @@ def best_time(action: Callable[[], object], repeats: int = 3) -> float:
         action()
         times.append(perf_counter() - start)
     return min(times)
+
+
+def alternated(actions: dict[str, Callable[[], object]], rounds: int) -> dict[str, float]:
+    """Least processor time of each action, s, all of them in turn in every round.
+
+    What else runs on the machine then slows all alike. A first round is not counted.
+    """
+    times = dict.fromkeys(actions, float("inf"))
+    for counted in range(rounds + 1):
+        for name, action in actions.items():
+            start = process_time()
+            action()
+            if counted:
+                times[name] = min(times[name], process_time() - start)
+    return times

@@ -3,24 +3,27 @@
     python benchmarks/orbits.py
 
 Prints how many times faster a family of halo orbits is generated with the compiled DOP853 than
-with the same corrector on `scipy.integrate.solve_ivp`, how propagation compares with the Taylor
-integrator of heyoka, and what a step costs under ephemeris forces. Times depend on the machine;
-ratios taken in the same run much less.
+with the same corrector on `scipy.integrate.solve_ivp`, how propagation one by one and side by side
+compares with the Taylor integrator of heyoka, scalar and batch, and what a step costs under
+ephemeris forces. Times depend on the machine; ratios taken in the same run much less.
 """
 
 import importlib.util
 import time
 
 import numpy as np
-from _timing import best_time
+from _timing import alternated, best_time
+from numpy.polynomial import Chebyshev, Polynomial
+from numpy.polynomial.chebyshev import chebpts1
 from scipy.integrate import solve_ivp
 
-from cislunar.constants import MU, TIME_UNIT_S
+from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import EARTH_MOON, equations_of_motion, variational_matrix
 from cislunar.dynamics.ephemeris import UNITS, forces_between
 from cislunar.dynamics.frames import pulsating_frame, to_inertial
-from cislunar.dynamics.propagation import propagate, propagate_stm
+from cislunar.dynamics.propagation import propagate, propagate_many, propagate_stm
+from cislunar.ephemeris.bodies import read_table
 from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.orbits import branches, continuation, corrector
 from cislunar.orbits.families import family_members, observer_library, spaced_members
@@ -78,7 +81,6 @@ def compare_propagation() -> None:
     state, end = orbit.state[0], 10.0 * orbit.period[0]
     times = np.linspace(0.0, end, 1001)
     truth = propagate(state, times, method="dop853", rtol=2.5e-14, atol=2.5e-14)
-    results = {}
     for method, scipy_method, tolerance in (
         ("dopri5", "RK45", 1e-10),
         ("dop853", "DOP853", 1e-13),
@@ -97,32 +99,119 @@ def compare_propagation() -> None:
             1,
         )
         error = np.abs(propagate(state, times, method=method) - truth).max()
-        results[method] = ours
         print(
             f"{method} at {tolerance:.0e}: {1e3 * ours:.2f} ms for ten periods, error {error:.1e}, "
             f"{theirs / ours:.0f} times faster than scipy"
         )
+
+
+def compare_with_heyoka() -> None:
+    """Print times a trajectory: one by one, side by side, and by heyoka in both ways."""
     if importlib.util.find_spec("heyoka") is None:
         print("heyoka is not installed: no comparison with its Taylor integrator")
         return
     import heyoka
 
-    for tolerance in (1e-10, 1e-13):
-        taylor = heyoka.taylor_adaptive(heyoka.model.cr3bp(mu=MU), np.zeros(6), tol=tolerance)
+    halo, library = family_members("Halo_L2_S", period=2.3), observer_library()
+    near = halo.state[0] + 1e-4 * np.random.default_rng(0).standard_normal((64, 6))
+    share = np.linspace(0.0, 10.0, 1001)
+    cr3bp = heyoka.model.cr3bp(mu=MU), to_canonical, from_canonical
+    forces = forces_between("2024-10-01", "2024-10-02", figure=False)
+    inertial = to_inertial(near, pulsating_frame(forces.table, forces.epoch)) / UNITS
+    day = np.linspace(0.0, 86_400.0 / TIME_UNIT_S, 25)
+    real = point_masses(heyoka, forces, day[-1]), np.array, np.array
+    cases = (
+        ("a halo, ten periods", near, share * halo.period[0], EARTH_MOON, cr3bp),
+        ("the library, a period", library.state, np.outer(library.period, share[:101] / share[100]),
+         EARTH_MOON, cr3bp),
+        ("a day among Earth, Moon and Sun", inertial, day, forces, real),
+    )  # fmt: skip
+    for name, states, times, model, theirs in cases:
+        for method, tolerance in (("dopri5", 1e-10), ("dop853", 1e-13)):
+            compare_ways(heyoka, name, states, times, model, theirs, method, tolerance)
 
-        def run(taylor=taylor):
+
+def compare_ways(heyoka, name, states, times, model, theirs, method, tolerance) -> None:
+    """Print times and errors of the four ways; `theirs` are heyoka's model and its coordinates."""
+    system, to_theirs, from_theirs = theirs
+    grid = np.broadcast_to(times, (len(states), times.shape[-1]))
+    begins = to_theirs(states)
+    taylor = heyoka.taylor_adaptive(system, np.zeros(6), tol=tolerance)
+    width = heyoka.recommended_simd_size()
+    batch = heyoka.taylor_adaptive_batch(system, np.zeros((6, width)), tol=tolerance)
+
+    def scalar():
+        ends = np.empty_like(states)
+        for k, begin in enumerate(begins):
             taylor.time = 0.0
-            # heyoka's model takes canonical momenta and puts the larger primary at +mu.
-            taylor.state[:] = to_canonical(state)
-            return taylor.propagate_grid(times)[-1]
+            taylor.state[:] = begin
+            ends[k] = taylor.propagate_grid(grid[k])[-1][-1]
+        return from_theirs(ends)
 
-        seconds = best_time(run, 20)
-        error = np.abs(from_canonical(run()) - truth).max()
-        method = "dopri5" if tolerance == 1e-10 else "dop853"
-        print(
-            f"heyoka at {tolerance:.0e}: {1e3 * seconds:.2f} ms, error {error:.1e}; "
-            f"{method} takes {results[method] / seconds:.2f} of its time"
-        )
+    def batched():
+        ends = np.empty_like(states)
+        for k in range(0, len(states), width):
+            lanes = np.minimum(np.arange(k, k + width), len(states) - 1)  # the last fills up
+            batch.set_time(np.zeros(width))
+            batch.state[:] = begins[lanes].T
+            ends[lanes] = batch.propagate_grid(np.ascontiguousarray(grid[lanes].T))[1][-1].T
+        return from_theirs(ends)
+
+    def alone():
+        each = zip(states, grid, strict=True)
+        return np.array([propagate(s, t, forces=model, method=method)[-1] for s, t in each])
+
+    def many():
+        return propagate_many(states, times, forces=model, method=method)[:, -1]
+
+    ways = {"alone": alone, "many": many, "heyoka": scalar, "heyoka batch": batched}
+    seconds = alternated(ways, 5)
+    best = {"forces": model, "method": "dop853", "rtol": 2.5e-14, "atol": 2.5e-14}
+    truth = propagate_many(states, grid[:, -1:], **best)[:, 0]
+    shown = ", ".join(
+        f"{way} {1e3 * seconds[way] / len(states):.3f} ms "
+        f"(error {np.median(np.abs(action() - truth).max(axis=1)):.0e})"
+        for way, action in ways.items()
+    )
+    one, each, theirs, together = seconds.values()
+    print(
+        f"{name}, {method} at {tolerance:.0e}: {shown}; of heyoka's time alone {one / theirs:.2f}, "
+        f"many {each / theirs:.2f}, of its batch of {width} many {each / together:.2f}"
+    )
+
+
+def point_masses(heyoka, forces, end: float) -> list:
+    """Equation 2 of `docs/dynamics.md` without figure and radiation, in heyoka's expressions.
+
+    heyoka reads no tables: the bodies are polynomials of degree 10 in time, within 1e-12 of them.
+    """
+    state = heyoka.make_vars("x", "y", "z", "vx", "vy", "vz")
+    nodes = chebpts1(11)
+    places, _, _ = read_table(forces.table, forces.epoch + 0.5 * (nodes + 1.0) * end * TIME_UNIT_S)
+
+    def polynomial(values):
+        fit = Chebyshev.fit(nodes, values / LENGTH_UNIT_KM, 10, domain=[-1.0, 1.0])
+        fit = fit.convert(kind=Polynomial)
+        u = (2.0 / end) * heyoka.time - 1.0
+        value = fit.coef[-1]
+        for coefficient in fit.coef[-2::-1]:
+            value = value * u + coefficient
+        return value
+
+    bodies = [[polynomial(places[:, 3 * body + axis]) for axis in range(3)] for body in range(3)]
+    gm = forces.gm_earth, forces.gm_moon, forces.gm_sun
+
+    def pull(to, since, axis):
+        """Acceleration along an axis by a unit mass at `to`."""
+        offset = [to[c] - since[c] for c in range(3)]
+        return offset[axis] * heyoka.sum([each * each for each in offset]) ** -1.5
+
+    change = list(state[3:])
+    for axis in range(3):
+        own = sum(gm[body] * pull(bodies[body], state[:3], axis) for body in range(3))
+        origin = sum(gm[body] * pull(bodies[2], bodies[body], axis) for body in range(2))
+        change.append(own - gm[2] / (gm[0] + gm[1]) * origin)
+    return list(zip(state, change, strict=True))
 
 
 def compare_forces() -> None:
@@ -188,6 +277,7 @@ def main() -> None:
     )
     compare_generation()
     compare_propagation()
+    compare_with_heyoka()
     compare_forces()
 
 

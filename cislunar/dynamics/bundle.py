@@ -3,7 +3,7 @@
 The sigma points of one target, or the true states of many, take the same Runge-Kutta step
 together. Components are stored apart (structure of arrays), so that the inner loops run over
 states and vectorise; that layout is why this loop over stages stands beside that of
-`cislunar.dynamics.runge_kutta`, where one state stays in registers.
+`cislunar.dynamics.adaptive.runge_kutta`, where one state stays in registers.
 
 Over the 60 s between measurements one step of DOP853 leaves an error below 1e-13 nondimensional
 even in a 100 km lunar orbit, far below the tolerance of 1e-10 of Paul & Fan (table 3); no step

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import MU
-from cislunar.dynamics import runge_kutta
+from cislunar.dynamics.adaptive import lanes, runge_kutta
 from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON, primary_positions
 from cislunar.dynamics.forces import require_span
@@ -49,17 +49,30 @@ def _integrate(method, forces, start, y0, times, rtol, atol, centres=_NOWHERE) -
     status, reached = runge_kutta.integrate(
         method, forces, float(start), y0, times, rtol, atol, out, centres, closest
     )
+    _require_arrival(status, y0[:6], reached, times[-1])
+    return out, closest
+
+
+def _require_arrival(status: int, state: Array, reached: float, end: float) -> None:
+    """The compiled integrators' status as an exception."""
     if status == runge_kutta.OK:
-        return out, closest
+        return
     reason = (
         "the step size underflowed (the trajectory runs into the centre of a body)"
         if status == runge_kutta.STEP_UNDERFLOW
         else f"more than {runge_kutta.MAX_STEPS} steps were needed"
     )
     raise ConvergenceError(
-        f"propagation from {y0[:6].tolist()} stopped at t = {reached:.12g} of {times[-1]:.12g}: "
+        f"propagation from {state.tolist()} stopped at t = {reached:.12g} of {end:.12g}: "
         f"{reason}; shorten the propagation or move the initial state"
     )
+
+
+def _wrapped(times: ArrayLike, period: ArrayLike) -> Array:
+    """Times within half a period of the epoch; as they are where the period is 0."""
+    times, period = np.broadcast_arrays(np.asarray(times, float), np.asarray(period, float))
+    turns = np.divide(times, period, out=np.zeros(times.shape), where=period > 0.0)
+    return times - period * np.round(turns)
 
 
 def propagate(
@@ -121,6 +134,91 @@ def propagate(
     return out
 
 
+def propagate_many(
+    state: ArrayLike,
+    times: ArrayLike,
+    *,
+    forces: tuple = EARTH_MOON,
+    start: ArrayLike = 0.0,
+    method: str = "dopri5",
+    rtol: float | None = None,
+    atol: float | None = None,
+) -> Array:
+    """Propagate many states, each by steps of its own; `propagate` of each, to the last bit.
+
+    A few times faster than one state after the other, see `cislunar.dynamics.adaptive.lanes`.
+
+    Parameters
+    ----------
+    state : array_like, shape (n, 6)
+        States at `start`, nondimensional, frame of the force model.
+    times : array_like, shape (m,) or (n, m)
+        Nondimensional times since `start` in any order, common to all states or for each.
+    forces : NamedTuple
+        A force model that acts on all of them alike, see `cislunar.dynamics.forces`.
+    start : array_like, shape () or (n,)
+        Time of the states, nondimensional, since the epoch.
+    method, rtol, atol
+        As in `propagate`.
+
+    Returns
+    -------
+    ndarray, shape (n, m, 6)
+        Nondimensional, frame of the force model.
+
+    Raises
+    ------
+    ConfigurationError, ConvergenceError
+        As in `propagate`, of the first state that fails.
+    """
+    code, rtol, atol = _method_and_tolerances(method, rtol, atol)
+    states = np.ascontiguousarray(state, dtype=float)
+    if states.ndim != 2 or states.shape[1] != 6 or not np.all(np.isfinite(states)):
+        raise ConfigurationError(
+            f"states must be rows of 6 finite numbers, got an array of shape {states.shape}"
+        )
+    if isinstance(forces, CR3BP):
+        require_nondimensional("state", states)
+    times = np.asarray(times, dtype=float)
+    if times.ndim not in (1, 2) or (times.ndim == 2 and len(times) != len(states)):
+        raise ConfigurationError(
+            f"times of shape {times.shape} do not belong to {len(states)} states: give one row for "
+            "all or a row for each"
+        )
+    if not np.all(np.isfinite(times)):
+        raise ConfigurationError("times must be finite numbers")
+    times = np.broadcast_to(times, (len(states), times.shape[-1]))
+    starts = np.broadcast_to(np.asarray(start, dtype=float), len(states))
+    out = np.empty((*times.shape, 6))
+    if out.size == 0:
+        return out
+    spans = starts, starts + times.min(axis=1), starts + times.max(axis=1)
+    require_span(forces, np.min(spans), np.max(spans))
+    # Each row from 0 backward, then from 0 forward: up to two jobs.
+    n, m = times.shape
+    order, back = np.argsort(times, axis=1, kind="stable"), np.sum(times < 0.0, axis=1)
+    column = np.arange(m)
+    column = np.where(column < back[:, None], back[:, None] - 1 - column, column)
+    order = np.take_along_axis(order, column, axis=1)
+    some = np.stack([back > 0, back < m], axis=1)
+    which, way = np.nonzero(some)
+    direction = 2.0 * way - 1.0
+    jobs = lanes.Jobs(
+        state=states[which],
+        start=starts[which],
+        direction=direction,
+        first=np.append(which * m + way * back[which], n * m),
+        times=np.abs(np.take_along_axis(times, order, axis=1)).ravel(),
+        place=(m * np.arange(n)[:, None] + order).ravel(),
+    )
+    status, stopped = np.empty(which.size, dtype=int), np.zeros(which.size)
+    lanes.integrate_many(code, forces, jobs, rtol, atol, out.reshape(-1, 6), status, stopped)
+    for k in np.flatnonzero(status != runge_kutta.OK):
+        end = direction[k] * jobs.times[jobs.first[k + 1] - 1]
+        _require_arrival(status[k], jobs.state[k], stopped[k], end)
+    return out
+
+
 def propagate_periodic(
     state: ArrayLike,
     period: float,
@@ -163,8 +261,7 @@ def propagate_periodic(
     """
     if not period > 0.0:
         raise ConfigurationError(f"period = {period} must be positive")
-    times = np.asarray(times, dtype=float)
-    wrapped = times - period * np.round(times / period)
+    wrapped = _wrapped(times, period)
     return propagate(state, wrapped, forces=CR3BP(mu), method=method, rtol=rtol, atol=atol)
 
 
@@ -238,13 +335,8 @@ def advance_orbits(state: ArrayLike, period: ArrayLike, time: float, mu: float =
     states = np.array(state, dtype=float)
     if time == 0.0:
         return states
-    for k, duration in enumerate(np.asarray(period, dtype=float)):
-        if duration > 0.0:
-            later = propagate_periodic(states[k], duration, [time], mu=mu, method="dop853")
-        else:
-            later = propagate(states[k], [time], forces=CR3BP(mu), method="dop853")
-        states[k] = later[0]
-    return states
+    times = _wrapped(time, period)[:, None]
+    return propagate_many(states, times, forces=CR3BP(mu), method="dop853")[:, 0]
 
 
 def closest_approaches(

@@ -36,9 +36,9 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.attitude.departures import departing_transition
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.rigid_body import spherical_transition
+from cislunar.dynamics.adaptive.runge_kutta import DOP853, OK, integrate
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import of_state
-from cislunar.dynamics.runge_kutta import DOP853, OK, integrate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import square_root_update

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU, TIME_UNIT_S
 from cislunar.dynamics import forces as seam
+from cislunar.dynamics.adaptive.runge_kutta import derivative as put_derivative
 from cislunar.dynamics.bundle import propagate_bundle, step_bundle, step_cloud
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.ephemeris import UNITS, forces_between, propagate_utc
@@ -22,7 +23,6 @@ from cislunar.dynamics.radiation import (
     SUN_RADIUS_KM,
     visible_sun,
 )
-from cislunar.dynamics.runge_kutta import _derivative
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.ephemeris.bodies import (
     COLUMNS,
@@ -158,7 +158,7 @@ def test_against_scipy_with_spice(forces, starts, name, stop, tolerance_m):
 def derivative(forces, t, state):
     """Time derivative of a state, km and s, by the compiled kernel; t nondimensional."""
     out = np.empty(6)
-    _derivative(forces, t, np.asarray(state) / UNITS, out)
+    put_derivative(forces, t, np.asarray(state) / UNITS, out)
     return out * UNITS / TIME_UNIT_S
 
 
@@ -265,17 +265,17 @@ def test_variational_equations(forces, starts):
     for place in (penumbra, [0.0, 1_500.0, 1_200.0, 1.0, 0.0, 0.0]):
         state = recenter(place, table, START, old="moon", new="barycenter") / UNITS
         out = np.empty(42)
-        _derivative(forces, 0.0, np.concatenate([state, np.eye(6).ravel()]), out)
+        put_derivative(forces, 0.0, np.concatenate([state, np.eye(6).ravel()]), out)
         differences, step = np.empty((6, 6)), 2e-8
         for k in range(6):
             ahead, behind = np.empty(6), np.empty(6)
-            _derivative(forces, 0.0, state + step * np.eye(6)[k], ahead)
-            _derivative(forces, 0.0, state - step * np.eye(6)[k], behind)
+            put_derivative(forces, 0.0, state + step * np.eye(6)[k], ahead)
+            put_derivative(forces, 0.0, state - step * np.eye(6)[k], behind)
             differences[:, k] = (ahead - behind) / (2.0 * step)
         found = out[6:].reshape(6, 6).copy()
         np.testing.assert_allclose(found, differences, rtol=1e-6, atol=1e-6 * np.abs(found).max())
         unlit = forces._replace(radiation=forces.radiation._replace(strength=0.0))
-        _derivative(unlit, 0.0, np.concatenate([state, np.eye(6).ravel()]), out)
+        put_derivative(unlit, 0.0, np.concatenate([state, np.eye(6).ravel()]), out)
         changed = np.abs(out[6:].reshape(6, 6) - found).max()
         assert (changed > 1e-3) == (place is penumbra)
     start, day = starts["halo"] / UNITS, 86_400.0 / TIME_UNIT_S

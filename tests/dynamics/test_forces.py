@@ -10,9 +10,10 @@ from numba.core.caching import NullCache
 from numba.core.dispatcher import Dispatcher
 
 from cislunar.compiled import implements
-from cislunar.dynamics import bundle, forces, runge_kutta
+from cislunar.dynamics import bundle, forces
+from cislunar.dynamics.adaptive import lanes, runge_kutta
 from cislunar.dynamics.bundle import propagate_bundle
-from cislunar.dynamics.propagation import propagate, propagate_stm
+from cislunar.dynamics.propagation import propagate, propagate_many, propagate_stm
 
 
 class Kepler(NamedTuple):
@@ -88,7 +89,7 @@ def _push_change(field, dx, dy, dz, dvx, dvy, dvz):
 @pytest.fixture(autouse=True)
 def _nothing_cached(monkeypatch):
     """Keep kernels compiled for these models, which no other process can import, off the disk."""
-    for module in (bundle, runge_kutta):
+    for module in (bundle, lanes, runge_kutta):
         for kernel in vars(module).values():
             if isinstance(kernel, Dispatcher):
                 monkeypatch.setattr(kernel, "_cache", NullCache())
@@ -170,13 +171,21 @@ def test_time_reaches_every_stage(power):
         np.testing.assert_allclose(found[:, [1, 4]], wanted, rtol=0.0, atol=tolerance)
 
 
+def test_every_lane_has_its_own_time():
+    push, times, starts = Polynomial(3.0, 2.0), np.array([0.5, 0.2, -0.3]), np.array([0.4, 1.3])
+    many = propagate_many([START, -START], times, forces=push, start=starts)
+    for state, start, found in zip((START, -START), starts, many, strict=True):
+        alone = propagate(state, times, forces=push, start=start)
+        np.testing.assert_array_equal(found, alone)
+
+
 def test_kernels_specialised_for_a_model_are_cached_on_disk():
     """A second process compiles nothing."""
     script = """
 import numpy as np
 from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.dynamics.propagation import propagate
-from cislunar.dynamics.runge_kutta import integrate
+from cislunar.dynamics.adaptive.runge_kutta import integrate
 propagate([0.5, 0.1, 0.2, 0.0, 0.3, 0.0], [0.01], forces=CR3BP(0.01))
 print(sum(integrate.stats.cache_misses.values()))
 """

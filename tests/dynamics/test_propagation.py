@@ -17,6 +17,7 @@ from cislunar.dynamics.cr3bp import (
 from cislunar.dynamics.propagation import (
     closest_approaches,
     propagate,
+    propagate_many,
     propagate_periodic,
     propagate_stm,
 )
@@ -70,6 +71,29 @@ def test_times_may_come_in_any_order_and_sign():
     assert np.array_equal(states[0], states[5])
     for t, state in zip(times, states, strict=True):
         assert np.allclose(propagate(state, [-t], method="dop853")[0], GENERIC, atol=1e-11)
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853"])
+def test_many_are_each_alone_to_the_last_bit(method):
+    """Whatever their neighbours: 21 states in 16 lanes, both ways, of unlike lengths."""
+    rng = np.random.default_rng(3)
+    states = GENERIC + 0.02 * rng.standard_normal((21, 6))
+    times = rng.uniform(-1.0, 1.0, (21, 9)) * rng.uniform(0.1, 4.0, (21, 1))
+    times[:, 3], times[:, 5], times[7] = 0.0, times[:, 6], 0.0
+    together = propagate_many(states, times, method=method)
+    alone = [propagate(*each, method=method) for each in zip(states, times, strict=True)]
+    assert together.tobytes() == np.array(alone).tobytes()
+    few = propagate_many(states[4:6], times[4], method=method)
+    assert few[0].tobytes() == together[4].tobytes()
+
+
+def test_many_name_the_first_that_falls():
+    falling = [1.0 - MU, 0.0, 0.0, 0.0, 0.0, 0.0]
+    with pytest.raises(ConvergenceError, match=r"0.98785.*stopped at t = 0 of 2: .*underflow"):
+        propagate_many([GENERIC, falling, GENERIC], [1.0, 2.0])
+    with pytest.raises(ConfigurationError, match=r"times of shape \(3, 1\).* 2 states"):
+        propagate_many([GENERIC, GENERIC], [[1.0]] * 3)
+    assert propagate_many(np.empty((0, 6)), [1.0]).shape == (0, 1, 6)
 
 
 @pytest.mark.parametrize(("method", "drift"), [("dopri5", 1e-8), ("dop853", 1e-11)])

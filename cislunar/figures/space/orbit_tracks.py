@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.dynamics.cr3bp import CR3BP
-from cislunar.dynamics.propagation import propagate, propagate_periodic
+from cislunar.dynamics.propagation import propagate_many, propagate_periodic
 from cislunar.figures.axes import Array
 
 _SECONDS_PER_HOUR = SECONDS_PER_DAY / 24.0
@@ -69,8 +69,8 @@ def target_tracks_km(tracked: xr.Dataset, hours: ArrayLike) -> Array:
     """Moving targets at ascending times since the epoch, shape (n_times, n_targets, 3), km."""
     times, forces = _nondimensional(tracked, hours), CR3BP(float(tracked.attrs["mu"]))
     # Some are not periodic, so all are propagated.
-    tracks = [propagate(state, times, forces=forces)[:, :3] for state in tracked["state"].values]
-    return np.stack(tracks, axis=1) * float(tracked.attrs["length_unit_km"])
+    tracks = propagate_many(tracked["state"].values, times, forces=forces)[..., :3]
+    return np.moveaxis(tracks, 0, 1) * float(tracked.attrs["length_unit_km"])
 
 
 def _positions(orbits: xr.Dataset, index: int, times: Array) -> Array:

@@ -42,10 +42,10 @@ from cislunar.constants import (
     SECONDS_PER_DAY,
     TIME_UNIT_S,
 )
+from cislunar.dynamics.adaptive.runge_kutta import DOP853, OK, integrate
 from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.ephemeris_forces import Ephemeris
 from cislunar.dynamics.propagation import propagate
-from cislunar.dynamics.runge_kutta import DOP853, OK, integrate
 from cislunar.ephemeris.bodies import COLUMNS, GM_EARTH, GM_MOON, read_table
 from cislunar.errors import ConvergenceError
 from cislunar.orbits.among_bodies.held import CLOCK_STEP_S, flow, reference_states

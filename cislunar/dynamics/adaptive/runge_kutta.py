@@ -21,6 +21,7 @@ from cislunar.dynamics.tableau import (
     ERROR5,
     ERROR8_3,
     ERROR8_5,
+    FIRST5,
     FIRST8,
     STAGES5,
     STAGES8,
@@ -32,7 +33,7 @@ MAX_STEPS = 2_000_000
 
 
 @njit(cache=True, error_model="numpy")
-def _derivative(forces, t, y, dy):
+def derivative(forces, t, y, dy):
     """Time derivative of a state (6) or of a state and its STM (42), written into `dy`."""
     field = at(forces, t)
     dy[0] = y[3]
@@ -84,7 +85,7 @@ def _stage(forces, t, y, h, slopes, row, first, count, work):
         c = h * row[j]
         for i in range(n):
             work[i] += c * slopes[j, i]
-    _derivative(forces, t, work, slopes[count])
+    derivative(forces, t, work, slopes[count])
 
 
 @njit(cache=True, error_model="numpy")
@@ -92,7 +93,7 @@ def _step(method, forces, t, y, h, slopes, y_new):
     """All stages of a step; slopes[0] must hold f(y), the row after the last receives f(y_new)."""
     if method == DOPRI5:
         for s in range(1, STAGES5 + 1):
-            _stage(forces, t + C5[s] * h, y, h, slopes, A5[s], 1, s, y_new)
+            _stage(forces, t + C5[s] * h, y, h, slopes, A5[s], FIRST5[s], s, y_new)
     else:
         for s in range(1, STAGES8 + 1):
             _stage(forces, t + C8[s] * h, y, h, slopes, A8[s], FIRST8[s], s, y_new)
@@ -157,24 +158,33 @@ def _prepare_dense(method, forces, t, y, y_new, h, slopes, dense, work):
 
 
 @njit(cache=True, error_model="numpy")
-def _evaluate_dense(method, y, dense, fraction, out):
-    """Continuous extension at a fraction (0 to 1) of the step, into `out` (n,)."""
-    rest = 1.0 - fraction
-    for i in range(y.size):
-        if method == DOPRI5:
-            value = dense[3, i]
-            for p in range(2, -1, -1):
-                value = value * fraction + dense[p, i]
-            out[i] = y[i] + value * fraction
-        else:
-            value = dense[6, i] * fraction
-            for p in range(5, -1, -1):
-                value = (value + dense[p, i]) * (fraction if p % 2 == 0 else rest)
-            out[i] = y[i] + value
+def extended5(fraction, y, a, b, c, d):
+    """Continuous extension of Dormand-Prince 5 for one component, by its coefficients."""
+    return y + (((d * fraction + c) * fraction + b) * fraction + a) * fraction
 
 
 @njit(cache=True, error_model="numpy")
-def _initial_step(method, forces, t, y, slope, span, rtol, atol, work, work_slope):
+def extended8(fraction, y, a, b, c, d, e, f, g):
+    """Continuous extension of DOP853 for one component, by its coefficients."""
+    rest = 1.0 - fraction
+    value = ((g * fraction + f) * rest + e) * fraction
+    return y + ((((value + d) * rest + c) * fraction + b) * rest + a) * fraction
+
+
+@njit(cache=True, error_model="numpy")
+def _evaluate_dense(method, y, dense, fraction, out):
+    """Continuous extension at a fraction (0 to 1) of the step, into `out` (n,)."""
+    for i in range(y.size):
+        a, b, c, d = dense[0, i], dense[1, i], dense[2, i], dense[3, i]
+        if method == DOPRI5:
+            out[i] = extended5(fraction, y[i], a, b, c, d)
+        else:
+            e, f, g = dense[4, i], dense[5, i], dense[6, i]
+            out[i] = extended8(fraction, y[i], a, b, c, d, e, f, g)
+
+
+@njit(cache=True, error_model="numpy")
+def initial_step(method, forces, t, y, slope, span, rtol, atol, work, work_slope):
     """First step size, always positive (Hairer, Norsett & Wanner, section II.4)."""
     n = y.size
     d0 = 0.0
@@ -190,7 +200,7 @@ def _initial_step(method, forces, t, y, slope, span, rtol, atol, work, work_slop
     direction = 1.0 if span > 0 else -1.0
     for i in range(n):
         work[i] = y[i] + h0 * direction * slope[i]
-    _derivative(forces, t + h0 * direction, work, work_slope)
+    derivative(forces, t + h0 * direction, work, work_slope)
     d2 = 0.0
     for i in range(n):
         d2 += ((work_slope[i] - slope[i]) / (atol + abs(y[i]) * rtol)) ** 2
@@ -242,7 +252,7 @@ def integrate(method, forces, start, y0, times, rtol, atol, out, centres, closes
     work = np.empty(n)
     slopes = np.empty((16, n))
     dense = np.empty((7, n))
-    _derivative(forces, start, y, slopes[0])
+    derivative(forces, start, y, slopes[0])
     for k in range(centres.size):
         closest[k] = _distance(y, centres[k])
     m = times.size
@@ -255,7 +265,7 @@ def integrate(method, forces, start, y0, times, rtol, atol, out, centres, closes
     end = times[m - 1]
     direction = 1.0 if end > 0.0 else -1.0
     t = 0.0
-    h = _initial_step(method, forces, start, y, slopes[0], end, rtol, atol, work, slopes[1])
+    h = initial_step(method, forces, start, y, slopes[0], end, rtol, atol, work, slopes[1])
     rejected = False
     for _ in range(MAX_STEPS):
         remaining = abs(end - t)

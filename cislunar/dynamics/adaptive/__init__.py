@@ -1,0 +1,1 @@
+"""Integrators whose steps adapt to a tolerance: of one trajectory, and of many side by side."""
