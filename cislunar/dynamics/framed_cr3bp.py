@@ -233,6 +233,17 @@ def _step(model, t, state, dt, slopes, work):
     _leave(model, last, work, state)
 
 
+@implements(take_step, FramedCR3BP)
+def _step_of_each(model, t, state, dt, slopes, work):
+    """A bundle of the states of all targets, each in its own frame."""
+    one, own_work = np.empty((6, 1)), np.empty((6, 1))
+    own_slopes = np.empty((slopes.shape[0], 6, 1))
+    for i in range(state.shape[1]):
+        one[:, 0] = state[:, i]
+        take_step(forces.of_state(model, i), t, one, dt, own_slopes, own_work)
+        state[:, i] = one[:, 0]
+
+
 @implements(take_cloud_step, _OneFrame)
 def _cloud_step(model, t, state, dt, slopes, work):
     last, duration = _enter(model, t, state, dt, work)

@@ -6,7 +6,7 @@ from numba import njit
 from scipy.integrate import quad
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
-from cislunar.dynamics.bundle import step_bundle, step_cloud
+from cislunar.dynamics.bundle import propagate_bundle, step_bundle, step_cloud
 from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.forces import of_state
 from cislunar.dynamics.framed_cr3bp import framed_cr3bp, inertial_states, is_low_lunar
@@ -60,6 +60,7 @@ def test_steps_are_those_of_the_cr3bp_between_the_frames(table):
     assert low.tolist() == [False, True]
     forces = framed_cr3bp(table, START, STEP_S, STEPS, low)
     length_s = STEP_S * STEPS
+    together = propagate_bundle(start, STEP_S / TIME_UNIT_S, STEPS, forces=forces)[:, -1]
     for j, (make, state) in enumerate(((pulsating_frame, HALO), (lunar_frame, LOW))):
         first, last = make(table, START), make(table, START + length_s)
         np.testing.assert_allclose(from_inertial(start[j] * UNITS, first), state, atol=1e-14)
@@ -70,6 +71,7 @@ def test_steps_are_those_of_the_cr3bp_between_the_frames(table):
         wanted = to_inertial(moved, last) / UNITS
         atol = STEPS * 1e-13  # of a step near the Moon
         np.testing.assert_allclose(bundle, np.tile(wanted[:, None], (1, 3)), rtol=0, atol=atol)
+        np.testing.assert_array_equal(together[j], bundle[:, 0])
         cloud = np.ascontiguousarray(np.tile(start[j][:, None], (1, 3)))
         _stepped_as_a_cloud(forces, j, cloud, STEP_S / TIME_UNIT_S, STEPS)
         apart = np.max(np.abs(cloud - bundle))
