@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from campaign_folder import ROOT
 from test_docs import BLOCK
 
@@ -18,6 +19,7 @@ from cislunar.campaign.claims.judges import (
     VERDICTS,
     Claim,
 )
+from cislunar.campaign.documents import objectives_block
 from cislunar.campaign.documents import update as documents
 from cislunar.campaign.documents.blocks import BLOCKS, files_block, readings_tracking_block
 from cislunar.campaign.documents.markdown import (
@@ -270,6 +272,55 @@ def test_the_study_of_the_real_world_has_a_table_and_a_figure(campaign):
     assert told in page.read_text(encoding="utf-8")
     assert (root / "docs/images/real.png").read_bytes() == b"drawn"
     assert documents.main(["--check", "--root", str(root)]) == 0
+
+
+def test_the_study_of_objectives_tells_ratios_by_day_and_realization(tmp_path):
+    cells = [("A", "exact"), ("A", "information-10"), ("A", "published"), ("B", "published"),
+             ("C", "published")]  # fmt: skip
+    days = {"A": ("", "day10", "day20"), "B": ("", "day10-b", "day20-b"),
+            "C": ("", "day10-c", "day20-c")}  # fmt: skip
+    places = [(*cell, "mukf", day) for cell in cells for day in days[cell[0]]]
+    error = np.random.default_rng(1).uniform(1.0, 2.0, (len(places), 2, 4))
+    error[3:6] = 0.5 * error[:3]
+    keys = ("scenario", "architecture", "estimator", "variant")
+    labels = {key: ("cell", [place[k] for place in places]) for k, key in enumerate(keys)}
+    by_part = dict.fromkeys(
+        ("rmse_geometric_all", "rmse_median"), (("cell", "seed", "part"), error)
+    )
+    by_cell = dict.fromkeys(
+        ("never_observed", "final_attitude_error_median"), (("cell", "seed"), error[..., 0])
+    )
+    (tmp_path / "task2").mkdir()
+    xr.Dataset(by_part | by_cell, coords=labels).to_netcdf(tmp_path / "task2/summary.nc")
+    with pytest.raises(InputFileError, match=r"objective_ranks\.csv: no such table; run the study"):
+        objectives_block.study_table(tmp_path)
+    (tmp_path / "tables").mkdir()
+    rank = {"scenario": "A", "estimator": "mukf", "observers": 20, "objective": "J"}
+    rank |= {"quantity": "rmse_geometric_all", "low": 0.5, "high": 0.75}
+    ranks = [
+        rank | {"variant": day, "part": part, "unit": unit, "correlation": found}
+        for part, unit in (("position", "km"), ("attitude", "degree"))
+        for day, found in ((None, 0.625), ("day10", 0.6875))
+    ]
+    pd.DataFrame(ranks).to_csv(tmp_path / "tables/objective_ranks.csv")
+    design = {"architecture": "information-10", "objective": "information", "satellites": 10}
+    design |= {"front": None, "value": 20.0, "bound": 21.0}
+    front = design | {"front": "information"}
+    pd.DataFrame([design, front]).to_csv(tmp_path / "tables/objectives_A.csv")
+    other = {"targets_by": "class", "targets_of": "DRO", "satellites": 20}
+    other |= {"chosen_on": "others", "information_nat": 20.5}
+    pd.DataFrame([other]).to_csv(tmp_path / "tables/objectives_elsewhere_A.csv")
+    tables = {"objectives": objectives_block.study_table(tmp_path)}
+    told = "| class DRO | 20 | \N{EN DASH} | \N{EN DASH} | 20.50 |"
+    assert told in objectives_block.elsewhere_block(tables)
+    own = objectives_block.tracking_block(tables).splitlines()[3]
+    assert own.startswith("| 10 | orbit information, orbits up to 10 m/s a year |")
+    told = "0.50 [0.50, 0.50]"
+    assert own.endswith(f"| {told} | {told} | \N{EN DASH} | \N{EN DASH} |")
+    told = "0.62 to 0.69 [0.50, 0.75]"
+    assert f"| J | 20 | {told} | {told} |" in objectives_block.ranks_block(tables)
+    line = "| `information-10` | 10 | information | 20 | 21 | 5.00 |"
+    assert objectives_block.designs_block(tables).count(line) == 1
 
 
 def test_only_sure_differences_are_marked(tables):

@@ -6,6 +6,7 @@ import pandas as pd
 
 from cislunar.campaign.documents.estimator_blocks import AWARE, ESTIMATOR_BLOCKS
 from cislunar.campaign.documents.markdown import DASH, markdown_table
+from cislunar.campaign.documents.objectives_block import OBJECTIVE_BLOCKS
 from cislunar.campaign.documents.real_block import REAL_BLOCKS
 from cislunar.campaign.documents.results_page import (
     LISTED,
@@ -197,6 +198,7 @@ BLOCKS: Mapping[str, Callable[[Tables], str]] = {
     "photometry": photometry_block,
     "returned-light": returned_light_block,
     **STUDY_BLOCKS,
+    **OBJECTIVE_BLOCKS,
     **REAL_BLOCKS,
     **ESTIMATOR_BLOCKS,
 }

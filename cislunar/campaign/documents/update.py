@@ -24,7 +24,7 @@ from pathlib import Path
 import pandas as pd
 
 from cislunar.campaign.data.netcdf import write_text
-from cislunar.campaign.documents import real_block
+from cislunar.campaign.documents import objectives_block, real_block
 from cislunar.campaign.documents.blocks import BLOCKS
 from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
 from cislunar.campaign.documents.results_page import STRIP, shown_quantities, verdicts_svg
@@ -48,7 +48,7 @@ TABLES = (
 """Tables of ``docs/tables``; the last comes from the benchmarks, the others from the campaign."""
 
 _STUDIES = {name: partial(study_table, name) for name in STUDIES}
-_STUDIES |= {real_block.STUDY: real_block.study_table}
+_STUDIES |= {each.STUDY: each.study_table for each in (real_block, objectives_block)}
 """What makes the table of each study from its folder of results."""
 
 _FIGURES = {real_block.STUDY: "pooled", TASKING: "sweep_tasking"}

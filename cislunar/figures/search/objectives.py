@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 from numpy.typing import NDArray
 
-from cislunar.figures.axes import Grid, legend_below, log_ticks, panel_title
+from cislunar.figures.axes import Grid, legend_below, log_ticks, note_empty, panel_title
 from cislunar.figures.style import (
     BLACK,
     BLUE,
@@ -94,7 +94,9 @@ def objectives_figure(
     """
     whole = pd.concat([table.assign(shown=name) for name, table in tables.items()])
     texts = {key: whole[key].astype(object).fillna("") for key in ("front", "method")}
-    whole = whole.assign(**texts)
+    # a table of shares alone is read with units that are numbers
+    units = whole["unit"].astype(str).str.removesuffix(".0")
+    whole = whole.assign(**texts, unit=units)
     errors = pd.Series(dtype=float) if errors is None else errors
     at = pd.MultiIndex.from_frame(whole[["shown", "architecture"]])
     whole["error"] = errors.reindex(at).to_numpy() if len(errors) else np.nan
@@ -113,7 +115,10 @@ def objectives_figure(
             kind = "share" if unit == "1" else "information"
             panel_title(axes, 3 * row + column, f"Scenario {scenario}, {kind}")
             # J is no share
-            _fronts(axes, own[(own["unit"] == unit) & (own["objective"] != "J")], fronts)
+            drawn = own[(own["unit"] == unit) & (own["objective"] != "J") & (own["front"] != "")]
+            _fronts(axes, drawn, fronts)
+            if drawn.empty:
+                note_empty(axes, "no front")
             axes.set_xlabel(_LABELS[0])
             axes.xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True, steps=[1, 2, 5, 10]))
         panels[0].yaxis.set_major_formatter(PercentFormatter(xmax=1.0, symbol=""))

@@ -213,8 +213,9 @@ def _shoot(
         if better is None:
             break
         nodes, arcs = better
+    passes = f", it passes the {held.body.capitalize()} {gap_km:.3g} km too low" if held else ""
     raise ConvergenceError(
-        f"arcs miss their nodes by {position:.3g} km and {1e3 * velocity:.3g} m/s"
+        f"arcs miss their nodes by {position:.3g} km and {1e3 * velocity:.3g} m/s{passes}"
     )
 
 
