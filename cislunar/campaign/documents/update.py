@@ -51,7 +51,11 @@ _STUDIES = {name: partial(study_table, name) for name in STUDIES}
 _STUDIES |= {each.STUDY: each.study_table for each in (real_block, objectives_block)}
 """What makes the table of each study from its folder of results."""
 
-_FIGURES = {real_block.STUDY: "pooled", TASKING: "sweep_tasking"}
+_FIGURES = {
+    real_block.STUDY: "pooled",
+    TASKING: "sweep_tasking",
+    objectives_block.STUDY: objectives_block.STUDY,
+}
 """Figure of a study's results that ``docs/images`` has by the study's name."""
 
 _THINNED = ("readings_tracking", "tracking")

@@ -117,10 +117,11 @@ def objectives_figure(
             # J is no share
             drawn = own[(own["unit"] == unit) & (own["objective"] != "J") & (own["front"] != "")]
             _fronts(axes, drawn, fronts)
-            if drawn.empty:
-                note_empty(axes, "no front")
             axes.set_xlabel(_LABELS[0])
             axes.xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True, steps=[1, 2, 5, 10]))
+            if drawn.empty:
+                note_empty(axes, "no front")
+                axes.set(xticks=[], yticks=[])
         panels[0].yaxis.set_major_formatter(PercentFormatter(xmax=1.0, symbol=""))
         panels[0].set_ylabel("value of the objective, %")
         panels[1].set_ylabel("per target and day, nat")
