@@ -1,25 +1,33 @@
 """Times of the filter, the tasking step and whole day cells, beside the usual ways.
 
-    python benchmarks/estimation.py [--targets 20 50 100 202] [--observers 20]
+    python benchmarks/estimation.py [--targets 20 50 100 202] [--observers 20] [--ratios]
 
-Propagation is compared with SciPy's RK45 at the paper's tolerance.
-The scene needs no file: observers and near-periodic targets stand in for the paper's. Everything
-runs on one thread; compilation is not counted.
+With `--ratios` only what ephemeris forces and the splitting of bent orbits cost. Propagation is
+compared with SciPy's RK45 at the paper's tolerance. The scene needs no file: observers and
+near-periodic targets stand in for the paper's. Everything runs on one thread; compilation is not
+counted.
 """
 
 import argparse
+from functools import partial
 from time import perf_counter
 
 import numpy as np
-from _timing import best_time
+from _timing import alternated, best_time
 from numba import njit
 from scipy.integrate import solve_ivp
 
 from cislunar.attitude.rigid_body import propagate_spherical
-from cislunar.constants import TIME_UNIT_S
+from cislunar.campaign.tracking.real_sky import Sky, real_scene
+from cislunar.constants import GM_UNIT_KM3_S2, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.bundle import propagate_bundle, step_bundle, step_cloud
 from cislunar.dynamics.cr3bp import EARTH_MOON, equations_of_motion
+from cislunar.dynamics.ephemeris import UNITS, forces_between
+from cislunar.dynamics.ephemeris_forces import Ephemeris
+from cislunar.dynamics.framed_cr3bp import inertial_states
+from cislunar.dynamics.frames import pulsating_frame, to_inertial
 from cislunar.dynamics.tableau import STAGES8
+from cislunar.ephemeris.bodies import GM_MOON
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.light_curve import cost, cost_and_derivatives
@@ -31,7 +39,7 @@ from cislunar.estimation.light_curves.row_blocks import (
     VIEW,
     WEIGHT,
 )
-from cislunar.estimation.registry import ESTIMATORS
+from cislunar.estimation.registry import ESTIMATORS, estimator_named
 from cislunar.observation.measurement import DETECTED, measure
 from cislunar.observation.records import constant_schedule
 from cislunar.observation.sensor import Sensor
@@ -39,16 +47,18 @@ from cislunar.photometry.body_blocks import body_magnitude
 from cislunar.photometry.materials import PRINTED
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.decision import decide
-from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.demonstration import TrackingProblem, tracking_problem
 from cislunar.tasking.planning.assignment import IDLE, assign
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel, pair_information
 from cislunar.tasking.planning.preselection import assign_preselected
 from cislunar.tasking.planning.schedule_model import ScheduleModel
-from cislunar.tasking.simulation import draw_truth, initial_estimate
+from cislunar.tasking.simulation import TruthModel, draw_truth, initial_estimate
 
 SENSOR = Sensor(limiting_magnitude=24.0)
+LOW_LUNAR_KM = (170.0, 4313.0), (109.0, 8920.0), (164.0, 18074.0), (118.0, 4412.0)
+"""Altitudes of perilune and apolune of some targets of the campaign."""
 
 
 def filter_times() -> None:
@@ -259,11 +269,77 @@ def cell_time(n_observers: int, n_targets: int) -> None:
     print(f"{line[:-1]}   ({run().valid.sum()} updates)")
 
 
+def among_bodies(problem: TrackingProblem) -> tuple[tuple, Ephemeris]:
+    """The same satellites and targets among Earth, Moon and Sun as they are, and the forces."""
+    scene, surfaces, epoch, ids, loop = problem
+    forces = forces_between("2024-10-01", "2024-10-03", area_to_mass=0.01)
+    table, start = forces.table, forces.epoch
+    observers = np.zeros((*scene.observer_position.shape[:2], 6))
+    observers[..., :3] = scene.observer_position
+    tracks = to_inertial(observers, pulsating_frame(table, start + loop.elapsed_s)) / UNITS
+    states, _ = inertial_states(epoch, table, start)
+    sky = Sky(table, start, start)
+    return (real_scene(sky, tracks[..., :3], loop), surfaces, states, ids), forces
+
+
+def forces_cost(n_observers: int, n_targets: int, rounds: int = 2) -> None:
+    """Processor time of a day cell with ephemeris truth and filter over one of the CR3BP."""
+    problem = tracking_problem(n_observers, n_targets, PRINTED)
+    cells = {"CR3BP": (problem[:4], EARTH_MOON), "ephemeris": among_bodies(problem)}
+    for name in ESTIMATORS:
+
+        def run(cell, name=name):
+            given, forces = cell
+            truth = TruthModel(problem.surfaces, SENSOR.noise, np.zeros(3), forces)
+            settings = {"estimator": name, "truth": truth, "forces": forces}
+            run_closed_loop(*given, [0, 1], problem.loop, **settings)
+
+        times = alternated({key: partial(run, cell) for key, cell in cells.items()}, rounds)
+        print_ratio(f"day cell, {n_targets} targets, two seeds, {name}", times)
+
+
+def splitting_cost(n_observers: int, n_targets: int, rounds: int = 2) -> None:
+    """Processor time of a day cell with splitting over one without.
+
+    One target in 20 flies low about the Moon, as in the campaign: there orbits bend.
+    """
+    problem = tracking_problem(n_observers, n_targets, PRINTED)
+    for k, j in enumerate(range(0, n_targets, 20)):
+        problem.epoch[j] = low_lunar(*LOW_LUNAR_KM[k % len(LOW_LUNAR_KM)])
+    for name in ESTIMATORS:
+
+        def run(splitting, name=name):
+            estimator = estimator_named(name, splitting=splitting)
+            run_closed_loop(*problem[:4], [0, 1], problem.loop, estimator=estimator)
+
+        ways = {"one Gaussian": partial(run, False), "splitting": partial(run, True)}
+        print_ratio(f"day cell, {n_targets} targets, two seeds, {name}", alternated(ways, rounds))
+
+
+def low_lunar(perilune_km: float, apolune_km: float) -> np.ndarray:
+    """State of the CR3BP beyond the Moon, at the perilune of an orbit of these altitudes."""
+    near, far = MOON_RADIUS_KM + np.array([perilune_km, apolune_km])
+    speed = np.sqrt(2.0 * GM_MOON / GM_UNIT_KM3_S2 * LENGTH_UNIT_KM * far / (near * (near + far)))
+    x = near / LENGTH_UNIT_KM
+    return np.array([1.0 - MU + x, 0.0, 0.0, 0.0, 0.6 * speed - x, 0.8 * speed])
+
+
+def print_ratio(what: str, times: dict[str, float]) -> None:
+    """Processor time of two ways, and of the second over the first."""
+    (usual, one), (other, two) = times.items()
+    print(f"{what}: {usual} {one:.2f} s, {other} {two:.2f} s   ratio {two / one:.2f}", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--targets", type=int, nargs="+", default=[20, 50, 100, 202])
     parser.add_argument("--observers", type=int, default=20)
+    parser.add_argument("--ratios", action="store_true", help="forces and splitting alone")
     options = parser.parse_args()
+    forces_cost(options.observers, 50)
+    splitting_cost(options.observers, 100)
+    if options.ratios:
+        return
     filter_times()
     light_curve_times()
     cloud_times()
