@@ -38,7 +38,7 @@ from cislunar.campaign.tracking.statistics import (
     slopes,
     t_interval,
 )
-from cislunar.campaign.tracking.summary import PARTS, PER_CELL, PER_PART
+from cislunar.campaign.tracking.summary import ERRORS, PARTS, PER_CELL, PER_PART
 
 SEEDS = 8
 GOOD = {
@@ -512,8 +512,7 @@ def test_verdicts_follow_from_conditions(row, reached):
 def test_realizations_are_tidy():
     summary = make_summary()
     frame = realizations(summary)
-    errors = sum(name.startswith("rmse") for name in PER_PART)
-    units = 4 * len(PER_PART) + 4 * errors + len(PER_CELL)  # errors come in two units
+    units = 4 * len(PER_PART) + 4 * len(ERRORS) + len(PER_CELL)  # errors come in two units
     assert len(frame) == summary.sizes["cell"] * SEEDS * units
     own = select(frame, scenario="A", targets=20)
     assert list(own["interval_minutes"].unique()) == [30, 60, 120, 180, 240]

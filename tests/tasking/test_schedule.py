@@ -5,7 +5,6 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
@@ -49,8 +48,8 @@ def _chances(learned, looks):
 
 
 def _worth(looks, learned, schedule):
-    """The expectation over outcomes and brightness, spelled out."""
-    total = 0.0
+    """The expectation over outcomes and brightness, spelled out; chances have their own test."""
+    total, each = 0.0, _chances(learned, looks).detects
     for j in range(looks.margin.shape[2]):
         own = [tuple(at) for at in np.argwhere(schedule == j)]
         weight = np.exp(learned.log_weight[j])
@@ -59,8 +58,7 @@ def _worth(looks, learned, schedule):
             for found in combinations(own, size):
                 matrix, probability = np.eye(6), weight.copy()
                 for at in own:
-                    margin = looks.margin[at][j] - learned.grid
-                    p = norm.cdf(margin / MODEL.flicker_mag)
+                    p = each[at][j]
                     probability *= p if at in found else 1.0 - p
                     if at in found:
                         matrix += looks.factor[at][j] @ looks.factor[at][j].T

@@ -16,6 +16,8 @@ STUDY = "real"
 FIGURE = f"images/{STUDY}.png"
 """The figure, relative to ``docs``."""
 
+_FROM_ROOT = f"docs/{FIGURE}"
+
 NOT_RUN = "The study has not been run yet.\n"
 
 _OURS, _PAPER = ("information", "batch", ""), ("published", "mukf", "paper")
@@ -133,7 +135,7 @@ def parts_block(tables: Mapping[str, pd.DataFrame]) -> str:
     return _block({STUDY: twenty}, _PARTS, [100])
 
 
-def headline_block(tables: Mapping[str, pd.DataFrame], figure: str = f"docs/{FIGURE}") -> str:
+def headline_block(tables: Mapping[str, pd.DataFrame], figure: str = _FROM_ROOT) -> str:
     """The figure, and twenty satellites of ours beside the paper's 43 at 100 targets."""
     if STUDY not in tables:
         return ""
