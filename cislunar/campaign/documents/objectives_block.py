@@ -9,15 +9,19 @@ import xarray as xr
 
 from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.documents.markdown import DASH, markdown_table
+from cislunar.campaign.documents.studies import read_study
 from cislunar.campaign.tracking.statistics import Interval, log_interval
 from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.errors import InputFileError
 
 STUDY = "objectives"
 """Name of the study's table in ``docs/tables``."""
 
-_PUBLISHED = {20: ("A", "published"), 33: ("B", "published"), 43: ("C", "published")}
-_COMPARED_WITH = {10: ("A", "exact"), **_PUBLISHED}
+_COMPARED_WITH = {
+    10: ("A", "exact"),
+    20: ("A", "published"),
+    33: ("B", "published"),
+    43: ("C", "published"),
+}
 """Scenario and architecture that those of as many satellites are compared with."""
 
 _DAYS = {
@@ -56,18 +60,10 @@ _COLUMNS = ["kind", "estimator", "variant", "observers", "name", "quantity", "me
 
 def study_table(results: str | Path) -> pd.DataFrame:
     """What the documents show of a finished study, from its folder of results."""
-    results = Path(results)
     names = ("objective_ranks", "objectives_A", "objectives_elsewhere_A")
-    needed = [results / f"tables/{name}.csv" for name in names]
-    for path in needed:
-        if not path.is_file():
-            raise InputFileError(
-                f"{path}: no such table; run the study first, with --configfile "
-                "config/objectives.yaml"
-            )
-    ranks, designs, elsewhere = map(pd.read_csv, needed)
+    ranks, designs, elsewhere = (read_study(STUDY, results, name) for name in names)
     rows = [
-        *_tracking_rows(read_dataset(results / "task2/summary.nc")),
+        *_tracking_rows(read_dataset(Path(results) / "task2/summary.nc")),
         *_rank_rows(ranks),
         *_design_rows(designs),
         *_elsewhere_rows(elsewhere),
@@ -85,11 +81,10 @@ def _tracking_rows(summary: xr.Dataset) -> Iterator[tuple]:
         return summary[name].values[cells].reshape(-1, *summary[name].shape[2:])
 
     for n, compared in _COMPARED_WITH.items():
-        named = ["exact"] if n == 10 else ["published"]
-        named += [f"{stem}-{n}" for stem in _CHOSEN_BY]
+        named = [compared[1], *(f"{stem}-{n}" for stem in _CHOSEN_BY)]
         for estimator in ("mukf", "batch"):
             for name in named:
-                own = compared if name in ("exact", "published") else ("A", name)
+                own = compared if name == compared[1] else ("A", name)
                 if (*own, estimator, "") not in place:
                     continue
                 head = ("tracking", estimator, "", n, name)

@@ -7,8 +7,8 @@ from pathlib import Path
 import pandas as pd
 
 from cislunar.campaign.documents.markdown import markdown_table
+from cislunar.campaign.documents.studies import only_shown, read_study
 from cislunar.campaign.tracking.statistics import Interval
-from cislunar.errors import InputFileError
 
 STUDY = "real"
 """Name of the study's table in ``docs/tables``, and of its figure in ``docs/images``."""
@@ -69,16 +69,8 @@ _KEYS = ["architecture", "estimator", "variant", "observers", "targets"]
 
 def study_table(results: str | Path) -> pd.DataFrame:
     """The shown quantities of a finished study, from its folder of results."""
-    path = Path(results) / "tables/pooled.csv"
-    if not path.is_file():
-        raise InputFileError(
-            f"{path}: no such table; run the study first, with --configfile config/real.yaml"
-        )
-    table = pd.read_csv(path)
-    shown = {key[:3] for key in SHOWN.values()}
-    keys = zip(table["quantity"], table["part"].fillna(""), table["unit"], strict=True)
     kept = [*_KEYS, "quantity", "part", "unit", "mean", "low", "high", "seeds"]
-    return table[[key in shown for key in keys]][kept]
+    return only_shown(read_study(STUDY, results, "pooled"), SHOWN.values())[kept]
 
 
 def _ways(table: pd.DataFrame) -> pd.DataFrame:

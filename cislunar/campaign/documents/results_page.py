@@ -20,7 +20,7 @@ from cislunar.campaign.claims.judges import (
     VERDICTS,
 )
 from cislunar.campaign.documents.markdown import DASH, generated_block, markdown_table
-from cislunar.campaign.documents.studies import dynamics_section
+from cislunar.campaign.documents.studies import dynamics_section, only_shown
 
 STRIP = "images/verdicts.svg"
 """The diagram of the verdicts, beside the page."""
@@ -223,10 +223,7 @@ _CELL = ["scenario", "architecture", "estimator", "targets", "interval_minutes"]
 
 def shown_quantities(table: pd.DataFrame) -> pd.DataFrame:
     """The rows of ``tracking.csv`` or ``readings_tracking.csv`` that the documents show."""
-    wanted = [key[:3] for key in LISTED.values()]
-    found = table[["quantity", "part", "unit"]].astype(object).fillna("").astype(str)
-    keep = [tuple(row) in wanted for row in found.itertuples(index=False)]
-    return table[keep]
+    return only_shown(table, LISTED.values())
 
 
 def quantity_rows(table: pd.DataFrame, name: str) -> pd.DataFrame:

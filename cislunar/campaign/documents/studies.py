@@ -1,12 +1,13 @@
 """Tables of the studies with a configuration and a folder of results of their own."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
 
 from cislunar.campaign.documents.markdown import DASH, markdown_table
+from cislunar.campaign.tracking.statistics import Interval
 from cislunar.errors import InputFileError
 
 DYNAMICS, TASKING = "dynamics", "tasking"
@@ -71,21 +72,29 @@ _KEYS = ["value", "estimator", "targets"]
 _MEASURE = ["quantity", "part", "unit"]
 
 
+def read_study(name: str, results: str | Path, table: str) -> pd.DataFrame:
+    """A table of the study ``config/NAME.yaml``; an `InputFileError` if it has not been run."""
+    path = Path(results) / f"tables/{table}.csv"
+    if not path.is_file():
+        raise InputFileError(
+            f"{path}: no such table; run the study first, with --configfile config/{name}.yaml"
+        )
+    return pd.read_csv(path)
+
+
+def only_shown(table: pd.DataFrame, shown: Iterable[tuple]) -> pd.DataFrame:
+    """The rows of some quantities, each given by a tuple that begins with quantity, part, unit."""
+    wanted = {each[:3] for each in shown}
+    measures = table[_MEASURE].astype(object).fillna("").astype(str)
+    return table[[tuple(measure) in wanted for measure in measures.itertuples(index=False)]]
+
+
 def study_table(name: str, results: str | Path) -> pd.DataFrame:
     """The shown quantities of every cell of a finished study, from its folder of results."""
-    found = []
-    for sweep in STUDIES[name].sweeps:
-        path = Path(results) / f"tables/sweep_{sweep}.csv"
-        if not path.is_file():
-            raise InputFileError(
-                f"{path}: no such table; run the study first, with --configfile config/{name}.yaml"
-            )
-        found.append(pd.read_csv(path))
-    table = pd.concat(found, ignore_index=True)
-    shown = {each[:3] for each in STUDIES[name].shown}
-    keys = zip(table["quantity"], table["part"].fillna(""), table["unit"], strict=True)
+    study = STUDIES[name]
+    found = [read_study(name, results, f"sweep_{sweep}") for sweep in study.sweeps]
     columns = ["sweep", *_KEYS, *_MEASURE, "mean", "low", "high"]
-    return table.loc[[key in shown for key in keys], columns]
+    return only_shown(pd.concat(found, ignore_index=True), study.shown)[columns]
 
 
 def dynamics_section(tables: Mapping[str, pd.DataFrame]) -> str:
@@ -143,8 +152,7 @@ def _with_interval(table: pd.DataFrame, key: tuple, form: str) -> str:
     """Mean and interval of a row, or a dash if there is none."""
     if key not in table.index:
         return DASH
-    mean, low, high = (f"{table.loc[key, end]:{form}}" for end in ("mean", "low", "high"))
-    return f"{mean} [{low}, {high}]"
+    return f"{Interval(*(table.loc[key, end] for end in ('mean', 'low', 'high')), 2):{form}}"
 
 
 def _told(value: str) -> tuple[str, str]:
