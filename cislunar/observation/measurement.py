@@ -77,24 +77,18 @@ def _in_flux(error):
 
 
 @njit(cache=True, error_model="numpy")
-def _look(scene, surfaces, own, true, standard, observer, j, k, motion, noise, dimmed, out):
-    """Fate of one look at target j at time k; value and variance go into `out`, with scratch.
-
-    `own` are the observer's limits, `true` those of its true sensor, of whose noise errors are
-    counted in standard deviations if they are `standard`.
-    """
-    state, attitude = motion
-    value, variance, truly = out
+def _arriving(scene, surfaces, own, observer, j, k, state, attitude, dimmed):
+    """What is in the way to target j at time k, magnitude that arrives, and what air and shadow
+    took of it; without them if something is."""
     ox = scene.observer_position[observer, k, 0]
     oy = scene.observer_position[observer, k, 1]
     oz = scene.observer_position[observer, k, 2]
     x, y, z = state[0], state[1], state[2]
     dx, dy, dz = x - ox, y - oy, z - oz
     sun, primaries = scene.sun_position[k], scene.primaries[k]
-    noise_variance_at(own, own.limiting_magnitude, variance)
     way = obstacle(ox, oy, oz, dx, dy, dz, sun, own, primaries)
     if way != CLEAR:
-        return EXCLUDED if way == BRIGHT else OCCULTED
+        return way, np.inf, 0.0
     lost = dimmed + extinction(ox, oy, oz, dx, dy, dz, primaries[0], own)
     arriving = lost + target_magnitude(
         dx,
@@ -108,6 +102,23 @@ def _look(scene, surfaces, own, true, standard, observer, j, k, motion, noise, d
         surfaces,
         j,
     )
+    return way, arriving, lost
+
+
+@njit(cache=True, error_model="numpy")
+def _look(scene, surfaces, own, true, standard, observer, j, k, motion, noise, dimmed, out):
+    """Fate of one look at target j at time k; value and variance go into `out`, with scratch.
+
+    `own` are the observer's limits, `true` those of its true sensor, of whose noise errors are
+    counted in standard deviations if they are `standard`.
+    """
+    state, attitude = motion
+    value, variance, truly = out
+    noise_variance_at(own, own.limiting_magnitude, variance)
+    seen_from = scene, surfaces, own, observer
+    way, arriving, lost = _arriving(*seen_from, j, k, state, attitude, dimmed)
+    if way != CLEAR:
+        return EXCLUDED if way == BRIGHT else OCCULTED
     error = noise[0], noise[1], noise[2]
     if standard:
         noise_variance_at(true, arriving, truly)
@@ -122,6 +133,8 @@ def _look(scene, surfaces, own, true, standard, observer, j, k, motion, noise, d
     if not magnitude <= own.limiting_magnitude:
         return FAINT
     noise_variance_at(own, magnitude, variance)
+    place = scene.observer_position[observer, k]
+    dx, dy, dz = state[0] - place[0], state[1] - place[1], state[2] - place[2]
     ra, dec = direction_angles(dx, dy, dz, scene.observer_axes[k])
     value[0] = magnitude - lost
     value[1] = wrap_angle(ra + error[1])
@@ -232,3 +245,59 @@ def measure(
     world = scene, surfaces, limits, truly, true is not None, looks
     _measure(first, begins, *world, (states, attitudes, noise, dimmed), value, variance, fate)
     return Measurements(*looks, value, variance), fate
+
+
+@njit(cache=True, error_model="numpy")
+def _within_reach(first, begins, scene, surfaces, limits, truth, found):
+    """Which targets some observer could find; see `within_reach`."""
+    states, attitudes, dimmed = truth
+    for j in range(found.size):
+        for k in range(first, begins + states.shape[1]):
+            i = k - begins
+            for o in range(scene.observer_position.shape[0]):
+                own = limits_of(limits, o)
+                seen_from = scene, surfaces, own, o
+                arriving = _arriving(*seen_from, j, k, states[j, i], attitudes[j, i], dimmed[j, i])[
+                    1
+                ]
+                if arriving <= own.limiting_magnitude:
+                    found[j] = True
+                    break
+            if found[j]:
+                break
+
+
+def within_reach(
+    first: int,
+    scene: Scene,
+    surfaces: TargetSurfaces,
+    sensor: Sensors,
+    states: Array,
+    attitudes: Array,
+    *,
+    begins: int = 0,
+    dimmed: Array | None = None,
+) -> NDArray[np.bool_]:
+    """Which targets any observer could find without noise, were it to look at the right time.
+
+    Parameters
+    ----------
+    first : int
+        Index, among the scene's times, of the first that counts; the last is that of the states.
+    scene, surfaces, sensor, states, attitudes, begins, dimmed
+        As of `measure`.
+
+    Returns
+    -------
+    ndarray of bool, shape (target,)
+
+    Raises
+    ------
+    ConfigurationError
+        If an observer has no sensor.
+    """
+    dimmed = np.zeros(states.shape[:2]) if dimmed is None else dimmed
+    limits = sensor_limits(sensor, scene.observer_position.shape[0])
+    found = np.zeros(states.shape[0], dtype=np.bool_)
+    _within_reach(first, begins, scene, surfaces, limits, (states, attitudes, dimmed), found)
+    return found

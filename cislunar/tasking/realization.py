@@ -23,7 +23,14 @@ from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
 from cislunar.observation.drawn_bodies import true_departures
 from cislunar.observation.eclipse import dimming
-from cislunar.observation.measurement import DETECTED, FAINT, NOT_TASKED, OCCULTED, measure
+from cislunar.observation.measurement import (
+    DETECTED,
+    FAINT,
+    NOT_TASKED,
+    OCCULTED,
+    measure,
+    within_reach,
+)
 from cislunar.observation.records import Measurements, highest, pointed_schedule, rows_of
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.observation.sensor import sensor_limits
@@ -157,7 +164,7 @@ def interval(world: World, own: Realization, number: int) -> Piece:
     )  # fmt: skip
     for target in tasking.target:
         own.pointing[:] = np.where(target == IDLE, own.pointing, target)
-    motion, measurements, fate = _observed(world, own, start, tasking)
+    motion, measurements, fate, visible = _observed(world, own, start, tasking)
     estimates, error, least = _judged(world, own, start, motion, measurements, fate)
     some = settings.recorded_within(start, n_steps)
     asked, looks = interval_records(
@@ -190,6 +197,8 @@ def interval(world: World, own: Realization, number: int) -> Piece:
         kept["departure_error"] = "epoch", (true - mean)[None].astype(np.float32)
         kept["departure_sigma"] = "epoch", sigma[None].astype(np.float32)
         kept["searches"] = "epoch", own.estimator.searches[None].astype(np.int32)
+    if visible is not None:
+        kept["visible"] = "epoch", visible[None]
     if settings.keep_information:
         kept["pair_information"] = "epoch", tasking.pairs[None]
     stop = start + n_steps
@@ -208,8 +217,11 @@ def _in_slots(target: NDArray[np.int64], settings: LoopSettings) -> NDArray[np.i
 
 def _observed(
     world: World, own: Realization, start: int, tasking: Decision
-) -> tuple[Truth, Measurements, NDArray[np.uint8]]:
-    """Truth and measurements with their fates of the steps from `start` on."""
+) -> tuple[Truth, Measurements, NDArray[np.uint8], NDArray[np.bool_] | None]:
+    """Truth and measurements with their fates of the steps from `start` on.
+
+    And which targets any observer could have found, if that is recorded.
+    """
     looking, scene = tasking.looking, world.scene
     motion = own.motion.advance(looking.shape[0])
     dimmed = np.zeros(motion.noise.shape[:2])
@@ -217,19 +229,18 @@ def _observed(
         here = slice(start, start + looking.shape[0] + 1)
         given = scene.sun_position[here], scene.primaries[here]
         dimmed = dimming(motion.translation[..., :3], *given)
+    # index 0 of the scene is the start of the run, without a measurement
+    first, lit = start + 1, {"begins": start, "dimmed": dimmed}
+    true = scene, own.truth.surfaces, world.settings.sensor, motion.translation, motion.quaternion
     measurements, fate = measure(
-        start + 1,  # index 0 of the scene is the start of the run, without a measurement
+        first,
         pointed_schedule(looking, world.ids.size),
-        scene,
-        own.truth.surfaces,
-        world.settings.sensor,
-        motion.translation,
-        motion.quaternion,
+        *true,
         motion.noise,
-        begins=start,
         true=own.truth.sensor,
-        dimmed=dimmed,
+        **lit,
     )
+    visible = within_reach(first, *true, **lit) if "visibility" in world.settings.record else None
     target, step = rows_of(measurements)
     shaded = dimmed[target, step + 1] > 0.0
     if own.detection is not None or own.reception is not None:
@@ -239,7 +250,7 @@ def _observed(
             own.reception.note(start, tasking, measurements, told)
         else:
             tasking.learn(own.detection, target, step, measurements.observer, told)
-    return motion, measurements, fate
+    return motion, measurements, fate, visible
 
 
 def _predicted(world: World, own: Realization, start: int) -> Prediction:

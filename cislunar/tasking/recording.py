@@ -56,6 +56,9 @@ class Records(NamedTuple):
     pointing : ndarray, shape (seed, time, observer, 2)
         Right ascension and declination, in the observer's body frame, of the estimated place of
         its target, rad; NaN for an observer that is idle or turns.
+    visible : ndarray of bool, shape (seed, epoch, target)
+        Whether any observer could have found the target in the interval, at its true brightness
+        and without noise.
     """
 
     true_translation: Array | None = None
@@ -67,6 +70,7 @@ class Records(NamedTuple):
     covariance: Array | None = None
     looks: Looks | None = None
     pointing: Array | None = None
+    visible: NDArray[np.bool_] | None = None
 
 
 class Piece(NamedTuple):

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 HISTORIES = ("errors", "bound")
 """Histories that are kept unless a run is told otherwise."""
 
-RECORDABLE = ("truth", "estimates", "covariance", "measurements", "pointing")
+RECORDABLE = ("truth", "estimates", "covariance", "measurements", "pointing", "visibility")
 """What a run can keep besides errors and deviations."""
 
 

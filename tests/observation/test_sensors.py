@@ -13,7 +13,14 @@ from cislunar.ephemeris.bodies import COLUMNS, read_table, tabulate_bodies
 from cislunar.ephemeris.time_scales import julian_date, utc_to_tdb
 from cislunar.errors import ConfigurationError
 from cislunar.observation.ground import earth_rotation, station_positions, station_tracks
-from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED, measure
+from cislunar.observation.measurement import (
+    DETECTED,
+    EXCLUDED,
+    FAINT,
+    OCCULTED,
+    measure,
+    within_reach,
+)
 from cislunar.observation.records import pointed_schedule
 from cislunar.observation.sensor import (
     ARCSECOND,
@@ -224,3 +231,31 @@ def test_the_ground_sees_at_night_above_its_limit_through_air(problem):
     dim = Sensor(limiting_magnitude=limit, exclusion=KEEN.exclusion, atmosphere=air)
     passed = measure(*given, dim, *motion)[1][:60][seen] == DETECTED
     np.testing.assert_array_equal(passed, free.value[:60][seen, 0] + 0.3 / high[seen] <= limit)
+
+
+def test_what_is_within_reach_is_what_looks_without_noise_find(problem):
+    """Every observer looks at every target at every step; some targets are never found."""
+    scene, surfaces, truth = problem
+    motion = truth.translation, truth.quaternion
+    dimmed = np.linspace(0.0, 1.0, truth.translation.shape[1]) + np.zeros((5, 1))
+    brightest = np.full(5, np.inf)
+    quiet = np.zeros_like(truth.noise)
+    for observer in range(2):
+        for target in range(5):
+            at = np.full((60, 2), -1)
+            at[:, observer] = target
+            given = 1, pointed_schedule(at, 5), scene, surfaces, KEEN, *motion
+            records, fate = measure(*given, quiet, dimmed=dimmed)
+            arriving = records.value[:, 0] + dimmed[target, 1:]
+            if np.any(fate == DETECTED):
+                brightest[target] = min(brightest[target], arriving[fate == DETECTED].min())
+    limit = np.sort(brightest)[2] + 1e-9
+    sensor = replace(KEEN, limiting_magnitude=limit)
+    found = within_reach(1, scene, surfaces, sensor, *motion, dimmed=dimmed)
+    np.testing.assert_array_equal(found, brightest <= limit)
+    assert found.sum() == 3
+    # of the last half of the hour, by the states of then alone
+    late = tuple(each[:, 30:] for each in motion)
+    whole = within_reach(31, scene, surfaces, sensor, *motion, dimmed=dimmed)
+    later = within_reach(31, scene, surfaces, sensor, *late, begins=30, dimmed=dimmed[:, 30:])
+    np.testing.assert_array_equal(whole, later)

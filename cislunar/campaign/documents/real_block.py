@@ -54,6 +54,7 @@ SHOWN = {
     "position, km": ("final_error_geometric_all", "position", "km", 1.0, ".3g"),
     "attitude, degree": ("final_error_geometric_all", "attitude", "degree", 1.0, ".3g"),
     "never observed": ("never_observed", "", "1", 1.0, ".1f"),
+    "of them visible": ("missed", "", "1", 1.0, ".1f"),
     "coverage of attitude": ("coverage", "attitude", "1", 1.0, ".3f"),
     "of position": ("coverage", "position", "1", 1.0, ".3f"),
     "ANEES of attitude": ("anees_mean", "attitude", "1", 1.0, ".3g"),
@@ -61,7 +62,7 @@ SHOWN = {
 }
 """Quantity, part, unit, factor and form of each column of numbers."""
 
-_WITH_INTERVAL = 4
+_WITH_INTERVAL = 5
 """The first columns have their intervals."""
 
 _KEYS = ["architecture", "estimator", "variant", "observers", "targets"]

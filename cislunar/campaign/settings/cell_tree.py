@@ -45,7 +45,9 @@ from cislunar.tasking.planning.schedule_model import ScheduleModel
 # fmt: off
 
 History = Literal["errors", "bound"]
-Recordable = Literal["truth", "estimates", "covariance", "measurements", "pointing"]
+Recordable = Literal[
+    "truth", "estimates", "covariance", "measurements", "pointing", "visibility"
+]
 
 
 class Detection(Section):
@@ -359,7 +361,9 @@ class CellSettings(Section):
     record: several(Recordable) = setting(
         "what a cell keeps besides, for other tools: any of `truth` and `estimates` (states at the "
         "recorded times), `covariance` (of position and velocity), `measurements` (every look of "
-        "every step) and `pointing` (where observers look)", default=[])
+        "every step), `pointing` (where observers look) and `visibility` (which targets any "
+        "observer could have found, by interval, for the quantities `never_visible` and `missed`)",
+        default=[])
     tasking: Tasking = setting("")
     sensor: Sensor = setting("")
     sensors: dict[GroupName, SensorGroup] = setting("", default={})

@@ -11,7 +11,7 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.campaign.tracking.summary import ERRORS, PARTS, PER_CELL, PER_PART, WHERE_BOUNDED
+from cislunar.campaign.tracking.summary import ERRORS, PARTS, PER_CELL, PER_PART, WHERE_KEPT
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ def realizations(summary: xr.Dataset) -> pd.DataFrame:
             unit, factor = PRACTICAL_UNITS[part]
             measures += [(name, part, str(summary["part_unit"].values[p])), (name, part, unit)]
             values += [own, factor * own]
-    for name, (unit, _) in (PER_CELL | WHERE_BOUNDED).items():
+    for name, (unit, _) in (PER_CELL | WHERE_KEPT).items():
         if name not in summary:
             continue
         measures.append((name, "", unit))

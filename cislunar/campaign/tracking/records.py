@@ -75,6 +75,12 @@ _RECORDABLE = {
             ("seed", "time", "observer", "angle"), "f8", "rad",
             "direction of the target's estimated place, observer's body frame"),
     },
+    "visibility": {
+        "visible": Described(
+            ("seed", "epoch", "target"), "i1", "1",
+            "1 where any observer could have found the target in the interval, at its true "
+            "brightness without noise"),
+    },
     "measurements": {
         f"look_{name}": Described(_LOOK, dtype, unit, meaning)
         for name, dtype, unit, meaning in (

@@ -135,6 +135,8 @@ def pairs_interval(first: ArrayLike, other: ArrayLike) -> Interval:
 
 COUNTS = (
     "never_observed",
+    "never_visible",
+    "missed",
     "inconsistent_rotation",
     "inconsistent_translation",
     "inconsistent_translation_lunar",

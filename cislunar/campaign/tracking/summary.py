@@ -86,10 +86,12 @@ PER_CELL = {
 }
 """Quantities of a cell with their units."""
 
-WHERE_BOUNDED = {
-    "planning_gap": ("1", "by how much schedules may fall short of the best, largest over epochs")
+WHERE_KEPT = {
+    "planning_gap": ("1", "by how much schedules may fall short of the best, largest over epochs"),
+    "never_visible": ("1", "targets that no observer could have found, task2.record: visibility"),
+    "missed": ("1", "targets never observed that an observer could have found"),
 }
-"""Quantities of cells that have a variable of this name, in a summary with any such cell."""
+"""Quantities of cells that keep what they are made of, in a summary with any such cell."""
 
 BAND_COVERAGE, BAND_ANEES = 0.9, 3.0
 """The translation of a target is outside the band if position or velocity is within 3 sigma for
@@ -99,7 +101,7 @@ LUNAR = "Polar_"
 """Prefix of the orbit classes that are no periodic orbits: the low lunar polar trajectories."""
 
 _HISTORIES = ("error", "sigma", "bound", "valid", "assignment", "observer_position")
-_HISTORIES += tuple(recorded_variables(RECORDABLE))
+_HISTORIES += tuple({*recorded_variables(RECORDABLE)} - {"visible"})
 _NEEDED = ("coverage", "custody", "fate", "status", "updates", "bound_ratio", "bound_attitude")
 _ID = ("scenario", "architecture", "estimator", "variant")
 
@@ -183,8 +185,8 @@ _OF_TARGETS = {
 def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
     """Statistics of a cell for each realization, without need of its time histories.
 
-    Those named in `PER_PART` have shape (seed, part), those in `PER_CELL` and, if the cell has
-    them, `WHERE_BOUNDED` (seed,).
+    Those named in `PER_PART` have shape (seed, part), those in `PER_CELL` and, if the cell keeps
+    what they need, `WHERE_KEPT` (seed,).
     """
     status = cell["status"].values
     observed = status != NEVER_OBSERVED
@@ -235,7 +237,12 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         "failed": (cell["failed"].values != 0).sum(axis=1),
     }
     found |= fate_shares(_looks(cell))
-    found |= {name: cell[name].values.max(axis=1) for name in WHERE_BOUNDED if name in cell}
+    if "planning_gap" in cell:
+        found["planning_gap"] = cell["planning_gap"].values.max(axis=1)
+    if "visible" in cell:
+        visible = cell["visible"].values.any(axis=1)
+        found["never_visible"] = (~visible).sum(axis=1)
+        found["missed"] = (visible & ~observed).sum(axis=1)
     for name in ("out_of_field", "dark_sigma_points", "cholesky_failures"):
         found[name] = cell[name].values.sum(axis=1)
     return {name: np.asarray(values, dtype=float) for name, values in found.items()}
@@ -268,7 +275,7 @@ def summary_dataset(
         data[name].attrs["units"] = "see part_unit"
     data |= {
         name: variable(("cell", "seed"), stacked(name), unit, meaning)
-        for name, (unit, meaning) in (PER_CELL | WHERE_BOUNDED).items()
+        for name, (unit, meaning) in (PER_CELL | WHERE_KEPT).items()
         if any(name in each for each in found)
     }
     labels = {key: [getattr(cell, key) for cell, _ in cells] for key in _ID}

@@ -47,7 +47,7 @@ POOLED_QUANTITIES = (
     ("custody_share", "", "1"),
     ("final_error_geometric_all", "position", "km"),
     ("final_error_geometric_all", "attitude", "degree"),
-    ("never_observed", "", "1"),
+    *((name, "", "1") for name in ("never_observed", "never_visible", "missed")),
     ("final_attitude_error_median", "", "degree"),
     *(("coverage", part, "1") for part in ("attitude", "position", "velocity")),
     *(("anees_mean", part, "1") for part in ("attitude", "position", "velocity")),
