@@ -1,10 +1,13 @@
-"""White acceleration against Van Loan's matrix exponential."""
+"""White acceleration against Van Loan's matrix exponential, and gaps against many steps."""
 
 import numpy as np
 from scipy.linalg import expm
 
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.dynamics.cr3bp import EARTH_MOON
+from cislunar.estimation.kalman.workspace import filter_constants, noise_of_gap
 from cislunar.estimation.spread import ProcessNoise
+from cislunar.tasking.demonstration import tracking_problem
 
 
 def test_white_acceleration_is_that_of_van_loan():
@@ -21,3 +24,24 @@ def test_white_acceleration_is_that_of_van_loan():
     np.testing.assert_allclose(variance[9:] * speed**2, wanted[1, 1], rtol=1e-12)
     np.testing.assert_allclose(covariance * length * speed, wanted[0, 1], rtol=1e-12)
     assert not variance[:6].any()
+
+
+def test_the_noise_of_a_gap_is_that_of_its_steps():
+    """Of all three kinds of noise: in free motion, and of acceleration alone that of one step."""
+    scene, _, _, _, loop = tracking_problem(1, 1, duration_hours=0.1)
+    process = ProcessNoise(position_km=0.3, velocity_m_s=2.0, acceleration_m2_s3=3e-5)
+    given = (6, scene, loop.sensor)
+    constants = filter_constants(*given, process, EARTH_MOON, False, True)
+    variance, both = process.covariance(scene.step_s)
+    step = np.array([[variance[6], both], [both, variance[9]]])
+    drift = np.array([[1.0, scene.step], [0.0, 1.0]])
+    total = np.zeros((2, 2))
+    for n_steps in range(1, 30):
+        total = drift @ total @ drift.T + step
+        found = noise_of_gap(n_steps, scene.step, constants)
+        np.testing.assert_allclose(found, total[[0, 0, 1], [0, 1, 1]], rtol=1e-12)
+    white = ProcessNoise(acceleration_m2_s3=3e-5)
+    constants = filter_constants(*given, white, EARTH_MOON, False, True)
+    whole, covariance = white.covariance(29 * scene.step_s)
+    wanted = whole[6], covariance, whole[9]
+    np.testing.assert_allclose(noise_of_gap(29, scene.step, constants), wanted, rtol=1e-12)

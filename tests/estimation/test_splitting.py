@@ -6,6 +6,7 @@ from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.kalman.parts import split, split_weights
 from cislunar.estimation.light_curves.batch import BatchEstimator
+from cislunar.estimation.spread import ProcessNoise
 from cislunar.observation.records import Measurements, schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.orbits.tracked import POLAR_ORBITS, polar_state
@@ -101,40 +102,55 @@ def _angles(away, axes):
     )
 
 
-def _particles(bent, count=200_000):
-    """Mean and deviations after each look, by weighing draws of the prior; how many count."""
+def _particles(bent, process, count=200_000):
+    """Mean and deviations after each look, by weighing draws of the prior; how many count.
+
+    Process noise kicks them at every stride.
+    """
     scene, _, sensor, initial, _, records, steps = bent
-    draws = np.random.default_rng(5).standard_normal((count, 6)) * initial.sigma[6:]
-    paths = propagate_bundle(
-        initial.translation[0] + draws, STRIDE * scene.step, steps[-1] // STRIDE
-    )[:, steps // STRIDE]
-    places = np.swapaxes(paths, 0, 1)
-    away = places[..., :3] - scene.observer_position[0, steps][:, None]
-    off = records.value[:, None, 1:] - _angles(away, scene.observer_axes[steps])
-    off = np.remainder(off + np.pi, 2.0 * np.pi) - np.pi
-    logs = np.cumsum(-0.5 * ((off / sensor.noise[1:]) ** 2).sum(axis=-1), axis=0)
-    for log, place in zip(logs, places, strict=True):
-        weight = np.exp(log - log.max())
-        weight /= weight.sum()
-        mean = weight @ place
-        yield mean, np.sqrt(weight @ (place - mean) ** 2), 1.0 / (weight**2).sum()
+    rng = np.random.default_rng(5)
+    states = initial.translation[0] + rng.standard_normal((count, 6)) * initial.sigma[6:]
+    variance, both = process.covariance(STRIDE * scene.step_s)
+    axis = np.array([[variance[6], both], [both, variance[9]]])
+    root = np.linalg.cholesky(axis) if axis.any() else axis
+    log = np.zeros(count)
+    for k in range(STRIDE, steps[-1] + 1, STRIDE):
+        states = propagate_bundle(states, STRIDE * scene.step, 1)[:, 1]
+        kicks = np.einsum("ab,pbx->pax", root, rng.standard_normal((count, 2, 3)))
+        states += kicks.reshape(count, 6)
+        for n in np.flatnonzero(steps == k):
+            away = states[None, :, :3] - scene.observer_position[0, k]
+            off = records.value[n, 1:] - _angles(away, scene.observer_axes[[k]])[0]
+            off = np.remainder(off + np.pi, 2.0 * np.pi) - np.pi
+            log -= 0.5 * ((off / sensor.noise[1:]) ** 2).sum(axis=-1)
+            weight = np.exp(log - log.max())
+            weight /= weight.sum()
+            mean = weight @ states
+            yield mean, np.sqrt(weight @ (states - mean) ** 2), 1.0 / (weight**2).sum()
 
 
-@pytest.fixture(scope="module")
-def judged(bent):
-    return list(_particles(bent))
+@pytest.fixture(scope="module", params=[0.0, 1e-5])
+def judged(bent, request):
+    process = ProcessNoise(acceleration_m2_s3=request.param)
+    return process, list(_particles(bent, process))
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_a_spread_bent_over_a_gap_is_that_of_particles(name, bent, judged):
-    """Both looks, all six components: what unlikely parts leave curved widens it, never narrows."""
+    """Both looks, all six components: what unlikely parts leave curved widens it, never narrows.
+
+    With process noise, too, though what it does in a gap is taken as of free motion.
+    """
     scene, surfaces, sensor, initial, _, records, steps = bent
+    process, by_particles = judged
 
     def off(splitting):
-        estimator = ESTIMATORS[name](scene, surfaces, sensor, initial, splitting=splitting)
+        estimator = ESTIMATORS[name](
+            scene, surfaces, sensor, initial, splitting=splitting, process_noise=process
+        )
         out = estimator.advance(records)
         assert out.used.all()
-        for (mean, deviation, count), k in zip(judged, steps - 1, strict=True):
+        for (mean, deviation, count), k in zip(by_particles, steps - 1, strict=True):
             assert count > 500
             shift = np.abs(out.translation[0, k] - mean) / deviation
             yield shift.max(), out.sigma[0, k, 6:] / deviation

@@ -37,6 +37,7 @@ _PARTS = {
     ("information", "batch", "without-slots"): "ours, no slots",
     ("information", "batch", "without-both"): "ours, the paper's tasking",
     ("information", "batch", "without-mixtures"): "ours, one Gaussian for each orbit",
+    ("information", "batch", "without-noise"): "ours, no process noise",
     ("information", "batch", "without-ephemeris"): "ours, filter of the CR3BP",
     ("information", "batch", "without-credit"): "ours, looks under way not credited",
     _PAPER: "the paper's as printed",

@@ -7,6 +7,7 @@ At the next measurement that Gaussian is split where the predicted angles are cu
 carried over the gap and split again, until none that matters is; each is updated by the angles and
 weighed by how well it predicted them. When the parts lie within one another they are one Gaussian
 again. An estimate that was never opened is that of the filter without splitting, bit for bit.
+The process noise of a gap, as of free motion, is added to what the points say.
 docs/dynamics.md derives the method.
 """
 
@@ -137,11 +138,12 @@ def carry_points(points, j, first, last, scene, constants, work):
 
 
 @njit(cache=True, error_model="numpy")
-def merge(parts, j, weights, translation, root, work):
-    """Mean and root of a mixture's moments; the share of its spread that is between the parts.
+def merge(parts, j, k, translation, root, scene, constants, work):
+    """Mean and root of a mixture's moments at time k; the share of its spread between the parts.
 
     -1 if they are not finite or not definite.
     """
+    weights = constants.orbit_weights
     count = parts.count[j]
     mean, covariance = np.zeros(SIZE), np.zeros((SIZE, SIZE))
     each = np.empty((count, SIZE))
@@ -159,6 +161,7 @@ def merge(parts, j, weights, translation, root, work):
         for c in range(SIZE):
             for d in range(SIZE):
                 covariance[c, d] += parts.weight[j, m] * each[m, c] * each[m, d]
+    add_orbit_noise(covariance, k - parts.since[j], scene.step, constants)
     if not np.isfinite(np.sum(mean)) or not definite_root(covariance):
         return -1.0
     translation[:], root[:, :] = mean, covariance
@@ -171,14 +174,14 @@ def merge(parts, j, weights, translation, root, work):
 
 
 @njit(cache=True, error_model="numpy")
-def moments(parts, j, translation, rows, constants, work):
-    """Moments of a mixture, into mean (6,) and rows (6, n) of a root; its health.
+def moments(parts, j, translation, rows, k, scene, constants, work):
+    """Moments of a mixture at time k, into mean (6,) and rows (6, n) of a root; its health.
 
     What the other n - 6 states have to do with the orbit is left out.
     """
     others = rows.shape[1] - SIZE
     rows[:, :others] = 0.0
-    between = merge(parts, j, constants.orbit_weights, translation, rows[:, others:], work)
+    between = merge(parts, j, k, translation, rows[:, others:], scene, constants, work)
     return HEALTHY if between >= 0.0 else NOT_FINITE
 
 
@@ -215,7 +218,7 @@ def after_step(parts, j, translation, rows, shift, health, k, scene, constants, 
     `shift` (6,) is that of its mean by the step's curvature. Its length in standard deviations
     stays as it is as far as the flow is linear, so that the sum of the lengths bounds that of all.
     """
-    if parts.since[j] < 0 or constants.noisy:
+    if parts.since[j] < 0:
         return health
     if health == HEALTHY:
         for c in range(SIZE):
@@ -225,7 +228,7 @@ def after_step(parts, j, translation, rows, shift, health, k, scene, constants, 
         if parts.strain[j] <= _STRAIN:
             return health
     open_single(parts, j, k, scene, constants, work)
-    return moments(parts, j, translation, rows, constants, work)
+    return moments(parts, j, translation, rows, k, scene, constants, work)
 
 
 @njit(cache=True, error_model="numpy")
@@ -239,23 +242,10 @@ def open_single(parts, j, k, scene, constants, work):
 
 @njit(cache=True, error_model="numpy")
 def step_parts(parts, j, translation, rows, k, scene, constants, work):
-    """Carry a mixture over the step from time k; its moments go into mean and rows of a root.
-
-    With process noise every part becomes a Gaussian at each step, else its points are kept.
-    """
+    """Carry a mixture over the step from time k; its moments go into mean and rows of a root."""
     for m in range(parts.count[j]):
-        points = parts.points[j, m]
-        carry_points(points, j, k, k + 1, scene, constants, work)
-        if constants.noisy:
-            point_moments(points, constants.orbit_weights, work)
-            add_orbit_noise(work.covariance, constants)
-            if not definite_root(work.covariance):
-                return NOT_FINITE
-            parts.mean[j, m], parts.root[j, m] = work.shift, work.covariance
-            sigma_points(work.shift, work.covariance, constants.orbit_weights.spread, points)
-    if constants.noisy:
-        parts.since[j] = k + 1
-    return moments(parts, j, translation, rows, constants, work)
+        carry_points(parts.points[j, m], j, k, k + 1, scene, constants, work)
+    return moments(parts, j, translation, rows, k + 1, scene, constants, work)
 
 
 @njit(cache=True, error_model="numpy")

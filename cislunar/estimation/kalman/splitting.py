@@ -33,9 +33,15 @@ from cislunar.estimation.kalman.translation_filter import (
     is_curved,
     update_translation,
 )
-from cislunar.estimation.kalman.workspace import Workspace, in_field, make_workspace
+from cislunar.estimation.kalman.workspace import (
+    Workspace,
+    add_orbit_noise,
+    in_field,
+    make_workspace,
+    noise_of_gap,
+)
 from cislunar.estimation.unscented import innovation_moments, sigma_points
-from cislunar.observation.sightline import wrap_angle
+from cislunar.observation.sightline import direction_angles, wrap_angle
 
 Array = NDArray[np.float64]
 
@@ -110,6 +116,20 @@ def _look(points, look, constants, work):
 
 
 @njit(cache=True, error_model="numpy")
+def _with_noise(look, place, n_steps, scene, constants):
+    """A look whose variances hold what process noise of a gap does to the angles of a place."""
+    right_ascension, declination, variance, observer, axes = look
+    dx, dy, dz = place[0] - observer[0], place[1] - observer[1], place[2] - observer[2]
+    distance2 = dx * dx + dy * dy + dz * dz
+    across2 = distance2 * np.cos(direction_angles(dx, dy, dz, axes)[1]) ** 2
+    position = noise_of_gap(n_steps, scene.step, constants)[0]
+    wider = variance.copy()
+    wider[0] += position / across2
+    wider[1] += position / distance2
+    return right_ascension, declination, wider, observer, axes
+
+
+@njit(cache=True, error_model="numpy")
 def _steepest(work, variance):
     """Axis along which the predicted angles have the largest second difference."""
     axis, largest = 0, -1.0
@@ -139,9 +159,14 @@ def _leave(stack, at, last):
 
 
 @njit(cache=True, error_model="numpy")
-def _take(parts, j, count, points, look, weights, work):
-    """Update the Gaussian of sigma points as part number `count` of target j; whether it could."""
+def _take(parts, j, count, points, look, n_steps, scene, constants, work):
+    """Update the Gaussian of sigma points as part number `count` of target j; whether it could.
+
+    They are those of a Gaussian so many steps before, whose noise is added.
+    """
+    weights = constants.orbit_weights
     point_moments(points, weights, work)
+    add_orbit_noise(work.covariance, n_steps, scene.step, constants)
     if not definite_root(work.covariance):
         return False
     mean, root = parts.mean[j, count], parts.root[j, count]
@@ -158,17 +183,18 @@ def update_parts(parts, j, translation, root, look, half_field, k, scene, consta
     unlikely ones that stay whole where there is no more room.
     """
     work, weights = stack.filter, constants.orbit_weights
-    right_ascension, declination, variance, observer, axes = look
+    right_ascension, declination, _, observer, axes = look
     sigma_points(translation, root, weights.spread, work.bundle)
     ra0, dec0 = expected_directions(work.bundle, observer, axes, work.expected)
     off_ra, off_dec = wrap_angle(right_ascension - ra0), declination - dec0
     if not in_field(off_ra, off_dec, dec0, half_field):
         return OUTSIDE_FIELD
     waiting, since = parts.count[j], parts.since[j]
+    noisy = _with_noise(look, translation, k - since, scene, constants)
     for m in range(waiting):
         stack.points[m] = parts.points[j, m]
         log_weight = np.log(parts.weight[j, m])
-        _wait(stack, m, log_weight, parts.mean[j, m], parts.root[j, m], look, constants)
+        _wait(stack, m, log_weight, parts.mean[j, m], parts.root[j, m], noisy, constants)
     best = np.max(stack.score[:waiting])
     least = best + np.log(np.sum(np.exp(stack.score[:waiting] - best))) - _LEAST_SCORE
     count, scores = 0, np.empty(MOST_PARTS)
@@ -183,20 +209,20 @@ def update_parts(parts, j, translation, root, look, half_field, k, scene, consta
         if not score > least:
             break
         points = stack.points[at]
-        _look(points, look, constants, work)
+        _look(points, noisy, constants, work)
         room = count + waiting + 2 <= MOST_PARTS
-        if room and is_curved(work.even, work.cross, variance, 0.0, constants.curvature):
-            split(stack.mean[at], stack.root[at], _steepest(work, variance), means, narrow)
+        if room and is_curved(work.even, work.cross, noisy[2], 0.0, constants.curvature):
+            split(stack.mean[at], stack.root[at], _steepest(work, noisy[2]), means, narrow)
             log_weight = stack.weight[at]
             for i in range(3):
                 new = at if i == 0 else waiting + i - 1
                 sigma_points(means[i], narrow, weights.spread, stack.points[new])
                 carry_points(stack.points[new], j, since, k, scene, constants, work)
                 weight = log_weight + log_weights[i]
-                _wait(stack, new, weight, means[i], narrow, look, constants)
+                _wait(stack, new, weight, means[i], narrow, noisy, constants)
             waiting += 2
             continue
-        if _take(parts, j, count, points, look, weights, work):
+        if _take(parts, j, count, points, look, k - since, scene, constants, work):
             scores[count] = score
             count += 1
         waiting -= 1
@@ -205,7 +231,7 @@ def update_parts(parts, j, translation, root, look, half_field, k, scene, consta
         return FAILED_UPDATE
     _weigh(parts, j, scores[:count], weights.spread)
     parts.since[j], parts.idle[j] = k, 0
-    between = merge(parts, j, weights, translation, root, work)
+    between = merge(parts, j, k, translation, root, scene, constants, work)
     if between < 0.0:
         return FAILED_UPDATE
     if between < _OVERLAP:
@@ -231,13 +257,14 @@ def _weigh(parts, j, score, spread):
 @njit(cache=True, error_model="numpy")
 def open_if_curved(parts, j, translation, rows, look, k, scene, constants, work):
     """Open a single Gaussian at time k, if its own sigma points say that it has to be split."""
-    fresh = parts.since[j] < 0 or constants.noisy
-    if fresh and not keep_single(parts, j, translation, rows, k, work):
+    if parts.since[j] < 0 and not keep_single(parts, j, translation, rows, k, work):
         return False
+    noisy = _with_noise(look, translation, k - parts.since[j], scene, constants)
     open_single(parts, j, k, scene, constants, work)
-    _look(parts.points[j, 0], look, constants, work)
-    curved = is_curved(work.even, work.cross, look[2], 0.0, constants.curvature)
-    if curved and moments(parts, j, translation, rows, constants, work) == HEALTHY:
+    _look(parts.points[j, 0], noisy, constants, work)
+    curved = is_curved(work.even, work.cross, noisy[2], 0.0, constants.curvature)
+    given = k, scene, constants, work
+    if curved and moments(parts, j, translation, rows, *given) == HEALTHY:
         return True
     parts.count[j] = 0
     return False

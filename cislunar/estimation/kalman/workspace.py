@@ -46,8 +46,6 @@ class FilterConstants(NamedTuple):
     curvature : float
         Second-order part of predicted angles, noise variances, beyond which an orbit's Gaussian is
         split; inf for never.
-    noisy : bool
-        Whether the translation has process noise.
     """
 
     forces: tuple
@@ -58,7 +56,6 @@ class FilterConstants(NamedTuple):
     weights: UnscentedWeights
     orbit_weights: UnscentedWeights
     curvature: float
-    noisy: bool
 
 
 def filter_constants(
@@ -82,7 +79,6 @@ def filter_constants(
         unscented_weights(n),
         unscented_weights(6),
         1.0 if splitting else np.inf,
-        bool(np.any(variance[6:] > 0.0)),
     )
 
 
@@ -150,13 +146,29 @@ def add_process_noise(covariance, constants):
 
 
 @njit(cache=True, error_model="numpy")
-def add_orbit_noise(covariance, constants):
-    """The same for position and velocity alone, whatever other states the filter has."""
-    others = constants.process_variance.shape[0] - 6
-    for c in range(6):
-        covariance[c, c] += constants.process_variance[others + c]
-    for c in range(3, 6):
-        covariance[c, c - 3] += constants.process_covariance
+def noise_of_gap(n_steps, dt, constants):
+    """Variance of position, covariance with velocity, variance of velocity on each axis.
+
+    What so many steps of process noise add up to in free motion.
+    """
+    position, velocity = constants.process_variance[-6], constants.process_variance[-1]
+    both = constants.process_covariance
+    once, squared = n_steps * (n_steps - 1) / 2.0, (n_steps - 1) * n_steps * (2 * n_steps - 1) / 6.0
+    return (
+        n_steps * position + 2.0 * once * dt * both + squared * dt * dt * velocity,
+        n_steps * both + once * dt * velocity,
+        n_steps * velocity,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def add_orbit_noise(covariance, n_steps, dt, constants):
+    """Add the noise of a gap to a covariance (6, 6) of the orbit, to its lower triangle."""
+    position, both, velocity = noise_of_gap(n_steps, dt, constants)
+    for c in range(3):
+        covariance[c, c] += position
+        covariance[c + 3, c] += both
+        covariance[c + 3, c + 3] += velocity
 
 
 @njit(cache=True, error_model="numpy")
