@@ -19,7 +19,7 @@ from cislunar.campaign.claims.judges import (
     VERDICTS,
     Claim,
 )
-from cislunar.campaign.documents import objectives_block
+from cislunar.campaign.documents import objectives_block, real_block
 from cislunar.campaign.documents import update as documents
 from cislunar.campaign.documents.blocks import BLOCKS, files_block, readings_tracking_block
 from cislunar.campaign.documents.markdown import (
@@ -272,6 +272,35 @@ def test_the_study_of_the_real_world_has_a_table_and_a_figure(campaign):
     assert told in page.read_text(encoding="utf-8")
     assert (root / "docs/images/real.png").read_bytes() == b"drawn"
     assert documents.main(["--check", "--root", str(root)]) == 0
+
+
+def test_the_verdict_on_the_real_world_can_go_against_us():
+    def cell(way, observers, targets, **means):
+        head = dict(zip(("architecture", "estimator", "variant"), way, strict=True))
+        for quantity, part, unit, factor, _ in SHOWN.values():
+            mean = means.get(quantity, 1.0) / factor
+            span = {"low": 0.9 * mean, "high": 1.1 * mean, "seeds": 12}
+            measure = {"quantity": quantity, "part": part or None, "unit": unit, "mean": mean}
+            yield head | {"observers": observers, "targets": targets} | measure | span
+
+    ours, paper = ("information-20", "batch", None), ("published", "mukf", "paper-ephemeris")
+    error = "final_error_geometric_all"
+    rows = [*cell(paper, 43, 100, **{error: 2.0, "custody_share": 50.0})]
+    rows += cell(ours, 20, 100, **{error: 1.0, "custody_share": 52.0})
+    told = real_block.verdict_block({"real": pd.DataFrame(rows)}).splitlines()[2:]
+    assert [line.split(" | ")[-1] for line in told] == [
+        "not worse: intervals overlap |",
+        *["better: intervals are apart |"] * 2,
+        *["yes |"] * 3,
+    ]
+    rows += cell(ours, 43, 50, missed=3.0, coverage=0.9, anees_mean=4.0)
+    rows[0]["mean"] = rows[0]["low"] = rows[0]["high"] = 0.9
+    told = real_block.verdict_block({"real": pd.DataFrame(rows)}).splitlines()[2:]
+    assert told[0].endswith("| worse |")
+    assert told[3].endswith(
+        "| 1 to 3 | \N{EN DASH} | not in targets 3 (43 satellites, 50 targets) |"
+    )
+    assert told[4].count("0.9 (43") == told[5].count("4 (43") == 3
 
 
 def test_the_study_of_objectives_tells_ratios_by_day_and_realization(tmp_path):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from cislunar.campaign.documents.markdown import markdown_table
+from cislunar.campaign.documents.markdown import DASH, markdown_table
 from cislunar.campaign.documents.studies import only_shown, read_study
 from cislunar.campaign.tracking.statistics import Interval
 
@@ -58,8 +58,10 @@ SHOWN = {
     "of them visible": ("missed", "", "1", 1.0, ".1f"),
     "coverage of attitude": ("coverage", "attitude", "1", 1.0, ".3f"),
     "of position": ("coverage", "position", "1", 1.0, ".3f"),
+    "of velocity": ("coverage", "velocity", "1", 1.0, ".3f"),
     "ANEES of attitude": ("anees_mean", "attitude", "1", 1.0, ".3g"),
     "of position ": ("anees_mean", "position", "1", 1.0, ".3g"),
+    "of velocity ": ("anees_mean", "velocity", "1", 1.0, ".3g"),
 }
 """Quantity, part, unit, factor and form of each column of numbers."""
 
@@ -146,7 +148,62 @@ def headline_block(tables: Mapping[str, pd.DataFrame], figure: str = _FROM_ROOT)
     )
 
 
+_AIM = (("custody_share", True), ("final_error_geometric_all", False))
+"""What ours is to do as well with fewer satellites, and whether more of it is better."""
+
+_MOST_MISSED, _LEAST_COVERAGE, _ANEES = 1.0, 0.97, (0.8, 1.5)
+"""What is asked of every cell of ours."""
+
+
+def verdict_block(tables: Mapping[str, pd.DataFrame]) -> str:
+    """What was aimed at, and whether it came out: intervals decide, those of every cell of ours."""
+    if STUDY not in tables:
+        return NOT_RUN
+    table = _ways(tables[STUDY])
+    rows = [_against(table, column) for column in SHOWN if _aimed(column) is not None]
+    ours = table[table["way"].map(_OURS.__eq__)]
+    for asked, quantity, within in (
+        (f"at most {_MOST_MISSED:g} missed that could be seen", "missed", (-1.0, _MOST_MISSED)),
+        (f"coverage from {_LEAST_COVERAGE:g}", "coverage", (_LEAST_COVERAGE, 2.0)),
+        (f"ANEES within {_ANEES[0]:g} and {_ANEES[1]:g}", "anees_mean", _ANEES),
+    ):
+        own = ours[ours["quantity"] == quantity]
+        outside = own[~own["mean"].between(*within)]
+        span = f"{own['mean'].min():.3g} to {own['mean'].max():.3g}"
+        cells = [
+            f"{part or 'targets'} {mean:.3g} ({observers} satellites, {targets} targets)"
+            for part, mean, observers, targets in outside[
+                ["part", "mean", "observers", "targets"]
+            ].itertuples(index=False)
+        ]
+        verdict = "yes" if not cells else "not in " + "; ".join(cells)
+        rows.append([f"every cell of ours: {asked}", span, DASH, verdict])
+    return markdown_table(["asked", "ours", "the paper's", "came out"], rows)
+
+
+def _aimed(column: str) -> bool | None:
+    """Whether more of a column is better; None for one that was not aimed at."""
+    return dict(_AIM).get(SHOWN[column][0])
+
+
+def _against(table: pd.DataFrame, column: str) -> list[str]:
+    """Twenty satellites of ours beside the paper's 43 in a column."""
+    both = []
+    for way, observers in ((_OURS, 20), (_PAPER_EPHEMERIS, 43)):
+        here = (table["targets"] == 100) & (table["observers"] == observers)
+        both.append(_interval(table[here & table["way"].map(way.__eq__)], column))
+    (ours, form), (paper, _) = both
+    better, worse = (ours, paper) if _aimed(column) else (paper, ours)
+    if better.low > worse.high:
+        verdict = "better: intervals are apart"
+    else:
+        verdict = "not worse: intervals overlap" if better.high >= worse.low else "worse"
+    asked = f"20 of ours do at least what 43 of the paper's do, 100 targets: {column}"
+    return [asked, f"{ours:{form}}", f"{paper:{form}}", verdict]
+
+
 REAL_BLOCKS = {
+    "real-verdict": verdict_block,
     "real-number": number_block,
     "real-parts": parts_block,
     "real-headline": headline_block,
