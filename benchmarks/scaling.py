@@ -1,20 +1,23 @@
 """How the cost of tracking grows with targets, observers, realizations and length.
 
-    python benchmarks/scaling.py [--redraw | --memory | --threads]
+    python benchmarks/scaling.py [--redraw | --memory | --threads | --month]
 
 measures processor time and memory of closed loops about a usual size, each in a process of its
 own, one size varied at a time; writes them to ``docs/scaling.csv``, draws
 ``docs/images/scaling.png``, and puts exponents and the estimate for a large campaign into
 ``docs/scaling.md``. ``--memory`` measures the memory of long runs alone, day by day, for
 ``docs/memory.csv``; ``--threads`` the time of a day of the large campaign by the cores that share
-its targets, for ``docs/threads.csv``; ``--redraw`` leaves out the measuring. The scene needs no
-file. Everything else runs on one thread; compilation is not counted.
+its targets, for ``docs/threads.csv``; ``--month`` works through a whole month of it on all cores,
+each day in a process that goes on from the checkpoint of the day before, for ``docs/month.csv``,
+and goes on where it was broken off itself; ``--redraw`` leaves out the measuring. The scene needs
+no file. Everything else runs on one thread; compilation is not counted.
 """
 
 import argparse
 import multiprocessing
 import os
 import resource
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -38,6 +41,8 @@ ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "docs/scaling.csv"
 MEMORY_TABLE = ROOT / "docs/memory.csv"
 THREADS_TABLE = ROOT / "docs/threads.csv"
+MONTH_TABLE = ROOT / "docs/month.csv"
+MONTH_FOLDER = ROOT / "build/month"
 DOCUMENT = ROOT / "docs/scaling.md"
 IMAGE = ROOT / "docs/images/scaling"
 BEGIN, END = "<!-- begin measured -->\n", "<!-- end measured -->\n"
@@ -179,6 +184,29 @@ def measure_threads(estimator: str, size: dict[str, int]) -> list[dict[str, obje
     return rows
 
 
+def _next_day() -> list[tuple[float, ...]]:
+    """Day, time and processor time (s) and peak of memory (MB) of one more day of the month."""
+    start, start_cpu = perf_counter(), process_time()
+    allow_threads(os.cpu_count())
+    loop = begun("mukf", LARGE["targets"], LARGE["observers"], 1, LARGE_HOURS)
+    kept = Checkpoint(MONTH_FOLDER, loop, {}, least_s=0.0)
+    kept.run(pieces=1)
+    day = len(list(MONTH_FOLDER.rglob("pieces-*.pickle")))
+    return [(day, perf_counter() - start, process_time() - start_cpu, _peak_mb())]
+
+
+def measure_month() -> None:
+    """Work through what is left of the month; the table has every day that is done."""
+    rows = pd.read_csv(MONTH_TABLE).to_dict("records") if MONTH_FOLDER.is_dir() else []
+    while not rows or rows[-1]["day"] < LARGE_HOURS // 24:
+        ((day, elapsed_s, cpu_s, peak_mb),) = in_a_fork(_next_day)
+        took = {"elapsed_s": round(elapsed_s, 1), "cpu_s": round(cpu_s, 1)}
+        rows.append({"day": day, "threads": os.cpu_count(), **took, "peak_mb": round(peak_mb)})
+        print(rows[-1], flush=True)
+        write_text(pd.DataFrame(rows).to_csv(index=False), MONTH_TABLE)
+    shutil.rmtree(MONTH_FOLDER)
+
+
 def sizes() -> list[dict[str, int]]:
     """The usual size with one number changed at a time, each once, and the large one."""
     found = [{**USUAL, name: value} for name, values in VARIED.items() for value in values]
@@ -276,10 +304,26 @@ def threads_table(table: pd.DataFrame) -> str:
     return markdown_table(head, rows)
 
 
-def describe(table: pd.DataFrame, memory: pd.DataFrame, threads: pd.DataFrame) -> None:
+def month_table(table: pd.DataFrame) -> str:
+    """What a month of the large campaign took, in Markdown."""
+    size = f"{LARGE['targets']:,} x {LARGE['observers']}"
+    days, minutes = table["elapsed_s"], table["elapsed_s"].sum() / 60.0
+    row = [size, "mukf", str(table["threads"].iloc[0]), str(len(table)), f"{minutes:.0f}"]
+    row += [f"{days.min():.0f} to {days.max():.0f}", str(table["peak_mb"].max())]
+    head = ["targets x observers", "estimator", "threads", "days", "all of them, min"]
+    return markdown_table([*head, "a day, s", "peak of memory, MB"], [row])
+
+
+def describe(table: pd.DataFrame) -> None:
     """Put the figures into the document."""
     text = DOCUMENT.read_text(encoding="utf-8")
-    parts = exponents_table(table), large_table(table), memory_table(memory), threads_table(threads)
+    parts = [exponents_table(table), large_table(table)]
+    for path, made in (
+        (MEMORY_TABLE, memory_table),
+        (THREADS_TABLE, threads_table),
+        (MONTH_TABLE, month_table),
+    ):
+        parts += [made(pd.read_csv(path))] if path.is_file() else []
     block = "\n" + "".join(f"{part}\n" for part in parts)
     write_text(replace_between(text, BEGIN, END, block, str(DOCUMENT)), DOCUMENT)
 
@@ -290,14 +334,18 @@ def main() -> None:
     only.add_argument("--redraw", action="store_true", help="from the tables, without measuring")
     only.add_argument("--memory", action="store_true", help="measure the memory of long runs alone")
     only.add_argument("--threads", action="store_true", help="measure cores sharing targets alone")
+    only.add_argument("--month", action="store_true", help="work through a month alone")
     options = parser.parse_args()
     rows, days, shared = [], [], []
     # a data window changes nothing in how targets are shared
-    asked = ("mukf", "batch") if options.threads else ESTIMATORS
+    asked = ("mukf", "batch") if options.threads else ("mukf",) if options.month else ESTIMATORS
     for estimator in () if options.redraw else asked:
         run(estimator, 5, 5, 1, 1.0)  # compiles
         if options.threads:
             shared += measure_threads(estimator, {**LARGE, "hours": 24})
+            continue
+        if options.month:
+            measure_month()
             continue
         rows += [] if options.memory else [measure(estimator, size) for size in sizes()]
         days += [row for size in LONG_RUNS for row in measure_days(estimator, size)]
@@ -306,7 +354,7 @@ def main() -> None:
             write_text(pd.DataFrame(found).to_csv(index=False), path)
     table = pd.read_csv(TABLE)
     draw(table)
-    describe(table, pd.read_csv(MEMORY_TABLE), pd.read_csv(THREADS_TABLE))
+    describe(table)
 
 
 if __name__ == "__main__":
