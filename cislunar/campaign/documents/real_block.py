@@ -50,6 +50,13 @@ _PARTS = {
 }
 """Ways of working: names of designs without their number, estimator and variant."""
 
+_LENGTHS = {
+    _OURS: "ours, a day",
+    ("information", "batch", "week"): "ours, seven days",
+    _PAPER_EPHEMERIS: "the paper's, filter of the ephemeris, a day",
+    ("published", "mukf", "week-paper"): "the same, seven days",
+}
+
 SHOWN = {
     "in custody, %": ("custody_share", "", "1", 100.0, ".0f"),
     "position, km": ("final_error_geometric_all", "position", "km", 1.0, ".3g"),
@@ -123,12 +130,22 @@ def number_block(tables: Mapping[str, pd.DataFrame]) -> str:
     return _block(tables, _BY_NUMBER, [])
 
 
-def parts_block(tables: Mapping[str, pd.DataFrame]) -> str:
-    """One part left out of ours, or added to the paper's: twenty satellites, 100 targets."""
+def _of_twenty(tables: Mapping[str, pd.DataFrame], ways: Mapping[tuple, str], count: int) -> str:
+    """Some ways of working of twenty satellites, for a number of targets."""
     if STUDY not in tables:
         return NOT_RUN
     twenty = tables[STUDY][tables[STUDY]["observers"] == 20]
-    return _block({STUDY: twenty}, _PARTS, [100])
+    return _block({STUDY: twenty}, ways, [count])
+
+
+def parts_block(tables: Mapping[str, pd.DataFrame]) -> str:
+    """One part left out of ours, or added to the paper's: 100 targets."""
+    return _of_twenty(tables, _PARTS, 100)
+
+
+def lengths_block(tables: Mapping[str, pd.DataFrame]) -> str:
+    """A day and seven days of either pipeline: 50 targets."""
+    return _of_twenty(tables, _LENGTHS, 50)
 
 
 def headline_block(tables: Mapping[str, pd.DataFrame], figure: str = _FROM_ROOT) -> str:
@@ -206,6 +223,7 @@ REAL_BLOCKS = {
     "real-verdict": verdict_block,
     "real-number": number_block,
     "real-parts": parts_block,
+    "real-lengths": lengths_block,
     "real-headline": headline_block,
     "real-figure": lambda tables: headline_block(tables, FIGURE),
 }
