@@ -18,6 +18,10 @@ FIGURE = f"images/{STUDY}.png"
 
 _FROM_ROOT = f"docs/{FIGURE}"
 
+_LEGEND = """`information, batch` is ours; `published, mukf, paper` the paper's as printed,
+`paper-ephemeris` with a filter that knows where the bodies are, and `published, mukf` with our
+tasking and mixtures besides."""
+
 NOT_RUN = "The study has not been run yet.\n"
 
 _OURS, _PAPER = ("information", "batch", ""), ("published", "mukf", "paper")
@@ -160,7 +164,8 @@ def headline_block(tables: Mapping[str, pd.DataFrame], figure: str = _FROM_ROOT)
         told.append([f"{_BY_NUMBER[way]}, {observers} satellites", *_numbers(own)[:_WITH_INTERVAL]])
     return (
         f"![Custody and errors against the number of satellites]({figure})\n\n"
-        "At 100 targets, means with 95 % intervals over days and realizations:\n\n"
+        + _LEGEND
+        + "\n\nAt 100 targets, means with 95 % intervals over days and realizations:\n\n"
         + markdown_table(["pipeline", *list(SHOWN)[:_WITH_INTERVAL]], told)
     )
 
