@@ -25,6 +25,7 @@ tasking and mixtures besides."""
 NOT_RUN = "The study has not been run yet.\n"
 
 _OURS, _PAPER = ("information", "batch", ""), ("published", "mukf", "paper")
+_OURS_FOR_A_WEEK = ("information", "batch", "week")
 _PAPER_EPHEMERIS = ("published", "mukf", "paper-ephemeris")
 
 _BY_NUMBER = {
@@ -56,7 +57,7 @@ _PARTS = {
 
 _LENGTHS = {
     _OURS: "ours, a day",
-    ("information", "batch", "week"): "ours, seven days",
+    _OURS_FOR_A_WEEK: "ours, seven days",
     _PAPER_EPHEMERIS: "the paper's, filter of the ephemeris, a day",
     ("published", "mukf", "week-paper"): "the same, seven days",
 }
@@ -183,7 +184,7 @@ def verdict_block(tables: Mapping[str, pd.DataFrame]) -> str:
         return NOT_RUN
     table = _ways(tables[STUDY])
     rows = [_against(table, column) for column in SHOWN if _aimed(column) is not None]
-    ours = table[table["way"].map(_OURS.__eq__)]
+    ours = table[table["way"].isin([_OURS, _OURS_FOR_A_WEEK])]
     for asked, quantity, within in (
         (f"at most {_MOST_MISSED:g} missed that could be seen", "missed", (-1.0, _MOST_MISSED)),
         (f"coverage from {_LEAST_COVERAGE:g}", "coverage", (_LEAST_COVERAGE, 2.0)),
@@ -193,9 +194,10 @@ def verdict_block(tables: Mapping[str, pd.DataFrame]) -> str:
         outside = own[~own["mean"].between(*within)]
         span = f"{own['mean'].min():.3g} to {own['mean'].max():.3g}"
         cells = [
-            f"{part or 'targets'} {mean:.3g} ({observers} satellites, {targets} targets)"
-            for part, mean, observers, targets in outside[
-                ["part", "mean", "observers", "targets"]
+            f"{part or 'targets'} {mean:.3g} ({observers} satellites, {targets} targets"
+            f"{', seven days' if way == _OURS_FOR_A_WEEK else ''})"
+            for part, mean, observers, targets, way in outside[
+                ["part", "mean", "observers", "targets", "way"]
             ].itertuples(index=False)
         ]
         verdict = "yes" if not cells else "not in " + "; ".join(cells)
