@@ -373,11 +373,16 @@ def test_a_change_leaves_the_other_settings_alone(task2):
 
 def test_cells_asked_for_by_name_are_checked(config):
     settings = cell_settings(config["task2"])
-    check_cell(202, 240, settings)
+    cell = Cell("A", "published", "batch", 202, 240)
+    check_cell(cell, settings)
     with pytest.raises(ConfigurationError, match=r"n_T = 203 .*202"):
-        check_cell(203, 60, settings)
+        check_cell(cell._replace(targets=203), settings)
     with pytest.raises(ConfigurationError, match=r"dt7.*task2\.step_s"):
-        check_cell(20, 7, settings | {"step_s": 50})
+        check_cell(cell._replace(interval_minutes=7), settings | {"step_s": 50})
+    noisy = settings | {"process_noise": {"attitude_deg": 0.03, "acceleration_m2_s3": 1e-11}}
+    check_cell(cell._replace(estimator="mukf"), noisy)
+    with pytest.raises(ConfigurationError, match=r"task2\.process_noise\.attitude_deg' = 0\.03:"):
+        check_cell(cell, noisy)
 
 
 def test_seeds_do_not_depend_on_their_number():

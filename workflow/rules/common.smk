@@ -240,7 +240,7 @@ def tracking_settings(wildcards):
     cell = cell_of(wildcards)
     try:
         chosen = cell_settings(settings_in(cell.scenario, "task2")["task2"], cell.variant)
-        check_cell(cell.targets, cell.interval_minutes, chosen, TRACKED_COUNT[cell.scenario])
+        check_cell(cell, chosen, TRACKED_COUNT[cell.scenario])
     except CislunarError as error:
         raise SystemExit(f"error: {error}") from None
     return chosen

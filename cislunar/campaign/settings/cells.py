@@ -238,13 +238,10 @@ def is_multiple(value: float, step: float) -> bool:
     )
 
 
-def check_cell(
-    targets: int,
-    interval_minutes: int,
-    settings: Mapping[str, Any],
-    available: int = TRACKED_TARGETS,
-) -> None:
-    """Refuse more targets than are available, and an interval that is no multiple of the step."""
+def check_cell(cell: Cell, settings: Mapping[str, Any], available: int = TRACKED_TARGETS) -> None:
+    """Refuse more targets than are available, an interval that is no multiple of the step, and
+    noise that the estimator cannot take."""
+    targets, interval_minutes = cell.targets, cell.interval_minutes
     if not 1 <= targets <= available:
         raise ConfigurationError(
             f"n_T = {targets} (nt{targets} in the file name): there are {available} targets; "
@@ -256,6 +253,15 @@ def check_cell(
             f"tasking interval of {interval_minutes} min (dt{interval_minutes} in the file name) "
             f"is no multiple of 'task2.step_s' = {step} s: choose another interval or step"
         )
+    noise = settings.get("process_noise", {})
+    for key in ("attitude_deg", "angular_velocity_deg_h"):
+        if cell.estimator == "batch" and noise.get(key, 0.0) > 0.0:
+            variant = f" of the variant {cell.variant!r}" if cell.variant else ""
+            raise ConfigurationError(
+                f"configuration key 'task2.process_noise.{key}' = {noise[key]}{variant}: the batch "
+                "estimator takes the rotation as free of noise; set it to 0, or window_hours and "
+                "memory_hours of 'task2.batch' in its place"
+            )
 
 
 def wanted_body(body: Mapping[str, Any], source: str = "task2.body") -> WantedBody:

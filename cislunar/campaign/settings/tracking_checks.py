@@ -104,7 +104,7 @@ def _check_counts(config: Mapping[str, Any], stated: Iterable[StatedVariant]) ->
     swept = [cell for name in config["sweeps"] for cell in swept_cells(config, name)]
     for cell in campaign_cells(task2) + swept:
         own = cell_settings(scenario_settings(config, cell.scenario)["task2"], cell.variant)
-        check_cell(cell.targets, cell.interval_minutes, own, available[cell.scenario])
+        check_cell(cell, own, available[cell.scenario])
         slots = PUBLISHED.get(cell.scenario) if cell.architecture == "published" else None
         if slots and own.get("sensors"):  # the observers of others are not known yet
             observer_sensors(typed(own, CellSettings), sum(count for _, count in slots))

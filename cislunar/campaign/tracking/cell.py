@@ -182,7 +182,7 @@ def cell_loop(
     `settings` are those of `cell_settings`, `propagator` is that of the observers. A
     `ConfigurationError` if the cell cannot be run.
     """
-    check_cell(cell.targets, cell.interval_minutes, settings, inputs.tracked.sizes["target"])
+    check_cell(cell, settings, inputs.tracked.sizes["target"])
     chosen = typed(settings, CellSettings)
     loop = loop_settings(chosen, cell.interval_minutes, keep_information=keep_information)
     problem = tracking_problem(cell, inputs, chosen, propagator, loop)
