@@ -171,7 +171,7 @@ def headline_block(tables: Mapping[str, pd.DataFrame], figure: str = _FROM_ROOT)
     )
 
 
-_AIM = (("custody_share", True), ("final_error_geometric_all", False))
+_AIM = {"custody_share": True, "final_error_geometric_all": False}
 """What ours is to do as well with fewer satellites, and whether more of it is better."""
 
 _MOST_MISSED, _LEAST_COVERAGE, _ANEES = 1.0, 0.97, (0.8, 1.5)
@@ -207,7 +207,7 @@ def verdict_block(tables: Mapping[str, pd.DataFrame]) -> str:
 
 def _aimed(column: str) -> bool | None:
     """Whether more of a column is better; None for one that was not aimed at."""
-    return dict(_AIM).get(SHOWN[column][0])
+    return _AIM.get(SHOWN[column][0])
 
 
 def _against(table: pd.DataFrame, column: str) -> list[str]:

@@ -101,7 +101,7 @@ LUNAR = "Polar_"
 """Prefix of the orbit classes that are no periodic orbits: the low lunar polar trajectories."""
 
 _HISTORIES = ("error", "sigma", "bound", "valid", "assignment", "observer_position")
-_HISTORIES += tuple({*recorded_variables(RECORDABLE)} - {"visible"})
+_HISTORIES += tuple(name for name in recorded_variables(RECORDABLE) if name != "visible")
 _NEEDED = ("coverage", "custody", "fate", "status", "updates", "bound_ratio", "bound_attitude")
 _ID = ("scenario", "architecture", "estimator", "variant")
 
