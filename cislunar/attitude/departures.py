@@ -25,6 +25,7 @@ from cislunar.attitude.inertia import INERTIA, TORQUE
 from cislunar.attitude.quaternion import rotate_components
 from cislunar.attitude.rigid_body import angular_acceleration, matrix_times
 from cislunar.attitude.short_steps import acceleration, rate_after, turned
+from cislunar.compiled import allocating, borrowing, put
 from cislunar.elementary import exponential
 
 COLUMNS = 8
@@ -57,14 +58,15 @@ _DRIVE_MIDWAY, _DRIVE_AFTER = 28, 31
 _ROWS = 34
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def departed_rotation(kinds, amounts, inertia, inverse_inertia, out):
     """Inertia, its inverse and the forced acceleration after departures, into `out`.
 
     `kinds` and `amounts` have an entry for each; `out` holds arrays (3, 3), (3, 3) and (3,).
     """
     new, new_inverse, forced = out
-    new[:, :], new_inverse[:, :] = inertia, inverse_inertia
+    put(new, inertia)
+    put(new_inverse, inverse_inertia)
     forced[:] = 0.0
     for i in range(kinds.shape[0]):
         kind = kinds[i]
@@ -150,7 +152,7 @@ def _times(m, x, y, z, a, b, c):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _carry_columns(track, h, midway, after, body):
     """Carry the columns over a step, given attitude and rate midway and after it."""
     _put_drive(track, _DRIVE_MIDWAY, midway[1], body)
@@ -202,13 +204,28 @@ def _put_end(track, q, w, a):
     of_time[4], of_time[5], of_time[6] = a
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def start_track(quaternion, omega, body, with_columns):
     """A track (`_ROWS`, COLUMNS) that begins with an attitude and a rate, and its ends' times.
 
     `body` is inertia, its inverse and the forced acceleration (3,).
     """
-    track, times = np.zeros((_ROWS, COLUMNS)), np.zeros(2)
+    track, times = make_track()
+    begin_track(track, times, quaternion, omega, body, with_columns)
+    return track, times
+
+
+@allocating
+def make_track():
+    """Room for a track and its ends' times."""
+    return np.empty((_ROWS, COLUMNS)), np.empty(2)
+
+
+@borrowing
+def begin_track(track, times, quaternion, omega, body, with_columns):
+    """Begin a track; see `start_track`."""
+    track[:, :] = 0.0
+    times[:] = 0.0
     q = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     w = omega[0], omega[1], omega[2]
     _put_end(track, q, w, acceleration(w, body))
@@ -226,10 +243,9 @@ def start_track(quaternion, omega, body, with_columns):
                 if c < 3:
                     track[row + _CHANGES + i, c] += growth[i][c]
                     track[row + _TURNS + i, c] = to_inertial[i][c]
-    return track, times
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _take_step(track, times, h, body, with_columns):
     """Go a step on from where a track ends."""
     for row in range(_END):
@@ -255,7 +271,7 @@ def _take_step(track, times, h, body, with_columns):
     times[0], times[1] = times[1], times[1] + h
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _rate_of_turning(track):
     """Rate at the end of a track, the square root of its change included."""
     w, a = track[_END, 4:7], track[_END + _SLOPES, 4:7]
@@ -263,7 +279,7 @@ def _rate_of_turning(track):
     return np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2] + faster)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def extend_track(track, times, until, body, with_columns, turn_per_step):
     """Take steps until the last one ends at a time or later; `body` as of `start_track`."""
     finest = _FINEST * (until - times[1])
@@ -299,7 +315,7 @@ def ends_of(track, row, column):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def departing_transition(omega, dt, inertia, inverse_inertia, kinds, out):
     """Transition matrix of (small turn, angular velocity) over a step, and derivatives (compiled).
 

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.compiled import allocating
 from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ def grp_from_quaternion_components(q1, q2, q3, q4, a, f):
     return scale * q1, scale * q2, scale * q3
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def pull_back_to_grp(p, g, a, f):
     """Turn a gradient over small turns into one over the GRP vector, shape (3,) (compiled).
 

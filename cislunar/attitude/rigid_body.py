@@ -20,13 +20,14 @@ from cislunar.attitude.quaternion import (
     rotate_components,
     rotation_vector_components,
 )
+from cislunar.compiled import allocating, borrowing
 from cislunar.dynamics.tableau import A8, ERROR8_3, ERROR8_5, STAGES8
 from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True)
+@allocating
 def propagate_spherical(q, omega, dt):
     """Attitude ``dq(omega dt) (x) q`` of a body of spherical inertia after a time (compiled).
 
@@ -38,7 +39,7 @@ def propagate_spherical(q, omega, dt):
     return r
 
 
-@njit(cache=True)
+@borrowing
 def pull_back_gradient(omega, dt, gx, gy, gz):
     """Carry a gradient over small turns at dt back to the initial attitude and rate (compiled).
 
@@ -64,7 +65,7 @@ def pull_back_gradient(omega, dt, gx, gy, gz):
     return e1, e2, e3, w1, w2, w3
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def spherical_transition(omega, dt, out):
     """Transition matrix of (small turn, angular velocity) for spherical inertia, exact (compiled).
 
@@ -97,7 +98,7 @@ def angular_acceleration(x, y, z, inertia, inverse_inertia):
     return matrix_times(inverse_inertia, hy * z - hz * y, hz * x - hx * z, hx * y - hy * x)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _derivative(y, inertia, inverse_inertia, forced, dy):
     """Time derivative of ``y = (q, omega)`` into `dy`; `forced` is the torque's share."""
     x, v, z = y[4], y[5], y[6]
@@ -108,7 +109,7 @@ def _derivative(y, inertia, inverse_inertia, forced, dy):
     dy[4], dy[5], dy[6] = ax + forced[0], ay + forced[1], az + forced[2]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _try_step(y, h, inertia, inverse_inertia, forced, slopes, y_new, tolerance):
     """One DOP853 trial step into `y_new`; returns the error norm (acceptable below 1)."""
     for stage in range(1, STAGES8 + 1):

@@ -16,6 +16,7 @@ from numba import njit
 
 from cislunar.attitude.quaternion import SMALL_ANGLE, multiply_components
 from cislunar.attitude.rigid_body import angular_acceleration
+from cislunar.compiled import borrowing
 from cislunar.elementary import sine_and_cosine
 
 TURN_PER_STEP = 0.03
@@ -35,7 +36,7 @@ def _along(v, h, k):
     return v[0] + h * k[0], v[1] + h * k[1], v[2] + h * k[2]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def rate_after(omega, a, h, body):
     """Angular velocity after a step, a the acceleration before it."""
     a2 = acceleration(_along(omega, 0.5 * h, a), body)
@@ -44,7 +45,7 @@ def rate_after(omega, a, h, body):
     return _along(_along(_along(_along(omega, h / 6.0, a), h / 3.0, a2), h / 3.0, a3), h / 6.0, a4)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def turned(q, h, first, last):
     """Attitude after a step, from (angular velocity, acceleration) at its two ends."""
     w, a = first
@@ -66,7 +67,7 @@ def turned(q, h, first, last):
 _TORQUE_FREE = (0.0, 0.0, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _carried(q, w, dt, body):
     """Attitude and angular velocity after a time, by steps of at most `TURN_PER_STEP`."""
     rate = np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
@@ -80,7 +81,7 @@ def _carried(q, w, dt, body):
     return q, w
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def torque_free_step(w1, w2, w3, inertia, inverse_inertia, dt):
     """Turn (unit quaternion) and rate of a torque-free body after a short time, in seven numbers.
 
@@ -92,7 +93,7 @@ def torque_free_step(w1, w2, w3, inertia, inverse_inertia, dt):
     return q[0], q[1], q[2], q[3], w[0], w[1], w[2]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def carry_rotation(quaternion, omega, dt, body):
     """Carry attitude (4,) and angular velocity (3,) over a time, in place (compiled)."""
     q = quaternion[0], quaternion[1], quaternion[2], quaternion[3]

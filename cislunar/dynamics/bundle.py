@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import for_all_others
+from cislunar.compiled import borrowing, for_all_others, put
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import (
     acceleration,
@@ -31,7 +31,7 @@ from cislunar.dynamics.tableau import PAIR5, PAIR8, STAGES8
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _slopes(field, state, slopes):
     """Time derivatives of the states, shape (6, N), into `slopes`."""
     for i in range(state.shape[1]):
@@ -64,7 +64,7 @@ def _slopes(field, state, slopes):
                 )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _combine(state, dt, row, skip, stage, slopes, out):
     """state + dt sum_j row[j] slopes[j], over j = 0 and from `skip` to `stage` - 1."""
     first = dt * row[0]
@@ -78,7 +78,7 @@ def _combine(state, dt, row, skip, stage, slopes, out):
                 out[c, i] += factor * slopes[j, c, i]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def runge_kutta_step(pair, forces, t, state, dt, slopes, work):
     """One step of a bundle by a pair; other arguments as of `step_bundle` (compiled)."""
     a, c, first, stages = pair
@@ -87,7 +87,7 @@ def runge_kutta_step(pair, forces, t, state, dt, slopes, work):
         _combine(state, dt, a[s], first[s], s, slopes, work)
         _slopes(at(forces, t + c[s] * dt), work, slopes[s])
     _combine(state, dt, a[stages], first[stages], stages, slopes, work)
-    state[:, :] = work
+    put(state, work)
 
 
 @for_all_others
@@ -96,7 +96,7 @@ def take_step(forces, t, state, dt, slopes, work):
     runge_kutta_step(PAIR8, forces, t, state, dt, slopes, work)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def step_bundle(forces, t, state, dt, slopes, work):
     """One step of a bundle of states, shape (6, N), from time t, in place (compiled).
 
@@ -115,7 +115,7 @@ def take_cloud_step(forces, t, state, dt, slopes, work):
         take_step(forces, t, state, dt, slopes, work)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def step_cloud(forces, t, state, dt, slopes, work):
     """As `step_bundle`, for states near one another: by Dormand-Prince 5 where that will do.
 

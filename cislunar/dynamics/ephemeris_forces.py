@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import implements
+from cislunar.compiled import borrowing, implements
 from cislunar.constants import GM_UNIT_KM3_S2, LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics import forces
 from cislunar.dynamics.forces import Nothing
@@ -168,7 +168,7 @@ def _inverse_cube(a):
     return 1.0 / (r2 * np.sqrt(r2))
 
 
-@njit(cache=True)
+@borrowing
 def _interval(u, count):
     """Interval of a table, and the fraction of it: not a number beyond the table."""
     k = min(max(int(u), 0), count - 1)

@@ -16,11 +16,10 @@ Assumptions and limitations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from cislunar.compiled import implements
+from cislunar.compiled import allocating, borrowing, implements
 from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics import forces
 from cislunar.dynamics.bundle import take_cloud_step, take_step
@@ -200,7 +199,7 @@ def _of_target(model, j):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _map(matrix, shift_in, shift_out, state, out):
     """shift_out + matrix (state - shift_in) of a bundle (6, N), into `out`."""
     for c in range(6):
@@ -212,7 +211,7 @@ def _map(matrix, shift_in, shift_out, state, out):
                 out[c, i] += factor * (state[d, i] - shift)
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _enter(model, t, state, dt, out):
     """States in their frame, into `out`; where the tables end the step, and its length there."""
     k, last = int(np.floor(t / model.step + 0.5)), int(np.floor((t + dt) / model.step + 0.5))
@@ -220,7 +219,7 @@ def _enter(model, t, state, dt, out):
     return last, model.clock[last] - model.clock[k]
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _leave(model, last, state, out):
     """States out of their frame."""
     _map(model.outward[last], np.zeros(6), model.origin[last], state, out)
@@ -235,9 +234,14 @@ def _step(model, t, state, dt, slopes, work):
 
 @implements(take_step, FramedCR3BP)
 def _step_of_each(model, t, state, dt, slopes, work):
-    """A bundle of the states of all targets, each in its own frame."""
+    _step_each(model, t, state, dt, slopes.shape[0])
+
+
+@allocating
+def _step_each(model, t, state, dt, stages):
+    """A step of a bundle of the states of all targets, each in its own frame."""
     one, own_work = np.empty((6, 1)), np.empty((6, 1))
-    own_slopes = np.empty((slopes.shape[0], 6, 1))
+    own_slopes = np.empty((stages, 6, 1))
     for i in range(state.shape[1]):
         one[:, 0] = state[:, i]
         take_step(forces.of_state(model, i), t, one, dt, own_slopes, own_work)

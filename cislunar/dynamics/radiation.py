@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import for_all_others, implements
+from cislunar.compiled import borrowing, for_all_others, implements
 from cislunar.constants import (
     EARTH_RADIUS_KM,
     GM_UNIT_KM3_S2,
@@ -157,7 +157,7 @@ def _shaded_light(radiation, earth, moon, sun):
     return _shaded(radiation, earth, moon, sun)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _shaded(radiation, earth, moon, sun):
     strength, gx, gy, gz = radiation.strength, 0.0, 0.0, 0.0
     if _in_cone(earth, sun, radiation.earth_radius, radiation.sun_radius):
@@ -190,7 +190,7 @@ def _in_cone(body, sun, radius, sun_radius):
     return near & ((along > 0.0) | (behind2 < 1e-4 * radius * radius))
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def visible_sun(body, sun, radius, sun_radius):
     """Visible fraction of the Sun, and its gradient, at a place relative to a body and to the Sun.
 

@@ -1,10 +1,11 @@
 """Small triangular factorisations, compiled, in place and without exceptions."""
 
 import numpy as np
-from numba import njit
+
+from cislunar.compiled import borrowing
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def cholesky(matrix):
     """Replace a symmetric matrix by its lower Cholesky factor; only the lower triangle is read.
 
@@ -29,7 +30,7 @@ def cholesky(matrix):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def add_outer_product(upper, vector):
     """Replace an upper triangular G, with a positive diagonal, by that of G G^T + v v^T.
 
@@ -47,7 +48,7 @@ def add_outer_product(upper, vector):
             vector[i] = cosine * vector[i] - sine * entry
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def solve_lower(lower, vector):
     """Replace a vector b by L^-1 b; only the lower triangle of L is read."""
     for i in range(vector.shape[0]):
@@ -57,7 +58,7 @@ def solve_lower(lower, vector):
         vector[i] = total / lower[i, i]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def solve_transposed(lower, vector):
     """Replace a vector b by L^-T b; only the lower triangle of L is read."""
     n = vector.shape[0]

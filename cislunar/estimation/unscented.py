@@ -23,8 +23,8 @@ grows out of the identity by rotations.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from cislunar.compiled import allocating, borrowing
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import add_outer_product, cholesky, solve_lower
 
@@ -82,7 +82,7 @@ def unscented_weights(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def sigma_points(mean, rows, spread, points):
     """Sigma points of a Gaussian, by column (Paul & Fan, eqs. 24-27).
 
@@ -100,31 +100,37 @@ def sigma_points(mean, rows, spread, points):
             points[c, 1 + size + i] = center - delta
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def difference_moments(differences, outer, mean_shift, shift, covariance):
     """Mean shift (m,) and covariance (m, m) of a transformed sigma set (Paul & Fan, eq. 40).
 
-    `differences` (2 n, m) are the outer points less the central one (angles wrapped).
+    `differences` (2 n, m), m at least four, are the outer points less the central one (angles
+    wrapped). Of the covariance, the lower triangle is meant; what is above it is spoilt.
     """
     count, size = differences.shape
-    shift[:] = 0.0
-    covariance[:, :] = 0.0
-    for i in range(count):
-        for a in range(size):
-            shift[a] += differences[i, a]
     for a in range(size):
-        shift[a] *= outer
-    for i in range(count):
-        for a in range(size):
-            weighted = outer * differences[i, a]
-            for b in range(size):
-                covariance[a, b] += weighted * differences[i, b]
+        total = 0.0
+        for i in range(count):
+            total += differences[i, a]
+        shift[a] = total * outer
     for a in range(size):
-        for b in range(size):
-            covariance[a, b] += mean_shift * shift[a] * shift[b]
+        for first in range(0, a + 1, 4):
+            b = min(first, size - 4)
+            s0 = s1 = s2 = s3 = 0.0  # four sums at a time, none of which waits for another
+            for i in range(count):
+                weighted = outer * differences[i, a]
+                s0 += weighted * differences[i, b]
+                s1 += weighted * differences[i, b + 1]
+                s2 += weighted * differences[i, b + 2]
+                s3 += weighted * differences[i, b + 3]
+            shifted = mean_shift * shift[a]
+            covariance[a, b] = s0 + shifted * shift[b]
+            covariance[a, b + 1] = s1 + shifted * shift[b + 1]
+            covariance[a, b + 2] = s2 + shifted * shift[b + 2]
+            covariance[a, b + 3] = s3 + shifted * shift[b + 3]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def innovation_moments(differences, noise_variance, weights, shift, cross, even):
     """Moments of an expected measurement in units of the prior's root (Paul & Fan, eqs. 44-47).
 
@@ -154,7 +160,7 @@ def innovation_moments(differences, noise_variance, weights, shift, cross, even)
         even[a, a] += noise_variance[a]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def square_root_update(root, cross, even, innovation, correction, work):
     """Kalman update of a Cholesky factor L (n, n) that stays definite (Paul & Fan, eqs. 48-50).
 
@@ -203,7 +209,7 @@ def square_root_update(root, cross, even, innovation, correction, work):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _multiply_by_inverse_transpose(root, upper):
     """Replace the lower triangular L by L G^-T for an upper triangular G ."""
     n = root.shape[0]
@@ -217,7 +223,7 @@ def _multiply_by_inverse_transpose(root, upper):
             root[i, column] = total * inverse
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def information_gain(cross, even):
     """Mutual information of a state and a measurement, nats (Paul & Fan, eqs. 61, 62).
 

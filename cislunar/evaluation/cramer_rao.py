@@ -36,6 +36,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.attitude.departures import departing_transition
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.rigid_body import spherical_transition
+from cislunar.compiled import allocating, borrowing, put
 from cislunar.dynamics.adaptive.runge_kutta import DOP853, OK, integrate
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import of_state
@@ -72,7 +73,7 @@ class _BoundState(NamedTuple):
     ended: NDArray[np.bool_]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _use(rows, departures, turn, motion, root, noise_variance, work):
     """Update the factor at the reference time with a measurement.
 
@@ -108,11 +109,11 @@ def _use(rows, departures, turn, motion, root, noise_variance, work):
     return square_root_update(root, cross, even, innovation, correction, scratch)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _carry(turn, motion, root, carried):
     """Root of the covariance now, shape (n, n) and not triangular, into `carried`."""
-    carried[:, SIZE:] = root[:, SIZE:]
-    carried[SIZE:] = root[SIZE:]
+    put(carried[:, SIZE:], root[:, SIZE:])
+    put(carried[SIZE:], root[SIZE:])
     for i in range(6):
         for c in range(6):
             total = 0.0
@@ -130,7 +131,7 @@ def _carry(turn, motion, root, carried):
             carried[6 + i, c] = total
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _restart(turn, motion):
     """Identity as the transition from a new reference time."""
     turn[:, :] = 0.0
@@ -140,7 +141,7 @@ def _restart(turn, motion):
         motion[7 * i] = 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _move_reference(turn, motion, root, carried, process_variance):
     """Move the reference time to now and add process noise; False if definiteness is lost."""
     _carry(turn, motion, root, carried)
@@ -157,7 +158,7 @@ def _move_reference(turn, motion, root, carried, process_variance):
     return cholesky(root)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _turn_on(omega, step_s, bodies, j, of_rotation, scratch, turn):
     """Carry the rotation's transition matrix (6, 6 + m) over a step, in place.
 
@@ -177,10 +178,10 @@ def _turn_on(omega, step_s, bodies, j, of_rotation, scratch, turn):
             for c in range(0 if a < 3 else 3, 3 if b < 3 else 6):
                 total += step_turn[a, c] * turn[c, b]
             product[a, b] = total if b < 6 else total + sigma[b - 6] * step_turn[a, b]
-    turn[:, :] = product
+    put(turn, product)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _steps_outside(translation, primaries):
     """How many of the steps after the first time the truth takes outside Earth and Moon."""
     for step in range(translation.shape[0] - 1):
@@ -190,7 +191,7 @@ def _steps_outside(translation, primaries):
     return translation.shape[0] - 1
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _motions(forces, start, state, motion, step, steps, out):
     """Transition matrices after some of the steps from time `start` on; False if that fails.
 
@@ -206,7 +207,7 @@ def _motions(forces, start, state, motion, step, steps, out):
     return status == OK
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _advance_target(j, first, world, truth, records, wanted, process_variance, forces, state, out):
     """Bound of target j over the steps that follow time `first`, (step, 12), into `out`."""
     scene, surfaces, bodies, of_rotation, (kinds, sigma) = world

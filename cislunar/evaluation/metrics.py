@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.compiled import borrowing
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.errors import ConfigurationError
 
@@ -158,7 +158,7 @@ def _no_sums(n_targets: int, n_final: int) -> _Sums:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _add(n_before, error, sigma, bound, sums):
     """Add the steps of an interval, the first `n_before` of which are before the final hours.
 

@@ -10,9 +10,9 @@ Assumptions and limitations
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.compiled import borrowing
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.dynamics.radiation import SUN_RADIUS_KM, visible_sun
 from cislunar.observation.sightline import EARTH_RADIUS, MOON_RADIUS
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 _SUN_RADIUS = SUN_RADIUS_KM / LENGTH_UNIT_KM
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _shares(place, sun, primaries, out):
     """Visible shares of the Sun (target, time), into `out`."""
     for k in range(place.shape[1]):

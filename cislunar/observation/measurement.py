@@ -13,9 +13,9 @@ Assumptions and limitations
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.compiled import borrowing
 from cislunar.errors import ConfigurationError
 from cislunar.observation.records import Measurements, Schedule
 from cislunar.observation.scene import Scene, TargetSurfaces, body_of
@@ -46,7 +46,7 @@ _PER_SHARE = 2.5 / np.log(10.0)
 """Magnitudes by which a source is fainter per share of its flux that is missing, to first order."""
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def target_magnitude(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j):
     """Apparent magnitude of target j; `FLOOR_MAGNITUDE` of `photometry.facets` if it is dark.
 
@@ -65,7 +65,7 @@ def target_magnitude(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, 
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _in_flux(error):
     """Error of a magnitude whose flux errs by as much to first order; infinite without any flux.
 
@@ -76,7 +76,7 @@ def _in_flux(error):
     return -_PER_SHARE * np.log(share) if share > 0.0 else np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _arriving(scene, surfaces, own, observer, j, k, state, attitude, dimmed):
     """What is in the way to target j at time k, magnitude that arrives, and what air and shadow
     took of it; without them if something is."""
@@ -105,7 +105,7 @@ def _arriving(scene, surfaces, own, observer, j, k, state, attitude, dimmed):
     return way, arriving, lost
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _look(scene, surfaces, own, true, standard, observer, j, k, motion, noise, dimmed, out):
     """Fate of one look at target j at time k; value and variance go into `out`, with scratch.
 
@@ -142,13 +142,11 @@ def _look(scene, surfaces, own, true, standard, observer, j, k, motion, noise, d
     return DETECTED
 
 
-@njit(cache=True, error_model="numpy")
-def _measure(
-    first, begins, scene, surfaces, limits, true, standard, looks, truth, value, variance, fate
-):
+@borrowing
+def _measure(first, begins, scene, surfaces, limits, true, standard, looks, truth, out, fate):
     """All looks over the steps first, first + 1 and so on; see `measure`."""
     states, attitudes, noise, dimmed = truth
-    truly = np.empty(3)
+    value, variance, truly = out
     value[:, :] = np.nan
     for j in range(looks.offset.shape[0]):
         for i in range(looks.offset.shape[1] - 1):
@@ -243,11 +241,12 @@ def measure(
     value, variance = np.empty((n_rows, 3)), np.empty((n_rows, 3))
     fate = np.empty(n_rows, dtype=np.uint8)
     world = scene, surfaces, limits, truly, true is not None, looks
-    _measure(first, begins, *world, (states, attitudes, noise, dimmed), value, variance, fate)
+    out = value, variance, np.empty(3)
+    _measure(first, begins, *world, (states, attitudes, noise, dimmed), out, fate)
     return Measurements(*looks, value, variance), fate
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _within_reach(first, begins, scene, surfaces, limits, truth, found):
     """Which targets some observer could find; see `within_reach`."""
     states, attitudes, dimmed = truth

@@ -7,6 +7,7 @@ velocity, position, velocity), with the units of the error state of the filters.
 import numpy as np
 from numba import njit
 
+from cislunar.compiled import borrowing
 from cislunar.observation.scene import body_of
 from cislunar.observation.sightline import METRES, lit_directions, rotate
 from cislunar.photometry.body_blocks import (
@@ -19,7 +20,7 @@ from cislunar.photometry.facet_blocks import LANES
 from cislunar.photometry.materials import FACET, STRETCH
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _rotate_back(axes, x, y, z):
     """Product of a transposed 3 x 3 matrix and a vector."""
     return (
@@ -29,14 +30,14 @@ def _rotate_back(axes, x, y, z):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _across(ux, uy, uz, gx, gy, gz):
     """The part of a vector g across the unit vector u."""
     along = ux * gx + uy * gy + uz * gz
     return gx - along * ux, gy - along * uy, gz - along * uz
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _angle_rows(dx, dy, dz, axes, rows):
     """Derivatives of right ascension and declination by position, into rows 1 and 2."""
     bx, by, bz = rotate(axes, dx, dy, dz)
@@ -48,7 +49,7 @@ def _angle_rows(dx, dy, dz, axes, rows):
     rows[2, 3], rows[2, 4], rows[2, 5] = _rotate_back(axes, scale * bx, scale * by, flat / squared)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _magnitude_row(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j, rows):
     """Derivatives of the magnitude by attitude and position, into row 0.
 
@@ -79,7 +80,7 @@ def _magnitude_row(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j,
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def measurement_rows(state, quaternion, observer, k, j, scene, surfaces, rows):
     """Derivatives of (magnitude, right ascension, declination), into `rows` (3, 6).
 

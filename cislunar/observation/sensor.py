@@ -26,6 +26,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.compiled import borrowing, put
 from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
@@ -338,10 +339,10 @@ def limits_of(limits, o):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def noise_variance_at(limits, magnitude, out):
     """Variances (3,) of a measurement of a source as faint as it arrives, into `out`."""
-    out[:] = limits.noise_variance
+    put(out, limits.noise_variance)
     electrons, background, image = limits.photons
     if electrons > 0.0:
         signal = electrons * 10.0 ** (-0.4 * magnitude)

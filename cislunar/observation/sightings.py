@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.compiled import borrowing
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import primary_positions
@@ -47,7 +47,7 @@ class Sightings(NamedTuple):
     body_angle_deg: Array
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _obstacles(observer, way, sun, limits, primaries, fate):
     """EXCLUDED or OCCULTED where something stands in the way, into `fate` (time,)."""
     for k in range(fate.size):

@@ -8,6 +8,7 @@ primary_positions` of a mass ratio.
 import numpy as np
 from numba import njit
 
+from cislunar.compiled import borrowing
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM
 from cislunar.observation.sensor import sine_of_elevation
 
@@ -37,7 +38,7 @@ def rotate(axes, x, y, z):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def direction_angles(dx, dy, dz, axes):
     """Right ascension and declination (rad) of a line of sight.
 
@@ -67,7 +68,7 @@ def toward_primary(body, x, y, z, primaries):
     return place[0] - x, place[1] - y, place[2] - z
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def outside_exclusion(ox, oy, oz, dx, dy, dz, sun, cosines, primaries):
     """Whether a line of sight keeps clear of the Sun, Moon and Earth.
 
@@ -85,7 +86,7 @@ def outside_exclusion(ox, oy, oz, dx, dy, dz, sun, cosines, primaries):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _disc_hides(bx, by, bz, dx, dy, dz, radius):
     """Whether a sphere at b from the observer cuts the segment to d."""
     fraction = (bx * dx + by * dy + bz * dz) / (dx * dx + dy * dy + dz * dz)
@@ -94,7 +95,7 @@ def _disc_hides(bx, by, bz, dx, dy, dz, radius):
     return gx * gx + gy * gy + gz * gz < radius * radius
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def occulted(ox, oy, oz, dx, dy, dz, primaries):
     """Whether the Earth or the Moon stands between observer and target."""
     for body, radius in ((EARTH, EARTH_RADIUS), (MOON, MOON_RADIUS)):
@@ -104,13 +105,13 @@ def occulted(ox, oy, oz, dx, dy, dz, primaries):
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def in_clear_view(ox, oy, oz, dx, dy, dz, sun, limits, primaries):
     """Whether nothing is in the way of a look, see `obstacle`."""
     return obstacle(ox, oy, oz, dx, dy, dz, sun, limits, primaries) == CLEAR
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def obstacle(ox, oy, oz, dx, dy, dz, sun, limits, primaries):
     """What is in the way of a look: CLEAR, BRIGHT (a body, or the day) or HIDDEN.
 
@@ -133,7 +134,7 @@ def obstacle(ox, oy, oz, dx, dy, dz, sun, limits, primaries):
     return HIDDEN if hidden else CLEAR
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def sphere_margin(dx, dy, dz, fx, fy, fz, faintness):
     """By how much a diffuse sphere is brighter than a limit, mag; as of `sphere_brighter`."""
     squared = dx * dx + dy * dy + dz * dz
@@ -144,7 +145,7 @@ def sphere_margin(dx, dy, dz, fx, fy, fz, faintness):
     return 2.5 * np.log10(max(0.0, phase) / (faintness * squared))
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def sphere_brighter(dx, dy, dz, fx, fy, fz, faintness):
     """Whether a diffuse sphere outshines a limit; f is the way from the Sun to it.
 
@@ -158,7 +159,7 @@ def sphere_brighter(dx, dy, dz, fx, fy, fz, faintness):
     return np.sin(alpha) + (np.pi - alpha) * cosine > faintness * squared
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def inside_primary(x, y, z, primaries):
     """Whether a place lies within the Earth or the Moon."""
     for body, radius in ((EARTH, EARTH_RADIUS), (MOON, MOON_RADIUS)):

@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from cislunar.attitude.quaternion import rotate_components
+from cislunar.compiled import allocating, borrowing
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
     BY_HALF2,
@@ -86,7 +87,7 @@ OWN_SHINE = OWN
 _NOTHING, _TURNS, _PARTS = 0, 1, 2
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _specular_rows(b, count, materials, fresnel_sqrt, phong, wanted, rows):
     """Factors of each material in each geometry, (material, 3, LANES), into `rows`.
 
@@ -141,7 +142,7 @@ def _add_odds(b, count, rows, specular_share):
         b[BY_ODDS, k] += shine * (1.0 - specular_share) - (own - shine) * specular_share
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _add_phong(b, count, whole, nx, ny, nz, diffuse, exponent):
     """As `facet_blocks.add_facet_and_slopes` for a shaded facet with its parts, by Phong's law."""
     for k in range(count):
@@ -172,7 +173,7 @@ def _add_phong(b, count, whole, nx, ny, nz, diffuse, exponent):
         b[BY_SEEN + 2, k] += by_seen * nz
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _sum_body(block, shares, stretched, count, body, fresnel_sqrt, wanted):
     """Sums over the facets of a body that is not plain; see `body_magnitude_departures`."""
     b = known_shape(block)
@@ -243,7 +244,7 @@ def _sums(block, shares, stretched, count, body, fresnel_sqrt, wanted):
     _sum_body(block, shares, np.bool_(stretched), np.int64(count), *given)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def body_magnitudes(block, count, body, irradiance_4pi, fresnel_sqrt):
     """Apparent magnitudes of a block's first `count` geometries, into its row `MAGNITUDE`.
 
@@ -254,11 +255,11 @@ def body_magnitudes(block, count, body, irradiance_4pi, fresnel_sqrt):
             block, count, body.areas, body.normals, body.materials[0], irradiance_4pi, fresnel_sqrt
         )
         return
-    _sums(block, np.empty((0, LANES)), False, count, body, fresnel_sqrt, _NOTHING)
+    _sums(block, block[:0], False, count, body, fresnel_sqrt, _NOTHING)
     magnitudes_of_totals(known_shape(block), count, irradiance_4pi)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def body_magnitude_gradients(block, count, body, irradiance_4pi, fresnel_sqrt):
     """Magnitudes and their derivatives by a small turn of the body, mag/rad, in the body frame.
 
@@ -269,13 +270,13 @@ def body_magnitude_gradients(block, count, body, irradiance_4pi, fresnel_sqrt):
             block, count, body.areas, body.normals, body.materials[0], irradiance_4pi, fresnel_sqrt
         )
         return
-    _sums(block, np.empty((0, LANES)), False, count, body, fresnel_sqrt, _TURNS)
+    _sums(block, block[:0], False, count, body, fresnel_sqrt, _TURNS)
     b = known_shape(block)
     magnitudes_of_totals(b, count, irradiance_4pi)
     turns_of_slopes(b, count)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def body_magnitude_departures(block, shares, stretched, count, body, irradiance_4pi, fresnel_sqrt):
     """As `body_magnitude_gradients`, with what derivatives by material and shape are made of.
 
@@ -294,7 +295,7 @@ def body_magnitude_departures(block, shares, stretched, count, body, irradiance_
     turns_of_slopes(b, count)
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def one_geometry(quaternion, sun_direction, view_direction, range_m):
     """A block whose first column holds a geometry."""
     block = np.empty((BLOCK_ROWS, LANES))
@@ -306,7 +307,7 @@ def one_geometry(quaternion, sun_direction, view_direction, range_m):
     return block
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def body_magnitude(
     quaternion, sun_direction, view_direction, range_m, body, irradiance_4pi, fresnel_sqrt
 ):
@@ -316,12 +317,18 @@ def body_magnitude(
         return facet_magnitude(
             *geometry, body.areas, body.normals, body.materials[0], irradiance_4pi, fresnel_sqrt
         )
+    return _magnitude(geometry, body, irradiance_4pi, fresnel_sqrt)
+
+
+@allocating
+def _magnitude(geometry, body, irradiance_4pi, fresnel_sqrt):
+    """`body_magnitude` of a body that is not plain."""
     block = one_geometry(*geometry)
     body_magnitudes(block, np.int64(1), body, irradiance_4pi, fresnel_sqrt)
     return block[MAGNITUDE, 0]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def body_magnitude_derivatives(
     quaternion, sun_direction, view_direction, range_m, body, irradiance_4pi, fresnel_sqrt
 ):
@@ -334,6 +341,13 @@ def body_magnitude_derivatives(
         return facet_magnitude_derivatives(
             *geometry, body.areas, body.normals, body.materials[0], irradiance_4pi, fresnel_sqrt
         )
+    return _magnitude_derivatives(geometry, body, irradiance_4pi, fresnel_sqrt)
+
+
+@allocating
+def _magnitude_derivatives(geometry, body, irradiance_4pi, fresnel_sqrt):
+    """`body_magnitude_derivatives` of a body that is not plain."""
+    quaternion, sun_direction, view_direction, _ = geometry
     b = one_geometry(*geometry)
     body_magnitude_departures(
         b, np.empty((0, LANES)), np.bool_(False), np.int64(1), body, irradiance_4pi, fresnel_sqrt

@@ -15,8 +15,8 @@ Amounts of the same kind add up, so that a derivative is the same wherever it is
 """
 
 import numpy as np
-from numba import njit
 
+from cislunar.compiled import allocating, borrowing
 from cislunar.elementary import exponential
 from cislunar.photometry.bodies import Body
 from cislunar.photometry.facet_blocks import (
@@ -47,13 +47,13 @@ _LARGEST = 50.0
 """Amounts beyond are taken as this: e^50 is more than any light curve leaves open."""
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _factor(x):
     """exp(x), finite for all x."""
     return exponential(min(max(x, -_LARGEST), _LARGEST))
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _stretch(factors, areas, normals):
     """Lengthen a body along its axes, in place: N goes with 1 / factors, areas as its length."""
     product = factors[0] * factors[1] * factors[2]
@@ -68,7 +68,7 @@ def _stretch(factors, areas, normals):
             normals[i, c] /= length
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def departed_body(kinds, amounts, body):
     """A `cislunar.photometry.bodies.Body` after departures, with arrays of its own.
 
@@ -94,7 +94,7 @@ def departed_body(kinds, amounts, body):
     return Body(areas, normals, body.rows, materials, body.shadows, lengths, body.rough, body.phong)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _depart(kind, factor, material):
     """Change one material (5,), in place."""
     if kind == ALBEDO:
@@ -111,7 +111,7 @@ def _depart(kind, factor, material):
         material[0], material[1] = both * (1.0 - share), both * share
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _add_odds(b, count, kinds, material, fresnel_sqrt):
     """Derivatives of the sums by the odds of a material that all facets share, into the block."""
     weights = material[0] + material[1]
@@ -129,7 +129,7 @@ def _add_odds(b, count, kinds, material, fresnel_sqrt):
                 b[BY_REFLECTANCE, k] = shine * slope / fresnel
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def departure_rows(block, shares, count, kinds, sigma, body, fresnel_sqrt, out):
     """Derivatives of a block's magnitudes by departures, sigma at a time, into `out` (kind, LANES).
 

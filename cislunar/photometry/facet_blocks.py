@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 
 from cislunar.attitude.quaternion import rotate_components
+from cislunar.compiled import borrowing
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.elementary import exponential
 from cislunar.photometry.facets import (
@@ -233,7 +234,7 @@ def turns_of_slopes(b, count):
         b[TURN + 2, k] = scale * (ax * ly - ay * lx + bx * vy - by * vx)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def block_magnitudes(block, count, areas, normals, material, irradiance_4pi, fresnel_sqrt):
     """Apparent magnitudes of a block's first `count` geometries, into its row `MAGNITUDE`.
 
@@ -246,7 +247,7 @@ def block_magnitudes(block, count, areas, normals, material, irradiance_4pi, fre
     magnitudes_of_totals(b, count, irradiance_4pi)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def block_magnitude_gradients(block, count, areas, normals, material, irradiance_4pi, fresnel_sqrt):
     """Magnitudes as by `block_magnitudes`, and their derivatives by a small turn of the body.
 
@@ -263,7 +264,7 @@ def block_magnitude_gradients(block, count, areas, normals, material, irradiance
     turns_of_slopes(b, count)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def block_magnitude_departures(
     block, shares, stretched, count, areas, normals, material, irradiance_4pi, fresnel_sqrt
 ):

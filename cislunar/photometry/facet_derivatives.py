@@ -6,9 +6,9 @@ them changes |L + V|, and so the slope distribution, the attenuation and the Fre
 """
 
 import numpy as np
-from numba import njit
 
 from cislunar.attitude.quaternion import rotate_components
+from cislunar.compiled import borrowing
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.photometry.facets import (
     FLOOR_MAGNITUDE,
@@ -21,7 +21,7 @@ from cislunar.photometry.facets import (
 ZERO = (0.0, 0.0, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def fresnel_slope(cosine, normal_reflectance, fresnel_sqrt):
     """Derivative of `cislunar.photometry.facets.fresnel_reflectance` by the cosine."""
     q = cosine
@@ -42,7 +42,7 @@ def fresnel_slope(cosine, normal_reflectance, fresnel_sqrt):
     return ratio * ratio_slope * (1.0 + second * second) + ratio * ratio * second * second_slope
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def fresnel_by_reflectance(cosine, normal_reflectance, fresnel_sqrt):
     """Derivative of `cislunar.photometry.facets.fresnel_reflectance` by F0, above 0."""
     q = cosine
@@ -64,7 +64,7 @@ def fresnel_by_reflectance(cosine, normal_reflectance, fresnel_sqrt):
     return by_p * p_slope
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def facet_magnitude_derivatives(
     quaternion, sun_direction, view_direction, range_m, areas, normals, material,
     irradiance_4pi, fresnel_sqrt,

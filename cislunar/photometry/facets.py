@@ -22,6 +22,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude.quaternion import rotate_components
+from cislunar.compiled import allocating, borrowing
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import Facets
@@ -40,7 +41,7 @@ LARGEST_EXPONENT = 745.0
 LN10 = np.log(10.0)
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def fresnel_reflectance(cosine, normal_reflectance, fresnel_sqrt):
     """Unpolarized Fresnel reflectance of a microfacet at q = V.H (Paul & Fan, eqs. 12-15).
 
@@ -58,7 +59,7 @@ def fresnel_reflectance(cosine, normal_reflectance, fresnel_sqrt):
     return 0.5 * ratio * ratio * (1.0 + second * second)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def reflection_constants(material, half2, fresnel_sqrt):
     """d rho, s F / delta^2, 1 / delta^2 and the largest tan^2(phi) with a glint, of a material.
 
@@ -70,7 +71,7 @@ def reflection_constants(material, half2, fresnel_sqrt):
     return material[0] * material[2], material[1] * fresnel * steepness, steepness, far
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def facet_reflectance(lit, seen, lower, inverse_half2, diffuse, specular, steepness, far):
     """pi R_i / A_i of a facet with N.L = `lit` and N.V = `seen`, `lower` of which is the less."""
     both = lit + seen
@@ -84,7 +85,7 @@ def facet_reflectance(lit, seen, lower, inverse_half2, diffuse, specular, steepn
     return reflectance
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def facet_irradiance(
     quaternion, sun_direction, view_direction, range_m, areas, normals, material,
     irradiance_4pi, fresnel_sqrt,
@@ -142,7 +143,7 @@ def facet_irradiance(
     return total / spread
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def facet_magnitude(
     quaternion, sun_direction, view_direction, range_m, areas, normals, material,
     irradiance_4pi, fresnel_sqrt,
@@ -162,7 +163,7 @@ def facet_magnitude(
     return SUN_APPARENT_MAGNITUDE - 2.5 * np.log10(flux)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def facet_sums(light, view, half2, fresnel, areas, normals, material):
     """Sum of A_i (d rho (N.L)(N.V) + s alpha_i D_i F), m^2, and its derivatives by the directions
     (Paul & Fan, eqs. 9-11, 16, 17).

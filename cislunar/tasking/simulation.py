@@ -7,13 +7,13 @@ and the measurement errors of the targets they share, whatever else differs betw
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude import grp
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.quaternion import compose, multiply_components, normalize
 from cislunar.attitude.turning import turn_bodies
+from cislunar.compiled import borrowing
 from cislunar.constants import MU
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON
@@ -323,7 +323,7 @@ def draw_truth(
     return motion.advance(scene.sun_position.shape[0] - 1)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _errors(first, truth, estimates, a, f, out):
     """Errors of an interval (target, step, 12); see `estimation_errors`."""
     for j in range(out.shape[0]):

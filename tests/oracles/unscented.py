@@ -25,4 +25,5 @@ def moments(center, differences, weights):
     d = np.ascontiguousarray(differences)
     shift, covariance = np.empty(d.shape[1]), np.empty((d.shape[1], d.shape[1]))
     unscented.difference_moments(d, weights.outer, weights.mean_shift, shift, covariance)
-    return center + shift, covariance
+    lower = np.tril(covariance)  # what is above is not meant
+    return center + shift, lower + np.tril(lower, -1).T

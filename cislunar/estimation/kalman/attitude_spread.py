@@ -9,18 +9,17 @@ The root of the covariance being lower triangular with the attitude first, the s
 6 .. 11 of either sign share attitude and rate with the central one; they differ from it by nothing.
 """
 
-from numba import njit
-
 from cislunar.attitude.grp import GRP_A, GRP_F, grp_from_quaternion_components
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
 from cislunar.attitude.short_steps import torque_free_step
+from cislunar.compiled import borrowing
 from cislunar.estimation.expected import attitude_error
 
 _SIDE = 12
 """Sigma points of either sign."""
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def rotation_differences(omega, root, spread, step_s, bodies, j, differences):
     """Attitude and rate parts of the propagated differences (Paul & Fan, eq. 38), (24, 12).
 

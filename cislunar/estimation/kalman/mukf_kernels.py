@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
+from cislunar.compiled import allocating, borrowing, put
 from cislunar.dynamics.bundle import step_cloud
 from cislunar.dynamics.forces import of_state
 from cislunar.estimation.estimator import (
@@ -84,7 +85,7 @@ class FilterState(NamedTuple):
     counters: NDArray[np.int64]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _turn_left(quaternion, d1, d2, d3, d4):
     """quaternion <- d (x) quaternion, normalised."""
     q1, q2, q3, q4 = multiply_components(
@@ -97,7 +98,7 @@ def _turn_left(quaternion, d1, d2, d3, d4):
     quaternion[3] = q4 * scale
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _apply(quaternion, omega, translation, correction):
     """Inject a mean error state: multiplicative in the attitude, additive else."""
     d1, d2, d3, d4 = quaternion_from_grp_components(
@@ -110,7 +111,7 @@ def _apply(quaternion, omega, translation, correction):
         translation[c] += correction[6 + c]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def predict(state, j, k, bodies, scene, constants, work):
     """Carry the estimate of target j over the step from time k (Paul & Fan, eqs. 22, 37, 41).
 
@@ -142,7 +143,7 @@ def predict(state, j, k, bodies, scene, constants, work):
     return health if health != HEALTHY else take_covariance(work.covariance, root)
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _predict_rotation(state, j, bodies, step_s, constants, work):
     """Carry attitude and angular velocity alone over a step; their health."""
     quaternion, root, weights = state.quaternion[j], state.root[j], constants.weights
@@ -159,7 +160,7 @@ def _predict_rotation(state, j, bodies, step_s, constants, work):
     return take_covariance(covariance, root[:6, :6])
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _step(state, parts, j, k, bodies, scene, constants, work, orbit_work):
     """Carry target j over the step from time k; its health.
 
@@ -176,7 +177,7 @@ def _step(state, parts, j, k, bodies, scene, constants, work, orbit_work):
     return after_step(parts, j, translation, rows, work.shift[6:], health, k + 1, *given)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def update(state, j, measurements, row, k, scene, surfaces, constants, limits, strain, work):
     """Use one record of target j at time k (Paul & Fan, eqs. 51, 52); its outcome.
 
@@ -235,7 +236,7 @@ def update(state, j, measurements, row, k, scene, surfaces, constants, limits, s
     return ACCEPTED
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _update_split(state, parts, j, measurements, row, k, scene, surfaces, constants, work, stack):
     """Use one record of a target whose orbit is a mixture; its outcome.
 
@@ -258,7 +259,7 @@ def _update_split(state, parts, j, measurements, row, k, scene, surfaces, consta
     return outcome
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _use(state, parts, j, measurements, row, k, scene, surfaces, constants, work, stack):
     """Use one record of target j at time k; whether it was used.
 
@@ -294,49 +295,47 @@ def _use(state, parts, j, measurements, row, k, scene, surfaces, constants, work
     return outcome == ACCEPTED
 
 
+@borrowing
+def _advance_target(
+    j, first, scene, surfaces, bodies, constants, measurements, state, parts, out, work, stack
+):
+    """Filter one target over an interval that begins at time `first`."""
+    offset = measurements.offset
+    for i in range(offset.shape[1] - 1):
+        k = first + i
+        if state.failed[j] == HEALTHY:
+            given = bodies, scene, constants, work, stack.filter
+            state.failed[j] = _step(state, parts, j, k - 1, *given)
+            if state.failed[j] == LOST_DEFINITENESS:
+                state.counters[j, CHOLESKY_FAILURES] += 1
+        healthy = state.failed[j] == HEALTHY
+        for row in range(offset[j, i], offset[j, i + 1]):
+            given = scene, surfaces, constants, work, stack
+            out.used[row] = healthy and _use(state, parts, j, measurements, row, k, *given)
+        if not healthy:
+            out.quaternion[j, i, :] = np.nan
+            out.angular_velocity[j, i, :] = np.nan
+            out.translation[j, i, :] = np.nan
+            out.sigma[j, i, :] = np.nan
+            if i < out.covariance.shape[1]:
+                out.covariance[j, i, :, :] = np.nan
+            continue
+        put(out.quaternion[j, i], state.quaternion[j])
+        put(out.angular_velocity[j, i], state.omega[j])
+        put(out.translation[j, i], state.translation[j])
+        deviations(state.root[j], out.sigma[j, i])
+        if i < out.covariance.shape[1]:
+            covariance_of(state.root[j, 6:], out.covariance[j, i])
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def advance(targets, first, scene, surfaces, bodies, constants, measurements, state, parts, out):
     """Filter targets, from one to before another, over an interval that begins at time `first`."""
     work = make_workspace(SIZE, 3 if constants.use_magnitude else 2)
     stack = make_split_work(parts.weight.shape[1])
-    offset = measurements.offset
     for j in range(targets[0], targets[1]):
-        for i in range(offset.shape[1] - 1):
-            k = first + i
-            if state.failed[j] == HEALTHY:
-                given = bodies, scene, constants, work, stack.filter
-                state.failed[j] = _step(state, parts, j, k - 1, *given)
-                if state.failed[j] == LOST_DEFINITENESS:
-                    state.counters[j, CHOLESKY_FAILURES] += 1
-            healthy = state.failed[j] == HEALTHY
-            for row in range(offset[j, i], offset[j, i + 1]):
-                out.used[row] = healthy and _use(
-                    state,
-                    parts,
-                    j,
-                    measurements,
-                    row,
-                    k,
-                    scene,
-                    surfaces,
-                    constants,
-                    work,
-                    stack,
-                )
-            if not healthy:
-                out.quaternion[j, i, :] = np.nan
-                out.angular_velocity[j, i, :] = np.nan
-                out.translation[j, i, :] = np.nan
-                out.sigma[j, i, :] = np.nan
-                if i < out.covariance.shape[1]:
-                    out.covariance[j, i, :, :] = np.nan
-                continue
-            out.quaternion[j, i, :] = state.quaternion[j]
-            out.angular_velocity[j, i, :] = state.omega[j]
-            out.translation[j, i, :] = state.translation[j]
-            deviations(state.root[j], out.sigma[j, i])
-            if i < out.covariance.shape[1]:
-                covariance_of(state.root[j, 6:], out.covariance[j, i])
+        given = surfaces, bodies, constants, measurements, state, parts, out, work, stack
+        _advance_target(j, first, scene, *given)
 
 
 @njit(cache=True, error_model="numpy")

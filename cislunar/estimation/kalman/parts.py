@@ -14,9 +14,9 @@ docs/dynamics.md derives the method.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.compiled import allocating, borrowing, put
 from cislunar.dynamics.bundle import step_bundle
 from cislunar.dynamics.forces import of_state
 from cislunar.estimation.estimator import HEALTHY, NOT_FINITE
@@ -88,17 +88,17 @@ def no_parts(n_targets: int, splitting: bool) -> Parts:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def split_weights():
     """Weights of the parts `split` makes."""
     return np.array([1.0 - 2.0 * SPLIT_WEIGHT, SPLIT_WEIGHT, SPLIT_WEIGHT])
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def split(mean, root, axis, means, narrow):
     """Split a Gaussian along a column of its root: three means (3, 6) and their root (6, 6)."""
     length = SPLIT_NODE * np.sqrt(1.0 - SPLIT_VARIANCE)
-    narrow[:, :] = root
+    put(narrow, root)
     for c in range(SIZE):
         means[0, c] = mean[c]
         means[1, c] = mean[c] + length * root[c, axis]
@@ -106,7 +106,7 @@ def split(mean, root, axis, means, narrow):
         narrow[c, axis] = np.sqrt(SPLIT_VARIANCE) * root[c, axis]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def point_moments(points, weights, work):
     """Mean and covariance of sigma points (6, 13), into `work.shift` and `work.covariance`."""
     for c in range(SIZE):
@@ -119,7 +119,7 @@ def point_moments(points, weights, work):
         work.shift[c] += points[c, 0]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def definite_root(covariance):
     """Replace a covariance by its Cholesky factor; false if rounding has spoilt it."""
     for c in range(SIZE):
@@ -127,7 +127,7 @@ def definite_root(covariance):
     return cholesky(covariance)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def carry_points(points, j, first, last, scene, constants, work):
     """Carry sigma points (6, 13) of target j from one time to another."""
     stride = max(1, int(_STRIDE_S / scene.step_s))
@@ -137,7 +137,7 @@ def carry_points(points, j, first, last, scene, constants, work):
         step_bundle(forces, k * scene.step, points, dt, work.slopes, work.stage)
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def merge(parts, j, k, translation, root, scene, constants, work):
     """Mean and root of a mixture's moments at time k; the share of its spread between the parts.
 
@@ -173,7 +173,7 @@ def merge(parts, j, k, translation, root, scene, constants, work):
     return between
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def moments(parts, j, translation, rows, k, scene, constants, work):
     """Moments of a mixture at time k, into mean (6,) and rows (6, n) of a root; its health.
 
@@ -185,20 +185,21 @@ def moments(parts, j, translation, rows, k, scene, constants, work):
     return HEALTHY if between >= 0.0 else NOT_FINITE
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def keep_single(parts, j, translation, rows, k, work):
     """Keep the Gaussian of target j at time k, given by rows of a root, as what may be split."""
     covariance_of(rows, work.covariance)
     if not definite_root(work.covariance):
         return False
-    parts.mean[j, 0], parts.root[j, 0] = translation, work.covariance
+    put(parts.mean[j, 0], translation)
+    put(parts.root[j, 0], work.covariance)
     parts.weight[j, 0] = 1.0
     parts.since[j] = k
     parts.strain[j] = 0.0
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def before_step(parts, j, translation, rows, k, work):
     """Before a single Gaussian's step from time k: keep it, if a gap has begun.
 
@@ -211,7 +212,7 @@ def before_step(parts, j, translation, rows, k, work):
     parts.idle[j] += 1
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def after_step(parts, j, translation, rows, shift, health, k, scene, constants, work):
     """After a single Gaussian's step to time k, open it if it has bent; its health.
 
@@ -224,14 +225,17 @@ def after_step(parts, j, translation, rows, shift, health, k, scene, constants, 
         for c in range(SIZE):
             work.correction[c] = shift[c]
         solve_lower(rows[:, rows.shape[1] - SIZE :], work.correction)
-        parts.strain[j] += np.sqrt(np.sum(work.correction[:SIZE] ** 2))
+        squared = 0.0
+        for c in range(SIZE):
+            squared += work.correction[c] ** 2
+        parts.strain[j] += np.sqrt(squared)
         if parts.strain[j] <= _STRAIN:
             return health
     open_single(parts, j, k, scene, constants, work)
     return moments(parts, j, translation, rows, k, scene, constants, work)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def open_single(parts, j, k, scene, constants, work):
     """Carry the sigma points of the Gaussian that was kept to time k, as the only part."""
     spread = constants.orbit_weights.spread
@@ -240,7 +244,7 @@ def open_single(parts, j, k, scene, constants, work):
     parts.count[j] = 1
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def step_parts(parts, j, translation, rows, k, scene, constants, work):
     """Carry a mixture over the step from time k; its moments go into mean and rows of a root."""
     for m in range(parts.count[j]):
@@ -248,7 +252,7 @@ def step_parts(parts, j, translation, rows, k, scene, constants, work):
     return moments(parts, j, translation, rows, k + 1, scene, constants, work)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def step_orbit(parts, j, translation, root, k, scene, constants, work):
     """Carry the orbit of target j over the step from time k; its health."""
     if parts.count[j] > 0:
@@ -260,7 +264,7 @@ def step_orbit(parts, j, translation, root, k, scene, constants, work):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def updated(parts, j):
     """Say that a single Gaussian has been updated."""
     parts.idle[j], parts.since[j], parts.strain[j] = 0, -1, 0.0

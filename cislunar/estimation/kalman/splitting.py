@@ -6,9 +6,9 @@ See `cislunar.estimation.kalman.parts`.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.compiled import allocating, borrowing, put
 from cislunar.estimation.estimator import HEALTHY
 from cislunar.estimation.expected import expected_directions
 from cislunar.estimation.kalman.parts import (
@@ -65,7 +65,7 @@ class SplitWork(NamedTuple):
     points: Array
 
 
-@njit(cache=True)
+@allocating
 def make_split_work(most):
     """Scratch for mixtures of so many parts, none for a filter that does not split."""
     size = 2 * most
@@ -79,7 +79,7 @@ def make_split_work(most):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _log_likelihood(work):
     """Of the innovation, from the moments in the work."""
     a, b, c = work.even[0, 0], work.even[0, 1], work.even[1, 1]
@@ -93,7 +93,7 @@ def _log_likelihood(work):
     return -0.5 * (distance + np.log(determinant))
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _look(points, look, constants, work):
     """Moments of the angles expected at sigma points, into the work; the log likelihood.
 
@@ -115,7 +115,7 @@ def _look(points, look, constants, work):
     return _log_likelihood(work)
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _with_noise(look, place, n_steps, scene, constants):
     """A look whose variances hold what process noise of a gap does to the angles of a place."""
     right_ascension, declination, variance, observer, axes = look
@@ -129,7 +129,7 @@ def _with_noise(look, place, n_steps, scene, constants):
     return right_ascension, declination, wider, observer, axes
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _steepest(work, variance):
     """Axis along which the predicted angles have the largest second difference."""
     axis, largest = 0, -1.0
@@ -143,22 +143,25 @@ def _steepest(work, variance):
     return axis
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _wait(stack, at, weight, mean, root, look, constants):
     """Let a part wait at a place of the stack, its points there, with its score by a direction."""
-    stack.weight[at], stack.mean[at], stack.root[at] = weight, mean, root
+    stack.weight[at] = weight
+    put(stack.mean[at], mean)
+    put(stack.root[at], root)
     stack.score[at] = weight + _look(stack.points[at], look, constants, stack.filter)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _leave(stack, at, last):
     """Take a part off the stack: the last one moves to its place."""
     stack.weight[at], stack.score[at] = stack.weight[last], stack.score[last]
-    stack.mean[at], stack.root[at] = stack.mean[last], stack.root[last]
-    stack.points[at] = stack.points[last]
+    put(stack.mean[at], stack.mean[last])
+    put(stack.root[at], stack.root[last])
+    put(stack.points[at], stack.points[last])
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _take(parts, j, count, points, look, n_steps, scene, constants, work):
     """Update the Gaussian of sigma points as part number `count` of target j; whether it could.
 
@@ -170,11 +173,12 @@ def _take(parts, j, count, points, look, n_steps, scene, constants, work):
     if not definite_root(work.covariance):
         return False
     mean, root = parts.mean[j, count], parts.root[j, count]
-    mean[:], root[:, :] = work.shift, work.covariance
+    put(mean, work.shift)
+    put(root, work.covariance)
     return update_translation(mean, root, *look, NO_LIMITS, 0.0, weights, work) == ACCEPTED
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def update_parts(parts, j, translation, root, look, half_field, k, scene, constants, stack):
     """Use one direction of a mixture at time k: ACCEPTED, OUTSIDE_FIELD or FAILED_UPDATE.
 
@@ -239,7 +243,7 @@ def update_parts(parts, j, translation, root, look, half_field, k, scene, consta
     return ACCEPTED
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _weigh(parts, j, score, spread):
     """Weights of updated parts from the logarithms; those that count for nothing are left out."""
     best, count = np.max(score), 0
@@ -247,14 +251,17 @@ def _weigh(parts, j, score, spread):
         if score[m] < best - _LEAST_SCORE:
             continue
         parts.weight[j, count] = np.exp(score[m] - best)
-        parts.mean[j, count], parts.root[j, count] = parts.mean[j, m], parts.root[j, m]
+        put(parts.mean[j, count], parts.mean[j, m])
+        put(parts.root[j, count], parts.root[j, m])
         sigma_points(parts.mean[j, count], parts.root[j, count], spread, parts.points[j, count])
         count += 1
-    parts.weight[j, :count] /= np.sum(parts.weight[j, :count])
+    total = np.sum(parts.weight[j, :count])
+    for m in range(count):
+        parts.weight[j, m] /= total
     parts.count[j] = count
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def open_if_curved(parts, j, translation, rows, look, k, scene, constants, work):
     """Open a single Gaussian at time k, if its own sigma points say that it has to be split."""
     if parts.since[j] < 0 and not keep_single(parts, j, translation, rows, k, work):
@@ -270,7 +277,7 @@ def open_if_curved(parts, j, translation, rows, look, k, scene, constants, work)
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def use_direction(parts, j, translation, root, look, half_field, k, scene, constants, stack):
     """Use one direction of target j at time k; its outcome, as of `update_translation`.
 

@@ -6,8 +6,8 @@ that leaving it to the attitude's estimator changes the orbit by less than its n
 """
 
 import numpy as np
-from numba import njit
 
+from cislunar.compiled import borrowing
 from cislunar.dynamics.bundle import step_cloud
 from cislunar.dynamics.forces import of_state
 from cislunar.estimation.estimator import HEALTHY
@@ -32,7 +32,7 @@ SIZE = 6
 ACCEPTED, OUTSIDE_FIELD, FAILED_UPDATE, CURVED = range(4)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def predict_translation(translation, root, j, k, scene, constants, work):
     """Carry mean (6,) and root (6, 6) of target j over the step from time k; their health."""
     weights, bundle, differences = constants.weights, work.bundle, work.differences
@@ -51,7 +51,7 @@ def predict_translation(translation, root, j, k, scene, constants, work):
     return health if health != HEALTHY else take_covariance(work.covariance, root)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def is_curved(even, cross, variance, strain, limit):
     """Whether the second-order part of predicted angles exceeds so many noise variances.
 
@@ -68,7 +68,7 @@ def is_curved(even, cross, variance, strain, limit):
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def update_translation(
     translation,
     root,

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.compiled import allocating, borrowing, put
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.estimation.estimator import (
     HEALTHY,
@@ -100,7 +101,7 @@ class Workspace(NamedTuple):
     correction: Array
 
 
-@njit(cache=True)
+@allocating
 def make_workspace(size, measured):
     """Scratch arrays for so many states and components of a measurement."""
     outer = 2 * size
@@ -121,7 +122,7 @@ def make_workspace(size, measured):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def translation_condition(translation, primaries, constants):
     """Whether a translation (6,) is usable: HEALTHY, NOT_FINITE or INSIDE_PRIMARY.
 
@@ -145,7 +146,7 @@ def add_process_noise(covariance, constants):
         covariance[c, c - 3] += constants.process_covariance
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def noise_of_gap(n_steps, dt, constants):
     """Variance of position, covariance with velocity, variance of velocity on each axis.
 
@@ -161,7 +162,7 @@ def noise_of_gap(n_steps, dt, constants):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def add_orbit_noise(covariance, n_steps, dt, constants):
     """Add the noise of a gap to a covariance (6, 6) of the orbit, to its lower triangle."""
     position, both, velocity = noise_of_gap(n_steps, dt, constants)
@@ -171,23 +172,23 @@ def add_orbit_noise(covariance, n_steps, dt, constants):
         covariance[c + 3, c + 3] += velocity
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def take_covariance(covariance, root):
     """Put the Cholesky factor of a covariance, which is spoilt, into `root`; returns the health."""
     if not cholesky(covariance):
         return LOST_DEFINITENESS if np.isfinite(np.sum(covariance)) else NOT_FINITE
-    root[:, :] = covariance
+    put(root, covariance)
     return HEALTHY
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def in_field(off_ra, off_dec, declination, half_field):
     """Whether a direction lies in the field of view about the expected one."""
     # Right ascension is compared on the sky: at the pole of the body frame it means nothing.
     return abs(off_ra) * np.cos(declination) <= half_field and abs(off_dec) <= half_field
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def deviations(root, sigma):
     """Standard deviations (n,) of a covariance given by its lower Cholesky factor (n, n)."""
     for c in range(sigma.shape[0]):
@@ -197,7 +198,7 @@ def deviations(root, sigma):
         sigma[c] = np.sqrt(total)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def covariance_of(rows, covariance):
     """Covariance (n, n) of some states, given their rows (n, m) of a Cholesky factor."""
     for c in range(rows.shape[0]):

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.compiled import allocating, borrowing, put
 from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
     HEALTHY,
@@ -93,7 +94,7 @@ class FitState(NamedTuple):
     fitted: NDArray[np.int64]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _fill_row(row, elapsed, magnitude, seen, weight, translation, observer, sun, to_inertial):
     """One row of a light curve, with the geometry of the estimated place.
 
@@ -115,14 +116,14 @@ def _fill_row(row, elapsed, magnitude, seen, weight, translation, observer, sun,
     row[RANGE] = distance * METRES
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _carry_points(points, count, elapsed, model):
     """Carry the first points of a mixture over so many seconds."""
     quaternion, omega, _, departures = points
     step_points(quaternion[:count], omega[:count], departures[:count], elapsed, model)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _refit(hypotheses, data, model, settings, rng, elapsed, points):
     """Fit a light curve and lay out the mixture's points at a time; returns their number."""
     search_until_clear(hypotheses, data, model, settings, rng)
@@ -131,7 +132,7 @@ def _refit(hypotheses, data, model, settings, rng, elapsed, points):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _use(
     records, row, j, k, scene, constants, parts, translation, root, data, rows, counters, work
 ):
@@ -182,6 +183,62 @@ def _use(
     return used, rows
 
 
+@borrowing
+def _advance(j, first, scene, constants, model, records, parts, own, state, out, scratch):
+    """See `advance_target`; `own` is what is target j's alone."""
+    translation, root, counters, hypotheses, points, data, rng = own
+    quaternion, omega, weight, _ = points
+    work, differences = scratch
+    offset, settings = records.offset[j], constants.search
+    n_steps = offset.shape[0] - 1
+    for i in range(n_steps):
+        k = first + i
+        if state.condition[j] == HEALTHY:
+            state.condition[j] = step_orbit(
+                parts, j, translation, root, k - 1, scene, constants.translation, work.filter
+            )
+            if state.condition[j] == LOST_DEFINITENESS:
+                counters[CHOLESKY_FAILURES] += 1
+        if state.condition[j] != HEALTHY:
+            out.used[offset[i] : offset[i + 1]] = False
+            out.quaternion[j, i, :] = np.nan
+            out.angular_velocity[j, i, :] = np.nan
+            out.translation[j, i, :] = np.nan
+            out.sigma[j, i, :] = np.nan
+            if i < out.covariance.shape[1]:
+                out.covariance[j, i, :, :] = np.nan
+            continue
+        _carry_points(points, state.points[j], scene.step_s, model)
+        for row in range(offset[i], offset[i + 1]):
+            given = parts, translation, root, data, state.rows[j], counters, work
+            out.used[row], state.rows[j] = _use(records, row, j, k, scene, constants, *given)
+        fresh = state.rows[j] - state.fitted[j]
+        grown = constants.growth > 0.0 and fresh >= max(
+            constants.growth * state.fitted[j], FEWEST_FRESH
+        )
+        if fresh > 0 and (i == n_steps - 1 or grown):
+            state.points[j] = _refit(
+                hypotheses, data[: state.rows[j]], model, settings, rng, k * scene.step_s, points
+            )
+            state.fitted[j] = state.rows[j]
+        n, sigma = state.points[j], out.sigma[j, i]
+        mean_q, mean_omega = out.quaternion[j, i], out.angular_velocity[j, i]
+        mixture_moments(quaternion[:n], omega[:n], weight[:n], mean_q, mean_omega, differences)
+        weighted_deviations(differences[:n], weight[:n], sigma[:ROTATION])
+        put(out.translation[j, i], translation)
+        deviations(root, sigma[ROTATION:])
+        if i < out.covariance.shape[1]:
+            covariance_of(root, out.covariance[j, i])
+    if state.condition[j] == HEALTHY:
+        memory = np.exp(-n_steps * scene.step_s / constants.memory_s)
+        end = (first + n_steps - 1) * scene.step_s
+        _forget(hypotheses, data, model, state, j, end - constants.window_s, memory)
+        if memory < 1.0:  # what is known has faded, whether or not there are new data
+            state.points[j] = _refit(
+                hypotheses, data[: state.rows[j]], model, settings, rng, end, points
+            )
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def advance_target(
     j,
@@ -205,63 +262,12 @@ def advance_target(
 
     `model`, `hypotheses`, `points`, `data` and `rng` are its own, the other arrays those of all.
     """
-    quaternion, omega, weight, _ = points
-    translation, root, counters = translation[j], root[j], counters[j]
-    work = make_split_work(parts.weight.shape[1])
-    differences = np.empty((weight.shape[0], ROTATION))
-    offset, settings = records.offset[j], constants.search
-    n_steps = offset.shape[0] - 1
-    for i in range(n_steps):
-        k = first + i
-        if state.condition[j] == HEALTHY:
-            state.condition[j] = step_orbit(
-                parts, j, translation, root, k - 1, scene, constants.translation, work.filter
-            )
-            if state.condition[j] == LOST_DEFINITENESS:
-                counters[CHOLESKY_FAILURES] += 1
-        if state.condition[j] != HEALTHY:
-            out.used[offset[i] : offset[i + 1]] = False
-            out.quaternion[j, i, :] = np.nan
-            out.angular_velocity[j, i, :] = np.nan
-            out.translation[j, i, :] = np.nan
-            out.sigma[j, i, :] = np.nan
-            if i < out.covariance.shape[1]:
-                out.covariance[j, i, :, :] = np.nan
-            continue
-        _carry_points(points, state.points[j], scene.step_s, model)
-        for row in range(offset[i], offset[i + 1]):
-            estimate = parts, translation, root, data, state.rows[j], counters
-            out.used[row], state.rows[j] = _use(
-                records, row, j, k, scene, constants, *estimate, work
-            )
-        fresh = state.rows[j] - state.fitted[j]
-        grown = constants.growth > 0.0 and fresh >= max(
-            constants.growth * state.fitted[j], FEWEST_FRESH
-        )
-        if fresh > 0 and (i == n_steps - 1 or grown):
-            state.points[j] = _refit(
-                hypotheses, data[: state.rows[j]], model, settings, rng, k * scene.step_s, points
-            )
-            state.fitted[j] = state.rows[j]
-        n, sigma = state.points[j], out.sigma[j, i]
-        mean_q, mean_omega = out.quaternion[j, i], out.angular_velocity[j, i]
-        mixture_moments(quaternion[:n], omega[:n], weight[:n], mean_q, mean_omega, differences)
-        weighted_deviations(differences[:n], weight[:n], sigma[:ROTATION])
-        out.translation[j, i] = translation
-        deviations(root, sigma[ROTATION:])
-        if i < out.covariance.shape[1]:
-            covariance_of(root, out.covariance[j, i])
-    if state.condition[j] == HEALTHY:
-        memory = np.exp(-n_steps * scene.step_s / constants.memory_s)
-        end = (first + n_steps - 1) * scene.step_s
-        _forget(hypotheses, data, model, state, j, end - constants.window_s, memory)
-        if memory < 1.0:  # what is known has faded, whether or not there are new data
-            state.points[j] = _refit(
-                hypotheses, data[: state.rows[j]], model, settings, rng, end, points
-            )
+    scratch = make_split_work(parts.weight.shape[1]), np.empty((points[2].shape[0], ROTATION))
+    own = translation[j], root[j], counters[j], hypotheses, points, data, rng
+    _advance(j, first, scene, constants, model, records, parts, own, state, out, scratch)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _forget(hypotheses, data, model, state, j, before, memory):
     """Condense the rows of target j older than a time."""
     old = 0
@@ -271,12 +277,12 @@ def _forget(hypotheses, data, model, state, j, before, memory):
         return
     condense(hypotheses, data[:old], model, memory)
     for i in range(old, state.rows[j]):
-        data[i - old] = data[i]
+        put(data[i - old], data[i])
     state.rows[j] -= old
     state.fitted[j] -= old
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def predict_target(
     j, k, scene, constants, model, parts, translation, root, points, count, mean, rate, joint
 ):

@@ -7,8 +7,8 @@ enough.
 """
 
 import numpy as np
-from numba import njit
 
+from cislunar.compiled import allocating, borrowing
 from cislunar.estimation.light_curves.hypotheses import anchor_of, search
 from cislunar.estimation.light_curves.light_curve import anchor_cost, cost
 
@@ -22,7 +22,7 @@ LEAST_GAIN = 0.1
 """Gain of the logarithm of the evidence below which a search has added nothing."""
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _evidence(hypotheses, data, model):
     """Logarithm of the evidence, up to a constant, and whether the best mode fits poorly."""
     u, root, rows = hypotheses.u[0], hypotheses.root[0], data.shape[0]
@@ -39,7 +39,7 @@ def _evidence(hypotheses, data, model):
     return -value - log_det - np.log(hypotheses.weight[0]), poor
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def search_until_clear(hypotheses, data, model, settings, rng):
     """`cislunar.estimation.light_curves.hypotheses.search` up to `settings.searches` times."""
     search(hypotheses, data, model, settings, rng)

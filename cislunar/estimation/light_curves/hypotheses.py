@@ -10,9 +10,10 @@ N(u_j, H_j^-1) with Laplace's weights (Tierney & Kadane 1986)
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.compiled import allocating, borrowing, put
+from cislunar.estimation.light_curves.cost_work import make_cost_work
 from cislunar.estimation.light_curves.levenberg_marquardt import (
     INITIAL_DAMPING,
     WARM_DAMPING,
@@ -23,8 +24,8 @@ from cislunar.estimation.light_curves.light_curve import (
     Anchor,
     anchor_cost,
     carried_unknowns,
-    cost,
     cost_and_derivatives,
+    cost_with,
     initial_state,
 )
 from cislunar.estimation.light_curves.row_blocks import ROTATION
@@ -82,7 +83,7 @@ def prior_hypotheses(modes: int, unknowns: int = ROTATION) -> Hypotheses:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def anchor_of(hypotheses, j):
     """What a mode knows of data no longer kept."""
     return Anchor(
@@ -90,7 +91,7 @@ def anchor_of(hypotheses, j):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _draw_mode(hypotheses, rng):
     """A live mode at random by weight."""
     left = rng.random()
@@ -101,7 +102,7 @@ def _draw_mode(hypotheses, rng):
     return hypotheses.count[0] - 1
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _draw(hypotheses, settings, from_anchor, rng, root, u):
     """Draw a point around a mode, or from what the mode began with; returns the mode.
 
@@ -128,7 +129,7 @@ def _draw(hypotheses, settings, from_anchor, rng, root, u):
     return j
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _lowest_of_pool(hypotheses, data, model, settings, starts, from_anchor, rng, points, origins):
     """The `starts` draws of lowest cost out of a random pool, into `points` and `origins`.
 
@@ -138,13 +139,14 @@ def _lowest_of_pool(hypotheses, data, model, settings, starts, from_anchor, rng,
     costs = np.full(starts, np.inf)
     unknowns = hypotheses.u.shape[1]
     u, root = np.empty(unknowns), np.empty((unknowns, unknowns))
-    filled = 0
+    work, filled = make_cost_work(unknowns), 0
     draws = settings.pool if data.shape[0] < FIRST_ROWS else settings.pool // 2
     for _ in range(draws):
         j = _draw(hypotheses, settings, from_anchor, rng, root, u)
         if _is_known(u, hypotheses, settings.merge_distance):
             continue
-        value = cost(u, data, anchor_of(hypotheses, j), model, costs[starts - 1])
+        anchor = anchor_of(hypotheses, j)
+        value = cost_with(work, u, data, anchor, model, costs[starts - 1])
         if not value < costs[starts - 1]:
             continue
         place = min(filled, starts - 1)
@@ -160,7 +162,7 @@ def _lowest_of_pool(hypotheses, data, model, settings, starts, from_anchor, rng,
     return filled
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _is_known(u, hypotheses, merge_distance):
     """Whether a point lies within the merging distance of a live mode."""
     for j in range(hypotheses.count[0]):
@@ -169,7 +171,7 @@ def _is_known(u, hypotheses, merge_distance):
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _pool(hypotheses, data, model, settings, starts, rng, points, origins):
     """Starts out of a random pool, half from the prior and half from around the live modes.
 
@@ -186,10 +188,10 @@ def _pool(hypotheses, data, model, settings, starts, rng, points, origins):
     return drawn
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _log_weight(value, information, root):
     """Laplace's log weight of a minimum; -inf if it is none. `root` receives H's factor."""
-    root[:, :] = information
+    put(root, information)
     if not (np.isfinite(value) and cholesky(root)):
         return -np.inf
     log_det = 0.0
@@ -198,7 +200,7 @@ def _log_weight(value, information, root):
     return -value - log_det
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _select(hypotheses, settings, found, roots, log_weights, origins):
     """Replace the live modes by the best of the minima found."""
     order = np.argsort(-log_weights, kind="mergesort")  # stable
@@ -232,7 +234,7 @@ def _select(hypotheses, settings, found, roots, log_weights, origins):
     hypotheses.count[0] = kept
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _thinned(data):
     """Every so many rows of a long light curve, enough to find basins in."""
     every = max(1, data.shape[0] // SCREENING_ROWS)
@@ -244,7 +246,7 @@ def _thinned(data):
     return thin
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def search(hypotheses, data, model, settings, rng):
     """Find the modes of the posterior given the whole light curve, starting from the live ones.
 
@@ -285,7 +287,7 @@ def search(hypotheses, data, model, settings, rng):
     hypotheses.count[1] += 1
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def condense(hypotheses, data, model, memory):
     """Put part of a light curve (n, COLUMNS) into the anchors, so that it need not be kept.
 
@@ -320,7 +322,7 @@ def condense(hypotheses, data, model, memory):
         anchor.offset[0] += value - anchor_cost(u, anchor)
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _carried_root(root, carried, reach):
     """Root of the covariance of the first unknowns of a mode, times `reach`, (carried, carried).
 
@@ -345,7 +347,7 @@ def _carried_root(root, carried, reach):
     return covariance
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def mixture_points(hypotheses, model, quaternion, omega, weight, departures):
     """Equally weighted points of every live mode with its mean and covariance; their number.
 

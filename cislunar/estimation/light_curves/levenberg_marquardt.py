@@ -6,9 +6,10 @@ lambda is lowered; otherwise lambda is raised and the step tried again.
 """
 
 import numpy as np
-from numba import njit
 
-from cislunar.estimation.light_curves.light_curve import cost_and_derivatives
+from cislunar.compiled import allocating, borrowing, put
+from cislunar.estimation.light_curves.cost_work import make_cost_work
+from cislunar.estimation.light_curves.light_curve import derivatives_with
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 
 INITIAL_DAMPING = 1e-2
@@ -22,7 +23,7 @@ SMALLEST_DECREASE = 0.02
 """Decrease of the cost (half a chi squared) at which a minimum counts as found."""
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def squared_distance(u, other, root):
     """Squared Mahalanobis distance ``|L^T (u - other)|^2``, L L^T the information at `other`."""
     total = 0.0
@@ -34,7 +35,7 @@ def squared_distance(u, other, root):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def refine(
     u, data, anchor, model, damping, max_iterations, information, known, known_roots, merge_distance
 ):
@@ -48,11 +49,12 @@ def refine(
     gradient, trial_gradient = np.empty(unknowns), np.empty(unknowns)
     trial_information, damped = np.empty((unknowns, unknowns)), np.empty((unknowns, unknowns))
     step, trial = np.empty(unknowns), np.empty(unknowns)
-    best = cost_and_derivatives(u, data, anchor, model, gradient, information)
+    work = make_cost_work(unknowns)
+    best = derivatives_with(work, u, data, anchor, model, gradient, information)
     for _ in range(max_iterations):
         decrease = 0.0
         for _ in range(LARGEST_FAILURES):
-            damped[:, :] = information
+            put(damped, information)
             for i in range(unknowns):
                 damped[i, i] *= 1.0 + damping
                 step[i] = -gradient[i]
@@ -61,9 +63,8 @@ def refine(
                 solve_transposed(damped, step)
                 for i in range(unknowns):
                     trial[i] = u[i] + step[i]
-                value = cost_and_derivatives(
-                    trial, data, anchor, model, trial_gradient, trial_information
-                )
+                given = data, anchor, model, trial_gradient, trial_information
+                value = derivatives_with(work, trial, *given)
                 if value < best:
                     decrease = best - value
                     best = value
@@ -71,9 +72,9 @@ def refine(
             damping *= DAMPING_AFTER_FAILURE
         if decrease == 0.0:
             break
-        u[:] = trial
-        gradient[:] = trial_gradient
-        information[:, :] = trial_information
+        put(u, trial)
+        put(gradient, trial_gradient)
+        put(information, trial_information)
         for j in range(known.shape[0]):
             if squared_distance(u, known[j], known_roots[j]) < merge_distance:
                 return np.inf

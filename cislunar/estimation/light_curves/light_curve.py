@@ -33,11 +33,13 @@ from cislunar.attitude.departures import (
     COLUMNS,
     TURN_IF_KNOWN,
     TURN_PER_STEP,
+    begin_track,
     departed_rotation,
-    start_track,
 )
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
+from cislunar.compiled import allocating, borrowing
+from cislunar.estimation.light_curves.cost_work import make_cost_work
 from cislunar.estimation.light_curves.row_blocks import (
     CURVATURE,
     MAGNITUDE,
@@ -52,9 +54,7 @@ from cislunar.estimation.light_curves.row_blocks import (
     pull_back_matrix,
     read_attitude,
     rows_of_unknowns,
-    sum_rows,
     turn_evenly,
-    work_rows,
 )
 from cislunar.photometry.bodies import Body
 from cislunar.photometry.body_blocks import (
@@ -63,12 +63,7 @@ from cislunar.photometry.body_blocks import (
     body_magnitudes,
 )
 from cislunar.photometry.departures import departed_body, departure_rows
-from cislunar.photometry.facet_blocks import (
-    BLOCK_ROWS,
-    LANES,
-    block_magnitude_gradients,
-    block_magnitudes,
-)
+from cislunar.photometry.facet_blocks import LANES
 from cislunar.photometry.facet_blocks import MAGNITUDE as EXPECTED
 from cislunar.photometry.materials import FACET, STRETCH
 
@@ -137,7 +132,7 @@ class Anchor(NamedTuple):
     offset: Array
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def initial_state(u, model, quaternion, omega):
     """Attitude ``dq(p0) (x) q`` (4,) and angular velocity (3,) at the epoch, given the unknowns."""
     sigma, q = model.sigma, model.quaternion
@@ -151,7 +146,7 @@ def initial_state(u, model, quaternion, omega):
         omega[c] = model.omega[c] + sigma[3 + c] * u[3 + c]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def anchor_cost(u, anchor):
     """Value of an anchor's quadratic."""
     total = 0.0
@@ -161,7 +156,7 @@ def anchor_cost(u, anchor):
     return anchor.offset[0] + 0.5 * total
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def fainter_than_limit(z):
     """Cost of a non-detection, and its first two derivatives by z = (h - limit) / noise.
 
@@ -179,41 +174,40 @@ def carried_unknowns(model):
     return ROTATION + model.rotation_kinds.shape[0]
 
 
-@njit(cache=True, error_model="numpy")
-def _body(u, model):
-    """Inertia of the body, its inverse and the forced acceleration, given the unknowns."""
-    forced = np.zeros(3)
+@borrowing
+def _set_motion(u, model, with_columns, work):
+    """Motion and body at the epoch, given the unknowns, into the work."""
+    initial_state(u, model, work.start, work.omega)
     carried = carried_unknowns(model)
-    if carried == ROTATION:
-        return model.inertia, model.inverse_inertia, forced
-    out = np.empty((3, 3)), np.empty((3, 3)), forced
-    amounts = model.sigma[ROTATION:carried] * u[ROTATION:carried]
-    departed_rotation(model.rotation_kinds, amounts, model.inertia, model.inverse_inertia, out)
-    return out
+    for c in range(ROTATION, carried):
+        work.amounts[c] = model.sigma[c] * u[c]
+    amounts, believed = work.amounts[ROTATION:carried], (model.inertia, model.inverse_inertia)
+    departed_rotation(model.rotation_kinds, amounts, *believed, work.body)
+    if not model.even:
+        begin_track(work.track, work.times, work.start, work.omega, work.body, with_columns)
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _surface(u, model):
-    """Shape and material of the body, given the unknowns."""
-    if model.surface_kinds.shape[0] == 0:
-        return model.surface
+    """Shape and material of a body whose surface departs, given the unknowns."""
     carried = carried_unknowns(model)
     return departed_body(model.surface_kinds, model.sigma[carried:] * u[carried:], model.surface)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _magnitudes_and_departures(block, shares, work, rows, surface, model):
     """Magnitudes of a block, their derivatives by a turn, and those by departures of surface."""
     readings = model.irradiance_4pi, model.fresnel_sqrt
-    kinds = model.surface_kinds
-    stretched = np.any((kinds >= STRETCH) & (kinds < FACET))
+    kinds, stretched = model.surface_kinds, False
+    for kind in kinds:
+        stretched |= STRETCH <= kind < FACET
     body_magnitude_departures(block, shares, stretched, rows, surface, *readings)
     first = carried_unknowns(model)
     out = rows_of_unknowns(work, first)
     departure_rows(block, shares, rows, kinds, model.sigma[first:], surface, readings[1], out)
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def cost(u, data, anchor, model, stop_above):
     """Negative logarithm of the posterior, up to a constant (compiled).
 
@@ -237,31 +231,40 @@ def cost(u, data, anchor, model, stop_above):
     float
         The cost, or a lower bound of it above `stop_above`.
     """
+    return cost_with(make_cost_work(u.shape[0]), u, data, anchor, model, stop_above)
+
+
+@borrowing
+def cost_with(work, u, data, anchor, model, stop_above):
+    """As `cost`, which makes the scratch that is given here."""
+    _set_motion(u, model, False, work)
     total = anchor_cost(u, anchor)
-    start, omega = np.empty(4), np.empty(3)
-    initial_state(u, model, start, omega)
-    block, work = np.empty((BLOCK_ROWS, LANES)), np.empty((work_rows(ROTATION), LANES))
-    squares, seen = 0.0, 0
-    even, body = model.even, _body(u, model)
-    track, times = np.empty((0, COLUMNS)), omega
+    if model.surface_kinds.shape[0] > 0:
+        return _sum_of_departed_rows(total, u, data, model, stop_above, work)
+    return _sum_of_rows(total, data, model, model.surface, stop_above, work)
+
+
+@allocating
+def _sum_of_departed_rows(total, u, data, model, stop_above, work):
+    """`_sum_of_rows` of a body whose surface departs."""
+    return _sum_of_rows(total, data, model, _surface(u, model), stop_above, work)
+
+
+@borrowing
+def _sum_of_rows(total, data, model, surface, stop_above, work):
+    """Cost of the rows added to that of the anchor, the motion given in the work; see `cost`."""
+    block, track, times = work.block, work.track, work.times
+    squares, seen, even = 0.0, 0, model.even
     turn = TURN_IF_KNOWN if model.rotation_kinds.shape[0] == 0 else TURN_PER_STEP
-    if not even:
-        track, times = start_track(start, omega, body, False)
-    surface = _surface(u, model)
-    plain = surface.areas, surface.normals, surface.materials[0]
-    readings = model.irradiance_4pi, model.fresnel_sqrt
     inverse_noise = 1.0 / np.sqrt(model.noise_variance)
     for first in range(0, data.shape[0], LANES):
         rows = min(LANES, data.shape[0] - first)
-        fill_block(block, work, data, first, rows)
+        fill_block(block, work.rows, data, first, rows)
         if even:
-            turn_evenly(block, work, rows, start, omega)
+            turn_evenly(block, work.rows, rows, work.start, work.omega)
         else:
-            read_attitude(block, work, rows, track, times, 0, body, turn)
-        if surface.rough:
-            body_magnitudes(block, rows, surface, *readings)
-        else:
-            block_magnitudes(block, rows, *plain, *readings)
+            read_attitude(block, work.rows, rows, track, times, 0, work.body, turn)
+        body_magnitudes(block, rows, surface, model.irradiance_4pi, model.fresnel_sqrt)
         for k in range(rows):
             h, weight = block[EXPECTED, k], data[first + k, WEIGHT]
             if data[first + k, SEEN] == 1.0:
@@ -276,7 +279,7 @@ def cost(u, data, anchor, model, stop_above):
     return total + _misfit(squares, seen, model)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _misfit(squares, seen, model):
     """Misfit of the detections; never falls as data come in."""
     freedom = model.noise_freedom
@@ -292,45 +295,70 @@ def _trust(squares, seen, model):
     return (freedom + seen) * assumed / (freedom * assumed + squares) if freedom > 0.0 else 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def cost_and_derivatives(u, data, anchor, model, gradient, information):
     """Cost, its gradient (n,), and the Gauss-Newton approximation of its Hessian (n, n).
 
     The latter is ``Lambda + sum_k w_k a_k a_k^T / R``, a_k the gradient of h_k; see `cost`.
     """
-    total = anchor_cost(u, anchor)
-    start, omega = np.empty(4), np.empty(3)
-    initial_state(u, model, start, omega)
-    unknowns = u.shape[0]
-    block, work = np.empty((BLOCK_ROWS, LANES)), np.empty((work_rows(unknowns), LANES))
-    kinds, carried = model.rotation_kinds, carried_unknowns(model)
-    products = np.zeros((sum_rows(unknowns), LANES))
-    inverse_variance = 1.0 / model.noise_variance
-    inverse_noise = np.sqrt(inverse_variance)
-    squares, seen = 0.0, 0
-    even, body = model.even, _body(u, model)
-    track, times = np.empty((0, COLUMNS)), omega
-    turn = TURN_IF_KNOWN if model.rotation_kinds.shape[0] == 0 else TURN_PER_STEP
-    if not even:
-        track, times = start_track(start, omega, body, True)
+    work = make_cost_work(u.shape[0])
+    return derivatives_with(work, u, data, anchor, model, gradient, information)
+
+
+@allocating
+def derivatives_with(work, u, data, anchor, model, gradient, information):
+    """As `cost_and_derivatives`, which makes the scratch that is given here."""
+    _set_motion(u, model, True, work)
+    unknowns, total = u.shape[0], anchor_cost(u, anchor)
+    if model.surface_kinds.shape[0] > 0:
+        total, squares, seen = _products_of_departed(total, u, data, model, work)
+    else:
+        no_shares = work.block[:0]
+        total, squares, seen = _sum_of_products(total, data, model, model.surface, no_shares, work)
+    curvatures, slopes = fold(work.products, pull_back_matrix(u, work.start, model.sigma), unknowns)
+    trust = _trust(squares, seen, model)
+    for i in range(unknowns):
+        gradient[i] = trust * slopes[i]
+        for j in range(unknowns):
+            gradient[i] += anchor.information[i, j] * (u[j] - anchor.mean[j])
+            information[i, j] = anchor.information[i, j] + trust * curvatures[i, j]
+    return total + _misfit(squares, seen, model)
+
+
+@allocating
+def _products_of_departed(total, u, data, model, work):
+    """`_sum_of_products` of a body whose surface departs."""
     surface = _surface(u, model)
-    plain = surface.areas, surface.normals, surface.materials[0]
-    readings = model.irradiance_4pi, model.fresnel_sqrt
     with_shares = np.any(model.surface_kinds >= FACET)
     shares = np.empty((surface.areas.shape[0] if with_shares else 0, LANES))
+    return _sum_of_products(total, data, model, surface, shares, work)
+
+
+@borrowing
+def _sum_of_products(total, data, model, surface, shares, work):
+    """As `_sum_of_rows`, and the products of the derivatives; the misfit is returned in its parts.
+
+    They are the cost without the detections, the sum of their squares, and their number.
+    """
+    block, w, track, times = work.block, work.rows, work.track, work.times
+    work.products[:, :] = 0.0
+    squares, seen, even = 0.0, 0, model.even
+    kinds, carried = model.rotation_kinds, carried_unknowns(model)
+    turn = TURN_IF_KNOWN if kinds.shape[0] == 0 else TURN_PER_STEP
+    inverse_variance = 1.0 / model.noise_variance
+    inverse_noise = np.sqrt(inverse_variance)
     for first in range(0, data.shape[0], LANES):
         rows = min(LANES, data.shape[0] - first)
-        fill_block(block, work, data, first, rows)
+        fill_block(block, w, data, first, rows)
         if even:
-            turn_evenly(block, work, rows, start, omega)
+            turn_evenly(block, w, rows, work.start, work.omega)
         else:
-            read_attitude(block, work, rows, track, times, COLUMNS, body, turn)
+            read_attitude(block, w, rows, track, times, COLUMNS, work.body, turn)
         if model.surface_kinds.shape[0] > 0:
-            _magnitudes_and_departures(block, shares, work, rows, surface, model)
-        elif surface.rough:
-            body_magnitude_gradients(block, rows, surface, *readings)
+            _magnitudes_and_departures(block, shares, w, rows, surface, model)
         else:
-            block_magnitude_gradients(block, rows, *plain, *readings)
+            readings = model.irradiance_4pi, model.fresnel_sqrt
+            body_magnitude_gradients(block, rows, surface, *readings)
         for k in range(rows):
             h, weight = block[EXPECTED, k], data[first + k, WEIGHT]
             if data[first + k, SEEN] == 1.0:
@@ -346,15 +374,7 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
                 total += value
                 slope *= sharpness
                 curvature *= weight * inverse_variance
-            work[MISFIT_SLOPE, k], work[CURVATURE, k] = slope, curvature
-        pull_back(block, work, rows, omega, even, kinds, model.sigma[ROTATION:carried])
-        add_products(work, rows, products)
-    to_unknowns = pull_back_matrix(u, start, model.sigma)
-    curvatures, slopes = fold(products, to_unknowns, unknowns)
-    trust = _trust(squares, seen, model)
-    for i in range(unknowns):
-        gradient[i] = trust * slopes[i]
-        for j in range(unknowns):
-            gradient[i] += anchor.information[i, j] * (u[j] - anchor.mean[j])
-            information[i, j] = anchor.information[i, j] + trust * curvatures[i, j]
-    return total + _misfit(squares, seen, model)
+            w[MISFIT_SLOPE, k], w[CURVATURE, k] = slope, curvature
+        pull_back(block, w, rows, work.omega, even, kinds, model.sigma[ROTATION:carried])
+        add_products(w, rows, work.products)
+    return total, squares, seen

@@ -1,7 +1,6 @@
 """Mean and spread of an attitude given as weighted points, step by step."""
 
 import numpy as np
-from numba import njit
 
 from cislunar.attitude.departures import departed_rotation
 from cislunar.attitude.grp import (
@@ -12,32 +11,40 @@ from cislunar.attitude.grp import (
 )
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
 from cislunar.attitude.short_steps import carry_rotation
+from cislunar.compiled import allocating, borrowing, put
 
 RECENTERINGS = 2
 """Times the reference of the mean attitude is moved to the mean error about it."""
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def step_points(quaternion, omega, departures, dt, model):
     """Carry attitudes (n, 4) and rates (n, 3) of one body over dt seconds, in place.
 
     `departures` (n, m) are the amounts by which the rotation departs at each point, of the kinds
     of the `LightCurveModel`. Exact for a body that turns evenly.
     """
-    body = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    if not model.even:
+        _step_uneven_points(quaternion, omega, departures, dt, model)
+        return
     for i in range(quaternion.shape[0]):
         q, w = quaternion[i], omega[i]
-        if model.even:
-            t1, t2, t3, t4 = rotation_vector_components(w[0] * dt, w[1] * dt, w[2] * dt)
-            q[0], q[1], q[2], q[3] = multiply_components(t1, t2, t3, t4, q[0], q[1], q[2], q[3])
-            continue
+        t1, t2, t3, t4 = rotation_vector_components(w[0] * dt, w[1] * dt, w[2] * dt)
+        q[0], q[1], q[2], q[3] = multiply_components(t1, t2, t3, t4, q[0], q[1], q[2], q[3])
+
+
+@allocating
+def _step_uneven_points(quaternion, omega, departures, dt, model):
+    """`step_points` of a body that does not turn evenly."""
+    body = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    for i in range(quaternion.shape[0]):
         if i == 0 or departures.shape[1] > 0:
             kinds, believed = model.rotation_kinds, (model.inertia, model.inverse_inertia)
             departed_rotation(kinds, departures[i], *believed, body)
-        carry_rotation(q, w, dt, body)
+        carry_rotation(quaternion[i], omega[i], dt, body)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def mixture_moments(quaternion, omega, weight, mean_quaternion, mean_omega, differences):
     """Mean attitude (4,) and rate (3,) of weighted points, and what the points differ from them.
 
@@ -49,7 +56,7 @@ def mixture_moments(quaternion, omega, weight, mean_quaternion, mean_omega, diff
     for i in range(n):
         if weight[i] > weight[heaviest]:
             heaviest = i
-    mean_quaternion[:] = quaternion[heaviest]
+    put(mean_quaternion, quaternion[heaviest])
     for repeat in range(RECENTERINGS + 1):
         m = mean_quaternion
         p1, p2, p3 = 0.0, 0.0, 0.0
@@ -76,7 +83,7 @@ def mixture_moments(quaternion, omega, weight, mean_quaternion, mean_omega, diff
             differences[i, 3 + c] = omega[i, c] - mean_omega[c]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def weighted_deviations(differences, weight, sigma):
     """Root of the second moment of each component of the differences (n, 6), into `sigma` (6,)."""
     for c in range(sigma.shape[0]):

@@ -15,6 +15,7 @@ from numba import njit
 from cislunar.attitude.departures import FIRST_DEPARTURE, ends_of, extend_track, weigh_ends
 from cislunar.attitude.grp import GRP_A, GRP_F, pull_back_to_grp
 from cislunar.attitude.quaternion import multiply_components, rotate_components
+from cislunar.compiled import allocating, borrowing
 from cislunar.elementary import sine_and_cosine
 from cislunar.photometry import facet_blocks
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, QUATERNION, TURN
@@ -72,7 +73,7 @@ def _axis(omega):
     return rate, inverse, omega[0] * inverse, omega[1] * inverse, omega[2] * inverse
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def fill_block(block, work, data, first, count):
     """Directions, ranges and times of the rows from `first` on."""
     b = block.reshape((BLOCK_ROWS, LANES))
@@ -83,7 +84,7 @@ def fill_block(block, work, data, first, count):
             b[facet_blocks.SUN + c, k] = data[first + k, _GEOMETRY + c]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def turn_evenly(block, work, count, start, omega):
     """Attitudes of a body of constant angular velocity, and the factors of `pull_back`."""
     b = block.reshape((BLOCK_ROWS, LANES))
@@ -112,7 +113,7 @@ def _interpolate(rows, row, w, first, end, ends):
         )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def read_attitude(block, work, count, track, times, columns, body, turn):
     """Attitudes of a body that does not turn evenly, from a track that is extended.
 
@@ -145,7 +146,7 @@ def read_attitude(block, work, count, track, times, columns, body, turn):
         b[QUATERNION + 2, k], b[QUATERNION + 3, k] = scale * q3, scale * q4
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def pull_back(block, work, count, omega, even, kinds, sigma):
     """Carry the magnitudes' derivatives by a turn back to the epoch.
 
@@ -200,7 +201,7 @@ def _add_products(w, s, count, unknowns):
             s[by_slope + i, k] += w[MISFIT_SLOPE, k] * w[_DERIVATIVE + i, k]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def add_products(work, count, sums):
     """Add a block's products of derivatives to the sums (`sum_rows`, LANES), lane by lane."""
     unknowns = work.shape[0] - _DERIVATIVE
@@ -211,7 +212,7 @@ def add_products(work, count, sums):
         _add_products(work, sums, count, unknowns)
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def pull_back_matrix(u, start, sigma):
     """Matrix (6, 6) from derivatives by turn (inertial) and rate at the epoch to the unknowns'."""
     matrix, turn = np.zeros((ROTATION, ROTATION)), np.empty(3)
@@ -227,7 +228,7 @@ def pull_back_matrix(u, start, sigma):
     return matrix
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def fold(sums, matrix, unknowns):
     """Sums over all lanes in the unknowns: of products (n, n) and by slope (n,).
 

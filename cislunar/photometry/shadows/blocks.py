@@ -12,6 +12,7 @@ from numba import njit, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from cislunar.compiled import allocating, borrowing
 from cislunar.photometry.facet_blocks import (
     BY_LIT,
     BY_SEEN,
@@ -46,7 +47,7 @@ def _common_bits(masks, one, other):
     return np.int64(count)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def lit_and_seen(sun, sun_weights, view, view_weights, masks, shares):
     """Share of a facet's area that neither the Sun's light nor the observer's sight misses.
 
@@ -83,7 +84,7 @@ def lit_and_seen(sun, sun_weights, view, view_weights, masks, shares):
     return a0 * p0 + a1 * p1 + a2 * p2, (p1 - p0, p2 - p0), (q1 - q0, q2 - q0)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def table_slopes(x, y, z, steps, second, third):
     """Gradient by a direction of what is interpolated in the table, homogeneous of degree 0.
 
@@ -121,7 +122,7 @@ class Sight(NamedTuple):
     slopes: NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def find_corners(b, count, lengths, steps):
     """The `Sight` of a block."""
     corners, weights = np.empty((2, LANES, 3), np.int64), np.empty((2, LANES, 3))
@@ -141,7 +142,7 @@ def find_corners(b, count, lengths, steps):
     return Sight(corners, weights, triangles, words[0], words[1], edges, slopes)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def gather(count, word, sight, settled):
     """Of 64 facets in each geometry, which are free as a whole, and which at an edge of shadow."""
     for k in range(count):
@@ -173,7 +174,7 @@ def settle(b, count, bit, sight):
     return left if left + free > 0 else -1
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def resolve_edges(b, left, column, shadows, lengths, sight, with_slopes):
     """Free shares of a facet at the edges of shadows, and what they change by."""
     lookup, masks, shares = shadows.lookup, shadows.masks, shadows.shares
@@ -209,7 +210,7 @@ def resolve_edges(b, left, column, shadows, lengths, sight, with_slopes):
                 sight.slopes[n, 3 * d + 2] = gz / lengths[2]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def add_edges(b, left, sight, stretched):
     """Add what the sums change by as the edges of shadows move over a facet."""
     for n in range(left):

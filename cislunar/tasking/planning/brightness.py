@@ -20,6 +20,7 @@ from cislunar.attitude import grp
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.quaternion import compose
 from cislunar.attitude.turning import turn_bodies
+from cislunar.compiled import borrowing
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.estimation.estimator import Prediction, Rotation
 from cislunar.observation.eclipse import dimming
@@ -261,7 +262,7 @@ def _facet_magnitudes(index, place, quaternion, wanted, scene, surfaces, out):
                 _settle(block, at, count, i, j, surfaces, out)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _settle(block, at, count, i, j, surfaces, out):
     """Magnitudes of target j in a block's geometries, to where they belong."""
     body_magnitudes(

@@ -21,10 +21,10 @@ Assumptions and limitations
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import logsumexp, ndtr
 
+from cislunar.compiled import borrowing
 from cislunar.observation.measurement import DETECTED, FAINT
 from cislunar.tasking.planning.detection_model import DetectionModel
 
@@ -168,7 +168,7 @@ class LearnedDetection:
         return mean, np.sqrt(np.maximum(weight @ self.grid**2 - mean**2, 0.0))
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _mean_chances(margin, wanted, chances, nodes_per_mag, out):
     """Mean over samples of the chances at each margin, (look, sample) to (look, offset).
 

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.compiled import borrowing
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.expected import expected_directions, expected_measurements
@@ -152,7 +153,7 @@ def belief_of_one(belief, o):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def observable(observer, place, sun, primaries, belief, variance):
     """Whether a place is in clear view, and the sphere that stands for a target bright enough.
 
@@ -182,7 +183,7 @@ def observable(observer, place, sun, primaries, belief, variance):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _direction_sigma(cross, even, noise_variance, declination):
     """Largest standard deviation of the predicted direction on the sky, rad."""
     scale = np.cos(declination)
@@ -198,7 +199,7 @@ def _direction_sigma(cross, even, noise_variance, declination):
     return np.sqrt(0.5 * (a + c) + np.sqrt(0.25 * (a - c) ** 2 + b * b))
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def expect_look(points, observer, sky, belief, variance, expected, shift, cross, even):
     """Moments U and S of the directions of a look into `cross` and `even`, if it can be made.
 

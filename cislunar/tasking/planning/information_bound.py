@@ -23,6 +23,7 @@ U' diag(cos dec, 1) less e: where that is beyond the track gate, the pair has no
 import numpy as np
 from numba import njit
 
+from cislunar.compiled import borrowing
 from cislunar.estimation.triangular import cholesky
 from cislunar.observation.sightline import SUN, rotate, toward_primary
 
@@ -62,7 +63,7 @@ def _differences(x, y, z, r, per_r2, per_d2, ax, ay, az):
     return across, rise, -2.0 * along * across, bend
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _bound_row(observer, place, root, reach, variance, weights, gate, out):
     """det(I + S^-1 U^T U) at most, for all targets of an observer; 1 beyond the gate."""
     square = weights.spread * weights.spread
@@ -114,7 +115,7 @@ def _bound_row(observer, place, root, reach, variance, weights, gate, out):
         out[j] = 1.0 if widest - first > gate else bound
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _drop_row(observer, place, directions, sun, limits, out):
     """Put 1 for targets in a bright body's exclusion, or too faint, beyond any rounding.
 
@@ -138,7 +139,7 @@ def _drop_row(observer, place, directions, sun, limits, out):
         out[j] = 1.0 if hidden else out[j]
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _is_lost(j, observer, points, gate):
     """Whether a single sigma point of a target puts its direction beyond the gate.
 

@@ -22,6 +22,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.compiled import allocating, borrowing
 from cislunar.dynamics.bundle import step_bundle
 from cislunar.dynamics.forces import of_state
 from cislunar.dynamics.tableau import STAGES8
@@ -83,14 +84,14 @@ def _carry(points, index, count, step, forces):
             step_bundle(own, k * step, points[j], step, slopes, stage)
 
 
-@njit(cache=True)
+@allocating
 def look_scratch():
     """Scratch arrays of `look_factor`."""
     moments = np.empty((2 * SIZE, 2)), np.empty(2), np.empty((SIZE, 2)), np.empty((2, 2))
     return np.empty(3), *moments
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def look_factor(points, o, index, scene, belief, scratch, out):
     """Factor (6, 2) of a look of observer o at a time, from sigma points (6, 13); zero for none."""
     _, _, _, cross, even = scratch
@@ -109,7 +110,7 @@ def look_factor(points, o, index, scene, belief, scratch, out):
         out[:, :] = cross
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _factors(index, points, scene, belief, out):
     """Factors (observer, target, 6, 2) of looks at a time, from sigma points (target, 6, 13)."""
     scratch = look_scratch()

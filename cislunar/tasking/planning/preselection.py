@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from cislunar.compiled import borrowing
 from cislunar.estimation.estimator import Prediction
 from cislunar.observation.scene import Scene, TargetSurfaces
 from cislunar.observation.sensor import Sensors
@@ -131,7 +131,7 @@ def assign_by_bounds(bound: Array, compute: Callable[[Pairs, Array], None]) -> A
     return assign(gain)
 
 
-@njit(cache=True)
+@borrowing
 def _mark(bound, known, u, v, wanted):
     """Mark pairs not known whose bound is above the prices, within `MARGIN`; whether there are."""
     found = False

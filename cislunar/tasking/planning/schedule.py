@@ -33,6 +33,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.compiled import borrowing
 from cislunar.estimation.triangular import cholesky
 from cislunar.tasking.planning.assignment import IDLE, INFORMATION_DECIMALS, assign
 from cislunar.tasking.planning.detection import LearnedDetection
@@ -73,7 +74,7 @@ def chances(detection: LearnedDetection | None, margin: Array) -> Chances:
     return Chances(np.exp(detection.log_weight), detection.detects(margin), bonus)
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _information(factor, share, j, looks, trusted, matrix):
     """Information, nats, of looks (look, 2) of slot and observer, each counted by its trust."""
     matrix[:, :] = 0.0
@@ -124,7 +125,7 @@ def worth_of_looks(factor, share, chances, j, looks, count):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@borrowing
 def _taken(target, but, j, looks):
     """Slots and observers at target j, the slot `but` left out; how many."""
     count = 0
