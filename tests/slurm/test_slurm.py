@@ -15,9 +15,14 @@ HERE = Path(__file__).resolve().parent
     reason="sets up a Slurm cluster as root; asked for by CISLUNAR_SLURM=1",
 )
 def test_cells_are_the_same_on_slurm(tmp_path):
-    cells = [f"results/compared/task2/A/random/mukf/nt{n}_dt60.nc" for n in (4, 5)]
+    tiny = (HERE.parent / "data/tiny.yaml").read_text(encoding="utf-8")
+    configuration = tmp_path / "tiny.yaml"
+    split = tiny.replace("\ntask2:\n", "\ntask2:\n  realization_jobs: true\n")
+    assert split != tiny
+    configuration.write_text(split, encoding="utf-8")
+    cells = [f"results/compared/task2/A/random/{e}/nt4_dt60.nc" for e in ("mukf", "batch")]
     done = subprocess.run(
-        [HERE / "run.sh", tmp_path / "slurm", HERE.parent / "data/tiny.yaml", *cells],
+        [HERE / "run.sh", tmp_path / "slurm", configuration, *cells],
         cwd=HERE.parents[1],
         capture_output=True,
         text=True,
