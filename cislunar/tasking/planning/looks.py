@@ -22,7 +22,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.compiled import allocating, borrowing
+from cislunar.compiled import allocating, borrowing, put
 from cislunar.dynamics.bundle import step_bundle
 from cislunar.dynamics.forces import of_state
 from cislunar.dynamics.tableau import STAGES8
@@ -107,7 +107,7 @@ def look_factor(points, o, index, scene, belief, scratch, out):
     for i in range(SIZE):
         solve_lower(even, cross[i])
     if np.isfinite(np.sum(cross)):
-        out[:, :] = cross
+        put(out, cross)
 
 
 @allocating
