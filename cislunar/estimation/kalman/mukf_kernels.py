@@ -46,6 +46,7 @@ from cislunar.estimation.kalman.workspace import (
     covariance_of,
     deviations,
     in_field,
+    leave_out,
     make_workspace,
     take_covariance,
     translation_condition,
@@ -313,12 +314,7 @@ def _advance_target(
             given = scene, surfaces, constants, work, stack
             out.used[row] = healthy and _use(state, parts, j, measurements, row, k, *given)
         if not healthy:
-            out.quaternion[j, i, :] = np.nan
-            out.angular_velocity[j, i, :] = np.nan
-            out.translation[j, i, :] = np.nan
-            out.sigma[j, i, :] = np.nan
-            if i < out.covariance.shape[1]:
-                out.covariance[j, i, :, :] = np.nan
+            leave_out(out, j, i)
             continue
         put(out.quaternion[j, i], state.quaternion[j])
         put(out.angular_velocity[j, i], state.omega[j])

@@ -153,13 +153,13 @@ def merge(parts, j, k, translation, root, scene, constants, work):
         for c in range(SIZE):
             each[m, c] = work.shift[c]
             mean[c] += weight * work.shift[c]
-            for d in range(SIZE):
+            for d in range(c + 1):
                 covariance[c, d] += weight * work.covariance[c, d]
     for m in range(count):
         for c in range(SIZE):
             each[m, c] -= mean[c]
         for c in range(SIZE):
-            for d in range(SIZE):
+            for d in range(c + 1):
                 covariance[c, d] += parts.weight[j, m] * each[m, c] * each[m, d]
     add_orbit_noise(covariance, k - parts.since[j], scene.step, constants)
     if not np.isfinite(np.sum(mean)) or not definite_root(covariance):

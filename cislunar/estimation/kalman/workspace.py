@@ -176,7 +176,11 @@ def add_orbit_noise(covariance, n_steps, dt, constants):
 def take_covariance(covariance, root):
     """Put the Cholesky factor of a covariance, which is spoilt, into `root`; returns the health."""
     if not cholesky(covariance):
-        return LOST_DEFINITENESS if np.isfinite(np.sum(covariance)) else NOT_FINITE
+        total = 0.0  # of the lower triangle: what is above it means nothing
+        for c in range(covariance.shape[0]):
+            for d in range(c + 1):
+                total += covariance[c, d]
+        return LOST_DEFINITENESS if np.isfinite(total) else NOT_FINITE
     put(root, covariance)
     return HEALTHY
 
@@ -208,3 +212,14 @@ def covariance_of(rows, covariance):
                 total += rows[c, k] * rows[d, k]
             covariance[c, d] = total
             covariance[d, c] = total
+
+
+@borrowing
+def leave_out(out, j, i):
+    """Put NaN for step i of target j, whose estimate has come to an end, into the estimates."""
+    out.quaternion[j, i, :] = np.nan
+    out.angular_velocity[j, i, :] = np.nan
+    out.translation[j, i, :] = np.nan
+    out.sigma[j, i, :] = np.nan
+    if i < out.covariance.shape[1]:
+        out.covariance[j, i, :, :] = np.nan

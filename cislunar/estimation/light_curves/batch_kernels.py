@@ -21,6 +21,7 @@ from cislunar.estimation.kalman.workspace import (
     FilterConstants,
     covariance_of,
     deviations,
+    leave_out,
     make_workspace,
 )
 from cislunar.estimation.light_curves.batch_settings import SearchSettings
@@ -201,12 +202,7 @@ def _advance(j, first, scene, constants, model, records, parts, own, state, out,
                 counters[CHOLESKY_FAILURES] += 1
         if state.condition[j] != HEALTHY:
             out.used[offset[i] : offset[i + 1]] = False
-            out.quaternion[j, i, :] = np.nan
-            out.angular_velocity[j, i, :] = np.nan
-            out.translation[j, i, :] = np.nan
-            out.sigma[j, i, :] = np.nan
-            if i < out.covariance.shape[1]:
-                out.covariance[j, i, :, :] = np.nan
+            leave_out(out, j, i)
             continue
         _carry_points(points, state.points[j], scene.step_s, model)
         for row in range(offset[i], offset[i + 1]):
