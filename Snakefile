@@ -29,8 +29,8 @@ include: "workflow/rules/tracking_figures.smk"
 include: "workflow/rules/figures.smk"
 
 
-# A file asked for by a name that nothing makes is refused here in a line. Snakemake knows what was
-# asked for only after this file, so its command line is read.
+# A requested file that no rule makes is refused here with a message of one line. Snakemake knows the
+# requested files only after reading this file, so the command line is read.
 for option, asked in zip(sys.argv, sys.argv[1:]):
     if not re.search(r"^[^-=][^=]*[.](nc|csv|md|svg|png|pdf|html)$", asked) or os.path.exists(
         asked

@@ -1,7 +1,7 @@
-"""All benchmarks, one after the other: ``python -m benchmarks [name ...]``.
+"""Run all benchmarks, one after another: ``python -m benchmarks [name ...]``.
 
-Each prints times and the ratios to the obvious alternatives, measured in the same run. Ratios carry
-over from machine to machine much better than times. Let nothing else run meanwhile.
+Each prints times and their ratios to the usual alternatives, measured in the same run. Ratios
+depend much less on the machine than times. No other program should run at the same time.
 """
 
 import argparse
@@ -13,14 +13,16 @@ FOLDER = Path(__file__).resolve().parent
 
 
 def main() -> None:
-    """Run the benchmarks asked for, all of them by default."""
+    """Run the requested benchmarks, by default all of them."""
     names = sorted(path.stem for path in FOLDER.glob("[!_]*.py"))
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("name", nargs="*", help=f"any of {', '.join(names)}; all by default")
+    parser.add_argument(
+        "name", nargs="*", help=f"one or more of {', '.join(names)}; by default all"
+    )
     chosen = parser.parse_args().name or names
     unknown = sorted(set(chosen) - set(names))
     if unknown:
-        parser.error(f"no benchmark {', '.join(unknown)}; there are {', '.join(names)}")
+        parser.error(f"no benchmark {', '.join(unknown)}; available: {', '.join(names)}")
     failed = []
     for name in chosen:
         print(f"\n=== {name}", flush=True)

@@ -1,11 +1,11 @@
-"""Time of an action, as all benchmarks take it."""
+"""Measure the time of an action, in the same way for all benchmarks."""
 
 from collections.abc import Callable
 from time import perf_counter, process_time
 
 
 def best_time(action: Callable[[], object], repeats: int = 3) -> float:
-    """Least wall time of an action after a first, uncounted call, s."""
+    """Least wall time of an action, s; a first call is not counted."""
     action()
     times = []
     for _ in range(repeats):
@@ -16,9 +16,9 @@ def best_time(action: Callable[[], object], repeats: int = 3) -> float:
 
 
 def alternated(actions: dict[str, Callable[[], object]], rounds: int) -> dict[str, float]:
-    """Least processor time of each action, s, all of them in turn in every round.
+    """Least processor time of each action, s; every round runs all actions in turn.
 
-    What else runs on the machine then slows all alike. A first round is not counted.
+    Other load on the machine then affects all actions alike. A first round is not counted.
     """
     times = dict.fromkeys(actions, float("inf"))
     for counted in range(rounds + 1):

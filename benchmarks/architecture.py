@@ -1,11 +1,11 @@
-"""Time of one J: from tables against a direct NumPy evaluation, at the size of scenario B.
+"""Time of one evaluation of J: from tables against direct NumPy, at the size of scenario B.
 
     python benchmarks/architecture.py [--targets 2000] [--satellites 20]
 
-The direct evaluation is what an optimiser has to do without tables: it propagates the satellites
-of the architecture and tests every target at every hour. Also the time of one restart of the
-coordinate search, at the sizes of scenarios B and C on made-up tables. Exits with an error if the
-two values of J differ by more than 1e-10.
+Without tables an optimizer needs the direct evaluation: it propagates the satellites of the
+architecture and tests every target at every hour. The benchmark also prints the time of one restart
+of the coordinate search, at the sizes of scenarios B and C on synthetic tables. It exits with an
+error if the two values of J differ by more than 1e-10.
 """
 
 import argparse
@@ -36,8 +36,8 @@ def seconds(task: Callable[[], object]) -> float:
     return perf_counter() - start
 
 
-def made_up_tables(n_targets: int, rng: np.random.Generator) -> ArchitectureTables:
-    """Tables of the campaign's size: half the targets seen rarely, orbits of all stabilities."""
+def synthetic_tables(n_targets: int, rng: np.random.Generator) -> ArchitectureTables:
+    """Synthetic tables of the campaign's size: half of the targets are rarely observed."""
     share = rng.beta(0.4, 2.0, (N_ORBITS, 1, n_targets)).astype(np.float32)
     satellites = np.arange(1, MAX_SATELLITES + 1)
     counts = (share * (N_STEPS * satellites[None, :, None])).astype(np.uint16)
@@ -45,7 +45,7 @@ def made_up_tables(n_targets: int, rng: np.random.Generator) -> ArchitectureTabl
         observations=counts,
         distance=rng.uniform(800.0, 2500.0, (N_ORBITS, 1)) * satellites,
         stability_index=1.0 + rng.exponential(1.0, N_ORBITS) ** 4,
-        family=np.full(N_ORBITS, "made up"),
+        family=np.full(N_ORBITS, "synthetic"),
         n_steps=N_STEPS,
     )
 
@@ -70,7 +70,7 @@ def direct_cost(orbits: OrbitSet, satellites, target, times, sun) -> float:
 
 
 def against_direct(n_targets: int, n_satellites: int, rng: np.random.Generator) -> None:
-    """Compare an evaluation from tables with a direct one, in value and in time."""
+    """Compare an evaluation from tables with a direct one, in value and time."""
     members = {"Halo_L1_N": 2, "Halo_L2_N": 2, "Halo_L2_S": 2, "Halo_L3_N": 2, "Lyap_L3": 2}
     orbits = observer_library(members)
     satellites = 1 + rng.multinomial(n_satellites - N_SLOTS, np.full(N_SLOTS, 1 / N_SLOTS))
@@ -80,14 +80,14 @@ def against_direct(n_targets: int, n_satellites: int, rng: np.random.Generator) 
     angle = -2.0 * np.pi * times * TIME_UNIT_S / (29.53 * 86_400.0)
     sun = 389.0 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
     real = count_visibility(orbits.state, orbits.period, target, times, sun, SETTINGS)
-    tables = made_up_tables(n_targets, rng)
+    tables = synthetic_tables(n_targets, rng)
     chosen = np.sort(rng.choice(N_ORBITS, N_SLOTS, replace=False))
     tables.observations[chosen] = real.observations
     tables.distance[chosen] = real.distance
     tables.stability_index[chosen] = orbits.stability_index
     cost = CostFunction(tables)
     value = cost.value(chosen, satellites)
-    # Other orbits every time, so that the rows do not wait in the cache.
+    # Different orbits every time, so that the rows are not in the cache.
     tried = [
         (rng.choice(N_ORBITS, N_SLOTS, replace=False), rng.integers(1, 11, N_SLOTS))
         for _ in range(2000)
@@ -99,7 +99,7 @@ def against_direct(n_targets: int, n_satellites: int, rng: np.random.Generator) 
     print(f"J of {satellites.sum()} satellites and {n_targets} targets over {len(times)} steps")
     print(f"direct, NumPy        {direct:10.2f} s")
     print(f"from tables          {1e6 * each:10.1f} us")
-    print(f"ratio                {direct / each:10.0f}")
+    print(f"time ratio           {direct / each:10.0f}")
     difference = abs(value / expected - 1.0)
     print(f"relative difference  {difference:10.1e}")
     if difference > 1e-10:
@@ -109,12 +109,12 @@ def against_direct(n_targets: int, n_satellites: int, rng: np.random.Generator) 
 def search_times(rng: np.random.Generator) -> None:
     """Time restarts of the coordinate search."""
     for scenario, n_targets in (("B", 2000), ("C", 10_000)):
-        cost = CostFunction(made_up_tables(n_targets, rng))
+        cost = CostFunction(synthetic_tables(n_targets, rng))
         coordinate_search(cost, rng, n_slots=N_SLOTS, restarts=1)
         start = perf_counter()
         coordinate_search(cost, rng, n_slots=N_SLOTS, restarts=3)
         each = (perf_counter() - start) / 3
-        print(f"coordinate search, size of scenario {scenario}: {each:.2f} s a restart")
+        print(f"coordinate search, size of scenario {scenario}: {each:.2f} s per restart")
 
 
 def main() -> None:

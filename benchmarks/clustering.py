@@ -1,10 +1,10 @@
-"""Times and inertia of the ways to cluster the sampled points into static targets.
+"""Times and inertia of methods to cluster the sampled points into static targets.
 
     python benchmarks/clustering.py [--targets 100 2000 10000] [--seed 1] [--repeated]
 
-The ratio is to the inertia of scikit-learn's own seeding (greedy k-means++) on the distinct
-points. Everything runs on one thread, as in the library. ``--repeated`` adds scikit-learn called
-on all sampled points, repeated ones included, the way it is usually called (minutes).
+Inertia is given relative to that of scikit-learn's own seeding (greedy k-means++) on the distinct
+points. Everything runs on one thread, as in the library. ``--repeated`` adds the usual call of
+scikit-learn on all sampled points, including repeated ones (minutes).
 """
 
 import argparse
@@ -41,12 +41,12 @@ def mini_batches(points, weight, n_clusters, seed):
 
 
 def bisecting(points, weight, n_clusters, seed):
-    """Bisecting k-means; on distinct points it runs out of points to split at high counts."""
+    """Bisecting k-means; for many clusters of distinct points it finds no point to split."""
     return BisectingKMeans(n_clusters, random_state=seed).fit(points, sample_weight=weight)
 
 
 def elkan(points, weight, n_clusters, seed):
-    """Greedy k-means++, then Elkan's iteration (a bound per point and center: much memory)."""
+    """Greedy k-means++, then Elkan's iteration (needs memory for a bound per point and center)."""
     model = KMeans(n_clusters, n_init=1, algorithm="elkan", random_state=seed)
     return model.fit(points, sample_weight=weight)
 
@@ -66,55 +66,58 @@ def true_inertia(points, weight, center) -> float:
 
 
 def report(name: str, seconds: float, inertia: float, reference: float) -> None:
-    """Print one line."""
+    """Print the time and inertia of one method."""
     ratio = inertia / reference
-    print(f"  {name:30s} {seconds:7.1f} s  inertia {inertia:11.5g}  ratio {ratio:8.3f}", flush=True)
+    print(
+        f"  {name:30s} {seconds:7.1f} s  inertia {inertia:11.5g}  inertia ratio {ratio:8.3f}",
+        flush=True,
+    )
 
 
 def main() -> None:
-    """Run and print."""
+    """Run all methods and print their times and inertia."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--targets", type=int, nargs="+", default=[100, 2000, 10000])
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--repeated", action="store_true")
     arguments = parser.parse_args()
 
-    began = perf_counter()
+    start = perf_counter()
     missions = load_missions(TABLE)
     sampled = sample_zero_velocity(missions["jacobi"], names=missions["mission"].tolist())
     points, weight, _ = distinct_points(sampled.position)
     print(
         f"{len(missions)} missions: {len(sampled.position)} points, {len(points)} distinct, "
-        f"sampled in {perf_counter() - began:.1f} s"
+        f"sampled in {perf_counter() - start:.1f} s"
     )
     for n_clusters in arguments.targets:
         print(f"{n_clusters} clusters")
         found = {}
         for name in SEEDINGS:
-            began = perf_counter()
+            start = perf_counter()
             result = cluster(sampled.position, n_clusters, seed=arguments.seed, seeding=name)
-            found[name] = perf_counter() - began, result
+            found[name] = perf_counter() - start, result
         reference = found[DEFAULT_SEEDING][1].inertia
         for name, (seconds, result) in found.items():
             report(name, seconds, result.inertia, reference)
         for name, method in ALTERNATIVES.items():
             if name == "elkan" and n_clusters * len(points) > 2e8:
                 continue
-            began = perf_counter()
+            start = perf_counter()
             try:
                 with threadpool_limits(limits=1):
                     model = method(points, weight, n_clusters, arguments.seed)
             except ValueError as error:
                 print(f"  {name:30s}  fails: {error}")
                 continue
-            seconds = perf_counter() - began
+            seconds = perf_counter() - start
             inertia = true_inertia(points, weight, model.cluster_centers_)
             report(name, seconds, inertia, reference)
         if arguments.repeated:
-            began = perf_counter()
+            start = perf_counter()
             model = KMeans(n_clusters, n_init=1, random_state=arguments.seed)
             center = model.fit(sampled.position).cluster_centers_
-            seconds = perf_counter() - began
+            seconds = perf_counter() - start
             report(
                 "repeated points, all threads",
                 seconds,

@@ -1,11 +1,11 @@
-"""Time of the largest coverage of N satellites and its bound, from tables held as bits.
+"""Time of the search for the largest coverage of N satellites and its bound, from tables of bits.
 
     python benchmarks/coverage.py [--targets 100] [--phases 10] [--satellites 10]
 
-A month of hours and some 70 orbits, satellites at free phases. The ratios are those of the two
-inner loops: scores of all candidates against a product with the same table as a dense matrix of
-doubles, and lazy greedy against greedy that evaluates every candidate each time. Exits with an
-error if either differs in its result.
+The problem has a month of hours and some 70 orbits with satellites at free phases. The ratios refer
+to the two inner loops: scores of all candidates against a product with the same table as a dense
+matrix of doubles, and lazy greedy search against greedy search that evaluates every candidate each
+time. The benchmark exits with an error if either differs in its result.
 """
 
 import argparse
@@ -24,11 +24,11 @@ from cislunar.orbits.families import observer_library
 from cislunar.visibility.counts import VisibilitySettings, observation_times
 
 MEMBERS = {"Halo_L1_N": 15, "Halo_L2_N": 15, "Halo_L2_S": 15, "Halo_L3_N": 15, "Lyap_L3": 15}
-CANDIDATES = 200  # of the dense matrix, which takes 64 times the memory
+CANDIDATES = 200  # in the dense matrix, which needs 64 times the memory
 
 
-def made_up_objective(n_targets: int, phases: int) -> CoverageObjective:
-    """Union coverage of random targets from orbits of the library."""
+def synthetic_objective(n_targets: int, phases: int) -> CoverageObjective:
+    """Union coverage of random targets by orbits of the library."""
     orbits = observer_library(MEMBERS)
     target = np.random.default_rng(1).uniform([-0.3, -1.0, -0.6], [1.7, 1.0, 0.6], (n_targets, 3))
     times = observation_times(30.0, 1.0)
@@ -44,7 +44,7 @@ def made_up_objective(n_targets: int, phases: int) -> CoverageObjective:
 
 
 def greedy_each_time(objective: CoverageObjective, number: int) -> list[int]:
-    """Greedy without the bound of earlier gains."""
+    """Greedy search without the bound from earlier gains."""
     chosen, ones = [], np.ones(0, dtype=np.int64)
     for _ in range(number):
         slots = np.r_[chosen, -1].astype(np.int64)
@@ -61,23 +61,27 @@ def main() -> None:
     parser.add_argument("--phases", type=int, default=10)
     parser.add_argument("--satellites", type=int, default=10)
     arguments = parser.parse_args()
-    objective = made_up_objective(arguments.targets, arguments.phases)
+    objective = synthetic_objective(arguments.targets, arguments.phases)
 
     layers = objective.candidates.view(np.uint8)
     weight = np.random.default_rng(2).random((layers.shape[-1], 8))
     some = np.arange(min(CANDIDATES, len(layers)))
     dense = np.unpackbits(layers[some, 0], axis=1, bitorder="little").astype(float)
-    ours = best_time(lambda: weighted_sums(layers, some, weight))
-    theirs = best_time(lambda: dense @ weight.ravel())
+    packed = best_time(lambda: weighted_sums(layers, some, weight))
+    product = best_time(lambda: dense @ weight.ravel())
     print(
-        f"scores of {some.size} candidates     {1e3 * ours:12.2f} ms, dense {theirs / ours:.1f} x"
+        f"scores of {some.size} candidates     {1e3 * packed:12.2f} ms, "
+        f"dense matrix {product / packed:.1f} times as long"
     )
     same = np.allclose(weighted_sums(layers, some, weight), dense @ weight.ravel(), rtol=1e-12)
 
     number = arguments.satellites
     lazy = best_time(lambda: greedy_coverage(objective, number))
     each = best_time(lambda: greedy_each_time(objective, number))
-    print(f"greedy to N = {number}           {1e3 * lazy:12.2f} ms, all gains {each / lazy:.1f} x")
+    print(
+        f"lazy greedy to N = {number}      {1e3 * lazy:12.2f} ms, "
+        f"all gains {each / lazy:.1f} times as long"
+    )
     same &= greedy_coverage(objective, number)[0].tolist() == greedy_each_time(objective, number)
 
     certify_coverage(objective, number, steps=1)
@@ -87,7 +91,7 @@ def main() -> None:
         f"found {found.value:.4f}, bound {found.bound:.4f}, gap {100 * found.gap:.2f} %"
     )
     if not same:
-        sys.exit("the two ways to score or to choose differ")
+        sys.exit("the scores or the greedy choices differ")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""Times of the filter, the tasking step and whole day cells, beside the usual ways.
+"""Times of the estimators, of tasking and of cells of one day, with the usual alternatives.
 
     python benchmarks/estimation.py [--targets 20 50 100 202] [--observers 20] [--ratios]
 
-With `--ratios` only what ephemeris forces and the splitting of bent orbits cost. Propagation is
-compared with SciPy's RK45 at the paper's tolerance. The scene needs no file: observers and
-near-periodic targets stand in for the paper's. Everything runs on one thread; compilation is not
+With `--ratios` only the cost of ephemeris forces and of Gaussian mixtures is measured. Propagation
+is compared with SciPy's RK45 at the paper's tolerance. The problem needs no file: its observers and
+near-periodic targets replace those of the paper. Everything runs on one thread; compilation is not
 counted.
 """
 
@@ -18,14 +18,14 @@ from numba import njit
 from scipy.integrate import solve_ivp
 
 from cislunar.attitude.rigid_body import propagate_spherical
-from cislunar.campaign.tracking.real_sky import Sky, real_scene
+from cislunar.campaign.tracking.ephemeris_inputs import CellEphemeris, ephemeris_scene
 from cislunar.constants import GM_UNIT_KM3_S2, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.bundle import propagate_bundle, step_bundle, step_cloud
 from cislunar.dynamics.cr3bp import EARTH_MOON, equations_of_motion
 from cislunar.dynamics.ephemeris import UNITS, forces_between
-from cislunar.dynamics.ephemeris_forces import Ephemeris
-from cislunar.dynamics.framed_cr3bp import inertial_states
+from cislunar.dynamics.ephemeris_forces import EphemerisForces
 from cislunar.dynamics.frames import pulsating_frame, to_inertial
+from cislunar.dynamics.instantaneous_frame_cr3bp import inertial_states
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.ephemeris.bodies import GM_MOON
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
@@ -48,44 +48,45 @@ from cislunar.photometry.materials import PRINTED
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.decision import decide
 from cislunar.tasking.demonstration import TrackingProblem, tracking_problem
+from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.planning.assignment import IDLE, assign
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel, pair_information
 from cislunar.tasking.planning.preselection import assign_preselected
 from cislunar.tasking.planning.schedule_model import ScheduleModel
-from cislunar.tasking.simulation import TruthModel, draw_truth, initial_estimate
+from cislunar.tasking.truth import TruthModel, draw_truth
 
 SENSOR = Sensor(limiting_magnitude=24.0)
 LOW_LUNAR_KM = (170.0, 4313.0), (109.0, 8920.0), (164.0, 18074.0), (118.0, 4412.0)
-"""Altitudes of perilune and apolune of some targets of the campaign."""
+"""Altitudes of perilune and apolune of four low lunar targets of the campaign."""
 
 
 def filter_times() -> None:
-    """Predict and update per target and step."""
+    """Print the time of prediction and update per target and step."""
     scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, PRINTED, duration_hours=24.0)
     initial = initial_estimate(epoch, loop.initial.components())
     truth = draw_truth(initial, scene, SENSOR.noise, 3, ids)
-    looks = constant_schedule(np.arange(5), 5, loop.n_steps)
+    observations = constant_schedule(np.arange(5), 5, loop.n_steps)
     measured, _ = measure(
-        1, looks, scene, surfaces, SENSOR, truth.translation, truth.quaternion, truth.noise
+        1, observations, scene, surfaces, SENSOR, truth.translation, truth.quaternion, truth.noise
     )
 
-    def ours(measurements):
+    def run_filter(measurements):
         filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
         return filt.advance(measurements)
 
-    nothing = measured.where(np.zeros(looks.observer.size, dtype=bool))
-    updates = int(ours(measured).used.sum())
+    nothing = measured.where(np.zeros(observations.observer.size, dtype=bool))
+    updates = int(run_filter(measured).used.sum())
     count = 5 * loop.n_steps
-    predict = best_time(lambda: ours(nothing)) / count
-    update = (best_time(lambda: ours(measured)) - predict * count) / updates
+    predict = best_time(lambda: run_filter(nothing)) / count
+    update = (best_time(lambda: run_filter(measured)) - predict * count) / updates
     print(f"predict {1e6 * predict:7.2f} us   update {1e6 * update:7.2f} us   per target and step")
 
 
 @njit
 def misfit_row_by_row(data, quaternion, omega, model):
-    """Sum of squared residuals of a body of spherical inertia, a row at a time."""
+    """Sum of squared residuals of a body of spherical inertia, one row at a time."""
     total = 0.0
     for k in range(data.shape[0]):
         row = data[k]
@@ -103,17 +104,17 @@ def misfit_row_by_row(data, quaternion, omega, model):
 
 
 def light_curve_times() -> None:
-    """Magnitude of a light curve's row, and its derivative in closed form and by differences."""
+    """Print the time of a magnitude, and of its derivative in closed form and by differences."""
     scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, PRINTED, duration_hours=12.0)
     initial = initial_estimate(epoch, loop.initial.components())
     truth = draw_truth(initial, scene, SENSOR.noise, 3, ids)
-    looks = constant_schedule(np.arange(5), 5, loop.n_steps)
-    measured, fate = measure(
-        1, looks, scene, surfaces, SENSOR, truth.translation, truth.quaternion, truth.noise
+    observations = constant_schedule(np.arange(5), 5, loop.n_steps)
+    measured, outcome = measure(
+        1, observations, scene, surfaces, SENSOR, truth.translation, truth.quaternion, truth.noise
     )
     estimator = batch()(scene, surfaces, SENSOR, initial, np.random.default_rng(0), EARTH_MOON)
     estimator.advance(measured)
-    j = int(np.argmax((fate == DETECTED).reshape(5, -1).sum(axis=1)))
+    j = int(np.argmax((outcome == DETECTED).reshape(5, -1).sum(axis=1)))
     data, model, anchor = estimator.light_curve(j)
     u, gradient, information = np.full(6, 0.1), np.empty(6), np.empty((6, 6))
 
@@ -137,22 +138,22 @@ def light_curve_times() -> None:
     differences = best_time(by_differences, 20) / rows
     single = best_time(lambda: misfit_row_by_row(data, *nominal, model), 20) / rows
     print(
-        f"light curve, per row: magnitude {1e9 * one:.0f} ns, a row at a time "
-        f"{1e9 * single:.0f} ns   ratio {single / one:.1f}\n"
+        f"light curve, per row: magnitude {1e9 * one:.0f} ns, one row at a time "
+        f"{1e9 * single:.0f} ns   time ratio {single / one:.1f}\n"
         f"light curve, per row: with derivative {1e9 * exact:.0f} ns, by central differences "
-        f"{1e9 * differences:.0f} ns   ratio {differences / exact:.1f}"
+        f"{1e9 * differences:.0f} ns   time ratio {differences / exact:.1f}"
     )
 
 
 @njit
 def _steps(step, count, points, dt, slopes, work):
-    """A number of steps of sigma points, in place."""
+    """Several steps of sigma points, in place."""
     for _ in range(count):
         step(EARTH_MOON, 0.0, points, dt, slopes, work)
 
 
 def cloud_times() -> None:
-    """A step of sigma points by all stages, and by the fewer that do away from the primaries."""
+    """Print the time of a step of sigma points of order 8, and of order 5 (away from bodies)."""
     _, _, epoch, _, loop = tracking_problem(1, 3, PRINTED)
     dt, times, ends = loop.step_s / TIME_UNIT_S, [], []
     for step in (step_bundle, step_cloud):
@@ -165,33 +166,33 @@ def cloud_times() -> None:
         )
     print(
         f"25 sigma points, 60 s, on a halo: order 8 {1e6 * times[0]:.2f} us, order 5 "
-        f"{1e6 * times[1]:.2f} us   ratio {times[0] / times[1]:.1f}, apart by "
+        f"{1e6 * times[1]:.2f} us   time ratio {times[0] / times[1]:.1f}, difference "
         f"{np.abs(ends[0] - ends[1]).max():.0e} after a day"
     )
 
 
 def propagation_times() -> None:
-    """Twenty-five sigma points over a minute."""
+    """Print the time of propagating 25 sigma points over a minute."""
     _, _, epoch, _, loop = tracking_problem(1, 1, PRINTED)
     step = loop.step_s / 375_190.3
     points = np.repeat(epoch, 25, axis=0)
-    ours = best_time(lambda: propagate_bundle(points, step, 1000)) / 1000
+    compiled = best_time(lambda: propagate_bundle(points, step, 1000)) / 1000
 
-    def scipy_day():
+    def by_scipy():
         for point in points:
             solve_ivp(
                 lambda _, y: equations_of_motion(y), (0.0, step), point, rtol=1e-10, atol=1e-10
             )
 
-    theirs = best_time(scipy_day)
+    scipy = best_time(by_scipy)
     print(
-        f"25 sigma points, 60 s: one DOP853 step {1e6 * ours:.2f} us, "
-        f"SciPy RK45 1e-10 {1e6 * theirs:.0f} us   ratio {theirs / ours:.0f}"
+        f"25 sigma points, 60 s: one DOP853 step {1e6 * compiled:.2f} us, "
+        f"SciPy RK45 1e-10 {1e6 * scipy:.0f} us   time ratio {scipy / compiled:.0f}"
     )
 
 
 def tasking_times(n_observers: int, n_targets: int) -> None:
-    """Information of all pairs and assignment, once."""
+    """Print the time of the information of all pairs and of the assignment at one epoch."""
     scene, surfaces, epoch, _, loop = tracking_problem(
         n_observers, n_targets, PRINTED, duration_hours=1.0
     )
@@ -214,7 +215,7 @@ def tasking_times(n_observers: int, n_targets: int) -> None:
 
 
 def preselection_time(n_observers: int, n_targets: int) -> None:
-    """The exact assignment from all pairs, and from those preselected."""
+    """Print the time of the exact assignment from all pairs and from preselected pairs."""
     scene, surfaces, epoch, _, loop = tracking_problem(
         n_observers, n_targets, PRINTED, duration_hours=1.0
     )
@@ -229,17 +230,17 @@ def preselection_time(n_observers: int, n_targets: int) -> None:
     print(
         f"tasking, {n_observers} observers, {n_targets} targets: from all pairs "
         f"{1e3 * times[0]:.0f} ms, preselected {1e3 * times[1]:.0f} ms   "
-        f"ratio {times[0] / times[1]:.1f}, "
-        f"{np.count_nonzero(every.target != few.target)} observers assigned otherwise"
+        f"time ratio {times[0] / times[1]:.1f}, "
+        f"{np.count_nonzero(every.target != few.target)} observers assigned differently"
     )
 
 
 def decision_time(n_observers: int, n_targets: int) -> None:
-    """Deciding at a tasking epoch: as in the paper, with learned detection, with slots besides."""
+    """Print the time of a tasking decision: paper, learned detection, and recommended mode."""
     line = f"decision, {n_observers} observers, {n_targets} targets:"
     learning = DetectionModel()
     for name, tasking, slots in (
-        ("paper's", TaskingModel(), None),
+        ("paper", TaskingModel(), None),
         ("learned", TaskingModel(detection=learning), None),
         ("recommended", TaskingModel(detection=learning, measurements=20), 20.0),
     ):
@@ -257,9 +258,9 @@ def decision_time(n_observers: int, n_targets: int) -> None:
 
 
 def cell_time(n_observers: int, n_targets: int) -> None:
-    """A one-day cell with one seed and exact tasking, by each estimator."""
+    """Print the time of a cell of one day with one realization and exact tasking, by estimator."""
     problem = tracking_problem(n_observers, n_targets, PRINTED)
-    line = f"day cell, {n_observers} observers, {n_targets:3d} targets:"
+    line = f"cell of one day, {n_observers} observers, {n_targets:3d} targets:"
     for name in ESTIMATORS:
 
         def run(name=name):
@@ -269,8 +270,8 @@ def cell_time(n_observers: int, n_targets: int) -> None:
     print(f"{line[:-1]}   ({run().valid.sum()} updates)")
 
 
-def among_bodies(problem: TrackingProblem) -> tuple[tuple, Ephemeris]:
-    """The same satellites and targets among Earth, Moon and Sun as they are, and the forces."""
+def ephemeris_refined(problem: TrackingProblem) -> tuple[tuple, EphemerisForces]:
+    """The same satellites and targets in ephemeris dynamics, and the forces."""
     scene, surfaces, epoch, ids, loop = problem
     forces = forces_between("2024-10-01", "2024-10-03", area_to_mass=0.01)
     table, start = forces.table, forces.epoch
@@ -278,14 +279,14 @@ def among_bodies(problem: TrackingProblem) -> tuple[tuple, Ephemeris]:
     observers[..., :3] = scene.observer_position
     tracks = to_inertial(observers, pulsating_frame(table, start + loop.elapsed_s)) / UNITS
     states, _ = inertial_states(epoch, table, start)
-    sky = Sky(table, start, start)
-    return (real_scene(sky, tracks[..., :3], loop), surfaces, states, ids), forces
+    sky = CellEphemeris(table, start, start)
+    return (ephemeris_scene(sky, tracks[..., :3], loop), surfaces, states, ids), forces
 
 
 def forces_cost(n_observers: int, n_targets: int, rounds: int = 2) -> None:
-    """Processor time of a day cell with ephemeris truth and filter over one of the CR3BP."""
+    """Print the processor time of a cell of one day in ephemeris dynamics relative to the CR3BP."""
     problem = tracking_problem(n_observers, n_targets, PRINTED)
-    cells = {"CR3BP": (problem[:4], EARTH_MOON), "ephemeris": among_bodies(problem)}
+    cells = {"CR3BP": (problem[:4], EARTH_MOON), "ephemeris": ephemeris_refined(problem)}
     for name in ESTIMATORS:
 
         def run(cell, name=name):
@@ -295,13 +296,13 @@ def forces_cost(n_observers: int, n_targets: int, rounds: int = 2) -> None:
             run_closed_loop(*given, [0, 1], problem.loop, **settings)
 
         times = alternated({key: partial(run, cell) for key, cell in cells.items()}, rounds)
-        print_ratio(f"day cell, {n_targets} targets, two seeds, {name}", times)
+        print_ratio(f"cell of one day, {n_targets} targets, two realizations, {name}", times)
 
 
 def splitting_cost(n_observers: int, n_targets: int, rounds: int = 2) -> None:
-    """Processor time of a day cell with splitting over one without.
+    """Print the processor time of a cell of one day with Gaussian mixtures relative to one without.
 
-    One target in 20 flies low about the Moon, as in the campaign: there orbits bend.
+    One target in 20 is on a low lunar orbit, as in the campaign, where mixtures are needed.
     """
     problem = tracking_problem(n_observers, n_targets, PRINTED)
     for k, j in enumerate(range(0, n_targets, 20)):
@@ -312,12 +313,13 @@ def splitting_cost(n_observers: int, n_targets: int, rounds: int = 2) -> None:
             estimator = estimator_named(name, splitting=splitting)
             run_closed_loop(*problem[:4], [0, 1], problem.loop, estimator=estimator)
 
-        ways = {"one Gaussian": partial(run, False), "splitting": partial(run, True)}
-        print_ratio(f"day cell, {n_targets} targets, two seeds, {name}", alternated(ways, rounds))
+        ways = {"one Gaussian": partial(run, False), "mixture": partial(run, True)}
+        times = alternated(ways, rounds)
+        print_ratio(f"cell of one day, {n_targets} targets, two realizations, {name}", times)
 
 
 def low_lunar(perilune_km: float, apolune_km: float) -> np.ndarray:
-    """State of the CR3BP beyond the Moon, at the perilune of an orbit of these altitudes."""
+    """State in the CR3BP at the perilune, beyond the Moon, of an orbit with these altitudes."""
     near, far = MOON_RADIUS_KM + np.array([perilune_km, apolune_km])
     speed = np.sqrt(2.0 * GM_MOON / GM_UNIT_KM3_S2 * LENGTH_UNIT_KM * far / (near * (near + far)))
     x = near / LENGTH_UNIT_KM
@@ -325,16 +327,20 @@ def low_lunar(perilune_km: float, apolune_km: float) -> np.ndarray:
 
 
 def print_ratio(what: str, times: dict[str, float]) -> None:
-    """Processor time of two ways, and of the second over the first."""
+    """Print the processor times of two alternatives and the ratio of the second to the first."""
     (usual, one), (other, two) = times.items()
-    print(f"{what}: {usual} {one:.2f} s, {other} {two:.2f} s   ratio {two / one:.2f}", flush=True)
+    print(
+        f"{what}: {usual} {one:.2f} s, {other} {two:.2f} s   time ratio {two / one:.2f}", flush=True
+    )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--targets", type=int, nargs="+", default=[20, 50, 100, 202])
     parser.add_argument("--observers", type=int, default=20)
-    parser.add_argument("--ratios", action="store_true", help="forces and splitting alone")
+    parser.add_argument(
+        "--ratios", action="store_true", help="only the cost of ephemeris forces and of mixtures"
+    )
     options = parser.parse_args()
     forces_cost(options.observers, 50)
     splitting_cost(options.observers, 100)

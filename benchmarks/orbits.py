@@ -1,11 +1,11 @@
-"""Speed of orbit generation and propagation against public integrators, as ratios of one run.
+"""Speed of orbit generation and propagation relative to public integrators.
 
     python benchmarks/orbits.py
 
 Prints how many times faster a family of halo orbits is generated with the compiled DOP853 than
-with the same corrector on `scipy.integrate.solve_ivp`, how propagation one by one and side by side
-compares with the Taylor integrator of heyoka, scalar and batch, and what a step costs under
-ephemeris forces. Times depend on the machine; ratios taken in the same run much less.
+with the same corrector on `scipy.integrate.solve_ivp`, how the propagation of single and of many
+trajectories compares with the Taylor integrator of heyoka (scalar and batch), and the cost of a
+step under ephemeris forces. Ratios measured in one run depend much less on the machine than times.
 """
 
 import importlib.util
@@ -33,7 +33,7 @@ MEMBERS = 23
 
 
 def propagate_stm_scipy(state, duration, *, forces=EARTH_MOON, rtol=1e-13, atol=1e-13):
-    """`propagate_stm` on scipy's DOP853, the derivatives in numpy."""
+    """`propagate_stm` with the DOP853 of SciPy and derivatives in NumPy."""
 
     def derivative(_, y):
         slope = np.empty(42)
@@ -48,7 +48,7 @@ def propagate_stm_scipy(state, duration, *, forces=EARTH_MOON, rtol=1e-13, atol=
 
 
 def generate_family() -> np.ndarray:
-    """Crossings of equally spaced L2 halos, from their onset to a period of `HALO_PERIOD`."""
+    """Crossings of equally spaced L2 halos from the bifurcation to a period of `HALO_PERIOD`."""
     seed = branches.halo_seed(2)
     branch = continuation.continue_branch(
         seed.half, seed.direction, lambda member: member.half.period < HALO_PERIOD
@@ -58,25 +58,25 @@ def generate_family() -> np.ndarray:
 
 
 def compare_generation() -> None:
-    """Print the ratio for orbit generation."""
-    ours = generate_family()
+    """Print the time ratio of orbit generation."""
+    crossings = generate_family()
     compiled = best_time(generate_family)
     corrector.propagate_stm = propagate_stm_scipy
     try:
         start = time.perf_counter()
-        theirs = generate_family()
+        by_scipy = generate_family()
         interpreted = time.perf_counter() - start
     finally:
         corrector.propagate_stm = propagate_stm
     print(
         f"{MEMBERS} L2 halos: {compiled:.3f} s compiled, {interpreted:.1f} s on solve_ivp: "
         f"{interpreted / compiled:.0f} times faster (crossings differ by "
-        f"{np.abs(ours - theirs).max():.1e})"
+        f"{np.abs(crossings - by_scipy).max():.1e})"
     )
 
 
 def compare_propagation() -> None:
-    """Print the ratios for the propagation of one orbit over ten periods."""
+    """Print the time ratios of the propagation of one orbit over ten periods."""
     orbit = family_members("Halo_L2_S", period=2.3)
     state, end = orbit.state[0], 10.0 * orbit.period[0]
     times = np.linspace(0.0, end, 1001)
@@ -101,14 +101,14 @@ def compare_propagation() -> None:
         error = np.abs(propagate(state, times, method=method) - truth).max()
         print(
             f"{method} at {tolerance:.0e}: {1e3 * ours:.2f} ms for ten periods, error {error:.1e}, "
-            f"{theirs / ours:.0f} times faster than scipy"
+            f"{theirs / ours:.0f} times faster than SciPy"
         )
 
 
 def compare_with_heyoka() -> None:
-    """Print times a trajectory: one by one, side by side, and by heyoka in both ways."""
+    """Print the time per trajectory for single and many trajectories, here and by heyoka."""
     if importlib.util.find_spec("heyoka") is None:
-        print("heyoka is not installed: no comparison with its Taylor integrator")
+        print("heyoka is not installed: its Taylor integrator is not compared")
         return
     import heyoka
 
@@ -124,7 +124,7 @@ def compare_with_heyoka() -> None:
         ("a halo, ten periods", near, share * halo.period[0], EARTH_MOON, cr3bp),
         ("the library, a period", library.state, np.outer(library.period, share[:101] / share[100]),
          EARTH_MOON, cr3bp),
-        ("a day among Earth, Moon and Sun", inertial, day, forces, real),
+        ("a day with Earth, Moon and Sun", inertial, day, forces, real),
     )  # fmt: skip
     for name, states, times, model, theirs in cases:
         for method, tolerance in (("dopri5", 1e-10), ("dop853", 1e-13)):
@@ -132,7 +132,7 @@ def compare_with_heyoka() -> None:
 
 
 def compare_ways(heyoka, name, states, times, model, theirs, method, tolerance) -> None:
-    """Print times and errors of the four ways; `theirs` are heyoka's model and its coordinates."""
+    """Print times and errors of the four methods; `theirs` are heyoka's model and coordinates."""
     system, to_theirs, from_theirs = theirs
     grid = np.broadcast_to(times, (len(states), times.shape[-1]))
     begins = to_theirs(states)
@@ -164,7 +164,7 @@ def compare_ways(heyoka, name, states, times, model, theirs, method, tolerance) 
     def many():
         return propagate_many(states, times, forces=model, method=method)[:, -1]
 
-    ways = {"alone": alone, "many": many, "heyoka": scalar, "heyoka batch": batched}
+    ways = {"single": alone, "many": many, "heyoka": scalar, "heyoka batch": batched}
     seconds = alternated(ways, 5)
     best = {"forces": model, "method": "dop853", "rtol": 2.5e-14, "atol": 2.5e-14}
     truth = propagate_many(states, grid[:, -1:], **best)[:, 0]
@@ -175,15 +175,17 @@ def compare_ways(heyoka, name, states, times, model, theirs, method, tolerance) 
     )
     one, each, theirs, together = seconds.values()
     print(
-        f"{name}, {method} at {tolerance:.0e}: {shown}; of heyoka's time alone {one / theirs:.2f}, "
-        f"many {each / theirs:.2f}, of its batch of {width} many {each / together:.2f}"
+        f"{name}, {method} at {tolerance:.0e}: {shown}; time relative to heyoka: single "
+        f"{one / theirs:.2f}, many {each / theirs:.2f}; many relative to its batch of {width}: "
+        f"{each / together:.2f}"
     )
 
 
 def point_masses(heyoka, forces, end: float) -> list:
-    """Equation 2 of `docs/dynamics.md` without figure and radiation, in heyoka's expressions.
+    """Equation 2 of `docs/dynamics.md` without harmonics and radiation, in heyoka's expressions.
 
-    heyoka reads no tables: the bodies are polynomials of degree 10 in time, within 1e-12 of them.
+    heyoka reads no tables: positions of the bodies are polynomials of degree 10 in time, within
+    1e-12 of the tables.
     """
     state = heyoka.make_vars("x", "y", "z", "vx", "vy", "vz")
     nodes = chebpts1(11)
@@ -202,7 +204,7 @@ def point_masses(heyoka, forces, end: float) -> list:
     gm = forces.gm_earth, forces.gm_moon, forces.gm_sun
 
     def pull(to, since, axis):
-        """Acceleration along an axis by a unit mass at `to`."""
+        """Acceleration along an axis toward a unit mass at `to`."""
         offset = [to[c] - since[c] for c in range(3)]
         return offset[axis] * heyoka.sum([each * each for each in offset]) ** -1.5
 
@@ -215,17 +217,17 @@ def point_masses(heyoka, forces, end: float) -> list:
 
 
 def compare_forces() -> None:
-    """Print the cost of a step under ephemeris forces beside that of the CR3BP."""
+    """Print the cost of a step under ephemeris forces relative to the CR3BP."""
     first, last = "2024-10-01", "2024-10-03"
     areas = np.full(25, 0.01)
     models = {
         "CR3BP": EARTH_MOON,
         "Earth, Moon and Sun": forces_between(first, last, figure=False),
-        "with the Moon's figure": forces_between(first, last),
+        "with lunar J2 and C22": forces_between(first, last),
         "with radiation": forces_between(first, last, area_to_mass=0.01),
-        "with radiation on each": forces_between(first, last, area_to_mass=areas),
+        "with radiation, own area each": forces_between(first, last, area_to_mass=areas),
     }
-    # Near L1 of the Moon in the frame of each model, and out of its shadow.
+    # Near L1 in the propagation frame of each model, outside the shadow of the Moon.
     halo = family_members("Halo_L1_S", period=2.6).state[0]
     table = models["with radiation"].table
     inertial = to_inertial(halo, pulsating_frame(table, tdb_seconds(first))) / UNITS
@@ -257,7 +259,7 @@ def compare_forces() -> None:
 
 
 def to_canonical(state: np.ndarray) -> np.ndarray:
-    """Canonical coordinates of heyoka's CR3BP, turned by half a revolution about z."""
+    """Canonical coordinates of heyoka's CR3BP, which is rotated by half a revolution about z."""
     x, y, z, vx, vy, vz = np.moveaxis(state, -1, 0)
     return np.stack([-x, -y, z, -(vx - y), -(vy + x), vz], axis=-1)
 

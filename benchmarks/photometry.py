@@ -1,10 +1,10 @@
 """Time of one apparent magnitude: compiled kernel against plain NumPy, and bodies with shadows.
 
 Run ``python benchmarks/photometry.py``. Prints the best of several repeats, in microseconds per
-magnitude, and the ratios: NumPy against the compiled kernel of one geometry, and that against the
-one of blocks. It exits with an error if they disagree. A body
-with shadows and several materials is compared with the convex kernel on as many facets, its own,
-measured in turns; the directions are random, and those of a slow tumble.
+magnitude, and the time ratios of NumPy to the compiled kernel of one geometry and of the latter to
+the kernel of blocks. It exits with an error if they disagree. A body with shadows and several
+materials is compared with the convex kernel on the same facets, measured in turn; the directions
+are random, and those of a slow tumble.
 """
 
 import argparse
@@ -38,7 +38,7 @@ RANGE_M = 1e7
 
 
 def numpy_magnitude(quaternion, sun, view, facets: Facets, material: Material):
-    """Magnitudes of n geometries with arrays of shape (n, F), as one would write it in NumPy."""
+    """Magnitudes of n geometries with arrays of shape (n, F) in plain NumPy."""
     normals = to_inertial(quaternion[..., None, :], facets.normals)
     half = sun + view
     half = half / np.linalg.norm(half, axis=-1, keepdims=True)
@@ -81,7 +81,7 @@ def compiled_derivatives(quaternion, sun, view, areas, normals, material, out):
 
 @njit
 def blocked(quaternion, sun, view, body, with_gradient, out):
-    """`body_magnitudes`, or `body_magnitude_gradients`, of n geometries, filled in as well."""
+    """`body_magnitudes` or `body_magnitude_gradients` of n geometries; fills the blocks as well."""
     block = np.empty((BLOCK_ROWS, LANES))
     block[RANGE] = RANGE_M
     for first in range(0, out.shape[0], LANES):
@@ -99,13 +99,13 @@ def blocked(quaternion, sun, view, body, with_gradient, out):
 
 
 def compare_bodies(quaternion, sun, view, repeats: int) -> None:
-    """Print what shadows and materials cost at equal facets, in blocks."""
+    """Print the cost of shadows and materials with the same facets, in blocks."""
     n = len(quaternion)
     out = np.empty(n)
     axis = np.array([0.3, -0.5, 0.81])
     tumble = np.array([from_rotation_vector(angle * axis) for angle in np.linspace(0.0, 40.0, n)])
     still = [np.repeat(v[:1], n, axis=0) for v in (sun, view)]
-    print("body, facets, geometry, what: us convex, us with shadows, ratio")
+    print("body, facets, geometry, quantity: convex, us; with shadows, us; time ratio")
     for name, materials in spacecraft.SURFACES.items():
         body = build_body(getattr(spacecraft, name)(), materials)
         plain = plain_body(body.facets, next(iter(materials.values())))
@@ -125,7 +125,7 @@ def compare_bodies(quaternion, sun, view, repeats: int) -> None:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print times and ratios."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--geometries", type=int, default=5000)
     parser.add_argument("--repeats", type=int, default=20)
@@ -135,7 +135,7 @@ def main() -> None:
     quaternion = normalize(rng.normal(size=(n, 4)))
     sun, view = (v / np.linalg.norm(v, axis=1)[:, None] for v in rng.normal(size=(2, n, 3)))
     material = Material()
-    print("us per magnitude; the rows of a tumbling body in a block share their bright facets")
+    print("us per magnitude; in a block, the rows of a tumbling body share their lit facets")
     axis = np.array([0.3, -0.5, 0.81])
     tumble = np.array([from_rotation_vector(angle * axis) for angle in np.linspace(0.0, 40.0, n)])
     still = [np.repeat(v[:1], n, axis=0) for v in (sun, view)]
@@ -182,7 +182,7 @@ def main() -> None:
         pairs = [(key, "one by one") for key in ("NumPy one by one", "NumPy")]
         pairs += [("one by one", "blocks"), ("tumble one by one", "tumble blocks")]
         pairs += [("derivatives one by one", "gradient in blocks")]
-        print("  ratios: ", ", ".join(f"{a} / {b} = {us[a] / us[b]:.1f}" for a, b in pairs))
+        print("  time ratios: ", ", ".join(f"{a} / {b} = {us[a] / us[b]:.1f}" for a, b in pairs))
     compare_bodies(quaternion, sun, view, arguments.repeats)
 
 

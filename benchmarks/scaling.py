@@ -2,15 +2,15 @@
 
     python benchmarks/scaling.py [--redraw | --memory | --threads | --month]
 
-measures processor time and memory of closed loops about a usual size, each in a process of its
-own, one size varied at a time; writes them to ``docs/scaling.csv``, draws
-``docs/images/scaling.png``, and puts exponents and the estimate for a large campaign into
-``docs/scaling.md``. ``--memory`` measures the memory of long runs alone, day by day, for
-``docs/memory.csv``; ``--threads`` the time of a day of the large campaign by the cores that share
-its targets, for ``docs/threads.csv``; ``--month`` works through a whole month of it on all cores,
-each day in a process that goes on from the checkpoint of the day before, for ``docs/month.csv``,
-and goes on where it was broken off itself; ``--redraw`` leaves out the measuring. The scene needs
-no file. Everything else runs on one thread; compilation is not counted.
+Processor time and memory of closed loops are measured around a usual size, each in a process of its
+own, with one size varied at a time. The results go to ``docs/scaling.csv`` and
+``docs/images/scaling.png``; exponents and the estimate for a large campaign go to
+``docs/scaling.md``. ``--memory`` measures only the memory of long runs, day by day
+(``docs/memory.csv``). ``--threads`` measures the time of a day of the large campaign against the
+number of cores that share its targets (``docs/threads.csv``). ``--month`` runs an entire month of
+it on all cores, each day in a process that continues from the checkpoint of the day before
+(``docs/month.csv``); an interrupted run continues. ``--redraw`` omits the measurements. The problem
+needs no file. Everything else runs on one thread; compilation is not counted.
 """
 
 import argparse
@@ -26,16 +26,16 @@ from time import perf_counter, process_time
 import numpy as np
 import pandas as pd
 
-from cislunar.campaign.data.netcdf import write_text
-from cislunar.campaign.documents.markdown import markdown_table, replace_between
 from cislunar.campaign.tracking.checkpoint import Checkpoint
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.registry import estimator_named
 from cislunar.figures.style import estimator_style, house_style, new_figure, save_figure
 from cislunar.photometry.materials import PRINTED
+from cislunar.runtime.netcdf import write_text
+from cislunar.runtime.threads import allow_threads
 from cislunar.tasking.closed_loop import ClosedLoop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.threads import allow_threads
+from workflow.documents.markdown import markdown_table, replace_between
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "docs/scaling.csv"
@@ -61,7 +61,7 @@ NAMES = {
     "hours": "length, h",
 }
 LARGE = {"targets": 10_000, "observers": 100, "seeds": 1, "hours": 2}
-"""The size asked about, for as long as it takes to measure it."""
+"""The size of the large campaign, with the length that is measured."""
 
 LARGE_HOURS = 30 * 24
 
@@ -69,7 +69,7 @@ LONG_RUNS = (
     {"targets": 100, "observers": 20, "days": 8, "worked_through": 8},
     {"targets": 10_000, "observers": 100, "days": 30, "worked_through": 1},
 )
-"""Runs whose memory is measured after every day; the large one is left after its first."""
+"""Runs whose memory is measured after every day; the large one ends after its first day."""
 
 LONG_HOURS = 6.0
 """Data window of the batch estimator for long campaigns."""
@@ -81,8 +81,18 @@ ESTIMATORS = {
 }
 
 
-def begun(estimator: str, targets: int, observers: int, seeds: int, hours: float) -> ClosedLoop:
-    """A closed loop, recorded hourly."""
+ESTIMATOR_NAMES = {
+    "mukf": "paper's filter",
+    "batch": "batch",
+    "window-6h": "batch, window of 6 h",
+}
+"""Labels of the estimators in figure and tables."""
+
+
+def start_realization(
+    estimator: str, targets: int, observers: int, seeds: int, hours: float
+) -> ClosedLoop:
+    """A closed loop with hourly records."""
     problem = tracking_problem(
         observers, targets, PRINTED, duration_hours=float(hours), record_every=60
     )
@@ -90,8 +100,8 @@ def begun(estimator: str, targets: int, observers: int, seeds: int, hours: float
 
 
 def run(estimator: str, targets: int, observers: int, seeds: int, hours: float) -> None:
-    """One closed loop, kept as a cell is."""
-    loop = begun(estimator, targets, observers, seeds, hours)
+    """Run one closed loop with a checkpoint, as a cell is run."""
+    loop = start_realization(estimator, targets, observers, seeds, hours)
     with TemporaryDirectory() as folder:
         Checkpoint(Path(folder) / "kept", loop, {}).run()
 
@@ -108,12 +118,12 @@ def _cost(estimator: str, size: dict[str, int]) -> list[tuple[float, ...]]:
 
 
 def _days(estimator: str, size: dict[str, int]) -> list[tuple[float, ...]]:
-    """Day, processor time so far (s) and peak of memory (MB) of the whole process after each day.
+    """Day, processor time so far (s) and peak memory (MB) of the entire process after each day.
 
-    Every day is kept on disk before the next one.
+    Every day is written to disk before the next one.
     """
     start, found = process_time(), []
-    loop = begun(estimator, size["targets"], size["observers"], 1, 24.0 * size["days"])
+    loop = start_realization(estimator, size["targets"], size["observers"], 1, 24.0 * size["days"])
     with TemporaryDirectory() as folder:
         kept = Checkpoint(Path(folder) / "kept", loop, {}, least_s=0.0)
         for day in range(1, size["worked_through"] + 1):
@@ -123,12 +133,12 @@ def _days(estimator: str, size: dict[str, int]) -> list[tuple[float, ...]]:
 
 
 def in_a_fork(measured: Callable, *given: object) -> list[tuple[float, ...]]:
-    """What a function gives in a fork of this warm process, which ends with it."""
+    """Result of a function in a fork of this process, in which the kernels are loaded."""
     fork = multiprocessing.get_context("fork")
-    ours, theirs = fork.Pipe()
-    child = fork.Process(target=lambda: theirs.send(measured(*given)))
+    parent_end, child_end = fork.Pipe()
+    child = fork.Process(target=lambda: child_end.send(measured(*given)))
     child.start()
-    found = ours.recv()
+    found = parent_end.recv()
     child.join()
     return found
 
@@ -185,10 +195,10 @@ def measure_threads(estimator: str, size: dict[str, int]) -> list[dict[str, obje
 
 
 def _next_day() -> list[tuple[float, ...]]:
-    """Day, time and processor time (s) and peak of memory (MB) of one more day of the month."""
+    """Day, wall and processor time (s) and peak memory (MB) of one more day of the month."""
     start, start_cpu = perf_counter(), process_time()
     allow_threads(os.cpu_count())
-    loop = begun("mukf", LARGE["targets"], LARGE["observers"], 1, LARGE_HOURS)
+    loop = start_realization("mukf", LARGE["targets"], LARGE["observers"], 1, LARGE_HOURS)
     kept = Checkpoint(MONTH_FOLDER, loop, {}, least_s=0.0)
     kept.run(pieces=1)
     day = len(list(MONTH_FOLDER.rglob("pieces-*.pickle")))
@@ -196,7 +206,7 @@ def _next_day() -> list[tuple[float, ...]]:
 
 
 def measure_month() -> None:
-    """Work through what is left of the month; the table has every day that is done."""
+    """Run the remaining days of the month; the table has every finished day."""
     rows = pd.read_csv(MONTH_TABLE).to_dict("records") if MONTH_FOLDER.is_dir() else []
     while not rows or rows[-1]["day"] < LARGE_HOURS // 24:
         ((day, elapsed_s, cpu_s, peak_mb),) = in_a_fork(_next_day)
@@ -208,27 +218,27 @@ def measure_month() -> None:
 
 
 def sizes() -> list[dict[str, int]]:
-    """The usual size with one number changed at a time, each once, and the large one."""
+    """The usual size with one number changed at a time, without repetition, and the large size."""
     found = [{**USUAL, name: value} for name, values in VARIED.items() for value in values]
     distinct = {tuple(size.values()): size for size in [*found, LARGE]}
     return list(distinct.values())
 
 
 def along(table: pd.DataFrame, estimator: str, name: str) -> pd.DataFrame:
-    """Rows of an estimator in which only one number differs from the usual, rising."""
+    """Rows of an estimator in which only one number differs from the usual size, sorted by it."""
     others = [other for other in USUAL if other != name]
     same = (table[others] == [USUAL[other] for other in others]).all(axis=1)
     return table[same & (table["estimator"] == estimator)].sort_values(name)
 
 
 def exponent(rows: pd.DataFrame, name: str) -> float:
-    """Slope of time against a number, both logarithmic, over the upper half of the range."""
+    """Slope of the logarithm of time against that of a number, over the upper half of the range."""
     upper = rows.tail(max(3, (len(rows) + 1) // 2))
     return float(np.polyfit(np.log(upper[name]), np.log(upper["cpu_s"]), 1)[0])
 
 
 def draw(table: pd.DataFrame) -> None:
-    """Processor time against each number, all estimators."""
+    """Draw processor time against each number for all estimators."""
     with house_style():
         figure = new_figure(2.6)
         figure.set_layout_engine("constrained")
@@ -236,7 +246,7 @@ def draw(table: pd.DataFrame) -> None:
         for axis, name in zip(axes, VARIED, strict=True):
             for estimator in table["estimator"].unique():
                 rows, style = along(table, estimator, name), estimator_style(estimator)
-                label = f"{estimator}: {exponent(rows, name):.2f}"
+                label = f"{ESTIMATOR_NAMES[estimator]}: {exponent(rows, name):.2f}"
                 line = {"color": style.color, "linestyle": style.line, "label": label}
                 axis.loglog(rows[name], rows["cpu_s"], **line, **style.marker_kwargs())
             axis.set_xticks(VARIED[name], map(str, VARIED[name]))
@@ -256,13 +266,13 @@ def exponents_table(table: pd.DataFrame) -> str:
     for estimator in table["estimator"].unique():
         usual = along(table, estimator, "targets").set_index("targets").loc[USUAL["targets"]]
         cells = [f"{exponent(along(table, estimator, name), name):.2f}" for name in VARIED]
-        rows.append([estimator, f"{usual['cpu_s']:.2f}", *cells])
-    return markdown_table(["estimator", "usual size, s", *VARIED], rows)
+        rows.append([ESTIMATOR_NAMES[estimator], f"{usual['cpu_s']:.2f}", *cells])
+    return markdown_table(["estimator", "usual size, s", *NAMES.values()], rows)
 
 
 def large_table(table: pd.DataFrame) -> str:
-    """What the large campaign would take, in proportion to its length, in Markdown."""
-    header = ["estimator", "2 h, measured, s", "30 days, one core a realization, h"]
+    """Time of the large campaign, in proportion to its length, in Markdown."""
+    header = ["estimator", "2 h, measured, s", "30 days, one core per realization, h"]
     rows = []
     for estimator in table["estimator"].unique():
         own = table[table["estimator"] == estimator]
@@ -271,51 +281,55 @@ def large_table(table: pd.DataFrame) -> str:
             continue
         cpu_s = row.iloc[0]["cpu_s"]
         hours = cpu_s * LARGE_HOURS / LARGE["hours"] / 3600.0
-        rows.append([estimator, f"{cpu_s:.1f}", f"{hours:.1f}"])
+        rows.append([ESTIMATOR_NAMES[estimator], f"{cpu_s:.1f}", f"{hours:.1f}"])
     return markdown_table(header, rows)
 
 
 def memory_table(table: pd.DataFrame) -> str:
-    """Peak of memory after each day, in Markdown."""
+    """Peak memory after each day, in Markdown."""
     days = sorted(table["day"].unique())
     rows = []
     for key, own in table.groupby(["targets", "observers", "days", "estimator"], sort=False):
         targets, observers, length, estimator = key
         peaks = own.set_index("day")["peak_mb"]
         cells = [str(peaks[day]) if day in peaks.index else "" for day in days]
-        rows.append([f"{targets:,} x {observers}", str(length), estimator, *cells])
+        rows.append([f"{targets:,} x {observers}", str(length), ESTIMATOR_NAMES[estimator], *cells])
     header = ["targets x observers", "days of the run", "estimator"]
     return markdown_table([*header, *(f"day {day}, MB" for day in days)], rows)
 
 
 def threads_table(table: pd.DataFrame) -> str:
-    """Time of a day by threads, and how many times shorter than on one."""
+    """Time of a day by number of threads, and the speedup relative to one thread, in Markdown."""
     rows = []
     for (estimator, targets, observers), some in table.groupby(
         ["estimator", "targets", "observers"], sort=False
     ):
         for row in some.itertuples():
-            shorter = some.elapsed_s.iloc[0] / row.elapsed_s
-            size = f"{targets:,} x {observers}"
-            rows.append(
-                [size, estimator, str(row.threads), f"{row.elapsed_s:.0f}", f"{shorter:.2f}"]
-            )
-    head = ["targets x observers", "estimator", "threads", "a day, s", "times shorter"]
+            speedup = some.elapsed_s.iloc[0] / row.elapsed_s
+            size, name = f"{targets:,} x {observers}", ESTIMATOR_NAMES[estimator]
+            rows.append([size, name, str(row.threads), f"{row.elapsed_s:.0f}", f"{speedup:.2f}"])
+    head = ["targets x observers", "estimator", "threads", "time of a day, s", "speedup"]
     return markdown_table(head, rows)
 
 
 def month_table(table: pd.DataFrame) -> str:
-    """What a month of the large campaign took, in Markdown."""
+    """Time and memory of a month of the large campaign, in Markdown."""
     size = f"{LARGE['targets']:,} x {LARGE['observers']}"
     days, minutes = table["elapsed_s"], table["elapsed_s"].sum() / 60.0
-    row = [size, "mukf", str(table["threads"].iloc[0]), str(len(table)), f"{minutes:.0f}"]
+    row = [
+        size,
+        ESTIMATOR_NAMES["mukf"],
+        str(table["threads"].iloc[0]),
+        str(len(table)),
+        f"{minutes:.0f}",
+    ]
     row += [f"{days.min():.0f} to {days.max():.0f}", str(table["peak_mb"].max())]
-    head = ["targets x observers", "estimator", "threads", "days", "all of them, min"]
-    return markdown_table([*head, "a day, s", "peak of memory, MB"], [row])
+    head = ["targets x observers", "estimator", "threads", "days", "total time, min"]
+    return markdown_table([*head, "time of a day, s", "peak memory, MB"], [row])
 
 
 def describe(table: pd.DataFrame) -> None:
-    """Put the figures into the document."""
+    """Write the tables into the document."""
     text = DOCUMENT.read_text(encoding="utf-8")
     parts = [exponents_table(table), large_table(table)]
     for path, made in (
@@ -331,16 +345,22 @@ def describe(table: pd.DataFrame) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     only = parser.add_mutually_exclusive_group()
-    only.add_argument("--redraw", action="store_true", help="from the tables, without measuring")
-    only.add_argument("--memory", action="store_true", help="measure the memory of long runs alone")
-    only.add_argument("--threads", action="store_true", help="measure cores sharing targets alone")
-    only.add_argument("--month", action="store_true", help="work through a month alone")
+    only.add_argument(
+        "--redraw", action="store_true", help="use the existing tables without measuring"
+    )
+    only.add_argument("--memory", action="store_true", help="measure only the memory of long runs")
+    only.add_argument(
+        "--threads", action="store_true", help="measure only the cores that share targets"
+    )
+    only.add_argument(
+        "--month", action="store_true", help="run only the month of the large campaign"
+    )
     options = parser.parse_args()
     rows, days, shared = [], [], []
-    # a data window changes nothing in how targets are shared
+    # a data window does not change how targets are shared
     asked = ("mukf", "batch") if options.threads else ("mukf",) if options.month else ESTIMATORS
     for estimator in () if options.redraw else asked:
-        run(estimator, 5, 5, 1, 1.0)  # compiles
+        run(estimator, 5, 5, 1, 1.0)  # compiles the kernels
         if options.threads:
             shared += measure_threads(estimator, {**LARGE, "hours": 24})
             continue

@@ -1,9 +1,10 @@
-"""Time of one visibility test: the compiled kernel against the plain NumPy it must agree with.
+"""Time of one visibility test: compiled kernel against plain NumPy.
 
     python benchmarks/visibility.py [--orbits 8] [--targets 2000] [--threads N]
 
-Real orbits, sampled targets and the Sun of the paper's epoch; a test is one (track, time, target).
-Compilation is not counted. Exits with an error if the counts differ from NumPy's.
+The problem has orbits of the library, sampled targets and the Sun at the paper's epoch; a test is
+one combination of track, time and target. Compilation is not counted. The benchmark exits with an
+error if the counts differ from those of NumPy.
 """
 
 import argparse
@@ -30,7 +31,7 @@ MISSIONS = Path(__file__).parents[1] / "config" / "missions.csv"
 
 
 def make_scene(n_orbits: int, n_targets: int):
-    """Tracks of orbits of every family, targets within zero-velocity surfaces, the Sun."""
+    """Tracks of orbits, targets within zero-velocity surfaces, and the Sun."""
     library = observer_library({"Halo_L2_S": 3, "Halo_L1_N": 3, "Butterfly_N": 3, "Lyap_L3": 3})
     rows = np.linspace(0, len(library.period) - 1, n_orbits).astype(int)
     times = observation_times(DAYS, 1.0)
@@ -44,7 +45,7 @@ def make_scene(n_orbits: int, n_targets: int):
 
 
 def plain(track, target, sun, settings: VisibilitySettings):
-    """Counts of one track in NumPy, as a researcher writes it."""
+    """Counts of one track in plain NumPy."""
     line = target - track[:, None]
     magnitude = sphere_magnitude(
         np.linalg.norm(line, axis=-1) * LENGTH_UNIT_KM * 1e3,
@@ -88,13 +89,13 @@ def main() -> None:
     plain_ns /= track.shape[2] * len(target)
     different = np.abs(counts[:, 0] - first).sum() / (track[:, 0, :, 0].size * len(target))
     print(f"{len(target)} targets, {track[..., 0].size} observer positions, best of 3")
-    print(f"compiled, {arguments.threads} threads  {compiled_ns:8.2f} ns a test")
-    print(f"processor time       {processor_ns:8.2f} ns a test, summed over threads")
-    print(f"NumPy, 1 thread      {plain_ns:8.2f} ns a test")
-    print(f"ratio                {plain_ns / compiled_ns:8.0f}")
-    print(f"tests decided differently: {different:.1e} of all")
+    print(f"compiled, {arguments.threads} threads  {compiled_ns:8.2f} ns per test")
+    print(f"processor time       {processor_ns:8.2f} ns per test, summed over threads")
+    print(f"NumPy, 1 thread      {plain_ns:8.2f} ns per test")
+    print(f"time ratio           {plain_ns / compiled_ns:8.0f}")
+    print(f"share of tests with different result: {different:.1e}")
     if different > 1e-4:
-        sys.exit("the compiled counts differ from NumPy's")
+        sys.exit("the compiled counts differ from those of NumPy")
 
 
 if __name__ == "__main__":

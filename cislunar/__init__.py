@@ -1,6 +1,7 @@
 """Autonomous cislunar space domain awareness: observer architecture, tasking and estimation.
-What most notebooks begin with is here, loaded when it is asked for: with `import cislunar as cs`,
-`cs.periodic_orbits("Halo_L2_S", jacobi=3.05)`. The rest is in the rooms, such as `cislunar.orbits`.
+The functions that most notebooks need are here and are loaded on first use: after
+`import cislunar as cs`, `cs.periodic_orbits("Halo_L2_S", jacobi=3.05)`. All others are in the
+packages, such as `cislunar.orbits`.
 """
 
 __version__ = "0.1.0"
@@ -12,17 +13,17 @@ _HOMES = {
     "icosahedron": "photometry.shapes",
     "make_scene": "observation.scene",
     "observer_library": "orbits.families",
-    "periodic_orbits": "orbits.catalogue",
+    "periodic_orbits": "orbits.catalog",
     "propagate": "dynamics.propagation",
     "propagate_periodic": "dynamics.propagation",
     "propagate_utc": "dynamics.ephemeris",
     "run_closed_loop": "tasking.closed_loop",
     "sample_ephemeris": "ephemeris.sampling",
     "sightings": "observation.sightings",
-    "target_surfaces": "observation.scene",
+    "target_surfaces": "observation.target_surfaces",
     "tracking_problem": "tasking.demonstration",
 }
-"""The module of each name that a notebook finds here."""
+"""Module of each name of this package."""
 
 __all__ = [*_HOMES]
 
@@ -33,8 +34,8 @@ def __getattr__(name: str) -> object:
     from importlib import import_module
 
     if not _HOMES.keys() & globals().keys():  # before the first kernel
-        import_module(f"{__name__}.campaign.operation.kernels").drop_stale_kernels()
-        import_module(f"{__name__}.campaign.data.compilation").announce_always()
+        import_module(f"{__name__}.runtime.kernels").drop_stale_kernels()
+        import_module(f"{__name__}.runtime.compilation").announce_always()
     value = globals()[name] = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
     return value
 

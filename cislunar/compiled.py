@@ -1,4 +1,4 @@
-"""Choice of a function by the type of its first argument when a kernel is compiled."""
+"""Compile-time overloads by the type of the first argument, and decorators of kernels."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,16 +10,9 @@ _WITH_OWN_BODY: dict[Callable, set[type]] = {}
 
 
 def implements(function: Callable, model: type) -> Callable:
-    """Decorator: the compiled body of a function for a class of first argument.
-
-    Parameters
-    ----------
-    function : callable
-        What kernels call; its own body is not compiled.
-    model : type
-        A NamedTuple class. Kernels are cached on disk by its name, so it has to be importable in
-        every process that shares the cache.
-    """
+    """Decorator: implementation of a `function`, which kernels call and whose own body is not
+    compiled, for a NamedTuple class of first argument. Kernels are cached on disk by the name of
+    the class, so that it has to be importable in every process that shares the cache."""
 
     def register(body: Callable) -> Callable:
         def choose(first: Any, *_: Any) -> Callable | None:
@@ -33,7 +26,7 @@ def implements(function: Callable, model: type) -> Callable:
 
 
 def for_all_others(function: Callable) -> Callable:
-    """Decorator: what kernels call, its own body compiled for classes that implement no other."""
+    """Decorator: a function whose own body is compiled for all classes without `implements`."""
 
     def choose(first: Any, *_: Any) -> Callable | None:
         own = getattr(first, "instance_class", None) in _WITH_OWN_BODY.get(function, ())
@@ -43,32 +36,30 @@ def for_all_others(function: Callable) -> Callable:
     return function
 
 
-borrowing = njit(cache=True, error_model="numpy", _nrt=False)
-"""Decorator of kernels that use arrays of others: they make none and return none but arguments.
+njit_noalloc = njit(cache=True, error_model="numpy", _nrt=False)
+"""Decorator of kernels that allocate no arrays and return none except their arguments.
 
-Numba counts the references to every array that a kernel takes out of a tuple or views a part of;
-in a step of a filter that took longer than its arithmetic. Whoever calls such a kernel holds the
-arrays while it runs, so that it need not count. What would need to is refused when it is compiled.
+Numba counts references to every array that a kernel takes from a tuple or of which it takes a view.
+In a filter step this took longer than the arithmetic. The caller of such a kernel keeps references
+to the arrays, so that counting is unnecessary. Numba refuses to compile a kernel that needs it.
 """
 
 
-allocating = njit(cache=True, error_model="numpy", _nrt=True)
-"""Decorator of kernels that make arrays and are called by `borrowing` ones.
+njit_alloc = njit(cache=True, error_model="numpy", _nrt=True)
+"""Decorator of kernels that allocate arrays and are called by `njit_noalloc` kernels.
 
-It has to be said, since a kernel takes after the first that calls it.
+It has to be explicit, because otherwise a kernel inherits the option of its first caller.
 """
 
 
-def put(out: Any, values: Any) -> None:
-    """Copy an array into another of its shape, with one or two axes (in kernels only).
-
-    As ``out[...] = values``, for which room is taken in case the two share memory.
-    """
+def copy_into(out: Any, values: Any) -> None:
+    """Copy an array with one or two axes into another of its shape (in kernels only). In ``out[...]
+    = values`` Numba allocates memory in case the two arrays overlap."""
     raise NotImplementedError
 
 
-@overload(put, jit_options={"_nrt": False, "error_model": "numpy"})
-def _put(out: Any, values: Any) -> Callable:
+@overload(copy_into, jit_options={"_nrt": False, "error_model": "numpy"})
+def _copy_into(out: Any, values: Any) -> Callable:
     def one(out: Any, values: Any) -> None:
         for i in range(out.shape[0]):
             out[i] = values[i]

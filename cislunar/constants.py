@@ -1,8 +1,8 @@
-"""Physical constants and the units of the Earth-Moon system: one definition, used everywhere.
+"""Physical constants and the units of the Earth-Moon system.
 
-The circular restricted three-body problem (CR3BP) is written in nondimensional form: lengths in
-`LENGTH_UNIT_KM`, times in `TIME_UNIT_S`, so that the primaries are a unit apart and the frame
-turns by one radian per unit of time.
+The circular restricted three-body problem (CR3BP) is nondimensional: lengths are in units of
+`LENGTH_UNIT_KM` and times in units of `TIME_UNIT_S`, so that the distance of the primaries is one
+and the frame rotates by one radian per unit of time.
 """
 
 from math import sqrt
@@ -13,13 +13,13 @@ MU: float = 0.01215
 LENGTH_UNIT_KM: float = 384_400.0
 """Earth-Moon distance l*, km."""
 
-GM_EARTH_KM3_S2: float = 398_600.4418
+_GM_EARTH_KM3_S2: float = 398_600.4418
 """Gravitational parameter of the Earth, km^3/s^2."""
 
 GM_MOON_KM3_S2: float = 4_902.8001
 """Gravitational parameter of the Moon, km^3/s^2."""
 
-TIME_UNIT_S: float = sqrt(LENGTH_UNIT_KM**3 / (GM_EARTH_KM3_S2 + GM_MOON_KM3_S2))
+TIME_UNIT_S: float = sqrt(LENGTH_UNIT_KM**3 / (_GM_EARTH_KM3_S2 + GM_MOON_KM3_S2))
 """Characteristic time t* = 1/n of the two-body problem with l* and both masses, s (375 190.3)."""
 
 GM_UNIT_KM3_S2: float = LENGTH_UNIT_KM**3 / TIME_UNIT_S**2

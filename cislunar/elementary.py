@@ -1,9 +1,9 @@
-"""Exponential, sine and cosine in plain arithmetic, for loops over many numbers (compiled).
+"""Exponential, sine and cosine in elementary arithmetic, for vectorized loops (compiled).
 
-Those of the mathematics library are calls, which keep a loop from being run several numbers at a
-time, and their last bit differs from machine to machine. These are sums and products alone: a
-range is taken off (Cody & Waite 1980) and a Taylor polynomial is summed. Nothing here is
-reordered by a compiler, so that the result is the same however many numbers are taken at a time.
+The functions of the mathematics library are calls, which prevent vectorization, and their last bit
+depends on the machine. The functions here consist of sums and products alone: argument reduction
+(Cody & Waite 1980) and a Taylor polynomial. The compiler reorders nothing, so that the result does
+not depend on the vector width.
 """
 
 import math
@@ -13,10 +13,10 @@ from numba import njit, types
 from numba.extending import intrinsic
 
 LOWEST_EXPONENT = -708.0
-"""Below, the exponential stays at exp(-708) = 3e-308, so that it never becomes subnormal."""
+"""For smaller arguments the exponential is exp(-708) = 3e-308, so that it is never subnormal."""
 
 _INVERSE_LN2 = 1.0 / math.log(2.0)
-# log(2) and pi / 2 in parts, the first so short that its product with a count is exact
+# log(2) and pi / 2 in parts; the first is short, so that its product with an integer is exact
 _LN2 = (float.fromhex("0x1.62e42fefap-1"), float.fromhex("0x1.cf79abc9e3b39p-40"))
 _RIGHT_ANGLE = (
     float.fromhex("0x1.921fb544p+0"),
@@ -26,7 +26,7 @@ _RIGHT_ANGLE = (
 _TO_INTEGER = 1.5 * 2.0**52
 """Added to a number, leaves its nearest integer in the lowest bits."""
 _BIAS = 1023.0
-"""Added to an exponent of two, makes the one in the bits of a number."""
+"""Added to an exponent of two, gives the biased exponent of a float64."""
 
 (_1, _2, _3, _4, _5, _6, _7, _8, _9, _10, _11, _12, _13, _14, _15, _16) = (
     1.0 / math.factorial(n) for n in range(1, 17)

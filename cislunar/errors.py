@@ -1,11 +1,11 @@
-"""Errors a user can act on: each message says what is wrong, where, and the mend."""
+"""Errors that a user can resolve: each message names the fault, its location and the remedy."""
 
 import difflib
 from collections.abc import Iterable
 
 
 class CislunarError(Exception):
-    """Base class of every error this library raises on purpose."""
+    """Base class of every error that this library raises deliberately."""
 
 
 class ConfigurationError(CislunarError, ValueError):
@@ -13,7 +13,7 @@ class ConfigurationError(CislunarError, ValueError):
 
 
 class InputFileError(CislunarError, ValueError):
-    """A file is missing or holds something unusable; the message names the file and the place."""
+    """A file is missing or has unusable content; the message names the file and the location."""
 
 
 class ConvergenceError(CislunarError, RuntimeError):
@@ -21,9 +21,9 @@ class ConvergenceError(CislunarError, RuntimeError):
 
 
 def did_you_mean(name: str, known: Iterable[str], likeness: float = 0.6) -> str:
-    """A question for the known names like one that is not known, or nothing if none is.
+    """Suggestion of similar known names for an unknown one, or an empty string.
 
-    `likeness` is that of `difflib.get_close_matches`; case does not count.
+    `likeness` is the cutoff of `difflib.get_close_matches`; case is ignored.
     """
     folded = {each.casefold(): each for each in known}
     close = difflib.get_close_matches(name.casefold(), folded, n=2, cutoff=likeness)

@@ -1,15 +1,13 @@
-"""A tree-structured Parzen estimator (TPE), compiled: Hyperopt's algorithm, many times faster.
+"""Tree-structured Parzen estimator (TPE), compiled: Hyperopt's algorithm, many times faster.
 
 Bergstra et al. (2011) model every label by two densities, one of the good trials and one of the
-rest, and try next the value, out of some draws from the first, at which their ratio is largest.
-This is Hyperopt 0.2.7's ``tpe.suggest`` with its own settings: `STARTUP` trials at random, then the
-``ceil(0.25 sqrt(n))`` best of n trials (`MOST_GOOD` at most) against the others, `CANDIDATES` draws
-for each label, labels independent of each other. The density of an interval is a mixture of
-normals, one for each trial and one for the prior, as wide as the gap to the farther neighbour; that
-of a category is a count. Trials older than the last `REMEMBERED` weigh less, linearly.
-
-Two things differ, neither in distribution: the random numbers, and ties in the loss, which here go
-to the older trial on every machine.
+others. The next trial has the value, among some samples of the first density, with the largest
+ratio of the two. This module is Hyperopt 0.2.7's ``tpe.suggest`` with its own settings: `STARTUP`
+random trials, then the ``ceil(0.25 sqrt(n))`` best of n trials (at most `_MOST_GOOD`) against the
+others, with `CANDIDATES` samples for each label. The density of an interval is a mixture of
+normals, one for each trial and one for the prior, each as wide as the larger gap to its neighbors;
+that of a category is a count. Trials before the last `_REMEMBERED` have less weight, linearly. The
+random numbers differ from Hyperopt's, and ties in the loss go to the older trial on every machine.
 """
 
 from bisect import insort_right
@@ -22,19 +20,19 @@ Array = NDArray[np.float64]
 
 STARTUP = 20
 CANDIDATES = 24
-REMEMBERED = 25
-GOOD_SHARE = 0.25
-MOST_GOOD = 25
+_REMEMBERED = 25
+_GOOD_SHARE = 0.25
+_MOST_GOOD = 25
 
-_LEAST_SHARE = 100.0  # a component is no narrower than the prior by more than this
-_REACH = 9.0  # deviations beyond which a narrow component adds less than 1e-16
+_LEAST_SHARE = 100.0  # largest ratio of the prior's width to that of a component
+_REACH = 9.0  # deviations beyond which a narrow component contributes less than 1e-16
 
 
 @njit(cache=True)
 def forgetting_weights(number):
-    """Weight of each of so many trials, oldest first; a linear ramp up to the last ones."""
+    """Weights of a number of trials, oldest first: a linear ramp up to the last ones."""
     weights = np.ones(number)
-    ramp = number - REMEMBERED
+    ramp = number - _REMEMBERED
     for i in range(ramp):
         share = i / (ramp - 1) if ramp > 1 else 0.0
         weights[i] = 1.0 / number + share * (1.0 - 1.0 / number)
@@ -43,10 +41,9 @@ def forgetting_weights(number):
 
 @njit(cache=True)
 def parzen_window(values, weights, low, high):
-    """Weights, means and deviations of the mixture over an interval, in rising order of the means.
-
-    `values` (n,) rise, `weights` are theirs; the prior is one more component of weight 1.
-    """
+    """Weights, means and deviations of the mixture over an interval, in ascending order of the
+    means. `values` (n,) are ascending, with their `weights`; the prior is a further component of
+    weight 1."""
     n = values.size
     prior, wide = 0.5 * (high + low), high - low
     at = 0
@@ -73,19 +70,15 @@ def parzen_window(values, weights, low, high):
 
 @njit(cache=True)
 def mixture(share, mean, deviation):
-    """A mixture for `mixture_density`: heights, means, inverse deviations, and the wider ones.
-
-    Most components of many trials are as narrow as any; the others are listed.
-    """
+    """A mixture for `mixture_density`: heights, means, inverse deviations, and the wider
+    components. Most components of many trials have the least width; the others are listed."""
     return share / deviation, mean, 1.0 / deviation, np.flatnonzero(deviation > deviation.min())
 
 
 @njit(cache=True)
 def mixture_density(x, height, mean, inverse, wider):
-    """Density of a mixture at x, but for a factor that the two of a label have in common.
-
-    Of the narrow components only the near ones count.
-    """
+    """Density of a mixture at x, except for a factor common to the two mixtures of a label. Narrow
+    components contribute only near x."""
     steepest, total = inverse.max(), 0.0
     first = np.searchsorted(mean, x - _REACH / steepest)
     last = np.searchsorted(mean, x + _REACH / steepest)
@@ -101,14 +94,14 @@ def mixture_density(x, height, mean, inverse, wider):
 
 @njit(cache=True)
 def _pick(cumulative, rng):
-    """An index with probabilities whose running sum is given."""
-    drawn = np.searchsorted(cumulative, rng.random() * cumulative[-1], side="right")
-    return min(drawn, cumulative.size - 1)
+    """Random index with probabilities given by their cumulative sum."""
+    index = np.searchsorted(cumulative, rng.random() * cumulative[-1], side="right")
+    return min(index, cumulative.size - 1)
 
 
 @njit(cache=True)
 def _best_in_interval(good, rest, low, high, rng):
-    """The draw from the density of the good trials at which its ratio to the rest's is largest."""
+    """Sample of the density of the good trials with the largest ratio to that of the others."""
     cumulative, above, below = np.cumsum(good[0]), mixture(*good), mixture(*rest)
     best, best_ratio = low, -1.0
     for _ in range(CANDIDATES):
@@ -125,7 +118,7 @@ def _best_in_interval(good, rest, low, high, rng):
 
 @njit(cache=True)
 def _best_category(good, rest, rng):
-    """The same among categories, from the pseudo-counts of each."""
+    """Sampled category with the largest ratio of pseudo-counts."""
     cumulative = np.cumsum(good)
     best, best_ratio = 0, -1.0
     for _ in range(CANDIDATES):
@@ -138,12 +131,10 @@ def _best_category(good, rest, rng):
 
 @njit(cache=True)
 def _suggest(values, by_value, by_loss, low, high, categories, rng):
-    """The next trial, shape (label,); `values` (label, trial) are those made.
-
-    `by_value` (label, trial) orders them, `by_loss` has the best, best first.
-    """
+    """The next trial, shape (label,), given the `values` (label, trial) of all trials. `by_value`
+    (label, trial) sorts them by value, `by_loss` lists the best trials, best first."""
     labels, n = values.shape
-    n_good = min(int(np.ceil(GOOD_SHARE * np.sqrt(n))), MOST_GOOD)
+    n_good = min(int(np.ceil(_GOOD_SHARE * np.sqrt(n))), _MOST_GOOD)
     is_good = np.zeros(n, np.bool_)
     is_good[by_loss[:n_good]] = True
     weight, age = np.ones(n), 0
@@ -174,24 +165,12 @@ def _suggest(values, by_value, by_loss, low, high, categories, rng):
 
 
 class ParzenSearch:
-    """A search that suggests trials one by one and is told their losses; smaller is better.
-
-    Parameters
-    ----------
-    low, high : array_like, shape (label,)
-        Interval of each label.
-    categories : array_like of int, shape (label,)
-        Number of categories of a label, of which it has one: 0, 1, ...; 0 for an interval.
-    rng : numpy.random.Generator
-        Source of randomness.
-    """
+    """Sequential search that suggests trials and receives their losses; a smaller loss is better.
+    Labels are intervals from `low` to `high` (label,), or have `categories` 0, 1, ... (label,), 0
+    for an interval."""
 
     def __init__(
-        self,
-        low: ArrayLike,
-        high: ArrayLike,
-        categories: ArrayLike,
-        rng: np.random.Generator,
+        self, low: ArrayLike, high: ArrayLike, categories: ArrayLike, rng: np.random.Generator
     ) -> None:
         self._low, self._high = (np.array(each, dtype=np.float64) for each in (low, high))
         self._categories = np.array(categories, dtype=np.int64)
@@ -206,12 +185,12 @@ class ParzenSearch:
         """The next trial, shape (label,)."""
         n = self._trials
         if n < STARTUP:
-            drawn = self._low + (self._high - self._low) * self._rng.random(self._low.size)
-            return np.where(self._categories > 0, np.floor(drawn), drawn)
+            sample = self._low + (self._high - self._low) * self._rng.random(self._low.size)
+            return np.where(self._categories > 0, np.floor(sample), sample)
         return _suggest(
             self._values[:, :n],
             self._by_value[:, :n],
-            np.array(self._by_loss[:MOST_GOOD]),
+            np.array(self._by_loss[:_MOST_GOOD]),
             self._low,
             self._high,
             self._categories,
@@ -227,14 +206,14 @@ class ParzenSearch:
             self._by_value = np.concatenate([self._by_value, room], axis=1)
         _insert(self._values, self._by_value, n, np.asarray(values, dtype=np.float64))
         self._losses.append(float(loss))
-        # trials of equal loss stay in their order
+        # trials of equal loss keep their order
         insort_right(self._by_loss, n, key=self._losses.__getitem__)
         self._trials = n + 1
 
 
 @njit(cache=True)
 def _insert(values, by_value, n, new):
-    """Add the n-th trial and keep the orders of all labels."""
+    """Add the n-th trial and update the sorted order of all labels."""
     for j in range(new.size):
         values[j, n] = new[j]
         at = n

@@ -1,10 +1,11 @@
-"""The site: ``sphinx-build -c docs . build/site``, in the folder of the repository.
+"""Configuration of the site: ``sphinx-build -c docs . build/site`` in the folder of the repository.
 
-Its pages are the Markdown of the repository, where it stands; the reference is made of the
-docstrings, and the gallery is run while the site is made. Neither the making nor the pages need a
+The pages are the Markdown files of the repository. The reference is generated from the docstrings,
+and the scripts of the gallery run while the site is built. Neither the build nor the pages need a
 network.
 """
 
+import importlib
 import pkgutil
 import re
 from pathlib import Path
@@ -77,7 +78,7 @@ EXAMPLE = re.compile(r"\((?:\.\./|docs/)examples/(\w+)/(?:(\w+)\.py)?\)")
 
 
 def _written(path, text):
-    """Write a file if it is another, so that only what has changed is made anew."""
+    """Write a file if its text has changed, so that Sphinx rebuilds only changed pages."""
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         path.write_text(text, encoding="utf-8")
 
@@ -92,42 +93,51 @@ def _summaries(names):
 
 
 def _below(pages):
-    """Pages that stand in the navigation beneath this one."""
+    """Pages below this one in the navigation."""
     return _listed(".. toctree::\n   :hidden:", pages)
 
 
+def _interface(package):
+    """The rest of the description of a package, with the names of its interface."""
+    names = getattr(importlib.import_module(package), "__all__", ())
+    listed = ", ".join(f"``{name}``" for name in names)
+    return "   :no-members:\n\n" + (f"Interface: {listed}\n\n" if names else "")
+
+
 def write_reference(app):
-    """A page for each room, all its modules on it, and what the page that leads there includes."""
+    """Write a page for each package with all its modules, and the lists that the index includes."""
     folder = Path(app.srcdir) / "docs/api"
     folder.mkdir(exist_ok=True)
     found = list(pkgutil.walk_packages(cislunar.__path__, "cislunar."))
-    rooms = [each.name for each in found if each.ispkg]
-    for room in ["cislunar", *rooms]:
-        inside = [each for each in found if each.name.rpartition(".")[0] == room]
+    packages = [each.name for each in found if each.ispkg]
+    for package in ["cislunar", *packages]:
+        inside = [each for each in found if each.name.rpartition(".")[0] == package]
         modules = [each.name for each in inside if not each.ispkg and "__" not in each.name]
         below = [each.name for each in inside if each.ispkg]
-        text = f"{room}\n{'=' * len(room)}\n\n.. automodule:: {room}\n\n"
-        if room != "cislunar" and below + modules:
-            text += _summaries([name.removeprefix(f"{room}.") for name in below + modules])
+        text = f"{package}\n{'=' * len(package)}\n\n.. automodule:: {package}\n"
+        # The modules describe the names of the interface.
+        text += _interface(package) if package != "cislunar" else "\n"
+        if package != "cislunar" and below + modules:
+            text += _summaries([name.removeprefix(f"{package}.") for name in below + modules])
             text += _below(below)
         for name in modules:
             text += f"{name}\n{'-' * len(name)}\n\n.. automodule:: {name}\n\n"
-        _written(folder / f"{room}.rst", text)
+        _written(folder / f"{package}.rst", text)
     names = [f"~cislunar.{home}.{name}" for name, home in cislunar._HOMES.items()]
     _written(folder / "names.inc", _summaries(names))
-    top = [room for room in rooms if room.count(".") == 1]
+    top = [package for package in packages if package.count(".") == 1]
     pages = _below(f"api/{page}" for page in ("cislunar", *top))
-    _written(folder / "rooms.inc", _summaries(["cislunar.constants", *top]) + pages)
+    _written(folder / "packages.inc", _summaries(["cislunar.constants", *top]) + pages)
 
 
 def adapt_markdown(app, docname, source):
-    """What a forge shows and the site would not: scripts of the gallery, and Mermaid's graph."""
+    """Adapt links to gallery scripts and Mermaid graphs, which only GitHub shows as written."""
     source[0] = EXAMPLE.sub(lambda m: f"(/docs/gallery/{m[1]}/{m[2] or 'index'}.rst)", source[0])
     source[0] = MERMAID.sub(_graph_as_table, source[0])
 
 
 def _graph_as_table(found):
-    """The arrows of a graph, gathered by where they start."""
+    """The arrows of a graph as a table, one row for each start."""
     leads = {}
     for start, stop in re.findall(r"^ +(\w+) --> (\w+)$", found[0], flags=re.MULTILINE):
         leads.setdefault(start, []).append(stop)
@@ -136,7 +146,7 @@ def _graph_as_table(found):
 
 
 def short_signature(app, what, name, object, options, signature, returned):
-    """Array types under the names they are written with."""
+    """Show array types under the names used in the source."""
     return tuple(
         text and NDARRAY.sub(r"NDArray[\1]", text.replace(ARRAY_LIKE, "ArrayLike"))
         for text in (signature, returned)
@@ -144,17 +154,17 @@ def short_signature(app, what, name, object, options, signature, returned):
 
 
 def skip_fields(app, what, name, object, skip, options):
-    """Fields of a named tuple, which its docstring has under Attributes."""
+    """Skip the fields of a named tuple, which its docstring describes under Attributes."""
     return (getattr(object, "__doc__", None) or "").startswith("Alias for field") or None
 
 
 def plain_bars(app, what, name, object, options, lines):
-    """A bar in a docstring is that of a modulus, not the beginning of a substitution."""
+    """Escape bars in docstrings: they denote a modulus, not a substitution."""
     lines[:] = [BAR.sub(lambda m: m[1] or r"\|", line) for line in lines]
 
 
 def plain_types(app, doctree):
-    """Words of types in docstrings, such as "shape", are words, not names to be looked for."""
+    """Leave words in the types of docstrings, such as "shape", without a cross-reference."""
     for node in [*doctree.findall(pending_xref)]:
         if node.get("refspecific") and "." not in node["reftarget"]:
             node.replace_self(node.children)

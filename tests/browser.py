@@ -64,7 +64,7 @@ class _Answer(BaseHTTPRequestHandler):
         """Stay silent."""
 
 
-def probe(html, folder, script, seconds=170, width=1200):
+def probe(html, folder, script, seconds=1200, width=1200):
     """Open a page, run the body of an asynchronous function in it.
 
     Returns what the function returns, and the list of errors and warnings of the page. The page

@@ -15,7 +15,7 @@ QUICK = ("--configfile", "config/quick.yaml")
 
 
 def run(*command, cwd=ROOT):
-    """Run a module of this Python; text of both streams and the return code."""
+    """Run a module of this Python; returns the text of both streams and the exit code."""
     done = subprocess.run(
         [sys.executable, "-m", *map(str, command)],
         cwd=cwd,
@@ -33,7 +33,7 @@ def snakemake(folder, *arguments):
 
 
 def copy_workflow(folder):
-    """What Snakemake needs besides the installed package."""
+    """Copy the files that Snakemake needs besides the installed package."""
     shutil.copy(ROOT / "Snakefile", folder)
     for name in ("workflow", "config"):
         shutil.copytree(ROOT / name, folder / name)

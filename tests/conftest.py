@@ -1,26 +1,40 @@
-"""Fixtures shared by the test modules."""
+"""Fixtures shared by the test modules, and the order in which several workers run them."""
 
+import ast
+import os
+import re
 from collections import Counter
+from functools import cache
+from pathlib import Path
 
 import pytest
-from campaign_folder import QUICK, copy_workflow, snakemake
+from campaign_folder import QUICK, ROOT, copy_workflow, snakemake
 
-from cislunar.campaign.operation.kernels import drop_stale_kernels
+from cislunar.campaign.kernels import kernel_set
 from cislunar.orbits.families import observer_library
+from cislunar.runtime.kernels import compile_kernels, drop_stale_kernels
+
+STALE = pytest.StashKey[list[str]]()
+FINISHED = "finished"
+ESTIMATORS = re.compile(
+    r"closed_loop|cell_dataset|light_curve|estimation\.(kalman|registry|unscented)"
+)
+"""Names in modules whose tests run an estimator, whose kernels take minutes to compile."""
+
+LONG = "test_faults.py", "test_site.py", "test_tracking_campaign.py", "test_unknown_bodies.py"
+"""Modules of few tests that take a minute or more."""
 
 
 def pytest_configure(config):
-    """Kernels whose sources have changed are compiled anew; it is said, for it takes a while."""
+    """Drop outdated kernels; they are compiled when they are first needed."""
     config.stash[STALE] = drop_stale_kernels()
 
 
 def pytest_report_header(config):
-    """A line on top of the run, if there is anything to compile."""
+    """Report what has to be compiled: it takes minutes."""
     count = len(config.stash[STALE])
-    return f"kernels of {count} files will be compiled when first needed" if count else None
-
-
-STALE = pytest.StashKey[list[str]]()
+    text = "kernels of {} files will be compiled when first needed, which takes minutes"
+    return text.format(count) if count else None
 
 
 def pytest_addoption(parser):
@@ -29,19 +43,75 @@ def pytest_addoption(parser):
     )
 
 
-LONGEST = "test_faults.py", "finished"
-"""Groups of tests that take minutes though they are few: begun first, so that no worker is idle."""
+@cache
+def runs_estimators(path):
+    """Whether the tests of a module run an estimator."""
+    return ESTIMATORS.search(path.read_text(encoding="utf-8")) is not None
+
+
+@cache
+def users_of_the_campaign(path):
+    """Names of the tests and fixtures of a module that need the finished campaign."""
+    functions = {
+        node.name: {argument.arg for argument in node.args.args}
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef)
+    }
+    found = {FINISHED}
+    while more := {name for name, arguments in functions.items() if arguments & found} - found:
+        found |= more
+    return found
+
+
+def group_of(nodeid):
+    """The group of a test, which one worker runs: those that need the campaign, else its module."""
+    module, _, name = nodeid.partition("::")
+    used = users_of_the_campaign(ROOT / module)
+    return FINISHED if name.partition("[")[0] in used else Path(module).name
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Several workers share the groups of `group_of`."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Groups(LoadScopeScheduling):
+        def _split_scope(self, nodeid):
+            return group_of(nodeid)
+
+    return Groups(config, log)
 
 
 def pytest_collection_modifyitems(items):
-    """With several workers, one of them runs what needs the finished campaign, made once."""
-    groups = {
-        item: "finished" if "finished" in item.fixturenames else item.path.name for item in items
-    }
+    """Sort the groups of tests.
+
+    The campaign whose results many tests read is run once, first, and compiles the kernels of the
+    estimators. Tests without an estimator come next, so that no other worker waits for these
+    kernels. The remaining groups follow, long modules first.
+    """
+    groups = {item: group_of(item.nodeid) for item in items}
     sizes = Counter(groups.values())
-    for item, group in groups.items():
-        item.add_marker(pytest.mark.xdist_group(group))
-    items.sort(key=lambda item: (groups[item] not in LONGEST, -sizes[groups[item]], groups[item]))
+    late = {
+        groups[item]
+        for item in items
+        if runs_estimators(item.path) or item.get_closest_marker("workflow")
+    }
+    stage = {group: 3 if group in late else 1 for group in sizes}
+    stage |= {FINISHED: 0, **dict.fromkeys(LONG, 2)}
+    items.sort(key=lambda item: (stage[groups[item]], -sizes[groups[item]], groups[item]))
+
+
+@cache
+def compile_estimators():
+    """Compile the kernels of the estimators while other processes wait, or load them."""
+    compile_kernels(kernel_set("tracking"))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled(request):
+    """With several workers, one of them compiles the kernels of the estimators."""
+    if "PYTEST_XDIST_WORKER" in os.environ and runs_estimators(request.path):
+        compile_estimators()
 
 
 @pytest.fixture(scope="session")
@@ -52,7 +122,7 @@ def library():
 
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory):
-    """A copy of the workflow in which the small configuration has been run; leave it as it is."""
+    """A copy of the workflow with the results of the small configuration; do not change it."""
     folder = copy_workflow(tmp_path_factory.mktemp("finished"))
     output, code = snakemake(folder, "--cores", "2", *QUICK)
     assert code == 0, output[-6000:]

@@ -5,25 +5,46 @@ import numpy as np
 from cislunar.evaluation.metrics import Evaluation
 from cislunar.observation.measurement import measure
 from cislunar.observation.records import Measurements, rows_of, schedule
+from cislunar.observation.sensor import Sensor
+from cislunar.observation.target_surfaces import target_surfaces
+from cislunar.photometry.materials import Material
+from cislunar.photometry.shapes import icosahedron
+from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.initial_conditions import initial_estimate
+from cislunar.tasking.truth import draw_truth
+
+SENSOR = Sensor(limiting_magnitude=24.0)
 
 
-def looked_at(observer_of, scene, surfaces, sensor, truth, first=1, n_steps=None):
-    """Records and their fates of one observer for each target, or none (-1), at every step."""
+def observed_by(observer_of, scene, surfaces, sensor, truth, first=1, n_steps=None):
+    """Records and detection outcomes of one observer, or none (-1), for each target and step."""
     observer_of = np.asarray(observer_of)
     n_steps = scene.sun_position.shape[0] - first if n_steps is None else n_steps
     target = np.repeat(np.flatnonzero(observer_of >= 0), n_steps)
     step = np.tile(np.arange(n_steps), np.count_nonzero(observer_of >= 0))
-    looks = schedule(target, step, observer_of[target], observer_of.size, n_steps)
-    return measure(
-        first, looks, scene, surfaces, sensor, truth.translation, truth.quaternion, truth.noise
-    )
+    observations = schedule(target, step, observer_of[target], observer_of.size, n_steps)
+    motion = truth.translation, truth.quaternion, truth.noise
+    return measure(first, observations, scene, surfaces, sensor, *motion)
+
+
+def measured_problem(hours, sensor=SENSOR, inertia=1.0, seed=3):
+    """Five targets, each measured by one observer at every step.
+
+    Scene, surfaces, initial estimate, truth, records, and outcomes of shape (target, step).
+    """
+    scene, _, epoch, ids, loop = tracking_problem(5, 5, duration_hours=hours)
+    surfaces = target_surfaces(icosahedron(), Material(), 5, inertia=inertia)
+    initial = initial_estimate(epoch, loop.initial.components())
+    truth = draw_truth(initial, scene, sensor.noise, seed, ids, inertia=surfaces.inertia)
+    records, outcome = observed_by(np.arange(5), scene, surfaces, sensor, truth)
+    return scene, surfaces, initial, truth, records, outcome.reshape(5, -1)
 
 
 def nothing_measured(n_targets, n_steps):
-    """Records of an interval in which nobody looks."""
+    """Records of an interval without observations."""
     none = np.empty(0, dtype=int)
-    looks = schedule(none, none, none, n_targets, n_steps)
-    return Measurements(*looks, np.empty((0, 3)), np.empty((0, 3)))
+    observations = schedule(none, none, none, n_targets, n_steps)
+    return Measurements(*observations, np.empty((0, 3)), np.empty((0, 3)))
 
 
 def during(records, first, last):

@@ -9,7 +9,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 
 import cislunar
-from cislunar.compiled import borrowing, put
+from cislunar.compiled import copy_into, njit_noalloc
 
 
 def _kernels():
@@ -34,11 +34,11 @@ def _called(kernel):
 
 def test_kernels_that_borrow_call_only_such_as_say_whether_they_make_arrays():
     # another would take after the first that calls it, and hang on the order of compilation
-    borrowers = {n: k for n, k in _kernels() if k.targetoptions.get("_nrt") is False}
-    assert len(borrowers) > 100
+    noalloc_kernels = {n: k for n, k in _kernels() if k.targetoptions.get("_nrt") is False}
+    assert len(noalloc_kernels) > 100
     silent = {
         f"{name} calls {callee}"
-        for name, kernel in borrowers.items()
+        for name, kernel in noalloc_kernels.items()
         for callee, value in _called(kernel)
         if "_nrt" not in value.targetoptions
     }
@@ -46,7 +46,7 @@ def test_kernels_that_borrow_call_only_such_as_say_whether_they_make_arrays():
 
 
 def test_a_kernel_that_borrows_cannot_make_an_array():
-    @borrowing
+    @njit_noalloc
     def makes(n):
         return np.empty(n).size
 
@@ -56,9 +56,9 @@ def test_a_kernel_that_borrows_cannot_make_an_array():
 
 @pytest.mark.parametrize("shape", [(4,), (3, 5)])
 def test_put_copies_views_of_any_layout(shape):
-    @borrowing
+    @njit_noalloc
     def copy(out, values):
-        put(out, values)
+        copy_into(out, values)
 
     values = np.arange(np.prod(shape), dtype=float).reshape(shape)
     wide = np.zeros(tuple(2 * n for n in shape))

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from cislunar.estimation.registry import ESTIMATORS
+from cislunar.runtime.threads import allow_threads, share_out
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.threads import allow_threads, share_out
 
 pytestmark = pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two cores")
 
@@ -43,6 +43,6 @@ def test_results_do_not_depend_on_the_threads(threads, name):
         threads(number)
         found.append(run_closed_loop(scene, surfaces, epoch, ids, [3], loop, estimator=name))
     one, two = found
-    for each in ("assignment", "fate", "error", "sigma", "bound"):
+    for each in ("assignment", "outcome", "error", "sigma", "bound"):
         np.testing.assert_array_equal(getattr(one, each), getattr(two, each))
     assert np.isfinite(one.bound).any()

@@ -1,4 +1,4 @@
-"""Search of the best architecture of N satellites with a bound on what any other could reach."""
+"""Search for the best architecture of N satellites, with an upper bound on all others."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,43 +12,29 @@ from cislunar.architecture.coordinate_search import coordinate_search
 from cislunar.architecture.objective import IMPROVES, Objective
 from cislunar.errors import ConfigurationError
 
-_ROUNDS = 2  # searches from the choices of a bound, each with a bound of its own
+_ROUNDS = 2  # bounds, each followed by a search from its choices
 
 Choice = tuple[NDArray[np.int64], NDArray[np.int64]]
-"""Places and satellites at each, both of shape (slot,)."""
+"""Orbit slots and satellites at each, both of shape (slot,)."""
 
 
 class Effort(NamedTuple):
-    """What is done with the choices that a bound points at.
-
-    Attributes
-    ----------
-    starts : int or None
-        From how many of them is searched, those of largest value; None: from all.
-    worth : float
-        Share of the gap by which a search has to raise the value for another bound to be made.
-    """
+    """Effort of the search from the choices of a bound: the number `starts` of choices, those of
+    largest value, from which it starts (None: all), and the share `worth` of the gap that it must
+    close for the bound to be computed again."""
 
     starts: int | None
     worth: float
 
 
 THOROUGH = Effort(starts=None, worth=0.0)
-"""Every choice is searched from, and any rise is followed by another bound."""
+"""Search from every choice, and compute the bound again after any improvement."""
 
 
 class Bound(NamedTuple):
-    """Upper bound on an objective and what was found on the way.
-
-    Attributes
-    ----------
-    bound : float
-        No architecture of the places and satellites asked for has a larger value.
-    steps : int
-        Steps taken towards it.
-    choices : list of (orbit, satellites)
-        Architectures that the relaxation points at, for starts of a search.
-    """
+    """Upper `bound` on an objective over all architectures of the prescribed numbers of orbit slots
+    and satellites, the number of `steps` of the relaxation, and the `choices` (orbit, satellites)
+    that it suggests as starts of a search."""
 
     bound: float
     steps: int
@@ -56,21 +42,21 @@ class Bound(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Certificate:
-    """Best architecture found of one number of satellites, and how much better any could be.
+class ObjectiveCertificate:
+    """Best known architecture of a number of satellites, and an upper bound on all others.
 
     Attributes
     ----------
     orbit, satellites : ndarray of int64, shape (slot,)
-        Places of the tables and satellites at each, ordered by place.
+        Indices of the orbit slots in the tables, ascending, and satellites at each.
     value : float
-        Its value, in the unit of the objective.
+        Value, in the unit of the objective.
     greedy : float
         Value of the start of the search.
     bound : float
-        No architecture of as many places and satellites has a larger one.
+        No architecture with as many orbit slots and satellites has a larger value.
     gap : float
-        bound / value - 1; infinite if nothing was found where something may be.
+        bound / value - 1; infinite if the value is zero and the bound is not.
     steps : int
         Steps of the bound.
     seconds : float
@@ -98,21 +84,21 @@ class Certificate:
 
 
 def check_size(objective: Objective, n_satellites: int, n_slots: int, steps: int = 1) -> None:
-    """Refuse more satellites than places hold, and a bound without steps."""
-    places, most = objective.n_orbits, objective.max_satellites
-    if not 1 <= n_slots <= places:
-        raise ConfigurationError(f"n_slots = {n_slots} must lie in 1 .. {places}, the places")
+    """Raise a `ConfigurationError` for impossible numbers of satellites, orbit slots or steps."""
+    candidates, most = objective.n_orbits, objective.max_satellites
+    if not 1 <= n_slots <= candidates:
+        raise ConfigurationError(f"n_slots = {n_slots} must lie in 1 .. {candidates} orbit slots")
     if not n_slots <= n_satellites <= n_slots * most:
         raise ConfigurationError(
             f"n_satellites = {n_satellites} must lie in {n_slots} .. {n_slots * most}: {n_slots} "
-            f"places of 1 .. {most} satellites"
+            f"orbit slots of 1 .. {most} satellites"
         )
     if steps < 1:
         raise ConfigurationError(f"steps = {steps} must be at least 1")
 
 
 def _promising(objective: Objective, choices: list[Choice], most: int | None) -> list[Choice]:
-    """The choices, each once, or those of largest value; of those equal to rounding the first."""
+    """Distinct choices, or those of largest value; the first of values equal to rounding."""
     each = {(orbit.tobytes(), count.tobytes()): (orbit, count) for orbit, count in choices}
     distinct = list(each.values())
     if most is None or len(distinct) <= most:
@@ -131,31 +117,13 @@ def certified_search(
     restarts: int = 0,
     rng: np.random.Generator | None = None,
     effort: Effort = THOROUGH,
-) -> Certificate:
-    """Search from a start, bound what was found, and search on from the choices of the bound.
+) -> ObjectiveCertificate:
+    """Search from a start, bound the result, and search again from the choices of the bound.
 
-    The search is `coordinate_search` with the number of satellites prescribed. If a choice of the
-    bound leads higher, the bound is computed again from there. No result depends on time.
-
-    Parameters
-    ----------
-    objective : Objective
-        What makes an architecture better.
-    start : callable
-        Makes the architecture to start from, whose places and satellites set their numbers.
-    bound_of : callable
-        Bound on all architectures of these numbers, from the best one known.
-    restarts : int
-        Further random starts of the search.
-    rng : numpy.random.Generator, optional
-        Source of the random starts.
-    effort : Effort
-        What is done with the choices of the bound.
-
-    Returns
-    -------
-    Certificate
-    """
+    The search is `coordinate_search` with the numbers of orbit slots and satellites of the
+    architecture that `start` returns; `bound_of` bounds all architectures of these numbers, given
+    the best known one. If a choice of the bound leads to a larger value, the bound is computed
+    again from there. No result depends on time."""
     began = perf_counter()
     first = start()
     rng = np.random.default_rng(0) if rng is None else rng
@@ -175,7 +143,7 @@ def certified_search(
         before, best = best, again
         if best.value - before.value < effort.worth * (bound - before.value):
             break
-    return Certificate(
+    return ObjectiveCertificate(
         orbit=best.orbit,
         satellites=best.satellites,
         value=best.value,

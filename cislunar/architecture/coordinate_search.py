@@ -1,8 +1,8 @@
 """Multi-start coordinate local search for the architecture of largest value.
 
-One slot after another is given the (orbit, satellite count) that serves the others best, until no
-slot improves. With the total number of satellites prescribed, a slot's count changes only against
-that of another slot, so that every move keeps the total.
+One slot after another is given the orbit and satellite count that maximize the value with the other
+slots fixed, until no slot improves. With a prescribed total number of satellites, the count of a
+slot changes together with that of another slot, so that every move keeps the total.
 """
 
 from __future__ import annotations
@@ -18,21 +18,11 @@ from cislunar.errors import ConfigurationError
 
 
 @dataclass(frozen=True)
-class MultiStartResult:
-    """Outcome of a multi-start search.
-
-    Attributes
-    ----------
-    orbit, satellites : ndarray of int, shape (slot,)
-        Best architecture, ordered by orbit index.
-    value : float
-        Its value.
-    restart_value : ndarray, shape (restart,)
-        Value reached by each restart.
-    history : tuple of ndarray, shape (improvement, 3)
-        For each restart, exact evaluations so far, value and the total number of satellites after
-        every improvement; the first row is the start.
-    """
+class _MultiStartResult:
+    """Best architecture of a multi-start search, `orbit` and `satellites` (slot,), ordered by orbit
+    index, with its `value`; the value that each restart reached (restart,); and for each restart
+    its `history` (improvement, 3): exact evaluations so far, value and total number of satellites,
+    from the start on."""
 
     orbit: NDArray[np.int64]
     satellites: NDArray[np.int64]
@@ -51,13 +41,13 @@ class MultiStartResult:
         return int(sum(h[-1, 0] for h in self.history))
 
     def evaluation_history(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Value and size of the current architecture at each evaluation, restart after restart."""
+        """Value and size of the current architecture at each evaluation, over all restarts."""
         values, sizes = [], []
         for improvements in self.history:
             until = np.append(improvements[1:, 0], improvements[-1, 0] + 1)
-            held = (until - improvements[:, 0]).astype(int)
-            values.append(np.repeat(improvements[:, 1], held))
-            sizes.append(np.repeat(improvements[:, 2], held))
+            repeats = (until - improvements[:, 0]).astype(int)
+            values.append(np.repeat(improvements[:, 1], repeats))
+            sizes.append(np.repeat(improvements[:, 2], repeats))
         return np.concatenate(values), np.concatenate(sizes).astype(np.int64)
 
 
@@ -92,7 +82,7 @@ class _Climb:
         unimproved, slot = 0, 0
         while unimproved < self.orbit.size:
             improved = self._try(slot, self.satellites, 1, self.max_satellites)
-            # the slot just replaced is at its best already
+            # the replaced slot is already optimal
             unimproved = 1 if improved else unimproved + 1
             slot = (slot + 1) % self.orbit.size
 
@@ -161,13 +151,13 @@ def random_start(
     Parameters
     ----------
     n_orbits, max_satellites : int
-        Candidate orbits, and most satellites on one.
+        Number of candidate orbits, and largest number of satellites on one.
     n_slots : int
         Number of orbits to choose.
     rng : numpy.random.Generator
-        Source of the choice.
+        Source of randomness.
     total : int, optional
-        Satellites in all.
+        Total number of satellites.
 
     Returns
     -------
@@ -191,13 +181,13 @@ def coordinate_search(
     total: int | None = None,
     starts: Iterable[tuple[NDArray, NDArray]] = (),
     progress: Callable[[int, int], None] | None = None,
-) -> MultiStartResult:
+) -> _MultiStartResult:
     """Best architecture over several coordinate local searches.
 
     Parameters
     ----------
     objective : Objective
-        What makes an architecture better.
+        The objective to maximize.
     rng : numpy.random.Generator
         Source of the random starts.
     n_slots : int
@@ -210,15 +200,6 @@ def coordinate_search(
         Further starts, tried before the random ones.
     progress : callable, optional
         Called with (restarts done, restarts).
-
-    Returns
-    -------
-    MultiStartResult
-
-    Raises
-    ------
-    ConfigurationError
-        If ``n_slots`` or ``total`` is impossible, or there is no start.
     """
     _check(objective, n_slots, total)
     starts = list(starts)
@@ -226,7 +207,7 @@ def coordinate_search(
         _check_start(objective, n_slots, total, *start)
     n_runs = len(starts) + restarts
     if n_runs < 1:
-        raise ConfigurationError("restarts = 0 and no start given: ask for at least one restart")
+        raise ConfigurationError("restarts = 0 and no start given: set restarts to at least 1")
     best, values, histories = None, [], []
     size = objective.n_orbits, objective.max_satellites
     for run in range(n_runs):
@@ -242,7 +223,7 @@ def coordinate_search(
     order = np.argsort(best.orbit, kind="stable")
     orbit, satellites = best.orbit[order], best.satellites[order]
     value = objective.value(orbit, satellites)
-    return MultiStartResult(orbit, satellites, value, np.array(values), tuple(histories))
+    return _MultiStartResult(orbit, satellites, value, np.array(values), tuple(histories))
 
 
 def satellite_front(
@@ -253,16 +234,16 @@ def satellite_front(
     n_slots: int = 10,
     restarts: int = 4,
     progress: Callable[[int, int], None] | None = None,
-) -> list[MultiStartResult]:
-    """Best value against the prescribed number of satellites.
+) -> list[_MultiStartResult]:
+    """Best value for each prescribed number of satellites.
 
-    Each total is searched from random starts and from the best architecture of the total before,
-    with satellites added or removed where they cost least.
+    Each total is searched from random starts and from the best architecture of the previous total,
+    with satellites added or removed where that is best.
 
     Parameters
     ----------
     objective, rng, n_slots, restarts
-        As in `coordinate_search`.
+        See `coordinate_search`.
     totals : iterable of int
         Numbers of satellites.
     progress : callable, optional
@@ -271,10 +252,10 @@ def satellite_front(
     Returns
     -------
     list of MultiStartResult
-        One per total, in the order given.
+        One per total, in order.
     """
     totals = list(totals)
-    results: list[MultiStartResult] = []
+    results: list[_MultiStartResult] = []
     for done, total in enumerate(totals):
         starts = [_resized(objective, results[-1], total)] if results else []
         results.append(
@@ -287,8 +268,8 @@ def satellite_front(
     return results
 
 
-def _resized(objective, result: MultiStartResult, total: int) -> tuple[NDArray, NDArray]:
-    """Architecture with satellites added or removed greedily until there are ``total``."""
+def _resized(objective, result: _MultiStartResult, total: int) -> tuple[NDArray, NDArray]:
+    """Add or remove satellites greedily until there are ``total``."""
     satellites = result.satellites.copy()
     while satellites.sum() != total:
         step = 1 if satellites.sum() < total else -1
@@ -296,6 +277,6 @@ def _resized(objective, result: MultiStartResult, total: int) -> tuple[NDArray, 
         slots = np.flatnonzero((counts >= 1) & (counts <= objective.max_satellites))
         trials = [np.where(np.arange(satellites.size) == k, counts, satellites) for k in slots]
         values = np.array([objective.value(result.orbit, trial) for trial in trials])
-        # the first of those that are best to rounding
+        # the first of values equal to rounding
         satellites = trials[first_best(values)]
     return result.orbit, satellites

@@ -1,7 +1,7 @@
-"""J from the tables, compiled for searches that evaluate it by the million.
+"""J from the tables, compiled for searches with millions of evaluations.
 
-J = |v s| / (N S d c) with v the observations, s the sum over targets of log10, N the satellites,
-S their stability indices summed, d the distances and c = targets x steps.
+J = |v s| / (N S d c), where v is the number of observations, s the sum over targets of log10, N the
+number of satellites, S the sum of their stability indices, d the distances and c = targets x steps.
 """
 
 from typing import NamedTuple
@@ -18,19 +18,9 @@ _LOG10_E = np.log10(np.e)
 
 
 class CostArrays(NamedTuple):
-    """What J is made of, by orbit and satellite count.
-
-    Attributes
-    ----------
-    observations : ndarray of unsigned integers, shape (orbit, satellites, target)
-        Table of counts.
-    observed, distance : ndarray, shape (orbit, satellites)
-        `observations` summed over targets; summed distances to both primaries, nondimensional.
-    stability : ndarray, shape (orbit,)
-        Stability indices.
-    scale : float
-        Targets x steps.
-    """
+    """Arrays from which J is computed: counts (orbit, satellites, target) and their sum over
+    targets, distances to both primaries (orbit, satellites), nondimensional, stability indices
+    (orbit,), and the `scale`, targets x steps."""
 
     observations: NDArray[np.unsignedinteger]
     observed: NDArray[np.float64]
@@ -54,14 +44,7 @@ def cost_arrays(tables: ArchitectureTables) -> CostArrays:
 def cost_factors(count, stability, observed, distance, logs, scale, unique):
     """lambda_1 .. lambda_6 from N, S, v, d, s, c and whether all orbits differ (1 or 0)
     (Paul & Fan, eqs. 54-58)."""
-    return (
-        1.0 / count,
-        1.0 / stability,
-        observed / scale,
-        logs / scale,
-        scale / distance,
-        unique,
-    )
+    return (1.0 / count, 1.0 / stability, observed / scale, logs / scale, scale / distance, unique)
 
 
 @njit(cache=True)
@@ -75,11 +58,9 @@ def cost(count, stability, observed, distance, logs, scale, unique):
 
 @njit(cache=True)
 def log_envelope(y):
-    """Least concave function on y >= 0 above log10(y) for y > 0 and above 0 at y = 0.
-
-    The paper replaces a zero argument of the logarithm with one, so a target never seen counts 0;
-    the envelope is the tangent from the origin up to y = e and log10 beyond.
-    """
+    """Least concave function on y >= 0 above log10(y) for y > 0 and above 0 at y = 0. The paper
+    replaces a zero argument of the logarithm by one, so that a target that is never seen
+    contributes 0. The envelope is the tangent from the origin up to y = e, and log10 beyond."""
     if y < _E:
         return y * _LOG10_E / _E
     return np.log10(y)
@@ -87,11 +68,9 @@ def log_envelope(y):
 
 @njit(cache=True)
 def log_sum(base, row, scale):
-    """Sum over targets of log10(base + scale * row), zero arguments replaced with one.
-
-    Both of shape (target,). Products of 32 arguments replace 32 logarithms: with arguments in
-    [2**-31, 2**31] a product stays within the range of float64.
-    """
+    """Sum over targets of log10(base + scale * row), where zero arguments are replaced by one. Both
+    arrays have shape (target,). Products of 32 arguments replace 32 logarithms: with arguments in
+    [2**-31, 2**31] a product stays within the range of float64."""
     n = base.size
     total = 0.0
     start = 0
@@ -120,7 +99,7 @@ def log_sum(base, row, scale):
 
 @njit(cache=True)
 def seen_per_satellite(observations, orbit, satellites, skip):
-    """Observations per satellite, shape (target,), summed over every slot but ``skip``."""
+    """Observations per satellite, shape (target,), summed over every slot except ``skip``."""
     seen = np.zeros(observations.shape[2])
     for k in range(orbit.size):
         if k == skip:
@@ -133,8 +112,8 @@ def seen_per_satellite(observations, orbit, satellites, skip):
 
 
 @njit(cache=True)
-def scalar_sums(arrays, orbit, satellites, skip):
-    """N, S, v and d of every slot but ``skip``."""
+def _scalar_sums(arrays, orbit, satellites, skip):
+    """N, S, v and d, summed over every slot except ``skip``."""
     count, stability, observed, distance = 0.0, 0.0, 0.0, 0.0
     for k in range(orbit.size):
         if k == skip:
@@ -150,7 +129,7 @@ def scalar_sums(arrays, orbit, satellites, skip):
 @njit(cache=True)
 def _sums(arrays, orbit, satellites):
     """Arguments of `cost` for an architecture."""
-    count, stability, observed, distance = scalar_sums(arrays, orbit, satellites, -1)
+    count, stability, observed, distance = _scalar_sums(arrays, orbit, satellites, -1)
     unique = 1.0
     for i in range(orbit.size):
         for j in range(i):
@@ -175,14 +154,13 @@ def architecture_cost(arrays, orbit, satellites):
 
 @njit(cache=True)
 def best_replacement(arrays, orbit, satellites, slot, lowest, highest, best):
-    """Best (orbit, count, J, exact evaluations) of one slot, the others held; orbit -1 without one.
-
-    A candidate is evaluated exactly only when a bound says that it could win: the sum of log10 over
-    the targets is at most their number times the concave envelope of log10 at the mean (Jensen).
-    """
+    """Best (orbit, count, J, exact evaluations) of one slot with the others fixed; orbit -1 if
+    none. A candidate is evaluated exactly only if a bound permits it to be best: the sum of log10
+    over the targets is at most their number times the concave envelope of log10 at the mean
+    (Jensen)."""
     n_orbits, _, n_targets = arrays.observations.shape
     base = seen_per_satellite(arrays.observations, orbit, satellites, slot)
-    count, stability, observed, distance = scalar_sums(arrays, orbit, satellites, slot)
+    count, stability, observed, distance = _scalar_sums(arrays, orbit, satellites, slot)
     base_sum = base.sum()
     largest = highest
     free = np.ones(n_orbits, np.bool_)  # a duplicate orbit makes J zero

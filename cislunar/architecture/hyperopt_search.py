@@ -1,7 +1,7 @@
 """Sampling searches for an architecture: TPE, adaptive TPE and random (Paul & Fan, section 3).
 
-TPE and adaptive TPE are Hyperopt's; TPE is also had from the compiled sampler of the same
-algorithm. Random draws are NumPy's, of the same distributions as Hyperopt's.
+TPE and adaptive TPE are Hyperopt's; a compiled sampler of the same TPE algorithm is available as
+well. Random samples are NumPy's, with the same distributions as Hyperopt's.
 """
 
 import importlib.util
@@ -19,7 +19,7 @@ from cislunar.architecture.search_space import Range, build_space, hyperopt_spac
 from cislunar.errors import ConfigurationError
 from cislunar.parzen import ParzenSearch
 
-HYPEROPT_METHODS = ("tpe", "tpe-compiled", "atpe", "random")
+_HYPEROPT_METHODS = ("tpe", "tpe-compiled", "atpe", "random")
 
 
 def _suggestion(method: str) -> Callable:
@@ -37,18 +37,16 @@ def _suggestion(method: str) -> Callable:
 
 
 class _Patience:
-    """Watches for so many evaluations in a row that do not improve by `IMPROVES`.
-
-    The same architecture in other slots differs by rounding, which is no improvement.
-    """
+    """Detects a number of consecutive evaluations without improvement by `IMPROVES`. The same
+    architecture with permuted slots differs by rounding, which is no improvement."""
 
     def __init__(self, patience: int | None) -> None:
         self._patience, self._best, self._done, self._since = patience, -np.inf, 0, 0
         self.stop: int | None = None
-        """Evaluations allowed, once patience has ended."""
+        """Number of evaluations at which the search stops, once known."""
 
     def tell(self, value: float) -> None:
-        """The value of the next evaluation."""
+        """Record the value of the next evaluation."""
         self._done += 1
         self._since += 1
         if value > self._best * IMPROVES:
@@ -58,9 +56,8 @@ class _Patience:
 
 
 def stopping_evaluation(history: NDArray[np.float64], patience: int) -> int:
-    """Evaluations that a stop after so many (``patience``) without improvement would have allowed,
-    given the value of each, shape (evaluation,).
-    """
+    """Number of evaluations after which a search with this ``patience`` would have stopped, given
+    the value of each evaluation, shape (evaluation,)."""
     watch = _Patience(patience)
     for value in history.tolist():
         watch.tell(value)
@@ -75,7 +72,7 @@ def _run_hyperopt(
     rng: np.random.Generator,
     max_evaluations: int,
 ) -> None:
-    """Evaluate what Hyperopt suggests."""
+    """Evaluate the suggestions of Hyperopt."""
     from hyperopt import Trials, fmin
 
     logging.getLogger("hyperopt").setLevel(logging.WARNING)
@@ -94,19 +91,19 @@ def _run_hyperopt(
 
 
 class _RandomSearch:
-    """Independent draws, each label by its own distribution; used as `ParzenSearch` is."""
+    """Independent samples, each label with its own distribution; interface of `ParzenSearch`."""
 
     def __init__(self, low, high, categories, rng: np.random.Generator) -> None:
         self._low, self._high, self._rng = np.array(low), np.array(high), rng
         self._whole = np.array(categories) > 0
 
     def suggest(self) -> list[float]:
-        """The next draw."""
+        """The next sample."""
         draw = self._rng.uniform(self._low, self._high)
         return np.where(self._whole, np.floor(draw), draw).tolist()
 
     def tell(self, values: list[float], loss: float) -> None:
-        """What a draw is worth changes nothing."""
+        """Ignore the loss."""
 
 
 def _run_own(
@@ -117,7 +114,7 @@ def _run_own(
     rng: np.random.Generator,
     max_evaluations: int,
 ) -> None:
-    """Evaluate what a sampler of our own suggests."""
+    """Evaluate the suggestions of a sampler of this library."""
     search = sampler(*zip(*space.values(), strict=True), rng)
     for _ in range(max_evaluations):
         values = search.suggest()
@@ -142,7 +139,7 @@ def hyperopt_search(
     Parameters
     ----------
     objective : Objective
-        What makes an architecture better.
+        The objective to maximize.
     method : str
         "tpe" or "atpe" (needs lightgbm) by Hyperopt; "tpe-compiled", TPE by `cislunar.parzen`;
         "random".
@@ -151,27 +148,18 @@ def hyperopt_search(
     n_slots : int
         Number of orbits to choose.
     labels : str
-        How an orbit is labelled, see `cislunar.architecture.search_space`.
+        Encoding of an orbit, see `cislunar.architecture.search_space`.
     max_evaluations : int
-        Evaluations at most (paper: 10 000).
+        Largest number of evaluations (paper: 10 000).
     early_stop : int or None
-        Stop after so many evaluations in a row without an improvement beyond rounding
+        Stop after this number of consecutive evaluations without an improvement beyond rounding
         (`cislunar.architecture.objective.IMPROVES`; paper: 500); None = never.
     progress : callable, optional
         Called with (evaluations done, `max_evaluations`).
-
-    Returns
-    -------
-    SearchResult
-
-    Raises
-    ------
-    ConfigurationError
-        If the method or the labels are not known, or there are more slots than orbits.
     """
-    if method not in HYPEROPT_METHODS:
+    if method not in _HYPEROPT_METHODS:
         raise ConfigurationError(
-            f"optimizer {method!r} is not known: use one of {list(HYPEROPT_METHODS)}"
+            f"optimizer {method!r} is not known: use one of {list(_HYPEROPT_METHODS)}"
         )
     space, decode = build_space(objective, n_slots=n_slots, labels=labels)
     tried: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []

@@ -1,4 +1,4 @@
-"""What makes one architecture better than another: the interface every search and proof takes."""
+"""Interface of objectives of an architecture, which every search and proof uses."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -11,17 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.errors import ConfigurationError
 
 IMPROVES = 1.0 + 1e-9
-"""Least ratio of values that is a gain: below rounding a search could cycle, or end elsewhere on
-another machine."""
+"""Least ratio of values that is an improvement; below it, rounding could make a search cycle or
+depend on the machine."""
 
 
 def first_best(values: NDArray[np.float64]) -> int:
-    """Index of the first of the values, not negative, that none surpasses by `IMPROVES`."""
+    """Index of the first of nonnegative values that no other exceeds by `IMPROVES`."""
     return int(np.argmax(values * IMPROVES >= values.max()))
 
 
 class Replacement(NamedTuple):
-    """The best choice for one slot: orbit (-1 without a gain), its satellites, value, effort."""
+    """Best choice for one slot: orbit (-1 if none), its satellites, value, evaluations."""
 
     orbit: int
     satellites: int
@@ -31,19 +31,10 @@ class Replacement(NamedTuple):
 
 @dataclass(frozen=True)
 class Level:
-    """Architectures of one total number of satellites, or a part of them, bounded together.
-
-    Attributes
-    ----------
-    n_satellites : int
-        Total number of satellites.
-    part : str
-        Which of those architectures; "" for all.
-    bound : float
-        Upper bound on their value.
-    relaxation : callable
-        Makes what `cislunar.architecture.optimality.node.search` needs for a sharper bound.
-    """
+    """A set of architectures with one total number of satellites that are bounded together: `part`
+    names the subset of those architectures ("" for all), `bound` is an upper bound on their value,
+    and `relaxation` returns the relaxation of `cislunar.architecture.optimality.node.search` for a
+    sharper one."""
 
     n_satellites: int
     part: str
@@ -76,36 +67,15 @@ class Objective(ABC):
 
     @abstractmethod
     def value(self, orbit: ArrayLike, satellites: ArrayLike) -> float:
-        """Value of one architecture, not negative.
-
-        Parameters
-        ----------
-        orbit, satellites : array_like of int, shape (slot,)
-            Indices of the orbits and satellites on each.
-        """
+        """Value of one architecture, not negative; `orbit` and `satellites`, shape (slot,), are the
+        indices of the orbits and the satellites on each."""
 
     def best_replacement(
         self, orbit: NDArray, satellites: NDArray, slot: int, lowest: int, highest: int, best: float
     ) -> Replacement:
-        """The orbit and count of one slot that gain most, the other slots held.
-
-        Here every candidate is evaluated; an objective that can discard most of them overrides it.
-
-        Parameters
-        ----------
-        orbit, satellites : ndarray of int64, shape (slot,)
-            The architecture.
-        slot : int
-            The slot to replace, by an orbit that no other slot holds.
-        lowest, highest : int
-            Range of its count.
-        best : float
-            Value to beat.
-
-        Returns
-        -------
-        Replacement
-        """
+        """The orbit and count, from `lowest` to `highest`, of one slot with the largest value above
+        `best`, with the other slots fixed and no orbit twice. This method evaluates every
+        candidate; an objective that can discard most of them overrides it."""
         found, evaluations = (-1, 0), 0
         orbit, satellites = orbit.copy(), satellites.copy()
         for i in np.setdiff1d(np.arange(self.n_orbits), np.delete(orbit, slot)):
@@ -118,31 +88,18 @@ class Objective(ABC):
         return Replacement(*found, best, evaluations)
 
     def levels(self, n_slots: int) -> list[Level]:
-        """Bounds for a proof: levels that hold every architecture of distinct orbits together.
-
-        Parameters
-        ----------
-        n_slots : int
-            Number of distinct orbits.
-
-        Returns
-        -------
-        list of Level
-            By total number of satellites, ascending.
-        """
+        """Levels, by total number of satellites ascending, that cover all architectures of
+        `n_slots` distinct orbits."""
         raise NotImplementedError(f"{type(self).__name__} has no bounds to prove an optimum with")
 
-    def check(self, orbit: NDArray, satellites: NDArray) -> None:
-        """Refuse an architecture that is not among the candidates.
-
-        Raises
-        ------
-        ConfigurationError
-            If the lists do not match, or an index or a count is out of range.
-        """
+    def checked(self, orbit: ArrayLike, satellites: ArrayLike) -> tuple[NDArray, NDArray]:
+        """Both as int64 arrays; a `ConfigurationError` if they do not match or are out of range."""
+        orbit = np.asarray(orbit, dtype=np.int64)
+        satellites = np.asarray(satellites, dtype=np.int64)
         if orbit.shape != satellites.shape or orbit.ndim != 1 or orbit.size == 0:
             raise ConfigurationError("orbit and satellites must be equally long, non-empty lists")
         if orbit.min() < 0 or orbit.max() >= self.n_orbits:
             raise ConfigurationError(f"orbit indices must lie in 0 .. {self.n_orbits - 1}")
         if satellites.min() < 1 or satellites.max() > self.max_satellites:
             raise ConfigurationError(f"satellites must lie in 1 .. {self.max_satellites}")
+        return orbit, satellites

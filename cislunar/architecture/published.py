@@ -1,8 +1,8 @@
-"""The architectures of Paul & Fan, table 2: families and counts, members chosen by us.
+"""The architectures of Paul & Fan, table 2: families and counts, with members chosen by this
+library.
 
-The paper names the family and the satellite count of each of its ten orbits, not the member of
-the family. The member is chosen here to maximise J, so the value is an upper estimate of what the
-paper's own members give on our tables.
+The paper does not give the member of the family. It is chosen here to maximize J, so that the value
+is an upper estimate of the value of the paper's own members with these tables.
 """
 
 from collections.abc import Callable
@@ -59,7 +59,7 @@ PUBLISHED_COST: dict[str, dict[str, tuple[float, int]]] = {
     "B": {"tpe": (3.9069e-4, 33), "random": (1.1624e-4, 45)},
     "C": {"tpe": (3.4424e-3, 43), "random": (6.0012e-4, 46)},
 }
-"""J and total satellites the paper reports for each scenario and optimiser (section 5.1)."""
+"""J and total number of satellites in the paper, by scenario and optimizer (section 5.1)."""
 
 
 def choose_members(
@@ -70,19 +70,19 @@ def choose_members(
     restarts: int = 20,
     progress: Callable[[int, int], None] | None = None,
 ) -> SearchResult:
-    """Choose the member of each family so that the value is largest, counts being given.
+    """Choose the member of each family so that the value is largest, for given counts.
 
-    Coordinate search from random members: one slot after another takes its best free member
-    until none improves.
+    Coordinate search from random members: one slot after another takes its best free member until
+    none improves.
 
     Parameters
     ----------
     objective : Objective
-        What makes an architecture better.
+        The objective to maximize.
     slots : tuple of (str, int)
         Family and number of satellites of each slot.
     rng : numpy.random.Generator
-        Source of the starting members.
+        Source of the initial members.
     restarts : int
         Number of random starts.
     progress : callable, optional
@@ -91,7 +91,7 @@ def choose_members(
     Returns
     -------
     SearchResult
-        Slots in the order given.
+        Slots in the given order.
 
     Raises
     ------
@@ -140,26 +140,8 @@ def values_by_chance(
     rng: np.random.Generator,
     draws: int = 1000,
 ) -> NDArray[np.float64]:
-    """Values of random choices of the members of each family, counts being given.
-
-    Parameters
-    ----------
-    objective, slots
-        As for `choose_members`.
-    rng : numpy.random.Generator
-        Source of the members.
-    draws : int
-        Number of choices.
-
-    Returns
-    -------
-    ndarray, shape (draws,)
-
-    Raises
-    ------
-    ConfigurationError
-        If a family has fewer members in the tables than it has slots.
-    """
+    """Values of random choices of the members of each family, for given counts, shape (draws,). For
+    `objective`, `slots` and the errors see `choose_members`; `draws` is the number of choices."""
     satellites = np.array([count for _, count in slots], dtype=np.int64)
     members = _members(objective, slots)
     chosen = (_random_members(slots, members, rng) for _ in range(draws))
@@ -167,15 +149,15 @@ def values_by_chance(
 
 
 def _members(objective: Objective, slots) -> dict[str, NDArray[np.int64]]:
-    """Orbits of each family; an error if they are too few."""
+    """Orbits of each family; raises a `ConfigurationError` if there are too few."""
     members = {}
     for family in dict.fromkeys(name for name, _ in slots):  # a set has no fixed order
         members[family] = np.flatnonzero(objective.family == family)
-        wanted = sum(name == family for name, _ in slots)
-        if len(members[family]) < wanted:
+        needed = sum(name == family for name, _ in slots)
+        if len(members[family]) < needed:
             raise ConfigurationError(
                 f"orbit family {family} has {len(members[family])} members in the library, "
-                f"the published architecture needs {wanted}: raise orbits.members"
+                f"the published architecture needs {needed}: raise orbits.members"
             )
     return members
 

@@ -1,4 +1,4 @@
-"""What an optimiser of the architecture returns."""
+"""Result of an optimizer of the architecture."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,23 +11,9 @@ from cislunar.architecture.objective import Objective, first_best
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The best architecture found and how the search went.
-
-    Attributes
-    ----------
-    orbit : ndarray of int64, shape (slot,)
-        Indices into the orbit library.
-    satellites : ndarray of int64, shape (slot,)
-        Satellites on each of those orbits.
-    value : float
-        Its value.
-    history : ndarray, shape (evaluation,)
-        Value of each evaluation, in order.
-    satellites_history : ndarray of int64, shape (evaluation,)
-        Total number of satellites of each evaluation.
-    orbit_trials, satellites_trials : ndarray of int64, shape (evaluation, slot)
-        The architecture of each evaluation.
-    """
+    """The best architecture found, `orbit` and `satellites` (slot,) with its `value`, and the
+    history: value and total number of satellites of each evaluation (evaluation,), and its
+    architecture, `orbit_trials` and `satellites_trials` (evaluation, slot)."""
 
     orbit: NDArray[np.int64]
     satellites: NDArray[np.int64]
@@ -51,10 +37,8 @@ class SearchResult:
         *,
         keep_slots: bool = False,
     ) -> "SearchResult":
-        """Pick the best of the architectures tried, whose values are the history.
-
-        The slots are sorted by orbit, or left in their order.
-        """
+        """Select the best of the evaluated architectures, given the value of each, with its slots
+        sorted by orbit or in their order."""
         orbit, satellites = tried[first_best(np.asarray(history))]
         order = np.arange(len(orbit)) if keep_slots else np.argsort(orbit, kind="stable")
         return cls(

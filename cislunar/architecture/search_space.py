@@ -1,11 +1,11 @@
-"""How an architecture is written as labels for a black-box optimiser.
+"""Encoding of an architecture as labels for a black-box optimizer.
 
-Every slot carries one orbit and one satellite count. The count is an ordered integer; the orbit
-can be written in four ways, and the way decides whether a tree-structured Parzen estimator (TPE)
-can learn at all: it builds one density per label, so a label must put similar orbits next to each
-other. A 302-way categorical label cannot be learned, since its one pseudo-count per category
-swamps the few good trials. The rank by stability index is the default: the campaign compares all
-four (``tables/label_comparison.csv``), and it reached the largest J.
+Every slot has one orbit and one satellite count. The count is an ordered integer. The orbit can be
+encoded in four ways, and the encoding decides whether a tree-structured Parzen estimator (TPE) can
+learn: it builds one density per label, so that a label must order similar orbits next to each
+other. A categorical label with 302 values cannot be learned, because its one pseudo-count per
+category dominates the few good trials. The rank by stability index is the default: the campaign
+compares all four (``tables/label_comparison.csv``), and it reached the largest J.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,11 +20,11 @@ from cislunar.errors import ConfigurationError
 Architecture = tuple[NDArray[np.int64], NDArray[np.int64]]
 
 LABELS = ("family_position", "index", "stability_rank", "categorical")
-"""Ways to label an orbit: its family and its position along it; its index along all families;
-its rank by stability index; an unordered category."""
+"""Encodings of an orbit: its family and its position along it; its index along all families; its
+rank by stability index; an unordered category."""
 
-SAME_STABILITY = 1e-6
-"""Relative difference of neighbouring stability indices below which they count as equal."""
+_SAME_STABILITY = 1e-6
+"""Relative difference of neighboring stability indices below which they are equal."""
 
 
 def _family_ranges(family: NDArray[np.str_]) -> list[tuple[int, int]]:
@@ -34,25 +34,14 @@ def _family_ranges(family: NDArray[np.str_]) -> list[tuple[int, int]]:
 
 
 def stability_order(stability_index: ArrayLike) -> NDArray[np.int64]:
-    """Orbits from the steadiest on; those of equal stability in the order of the library.
-
-    A northern orbit and its southern mirror image have the same stability index, and their
-    numerical ones differ by rounding, which is another on every machine. An index within
-    `SAME_STABILITY` of the next smaller one therefore counts as equal to it. (Rounding to so many
-    digits would part equal indices either side of a rounding boundary.)
-
-    Parameters
-    ----------
-    stability_index : array_like, shape (orbit,)
-        Stability indices, at least 1.
-
-    Returns
-    -------
-    ndarray of int64, shape (orbit,)
-    """
+    """Orbits by ascending stability index, shape (orbit,); equal ones in the order of the library.
+    A northern orbit and its southern mirror image have the same stability index, but their
+    numerical values differ by rounding, which depends on the machine. An index within
+    `_SAME_STABILITY` of the next smaller one is therefore equal to it. (Rounding to a number of
+    digits would separate equal indices on either side of a rounding boundary.)"""
     index = np.asarray(stability_index, dtype=float)
     order = np.argsort(index, kind="stable")
-    steps = np.diff(index[order]) > SAME_STABILITY * index[order][1:]
+    steps = np.diff(index[order]) > _SAME_STABILITY * index[order][1:]
     group = np.empty(index.size, dtype=np.int64)
     group[order] = np.concatenate([[0], np.cumsum(steps)])
     return np.argsort(group, kind="stable")
@@ -67,21 +56,19 @@ class Range(NamedTuple):
 
 
 def _integers(low: int, high: int) -> Range:
-    """Ordered integers, each as likely, as the whole part of a uniform label.
-
-    `hp.uniformint` gives its two ends half the weight, and a quantised density costs TPE several
-    times as much as a continuous one.
-    """
+    """Ordered integers with equal probability, as the integer part of a uniform label.
+    `hp.uniformint` gives its two ends half the probability, and a quantized density costs TPE
+    several times as much as a continuous one."""
     return Range(low, high + 1)
 
 
 def _category(number: int) -> Range:
-    """One of so many."""
+    """One of a number of categories."""
     return Range(0, number, number)
 
 
 def hyperopt_space(ranges: Mapping[str, Range]) -> dict[str, Any]:
-    """Hyperopt's expressions of some labels."""
+    """Labels as Hyperopt expressions."""
     from hyperopt import hp
 
     return {
@@ -93,36 +80,15 @@ def hyperopt_space(ranges: Mapping[str, Range]) -> dict[str, Any]:
 
 
 def _integer(value: float, low: int, high: int) -> int:
-    """A sample of `_integers`; the upper end of the interval itself may be drawn."""
+    """A sample of `_integers`, clipped because the upper end of the interval may be sampled."""
     return min(max(int(value), low), high)
 
 
 def build_space(
     objective: Objective, *, n_slots: int = 10, labels: str = "stability_rank"
 ) -> tuple[dict[str, Range], Callable[[Mapping[str, Any]], Architecture]]:
-    """Search space of an architecture, and its decoder.
-
-    Parameters
-    ----------
-    objective : Objective
-        Gives the orbits, their families and stability indices, and the largest count.
-    n_slots : int
-        Number of orbits to choose (Paul & Fan: exactly 10).
-    labels : str
-        One of `LABELS`.
-
-    Returns
-    -------
-    space : dict of Range
-        By label.
-    decode : callable
-        Turns a sample of the space into ``(orbit, satellites)``, int64 arrays of shape (slot,).
-
-    Raises
-    ------
-    ConfigurationError
-        If there are more slots than orbits, or the kind of label is not known.
-    """
+    """Search space of an architecture, a `Range` by label, and its decoder, which turns a sample of
+    the space into ``(orbit, satellites)``, int64 arrays (slot,). `labels` is one of `LABELS`."""
     if not 1 <= n_slots <= objective.n_orbits:
         raise ConfigurationError(
             f"slots = {n_slots} must lie in 1 .. {objective.n_orbits}, the number of orbits"

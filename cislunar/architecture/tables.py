@@ -1,7 +1,5 @@
-"""The tables that make an evaluation of J cheap.
-
-Visibility depends only on (orbit, phase, time, target), and n satellites on an orbit sit at the
-phases j T / n. Summed over time once, J of any architecture is a few table rows.
+"""Tables from which J of any architecture is evaluated with a few rows: visibility depends only on
+(orbit, phase, time, target), and n satellites on an orbit are at the phases j T / n.
 """
 
 from dataclasses import dataclass
@@ -12,13 +10,13 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class ArchitectureTables:
-    """What the cost J needs to know of every (orbit, satellite count) pair.
+    """Data of every (orbit, satellite count) pair for the cost J.
 
     Attributes
     ----------
     observations : ndarray of unsigned integers, shape (orbit, satellites, target)
-        Times each target is observable, summed over time and over the ``n`` satellites of the
-        orbit; column ``k`` holds ``n = k + 1``.
+        Number of times each target is observable, summed over the ``n`` satellites of the orbit;
+        column ``k`` holds ``n = k + 1``.
     distance : ndarray, shape (orbit, satellites)
         Distance to the Earth plus distance to the Moon, summed over time and satellites,
         nondimensional.

@@ -1,18 +1,18 @@
 """Generalized Rodrigues parameters (GRP) of attitude errors (Paul & Fan, section 2.4).
 
-``p = f rho / (a + q4)`` with ``0 <= a <= 1``. With ``f = 2 (a + 1)`` a small p equals the rotation
-vector in radians. a = 0 and f = 1 are the Gibbs parameters, a = f = 1 the modified Rodrigues
-parameters; the paper takes a = 0.5, f = 3.
+The GRP vector is ``p = f rho / (a + q4)`` with ``0 <= a <= 1``. For ``f = 2 (a + 1)`` a small p
+equals the rotation vector in radians. The values a = 0, f = 1 give the Gibbs parameters and
+a = f = 1 the modified Rodrigues parameters; the paper uses a = 0.5, f = 3.
 
-The ``*_components`` functions are compiled, for one attitude; `to_quaternion` and
-`from_quaternion` do the same over arrays.
+The ``*_components`` functions are compiled and handle one attitude; `to_quaternion` and
+`from_quaternion` handle arrays.
 """
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import allocating
+from cislunar.compiled import njit_alloc
 from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ GRP_F: float = 3.0
 
 @njit(cache=True, inline="always")
 def quaternion_from_grp_components(p1, p2, p3, a, f):
-    """Quaternion of a GRP vector, as four scalars (compiled)."""
+    """Quaternion of a GRP vector, as four scalars."""
     norm2 = p1 * p1 + p2 * p2 + p3 * p3
     scalar = (-a * norm2 + f * np.sqrt(f * f + (1.0 - a * a) * norm2)) / (f * f + norm2)
     scale = (a + scalar) / f
@@ -35,20 +35,20 @@ def quaternion_from_grp_components(p1, p2, p3, a, f):
 
 @njit(cache=True, inline="always")
 def grp_from_quaternion_components(q1, q2, q3, q4, a, f):
-    """GRP vector of a quaternion, as three scalars (compiled)."""
-    # q and -q are one attitude; the one with q4 >= 0 is the short way round, off the singularity
+    """GRP vector of a quaternion, as three scalars."""
+    # q and -q are one attitude; q4 >= 0 is the shorter rotation, away from the singularity
     scale = f / (a + q4) if q4 >= 0.0 else -f / (a - q4)
     return scale * q1, scale * q2, scale * q3
 
 
-@allocating
+@njit_alloc
 def pull_back_to_grp(p, g, a, f):
-    """Turn a gradient over small turns into one over the GRP vector, shape (3,) (compiled).
+    """Gradient with respect to the GRP vector, shape (3,), from that with respect to small
+    rotations.
 
-    With ``dq(p + dp) = dq(e) (x) dq(p)``, e a small rotation vector (rad, in the frame after
-    ``dq(p)``), this is ``(de/dp)^T g``. It closes the chain rule of a light curve whose unknown is
-    the GRP vector of an initial error.
-    """
+    With ``dq(p + dp) = dq(e) (x) dq(p)``, where e is a small rotation vector (rad, in the frame
+    after ``dq(p)``), the result is ``(de/dp)^T g``. It completes the chain rule of a light curve
+    with respect to the GRP vector of an initial attitude error."""
     r1, r2, r3, r4 = quaternion_from_grp_components(p[0], p[1], p[2], a, f)
     # e = 2 (q4 drho - dq4 rho + drho x rho), rho = k p, k = (a + q4) / f
     k = (a + r4) / f
@@ -65,23 +65,7 @@ def pull_back_to_grp(p, g, a, f):
 
 
 def scale_for(a: float) -> float:
-    """Scale f = 2 (a + 1) that makes a small GRP vector the rotation vector in radians.
-
-    Parameters
-    ----------
-    a : float
-        Parameter a, in [0, 1].
-
-    Returns
-    -------
-    float
-        f.
-
-    Raises
-    ------
-    ConfigurationError
-        If `a` lies outside [0, 1].
-    """
+    """Scale f = 2 (a + 1), for a in [0, 1], with which a small GRP vector is a rotation vector."""
     if not 0.0 <= a <= 1.0:
         raise ConfigurationError(f"GRP parameter a = {a} must lie in [0, 1] (the paper takes 0.5)")
     return 2.0 * (a + 1.0)
@@ -94,20 +78,13 @@ def to_quaternion(p: ArrayLike, a: float = GRP_A, f: float | None = None) -> Arr
     ----------
     p : array_like, shape (..., 3)
         GRP vectors.
-    a : float
-        Parameter a, in [0, 1].
-    f : float, optional
-        Scale; 2 (a + 1) if omitted.
+    a, f : float, optional
+        GRP parameter and scale; f = 2 (a + 1) if omitted.
 
     Returns
     -------
     ndarray, shape (..., 4)
         Unit quaternions, scalar last.
-
-    Raises
-    ------
-    ConfigurationError
-        If `a` lies outside [0, 1].
     """
     scale = scale_for(a) if f is None else f
     p = np.moveaxis(np.asarray(p, dtype=float), -1, 0)
@@ -115,27 +92,19 @@ def to_quaternion(p: ArrayLike, a: float = GRP_A, f: float | None = None) -> Arr
 
 
 def from_quaternion(q: ArrayLike, a: float = GRP_A, f: float | None = None) -> Array:
-    """GRP vectors of unit quaternions over arrays; q and -q give the same vector
-    (Paul & Fan, eq. 39).
+    """GRP vectors of unit quaternions over arrays (Paul & Fan, eq. 39).
 
     Parameters
     ----------
     q : array_like, shape (..., 4)
-        Unit quaternions, scalar last.
-    a : float
-        Parameter a, in [0, 1].
-    f : float, optional
-        Scale; 2 (a + 1) if omitted.
+        Unit quaternions, scalar last; q and -q give the same vector.
+    a, f : float, optional
+        GRP parameter and scale; f = 2 (a + 1) if omitted.
 
     Returns
     -------
     ndarray, shape (..., 3)
-        GRP vectors. Infinite for a turn by pi when a = 0.
-
-    Raises
-    ------
-    ConfigurationError
-        If `a` lies outside [0, 1].
+        GRP vectors; infinite for a rotation by pi when a = 0.
     """
     scale = scale_for(a) if f is None else f
     q = np.asarray(q, dtype=float)

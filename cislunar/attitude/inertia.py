@@ -1,4 +1,4 @@
-"""Inertia of rigid bodies: what is possible, and when a body is as good as a sphere."""
+"""Inertia of rigid bodies: validation, and the layout of the compiled kernels."""
 
 from typing import NamedTuple
 
@@ -9,12 +9,12 @@ from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
 
-# Kinds of departure of a body's rotation, see `cislunar.attitude.departures`.
+# Kinds of body-parameter deviation, see `cislunar.attitude.parameter_deviations`.
 INERTIA, TORQUE = 0, 2
 
 
 def inertia_matrix(inertia: ArrayLike) -> Array:
-    """Inertia as a checked (3, 3) matrix.
+    """Inertia as a validated (3, 3) matrix.
 
     Parameters
     ----------
@@ -29,8 +29,8 @@ def inertia_matrix(inertia: ArrayLike) -> Array:
     Raises
     ------
     ConfigurationError
-        If no rigid body has such an inertia: not symmetric, not positive definite, or one
-        principal moment above the sum of the others.
+        If the inertia is not physical: not symmetric, not positive definite, or one principal
+        moment larger than the sum of the other two.
     """
     given = np.asarray(inertia, dtype=float)
     if given.shape not in ((), (3,), (3, 3)) or not np.all(np.isfinite(given)):
@@ -50,18 +50,8 @@ def inertia_matrix(inertia: ArrayLike) -> Array:
 
 
 def is_spherical(inertia: ArrayLike) -> bool:
-    """Whether the three principal moments agree to 1e-12, so that omega is constant.
-
-    Parameters
-    ----------
-    inertia : array_like, shape (), (3,) or (3, 3)
-        As for `inertia_matrix`.
-
-    Returns
-    -------
-    bool
-        True for a body on which `cislunar.attitude.rigid_body.propagate_spherical` is exact.
-    """
+    """Whether the principal moments of an inertia (see `inertia_matrix`) agree to 1e-12, so that a
+    torque-free omega is constant."""
     matrix = inertia_matrix(inertia)
     mean = np.trace(matrix) / 3.0
     return bool(np.abs(matrix - mean * np.eye(3)).max() <= 1e-12 * mean)
@@ -73,9 +63,9 @@ class RigidBodies(NamedTuple):
     Attributes
     ----------
     inertia, inverse : ndarray, shape (body, 3, 3)
-        Inertia matrices, body frame, any unit, and their inverses.
+        Inertia matrices and their inverses, body frame, any unit.
     spherical : ndarray of bool, shape (body,)
-        Whether the angular velocity is constant.
+        Whether the torque-free angular velocity is constant.
     """
 
     inertia: Array
@@ -84,23 +74,14 @@ class RigidBodies(NamedTuple):
 
 
 def rigid_bodies(inertia: ArrayLike) -> RigidBodies:
-    """Lay out the inertia of many bodies for the kernels.
+    """Arrange the inertia of many bodies for the kernels.
 
     Parameters
     ----------
     inertia : array_like, shape (body, 3, 3)
-        Body frame, any unit.
-
-    Returns
-    -------
-    RigidBodies
-
-    Raises
-    ------
-    ConfigurationError
-        If no rigid body has such an inertia.
+        Body frame, any unit; each matrix is validated by `inertia_matrix`.
     """
-    # most often all are alike, and each takes longer to check than to turn
+    # most often all bodies are equal, and validating one takes longer than propagating it
     given, kind = np.unique(np.asarray(inertia, dtype=float), axis=0, return_inverse=True)
     matrices = np.array([inertia_matrix(matrix) for matrix in given])
     spherical = np.array([is_spherical(matrix) for matrix in matrices])

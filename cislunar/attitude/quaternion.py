@@ -1,12 +1,13 @@
 """Unit quaternions: products, rotation of vectors, rotation vectors.
 
-A quaternion is ``q = [rho; q4]`` with the scalar last; its attitude matrix ``A(q)`` takes the
-inertial components of a vector to body components. The product is ordered like the matrices,
+A quaternion is ``q = [rho; q4]`` with the scalar last. Its attitude matrix ``A(q)`` transforms the
+inertial components of a vector into body components. The product is ordered like the matrices,
 ``A(p (x) q) = A(p) A(q)``, so that an error quaternion multiplies from the left,
 ``q_true = dq (x) q_estimate`` (Paul & Fan, section 2.4).
 
-The ``*_components`` functions are compiled and work on the scalars of one quaternion inside other
-kernels, without allocating; the others, `from_rotation_vector` apart, broadcast over arrays.
+The ``*_components`` functions are compiled and take and return the scalars of one quaternion, so
+that kernels need no arrays. The other functions, except `from_rotation_vector`, broadcast over
+arrays.
 """
 
 import numpy as np
@@ -21,10 +22,8 @@ SMALL_ANGLE = 1e-4
 
 @njit(cache=True, inline="always")
 def multiply_components(p1, p2, p3, p4, q1, q2, q3, q4):
-    """Product p (x) q of two quaternions as four scalars (compiled).
-
-    ``[p4 rho_q + q4 rho_p - rho_p x rho_q ; p4 q4 - rho_p . rho_q]``.
-    """
+    """Product p (x) q of two quaternions, as four scalars:
+    ``[p4 rho_q + q4 rho_p - rho_p x rho_q ; p4 q4 - rho_p . rho_q]``."""
     r1 = p4 * q1 + q4 * p1 - (p2 * q3 - p3 * q2)
     r2 = p4 * q2 + q4 * p2 - (p3 * q1 - p1 * q3)
     r3 = p4 * q3 + q4 * p3 - (p1 * q2 - p2 * q1)
@@ -34,10 +33,8 @@ def multiply_components(p1, p2, p3, p4, q1, q2, q3, q4):
 
 @njit(cache=True, inline="always")
 def rotate_components(q1, q2, q3, q4, x, y, z):
-    """Body components A(q) v of an inertial vector, as three scalars (compiled).
-
-    ``v + 2 rho x (rho x v) - 2 q4 rho x v`` for a unit quaternion.
-    """
+    """Body components A(q) v of an inertial vector, as three scalars:
+    ``v + 2 rho x (rho x v) - 2 q4 rho x v`` for a unit quaternion."""
     tx = 2.0 * (q2 * z - q3 * y)
     ty = 2.0 * (q3 * x - q1 * z)
     tz = 2.0 * (q1 * y - q2 * x)
@@ -49,7 +46,7 @@ def rotate_components(q1, q2, q3, q4, x, y, z):
 
 @njit(cache=True, inline="always")
 def rotation_vector_components(x, y, z):
-    """Quaternion ``[axis sin(angle/2) ; cos(angle/2)]`` of a rotation vector, rad (compiled)."""
+    """Quaternion ``[axis sin(angle/2) ; cos(angle/2)]`` of a rotation vector (rad), as scalars."""
     angle2 = x * x + y * y + z * z
     if angle2 < SMALL_ANGLE * SMALL_ANGLE:
         scale = 0.5 - angle2 / 48.0
@@ -63,13 +60,13 @@ def rotation_vector_components(x, y, z):
 
 @njit(cache=True)
 def from_rotation_vector(vector):
-    """Quaternion of the rotation by a rotation vector (compiled).
+    """Quaternion of a rotation vector (compiled).
 
     Parameters
     ----------
     vector : ndarray, shape (3,)
-        Rotation axis times angle, rad. Its components are the same in the frames before and
-        after the rotation.
+        Rotation axis times angle, rad; the frames before and after the rotation give the same
+        components.
 
     Returns
     -------
@@ -82,24 +79,13 @@ def from_rotation_vector(vector):
 
 
 def normalize(q: ArrayLike) -> Array:
-    """Quaternions scaled to unit length.
-
-    Parameters
-    ----------
-    q : array_like, shape (..., 4)
-        Quaternions, none of them zero.
-
-    Returns
-    -------
-    ndarray, shape (..., 4)
-        Unit quaternions of the same sign.
-    """
+    """Quaternions, shape (..., 4) and nonzero, scaled to unit length; signs are kept."""
     q = np.asarray(q, dtype=float)
     return q / np.linalg.norm(q, axis=-1, keepdims=True)
 
 
 def compose(p: ArrayLike, q: ArrayLike) -> Array:
-    """Products p (x) q over arrays, ``A(p (x) q) = A(p) A(q)``.
+    """Products p (x) q over arrays, with ``A(p (x) q) = A(p) A(q)``.
 
     Parameters
     ----------
@@ -109,7 +95,6 @@ def compose(p: ArrayLike, q: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., 4)
-        Products.
     """
     p, q = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
     columns = multiply_components.py_func(*np.moveaxis(p, -1, 0), *np.moveaxis(q, -1, 0))
@@ -117,36 +102,12 @@ def compose(p: ArrayLike, q: ArrayLike) -> Array:
 
 
 def inverse(q: ArrayLike) -> Array:
-    """Inverses ``[-rho; q4]`` of unit quaternions over arrays.
-
-    Parameters
-    ----------
-    q : array_like, shape (..., 4)
-        Unit quaternions.
-
-    Returns
-    -------
-    ndarray, shape (..., 4)
-        Quaternions of the opposite rotations.
-    """
+    """Inverses ``[-rho; q4]`` of unit quaternions over arrays, shape (..., 4)."""
     return np.asarray(q, dtype=float) * np.array([-1.0, -1.0, -1.0, 1.0])
 
 
 def to_body(q: ArrayLike, vector: ArrayLike) -> Array:
-    """Body components A(q) v of inertial vectors over arrays.
-
-    Parameters
-    ----------
-    q : array_like, shape (..., 4)
-        Unit quaternions, inertial to body.
-    vector : array_like, shape (..., 3), broadcast against `q`
-        Vectors, inertial frame.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        The vectors, body frame.
-    """
+    """Body components A(q) v (..., 3) of inertial vectors, for unit quaternions (..., 4)."""
     q, vector = np.asarray(q, dtype=float), np.asarray(vector, dtype=float)
     columns = rotate_components.py_func(*np.moveaxis(q, -1, 0), *np.moveaxis(vector, -1, 0))
     return np.stack(columns, axis=-1)
@@ -165,7 +126,7 @@ def to_inertial(q: ArrayLike, vector: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., 3)
-        The vectors, inertial frame.
+        Vectors, inertial frame.
     """
     return to_body(inverse(q), vector)
 
@@ -189,18 +150,8 @@ def attitude_matrix(q: ArrayLike) -> Array:
 
 
 def rotation_vector(q: ArrayLike) -> Array:
-    """Rotation vectors (axis times angle) of quaternions, angle in [0, pi].
-
-    Parameters
-    ----------
-    q : array_like, shape (..., 4)
-        Unit quaternions; q and -q give the same vector.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        Rotation vectors, rad; inverse of `from_rotation_vector`.
-    """
+    """Rotation vectors (..., 3), axis times angle, rad, of unit quaternions (..., 4), with the
+    angle in [0, pi]; q and -q give the same vector."""
     q = np.asarray(q, dtype=float)
     q = np.where(q[..., 3:] < 0.0, -q, q)
     sine = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)

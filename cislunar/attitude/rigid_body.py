@@ -1,11 +1,10 @@
 """Rotation of rigid bodies, torque-free (Paul & Fan, section 5.2) or under a constant torque.
 
 Attitude and angular velocity obey ``dq/dt = [omega; 0] (x) q / 2`` and Euler's equations
-``I domega/dt = T - omega x (I omega)``, both in the body frame. Without torque T a body of
-spherical inertia keeps its angular velocity, so that its attitude is known in closed form
-(`propagate_spherical`); any other motion is integrated numerically (`propagate_torque_free`,
-`propagate_under_torque`; `cislunar.attitude.short_steps` for the steps of estimators). Angles are
-in rad, times in any unit.
+``I domega/dt = T - omega x (I omega)`` in the body frame. A torque-free body of spherical inertia
+has a constant angular velocity and an attitude in closed form (`propagate_spherical`). Any other
+motion is integrated numerically (`propagate_torque_free`, `propagate_under_torque`); estimators use
+the fixed steps of `cislunar.attitude.attitude_integrator`. Angles are in rad, times in any unit.
 """
 
 import numpy as np
@@ -20,34 +19,30 @@ from cislunar.attitude.quaternion import (
     rotate_components,
     rotation_vector_components,
 )
-from cislunar.compiled import allocating, borrowing
+from cislunar.compiled import njit_alloc, njit_noalloc
 from cislunar.dynamics.tableau import A8, ERROR8_3, ERROR8_5, STAGES8
 from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
 
 
-@allocating
+@njit_alloc
 def propagate_spherical(q, omega, dt):
-    """Attitude ``dq(omega dt) (x) q`` of a body of spherical inertia after a time (compiled).
-
-    Exact: without torque its angular velocity (rad per unit of time, body frame) is constant.
-    """
+    """Attitude ``dq(omega dt) (x) q`` of a torque-free body of spherical inertia after a time
+    (compiled). The result is exact; omega is in rad per unit of time, body frame."""
     t1, t2, t3, t4 = rotation_vector_components(omega[0] * dt, omega[1] * dt, omega[2] * dt)
     r = np.empty(4)
     r[0], r[1], r[2], r[3] = multiply_components(t1, t2, t3, t4, q[0], q[1], q[2], q[3])
     return r
 
 
-@borrowing
+@njit_noalloc
 def pull_back_gradient(omega, dt, gx, gy, gz):
-    """Carry a gradient over small turns at dt back to the initial attitude and rate (compiled).
-
-    For a body of spherical inertia: ``(A(dq)^T g, dt J^T g)``, six scalars. The small turn e(dt) at
-    dt that follows from a small turn e0 of the initial attitude and a change of omega is
-    ``e(dt) = A(dq) e0 + dt J domega`` with ``phi = omega dt``, ``dq`` its quaternion and
-    ``J = I - (1 - cos|phi|)/|phi|^2 [phi x] + (|phi| - sin|phi|)/|phi|^3 [phi x]^2``.
-    """
+    """Gradient over the initial attitude and rate from one over small rotations at dt (compiled).
+    For a body of spherical inertia the result is ``(A(dq)^T g, dt J^T g)``, as six scalars. A small
+    rotation e0 of the initial attitude and a change of omega cause the small rotation
+    ``e(dt) = A(dq) e0 + dt J domega``, where dq is the quaternion of ``phi = omega dt`` and
+    ``J = I - (1 - cos|phi|)/|phi|^2 [phi x] + (|phi| - sin|phi|)/|phi|^3 [phi x]^2``."""
     x, y, z = omega[0] * dt, omega[1] * dt, omega[2] * dt
     q1, q2, q3, q4 = rotation_vector_components(x, y, z)
     e1, e2, e3 = rotate_components(-q1, -q2, -q3, q4, gx, gy, gz)
@@ -65,12 +60,11 @@ def pull_back_gradient(omega, dt, gx, gy, gz):
     return e1, e2, e3, w1, w2, w3
 
 
-@borrowing
+@njit_noalloc
 def spherical_transition(omega, dt, out):
-    """Transition matrix of (small turn, angular velocity) for spherical inertia, exact (compiled).
-
-    Into `out`, shape (6, 6); see `cislunar.attitude.departures.departing_transition`.
-    """
+    """Exact transition matrix of (small rotation, angular velocity) for spherical inertia
+    (compiled). Written into `out`, shape (6, 6); see
+    `cislunar.attitude.parameter_deviations.parameter_transition`."""
     out[:, :] = 0.0
     for i in range(3):
         a1, a2, a3, b1, b2, b3 = pull_back_gradient(
@@ -83,7 +77,7 @@ def spherical_transition(omega, dt, out):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def matrix_times(matrix, x, y, z):
-    """Product of a (3, 3) matrix and a vector, as three scalars (compiled)."""
+    """Product of a (3, 3) matrix and a vector, as three scalars."""
     return (
         matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
         matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
@@ -93,14 +87,14 @@ def matrix_times(matrix, x, y, z):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def angular_acceleration(x, y, z, inertia, inverse_inertia):
-    """Angular acceleration of a torque-free body, as three scalars (compiled)."""
+    """Angular acceleration of a torque-free body, as three scalars."""
     hx, hy, hz = matrix_times(inertia, x, y, z)
     return matrix_times(inverse_inertia, hy * z - hz * y, hz * x - hx * z, hx * y - hy * x)
 
 
-@borrowing
+@njit_noalloc
 def _derivative(y, inertia, inverse_inertia, forced, dy):
-    """Time derivative of ``y = (q, omega)`` into `dy`; `forced` is the torque's share."""
+    """Write the time derivative of ``y = (q, omega)`` into `dy`; `forced` is due to the torque."""
     x, v, z = y[4], y[5], y[6]
     dy[0], dy[1], dy[2], dy[3] = multiply_components(
         0.5 * x, 0.5 * v, 0.5 * z, 0.0, y[0], y[1], y[2], y[3]
@@ -109,9 +103,9 @@ def _derivative(y, inertia, inverse_inertia, forced, dy):
     dy[4], dy[5], dy[6] = ax + forced[0], ay + forced[1], az + forced[2]
 
 
-@borrowing
+@njit_noalloc
 def _try_step(y, h, inertia, inverse_inertia, forced, slopes, y_new, tolerance):
-    """One DOP853 trial step into `y_new`; returns the error norm (acceptable below 1)."""
+    """Attempt one DOP853 step into `y_new`; the returned error norm is acceptable below 1."""
     for stage in range(1, STAGES8 + 1):
         for i in range(7):
             change = 0.0
@@ -135,26 +129,14 @@ def _try_step(y, h, inertia, inverse_inertia, forced, slopes, y_new, tolerance):
 
 @njit(cache=True, error_model="numpy")
 def propagate_kernel(
-    q,
-    omega,
-    inertia,
-    inverse_inertia,
-    dt,
-    tolerance,
-    q_out,
-    omega_out,
-    ax=0.0,
-    ay=0.0,
-    az=0.0,
+    q, omega, inertia, inverse_inertia, dt, tolerance, q_out, omega_out, ax=0.0, ay=0.0, az=0.0
 ):
-    """Attitude and rate of any rigid body after a time, by adaptive DOP853 (compiled).
-
-    The equations are scaled by the initial rate (or that which the torque gives within a radian,
-    if greater), so that one tolerance (error per step of q, and of omega relative to its initial
-    length) suits slow and fast bodies. `q_out` and `omega_out` receive the result and may be `q`
-    and `omega` themselves; ax, ay, az is the angular acceleration I^-1 T by a torque constant in
-    the body frame.
-    """
+    """Attitude and angular velocity of a rigid body after a time, by adaptive DOP853 (compiled).
+    The equations are scaled by the initial rate, or by the rate that the torque causes within a
+    radian if that is greater. One tolerance (error per step of q, and of omega relative to its
+    initial length) therefore suits slow and fast bodies. `q_out` and `omega_out` receive the result
+    and may be `q` and `omega` themselves. The angular acceleration ax, ay, az is I^-1 T of a torque
+    that is constant in the body frame."""
     rate = np.sqrt(omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2)
     rate = max(rate, np.sqrt(np.sqrt(ax * ax + ay * ay + az * az)))
     square = rate * rate if rate > 0.0 else 1.0
@@ -166,7 +148,7 @@ def propagate_kernel(
         y[4 + i] = omega[i] / rate if rate > 0.0 else 0.0
     y_new = np.empty(7)
     slopes = np.empty((STAGES8, 7))
-    left = dt * rate  # time to go, in units of 1 / rate
+    left = dt * rate  # remaining time, in units of 1 / rate
     h = min(1.0, abs(left))
     while h > 0.0:
         step = h if left > 0.0 else -h
@@ -186,7 +168,7 @@ def propagate_kernel(
 
 @njit(cache=True)
 def _propagate_series(q, omega, inertia, inverse_inertia, a, times, tolerance, q_out, omega_out):
-    """`propagate_kernel` from time to time, starting at time 0."""
+    """`propagate_kernel` from one time to the next, starting at time 0."""
     attitude, rate, now = q.copy(), omega.copy(), 0.0
     for i in range(times.size):
         propagate_kernel(
@@ -215,33 +197,12 @@ def propagate_torque_free(
     *,
     tolerance: float = 1e-13,
 ) -> tuple[Array, Array]:
-    """Attitude and angular velocity of a torque-free rigid body at given times.
+    """Attitudes (T, 4), inertial to body, scalar last, and angular velocities (T, 3), rad per unit
+    of time, body frame, of a torque-free rigid body at given times from the state at time 0.
 
-    Parameters
-    ----------
-    quaternion : array_like, shape (4,)
-        Attitude at time 0, inertial to body, scalar last.
-    omega : array_like, shape (3,)
-        Angular velocity at time 0, rad per unit of time, body frame.
-    times : array_like, shape (T,)
-        Times, in that unit and any order (neighboring times close together are fastest).
-    inertia : array_like, shape (), (3,) or (3, 3)
-        As for `inertia_matrix`. A spherical body is propagated in closed form.
-    tolerance : float
-        Error per step of the numerical integration, see `propagate_kernel`.
-
-    Returns
-    -------
-    quaternions : ndarray, shape (T, 4)
-        Unit quaternions.
-    rates : ndarray, shape (T, 3)
-        Angular velocities, rad per unit of time, body frame.
-
-    Raises
-    ------
-    ConfigurationError
-        If the inertia is impossible or an input is not finite.
-    """
+    The times have any order; short intervals between consecutive times are fastest. A spherical
+    body is propagated in closed form. For `inertia` see `inertia_matrix`, for `tolerance`
+    `propagate_kernel`."""
     if not is_spherical(inertia):
         still = np.zeros(3)
         return propagate_under_torque(quaternion, omega, times, inertia, still, tolerance=tolerance)
@@ -261,25 +222,9 @@ def propagate_under_torque(
     *,
     tolerance: float = 1e-13,
 ) -> tuple[Array, Array]:
-    """Attitude and angular velocity of a rigid body under a torque constant in the body frame.
-
-    Parameters
-    ----------
-    quaternion, omega, times, inertia, tolerance
-        As for `propagate_torque_free`; every body is integrated numerically.
-    acceleration : array_like, shape (3,)
-        Angular acceleration I^-1 T by the torque T, rad per unit of time squared, body frame.
-
-    Returns
-    -------
-    quaternions, rates
-        As of `propagate_torque_free`.
-
-    Raises
-    ------
-    ConfigurationError
-        If the inertia is impossible or an input is not finite.
-    """
+    """As `propagate_torque_free`, under a torque T that is constant in the body frame and causes
+    the angular acceleration I^-1 T (3,), rad per unit of time squared; always integrated
+    numerically."""
     matrix = inertia_matrix(inertia)
     start, rate, times, forced = _checked(quaternion, omega, times, acceleration)
     quaternions, rates = np.empty((times.size, 4)), np.empty((times.size, 3))
@@ -291,7 +236,7 @@ def propagate_under_torque(
 def _checked(
     quaternion: ArrayLike, omega: ArrayLike, times: ArrayLike, acceleration: ArrayLike
 ) -> tuple[Array, Array, Array, Array]:
-    """The inputs of a propagation as arrays; those that are not finite are refused."""
+    """The inputs of a propagation as arrays, which must be finite."""
     given = {
         "quaternion": normalize(quaternion),
         "omega": np.array(omega, dtype=float),

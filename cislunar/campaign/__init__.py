@@ -1,1 +1,10 @@
-"""A campaign: settings, data sets, tables, verdicts and documents around the library."""
+"""A campaign: settings, data sets and tables around the library."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "kernels": ["kernel_set", "tracking_kernels"],
+    "verify": ["main"],
+})
+# fmt: on

@@ -1,4 +1,4 @@
-"""What all commands share: how much they say, and that an error is one line and exit code 2."""
+"""Common behavior of all commands: verbosity, and errors as one line with exit code 2."""
 
 import logging
 import sys
@@ -6,10 +6,10 @@ from typing import Any
 
 import click
 
-from cislunar.campaign.data.compilation import announced
-from cislunar.campaign.data.progress import Progress, logger, on_terminal, progress_log
-from cislunar.campaign.operation.kernels import drop_stale_kernels
 from cislunar.errors import CislunarError
+from cislunar.runtime.compilation import announced
+from cislunar.runtime.kernels import drop_stale_kernels
+from cislunar.runtime.progress import Progress, logger, on_terminal, progress_log
 
 FAILED, INTERRUPTED = 2, 130
 _LEVEL = "cislunar.level"
@@ -24,40 +24,40 @@ def _level_option(names: list[str], level: int, text: str) -> click.Option:
     return click.Option(names, is_flag=True, expose_value=False, callback=note, help=text)
 
 
-class _Talking(click.Command):
+class _WithVerbosity(click.Command):
     """A command with ``--quiet`` and ``--verbose``."""
 
     def __init__(self, *args: Any, **settings: Any) -> None:
         settings.setdefault("context_settings", {})["help_option_names"] = ["-h", "--help"]
         super().__init__(*args, **settings)
         self.params += [
-            _level_option(["-q", "--quiet"], logging.WARNING, "Say nothing but results, errors."),
-            _level_option(["-v", "--verbose"], logging.DEBUG, "Every step, and where errors rise."),
+            _level_option(["-q", "--quiet"], logging.WARNING, "Show only results and errors."),
+            _level_option(["-v", "--verbose"], logging.DEBUG, "Show every step, and tracebacks."),
         ]
 
 
-class Command(_Talking):
-    """A command whose progress goes to the terminal."""
+class Command(_WithVerbosity):
+    """A command that shows its progress on the terminal."""
 
     def invoke(self, context: click.Context) -> Any:
-        """Run it."""
+        """Run the command."""
         drop_stale_kernels()
         with on_terminal(level()), announced():
             try:
                 return super().invoke(context)
             except CislunarError:
-                logger.debug("where the error rose:", exc_info=True)
+                logger.debug("traceback of the error:", exc_info=True)
                 raise
 
 
-class Group(_Talking, click.Group):
-    """A command of commands; where an error ends the program, it does so in one line."""
+class Group(_WithVerbosity, click.Group):
+    """A group of commands; an error ends the program with one line."""
 
     command_class = Command
     group_class = type
 
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
-        """Run it; returns the exit code if not `standalone_mode`."""
+        """Run the group; returns the exit code if not `standalone_mode`."""
         try:
             code = super().main(*args, standalone_mode=False, **extra)
         except click.exceptions.NoArgsIsHelpError as error:
@@ -69,7 +69,7 @@ class Group(_Talking, click.Group):
         except (CislunarError, click.ClickException) as error:
             code = _failed(error.format_message() if hasattr(error, "show") else str(error))
         except MemoryError:
-            code = _failed("out of memory; ask for fewer rows")
+            code = _failed("out of memory; request fewer rows")
         except click.Abort:
             click.echo("interrupted", err=True)
             code = INTERRUPTED
@@ -84,10 +84,10 @@ def _failed(message: str) -> int:
 
 
 def level() -> int:
-    """Level of `logging` that the running command was asked for."""
+    """Logging level requested for the running command."""
     return click.get_current_context().meta.get(_LEVEL, logging.INFO)
 
 
 def progress(name: str) -> Progress:
-    """Progress of long work: a line now and then, or for each step if verbose."""
+    """Progress of long work: one line every few seconds, or one for each step if verbose."""
     return progress_log(name, 0.0 if level() <= logging.DEBUG else _INTERVAL_S)

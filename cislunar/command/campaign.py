@@ -1,4 +1,4 @@
-"""The commands of the campaign: thin calls of Snakemake and of the modules that do the work."""
+"""Commands of the campaign, which call Snakemake and the modules that do the work."""
 
 import io
 import logging
@@ -26,24 +26,24 @@ CONFIGFILE = click.option(
     "configfiles",
     multiple=True,
     metavar="FILE",
-    help="Settings that differ from config/config.yaml; seen from the folder.",
+    help="Settings that override config/config.yaml; path relative to the folder.",
 )
 REST = click.argument("arguments", nargs=-1, type=click.UNPROCESSED, metavar="[-- SNAKEMAKE...]")
 
 
 def campaign_folder(directory: str, configfiles: tuple[str, ...] = ()) -> Path:
-    """The folder, if Snakemake can run in it.
+    """The folder of the repository, in which Snakemake can run.
 
     Raises
     ------
     ConfigurationError
-        If there is no Snakefile, no such file of settings, or no Snakemake.
+        If there is no Snakefile, a file of settings is missing, or Snakemake is not installed.
     """
     folder = Path(directory)
     if not (folder / "Snakefile").is_file():
         raise ConfigurationError(
             f"{folder / 'Snakefile'}: no such file; the campaign needs the folder of the "
-            "repository, which no wheel brings: go there, or give --directory FOLDER"
+            "repository, which the wheel does not contain: go there, or give --directory FOLDER"
         )
     for name in configfiles:
         if not (folder / name).is_file():
@@ -56,10 +56,10 @@ def campaign_folder(directory: str, configfiles: tuple[str, ...] = ()) -> Path:
 
 
 def snakemake_command(*arguments: str) -> list[str]:
-    """Command line of Snakemake, as talkative as this command."""
-    said = {logging.WARNING: ["--quiet", "all"], logging.DEBUG: ["--verbose"]}.get(level(), [])
-    # -P: packages come from where they are installed, as with the command `snakemake`.
-    return [sys.executable, "-P", "-m", "snakemake", *arguments, *said]
+    """Command line of Snakemake, with the verbosity of this command."""
+    verbosity = {logging.WARNING: ["--quiet", "all"], logging.DEBUG: ["--verbose"]}.get(level(), [])
+    # -P: packages are imported from where they are installed, as by the command `snakemake`.
+    return [sys.executable, "-P", "-m", "snakemake", *arguments, *verbosity]
 
 
 def _configured(configfiles: tuple[str, ...]) -> list[str]:
@@ -67,10 +67,10 @@ def _configured(configfiles: tuple[str, ...]) -> list[str]:
 
 
 class SnakemakeCommand(Command):
-    """A command that hands what stands after -- to Snakemake."""
+    """A command that passes all arguments after -- to Snakemake."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Read the options, and tell where those of Snakemake go."""
+        """Parse the options; the error for an unknown one explains where Snakemake's options go."""
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
@@ -82,7 +82,7 @@ class SnakemakeCommand(Command):
 
 
 def _become(folder: Path, command: list[str]) -> None:
-    """Go on as that command, which Ctrl-C and the exit code are then those of."""
+    """Replace this process by the command, which then receives Ctrl-C and sets the exit code."""
     os.chdir(folder)
     sys.stdout.flush()
     sys.stderr.flush()
@@ -97,10 +97,10 @@ def _become(folder: Path, command: list[str]) -> None:
 def run(
     directory: str, cores: int, configfiles: tuple[str, ...], arguments: tuple[str, ...]
 ) -> None:
-    """Run the campaign, or of it the files and stages named.
+    """Run the campaign, or only the given files and stages.
 
-    The same command goes on with a campaign that was interrupted. What stands after -- goes to
-    Snakemake as it is.
+    The same command continues an interrupted campaign. Arguments after -- are passed to Snakemake
+    unchanged.
 
     \b
     Examples:
@@ -110,7 +110,7 @@ def run(
       cislunar run --cores 4 -- results/figures/fig02_orbit_library.png
     """
     folder = campaign_folder(directory, configfiles)
-    # Snakemake takes all words up to the next option for files of settings.
+    # Snakemake treats all words up to the next option as files of settings.
     command = snakemake_command(*_configured(configfiles), "--cores", str(cores))
     _become(folder, [*command, *(("--", *arguments) if _only_names(arguments) else arguments)])
 
@@ -132,10 +132,11 @@ def resume(
     configfiles: tuple[str, ...],
     arguments: tuple[str, ...],
 ) -> None:
-    """Go on with a campaign whose Snakemake was killed.
+    """Continue a campaign whose Snakemake process was killed.
 
-    Takes away the locks that were left behind, then runs as `cislunar run`, which is enough after
-    Ctrl-C. Not while another Snakemake runs in the folder: its locks would go, too.
+    The command removes the remaining locks and then works like `cislunar run`, which is sufficient
+    after Ctrl-C. Do not use it while another Snakemake process runs in the folder, because it would
+    remove its locks as well.
 
     \b
     Example:
@@ -158,7 +159,7 @@ def resume(
 def report(
     directory: str, configfiles: tuple[str, ...], output: str, arguments: tuple[str, ...]
 ) -> None:
-    """Put figures and tables of a finished campaign in one file.
+    """Collect figures and tables of a finished campaign in one file.
 
     \b
     Example:
@@ -175,30 +176,30 @@ def report(
 
 
 def _silenced() -> redirect_stdout | nullcontext:
-    """What is printed is lost where only results and errors are wanted."""
+    """Suppress standard output if only results and errors are requested."""
     return redirect_stdout(io.StringIO()) if level() >= logging.WARNING else nullcontext()
 
 
 @click.command(cls=Command)
 @click.argument("folder", default="results")
-@click.option("--delete", is_flag=True, help="Remove what is damaged.")
+@click.option("--delete", is_flag=True, help="Delete damaged results.")
 def verify(folder: str, delete: bool) -> int:
-    """Name the results that are damaged.
+    """List damaged results.
 
-    Reads every one to its end; the exit code is 1 if one cannot be used.
+    Every result is read to its end; the exit code is 1 if one cannot be used.
 
     \b
     Example:
       cislunar verify results/quick
     """
-    from cislunar.campaign.operation import verify
+    from cislunar.campaign import verify
 
     return verify.main([folder, *(["--delete"] if delete else [])])
 
 
 @click.group(cls=Group)
 def docs() -> None:
-    """The documents of the repository.
+    """Documents of the repository.
 
     \b
     Examples:
@@ -210,31 +211,29 @@ def docs() -> None:
 @docs.command()
 @DIRECTORY
 @click.option("--results", default="results", show_default=True, help="Results folder.")
-@click.option("--check", is_flag=True, help="Change nothing; exit code 1 where one is outdated.")
-def update(directory: str, results: str, check: bool) -> int:
-    """Fill the documents with the numbers of a finished campaign.
+@click.option(
+    "--check", is_flag=True, help="Change nothing; exit code 1 if a document is outdated."
+)
+def update(directory: str, results: str, check: bool) -> None:
+    """Update the documents with the numbers of a finished campaign.
 
     \b
     Example:
       cislunar docs update --check
     """
-    from cislunar.campaign.documents import update
-
-    folder = str(campaign_folder(directory))
-    with _silenced():
-        return update.main(
-            ["--root", folder, "--results", results, *(["--check"] if check else [])]
-        )
+    folder = campaign_folder(directory)
+    chosen = ["--results", results, *(["--check"] if check else [])]
+    _become(folder, [sys.executable, "-m", "workflow.documents.update", *chosen])
 
 
 @docs.command()
 @DIRECTORY
 @click.option("--output", default="build/site", show_default=True, help="Folder to write to.")
 def site(directory: str, output: str) -> None:
-    """Make the site of documents, gallery and reference.
+    """Build the site of documents, gallery and reference.
 
-    It runs the gallery: a minute or two at first, then only what has changed. Open index.html in
-    the folder.
+    The first build runs the gallery, which takes a minute or two; later builds update only what has
+    changed. Open index.html in the folder.
 
     \b
     Example:
@@ -245,7 +244,7 @@ def site(directory: str, output: str) -> None:
         raise ConfigurationError(
             "Sphinx is not installed: pip install -r environment.txt in the repository"
         )
-    said = ["--quiet"] if level() >= logging.WARNING else []
-    # -P: packages come from where they are installed, as with the command `sphinx-build`.
-    command = [sys.executable, "-P", "-m", "sphinx", *said, "-c", "docs", "."]
+    verbosity = ["--quiet"] if level() >= logging.WARNING else []
+    # -P: packages are imported from where they are installed, as by the command `sphinx-build`.
+    command = [sys.executable, "-P", "-m", "sphinx", *verbosity, "-c", "docs", "."]
     _become(folder, [*command, str(Path(output).absolute())])

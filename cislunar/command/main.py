@@ -13,7 +13,7 @@ from cislunar.command.see import see
 @click.group(cls=Group)
 @click.version_option(package.__version__, prog_name="cislunar")
 def cislunar() -> None:
-    """Cislunar space domain awareness: orbits, who sees what, and the campaign.
+    """Cislunar space domain awareness: orbits, visibility, and the campaign.
 
     \b
     Examples:

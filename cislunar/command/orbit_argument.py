@@ -1,4 +1,4 @@
-"""Orbits as one gives them on a command line: a member of a family, or a state."""
+"""Orbits as arguments of commands: a member of a family, or a state."""
 
 from typing import Any, NamedTuple
 
@@ -7,20 +7,20 @@ import click
 from cislunar.errors import ConfigurationError
 
 FORM = (
-    "An ORBIT is FAMILY,jacobi=VALUE or FAMILY,period=DAYS, with ,member=N where several members "
-    "have that value and ,phase=FRACTION of the period to start further along; or a state "
+    "An ORBIT is FAMILY,jacobi=VALUE or FAMILY,period=DAYS, with ,member=N if several members "
+    "have that value, and ,phase=FRACTION of the period to start at a later point; or a state "
     "x,y,z,vx,vy,vz in the rotating frame of Earth and Moon, origin at their barycenter."
 )
 
 
 class Orbit(NamedTuple):
-    """A state at the epoch, shape (6,), nondimensional, rotating frame; period 0: not periodic."""
+    """State at the epoch, shape (6,), nondimensional, rotating frame; period 0 if not periodic."""
 
     state: Any
     period: float
 
     def states(self, times: Any) -> Any:
-        """States at nondimensional times since the epoch, shape (time, 6)."""
+        """States at nondimensional times since the epoch, shape (time, 6), rotating frame."""
         from cislunar.dynamics.propagation import propagate, propagate_periodic
 
         if self.period > 0.0:
@@ -38,51 +38,51 @@ def members_of(
     clear: bool = True,
     **progress: Any,
 ) -> Any:
-    """`periodic_orbits` with the period in days; never none.
+    """`periodic_orbits` with the period in days, which always returns at least one member.
 
     Raises
     ------
     ConfigurationError
-        If the family is unknown or does not take the value; the message says which it takes.
+        If the family is unknown or has no such member; the message gives the range of the family.
     """
     import numpy as np
 
     from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
-    from cislunar.orbits.catalogue import catalogue_branch, periodic_orbits
+    from cislunar.orbits.catalog import catalog_branch, periodic_orbits
     from cislunar.orbits.extent import measure_of
     from cislunar.orbits.selection import clear_part
 
     day = SECONDS_PER_DAY / TIME_UNIT_S
-    asked = {"jacobi": jacobi, "period": period, "stability": stability}
-    for key, value in asked.items():
+    given = {"jacobi": jacobi, "period": period, "stability": stability}
+    for key, value in given.items():
         if value is not None and not np.all(np.isfinite(value)):
-            raise ConfigurationError(f"{key} = {value} of {family} is no finite number")
+            raise ConfigurationError(f"{key} = {value} of {family} is not a finite number")
     if period is not None:
-        asked["period"] = day * period if np.ndim(period) == 0 else tuple(day * p for p in period)
-    members = periodic_orbits(family, **asked, count=count, clear=clear, **progress)
-    single = [key for key, value in asked.items() if value is not None and np.ndim(value) == 0]
+        given["period"] = day * period if np.ndim(period) == 0 else tuple(day * p for p in period)
+    members = periodic_orbits(family, **given, count=count, clear=clear, **progress)
+    single = [key for key, value in given.items() if value is not None and np.ndim(value) == 0]
     if members.period.size:
         return members
     if not single:
         raise ConfigurationError(f"no member of {family} lies within these ranges; raise --count")
-    ((quantity, value),) = ((key, asked[key]) for key in single)
+    ((quantity, value),) = ((key, given[key]) for key in single)
     unit, name = (day, " days") if quantity == "period" else (1.0, "")
     measure = measure_of("stability_index" if quantity == "stability" else quantity, MU)
-    branch = catalogue_branch(family, MU)
-    taken = [measure(member) / unit for member in (clear_part(branch) if clear else branch)]
+    branch = catalog_branch(family, MU)
+    values = [measure(member) / unit for member in (clear_part(branch) if clear else branch)]
     raise ConfigurationError(
         f"no member of {family}{' clear of Earth and Moon' * clear} has {quantity} = "
-        f"{value / unit:g}{name}; the family has about {min(taken):.3f} to {max(taken):.3f}{name}"
+        f"{value / unit:g}{name}; the family has about {min(values):.3f} to {max(values):.3f}{name}"
     )
 
 
 def read_orbit(text: str, units: str) -> Orbit:
-    """The orbit that a text of the form above stands for.
+    """The orbit that a text describes; see `FORM`.
 
     Raises
     ------
     ConfigurationError
-        If there is no such orbit; the message says why.
+        If the text describes no orbit; the message gives the reason.
     """
     first, *rest = (part.strip() for part in text.split(","))
     try:
@@ -96,7 +96,7 @@ def _number(text: str, part: str) -> float:
     try:
         return float(part)
     except ValueError:
-        raise ConfigurationError(f"orbit {text!r}: {part!r} is no number") from None
+        raise ConfigurationError(f"orbit {text!r}: {part!r} is not a number") from None
 
 
 def _state(text: str, parts: list[str], units: str) -> Any:
@@ -115,7 +115,7 @@ def _state(text: str, parts: list[str], units: str) -> Any:
         state[3:] *= TIME_UNIT_S / LENGTH_UNIT_KM
     if inside_primary(*state[:3], primary_positions(MU)):
         raise ConfigurationError(
-            f"orbit {text!r}: in units {units} this is a place inside the Earth or the Moon"
+            f"orbit {text!r}: in units {units} this is a position inside the Earth or the Moon"
         )
     unit = "km" if units == "km" else ""
     check_position(f"orbit {text!r}", ("x", "y", "z"), state[:3], unit, "; see --units")
@@ -145,8 +145,9 @@ def _member(text: str, family: str, options: list[str]) -> Orbit:
     number = given.get("member", 1.0 if members.period.size == 1 else 0.0)
     if number not in range(1, members.period.size + 1):
         raise ConfigurationError(
-            f"orbit {text!r}: {family} has {members.period.size} such; add member=N, counted from "
-            f"1, of those with Jacobi constants {members.jacobi.round(4).tolist()} and periods of "
+            f"orbit {text!r}: {family} has {members.period.size} such members; add member=N, "
+            f"counted from 1, of those with Jacobi constants {members.jacobi.round(4).tolist()} "
+            "and periods of "
             f"{(members.period * TIME_UNIT_S / SECONDS_PER_DAY).round(3).tolist()} days"
         )
     state, period = members.state[int(number) - 1], float(members.period[int(number) - 1])
@@ -156,6 +157,6 @@ def _member(text: str, family: str, options: list[str]) -> Orbit:
 
 
 class OrbitType(click.ParamType):
-    """Text of an orbit; it is read where the units are known."""
+    """Text of an orbit; commands parse it once the units are known."""
 
     name = "ORBIT"

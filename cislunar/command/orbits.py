@@ -14,13 +14,13 @@ from cislunar.errors import ConfigurationError
 logger = logging.getLogger("cislunar")
 
 
-class Wanted(click.ParamType):
+class ValueOrRange(click.ParamType):
     """A value, or a range LOW:HIGH."""
 
     name = "VALUE|LOW:HIGH"
 
     def convert(self, value: Any, param: Any, ctx: Any) -> float | tuple[float, float]:
-        """The number, or the two."""
+        """The number, or both ends of the range."""
         if not isinstance(value, str):
             return value
         try:
@@ -28,7 +28,7 @@ class Wanted(click.ParamType):
         except ValueError:
             numbers = ()
         if len(numbers) not in (1, 2):
-            self.fail(f"{value!r} is no number and no range LOW:HIGH", param, ctx)
+            self.fail(f"{value!r} is neither a number nor a range LOW:HIGH", param, ctx)
         return numbers[0] if len(numbers) == 1 else numbers
 
 
@@ -46,7 +46,7 @@ def orbits() -> None:
 @orbits.command("list")
 @OUTPUT
 def list_families(output: str | None) -> None:
-    """List the families and where they end.
+    """List the families and their ends.
 
     Values of x at the crossing, of the period and of the Jacobi constant are nondimensional.
 
@@ -54,20 +54,22 @@ def list_families(output: str | None) -> None:
     Example:
       cislunar orbits list
     """
-    from cislunar.orbits.catalogue import CATALOGUE, end_in_words
+    from cislunar.orbits.catalog import CATALOG, end_in_words
 
-    meanings = [family.meaning for family in CATALOGUE.values()]
-    ends = [end_in_words(family) for family in CATALOGUE.values()]
-    show([Column("family", [*CATALOGUE]), Column("orbits", meanings), Column("end", ends)], output)
+    meanings = [family.meaning for family in CATALOG.values()]
+    ends = [end_in_words(family) for family in CATALOG.values()]
+    show([Column("family", [*CATALOG]), Column("orbits", meanings), Column("end", ends)], output)
 
 
 @orbits.command()
 @click.argument("families", nargs=-1, metavar="[FAMILY]...")
-@click.option("--jacobi", type=Wanted(), help="Of this Jacobi constant, or within a range.")
-@click.option("--period", type=Wanted(), help="Of this period, or within a range, days.")
-@click.option("--stability", type=Wanted(), help="Of this stability index, or within a range.")
-@click.option("--count", type=click.IntRange(min=1), help="This many, evenly along the family.")
-@click.option("--through", is_flag=True, help="Orbits through the Earth or the Moon too.")
+@click.option("--jacobi", type=ValueOrRange(), help="Jacobi constant, or range of it.")
+@click.option("--period", type=ValueOrRange(), help="Period, or range of it, days.")
+@click.option("--stability", type=ValueOrRange(), help="Stability index, or range of it.")
+@click.option(
+    "--count", type=click.IntRange(min=1), help="Number of members, evenly along the family."
+)
+@click.option("--through", is_flag=True, help="Include orbits through the Earth or the Moon.")
 @UNITS
 @OUTPUT
 def members(
@@ -80,13 +82,13 @@ def members(
     units: str,
     output: str | None,
 ) -> None:
-    """Members of families, one row each.
+    """List members of families, one row each.
 
-    If no family is named, of the observers' thirteen. One value of --jacobi, --period or
-    --stability that members have, or --count of them, evenly along the family; ranges LOW:HIGH
-    leave out what lies beyond. Orbits through the Earth or the Moon, where some families end, are
-    left out without --through. In km the file can be the table of moving targets of a study of
-    one's own.
+    Without a FAMILY, the thirteen families of observers are listed. Give one value of --jacobi,
+    --period or --stability, or --count for members evenly along the family; ranges LOW:HIGH
+    restrict the result. Orbits through the Earth or the Moon, where some families end, are excluded
+    unless --through is given. With units km, the file can serve as table of moving targets of a
+    user-defined study.
 
     \b
     Examples:
@@ -96,16 +98,16 @@ def members(
       cislunar orbits members Halo_L3_N --count 5 --through
     """
     from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
-    from cislunar.orbits.catalogue import family_named
+    from cislunar.orbits.catalog import family_named
     from cislunar.orbits.families import FAMILIES, concatenate
 
-    asked = {"jacobi": jacobi, "period": period, "stability": stability, "count": count}
-    if all(value is None for value in asked.values()):
+    filters = {"jacobi": jacobi, "period": period, "stability": stability, "count": count}
+    if all(value is None for value in filters.values()):
         raise click.UsageError("give one of --jacobi, --period, --stability and --count")
     for family in families:
         family_named(family)
     chosen = [*dict.fromkeys(families)] or [*FAMILIES]
-    found = concatenate(_members(chosen, asked, clear=not through))
+    found = concatenate(_members(chosen, filters, clear=not through))
     names = found.family.tolist()
     number = [1 + names[:row].count(name) for row, name in enumerate(names)]
     days = found.period * TIME_UNIT_S / SECONDS_PER_DAY
@@ -129,29 +131,31 @@ def members(
     )
 
 
-def _members(families: list[str], asked: dict[str, Any], *, clear: bool) -> list[Any]:
-    """Members of each family that has any; a single family has to."""
+def _members(families: list[str], filters: dict[str, Any], *, clear: bool) -> list[Any]:
+    """Members of each family that has any; a single family must have one."""
     steps = "members followed, iterations"
     if len(families) == 1:
         counted = {"progress": progress("orbits"), "following": progress(steps)}
-        found = members_of(families[0], **asked, clear=clear, **counted)
-        _say_if_several(found, asked)
+        found = members_of(families[0], **filters, clear=clear, **counted)
+        _log_if_several(found, filters)
         return [found]
     report, found = progress("families"), []
     for done, family in enumerate(families, start=1):
         with suppress(ConfigurationError):
-            found.append(members_of(family, **asked, clear=clear, following=progress(steps)))
-            _say_if_several(found[-1], asked)
+            found.append(members_of(family, **filters, clear=clear, following=progress(steps)))
+            _log_if_several(found[-1], filters)
         report(done, len(families))
     if not found:
-        wanted = ", ".join(f"{key} = {each}" for key, each in asked.items() if each is not None)
-        raise ConfigurationError(f"no member of {', '.join(families)} has {wanted}")
+        conditions = ", ".join(
+            f"{key} = {each}" for key, each in filters.items() if each is not None
+        )
+        raise ConfigurationError(f"no member of {', '.join(families)} has {conditions}")
     return found
 
 
-def _say_if_several(found: Any, asked: dict[str, Any]) -> None:
-    """A value may be that of several members, which one easily takes for one."""
-    for key, value in asked.items():
+def _log_if_several(found: Any, filters: dict[str, Any]) -> None:
+    """Log that several members share a value, because a single one may be expected."""
+    for key, value in filters.items():
         if isinstance(value, float) and found.period.size > 1:
             logger.info(
                 "%d members of %s have %s = %g", found.period.size, found.family[0], key, value

@@ -1,4 +1,4 @@
-"""``cislunar propagate``: a path in the three-body problem."""
+"""``cislunar propagate``: a trajectory in the three-body problem."""
 
 import click
 
@@ -8,15 +8,21 @@ from cislunar.command.table import OUTPUT, UNITS, Column, Number, show, state_co
 
 
 @click.command(cls=Command, epilog=FORM)
-@click.option("--orbit", type=OrbitType(), required=True, help="Where to start.")
-@click.option("--days", type=Number(), required=True, help="How far; negative: backwards.")
-@click.option("--steps", type=click.IntRange(1, 1_000_000), default=20, show_default=True)
+@click.option("--orbit", type=OrbitType(), required=True, help="Initial orbit or state.")
+@click.option("--days", type=Number(), required=True, help="Duration; negative: backwards.")
+@click.option(
+    "--steps",
+    type=click.IntRange(1, 1_000_000),
+    default=20,
+    show_default=True,
+    help="Number of steps.",
+)
 @UNITS
 @OUTPUT
 def propagate(orbit: str, days: float, steps: int, units: str, output: str | None) -> None:
     """Propagate an orbit or a state in the three-body problem.
 
-    The circular restricted problem of Earth and Moon, in its rotating frame.
+    The model is the circular restricted problem of Earth and Moon, in its rotating frame.
 
     \b
     Examples:

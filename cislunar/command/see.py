@@ -1,4 +1,4 @@
-"""``cislunar see``: when an observer sees a target, and how bright."""
+"""``cislunar see``: visibility and brightness of a target for an observer."""
 
 import click
 
@@ -8,17 +8,21 @@ from cislunar.command.table import OUTPUT, POSITIVE, UNITS, Column, Number, show
 
 
 @click.command(cls=Command, epilog=FORM)
-@click.option("--observer", type=OrbitType(), required=True, help="Whence.")
-@click.option("--target", type=OrbitType(), required=True, help="What.")
+@click.option("--observer", type=OrbitType(), required=True, help="Orbit of the observer.")
+@click.option("--target", type=OrbitType(), required=True, help="Orbit of the target.")
 @click.option(
     "--epoch", metavar="DATE", default="2024-10-01", show_default=True, help="UTC, ISO 8601."
 )
-@click.option("--hours", type=Number(min=0.0), default=24.0, show_default=True, help="How long.")
+@click.option("--hours", type=Number(min=0.0), default=24.0, show_default=True, help="Duration.")
 @click.option(
-    "--step", type=POSITIVE, default=60.0, show_default=True, help="Minutes from row to row."
+    "--step", type=POSITIVE, default=60.0, show_default=True, help="Minutes between rows."
 )
-@click.option("--radius", type=POSITIVE, default=1.0, show_default=True, help="Of the target, m.")
-@click.option("--limit", type=Number(), default=18.0, show_default=True, help="Faintest seen, mag.")
+@click.option(
+    "--radius", type=POSITIVE, default=1.0, show_default=True, help="Radius of the target, m."
+)
+@click.option(
+    "--limit", type=Number(), default=18.0, show_default=True, help="Limiting magnitude, mag."
+)
 @UNITS
 @OUTPUT
 def see(
@@ -32,11 +36,11 @@ def see(
     units: str,
     output: str | None,
 ) -> None:
-    """When an observer sees a target, and how bright it is.
+    """Show when an observer sees a target, and how bright it is.
 
-    The target is a white diffuse sphere. It is seen if it is bright enough, stands further from
-    Sun, Moon and Earth than the exclusion angles (35, 5, 15 degrees), and neither Moon nor Earth
-    hides it. Angles are those at the observer, the phase angle that at the target.
+    The target is a white diffuse sphere. It is seen if it is bright enough, farther from Sun, Moon
+    and Earth than the exclusion angles (35, 5, 15 degrees), and not hidden by Moon or Earth. The
+    phase angle is that at the target; the other angles are those at the observer.
 
     \b
     Example:
@@ -44,7 +48,6 @@ def see(
     """
     import numpy as np
 
-    from cislunar.campaign.data.progress import logger
     from cislunar.constants import SECONDS_PER_DAY
     from cislunar.ephemeris.sampling import sample_ephemeris
     from cislunar.ephemeris.time_scales import J2000_JD, clock_text
@@ -52,20 +55,21 @@ def see(
     from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
     from cislunar.observation.sensor import Sensor
     from cislunar.observation.sightings import sightings
+    from cislunar.runtime.progress import logger
 
     try:
         sky = sample_ephemeris(epoch, hours / 24.0, step)
     except CislunarError as error:
         raise type(error)(f"--epoch {epoch}: {error}") from error
-    places = [read_orbit(text, units).states(sky.time)[:, :3] for text in (observer, target)]
+    positions = [read_orbit(text, units).states(sky.time)[:, :3] for text in (observer, target)]
     sensor = Sensor(limiting_magnitude=limit)
-    found = sightings(*places, sky.sun_position, sensor, radius_m=radius)
+    found = sightings(*positions, sky.sun_position, sensor, radius_m=radius)
     words = {DETECTED: "seen", FAINT: "faint", EXCLUDED: "excluded", OCCULTED: "occulted"}
     clock = (sky.time_utc_jd - J2000_JD) * SECONDS_PER_DAY
     show(
         [
             Column("time_utc", [clock_text(round(second, 3))[:-7] for second in clock]),
-            Column("sight", [words[code] for code in found.fate.tolist()]),
+            Column("sight", [words[code] for code in found.outcome.tolist()]),
             Column("magnitude_mag", found.magnitude, ".2f"),
             Column("range_km", found.range_km, ".1f"),
             Column("phase_angle_deg", found.phase_angle_deg, ".1f"),
@@ -78,4 +82,4 @@ def see(
         ],
         output,
     )
-    logger.info("seen at %d of %d times", np.sum(found.fate == DETECTED), found.fate.size)
+    logger.info("seen at %d of %d times", np.sum(found.outcome == DETECTED), found.outcome.size)

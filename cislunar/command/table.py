@@ -1,4 +1,4 @@
-"""Tables that commands print or write."""
+"""Tables that commands print or write to files."""
 
 import csv
 import io
@@ -10,7 +10,7 @@ import click
 
 
 class Column(NamedTuple):
-    """Values under a name that tells their unit; `form` is how the terminal shows them."""
+    """Values under a name that includes their unit; `form` is their format on the terminal."""
 
     name: str
     values: Sequence[Any]
@@ -27,7 +27,7 @@ UNITS = click.option(
     type=click.Choice(["km", "nd"]),
     default="km",
     show_default=True,
-    help="Of states given and shown: km and km/s, or Earth-Moon distances and 1/n.",
+    help="Units of states: km and km/s, or nondimensional (Earth-Moon distances and 1/n).",
 )
 
 
@@ -38,7 +38,7 @@ class Number(click.FloatRange):
         """The number."""
         number = super().convert(value, param, ctx)
         if not isfinite(number):
-            self.fail(f"{value} is no finite number.", param, ctx)
+            self.fail(f"{value} is not a finite number.", param, ctx)
         return number
 
 
@@ -69,7 +69,7 @@ def _aligned(columns: Sequence[Column]) -> str:
 
 
 def show(columns: Sequence[Column], output: str | None) -> None:
-    """Print a table, or write it whole or not at all."""
+    """Print a table, or write it to a file, which is either complete or not written."""
     columns = [
         c._replace(values=getattr(c.values, "tolist", lambda v=c.values: [*v])()) for c in columns
     ]
@@ -78,15 +78,15 @@ def show(columns: Sequence[Column], output: str | None) -> None:
     elif output == "-":
         click.echo(in_csv(columns), nl=False)
     else:
-        from cislunar.campaign.data.netcdf import write_text
-        from cislunar.campaign.data.progress import logger
+        from cislunar.runtime.netcdf import write_text
+        from cislunar.runtime.progress import logger
 
         write_text(in_csv(columns), output)
         logger.info("%d rows in %s", len(columns[0].values), output)
 
 
 def state_columns(states: Any, units: str) -> list[Column]:
-    """States, shape (n, 6), nondimensional, rotating frame, as columns that name unit and frame."""
+    """Columns of states, shape (n, 6), nondimensional, rotating frame; they name unit and frame."""
     from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 
     if units == "nd":
@@ -95,7 +95,7 @@ def state_columns(states: Any, units: str) -> list[Column]:
         lengths, speeds = ("_km", LENGTH_UNIT_KM), ("_km_s", LENGTH_UNIT_KM / TIME_UNIT_S)
         forms = (".3f", ".6f")
     columns = []
-    for place, name in enumerate(("x", "y", "z", "vx", "vy", "vz")):
-        unit, factor = speeds if place >= 3 else lengths
-        columns.append(Column(name + unit, states[:, place] * factor, forms[place // 3]))
+    for index, name in enumerate(("x", "y", "z", "vx", "vy", "vz")):
+        unit, factor = speeds if index >= 3 else lengths
+        columns.append(Column(name + unit, states[:, index] * factor, forms[index // 3]))
     return [*columns, Column("frame", ["rotating"] * len(states))]

@@ -1,7 +1,7 @@
-"""States and periods that cannot be meant: numbers in another unit than their column's.
+"""Plausibility bounds on states and periods, which detect numbers in a wrong unit.
 
-Places and speeds differ by powers of ten from one unit to another, so that a wide bound finds a
-table or an array in the wrong one without refusing any object that is tracked near Earth and Moon.
+Positions and speeds differ by powers of ten between units. A wide bound therefore detects a table
+or an array in the wrong unit without refusing any object that is tracked near Earth and Moon.
 """
 
 from collections.abc import Sequence
@@ -12,60 +12,56 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.constants import LENGTH_UNIT_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.errors import ConfigurationError, InputFileError
 
-FURTHEST_KM = 10_000_000.0
-"""From the barycenter."""
+_FURTHEST_KM = 10_000_000.0
+"""Largest distance from the Earth-Moon barycenter, km."""
 
-LARGEST_EXCESS_KM_S = 10.0
-"""Speed that an object would have left on escape from Earth and Moon."""
+_LARGEST_EXCESS_KM_S = 10.0
+"""Largest hyperbolic excess speed on escape from Earth and Moon, km/s."""
 
-LONGEST_DAYS = 1000.0
-"""Period of an orbit."""
+_LONGEST_DAYS = 1000.0
+"""Longest period of an orbit, days."""
 
 _SPEED = LENGTH_UNIT_KM / TIME_UNIT_S
 
 
 def check_position(
-    place: str, names: Sequence[str], position: Sequence[float], unit: str, mend: str = ""
+    place: str, names: Sequence[str], position: Sequence[float], unit: str, remedy: str = ""
 ) -> None:
-    """Refuse a place beyond `FURTHEST_KM`.
-
-    `place` is where the row stands, `names` its columns, `position` (3,) nondimensional, `unit`
-    (``km`` or none) that of the columns, and `mend` what else to do; an `InputFileError` in a line.
-    """
+    """Raise an `InputFileError` for a position, nondimensional, beyond `_FURTHEST_KM`. `place`
+    names the row, `names` its columns, `unit` is that of the columns (``km`` or none), and `remedy`
+    is appended to the message."""
     distance = LENGTH_UNIT_KM * float(np.linalg.norm(position))
-    if distance > FURTHEST_KM:
+    if distance > _FURTHEST_KM:
         worst = int(np.argmax(np.abs(position)))
         length = 1.0 if unit == "km" else LENGTH_UNIT_KM
         value = position[worst] * LENGTH_UNIT_KM / length
         expected = "km" if unit == "km" else f"units of {LENGTH_UNIT_KM:g} km"
         raise InputFileError(
             f"{place}: {names[worst]} = {value:g} is taken in {expected}, which puts it "
-            f"{distance:.3g} km from the barycenter, beyond {FURTHEST_KM:,.0f} km{mend}"
+            f"{distance:.3g} km from the barycenter, beyond {_FURTHEST_KM:,.0f} km{remedy}"
         )
 
 
 def check_velocity(
-    place: str, names: Sequence[str], state: Sequence[float], unit: str, mend: str = ""
+    place: str, names: Sequence[str], state: Sequence[float], unit: str, remedy: str = ""
 ) -> None:
-    """Refuse a speed with which an object escapes faster than `LARGEST_EXCESS_KM_S`.
-
-    As `check_position`, of the velocity in a nondimensional state (6,) in the rotating frame.
-    """
+    """Raise an `InputFileError` for a speed more than `_LARGEST_EXCESS_KM_S` above escape. `state`
+    (6,) is nondimensional, rotating frame; for the other arguments see `check_position`."""
     excess = float(_excess_km_s(np.asarray(state)))
-    if excess > LARGEST_EXCESS_KM_S:
+    if excess > _LARGEST_EXCESS_KM_S:
         worst = int(np.argmax(np.abs(state[3:])))
         value = state[3 + worst] * (_SPEED if unit == "km" else 1.0)
         expected = "km/s" if unit == "km" else f"units of {_SPEED:.5f} km/s"
         raise InputFileError(
             f"{place}: {names[worst]} = {value:g} is taken in {expected}, which is faster than "
-            f"escape from there by {excess:.3g} km/s (at most {LARGEST_EXCESS_KM_S:g}){mend}"
+            f"escape from there by {excess:.3g} km/s (at most {_LARGEST_EXCESS_KM_S:g}){remedy}"
         )
 
 
 def _excess_km_s(state: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Speed left on escape, of nondimensional states (..., 6) in the rotating frame."""
+    """Excess speed on escape, km/s, of nondimensional states (..., 6) in the rotating frame."""
     x, y, z, vx, vy, vz = np.moveaxis(state, -1, 0)
-    speed2 = (vx - y) ** 2 + (vy + x) ** 2 + vz**2  # without the turn of the frame
+    speed2 = (vx - y) ** 2 + (vy + x) ** 2 + vz**2  # inertial velocity
     with np.errstate(divide="ignore"):
         escape2 = 2.0 * ((1.0 - MU) / np.hypot(np.hypot(x + MU, y), z))
         escape2 += 2.0 * MU / np.hypot(np.hypot(x - 1.0 + MU, y), z)
@@ -73,42 +69,42 @@ def _excess_km_s(state: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def require_nondimensional(name: str, given: ArrayLike) -> None:
-    """Refuse an argument with a state or a place that can only be in another unit.
+    """Refuse an argument with a state or position that must be in another unit.
 
     Parameters
     ----------
     name : str
-        Of the argument, for the message.
+        Name of the argument, for the message.
     given : array_like, shape (..., 6) or (..., 3)
-        States or positions, meant to be nondimensional, rotating frame.
+        States or positions, which should be nondimensional, rotating frame.
 
     Raises
     ------
     ConfigurationError
-        As `check_position` and `check_velocity` do.
+        If a row violates the bounds of `check_position` or `check_velocity`.
     """
     values = np.asarray(given, dtype=float)
     if values.ndim == 0 or values.size == 0 or values.shape[-1] not in (3, 6):
-        return  # another fault, which is found elsewhere
+        return  # a wrong shape is reported elsewhere
     rows = values.reshape(-1, values.shape[-1])
-    mend = (
+    remedy = (
         "; divide km by LENGTH_UNIT_KM of cislunar.constants, km/s by LENGTH_UNIT_KM / TIME_UNIT_S"
     )
     try:
         furthest = rows[np.argmax(np.sum(rows[:, :3] ** 2, axis=1))]
-        check_position(name, ("x", "y", "z"), furthest[:3], "", mend)
+        check_position(name, ("x", "y", "z"), furthest[:3], "", remedy)
         if rows.shape[1] == 6:
             fastest = rows[np.argmax(_excess_km_s(rows))]
-            check_velocity(name, ("vx", "vy", "vz"), fastest, "", mend)
+            check_velocity(name, ("vx", "vy", "vz"), fastest, "", remedy)
     except InputFileError as error:
         raise ConfigurationError(str(error)) from None
 
 
 def check_period(place: str, name: str, period: float, unit: str) -> None:
-    """Refuse a negative period, and one beyond `LONGEST_DAYS`; as `check_position`."""
+    """Raise an `InputFileError` for a period that is negative or beyond `_LONGEST_DAYS`."""
     days = period * TIME_UNIT_S / SECONDS_PER_DAY
-    if not 0.0 <= days <= LONGEST_DAYS:
+    if not 0.0 <= days <= _LONGEST_DAYS:
         value = days if unit == "km" else period
-        fault = "must not be negative" if days < 0.0 else f"is longer than {LONGEST_DAYS:g} days"
+        fault = "must not be negative" if days < 0.0 else f"is longer than {_LONGEST_DAYS:g} days"
         expected = "days" if unit == "km" else f"units of {TIME_UNIT_S / SECONDS_PER_DAY:.5f} days"
         raise InputFileError(f"{place}: {name} = {value:g}, taken in {expected}, {fault}")

@@ -1,21 +1,21 @@
-"""Fixed-step propagation of a bundle of states, compiled.
+"""Fixed-step propagation of a bundle of states (compiled).
 
-The sigma points of one target, or the true states of many, take the same Runge-Kutta step
-together. Components are stored apart (structure of arrays), so that the inner loops run over
-states and vectorise; that layout is why this loop over stages stands beside that of
-`cislunar.dynamics.adaptive.runge_kutta`, where one state stays in registers.
+The sigma points of one target, or the true states of many targets, take the same Runge-Kutta step
+together. Each component is a contiguous row (structure of arrays), so that the inner loops run over
+states and vectorize. `cislunar.dynamics.adaptive.runge_kutta` keeps one state in registers instead
+and therefore has its own loop over stages.
 
-Over the 60 s between measurements one step of DOP853 leaves an error below 1e-13 nondimensional
-even in a 100 km lunar orbit, far below the tolerance of 1e-10 of Paul & Fan (table 3); no step
-size control is needed. Away from the primaries, where order 5 keeps within that tolerance for a
-day, the clouds of sigma points take half as many stages; truth and bound never do.
+Over the 60 s between measurements, one step of DOP853 leaves an error below 1e-13 nondimensional
+even in a 100 km lunar orbit, far below the tolerance of 1e-10 of Paul & Fan (table 3). No step-size
+control is needed. Far from the primaries, order 5 stays within that tolerance for a day; there,
+sets of sigma points take half as many stages. Truth and Cramer-Rao bound always use DOP853.
 """
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import borrowing, for_all_others, put
+from cislunar.compiled import copy_into, for_all_others, njit_noalloc
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import (
     acceleration,
@@ -31,7 +31,7 @@ from cislunar.dynamics.tableau import PAIR5, PAIR8, STAGES8
 Array = NDArray[np.float64]
 
 
-@borrowing
+@njit_noalloc
 def _slopes(field, state, slopes):
     """Time derivatives of the states, shape (6, N), into `slopes`."""
     for i in range(state.shape[1]):
@@ -64,7 +64,7 @@ def _slopes(field, state, slopes):
                 )
 
 
-@borrowing
+@njit_noalloc
 def _combine(state, dt, row, skip, stage, slopes, out):
     """state + dt sum_j row[j] slopes[j], over j = 0 and from `skip` to `stage` - 1."""
     first = dt * row[0]
@@ -78,50 +78,46 @@ def _combine(state, dt, row, skip, stage, slopes, out):
                 out[c, i] += factor * slopes[j, c, i]
 
 
-@borrowing
-def runge_kutta_step(pair, forces, t, state, dt, slopes, work):
-    """One step of a bundle by a pair; other arguments as of `step_bundle` (compiled)."""
+@njit_noalloc
+def _runge_kutta_step(pair, forces, t, state, dt, slopes, work):
+    """One step of a bundle by a Runge-Kutta pair; see `step_bundle`."""
     a, c, first, stages = pair
     _slopes(at(forces, t), state, slopes[0])
     for s in range(1, stages):
         _combine(state, dt, a[s], first[s], s, slopes, work)
         _slopes(at(forces, t + c[s] * dt), work, slopes[s])
     _combine(state, dt, a[stages], first[stages], stages, slopes, work)
-    put(state, work)
+    copy_into(state, work)
 
 
 @for_all_others
 def take_step(forces, t, state, dt, slopes, work):
-    """A step of a bundle as a model takes it: one of DOP853 unless it says otherwise."""
-    runge_kutta_step(PAIR8, forces, t, state, dt, slopes, work)
+    """One step of a bundle under a force model: DOP853, unless the model implements another."""
+    _runge_kutta_step(PAIR8, forces, t, state, dt, slopes, work)
 
 
-@borrowing
+@njit_noalloc
 def step_bundle(forces, t, state, dt, slopes, work):
-    """One step of a bundle of states, shape (6, N), from time t, in place (compiled).
-
-    A state that falls into the centre of a primary becomes not finite. `slopes`, shape
-    (STAGES8, 6, N), and `work`, shape (6, N), are scratch.
-    """
+    """Advance a bundle of states, shape (6, N), from time t by one step, in place (compiled). A
+    state that reaches the center of a primary becomes non-finite. `slopes`, shape (STAGES8, 6, N),
+    and `work`, shape (6, N), are scratch arrays."""
     take_step(forces, t, state, dt, slopes, work)
 
 
 @for_all_others
 def take_cloud_step(forces, t, state, dt, slopes, work):
-    """A step of a cloud as a model takes it: see `step_cloud`, unless it says otherwise."""
+    """One step of nearby states under a force model; see `step_cloud`."""
     if is_calm(at(forces, t), state[0, 0], state[1, 0], state[2, 0], dt):
-        runge_kutta_step(PAIR5, forces, t, state, dt, slopes, work)
+        _runge_kutta_step(PAIR5, forces, t, state, dt, slopes, work)
     else:
         take_step(forces, t, state, dt, slopes, work)
 
 
-@borrowing
+@njit_noalloc
 def step_cloud(forces, t, state, dt, slopes, work):
-    """As `step_bundle`, for states near one another: by Dormand-Prince 5 where that will do.
-
-    The first state, the middle of the cloud, decides: `DOP853` costs twice as much and is needed
-    near a primary only, see `is_calm`.
-    """
+    """As `step_bundle` for nearby states, by Dormand-Prince 5(4) where that is accurate enough. The
+    first state, at the center, decides. DOP853 costs twice as much and is needed only near a
+    primary; see `is_calm`."""
     take_cloud_step(forces, t, state, dt, slopes, work)
 
 
@@ -138,37 +134,33 @@ def _propagate(forces, start, state, dt, out):
 
 
 def propagate_bundle(
-    state: ArrayLike,
-    dt: float,
-    n_steps: int,
-    *,
-    forces: tuple = EARTH_MOON,
-    start: float = 0.0,
+    state: ArrayLike, dt: float, n_steps: int, *, forces: tuple = EARTH_MOON, start: float = 0.0
 ) -> Array:
     """Propagate many states over a common grid of times.
 
     Parameters
     ----------
     state : array_like, shape (N, 6)
-        States at the first time, nondimensional, frame of the force model.
+        States at the first time, nondimensional, propagation frame.
     dt : float
         Step, nondimensional.
     n_steps : int
         Number of steps.
     forces : NamedTuple
-        A force model, see `cislunar.dynamics.forces`.
+        Force model, see `cislunar.dynamics.forces`.
     start : float
         First time, nondimensional, since the epoch.
 
     Returns
     -------
     ndarray, shape (N, n_steps + 1, 6)
-        States at all times, the first included; not finite after a fall into a primary's centre.
+        States at all times including the first, nondimensional, propagation frame; non-finite after
+        a collision with the center of a primary.
 
     Raises
     ------
     ConfigurationError
-        If the force model has no data for some of the times.
+        If the force model does not cover the times.
     """
     require_span(forces, start, start + n_steps * dt)
     bundle = np.array(np.asarray(state, dtype=float).T, order="C")

@@ -1,8 +1,8 @@
 """The circular restricted three-body problem (Paul & Fan, section 2.1).
 
-Everything is nondimensional and in the rotating barycentric frame: x from the Earth (at
-``[-mu, 0, 0]``) to the Moon (at ``[1 - mu, 0, 0]``), z along the angular momentum of the
-primaries. A state is ``(x, y, z, vx, vy, vz)``.
+All quantities are nondimensional and in the rotating barycentric frame: x points from the Earth (at
+``[-mu, 0, 0]``) to the Moon (at ``[1 - mu, 0, 0]``), z along the angular momentum of the primaries.
+A state is ``(x, y, z, vx, vy, vz)``.
 """
 
 from typing import NamedTuple
@@ -21,13 +21,8 @@ Array = NDArray[np.float64]
 
 
 class CR3BP(NamedTuple):
-    """The force model of two primaries on circular orbits, in their rotating frame.
-
-    Attributes
-    ----------
-    mu : float
-        Mass ratio.
-    """
+    """Force model of two primaries on circular orbits, in their rotating frame; `mu` is their mass
+    ratio."""
 
     mu: float = MU
 
@@ -38,7 +33,7 @@ EARTH_MOON = CR3BP()
 
 @njit(cache=True, inline="always")
 def primary_positions(mu):
-    """Places of the Earth and of the Moon, nondimensional, rotating frame (compiled)."""
+    """Positions of the Earth and of the Moon, nondimensional, rotating frame (compiled)."""
     return (-mu, 0.0, 0.0), (1.0 - mu, 0.0, 0.0)
 
 
@@ -88,7 +83,7 @@ def _is_calm(field, x, y, z, dt):
 
 
 @implements(forces.partials, CR3BP)
-def hessian(field, x, y, z, vx, vy, vz):
+def _hessian(field, x, y, z, vx, vy, vz):
     """Second derivatives of the pseudo-potential."""
     mu = field.mu
     x_earth = x + mu
@@ -142,7 +137,7 @@ def primary_distances(position: ArrayLike, mu: float = MU) -> tuple[Array, Array
 
 
 def equations_of_motion(state: ArrayLike, mu: float = MU) -> Array:
-    """Time derivative of states (Paul & Fan, eqs. 1-3).
+    """Time derivative ``(vx, vy, vz, ax, ay, az)`` of states (Paul & Fan, eqs. 1-3).
 
     Parameters
     ----------
@@ -150,11 +145,6 @@ def equations_of_motion(state: ArrayLike, mu: float = MU) -> Array:
         Nondimensional, rotating frame.
     mu : float
         Mass ratio.
-
-    Returns
-    -------
-    ndarray, shape (..., 6)
-        ``(vx, vy, vz, ax, ay, az)``.
     """
     s = np.asarray(state, dtype=float)
     d, r = primary_distances(s, mu)
@@ -224,7 +214,7 @@ def variational_matrix(state: ArrayLike, mu: float = MU) -> Array:
     ndarray, shape (6, 6)
         ``[[0, I], [U_rr, 2 J]]`` with ``J = [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]``.
     """
-    second = hessian(CR3BP(mu), *np.asarray(state, dtype=float))
+    second = _hessian(CR3BP(mu), *np.asarray(state, dtype=float))
     matrix = np.zeros((6, 6))
     matrix[:3, 3:] = np.eye(3)
     matrix[3:] = np.transpose([_acceleration_change(second, *change) for change in np.eye(6)])
@@ -244,11 +234,6 @@ def libration_points(mu: float = MU) -> Array:
     ndarray, shape (5, 3)
         L1 (between the primaries), L2 (beyond the Moon), L3 (beyond the Earth), L4 (leading)
         and L5 (trailing); nondimensional, rotating frame.
-
-    Raises
-    ------
-    ConfigurationError
-        If `mu` lies outside (0, 0.5].
     """
     if not 0.0 < mu <= 0.5:
         raise ConfigurationError(f"mass ratio mu = {mu} must lie in (0, 0.5]")
@@ -270,7 +255,7 @@ def libration_points(mu: float = MU) -> Array:
 
 
 def zero_velocity_function(position: ArrayLike, jacobi: ArrayLike, mu: float = MU) -> Array:
-    """Squared speed 2U - JC a particle of Jacobi constant JC would have at a position.
+    """Squared speed 2U - JC that a particle of Jacobi constant JC would have at a position.
 
     The zero-velocity surface is its zero set; negative values mark the forbidden region
     (Paul & Fan, section 2.1).

@@ -1,4 +1,4 @@
-"""Propagation between two instants of UTC under an ephemeris force model.
+"""Propagation between UTC dates under an ephemeris force model.
 
 from cislunar.dynamics.ephemeris import propagate_utc
 propagate_utc(state, "2024-10-01T00:00:00", "2024-10-08T00:00:00", center="moon")
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, TIME_UNIT_S
-from cislunar.dynamics.ephemeris_forces import Ephemeris, ephemeris_forces
+from cislunar.dynamics.ephemeris_forces import EphemerisForces, ephemeris_forces
 from cislunar.dynamics.frames import BARYCENTER, recenter
 from cislunar.dynamics.propagation import propagate, state_vector
 from cislunar.dynamics.radiation import SUN_RADIUS_KM
@@ -38,28 +38,22 @@ def forces_between(
     reflectivity: ArrayLike = 1.3,
     figure: bool = True,
     kernel: str | Path = DEFAULT_KERNEL,
-) -> Ephemeris:
-    """A force model that covers a span, its time zero at the start.
+) -> EphemerisForces:
+    """Ephemeris force model that covers a span; its time zero is `start`.
 
     Parameters
     ----------
     start, stop : str or float
-        UTC, by ISO 8601 or as Julian dates.
+        UTC, as ISO 8601 dates or Julian dates.
     area_to_mass, reflectivity, figure
-        As for `cislunar.dynamics.ephemeris_forces.ephemeris_forces`.
+        See `cislunar.dynamics.ephemeris_forces.ephemeris_forces`.
     kernel : str or Path
         ``"de421"``, or the path of an SPK file.
 
-    Returns
-    -------
-    Ephemeris
-
     Raises
     ------
-    ConfigurationError
-        If an instant or a property is impossible.
     InputFileError
-        If the kernel is missing, is not an SPK file, lacks a body, or does not cover the span.
+        If the kernel is missing, lacks a body, or does not cover the span.
     """
     first, last = tdb_seconds(start), tdb_seconds(stop)
     table = tabulate_bodies(first, last, kernel)
@@ -72,53 +66,52 @@ def propagate_utc(
     start: str | float,
     stop: str | float | Sequence[str | float],
     *,
-    forces: Ephemeris | None = None,
+    forces: EphemerisForces | None = None,
     center: str = BARYCENTER,
     method: str = "dop853",
     rtol: float | None = None,
     atol: float | None = None,
 ) -> Array:
-    """Propagate a state from one instant to another, or to several.
+    """Propagate a state from one date to one or several others.
 
     Parameters
     ----------
     state : array_like, shape (6,)
-        At the start, axes of J2000, km and km/s, about `center`.
+        State at `start`, J2000 axes, relative to `center`, km and km/s.
     start : str or float
-        UTC, by ISO 8601 or as a Julian date.
+        UTC, as ISO 8601 date or Julian date.
     stop : str, float or a sequence of these
         UTC, before or after the start.
-    forces : Ephemeris, optional
-        From `forces_between`, which covers these instants; by default the point masses of Earth,
-        Moon and Sun with the Moon's J2 and C22, from DE421.
+    forces : EphemerisForces, optional
+        From `forces_between`, covering these dates. By default the point masses of Earth, Moon and
+        Sun with the Moon's J2 and C22, from the DE421 ephemeris.
     center : {"barycenter", "earth", "moon", "sun"}
         Origin of the state and of the result.
     method, rtol, atol
-        As in `cislunar.dynamics.propagation.propagate`.
+        See `cislunar.dynamics.propagation.propagate`.
 
     Returns
     -------
     ndarray, shape (6,) or (m, 6)
-        Axes of J2000, km and km/s, about `center`.
+        J2000 axes, relative to `center`, km and km/s.
 
     Raises
     ------
     ConfigurationError
-        If an instant, the state or the center is impossible, the state lies inside a body, or the
-        force model does not cover the instants.
+        If the state lies inside a body, or the force model does not cover the dates.
     InputFileError
-        If DE421 is missing or does not cover them.
+        If DE421 is missing or does not cover the dates.
     ConvergenceError
-        If the step size underflows, as on a fall into a body's centre.
+        If the step size underflows, as on a collision with a body's center.
     """
     stops = [stop] if isinstance(stop, str) or np.ndim(stop) == 0 else [*stop]
     first, ends = tdb_seconds(start), np.array([tdb_seconds(each) for each in stops])
     reached = min(first, *ends), max(first, *ends)
     if forces is None:
         forces = ephemeris_forces(tabulate_bodies(*reached), first)
-    elif not isinstance(forces, Ephemeris):
+    elif not isinstance(forces, EphemerisForces):
         raise ConfigurationError(
-            f"forces = {type(forces).__name__} does not act in inertial axes: use forces_between"
+            f"forces = {type(forces).__name__} is not an ephemeris force model: use forces_between"
         )
     table = forces.table
     require_within(table, *reached)
@@ -127,8 +120,8 @@ def propagate_utc(
         distance = np.linalg.norm(recenter(begin, table, first, old=BARYCENTER, new=body)[..., :3])
         if distance < radius:
             raise ConfigurationError(
-                f"the state lies inside the {body.capitalize()}: {distance:.3f} km from its centre "
-                f"about which its radius is {radius} km; check center = {center!r}"
+                f"the state lies inside the {body.capitalize()}: {distance:.3f} km from its center "
+                f"but the radius is {radius} km; check center = {center!r}"
             )
     end = propagate(
         begin / UNITS,

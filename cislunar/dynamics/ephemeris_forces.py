@@ -1,15 +1,15 @@
-"""Ephemeris force models: Earth, Moon and Sun where they are, radiation, the figure of the Moon.
+"""Ephemeris force models: Earth, Moon and Sun, solar radiation pressure, and the Moon's J2 and C22.
 
-States are nondimensional (l* and t* of `cislunar.constants`), about the Earth-Moon barycenter in
-the axes of J2000; times count from an epoch. What a model holds beside the three point masses is
-chosen by the types of its parts, so that nothing is asked inside a step; `docs/dynamics.md` derives
-every term.
+States are nondimensional (l* and t* of `cislunar.constants`), in the barycentric frame: relative to
+the Earth-Moon barycenter, J2000 axes. Times count from an epoch. The optional parts of a model are
+chosen by their types when a kernel is compiled, so that a step has no branches; `docs/dynamics.md`
+derives every term.
 
 Assumptions and limitations
 ---------------------------
-- The origin is accelerated by the Sun alone. Planets are left out (Jupiter moves a state by some
+- The origin is accelerated by the Sun alone. Planets are neglected (Jupiter moves a state by some
   0.6 m in a day), and so are the figure of the Earth and the Moon's beyond J2 and C22.
-- No relativity; masses of DE421.
+- Relativity is neglected; masses are those of DE421.
 """
 
 from typing import NamedTuple
@@ -18,37 +18,30 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import borrowing, implements
+from cislunar.compiled import implements, njit_noalloc
 from cislunar.constants import GM_UNIT_KM3_S2, LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics import forces
 from cislunar.dynamics.forces import Nothing
 from cislunar.dynamics.moon_figure import figure_at, figure_partials, figure_pull, moon_figure
 from cislunar.dynamics.radiation import light, maybe_shaded, on_state, radiation, unshaded
-from cislunar.ephemeris.bodies import (
-    GM_EARTH,
-    GM_MOON,
-    GM_SUN,
-    BodyTable,
-    cubic,
-    require_within,
-)
+from cislunar.ephemeris.bodies import GM_EARTH, GM_MOON, GM_SUN, BodyTable, cubic, require_within
 
 Array = NDArray[np.float64]
 
 
-class Ephemeris(NamedTuple):
-    """A force model of Earth, Moon and Sun as point masses, with further parts.
+class EphemerisForces(NamedTuple):
+    """Force model of Earth, Moon and Sun as point masses, with optional parts.
 
     Attributes
     ----------
     epoch : float
         TDB seconds past J2000 of time zero.
     start, spacing : float
-        First node of the table (TDB seconds past J2000) and distance of nodes, s.
+        First node of the table (TDB seconds past J2000) and spacing of the nodes, s.
     coefficients : ndarray, shape (intervals, 4, 9)
-        As in `cislunar.ephemeris.bodies.BodyTable`, nondimensional.
+        See `cislunar.ephemeris.bodies.BodyTable`; nondimensional.
     gm_earth, gm_moon, gm_sun : float
-        Nondimensional.
+        Gravitational parameters, nondimensional.
     radiation : Radiation, RadiationOnEach or Nothing
         See `cislunar.dynamics.radiation`.
     figure : MoonFigure or Nothing
@@ -67,7 +60,7 @@ class Ephemeris(NamedTuple):
 
     @property
     def table(self) -> BodyTable:
-        """The table of the bodies, in km."""
+        """Table of the bodies, in km."""
         return BodyTable(self.start, self.spacing, self.coefficients * LENGTH_UNIT_KM)
 
     @property
@@ -85,34 +78,15 @@ def ephemeris_forces(
     area_to_mass: ArrayLike | None = None,
     reflectivity: ArrayLike = 1.3,
     figure: bool = True,
-) -> Ephemeris:
-    """Build a force model from a table of the bodies.
+) -> EphemerisForces:
+    """Build an ephemeris force model from a table of the bodies over all times of the propagation.
 
-    Parameters
-    ----------
-    table : BodyTable
-        From `cislunar.ephemeris.bodies.tabulate_bodies`, over all times of the propagation.
-    epoch : float
-        TDB seconds past J2000 of time zero.
-    area_to_mass : array_like, shape () or (N,), optional
-        Cross-section by mass, m^2/kg, of all states or of each state of a bundle; without it there
-        is no radiation pressure.
-    reflectivity : array_like, shape () or (N,)
-        Coefficient C_R of radiation pressure: 1 absorbs, 2 reflects back.
-    figure : bool
-        Whether J2 and C22 of the Moon act.
-
-    Returns
-    -------
-    Ephemeris
-
-    Raises
-    ------
-    ConfigurationError
-        If a property is not finite and >= 0, or the epoch lies outside of the table.
-    """
+    `epoch` is time zero, TDB seconds past J2000. `area_to_mass` is the cross-section per mass,
+    m^2/kg, and `reflectivity` the radiation pressure coefficient C_R (1 for absorption, 2 for
+    specular reflection), of all states () or of each state of a bundle (N,); without the former
+    there is no radiation pressure. `figure` includes J2 and C22 of the Moon."""
     require_within(table, epoch, epoch)
-    return Ephemeris(
+    return EphemerisForces(
         epoch=float(epoch),
         start=table.start,
         spacing=table.spacing,
@@ -126,7 +100,7 @@ def ephemeris_forces(
 
 
 class Field(NamedTuple):
-    """Places of Earth, Moon and Sun at a time, the origin's acceleration, and what else acts."""
+    """Positions of Earth, Moon and Sun, acceleration of the origin, and optional parts."""
 
     earth: tuple
     moon: tuple
@@ -168,15 +142,15 @@ def _inverse_cube(a):
     return 1.0 / (r2 * np.sqrt(r2))
 
 
-@borrowing
+@njit_noalloc
 def _interval(u, count):
-    """Interval of a table, and the fraction of it: not a number beyond the table."""
+    """Interval of a table and the fraction of it; the fraction is NaN beyond the table."""
     k = min(max(int(u), 0), count - 1)
     w = u - k
     return k, (w if -1e-5 < w < 1.00001 else np.nan)
 
 
-@implements(forces.at, Ephemeris)
+@implements(forces.at, EphemerisForces)
 def _at(forces, t):
     c = forces.coefficients
     u = (t * TIME_UNIT_S + (forces.epoch - forces.start)) / forces.spacing
@@ -206,9 +180,9 @@ def _at(forces, t):
     )
 
 
-@implements(forces.of_state, Ephemeris)
+@implements(forces.of_state, EphemerisForces)
 def _forces_of_state(forces, i):
-    return Ephemeris(
+    return EphemerisForces(
         forces.epoch,
         forces.start,
         forces.spacing,
@@ -223,7 +197,7 @@ def _forces_of_state(forces, i):
 
 @njit(cache=True, inline="always")
 def _lit_by(field, radiation):
-    """A field with another radiation."""
+    """The same field with another radiation."""
     return Field(
         field.earth,
         field.moon,
@@ -257,7 +231,7 @@ def _maybe_in_shadow(field, x, y, z):
 
 @implements(forces.is_calm, Field)
 def _is_calm(field, x, y, z, dt):
-    # without regard to shadows, whose edges steps of neither order end at
+    # shadows are ignored: no step of either order ends at their edges
     at = (x, y, z)
     earth = field.gm_earth * _inverse_cube(_minus(at, field.earth))
     moon = field.gm_moon * _inverse_cube(_minus(at, field.moon))
@@ -273,7 +247,7 @@ def _acceleration(field, x, y, z, vx, vy, vz):
     m2 = _squared(from_moon)
     earth = field.gm_earth * _inverse_cube(from_earth)
     moon = field.gm_moon / (m2 * np.sqrt(m2))
-    # Radiation is a share of the Sun's pull, of opposite sign.
+    # Radiation acts like a reduction of the Sun's gravity.
     strength = light(field.radiation, from_earth, from_moon, from_sun)[0]
     sun = (field.gm_sun - strength) * _inverse_cube(from_sun)
     fx, fy, fz = figure_pull(field.figure, mx, my, mz, m2)

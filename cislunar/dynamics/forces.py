@@ -1,14 +1,14 @@
-"""Force models: what the integrators ask of them, chosen by type when a kernel is compiled.
+"""Interface of force models, resolved by type when a kernel is compiled.
 
-A force model is a NamedTuple of numbers and arrays, passed to every step with the time. Its class
-implements the functions below, so that a kernel is compiled for each model without a branch
-or a call by pointer in its loops, and is cached on disk like any other. `cislunar.dynamics.cr3bp`
-is the model of the paper; another is added beside it by
-`cislunar.compiled.implements` alone.
+A force model is a NamedTuple of numbers and arrays, passed to every step together with the time.
+Its class implements the functions below by `cislunar.compiled.implements`. Each kernel is compiled
+for each model, without branches or calls by pointer in its loops, and is cached on disk. The
+paper's model is `cislunar.dynamics.cr3bp`; another model is a further module of this kind.
 
-What depends on time alone (where bodies are) belongs into `at`, which is evaluated once for a stage
-and all states that share it. Times and states are nondimensional, times since the epoch. Where the
-primaries are is asked of the model's `mu`, the mass ratio of its frame.
+Quantities that depend on time alone (such as the positions of bodies) belong into `at`, which is
+evaluated once per stage for all states. Times and states are nondimensional, times since the epoch.
+States are in the model's propagation frame: the rotating frame for the CR3BP; the barycentric
+frame, J2000 axes, for ephemeris dynamics.
 """
 
 from typing import NamedTuple
@@ -18,20 +18,21 @@ from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.errors import ConfigurationError
 
 CALM_STEP = 7e-3
-"""Step of Dormand-Prince 5 over the time scale sqrt(d^3 / mass) of a primary, at most.
+"""Largest step of Dormand-Prince 5(4) relative to the time scale sqrt(d^3 / mass) of a primary.
 
-At steps of 60 s that is 7 100 km from the Moon and 31 000 km from the Earth."""
+With steps of 60 s it is reached 7 100 km from the Moon and 31 000 km from the Earth.
+"""
 
 
 class Nothing(NamedTuple):
-    """A part that a model lacks."""
+    """An absent optional part of a model."""
 
 
 def require_span(forces: tuple, first: float, last: float) -> None:
-    """Refuse a propagation beyond the times a model has data for, its property `span` if any."""
+    """Raise a `ConfigurationError` if a model with a property `span` does not cover an interval."""
     span = getattr(forces, "span", None)
     low, high = min(first, last), max(first, last)
-    slack = 1e-9  # rounding of a time converted there and back (0.4 ms)
+    slack = 1e-9  # rounding of a converted time (0.4 ms)
     if span is not None and not (span[0] - slack <= low and high <= span[1] + slack):
         days = TIME_UNIT_S / SECONDS_PER_DAY
         raise ConfigurationError(
@@ -42,40 +43,32 @@ def require_span(forces: tuple, first: float, last: float) -> None:
 
 
 def at(forces, t):
-    """What acts at a time: a NamedTuple, the field the other three functions take first.
-
-    A model that does not depend on time returns itself.
-    """
+    """Quantities of the model at a time: a NamedTuple, the first argument of the functions below. A
+    model that does not depend on time returns itself."""
     raise NotImplementedError
 
 
 @for_all_others
 def of_state(field, i):
-    """The field as state i of a bundle feels it: the same, unless a model says otherwise.
-
-    A model whose targets differ implements it; of the model itself it makes that of one target.
-    """
+    """The field, or the model, for state i of a bundle, if its targets differ."""
     return field
 
 
 @for_all_others
 def plain(field):
-    """The field without what acts in few places, for the loop over a bundle that vectorises."""
+    """The field without spatially localized effects, for the vectorized loop over a bundle."""
     return field
 
 
 @for_all_others
 def is_special(field, x, y, z):
-    """Whether at a place the plain field may not be all that acts."""
+    """Whether localized effects may act at a position."""
     return False
 
 
 @for_all_others
 def is_calm(field, x, y, z, dt):
-    """Whether a step from a place is exact enough by a pair of order 5: an error below 1e-10 a day.
-
-    Unless a model knows, it is not.
-    """
+    """Whether a step by a pair of order 5 has an error below 1e-10 per day; by default false."""
     return False
 
 
@@ -85,10 +78,10 @@ def acceleration(field, x, y, z, vx, vy, vz):
 
 
 def partials(field, x, y, z, vx, vy, vz):
-    """Derivatives of the acceleration at a state, a tuple for `acceleration_change`."""
+    """Derivatives of the acceleration at a state, for `acceleration_change`."""
     raise NotImplementedError
 
 
 def acceleration_change(derivatives, dx, dy, dz, dvx, dvy, dvz):
-    """Change of the acceleration, to first order, by a small change of the state."""
+    """First-order change of the acceleration due to a small change of the state."""
     raise NotImplementedError

@@ -1,18 +1,19 @@
-"""Between the rotating frame of the CR3BP and inertial axes of J2000, at an instant.
+"""Transformations between the rotating frame of the CR3BP and J2000 axes at given times.
 
-Both maps are linear in the state at a given time: with the axes C (rows, `rotating_frame`), a
-length L and its rate, an angular velocity w in those axes and a unit of time T,
+Both transformations are linear in the state at a given time. With the axes C (rows,
+`rotating_frame`), a length L and its rate, an angular velocity w in those axes and a unit of time
+T,
 
     r = o + L C' p,    v = o' + C' (L' p + L w x p + L / T p')
 
 for a nondimensional state (p, p').
 
-- `pulsating_frame` takes the axes, distance and rates of Earth and Moon at that instant, and
-  ``T = t* (L / l*)^1.5``, so that both primaries of the CR3BP coincide with the bodies in place and
+- `pulsating_frame` takes the axes, distance and rates of Earth and Moon at that time, and
+  ``T = t* (L / l*)^1.5``. Both primaries of the CR3BP then coincide with the bodies in position and
   velocity (Gomez, Masdemont & Mondelo 2002, Astron. Astrophys. 390, 733; Dei Tos & Topputo 2017,
   Adv. Space Res. 59, 2117).
-- `lunar_frame` keeps l* and t* and the Moon's centre: for low lunar orbits, whose altitude and
-  inertial velocity about the Moon it preserves.
+- `lunar_frame` keeps l* and t* and coincides with the Moon's center. It suits low lunar orbits,
+  whose altitude and inertial velocity relative to the Moon it preserves.
 """
 
 from typing import NamedTuple
@@ -34,19 +35,9 @@ CENTERS = (BARYCENTER, *COLUMNS)
 class Frame(NamedTuple):
     """A rotating frame at one or several times.
 
-    Attributes
-    ----------
-    origin : ndarray, shape (..., 6)
-        Place and velocity of its barycenter about the Earth-Moon barycenter, axes of J2000, km and
-        km/s.
-    axes : ndarray, shape (..., 3, 3)
-        Rotation from J2000 to the frame.
-    rotation : ndarray, shape (..., 3)
-        Angular velocity in the frame's axes, rad/s.
-    length, stretching : ndarray, shape (...)
-        Unit of length, km, and its rate, km/s.
-    time : ndarray, shape (...)
-        Unit of time, s.
+    `origin` (..., 6): its barycenter, barycentric frame, J2000 axes, km and km/s. `axes` (..., 3,
+    3): rotation from J2000 to the frame. `rotation` (..., 3): angular velocity in its axes, rad/s.
+    `length`, `stretching`, `time` (...): unit of length, km, its rate, km/s, and unit of time, s.
     """
 
     origin: Array
@@ -71,20 +62,16 @@ class Frame(NamedTuple):
 
 
 def pulsating_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Frame:
-    """The frame in which Earth and Moon are at rest, with instantaneous units.
+    """Frame in which Earth and Moon are at rest, with instantaneous units.
 
     Parameters
     ----------
     table : BodyTable
-        Places of the bodies.
+        Positions of the bodies.
     time : array_like, shape (...)
         TDB seconds past J2000.
     mu : float
         Mass ratio of the CR3BP.
-
-    Returns
-    -------
-    Frame
 
     Raises
     ------
@@ -97,7 +84,7 @@ def pulsating_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Fra
     axes = rotating_frame(r, v)
     distance = np.linalg.norm(r, axis=-1)
     momentum = np.linalg.norm(np.cross(r, v), axis=-1)
-    # The plane of r and v turns about r by the acceleration across it.
+    # The acceleration normal to the plane of r and v rotates that plane about r.
     across = np.sum(axes[..., 2, :] * a, axis=-1)
     rotation = np.stack(
         [distance * across / momentum, np.zeros_like(distance), momentum / distance**2], axis=-1
@@ -114,22 +101,7 @@ def pulsating_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Fra
 
 
 def lunar_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Frame:
-    """The rigid frame about the Moon's centre, with constant units.
-
-    Parameters
-    ----------
-    table, time, mu
-        As for `pulsating_frame`.
-
-    Returns
-    -------
-    Frame
-
-    Raises
-    ------
-    ConfigurationError
-        If a time lies outside of the table.
-    """
+    """Frame with constant units that coincides with the Moon's center; see `pulsating_frame`."""
     position, velocity, _ = read_table(table, time)
     earth, moon = COLUMNS["earth"], COLUMNS["moon"]
     axes = rotating_frame(
@@ -152,19 +124,19 @@ def lunar_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Frame:
 
 
 def to_inertial(state: ArrayLike, frame: Frame) -> Array:
-    """Inertial states of states in a rotating frame.
+    """Transform states from a rotating frame to the barycentric frame, J2000 axes.
 
     Parameters
     ----------
     state : array_like, shape (..., 6)
-        Nondimensional, rotating frame, about its barycenter.
+        Nondimensional, rotating frame.
     frame : Frame
-        At the times of the states, or at one time for all.
+        At the times of the states, or at one common time.
 
     Returns
     -------
     ndarray, shape (..., 6)
-        About the Earth-Moon barycenter, axes of J2000, km and km/s (`recenter` moves the origin).
+        Barycentric frame, J2000 axes, km and km/s; `recenter` changes the origin.
     """
     s = np.asarray(state, dtype=float)
     p = s[..., :3]
@@ -177,19 +149,19 @@ def to_inertial(state: ArrayLike, frame: Frame) -> Array:
 
 
 def from_inertial(state: ArrayLike, frame: Frame) -> Array:
-    """Inverse of `to_inertial`.
+    """Transform states from the barycentric frame, J2000 axes, to a rotating frame.
 
     Parameters
     ----------
     state : array_like, shape (..., 6)
-        About the Earth-Moon barycenter, axes of J2000, km and km/s.
+        Barycentric frame, J2000 axes, km and km/s.
     frame : Frame
-        At the times of the states, or at one time for all.
+        At the times of the states, or at one common time.
 
     Returns
     -------
     ndarray, shape (..., 6)
-        Nondimensional, rotating frame, about its barycenter.
+        Nondimensional, rotating frame.
     """
     s = np.asarray(state, dtype=float) - frame.origin
     r, v = (np.einsum("...ij,...j->...i", frame.axes, each) for each in (s[..., :3], s[..., 3:]))
@@ -200,28 +172,8 @@ def from_inertial(state: ArrayLike, frame: Frame) -> Array:
 
 
 def recenter(state: ArrayLike, table: BodyTable, time: ArrayLike, *, old: str, new: str) -> Array:
-    """States about another body.
-
-    Parameters
-    ----------
-    state : array_like, shape (..., 6)
-        Axes of J2000, km and km/s.
-    table : BodyTable
-        Places of the bodies.
-    time : array_like, shape (...)
-        TDB seconds past J2000.
-    old, new : {"barycenter", "earth", "moon", "sun"}
-        Origins; the barycenter is that of Earth and Moon.
-
-    Returns
-    -------
-    ndarray, shape (..., 6)
-
-    Raises
-    ------
-    ConfigurationError
-        If an origin is unknown, or a time lies outside of the table.
-    """
+    """States (..., 6), J2000 axes, km and km/s, relative to another origin: "barycenter" (of Earth
+    and Moon), "earth", "moon" or "sun"; `time` is TDB seconds past J2000."""
     moved = np.array(state, dtype=float)
     position, velocity, _ = read_table(table, time)
     for name, sign in ((old, 1.0), (new, -1.0)):

@@ -1,8 +1,8 @@
-"""Gravity of the Moon's figure, J2 and C22, as a quadrupole in inertial axes.
+"""Gravity of the Moon's figure, J2 and C22, as a quadrupole in J2000 axes.
 
 The second degree of the potential is ``GM R^2 (r . Q r) / r^5`` with a symmetric matrix Q that
-turns with the Moon (`docs/dynamics.md`): its six entries are tabulated in time, and no angle is
-evaluated for a state. Orientation as in `cislunar.ephemeris.bodies.moon_axes`.
+rotates with the Moon (`docs/dynamics.md`). Its six entries are tabulated in time, so that no angle
+is evaluated for a state. The orientation is that of `cislunar.ephemeris.bodies.moon_axes`.
 """
 
 from math import sqrt
@@ -18,7 +18,7 @@ from cislunar.ephemeris.bodies import GM_MOON, BodyTable, cubic, hermite, moon_a
 
 Array = NDArray[np.float64]
 
-# GRGM900C (Lemoine et al. 2014, Geophys. Res. Lett. 41, 3382), there normalized, in principal axes.
+# GRGM900C (Lemoine et al. 2014, Geophys. Res. Lett. 41, 3382), in principal axes, denormalized.
 MOON_J2 = 9.0881248e-5 * sqrt(5.0)
 MOON_C22 = 3.4674086e-5 * sqrt(5.0 / 12.0)
 MOON_GRAVITY_RADIUS_KM = 1738.0
@@ -27,31 +27,17 @@ _ENTRIES = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 
 
 class MoonFigure(NamedTuple):
-    """Second degree of the Moon's gravity in a table, on the nodes of the bodies' table.
-
-    Attributes
-    ----------
-    coefficients : ndarray, shape (intervals, 4, 6)
-        Cubics of the entries xx, yy, zz, xy, xz, yz of GM R^2 Q (`moon_quadrupole`),
-        nondimensional, axes of J2000.
-    """
+    """Second degree of the Moon's gravity: cubics (intervals, 4, 6) of the entries xx, yy, zz, xy,
+    xz, yz of GM R^2 Q (`_moon_quadrupole`) between the nodes of the bodies' table, nondimensional,
+    J2000 axes."""
 
     coefficients: Array
 
 
-def moon_quadrupole(axes: ArrayLike) -> Array:
-    """Matrix Q of the Moon's second degree: potential GM R^2 (r . Q r) / r^5.
-
-    Parameters
-    ----------
-    axes : array_like, shape (..., 3, 3)
-        Rows are the Moon's axes in any other.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        Symmetric and without trace: -J2 / 2 (3 Z Z' - 1) + 3 C22 (X X' - Y Y').
-    """
+def _moon_quadrupole(axes: ArrayLike) -> Array:
+    """Matrix Q of the Moon's second degree, (..., 3, 3), symmetric and trace-free: -J2 / 2 (3 Z Z'
+    - 1) + 3 C22 (X X' - Y Y'), with the Moon's axes X, Y, Z in the rows of `axes`; the potential is
+    GM R^2 (r . Q r) / r^5."""
     x, y, z = np.moveaxis(np.asarray(axes, dtype=float), -2, 0)
 
     def square(axis: Array) -> Array:
@@ -62,19 +48,10 @@ def moon_quadrupole(axes: ArrayLike) -> Array:
 
 
 def moon_figure(table: BodyTable) -> MoonFigure:
-    """The Moon's figure on the nodes of a table of the bodies.
-
-    Parameters
-    ----------
-    table : BodyTable
-
-    Returns
-    -------
-    MoonFigure
-    """
+    """The Moon's figure at the nodes of a table of the bodies."""
 
     def entries(time: Array) -> Array:
-        return moon_quadrupole(moon_axes(time))[:, *_ENTRIES]
+        return _moon_quadrupole(moon_axes(time))[:, *_ENTRIES]
 
     nodes = table.start + table.spacing * np.arange(len(table.coefficients) + 1)
     slope = (entries(nodes + 30.0) - entries(nodes - 30.0)) / 60.0
@@ -82,7 +59,7 @@ def moon_figure(table: BodyTable) -> MoonFigure:
     return MoonFigure(scale * hermite(entries(nodes), slope * table.spacing))
 
 
-class Quadrupole(NamedTuple):
+class _Quadrupole(NamedTuple):
     """Entries of GM R^2 Q at a time."""
 
     xx: float
@@ -99,12 +76,12 @@ def figure_at(figure, k, w):
 
 
 def figure_pull(figure, x, y, z, r2):
-    """Acceleration by the figure at a place from the Moon's centre."""
+    """Acceleration due to the figure at a position relative to the Moon's center."""
     raise NotImplementedError
 
 
 def figure_partials(figure, x, y, z, r2):
-    """Its derivatives xx, yy, zz, xy, xz, yz."""
+    """Derivatives xx, yy, zz, xy, xz, yz of `figure_pull`."""
     raise NotImplementedError
 
 
@@ -116,7 +93,7 @@ def _no_figure_at(figure, k, w):
 @implements(figure_at, MoonFigure)
 def _moon_figure_at(figure, k, w):
     c = figure.coefficients
-    return Quadrupole(
+    return _Quadrupole(
         cubic(c, k, 0, w),
         cubic(c, k, 1, w),
         cubic(c, k, 2, w),
@@ -131,7 +108,7 @@ def _no_pull(figure, x, y, z, r2):
     return 0.0, 0.0, 0.0
 
 
-@implements(figure_pull, Quadrupole)
+@implements(figure_pull, _Quadrupole)
 def _quadrupole_pull(figure, x, y, z, r2):
     qx = figure.xx * x + figure.xy * y + figure.xz * z
     qy = figure.xy * x + figure.yy * y + figure.yz * z
@@ -150,7 +127,7 @@ def _no_partials(figure, x, y, z, r2):
     return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-@implements(figure_partials, Quadrupole)
+@implements(figure_partials, _Quadrupole)
 def _quadrupole_partials(figure, x, y, z, r2):
     qx = figure.xx * x + figure.xy * y + figure.xz * z
     qy = figure.xy * x + figure.yy * y + figure.yz * z

@@ -1,4 +1,8 @@
-"""Propagation of states and state transition matrices under any force model."""
+"""Propagation of states and state transition matrices under any force model.
+
+States are in the propagation frame of the force model: the rotating frame for the CR3BP; the
+barycentric frame, J2000 axes, for ephemeris dynamics (`cislunar.dynamics.ephemeris_forces`).
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,7 @@ from cislunar.errors import ConfigurationError, ConvergenceError
 Array = NDArray[np.float64]
 
 METHODS = {"dopri5": runge_kutta.DOPRI5, "dop853": runge_kutta.DOP853}
-DEFAULT_TOLERANCE = {"dopri5": 1e-10, "dop853": 1e-13}
+_DEFAULT_TOLERANCE = {"dopri5": 1e-10, "dop853": 1e-13}
 _NOWHERE = np.empty(0)
 
 
@@ -24,8 +28,8 @@ def _method_and_tolerances(
 ) -> tuple[int, float, float]:
     if method not in METHODS:
         raise ConfigurationError(f"unknown propagation method {method!r}: use one of {[*METHODS]}")
-    rtol = DEFAULT_TOLERANCE[method] if rtol is None else float(rtol)
-    atol = DEFAULT_TOLERANCE[method] if atol is None else float(atol)
+    rtol = _DEFAULT_TOLERANCE[method] if rtol is None else float(rtol)
+    atol = _DEFAULT_TOLERANCE[method] if atol is None else float(atol)
     # Below about 100 machine epsilons the error estimate is roundoff and steps collapse.
     if not rtol >= 2.3e-14 or not atol > 0.0:
         raise ConfigurationError(
@@ -35,30 +39,30 @@ def _method_and_tolerances(
 
 
 def state_vector(state: ArrayLike) -> Array:
-    """A state as 6 numbers, or a `ConfigurationError`."""
+    """A state as an array of 6 finite numbers; raises a `ConfigurationError` otherwise."""
     vector = np.array(state, dtype=float)
     if vector.shape != (6,) or not np.all(np.isfinite(vector)):
         raise ConfigurationError(f"a state must be 6 finite numbers, got {vector.tolist()}")
     return vector
 
 
-def _integrate(method, forces, start, y0, times, rtol, atol, centres=_NOWHERE) -> tuple:
-    """Solution and least distances; the compiled integrator's status becomes an exception."""
+def _integrate(method, forces, start, y0, times, rtol, atol, centers=_NOWHERE) -> tuple:
+    """Solution and least distances; a failure of the compiled integrator raises an exception."""
     require_span(forces, start, start + times[-1])
-    out, closest = np.empty((times.size, y0.size)), np.empty(centres.size)
+    out, closest = np.empty((times.size, y0.size)), np.empty(centers.size)
     status, reached = runge_kutta.integrate(
-        method, forces, float(start), y0, times, rtol, atol, out, centres, closest
+        method, forces, float(start), y0, times, rtol, atol, out, centers, closest
     )
     _require_arrival(status, y0[:6], reached, times[-1])
     return out, closest
 
 
 def _require_arrival(status: int, state: Array, reached: float, end: float) -> None:
-    """The compiled integrators' status as an exception."""
+    """Raise a `ConvergenceError` for a status of the compiled integrators other than OK."""
     if status == runge_kutta.OK:
         return
     reason = (
-        "the step size underflowed (the trajectory runs into the centre of a body)"
+        "the step size underflowed (the trajectory collides with the center of a body)"
         if status == runge_kutta.STEP_UNDERFLOW
         else f"more than {runge_kutta.MAX_STEPS} steps were needed"
     )
@@ -69,7 +73,7 @@ def _require_arrival(status: int, state: Array, reached: float, end: float) -> N
 
 
 def _wrapped(times: ArrayLike, period: ArrayLike) -> Array:
-    """Times within half a period of the epoch; as they are where the period is 0."""
+    """Times wrapped to within half a period of the epoch; unchanged where the period is 0."""
     times, period = np.broadcast_arrays(np.asarray(times, float), np.asarray(period, float))
     turns = np.divide(times, period, out=np.zeros(times.shape), where=period > 0.0)
     return times - period * np.round(turns)
@@ -85,19 +89,19 @@ def propagate(
     rtol: float | None = None,
     atol: float | None = None,
 ) -> Array:
-    """Propagate one state and return it at the wanted times.
+    """Propagate one state and return it at given times.
 
-    Steps adapt to the tolerances, not to the wanted times, which are served by the pair's
-    continuous extension (4th order for Dormand-Prince 5(4), 7th for DOP853).
+    The step size adapts to the tolerances alone; output times are evaluated by the continuous
+    extension of the method (4th order for Dormand-Prince 5(4), 7th for DOP853).
 
     Parameters
     ----------
     state : array_like, shape (6,)
-        State at `start`, nondimensional, frame of the force model.
+        State at `start`, nondimensional, propagation frame.
     times : array_like, shape (m,)
-        Nondimensional times since `start` in any order; negative ones are reached backwards.
+        Nondimensional times since `start`, in any order; negative times are reached backwards.
     forces : NamedTuple
-        A force model, see `cislunar.dynamics.forces`.
+        Force model, see `cislunar.dynamics.forces`.
     start : float
         Time of `state`, nondimensional, since the epoch.
     method : {"dopri5", "dop853"}
@@ -108,13 +112,12 @@ def propagate(
     Returns
     -------
     ndarray, shape (m, 6)
-        Nondimensional, rotating frame.
+        Nondimensional, propagation frame.
 
     Raises
     ------
     ConfigurationError
-        On an unknown method, an impossible tolerance, an ill-formed state or time, one that the
-        force model has no data for, or a state of the CR3BP that can only be in km.
+        If the force model does not cover the times, or a CR3BP state is evidently in km.
     ConvergenceError
         If the step size underflows, as on a collision with a primary.
     """
@@ -144,32 +147,28 @@ def propagate_many(
     rtol: float | None = None,
     atol: float | None = None,
 ) -> Array:
-    """Propagate many states, each by steps of its own; `propagate` of each, to the last bit.
+    """Propagate many states, each with its own steps; bit-identical to `propagate` for each state.
 
-    A few times faster than one state after the other, see `cislunar.dynamics.adaptive.lanes`.
+    This is a few times faster than one state after the other, see
+    `cislunar.dynamics.adaptive.lanes`.
 
     Parameters
     ----------
     state : array_like, shape (n, 6)
-        States at `start`, nondimensional, frame of the force model.
+        States at `start`, nondimensional, propagation frame.
     times : array_like, shape (m,) or (n, m)
-        Nondimensional times since `start` in any order, common to all states or for each.
+        Nondimensional times since `start`, in any order, for all states or for each state.
     forces : NamedTuple
-        A force model that acts on all of them alike, see `cislunar.dynamics.forces`.
+        Force model, common to all states, see `cislunar.dynamics.forces`.
     start : array_like, shape () or (n,)
         Time of the states, nondimensional, since the epoch.
     method, rtol, atol
-        As in `propagate`.
+        See `propagate`; so are the errors raised, for the first state that fails.
 
     Returns
     -------
     ndarray, shape (n, m, 6)
-        Nondimensional, frame of the force model.
-
-    Raises
-    ------
-    ConfigurationError, ConvergenceError
-        As in `propagate`, of the first state that fails.
+        Nondimensional, propagation frame.
     """
     code, rtol, atol = _method_and_tolerances(method, rtol, atol)
     states = np.ascontiguousarray(state, dtype=float)
@@ -194,20 +193,20 @@ def propagate_many(
         return out
     spans = starts, starts + times.min(axis=1), starts + times.max(axis=1)
     require_span(forces, np.min(spans), np.max(spans))
-    # Each row from 0 backward, then from 0 forward: up to two jobs.
+    # Up to two jobs per row: backward from 0, and forward from 0.
     n, m = times.shape
     order, back = np.argsort(times, axis=1, kind="stable"), np.sum(times < 0.0, axis=1)
     column = np.arange(m)
     column = np.where(column < back[:, None], back[:, None] - 1 - column, column)
     order = np.take_along_axis(order, column, axis=1)
-    some = np.stack([back > 0, back < m], axis=1)
-    which, way = np.nonzero(some)
-    direction = 2.0 * way - 1.0
+    has_times = np.stack([back > 0, back < m], axis=1)
+    which, forward = np.nonzero(has_times)
+    direction = 2.0 * forward - 1.0
     jobs = lanes.Jobs(
         state=states[which],
         start=starts[which],
         direction=direction,
-        first=np.append(which * m + way * back[which], n * m),
+        first=np.append(which * m + forward * back[which], n * m),
         times=np.abs(np.take_along_axis(times, order, axis=1)).ravel(),
         place=(m * np.arange(n)[:, None] + order).ravel(),
     )
@@ -229,10 +228,11 @@ def propagate_periodic(
     rtol: float | None = None,
     atol: float | None = None,
 ) -> Array:
-    """State of a periodic orbit of the CR3BP at any times, from one period of propagation.
+    """State of a periodic orbit of the CR3BP at any times, from at most half a period of
+    propagation.
 
-    Times are wrapped to half a period either side of the epoch, so that the error of an unstable
-    orbit never grows over more than half a period however long the campaign.
+    Times are wrapped to half a period on either side of the epoch, so that the error of an unstable
+    orbit grows over at most half a period, however long the campaign.
 
     Parameters
     ----------
@@ -241,23 +241,16 @@ def propagate_periodic(
     period : float
         Period, nondimensional.
     times : array_like, shape (m,)
-        Any nondimensional times.
+        Nondimensional times.
     mu : float
         Mass ratio.
     method, rtol, atol
-        As in `propagate`.
+        See `propagate`.
 
     Returns
     -------
     ndarray, shape (m, 6)
         Nondimensional, rotating frame.
-
-    Raises
-    ------
-    ConfigurationError
-        If the period is not positive, or as in `propagate`.
-    ConvergenceError
-        As in `propagate`.
     """
     if not period > 0.0:
         raise ConfigurationError(f"period = {period} must be positive")
@@ -274,17 +267,16 @@ def propagate_stm(
     rtol: float = 1e-13,
     atol: float = 1e-13,
 ) -> tuple[Array, Array]:
-    """Propagate a state and its state transition matrix with DOP853.
+    """Propagate a state and its state transition matrix with DOP853; errors as in `propagate`.
 
     Parameters
     ----------
     state : array_like, shape (6,)
-        State at `start`, nondimensional, frame of the force model.
+        State at `start`, nondimensional, propagation frame.
     duration : float or array_like, shape (m,)
-        Nondimensional, either sign; several of one sign, the shortest first, are served by the
-        continuous extension.
+        Nondimensional, either sign; several durations must have one sign and increase in magnitude.
     forces : NamedTuple
-        A force model, see `cislunar.dynamics.forces`.
+        Force model, see `cislunar.dynamics.forces`.
     start : float
         Time of `state`, nondimensional, since the epoch.
     rtol, atol : float
@@ -293,44 +285,35 @@ def propagate_stm(
     Returns
     -------
     state_f : ndarray, shape (6,) or (m, 6)
-        State at the end.
+        Final states, nondimensional, propagation frame.
     stm : ndarray, shape (6, 6) or (m, 6, 6)
         Derivative of the final state with respect to the initial one.
-
-    Raises
-    ------
-    ConfigurationError, ConvergenceError
-        As in `propagate`.
     """
     code, rtol, atol = _method_and_tolerances("dop853", rtol, atol)
     y0 = np.concatenate([state_vector(state), np.eye(6).ravel()])
-    wanted = np.asarray(duration, dtype=float)
-    end, _ = _integrate(code, forces, start, y0, np.atleast_1d(wanted), rtol, atol)
-    return end[:, :6].reshape(*wanted.shape, 6), end[:, 6:].reshape(*wanted.shape, 6, 6)
+    durations = np.asarray(duration, dtype=float)
+    end, _ = _integrate(code, forces, start, y0, np.atleast_1d(durations), rtol, atol)
+    return end[:, :6].reshape(*durations.shape, 6), end[:, 6:].reshape(*durations.shape, 6, 6)
 
 
 def advance_orbits(state: ArrayLike, period: ArrayLike, time: float, mu: float = MU) -> Array:
-    """States some time later: around a closed orbit, or flown on freely.
+    """Propagate states of the CR3BP by a time, around a closed orbit or along an open trajectory.
 
     Parameters
     ----------
     state : array_like, shape (orbit, 6)
         Nondimensional, rotating frame.
     period : array_like, shape (orbit,)
-        Nondimensional; whole periods change nothing. 0 for a path that is not closed.
+        Period, nondimensional, by multiples of which the time is reduced; 0 for an open trajectory.
     time : float
-        Nondimensional; 0 gives back the same states.
+        Nondimensional; the states are unchanged for 0.
     mu : float
         Mass ratio.
 
     Returns
     -------
     ndarray, shape (orbit, 6)
-
-    Raises
-    ------
-    ConvergenceError
-        As in `propagate`.
+        Nondimensional, rotating frame.
     """
     states = np.array(state, dtype=float)
     if time == 0.0:
@@ -340,12 +323,7 @@ def advance_orbits(state: ArrayLike, period: ArrayLike, time: float, mu: float =
 
 
 def closest_approaches(
-    state: ArrayLike,
-    duration: float,
-    *,
-    mu: float = MU,
-    rtol: float = 1e-12,
-    atol: float = 1e-12,
+    state: ArrayLike, duration: float, *, mu: float = MU, rtol: float = 1e-12, atol: float = 1e-12
 ) -> tuple[float, float]:
     """Least distances to the Earth and to the Moon along a trajectory in the CR3BP.
 
@@ -365,19 +343,12 @@ def closest_approaches(
     Returns
     -------
     perigee, perilune : float
-        Distances from the centres, nondimensional.
-
-    Raises
-    ------
-    ConfigurationError
-        If the duration is not positive, or as in `propagate`.
-    ConvergenceError
-        As in `propagate`.
+        Distances from the centers, nondimensional.
     """
     if not duration > 0.0:
         raise ConfigurationError(f"duration = {duration} must be positive")
     code, rtol, atol = _method_and_tolerances("dop853", rtol, atol)
-    centres = np.array(primary_positions(mu))[:, 0]
+    centers = np.array(primary_positions(mu))[:, 0]
     start, times = state_vector(state), np.array([float(duration)])
-    _, closest = _integrate(code, CR3BP(mu), 0.0, start, times, rtol, atol, centres)
+    _, closest = _integrate(code, CR3BP(mu), 0.0, start, times, rtol, atol, centers)
     return float(closest[0]), float(closest[1])

@@ -1,11 +1,9 @@
-"""Pressure of sunlight on a sphere, and the shadows of Earth and Moon.
+"""Solar radiation pressure on a sphere, with the shadows of Earth and Moon (`docs/dynamics.md`).
 
-The acceleration of a "cannonball" of cross-section by mass A/m and coefficient C_R points from the
-Sun, ``nu P C_R (A/m) (au / d)^2`` at the distance d. The visible fraction nu of the Sun's disc is
-that of the conical shadow: discs of the Sun and of a spherical body without an atmosphere overlap
-as circles in the plane (Montenbruck & Gill 2000, "Satellite Orbits", section 3.4, eqs. 3.75 and
-3.85 to 3.94), in umbra, penumbra and annular eclipse. The Sun is uniformly bright. Of two discs
-before the Sun at once the fractions are multiplied.
+The acceleration of a "cannonball" of cross-section per mass A/m and coefficient C_R points away
+from the Sun, ``nu P C_R (A/m) (au / d)^2`` at the distance d. The visible fraction nu of the Sun's
+disc is that of the conical shadow (Montenbruck & Gill 2000, "Satellite Orbits", section 3.4, eqs.
+3.75 and 3.85 to 3.94). If both bodies cover the Sun, their fractions are multiplied.
 """
 
 from typing import NamedTuple
@@ -14,13 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import borrowing, for_all_others, implements
-from cislunar.constants import (
-    EARTH_RADIUS_KM,
-    GM_UNIT_KM3_S2,
-    LENGTH_UNIT_KM,
-    MOON_RADIUS_KM,
-)
+from cislunar.compiled import for_all_others, implements, njit_noalloc
+from cislunar.constants import EARTH_RADIUS_KM, GM_UNIT_KM3_S2, LENGTH_UNIT_KM, MOON_RADIUS_KM
 from cislunar.dynamics.forces import Nothing
 from cislunar.errors import ConfigurationError
 
@@ -30,21 +23,15 @@ SUN_RADIUS_KM = 695_700.0
 """Nominal radius of the Sun (IAU 2015 resolution B3), km."""
 
 SOLAR_PRESSURE_N_M2 = 1361.0 / 299_792_458.0
-"""Pressure of sunlight at an astronomical unit: irradiance (Kopp & Lean 2011) by light's speed."""
+"""Radiation pressure at one astronomical unit: irradiance (Kopp & Lean 2011) over speed of
+light."""
 
 ASTRONOMICAL_UNIT_KM = 149_597_870.7
 
 
 class Radiation(NamedTuple):
-    """Radiation pressure, nondimensional.
-
-    Attributes
-    ----------
-    strength : float
-        Acceleration times squared distance from the Sun, as of a negative GM of the Sun.
-    earth_radius, moon_radius, sun_radius : float
-        Of the discs.
-    """
+    """Radiation pressure, nondimensional: acceleration times squared distance from the Sun, and the
+    radii of Earth, Moon and Sun."""
 
     strength: float
     earth_radius: float
@@ -61,36 +48,21 @@ class RadiationOnEach(NamedTuple):
     sun_radius: float
 
 
-class Sunlight(NamedTuple):
-    """Radiation that nothing shades."""
+class _Sunlight(NamedTuple):
+    """Radiation pressure without shadows."""
 
     strength: float
 
 
 def radiation(area_to_mass: ArrayLike, reflectivity: ArrayLike) -> Radiation | RadiationOnEach:
-    """Radiation pressure on spheres.
-
-    Parameters
-    ----------
-    area_to_mass : array_like, shape () or (N,)
-        Cross-section by mass, m^2/kg, of all states or of each state of a bundle.
-    reflectivity : array_like, shape () or (N,)
-        Coefficient C_R: 1 absorbs, 2 reflects back.
-
-    Returns
-    -------
-    Radiation or RadiationOnEach
-
-    Raises
-    ------
-    ConfigurationError
-        If a property is not finite and >= 0.
-    """
+    """Radiation pressure on spheres of cross-section per mass `area_to_mass`, m^2/kg, and
+    coefficient C_R (1 for absorption, 2 for specular reflection), of all states () or of each state
+    of a bundle (N,)."""
     for name, value in (("area_to_mass", area_to_mass), ("reflectivity", reflectivity)):
         each = np.asarray(value, dtype=float)
         if each.ndim > 1 or not np.all(np.isfinite(each) & (each >= 0.0)):
             raise ConfigurationError(
-                f"{name} = {value} must be finite and >= 0, one or one a state"
+                f"{name} = {value} must be finite and >= 0, one value or one per state"
             )
     km_s2 = 1e-3 * SOLAR_PRESSURE_N_M2 * np.multiply(area_to_mass, reflectivity, dtype=float)
     strength = km_s2 * ASTRONOMICAL_UNIT_KM**2 / GM_UNIT_KM3_S2
@@ -115,18 +87,18 @@ def _one_of_each(radiation, i):
 
 @for_all_others
 def unshaded(radiation):
-    """Radiation as it is where no shadow may fall."""
+    """Radiation without shadows, for positions outside of them."""
     return radiation
 
 
 @implements(unshaded, Radiation)
 def _sunlight_alone(radiation):
-    return Sunlight(radiation.strength)
+    return _Sunlight(radiation.strength)
 
 
 @for_all_others
 def maybe_shaded(radiation, earth, moon, sun):
-    """Whether a place may be in a shadow, given relative to Earth, Moon and Sun."""
+    """Whether a position, relative to Earth, Moon and Sun, may be in a shadow."""
     return False
 
 
@@ -138,7 +110,7 @@ def _in_either_cone(radiation, earth, moon, sun):
 
 
 def light(radiation, earth, moon, sun):
-    """Strength of the radiation at a place relative to Earth, Moon and Sun, and its gradient."""
+    """Strength of the radiation at a position relative to Earth, Moon and Sun, and its gradient."""
     raise NotImplementedError
 
 
@@ -147,7 +119,7 @@ def _no_light(radiation, earth, moon, sun):
     return 0.0, 0.0, 0.0, 0.0
 
 
-@implements(light, Sunlight)
+@implements(light, _Sunlight)
 def _whole_sunlight(radiation, earth, moon, sun):
     return radiation.strength, 0.0, 0.0, 0.0
 
@@ -157,7 +129,7 @@ def _shaded_light(radiation, earth, moon, sun):
     return _shaded(radiation, earth, moon, sun)
 
 
-@borrowing
+@njit_noalloc
 def _shaded(radiation, earth, moon, sun):
     strength, gx, gy, gz = radiation.strength, 0.0, 0.0, 0.0
     if _in_cone(earth, sun, radiation.earth_radius, radiation.sun_radius):
@@ -173,35 +145,31 @@ def _shaded(radiation, earth, moon, sun):
 
 @njit(cache=True, inline="always")
 def _in_cone(body, sun, radius, sun_radius):
-    """Whether a place, relative to a body and to the Sun, may be in the penumbra: on the safe side.
-
+    """Whether a position, relative to a body and to the Sun, may be in the penumbra (conservative).
     The penumbra widens by (R_sun + R) / d per unit of length l behind the body, and starts less
-    than R / 100 before its centre.
-    """
+    than R / 100 before its center."""
     x, y, z = body
     sx, sy, sz = x - sun[0], y - sun[1], z - sun[2]
     d2 = sx * sx + sy * sy + sz * sz
     r2 = x * x + y * y + z * z
     along = -(x * sx + y * sy + z * sz)
     behind2 = along * along / d2
-    # (R + l k)^2 <= 2 R^2 + 2 (l k)^2, and one per cent for the cosines left out.
+    # (R + l k)^2 <= 2 R^2 + 2 (l k)^2, and one percent for the neglected cosines.
     spread = (sun_radius + radius) ** 2 / d2
     near = r2 - behind2 < 2.02 * (radius * radius + behind2 * spread)
     return near & ((along > 0.0) | (behind2 < 1e-4 * radius * radius))
 
 
-@borrowing
+@njit_noalloc
 def visible_sun(body, sun, radius, sun_radius):
-    """Visible fraction of the Sun, and its gradient, at a place relative to a body and to the Sun.
-
-    All lengths are in one unit.
-    """
+    """Visible fraction of the Sun and its gradient at a position relative to a body and to the Sun.
+    All lengths are in one unit."""
     x, y, z = body
     tx, ty, tz = -sun[0], -sun[1], -sun[2]
     to_sun = np.sqrt(tx * tx + ty * ty + tz * tz)
     to_body = np.sqrt(x * x + y * y + z * z)
-    # All or nothing is decided by cosines, of the discs' distance and of their radii's sum or
-    # difference: angles are for the penumbra alone.
+    # Cosines of the discs' distance and of the sum or difference of their radii decide on full
+    # visibility or umbra; only the penumbra needs angles.
     sun_sine, disc_sine = sun_radius / to_sun, min(1.0, radius / to_body)
     both = np.sqrt((1.0 - sun_sine * sun_sine) * (1.0 - disc_sine * disc_sine))
     cosine = -(tx * x + ty * y + tz * z) / (to_sun * to_body)
@@ -229,9 +197,9 @@ def visible_sun(body, sun, radius, sun_radius):
         by_sun, by_disc = 2.0 * sun * sun_angle, 2.0 * disc * disc_angle
         by_apart = -2.0 * half_chord
     by_sun -= 2.0 * covered / sun
-    # Gradients of the three angles: radii change along the lines of sight, their distance across.
+    # Angular radii change along the lines of sight, the angular distance perpendicular to them.
     along_p = by_sun * np.tan(sun) / to_sun
-    # within a body its disc is half of the sky, wherever that is
+    # inside a body its disc is half of the sky, independent of position
     along_q = by_disc * np.tan(disc) / to_body if disc_sine < 1.0 else 0.0
     across = by_apart / sine if sine > 0.0 else 0.0
     p_part = along_p - across * cosine / to_sun + across / to_body

@@ -1,9 +1,9 @@
 """Coefficients of the two Runge-Kutta pairs of Dormand and Prince.
 
-Dormand-Prince 5(4), the propagator of Paul & Fan (table 1), and DOP853, as in
-`scipy.integrate.RK45` and `scipy.integrate.DOP853`. Row s of `A5` and `A8` gives stage s, at
-the node `C5[s]` or `C8[s]` of the step; the row after the last stage is the end of the step, whose
-slope the error estimate and the next step use.
+They are Dormand-Prince 5(4), the propagator of Paul & Fan (table 1), and DOP853, as in
+`scipy.integrate.RK45` and `scipy.integrate.DOP853`. Row s of `A5` and `A8` belongs to stage s, at
+the node `C5[s]` or `C8[s]` of the step. The row after the last stage is the end of the step, whose
+slope enters the error estimate and the next step.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.integrate import DOP853, RK45
 
 
 def _first(a: np.ndarray) -> np.ndarray:
-    """First nonzero column after column 0, row by row: the columns between are all zero."""
+    """First nonzero column after column 0, for each row; the columns between are zero."""
     return np.array([1 + np.argmax(np.append(row[1:], 1.0) != 0.0) for row in a])
 
 
@@ -38,4 +38,4 @@ DENSE8 = np.ascontiguousarray(DOP853.D)
 
 PAIR5 = A5, C5, FIRST5, STAGES5
 PAIR8 = A8, C8, FIRST8, STAGES8
-"""What the stages of a step take."""
+"""Coefficients, nodes, first nonzero columns and number of stages of each pair."""

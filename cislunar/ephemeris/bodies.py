@@ -1,18 +1,17 @@
-"""Earth, Moon and Sun in a table that is read without SPICE, and the orientation of the Moon.
+"""Table of Earth, Moon and Sun that is read without SPICE, and the orientation of the Moon.
 
-Positions are tabulated about the Earth-Moon barycenter, in the axes of J2000 (ICRF). Between nodes,
-10 minutes apart, stands the cubic polynomial that meets position and velocity at both (Hermite);
-it is within 0.1 mm of the kernel (`docs/dynamics.md`).
+Positions are tabulated relative to the Earth-Moon barycenter, in J2000 (ICRF) axes. Between nodes,
+10 minutes apart, a cubic Hermite polynomial interpolates position and velocity; it is within 0.1 mm
+of the kernel (`docs/dynamics.md`).
 
-The kernel DE421 holds no orientation. That of the Moon is the series of the IAU working group on
+The kernel DE421 has no orientations. That of the Moon is the series of the IAU working group on
 cartographic coordinates (Archinal et al. 2011, Celest. Mech. Dyn. Astron. 109, 101, table 2; the
-constants of the text kernel pck00010.tpc), good to some 150 m on the surface. Its axes are those of
-the mean Earth, which lie 0.03 deg from the principal axes of the gravity field.
+constants of the text kernel pck00010.tpc), accurate to some 150 m on the surface. Its axes are mean
+Earth axes, which lie 0.03 deg from the principal axes of the gravity field.
 
 Assumptions and limitations
 ---------------------------
-- Masses and radii are those of DE421, also with a kernel of one's own (DE440 differs in the ninth
-  digit).
+- Masses and radii are those of DE421, with other kernels too (DE440 differs in the ninth digit).
 - Positions are geometric.
 """
 
@@ -40,7 +39,7 @@ from cislunar.errors import ConfigurationError
 Array = NDArray[np.float64]
 
 # Folkner, Williams & Boggs 2009, "The planetary and lunar ephemeris DE 421", IPN Progress Report
-# 42-178, km^3/s^2: compatible with TDB, unlike the value of WGS 84 in `cislunar.constants`.
+# 42-178, km^3/s^2; TDB-compatible, unlike the WGS 84 value in `cislunar.constants`.
 GM_EARTH, GM_MOON, GM_SUN = 398_600.436233, 4_902.800076, 132_712_440_040.944
 
 NODE_SPACING_S = 600.0
@@ -55,10 +54,10 @@ class BodyTable(NamedTuple):
     start : float
         First node, TDB seconds past J2000, a whole number.
     spacing : float
-        Between nodes, s.
+        Spacing of the nodes, s.
     coefficients : ndarray, shape (intervals, 4, 9)
-        Of the powers 0 to 3 of the fraction of the interval, km, for the coordinates of Earth, Moon
-        and Sun from the Earth-Moon barycenter, axes of J2000.
+        Coefficients of the powers 0 to 3 of the fraction of the interval, km, for the coordinates
+        of Earth, Moon and Sun relative to the Earth-Moon barycenter, J2000 axes.
     """
 
     start: float
@@ -77,20 +76,14 @@ def tabulate_bodies(start: float, stop: float, kernel: str | Path = DEFAULT_KERN
     Parameters
     ----------
     start, stop : float
-        Span, TDB seconds past J2000, in either order; covered to the next node.
+        Span, TDB seconds past J2000, in either order; extended to the next node.
     kernel : str or Path
         ``"de421"``, or the path of an SPK file.
 
-    Returns
-    -------
-    BodyTable
-
     Raises
     ------
-    ConfigurationError
-        If a time is not finite.
     InputFileError
-        If the kernel is missing, is not an SPK file, lacks a body, or does not cover the span.
+        If the kernel is missing, lacks a body, or does not cover the span.
     """
     if not np.isfinite(start + stop):
         raise ConfigurationError(f"a span of times must be finite, got {start} to {stop}")
@@ -99,7 +92,7 @@ def tabulate_bodies(start: float, stop: float, kernel: str | Path = DEFAULT_KERN
     import spiceypy
 
     with loaded(path):
-        # Nodes on whole seconds are exact; a rounded one would move the Sun by 2 mm.
+        # Nodes at whole seconds are exact; rounding would move the Sun by 2 mm.
         first = np.floor(min(start, stop))
         count = max(1, int(np.ceil((max(start, stop) - first) / NODE_SPACING_S)))
         nodes = first + NODE_SPACING_S * np.arange(count + 1)
@@ -124,12 +117,12 @@ def hermite(value: Array, slope: Array) -> Array:
     Parameters
     ----------
     value, slope : ndarray, shape (n + 1, c)
-        At the nodes; slopes by the fraction of an interval.
+        Values at the nodes, and derivatives with respect to the fraction of an interval.
 
     Returns
     -------
     ndarray, shape (n, 4, c)
-        Of the powers 0 to 3 of the fraction of the interval.
+        Coefficients of the powers 0 to 3 of the fraction of the interval.
     """
     step = np.diff(value, axis=0)
     first, last = slope[:-1], slope[1:]
@@ -140,7 +133,7 @@ def hermite(value: Array, slope: Array) -> Array:
 
 @njit(cache=True, inline="always")
 def cubic(coefficients, k, column, w):
-    """Value of a tabulated column at the fraction w of interval k (compiled)."""
+    """Value of a tabulated column at the fraction w of interval k."""
     return (
         (coefficients[k, 3, column] * w + coefficients[k, 2, column]) * w
         + coefficients[k, 1, column]
@@ -153,14 +146,15 @@ def read_table(table: BodyTable, time: ArrayLike) -> tuple[Array, Array, Array]:
     Parameters
     ----------
     table : BodyTable
+        From `tabulate_bodies`.
     time : array_like, shape (...)
         TDB seconds past J2000.
 
     Returns
     -------
     position, velocity, acceleration : ndarray, shape (..., 9)
-        Of Earth, Moon and Sun (`COLUMNS`) about the Earth-Moon barycenter, axes of J2000, km, km/s
-        and km/s^2. The acceleration is that of the cubic, good to 1e-6 of itself.
+        Earth, Moon and Sun (`COLUMNS`) relative to the Earth-Moon barycenter, J2000 axes, km, km/s
+        and km/s^2. The acceleration is that of the cubic, with a relative accuracy of 1e-6.
 
     Raises
     ------
@@ -182,24 +176,24 @@ def read_table(table: BodyTable, time: ArrayLike) -> tuple[Array, Array, Array]:
 
 
 def require_within(table: BodyTable, start: float, stop: float) -> None:
-    """Refuse a span of TDB seconds past J2000 that a table does not cover."""
-    slack = 1e-3  # rounding of a time converted there and back
+    """Raise a `ConfigurationError` for a span, TDB seconds past J2000, beyond a table."""
+    slack = 1e-3  # rounding of a converted time
     low, high = min(start, stop), max(start, stop)
     if not (table.start - slack <= low and high <= table.stop + slack):
-        wanted = (
+        requested = (
             f"{calendar_date(low)} to {calendar_date(high)}"
             if np.isfinite(low + high)
             else f"{start} to {stop}"
         )
         raise ConfigurationError(
             f"table of Earth, Moon and Sun: covers {calendar_date(table.start)} to "
-            f"{calendar_date(table.stop)} (TDB), not the dates wanted, {wanted}; "
+            f"{calendar_date(table.stop)} (TDB), not the requested dates, {requested}; "
             "tabulate the bodies over the whole span"
         )
 
 
 # fmt: off
-# Degrees; angles E1 to E13 and their rates by the day, then amplitudes in right ascension and
+# Degrees; angles E1 to E13 and their rates per day, then amplitudes in right ascension and
 # declination of the pole and in the prime meridian.
 _ANGLE = np.array([
     125.045, 250.089, 260.008, 176.625, 357.529, 311.589, 134.963, 276.617, 34.226, 15.134,
@@ -223,7 +217,7 @@ _MERIDIAN = np.array([
 
 
 def moon_axes(time: ArrayLike) -> Array:
-    """Rotation from J2000 to axes fixed in the Moon (Archinal et al. 2011, table 2).
+    """Rotation from J2000 to Moon-fixed axes (Archinal et al. 2011, table 2).
 
     Parameters
     ----------
@@ -233,7 +227,7 @@ def moon_axes(time: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., 3, 3)
-        Rows are the axes: x on the prime meridian, near the Earth, z the pole.
+        Rows are the axes: x at the prime meridian, towards the Earth, z the pole.
     """
     day = np.asarray(time, dtype=float) / SECONDS_PER_DAY
     century = day / 36_525.0

@@ -1,6 +1,6 @@
-"""Ephemeris kernels of SPICE: their files, bodies and dates.
+"""SPICE ephemeris kernels: files, bodies and coverage.
 
-`spiceypy` is imported inside the functions, and every kernel is unloaded again after use.
+`spiceypy` is imported inside the functions, and every kernel is unloaded after use.
 """
 
 from collections.abc import Iterator
@@ -12,9 +12,9 @@ from cislunar.ephemeris.time_scales import calendar_date
 from cislunar.errors import InputFileError
 
 DEFAULT_KERNEL = "de421"
-"""JPL DE421 (1899 to 2053), the file carried by the `skyfield-data` package."""
+"""JPL DE421 (1899 to 2053), the file in the package `skyfield-data`."""
 
-# NAIF identifiers, and the names they go by in messages.
+# NAIF identifiers, and their names in messages.
 SUN, EARTH_MOON_BARYCENTER, EARTH, MOON = 10, 3, 399, 301
 BODIES = {
     SUN: "the Sun",
@@ -25,44 +25,28 @@ BODIES = {
 
 
 def kernel_path(kernel: str | Path = DEFAULT_KERNEL) -> Path:
-    """File of an ephemeris kernel.
-
-    Parameters
-    ----------
-    kernel : str or Path
-        ``"de421"``, or the path of an SPK file of one's own (DE440, ...).
-
-    Returns
-    -------
-    Path
-        An existing file.
-
-    Raises
-    ------
-    InputFileError
-        If there is no such file.
-    """
+    """Path of an ephemeris kernel file: ``"de421"``, or the path of another SPK file."""
     if str(kernel) != DEFAULT_KERNEL:
         path = Path(kernel)
-        with suppress(RuntimeError):  # of a user who is not there
+        with suppress(RuntimeError):  # unknown user
             path = path.expanduser()
-        mend = f"set the kernel to {DEFAULT_KERNEL!r} or to the path of an SPK (.bsp) file"
+        remedy = f"set the kernel to {DEFAULT_KERNEL!r} or to the path of an SPK (.bsp) file"
     else:
-        # The file is located directly: the package's own accessor warns of the age of an unrelated
-        # table of Earth orientation.
+        # The file is located directly: the package's accessor warns of the age of an unrelated
+        # Earth orientation table.
         try:
             path = Path(str(files("skyfield_data").joinpath("data", "de421.bsp")))
         except ModuleNotFoundError:
             path = Path("skyfield_data/data/de421.bsp")
-        mend = "install the package skyfield-data, or set the kernel to the path of an SPK file"
+        remedy = "install the package skyfield-data, or set the kernel to the path of an SPK file"
     if not path.is_file():
-        raise InputFileError(f"ephemeris kernel {path}: no such file; {mend}")
+        raise InputFileError(f"ephemeris kernel {path}: no such file; {remedy}")
     return path
 
 
 @contextmanager
 def loaded(path: Path) -> Iterator[None]:
-    """Hold a kernel loaded for the length of a block; a kernel the caller had loaded stays so."""
+    """Load a kernel for the duration of a block, unless the caller has loaded it already."""
     import spiceypy
     from spiceypy.utils.exceptions import SpiceyError
 
@@ -79,18 +63,18 @@ def loaded(path: Path) -> Iterator[None]:
 
 
 def require_coverage(path: Path, start: float, stop: float) -> None:
-    """Refuse a kernel that lacks a body or does not cover a span of TDB seconds."""
+    """Raise an `InputFileError` for a kernel that lacks a body or a span of TDB seconds."""
     import spiceypy
     from spiceypy.utils.exceptions import SpiceyError
 
     try:
-        held = set(spiceypy.spkobj(str(path)))
+        bodies = set(spiceypy.spkobj(str(path)))
     except SpiceyError as error:
         raise InputFileError(f"ephemeris kernel {path}: not an SPK file ({error.short})") from error
-    missing = [name for body, name in BODIES.items() if body not in held]
+    missing = [name for body, name in BODIES.items() if body not in bodies]
     if missing:
         raise InputFileError(
-            f"ephemeris kernel {path}: holds nothing on {', '.join(missing)}; use a planetary "
+            f"ephemeris kernel {path}: has no data for {', '.join(missing)}; use a planetary "
             "ephemeris such as DE421 or DE440"
         )
     common = None
@@ -103,7 +87,7 @@ def require_coverage(path: Path, start: float, stop: float) -> None:
             ", ".join(f"{calendar_date(a)} to {calendar_date(b)}" for a, b in spans) or "no date"
         )
         raise InputFileError(
-            f"ephemeris kernel {path}: covers {covered} (TDB), not the dates wanted, "
+            f"ephemeris kernel {path}: covers {covered} (TDB), not the requested dates, "
             f"{calendar_date(start)} to {calendar_date(stop)}; change epoch_jd or duration_days, "
             "or give a kernel that covers them"
         )
@@ -113,5 +97,5 @@ def require_coverage(path: Path, start: float, stop: float) -> None:
                 spiceypy.spkgeo(body, time, "J2000", 0)
     except SpiceyError as error:
         raise InputFileError(
-            f"ephemeris kernel {path}: is not whole ({error.short}); copy or download it again"
+            f"ephemeris kernel {path}: is incomplete ({error.short}); copy or download it again"
         ) from error

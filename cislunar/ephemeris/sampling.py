@@ -1,16 +1,16 @@
 """Sun and Moon from SPICE, in the rotating frame of the three-body problem.
 
-Paul & Fan (section 2.2) take the Sun from the JPL ephemerides through SPICE and carry it into the
-rotating frame at every time step. Here the frame follows the *ephemeris* Moon: x from the Earth
-to the Moon, z along r x v of the Moon about the Earth, y = z x x; the origin is the Earth-Moon
-barycenter and lengths are divided by the constant l*. The result is sampled once, so that nothing
-downstream needs SPICE; `interpolate_sun` reads between the samples.
+Paul & Fan (section 2.2) take the Sun from the JPL ephemerides through SPICE and transform it to the
+rotating frame at every time step. Here the frame follows the *ephemeris* Moon: x from the Earth to
+the Moon, z along r x v of the Moon relative to the Earth, y = z x x. The origin is the Earth-Moon
+barycenter, and lengths are divided by the constant l*. The Sun is sampled once, so that no other
+module needs SPICE; `interpolate_sun` interpolates between the samples.
 
 Assumptions and limitations
 ---------------------------
 - Positions are geometric: light time and aberration (20 arcsec for the Sun) are neglected.
-- The true Earth-Moon distance varies by 6 per cent; l* does not. Only directions to the Sun, and
-  its distance of some 390 units, matter to the photometry.
+- The true Earth-Moon distance varies by 6 percent; l* does not. The photometry depends only on the
+  direction to the Sun and on its distance of some 390 units.
 """
 
 from __future__ import annotations
@@ -39,20 +39,10 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Ephemeris:
-    """Sun and Moon sampled on a uniform grid of times.
-
-    Attributes
-    ----------
-    time_utc_jd : ndarray, shape (time,)
-        Julian date, UTC.
-    et : ndarray, shape (time,)
-        TDB seconds past J2000, uniformly spaced.
-    sun_position : ndarray, shape (time, 3)
-        Sun from the Earth-Moon barycenter, nondimensional, rotating frame.
-    moon_rotation : ndarray, shape (time, 3, 3)
-        Rotation from J2000 to the rotating frame: ``r_rotating = moon_rotation @ r_j2000``.
-    """
+class _SunMoonEphemeris:
+    """Sun and rotating frame on a uniform grid of times: Julian dates, UTC (time,); TDB seconds
+    past J2000 (time,); Sun relative to the Earth-Moon barycenter (time, 3), nondimensional,
+    rotating frame; and ``r_rotating = moon_rotation @ r_j2000`` (time, 3, 3)."""
 
     time_utc_jd: Array
     et: Array
@@ -70,7 +60,7 @@ def sample_ephemeris(
     duration_days: float = 30.0,
     step_minutes: float = 60.0,
     kernel: str | Path = DEFAULT_KERNEL,
-) -> Ephemeris:
+) -> _SunMoonEphemeris:
     """Sun and rotating frame from SPICE, on a uniform grid.
 
     Parameters
@@ -78,23 +68,17 @@ def sample_ephemeris(
     epoch_jd : float or str
         First time, UTC (from 1972 on): a Julian date, or ISO 8601 like ``2024-10-01T00:00:00``.
     duration_days : float
-        Length of the grid, days; the last sample lies at its end, or up to a step after it if the
+        Length of the grid, days. The last sample lies at its end, or up to a step after it if the
         step does not divide it.
     step_minutes : float
         Spacing, minutes.
     kernel : str or Path
         ``"de421"``, or the path of an SPK file.
 
-    Returns
-    -------
-    Ephemeris
-
     Raises
     ------
-    ConfigurationError
-        If a time is impossible.
     InputFileError
-        If the kernel is missing, is not an SPK file, lacks a body, or does not cover the dates.
+        If the kernel is missing, lacks a body, or does not cover the dates.
     """
     if isinstance(epoch_jd, str):
         epoch_jd = julian_date(epoch_jd)
@@ -110,10 +94,10 @@ def sample_ephemeris(
         sun = np.array([spiceypy.spkgps(SUN, t, "J2000", EARTH_MOON_BARYCENTER)[0] for t in et])
 
     rotation = rotating_frame(moon[:, :3], moon[:, 3:])
-    # A leap second within the span leaves the physical grid uniform and moves the clock.
+    # A leap second within the span shifts UTC; the physical grid stays uniform.
     naive = epoch_jd + elapsed / SECONDS_PER_DAY
     leaps = tai_minus_utc(naive) - tai_minus_utc(epoch_jd)
-    return Ephemeris(
+    return _SunMoonEphemeris(
         time_utc_jd=naive - leaps / SECONDS_PER_DAY,
         et=et,
         sun_position=np.einsum("tij,tj->ti", rotation, sun) / LENGTH_UNIT_KM,
@@ -124,20 +108,7 @@ def sample_ephemeris(
 def check_coverage(
     epoch_jd: float, duration_days: float, step_minutes: float, kernel: str | Path
 ) -> None:
-    """Refuse a kernel that cannot be sampled over a span, without sampling it.
-
-    Parameters
-    ----------
-    epoch_jd, duration_days, step_minutes, kernel
-        As for `sample_ephemeris`.
-
-    Raises
-    ------
-    ConfigurationError
-        If a time is impossible.
-    InputFileError
-        If the kernel is missing, is not an SPK file, lacks a body, or does not cover the dates.
-    """
+    """Raise the errors that `sample_ephemeris` would raise for these arguments."""
     start, length = float(utc_to_tdb(epoch_jd)), _grid(duration_days, step_minutes)[-1]
     path = kernel_path(kernel)
     with loaded(path):
@@ -145,12 +116,12 @@ def check_coverage(
 
 
 def rotating_frame(position: ArrayLike, velocity: ArrayLike) -> Array:
-    """Rotation from the inertial axes to the rotating frame of an orbiting body.
+    """Rotation from inertial axes to the rotating frame of an orbiting body.
 
     Parameters
     ----------
     position, velocity : array_like, shape (..., 3)
-        Of the Moon relative to the Earth, inertial axes, any unit.
+        Moon relative to the Earth, inertial axes, any unit.
 
     Returns
     -------
@@ -166,7 +137,7 @@ def rotating_frame(position: ArrayLike, velocity: ArrayLike) -> Array:
 
 
 def interpolate_sun(time: ArrayLike, sample_time: ArrayLike, sun_position: ArrayLike) -> Array:
-    """Sun between the samples, linearly.
+    """Sun between the samples, by linear interpolation.
 
     With hourly samples the result is within 2e-5 of the Sun's distance and 2e-6 rad (0.4 arcsec)
     of its direction: the Moon's rate varies by n^2 2e, e = 0.055, within an hour.
@@ -176,7 +147,7 @@ def interpolate_sun(time: ArrayLike, sample_time: ArrayLike, sun_position: Array
     time : array_like, shape (...)
         Nondimensional times since the first sample's epoch.
     sample_time : array_like, shape (n,)
-        Times of the samples, nondimensional, increasing (`Ephemeris.time`).
+        Times of the samples, nondimensional, increasing (`SunMoonEphemeris.time`).
     sun_position : array_like, shape (n, 3)
         Nondimensional, rotating frame.
 
@@ -193,7 +164,7 @@ def interpolate_sun(time: ArrayLike, sample_time: ArrayLike, sun_position: Array
     t = np.asarray(time, dtype=float)
     grid = np.asarray(sample_time, dtype=float)
     sun = np.asarray(sun_position, dtype=float)
-    slack = 1e-9  # rounding of a time converted there and back (0.4 ms)
+    slack = 1e-9  # rounding of a converted time (0.4 ms)
     if not np.all((t >= grid[0] - slack) & (t <= grid[-1] + slack)):
         days = TIME_UNIT_S / SECONDS_PER_DAY
         raise ConfigurationError(
@@ -205,7 +176,7 @@ def interpolate_sun(time: ArrayLike, sample_time: ArrayLike, sun_position: Array
 
 
 def _grid(duration_days: float, step_minutes: float) -> Array:
-    """Uniform grid of times, s since the first; impossible ones are refused."""
+    """Uniform grid of times, s since the first."""
     if not (np.isfinite(duration_days) and duration_days >= 0.0):
         raise ConfigurationError(f"duration_days = {duration_days} must be finite and >= 0")
     if not (np.isfinite(step_minutes) and step_minutes > 0.0):

@@ -1,8 +1,8 @@
-"""UTC and TDB.
+"""Time scales UTC, TAI, TT and TDB.
 
-UTC is carried to TDB with the published leap seconds (IERS Bulletin C), of which the last is that
-of 2017-01-01; later ones are unknown to this version. The periodic part of TDB - TT is kept to its
-leading term (the neglected ones stay below 0.05 ms).
+UTC is converted with the published leap seconds (IERS Bulletin C), of which the last is that of
+2017-01-01; later ones are unknown to this version. The periodic part of TDB - TT is its leading
+term; the neglected terms are below 0.05 ms.
 """
 
 import datetime
@@ -17,10 +17,10 @@ from cislunar.errors import ConfigurationError
 Array = NDArray[np.float64]
 
 J2000_JD = 2_451_545.0
-TT_MINUS_TAI_S = 32.184
+_TT_MINUS_TAI_S = 32.184
 
-# TAI - UTC in seconds from the dates on which it stepped (IERS Bulletin C): ten at first, one more
-# at each date that follows.
+# Dates on which TAI - UTC changed (IERS Bulletin C): 10 s from the first date, one second more from
+# each later date.
 # fmt: off
 _LEAP_STEPS = [
     "1972-01-01", "1972-07-01", "1973-01-01", "1974-01-01", "1975-01-01", "1976-01-01",
@@ -39,23 +39,7 @@ _FIRST_TAI_MINUS_UTC_S = 10.0
 
 
 def tai_minus_utc(time_utc_jd: ArrayLike) -> Array:
-    """Leap seconds in force.
-
-    Parameters
-    ----------
-    time_utc_jd : array_like
-        Julian date, UTC.
-
-    Returns
-    -------
-    ndarray
-        TAI - UTC, s.
-
-    Raises
-    ------
-    ConfigurationError
-        Before 1972, when UTC had no whole leap seconds.
-    """
+    """TAI - UTC, s, at Julian dates in UTC from 1972 on, when whole leap seconds began."""
     jd = np.asarray(time_utc_jd, dtype=float)
     if not np.all(np.isfinite(jd)) or np.any(jd < _LEAP_JD[0]):
         raise ConfigurationError(
@@ -66,23 +50,10 @@ def tai_minus_utc(time_utc_jd: ArrayLike) -> Array:
 
 
 def utc_to_tdb(time_utc_jd: ArrayLike) -> Array:
-    """TDB seconds past J2000 of Julian dates in UTC.
-
-    TDB - TT is kept to ``1.657 ms sin(E)``, E the Earth's eccentric anomaly: the formula of the
-    SPICE time subsystem.
-
-    Parameters
-    ----------
-    time_utc_jd : array_like
-        Julian date, UTC (from 1972 on).
-
-    Returns
-    -------
-    ndarray
-        TDB seconds past J2000 (SPICE's ET).
-    """
+    """TDB seconds past J2000 (SPICE's ET) of Julian dates in UTC, from 1972 on. TDB - TT is
+    ``1.657 ms sin(E)`` with the Earth's eccentric anomaly E, the formula of SPICE."""
     jd = np.asarray(time_utc_jd, dtype=float)
-    tt = (jd - J2000_JD) * SECONDS_PER_DAY + tai_minus_utc(jd) + TT_MINUS_TAI_S
+    tt = (jd - J2000_JD) * SECONDS_PER_DAY + tai_minus_utc(jd) + _TT_MINUS_TAI_S
     return tt + _tdb_minus_tt(tt)
 
 
@@ -92,7 +63,7 @@ def _tdb_minus_tt(tt: Array) -> Array:
 
 
 TIME_SYSTEMS = ("UTC", "TAI", "TT", "TDB")
-"""Clocks a date may be read on."""
+"""Time scales of dates."""
 
 _DATE = re.compile(
     r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))(?:T(\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?)?Z?", re.ASCII
@@ -101,22 +72,13 @@ _NOON = datetime.datetime(2000, 1, 1, 12)
 
 
 def clock_seconds(date: str) -> float:
-    """Seconds from noon of 2000-01-01 to a date, both on the same clock without leap seconds.
+    """Seconds from 2000-01-01T12:00 to a date in the same time scale, without leap seconds.
 
     Parameters
     ----------
     date : str
-        ISO 8601, ``2024-10-01``, ``2024-10-01T06:30:00.5`` or with the day of the year,
-        ``2024-275T06:30:00``; a Z may follow. No time zone, no leap second.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    ConfigurationError
-        If it is no such date.
+        ISO 8601: ``2024-10-01``, ``2024-10-01T06:30:00.5`` or, with the day of the year,
+        ``2024-275T06:30:00``; a Z may follow. Time zones and leap seconds are not supported.
     """
     found = _DATE.fullmatch(date.strip())
     try:
@@ -129,35 +91,35 @@ def clock_seconds(date: str) -> float:
             raise ValueError
     except (AttributeError, ValueError, OverflowError):
         raise ConfigurationError(
-            f"{date!r} is no date: write it like 2024-10-01T00:00:00 (ISO 8601, no time zone)"
+            f"{date!r} is not a date: write it like 2024-10-01T00:00:00 (ISO 8601, no time zone)"
         ) from None
     return (start + clock - _NOON).total_seconds() + seconds
 
 
 def julian_date(date: str) -> float:
-    """Julian date of an ISO 8601 date (see `clock_seconds`) on the same clock."""
+    """Julian date of an ISO 8601 date (see `clock_seconds`) in the same time scale."""
     return J2000_JD + clock_seconds(date) / SECONDS_PER_DAY
 
 
 def clock_to_tdb(seconds: ArrayLike, system: str) -> Array:
-    """TDB seconds past J2000, given what a clock shows.
+    """TDB seconds past J2000 of dates in a time scale.
 
     Parameters
     ----------
     seconds : array_like
-        As of `clock_seconds`.
+        Dates, as from `clock_seconds`.
     system : {"UTC", "TAI", "TT", "TDB"}
-        The clock.
+        Time scale of the dates.
 
     Returns
     -------
     ndarray
-        To the rounding of a double, 0.1 microseconds in this century.
+        With the rounding of a double, 0.1 microseconds in this century.
 
     Raises
     ------
     ConfigurationError
-        On another clock, or before 1972 in UTC.
+        If the time scale is unknown, or a UTC date lies before 1972.
     """
     clock = np.asarray(seconds, dtype=float)
     if system not in TIME_SYSTEMS:
@@ -165,27 +127,23 @@ def clock_to_tdb(seconds: ArrayLike, system: str) -> Array:
     if system == "TDB":
         return clock.copy()
     leaps = tai_minus_utc(J2000_JD + clock / SECONDS_PER_DAY) if system == "UTC" else 0.0
-    tt = clock + leaps + (0.0 if system == "TT" else TT_MINUS_TAI_S)
+    tt = clock + leaps + (0.0 if system == "TT" else _TT_MINUS_TAI_S)
     return tt + _tdb_minus_tt(tt)
 
 
 def tdb_seconds(instant: str | float) -> float:
-    """TDB seconds past J2000 of an instant in UTC.
+    """TDB seconds past J2000 of a date in UTC.
 
     Parameters
     ----------
     instant : str or float
-        An ISO 8601 date (see `clock_seconds`), or a Julian date, which a double carries to 40
+        ISO 8601 date (see `clock_seconds`), or Julian date, which has a resolution of 40
         microseconds.
-
-    Returns
-    -------
-    float
 
     Raises
     ------
     ConfigurationError
-        If it is no such date, or lies before 1972.
+        If the text is not such a date, or the date lies before 1972.
     """
     if isinstance(instant, str):
         return float(clock_to_tdb(clock_seconds(instant), "UTC"))
@@ -193,7 +151,7 @@ def tdb_seconds(instant: str | float) -> float:
 
 
 def tdb_to_clock(tdb_s: ArrayLike, system: str) -> Array:
-    """What a clock shows at TDB seconds past J2000, the inverse of `clock_to_tdb`."""
+    """Dates in a time scale at TDB seconds past J2000; the inverse of `clock_to_tdb`."""
     tdb = np.asarray(tdb_s, dtype=float)
     if system not in TIME_SYSTEMS:
         raise ConfigurationError(f"clock {system!r} is unknown: use one of {list(TIME_SYSTEMS)}")
@@ -202,7 +160,7 @@ def tdb_to_clock(tdb_s: ArrayLike, system: str) -> Array:
     clock = tdb - _tdb_minus_tt(tdb)
     if system == "TT":
         return clock
-    clock = clock - TT_MINUS_TAI_S
+    clock = clock - _TT_MINUS_TAI_S
     if system == "UTC":
         leaps = tai_minus_utc(J2000_JD + clock / SECONDS_PER_DAY)
         clock = clock - tai_minus_utc(J2000_JD + (clock - leaps) / SECONDS_PER_DAY)
@@ -210,7 +168,7 @@ def tdb_to_clock(tdb_s: ArrayLike, system: str) -> Array:
 
 
 def clock_text(seconds: float) -> str:
-    """ISO 8601 date to the microsecond of what `clock_seconds` counts."""
+    """ISO 8601 date of a number of `clock_seconds`, to the microsecond."""
     micro = np.timedelta64(round(seconds * 1e6), "us")
     return str(np.datetime64("2000-01-01T12:00:00.000000") + micro)
 

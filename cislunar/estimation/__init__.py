@@ -1,1 +1,16 @@
-"""Orbit and attitude estimation: the role of an estimator and what its kinds share."""
+"""Orbit and attitude estimation: the interface of an estimator and common parts."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "estimator": ["CHOLESKY_FAILURES", "Estimates", "Estimator", "EstimatorFactory", "FLOOR_HITS",
+        "InitialEstimate", "OUT_OF_FIELD", "Prediction", "Rotation", "UPDATES"],
+    "expected": ["expected_directions", "expected_measurements"],
+    "initial_sigma": ["InitialSigma", "PAPER_INITIAL_SIGMA", "ProcessNoise"],
+    "registry": ["ESTIMATORS", "estimator_named"],
+    "triangular": ["cholesky", "solve_lower"],
+    "unscented": ["UnscentedWeights", "difference_moments", "information_gain",
+        "innovation_moments", "sigma_points", "square_root_update", "unscented_weights"],
+})
+# fmt: on

@@ -1,8 +1,9 @@
-"""The role of an estimator in the tasking loop.
+"""The interface of an estimator in the tasking loop.
 
-The loop knows the truth, the estimator does not. Between two tasking epochs it is handed the
-measurements that exist and returns its estimates at every step; at an epoch it says what it will
-know at the next measurement time, which is what the tasking step weighs.
+The loop knows the truth, the estimator does not. Between two tasking epochs the estimator receives
+the measurements and returns its estimates at every step. At an epoch it predicts its estimates at
+the next measurement time, on which tasking is based. States are in the propagation frame, see
+`cislunar.observation.scene`.
 """
 
 from typing import NamedTuple, Protocol
@@ -11,14 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError
-from cislunar.observation.body_spread import BodySpread
+from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.records import Measurements
-from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
+from cislunar.observation.target_surfaces import TargetSurfaces
 
 Array = NDArray[np.float64]
 
-# Condition of an estimate.
+# Health of an estimate.
 HEALTHY, NOT_FINITE, INSIDE_PRIMARY, LOST_DEFINITENESS = range(4)
 
 # Counters kept per target.
@@ -27,16 +29,16 @@ N_COUNTERS = 4
 
 
 class InitialEstimate(NamedTuple):
-    """What is known of the targets at the epoch.
+    """Estimates of the targets at the start of the run.
 
     Attributes
     ----------
     quaternion : ndarray, shape (target, 4)
-        Attitude, inertial to body.
+        Attitude, inertial frame to body frame.
     angular_velocity : ndarray, shape (target, 3)
         rad/s, body frame.
     translation : ndarray, shape (target, 6)
-        Position and velocity, nondimensional, rotating frame.
+        Position and velocity, nondimensional, propagation frame.
     sigma : ndarray, shape (12,)
         Standard deviations, common to all targets and independent: attitude error (GRP), angular
         velocity (rad/s), position and velocity (nondimensional).
@@ -54,12 +56,12 @@ class InitialEstimate(NamedTuple):
 
 
 class Rotation(NamedTuple):
-    """Attitudes as they are known at a time.
+    """Estimated attitudes and angular velocities at a time.
 
     Attributes
     ----------
     quaternion : ndarray, shape (target, 4)
-        Inertial to body.
+        Inertial frame to body frame.
     angular_velocity : ndarray, shape (target, 3)
         rad/s, body frame.
     root : ndarray, shape (target, 6, 6)
@@ -72,23 +74,21 @@ class Rotation(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """Estimates carried to the next measurement time.
+    """Estimates propagated to the next measurement time.
 
     Attributes
     ----------
     index : int
         Index of that time in the scene.
-    translation : ndarray, shape (target, 6)
-        Position and velocity, nondimensional, rotating frame; NaN for a failed target.
-    covariance : ndarray, shape (target, 6, 6)
-        Of the translation.
+    translation, covariance : ndarray, shapes (target, 6) and (target, 6, 6)
+        Position and velocity, nondimensional, propagation frame; NaN for a failed estimate.
     quaternion : ndarray, shape (target, 4), or None
-        Attitude, inertial to body, if the estimator has a Gaussian joint estimate.
+        Attitude, inertial frame to body frame, if the estimator has a joint Gaussian estimate.
     root : ndarray, shape (target, 12, 12), or None
         Lower Cholesky factor of the joint covariance of attitude error, angular velocity (rad/s),
         position and velocity.
     rotation : Rotation or None
-        Attitude and angular velocity by themselves, if the estimator has one estimate of them.
+        Attitude and angular velocity alone, if the estimator has a single estimate of them.
     """
 
     index: int
@@ -105,16 +105,16 @@ class Estimates(NamedTuple):
     Attributes
     ----------
     quaternion : ndarray, shape (target, step, 4)
-        Attitude, inertial to body.
+        Attitude, inertial frame to body frame.
     angular_velocity : ndarray, shape (target, step, 3)
         rad/s, body frame.
     translation : ndarray, shape (target, step, 6)
-        Nondimensional, rotating frame.
+        Nondimensional, propagation frame.
     sigma : ndarray, shape (target, step, 12)
-        Standard deviations of attitude error (GRP, rad for small angles), angular velocity
-        (rad/s), position and velocity (nondimensional).
+        Standard deviations of attitude error (GRP, rad for small angles), angular velocity (rad/s),
+        position and velocity (nondimensional).
     covariance : ndarray, shape (target, step, 6, 6)
-        Of the translation; without steps where it was not asked for.
+        Covariance of the translation; without steps if it was not requested.
     used : ndarray of bool, shape (row,)
         Whether each of the measurements was used.
     """
@@ -128,7 +128,7 @@ class Estimates(NamedTuple):
 
 
 def empty_estimates(measurements: Measurements, covariance: bool) -> Estimates:
-    """Room for the estimates of an interval with these measurements."""
+    """Empty arrays for the estimates of an interval with these measurements."""
     n_targets, n_offsets = measurements.offset.shape
     steps = (n_targets, n_offsets - 1)
     return Estimates(
@@ -142,41 +142,43 @@ def empty_estimates(measurements: Measurements, covariance: bool) -> Estimates:
 
 
 class Estimator(Protocol):
-    """Anything that turns measurements into estimates of all targets."""
+    """Converts measurements into estimates of all targets."""
 
     @property
     def failed(self) -> NDArray[np.uint8]:
-        """Per target, 0 or why its estimate came to an end: NOT_FINITE, INSIDE_PRIMARY ..."""
+        """Per target, 0 or the reason for which its estimate ended, such as NOT_FINITE."""
         ...
 
     @property
     def counters(self) -> NDArray[np.int64]:
-        """Counts per target: updates, out of field, dark sigma points, Cholesky failures."""
+        """Counts per target: updates, measurements outside the field of view, undetectable sigma
+        points, Cholesky failures."""
         ...
 
     @property
-    def unknowns(self) -> BodySpread:
-        """What it estimates of the targets besides their motion."""
+    def estimated_parameters(self) -> BodyParameterPrior:
+        """Body parameters that are estimated in addition to the motion."""
         ...
 
     def predict(self) -> Prediction:
-        """Estimates at the next measurement time; the estimator itself does not move on."""
+        """Estimates at the next measurement time; the estimator itself does not advance."""
         ...
 
     def advance(self, measurements: Measurements, *, covariance: bool = False) -> Estimates:
-        """Work through the next steps, those of the measurements' offsets.
+        """Process the next steps, which are those of the measurements' offsets.
 
-        Looks that found nothing (NaN) are among the measurements. `covariance` asks for that of
-        the translation at every step.
+        The measurements include observations that detected nothing (NaN). `covariance` requests the
+        covariance of the translation at every step.
         """
         ...
 
 
 class EstimatorFactory(Protocol):
-    """Makes an estimator for one run of the loop.
+    """Makes an estimator for one realization.
 
-    One whose estimators have `unknowns` says so by an attribute of that name, and they have
-    `learned` and `searches` as `cislunar.estimation.light_curves.batch.BatchEstimator`.
+    A factory whose estimators estimate body parameters has an attribute `estimated_parameters`. Its
+    estimators have `learned` and `searches`, see
+    `cislunar.estimation.light_curves.batch.BatchEstimator`.
     """
 
     def __call__(
@@ -188,5 +190,6 @@ class EstimatorFactory(Protocol):
         rng: np.random.Generator,
         forces: tuple,
     ) -> Estimator:
-        """The generator is the estimator's own; one that draws nothing ignores it."""
+        """Make an estimator with a random generator of its own, which deterministic estimators
+        ignore."""
         ...

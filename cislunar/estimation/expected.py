@@ -1,16 +1,14 @@
 """Measurements expected at the sigma points of an estimate, compiled (Paul & Fan, section 2.4).
-
-The points of position and velocity lie in the columns of a bundle, shape (6, 2 n + 1), the central
-one first. What is expected at the outer ones less the central one goes into the columns of
-`expected`, shape (2 n, m).
-"""
+Points of position and velocity are the columns of a bundle (6, 2 n + 1), the central point first.
+The expected measurements of the outer points less the central one are the rows of `expected` (2 n,
+m)."""
 
 from numba import njit
 
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
-from cislunar.observation.scene import body_of
-from cislunar.observation.sightline import METRES, direction_angles, lit_directions, wrap_angle
+from cislunar.observation.sightline import METERS, direction_angles, lit_directions, wrap_angle
+from cislunar.observation.target_surfaces import body_of
 from cislunar.photometry.body_blocks import body_magnitudes
 from cislunar.photometry.facet_blocks import MAGNITUDE, QUATERNION, RANGE, SUN, VIEW
 from cislunar.photometry.facets import FLOOR_MAGNITUDE
@@ -20,7 +18,8 @@ from cislunar.photometry.facets import FLOOR_MAGNITUDE
 def expected_directions(bundle, observer, axes, expected):
     """Right ascension and declination, rad, into the two columns; returns the central ones.
 
-    `observer` (3,) is its position, `axes` the rotation from the rotating frame to its body.
+    `observer` (3,) is its position, `axes` the rotation from the propagation frame to its body
+    frame.
     """
     ra0, dec0 = 0.0, 0.0
     for point in range(bundle.shape[1]):
@@ -40,7 +39,7 @@ def expected_directions(bundle, observer, axes, expected):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def attitude_error(root, column, scale):
-    """Attitude error of a sigma point, as a quaternion: GRP ``scale * root[:3, column]``."""
+    """Attitude error of a sigma point as a quaternion: GRP ``scale * root[:3, column]``."""
     return quaternion_from_grp_components(
         scale * root[0, column], scale * root[1, column], scale * root[2, column], GRP_A, GRP_F
     )
@@ -48,7 +47,7 @@ def attitude_error(root, column, scale):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _set_geometry(block, point, bundle, observer, sun, to_inertial):
-    """Directions to Sun and observer (inertial frame) and the range of a point, into the block."""
+    """Directions to Sun and observer (inertial frame) and range of a point, into the block."""
     x, y, z = bundle[0, point], bundle[1, point], bundle[2, point]
     light, view, distance, _ = lit_directions(
         x - observer[0],
@@ -61,15 +60,13 @@ def _set_geometry(block, point, bundle, observer, sun, to_inertial):
     )
     block[SUN, point], block[SUN + 1, point], block[SUN + 2, point] = light
     block[VIEW, point], block[VIEW + 1, point], block[VIEW + 2, point] = view
-    block[RANGE, point] = distance * METRES
+    block[RANGE, point] = distance * METERS
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _set_attitudes(block, count, quaternion, root, spread):
-    """Attitudes of the sigma points, into the block.
-
-    The root (12, 12) being triangular with the attitude first, only the points of its first six
-    columns differ from the mean attitude.
+    """Attitudes of the sigma points, into the block. The root (12, 12) is triangular with the
+    attitude first, so that only the points of its first six columns differ from the mean attitude.
     """
     q1, q2, q3, q4 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     size = root.shape[0]
@@ -89,9 +86,9 @@ def expected_measurements(
 ):
     """Magnitudes of target j and directions at the sigma points (Paul & Fan, eqs. 35, 36, 42).
 
-    The magnitudes go into column 0, right ascension and declination, as in `expected_directions`,
-    into the next two; returns the central ones, and how many points are dark. `block` is scratch
-    of the shape that `cislunar.photometry.facet_blocks` takes.
+    The magnitudes go into column 0, right ascension and declination into the next two (see
+    `expected_directions`). Returns the central values and the number of undetectable points.
+    `block` is scratch of the shape that `cislunar.photometry.facet_blocks` takes.
     """
     count = bundle.shape[1]
     for point in range(count):
@@ -100,10 +97,10 @@ def expected_measurements(
     body_magnitudes(
         block, count, body_of(surfaces, j), surfaces.irradiance_4pi, surfaces.fresnel_sqrt
     )
-    magnitude0, dark = block[MAGNITUDE, 0], 0
+    magnitude0, undetectable = block[MAGNITUDE, 0], 0
     for point in range(count):
-        dark += block[MAGNITUDE, point] == FLOOR_MAGNITUDE
+        undetectable += block[MAGNITUDE, point] == FLOOR_MAGNITUDE
         if point > 0:
             expected[point - 1, 0] = block[MAGNITUDE, point] - magnitude0
     ra0, dec0 = expected_directions(bundle, observer, axes, expected[:, 1:])
-    return magnitude0, ra0, dec0, dark
+    return magnitude0, ra0, dec0, undetectable

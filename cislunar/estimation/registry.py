@@ -1,14 +1,14 @@
-"""The estimators by name: one role, chosen by a string."""
+"""The estimators by name."""
 
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import EstimatorFactory
+from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.kalman.mukf import mukf
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
-from cislunar.estimation.spread import ProcessNoise
 
 ESTIMATORS = ("mukf", "batch")
-"""The paper's filter, and the batch estimator of the attitude beside a filter of the orbit."""
+"""The paper's filter, and the batch estimator of the attitude with a filter of the orbit."""
 
 
 def estimator_named(
@@ -23,23 +23,14 @@ def estimator_named(
     Parameters
     ----------
     name : {"mukf", "batch"}
-        Which one.
+        The paper's filter (multiplicative unscented Kalman filter) or the batch estimator.
     process_noise : ProcessNoise, optional
         None if omitted. The batch estimator has none on attitude and angular velocity.
     splitting : bool
-        Whether an orbit's Gaussian is split where it has bent, see
-        `cislunar.estimation.kalman.parts`.
+        Whether an orbit estimate becomes a Gaussian mixture where it is nonlinear, see
+        `cislunar.estimation.kalman.gaussian_mixture`.
     batch_settings : BatchSettings or str
-        Of the batch estimator: settings, or the name of a preset.
-
-    Returns
-    -------
-    EstimatorFactory
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no such estimator.
+        Settings of the batch estimator, or the name of a preset.
     """
     factories = {
         "mukf": lambda: mukf(process_noise=process_noise, splitting=splitting),

@@ -1,16 +1,14 @@
-"""Small triangular factorisations, compiled, in place and without exceptions."""
+"""Small triangular factorizations, compiled, in place and without exceptions."""
 
 import numpy as np
 
-from cislunar.compiled import borrowing
+from cislunar.compiled import njit_noalloc
 
 
-@borrowing
+@njit_noalloc
 def cholesky(matrix):
     """Replace a symmetric matrix by its lower Cholesky factor; only the lower triangle is read.
-
-    False if it is not positive definite or not finite; it is then spoilt.
-    """
+    Returns False, with the matrix overwritten, if it is not positive definite or not finite."""
     n = matrix.shape[0]
     for j in range(n):
         pivot = matrix[j, j]
@@ -30,12 +28,10 @@ def cholesky(matrix):
     return True
 
 
-@borrowing
+@njit_noalloc
 def add_outer_product(upper, vector):
-    """Replace an upper triangular G, with a positive diagonal, by that of G G^T + v v^T.
-
-    Rotations only, so the result is accurate however large v is, and never fails; v is overwritten.
-    """
+    """Replace an upper triangular G, with a positive diagonal, by that of G G^T + v v^T. Only
+    rotations are used, so that the result is accurate for any v. v is overwritten."""
     for j in range(vector.shape[0] - 1, -1, -1):
         old = upper[j, j]
         new = np.sqrt(old * old + vector[j] * vector[j])
@@ -48,7 +44,7 @@ def add_outer_product(upper, vector):
             vector[i] = cosine * vector[i] - sine * entry
 
 
-@borrowing
+@njit_noalloc
 def solve_lower(lower, vector):
     """Replace a vector b by L^-1 b; only the lower triangle of L is read."""
     for i in range(vector.shape[0]):
@@ -58,7 +54,7 @@ def solve_lower(lower, vector):
         vector[i] = total / lower[i, i]
 
 
-@borrowing
+@njit_noalloc
 def solve_transposed(lower, vector):
     """Replace a vector b by L^-T b; only the lower triangle of L is read."""
     n = vector.shape[0]

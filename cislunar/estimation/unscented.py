@@ -1,46 +1,38 @@
 """The unscented transform in difference form (Paul & Fan, section 2.4).
 
-With few states the weight of the central sigma point is harmless; with twelve, and the paper's
-alpha = 0.5, beta = 2, kappa = 3 - n, it is -15. Written in the differences d_i of the outer points
-from the central one, the moments hold no negative weight:
+With few states the weight of the central sigma point is harmless. With twelve states and the
+paper's alpha = 0.5, beta = 2, kappa = 3 - n it is -15. Written in the differences d_i of the outer
+points from the central one, the moments have no negative weight:
 
     mean        x_0 + m                                   with m = sum_i W_i d_i
     covariance  sum_i W_i d_i d_i^T + (beta - alpha^2) m m^T
 
-which is the paper's weighted sum, identically, and positive semidefinite for beta >= alpha^2
-whatever the function does. It also confines the wrapping of angles to the differences.
+This equals the paper's weighted sum and is positive semidefinite for beta >= alpha^2, whatever the
+function. Only the differences of angles have to be wrapped.
 
-Likewise the update. With U the cross-covariance in units of the prior's Cholesky factor L
-(P_xy = L U), the innovation covariance splits into two positive parts, P_vv = S + U^T U, where S is
-the noise plus the even part of the differences, so that
+The update is written likewise. With the cross-covariance U in units of the prior's Cholesky factor
+L (P_xy = L U), the innovation covariance is the sum of two positive parts, P_vv = S + U^T U, where
+S is the noise plus the even part of the differences. Then
 
     P+ = L (I - U P_vv^-1 U^T) L^T = L (I + U S^-1 U^T)^-1 L^T,
 
-and the Cholesky factor of P+ follows from that of a matrix never smaller than the identity, which
-grows out of the identity by rotations.
+and the Cholesky factor of P+ follows from that of a matrix that is never smaller than the identity
+and is obtained from the identity by rotations.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cislunar.compiled import allocating, borrowing
+from cislunar.compiled import njit_alloc, njit_noalloc
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import add_outer_product, cholesky, solve_lower
 
 
 class UnscentedWeights(NamedTuple):
-    """Weights of the 2n + 1 sigma points.
-
-    Attributes
-    ----------
-    spread : float
-        sqrt(n + lambda), the factor on the columns of the covariance's root.
-    outer : float
-        Weight of each outer point.
-    mean_shift : float
-        beta - alpha^2, the weight of m m^T in the difference form.
-    """
+    """Weights of the 2n + 1 sigma points: `spread` is sqrt(n + lambda), the factor on the columns
+    of the covariance's root, `outer` the weight of each outer point, and `mean_shift` beta -
+    alpha^2, the weight of m m^T in the difference form."""
 
     spread: float
     outer: float
@@ -57,11 +49,7 @@ def unscented_weights(
     n : int
         State dimension.
     alpha, beta, kappa : float
-        Spread, prior knowledge and tuning parameters; `kappa` is ``3 - n`` unless given.
-
-    Returns
-    -------
-    UnscentedWeights
+        Parameters of the transform; `kappa` is ``3 - n`` if omitted.
 
     Raises
     ------
@@ -82,13 +70,13 @@ def unscented_weights(
     )
 
 
-@borrowing
+@njit_noalloc
 def sigma_points(mean, rows, spread, points):
     """Sigma points of a Gaussian, by column (Paul & Fan, eqs. 24-27).
 
-    These are the mean, then mean + spread * column i of the root, then the mean less it.
-    `mean` (m,) and `rows` (m, n), part of the covariance's lower Cholesky factor, may be those of
-    some states only; `points` (m, 2 n + 1) receives the points.
+    The columns of `points` (m, 2 n + 1) are the mean, mean + spread * column i of the root, and
+    mean - spread * column i. `mean` (m,) and `rows` (m, n) of the covariance's lower Cholesky
+    factor may be those of some of the states.
     """
     size = rows.shape[1]
     for c in range(mean.shape[0]):
@@ -100,12 +88,12 @@ def sigma_points(mean, rows, spread, points):
             points[c, 1 + size + i] = center - delta
 
 
-@borrowing
+@njit_noalloc
 def difference_moments(differences, outer, mean_shift, shift, covariance):
     """Mean shift (m,) and covariance (m, m) of a transformed sigma set (Paul & Fan, eq. 40).
 
     `differences` (2 n, m), m at least four, are the outer points less the central one (angles
-    wrapped). Of the covariance, the lower triangle is meant; what is above it is spoilt.
+    wrapped). Only the lower triangle of the covariance is valid.
     """
     count, size = differences.shape
     for a in range(size):
@@ -116,7 +104,7 @@ def difference_moments(differences, outer, mean_shift, shift, covariance):
     for a in range(size):
         for first in range(0, a + 1, 4):
             b = min(first, size - 4)
-            s0 = s1 = s2 = s3 = 0.0  # four sums at a time, none of which waits for another
+            s0 = s1 = s2 = s3 = 0.0  # four independent sums at a time
             for i in range(count):
                 weighted = outer * differences[i, a]
                 s0 += weighted * differences[i, b]
@@ -130,14 +118,14 @@ def difference_moments(differences, outer, mean_shift, shift, covariance):
             covariance[a, b + 3] = s3 + shifted * shift[b + 3]
 
 
-@borrowing
+@njit_noalloc
 def innovation_moments(differences, noise_variance, weights, shift, cross, even):
     """Moments of an expected measurement in units of the prior's root (Paul & Fan, eqs. 44-47).
 
     `differences` (2 n, m) are the measurements expected at the outer sigma points less the central
-    one. Receive: `shift` (m,) the mean less the central one; `cross` (n, m) the U with P_xy = L U;
-    `even` (m, m) S = P_vv - U^T U = R + sum_i (W_i / 2) s_i s_i^T + (beta - alpha^2) m m^T with
-    s_i = d_{+i} + d_{-i}, no term of which is negative.
+    one. Outputs: `shift` (m,), the mean less the central measurement; `cross` (n, m), U with P_xy =
+    L U; `even` (m, m), S = P_vv - U^T U = R + sum_i (W_i / 2) s_i s_i^T + (beta - alpha^2) m m^T
+    with s_i = d_{+i} + d_{-i}, none of whose terms is negative.
     """
     n = cross.shape[0]
     m = cross.shape[1]
@@ -160,17 +148,17 @@ def innovation_moments(differences, noise_variance, weights, shift, cross, even)
         even[a, a] += noise_variance[a]
 
 
-@borrowing
+@njit_noalloc
 def square_root_update(root, cross, even, innovation, correction, work):
     """Kalman update of a Cholesky factor L (n, n) that stays definite (Paul & Fan, eqs. 48-50).
 
-    `cross` and `even` are U and S of `innovation_moments`; these and the innovation (m,), measured
-    less mean expected, are overwritten. `correction` (n,) receives K times the innovation, `work`
-    (n, n) is scratch. False, with `root` unspoilt, if S or the innovation is not finite.
+    `cross` and `even` are U and S of `innovation_moments`; they and the innovation (m,), measured
+    less mean expected, are overwritten. `correction` (n,) receives K times the innovation; `work`
+    (n, n) is scratch. Returns False, with `root` unchanged, if S or the innovation is not finite.
 
-    With V V^T = S and W = U V^-T the posterior is L (I + W W^T)^-1 L^T. From the upper triangular
-    G with G G^T = I + W W^T the lower factor is L G^-T. The gain is
-    K = L (I + W W^T)^-1 W V^-1 = (L G^-T) G^-1 W V^-1.
+    With V V^T = S and W = U V^-T the posterior is L (I + W W^T)^-1 L^T. From the upper triangular G
+    with G G^T = I + W W^T the lower factor is L G^-T. The gain is K = L (I + W W^T)^-1 W V^-1 = (L
+    G^-T) G^-1 W V^-1.
     """
     n, m = cross.shape
     if not cholesky(even):
@@ -209,9 +197,9 @@ def square_root_update(root, cross, even, innovation, correction, work):
     return True
 
 
-@borrowing
+@njit_noalloc
 def _multiply_by_inverse_transpose(root, upper):
-    """Replace the lower triangular L by L G^-T for an upper triangular G ."""
+    """Replace the lower triangular L by L G^-T for an upper triangular G."""
     n = root.shape[0]
     for column in range(n - 1, -1, -1):
         # Row i of X solves X G^T = L: X_ic = (L_ic - sum_{k > c} X_ik G_ck) / G_cc.
@@ -223,13 +211,13 @@ def _multiply_by_inverse_transpose(root, upper):
             root[i, column] = total * inverse
 
 
-@allocating
+@njit_alloc
 def information_gain(cross, even):
     """Mutual information of a state and a measurement, nats (Paul & Fan, eqs. 61, 62).
 
-    NaN if S is not positive definite. U and S are those of `innovation_moments`; S is overwritten.
-    (1/2) log(det P- / det P+) is (1/2) log det(I + V^-1 U^T U V^-T), free of the determinant of a
-    covariance and so of underflow.
+    U and S are those of `innovation_moments`; S is overwritten. NaN if S is not positive definite.
+    (1/2) log(det P- / det P+) is computed as (1/2) log det(I + V^-1 U^T U V^-T), which avoids the
+    determinant of a covariance and its underflow.
     """
     n, m = cross.shape
     if not cholesky(even):

@@ -1,1 +1,13 @@
 """How good an estimate is, and how good it could be: metrics and the Cramer-Rao bound."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "cramer_rao": ["CramerRaoBound"],
+    "custody": ["Custody", "attitude_angle_deg"],
+    "gospa": ["FALSE_ALARM", "CatalogQuality", "Gospa", "catalog_quality"],
+    "metrics": ["BOUND_SIGMAS", "Evaluation", "FINAL_HOURS", "INCONSISTENT", "NEVER_OBSERVED",
+        "PARTS", "STATUS_NAMES", "TRACKED", "TrackingMetrics"],
+})
+# fmt: on

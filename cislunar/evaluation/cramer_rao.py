@@ -1,29 +1,22 @@
 """The posterior Cramer-Rao bound of a run (Tichavsky, Muravchik & Nehorai 1998).
 
-No estimator knows the state better, on average over its errors, than the inverse of the Bayesian
-information matrix: that of the initial distribution plus that of the measurements. Linearised at
-the truth it obeys the covariance recursion of an extended Kalman filter that is handed the true
-states, and without process noise
-
-    J(t) = Phi(t, 0)^-T (P0^-1 + sum_k Phi(t_k, 0)^T H_k^T R^-1 H_k Phi(t_k, 0)) Phi(t, 0)^-1.
-
-States, order and units are those of `cislunar.evaluation.metrics`. A measurement at t_k is carried
-back to a reference time by the transition matrix and updates the Cholesky factor there, so that
-between measurements nothing is propagated but that matrix; without process noise the reference
-time stays the epoch. Process noise moves it on at every step. The matrix of the translation is
-taken from the continuous extension of long steps where it is needed (docs/bound.md).
+docs/bound.md derives it. States, order and units are those of `cislunar.evaluation.metrics`. A
+measurement is carried back to a reference time by the transition matrix and updates the Cholesky
+factor there, so that only that matrix is propagated between measurements. Without process noise the
+reference time stays the epoch; with process noise it advances at every step. The matrix of the
+translation comes from the continuous extension of long steps.
 
 Assumptions and limitations
 ---------------------------
-- The bound is that of the measurements that were used. What the absence of a measurement tells (the
-  target was too faint, say) is not counted.
-- It is that of an estimator that knows what the targets are and how noisy the measurements, or has
-  to estimate some of it (`BodySpread`) from the right prior; one that believes otherwise may fall
-  short of it. That the noise's variance has to be estimated as well costs nothing to this order.
-- A torque is known by what it does to the true angular velocity from step to step.
+- The bound is that of the used measurements. Information from the absence of a measurement (for
+  example, that the target was too faint) is not included.
+- It holds for an estimator that knows the bodies and the noise, or estimates body parameters
+  (`BodyParameterPrior`) from the right prior; an estimator with a wrong model may not reach it. To
+  this order, estimating the noise variance as well costs nothing.
+- A torque is known by its effect on the true angular velocity from step to step.
 - It belongs to one true trajectory; the bound proper is an average over trajectories.
-- Where the light curve is far from linear over the uncertainty, as that of a faceted body is, the
-  bound may lie well below what any estimator can reach.
+- If the light curve is far from linear over the uncertainty, as that of a faceted body is, the
+  bound may be far below the error of any estimator.
 - It ends where the true trajectory enters the Earth or the Moon.
 """
 
@@ -33,39 +26,37 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.attitude.departures import departing_transition
 from cislunar.attitude.inertia import rigid_bodies
+from cislunar.attitude.parameter_deviations import parameter_transition
 from cislunar.attitude.rigid_body import spherical_transition
-from cislunar.compiled import allocating, borrowing, put
+from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
 from cislunar.dynamics.adaptive.runge_kutta import DOP853, OK, integrate
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import of_state
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import square_root_update
-from cislunar.observation.body_spread import BodySpread
-from cislunar.observation.drawn_bodies import surface_table
-from cislunar.observation.measurement_derivatives import departure_row, measurement_rows
+from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.body_sampling import surface_table
+from cislunar.observation.measurement_derivatives import deviation_row, measurement_rows
 from cislunar.observation.records import Measurements
-from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.scene import Scene
 from cislunar.observation.sightline import inside_primary
-from cislunar.threads import share_out
+from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime.threads import share_out
 
 Array = NDArray[np.float64]
 
 SIZE = 12
 
-RTOL, ATOL = 1e-13, 1e-13
+_RTOL, _ATOL = 1e-13, 1e-13
 """Tolerances of the translation's transition matrix, per step of its integration."""
 
 
 class _BoundState(NamedTuple):
-    """What is carried on of each target.
-
-    `root` (target, n, n) is the Cholesky factor of the covariance at the reference time, of the
-    twelve states and of what is not known of the body, in its standard deviations. From there
-    `turn` (target, 6, 6 + m) and `motion` (target, 36), row by row, lead to now.
-    """
+    """State of the recursion: covariance root (target, n, n) at the reference time, of the twelve
+    states and the body parameters in prior standard deviations; transition matrices of rotation
+    (target, 6, 6 + m) and translation (target, 36) to the present; whether the bound has ended."""
 
     root: Array
     turn: Array
@@ -73,13 +64,11 @@ class _BoundState(NamedTuple):
     ended: NDArray[np.bool_]
 
 
-@borrowing
-def _use(rows, departures, turn, motion, root, noise_variance, work):
-    """Update the factor at the reference time with a measurement.
-
-    `turn` (6, 6 + m) and `motion` (6 x 6 in a row) lead from the reference time to the measurement;
-    `departures` are the derivatives of the magnitude by what is not known of the surface.
-    """
+@njit_noalloc
+def _use(rows, deviations, turn, motion, root, noise_variance, work):
+    """Update the factor at the reference time with a measurement, given the transition matrices
+    `turn` and `motion` to it; `deviations` are the derivatives of the magnitude by the surface
+    deviations."""
     gradient, cross, even, innovation, correction, scratch = work
     for a in range(3):
         for c in range(6):
@@ -93,9 +82,9 @@ def _use(rows, departures, turn, motion, root, noise_variance, work):
         gradient[SIZE + c] = 0.0
         for i in range(3):
             gradient[SIZE + c, 0] += rows[0, i] * turn[i, 6 + c]
-    for c in range(departures.shape[0]):
+    for c in range(deviations.shape[0]):
         gradient[SIZE + turning + c] = 0.0
-        gradient[SIZE + turning + c, 0] = departures[c]
+        gradient[SIZE + turning + c, 0] = deviations[c]
     for a in range(3):
         for i in range(root.shape[0]):
             cross[i, a] = 0.0
@@ -109,11 +98,11 @@ def _use(rows, departures, turn, motion, root, noise_variance, work):
     return square_root_update(root, cross, even, innovation, correction, scratch)
 
 
-@borrowing
+@njit_noalloc
 def _carry(turn, motion, root, carried):
-    """Root of the covariance now, shape (n, n) and not triangular, into `carried`."""
-    put(carried[:, SIZE:], root[:, SIZE:])
-    put(carried[SIZE:], root[SIZE:])
+    """Root of the present covariance, shape (n, n) and not triangular, into `carried`."""
+    copy_into(carried[:, SIZE:], root[:, SIZE:])
+    copy_into(carried[SIZE:], root[SIZE:])
     for i in range(6):
         for c in range(6):
             total = 0.0
@@ -131,7 +120,7 @@ def _carry(turn, motion, root, carried):
             carried[6 + i, c] = total
 
 
-@borrowing
+@njit_noalloc
 def _restart(turn, motion):
     """Identity as the transition from a new reference time."""
     turn[:, :] = 0.0
@@ -141,7 +130,7 @@ def _restart(turn, motion):
         motion[7 * i] = 1.0
 
 
-@borrowing
+@njit_noalloc
 def _move_reference(turn, motion, root, carried, process_variance):
     """Move the reference time to now and add process noise; False if definiteness is lost."""
     _carry(turn, motion, root, carried)
@@ -158,32 +147,30 @@ def _move_reference(turn, motion, root, carried, process_variance):
     return cholesky(root)
 
 
-@borrowing
+@njit_noalloc
 def _turn_on(omega, step_s, bodies, j, of_rotation, scratch, turn):
-    """Carry the rotation's transition matrix (6, 6 + m) over a step, in place.
-
-    A rate does not depend on the attitude, so that the lower left blocks are zero; the last columns
-    are by the departures of the rotation that are not known.
-    """
+    """Propagate the rotation's transition matrix (6, 6 + m) over a step, in place. A rate does not
+    depend on the attitude, so that the lower left blocks are zero; the last columns are by the
+    rotation deviations."""
     kinds, sigma = of_rotation
     step_turn, product = scratch[0], scratch[1]
     inertia, inverse = bodies.inertia[j], bodies.inverse[j]
     if bodies.spherical[j] and kinds.shape[0] == 0:
         spherical_transition(omega, step_s, step_turn)
     else:
-        departing_transition(omega, step_s, inertia, inverse, kinds, step_turn)
+        parameter_transition(omega, step_s, inertia, inverse, kinds, step_turn)
     for a in range(6):
         for b in range(turn.shape[1]):
             total = 0.0
             for c in range(0 if a < 3 else 3, 3 if b < 3 else 6):
                 total += step_turn[a, c] * turn[c, b]
             product[a, b] = total if b < 6 else total + sigma[b - 6] * step_turn[a, b]
-    put(turn, product)
+    copy_into(turn, product)
 
 
-@borrowing
+@njit_noalloc
 def _steps_outside(translation, primaries):
-    """How many of the steps after the first time the truth takes outside Earth and Moon."""
+    """Number of steps until the true position is inside the Earth or the Moon."""
     for step in range(translation.shape[0] - 1):
         x, y, z = translation[step + 1, 0], translation[step + 1, 1], translation[step + 1, 2]
         if not np.isfinite(x + y + z) or inside_primary(x, y, z, primaries[step + 1]):
@@ -191,30 +178,30 @@ def _steps_outside(translation, primaries):
     return translation.shape[0] - 1
 
 
-@allocating
+@njit_alloc
 def _motions(forces, start, state, motion, step, steps, out):
-    """Transition matrices after some of the steps from time `start` on; False if that fails.
-
-    `state` (6,) is the true one at the start, where the matrix is `motion` (36,); `steps`, rising,
-    count from 1. The matrices go into the last columns of `out` (steps, 42).
-    """
+    """Transition matrices after some of the steps from time `start` on; False if the integration
+    fails. `state` (6,) is the true state at the start, where the matrix is `motion` (36,); `steps`,
+    rising, count from 1. The matrices go into the last columns of `out` (steps, 42)."""
     known = np.empty(42)
     known[:6] = state
     known[6:] = motion
     nowhere = np.empty(0)
     given = out, nowhere, nowhere
-    status, _ = integrate(DOP853, forces, start, known, step * steps, RTOL, ATOL, *given)
+    status, _ = integrate(DOP853, forces, start, known, step * steps, _RTOL, _ATOL, *given)
     return status == OK
 
 
-@allocating
-def _advance_target(j, first, world, truth, records, wanted, process_variance, forces, state, out):
+@njit_alloc
+def _advance_target(
+    j, first, model, truth, records, selected, process_variance, forces, state, out
+):
     """Bound of target j over the steps that follow time `first`, (step, 12), into `out`."""
-    scene, surfaces, bodies, of_rotation, (kinds, sigma) = world
+    scene, surfaces, bodies, of_rotation, (kinds, sigma) = model
     translation, quaternion, omega = truth[0][j], truth[1][j], truth[2][j]
     noisy = np.any(process_variance > 0.0)
     size = state.root.shape[1]
-    rows, departures, carried = np.empty((3, 6)), np.empty(kinds.shape[1]), np.empty((size, size))
+    rows, deviations, carried = np.empty((3, 6)), np.empty(kinds.shape[1]), np.empty((size, size))
     tall, gain, square = (size, 3), np.empty(size), np.empty((size, size))
     work = np.empty(tall), np.empty(tall), np.empty((3, 3)), np.empty(3), gain, square
     root, turn, motion, offset = state.root[j], state.turn[j], state.motion[j], records.offset[j]
@@ -224,8 +211,8 @@ def _advance_target(j, first, world, truth, records, wanted, process_variance, f
         return
     state.ended[j] = True  # until all steps are done
     n_steps = _steps_outside(translation, scene.primaries[first:])
-    # between these the translation's matrix is not wanted
-    steps = np.flatnonzero(wanted[:n_steps] | (offset[1 : n_steps + 1] > offset[:n_steps])) + 1
+    # between these steps the translation's matrix is not needed
+    steps = np.flatnonzero(selected[:n_steps] | (offset[1 : n_steps + 1] > offset[:n_steps])) + 1
     if n_steps == out.shape[0] and (steps.size == 0 or steps[-1] < n_steps):
         steps = np.append(steps, n_steps)
     motions, one = np.empty((steps.size, 42)), np.ones(1)
@@ -252,13 +239,13 @@ def _advance_target(j, first, world, truth, records, wanted, process_variance, f
         done += 1
         for row in range(offset[step], offset[step + 1]):
             place = translation[step + 1], quaternion[step + 1]
-            look = (*place, records.observer[row], first + step + 1, j, scene, surfaces)
-            measurement_rows(*look, rows)
-            if departures.shape[0] > 0:
-                departure_row(*look, kinds[j], sigma[j], departures)
-            if not _use(rows, departures, turn, motion, root, records.variance[row], work):
+            observation = (*place, records.observer[row], first + step + 1, j, scene, surfaces)
+            measurement_rows(*observation, rows)
+            if deviations.shape[0] > 0:
+                deviation_row(*observation, kinds[j], sigma[j], deviations)
+            if not _use(rows, deviations, turn, motion, root, records.variance[row], work):
                 return
-        if not wanted[step]:
+        if not selected[step]:
             continue
         _carry(turn, motion, root, carried)
         for a in range(SIZE):
@@ -270,38 +257,31 @@ def _advance_target(j, first, world, truth, records, wanted, process_variance, f
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _advance(targets, first, world, truth, records, wanted, process_variance, forces, state, out):
-    """Bounds of targets, from one to before another, (target, step, 12), into `out`.
-
-    See `CramerRaoBound.advance`.
-    """
+def _advance(targets, first, model, truth, records, selected, process_variance, forces, state, out):
+    """Bounds of a range of targets, (target, step, 12), into `out`; see
+    `CramerRaoBound.advance`."""
     given = process_variance, forces, state
     for j in range(targets[0], targets[1]):
-        _advance_target(j, first, world, truth, records, wanted, *given, out[j])
+        _advance_target(j, first, model, truth, records, selected, *given, out[j])
 
 
 class CramerRaoBound:
-    """Posterior Cramer-Rao bound of all targets, carried on from interval to interval.
+    """Posterior Cramer-Rao bound of all targets, propagated from interval to interval.
 
     Parameters
     ----------
     scene : Scene
-        Observers, Sun and frames; index 0 is the epoch.
+        Observers, Sun and frames; index 0 is the start of the run.
     surfaces : TargetSurfaces
-        Shapes, materials and inertia, as they truly are.
+        True shapes, materials and inertia.
     sigma : array_like, shape (12,)
-        Standard deviations at the epoch, see `cislunar.estimation.estimator.InitialEstimate`.
+        Initial standard deviations, see `cislunar.estimation.estimator.InitialEstimate`.
     process_variance : array_like, shape (12,), optional
         Added to the covariance's diagonal at each step; none, if omitted.
-    unknowns : BodySpread, optional
-        What has to be estimated of the targets besides their motion; nothing, if omitted.
+    estimated_parameters : BodyParameterPrior, optional
+        Body parameters that have to be estimated; none, if omitted.
     forces : NamedTuple
-        Force model, see `cislunar.dynamics.forces`.
-
-    Raises
-    ------
-    ConfigurationError
-        If a variance is negative or a sigma not positive.
+        True force model, see `cislunar.dynamics.forces`.
     """
 
     def __init__(
@@ -311,7 +291,7 @@ class CramerRaoBound:
         sigma: ArrayLike,
         *,
         process_variance: ArrayLike | None = None,
-        unknowns: BodySpread | None = None,
+        estimated_parameters: BodyParameterPrior | None = None,
         forces: tuple = EARTH_MOON,
     ) -> None:
         deviations = np.array(sigma, dtype=float)
@@ -326,10 +306,10 @@ class CramerRaoBound:
                     "sigma zero"
                 )
         n_targets = surfaces.inertia.shape[0]
-        unknowns = BodySpread() if unknowns is None else unknowns
-        of_rotation, of_surface = unknowns.rotation_kinds(), surface_table(unknowns, surfaces)
+        prior = BodyParameterPrior() if estimated_parameters is None else estimated_parameters
+        of_rotation, of_surface = prior.rotation_kinds(), surface_table(prior, surfaces)
         bodies = rigid_bodies(surfaces.inertia)
-        self._world = (scene, surfaces, bodies, of_rotation, of_surface)
+        self._model = (scene, surfaces, bodies, of_rotation, of_surface)
         turning = of_rotation[0].size
         deviations = np.concatenate([deviations, np.ones(turning + of_surface[0].shape[1])])
         self._process_variance, self._forces, self._index = process, forces, 0
@@ -346,38 +326,33 @@ class CramerRaoBound:
         quaternion: Array,
         angular_velocity: Array,
         measurements: Measurements,
-        wanted: ArrayLike | None = None,
+        selected: ArrayLike | None = None,
     ) -> Array:
-        """Work through the next steps, those of the measurements' offsets.
+        """Process the next steps, which are those of the measurements' offsets.
 
         Parameters
         ----------
         translation : ndarray, shape (target, step + 1, 6)
-            True states, nondimensional, rotating frame, from the end of the last interval on.
+            True states, nondimensional, propagation frame, from the end of the last interval on.
         quaternion : ndarray, shape (target, step + 1, 4)
-            True attitudes, inertial to body.
+            True attitudes, inertial frame to body frame.
         angular_velocity : ndarray, shape (target, step + 1, 3)
             True angular velocities, rad/s, body frame.
         measurements : Measurements
-            Those that were used, with the variances of their errors. Their values do not matter.
-        wanted : array_like of bool, shape (step,), optional
-            Steps at which the bound is wanted; all, if omitted.
+            Used measurements, with the variances of their errors. Their values do not matter.
+        selected : array_like of bool, shape (step,), optional
+            Steps at which the bound is computed; all, if omitted.
 
         Returns
         -------
         ndarray, shape (target, step, 12)
-            Standard deviations after the measurements of each step: small turn (rad, which a small
-            GRP vector equals), angular velocity (rad/s), position and velocity (nondimensional).
-            NaN where they are not wanted, once the true trajectory has entered the Earth or the
-            Moon, and from the first measurement without noise on.
-
-        Raises
-        ------
-        ConfigurationError
-            If the shapes do not fit together, or a variance is negative.
+            Standard deviations after the measurements of each step: attitude error (rad, which a
+            small GRP vector equals), angular velocity (rad/s), position and velocity
+            (nondimensional). NaN at other steps, after the true trajectory has entered the Earth or
+            the Moon, and from the first measurement without noise on.
         """
         n_targets, n_offsets = measurements.offset.shape
-        n_times = self._world[0].sun_position.shape[0] - self._index
+        n_times = self._model[0].sun_position.shape[0] - self._index
         if translation.shape[:2] != (n_targets, n_offsets) or n_offsets > n_times:
             raise ConfigurationError(
                 f"measurements at {n_offsets - 1} steps of {n_targets} targets do not fit true "
@@ -390,8 +365,10 @@ class CramerRaoBound:
             np.ascontiguousarray(each, dtype=float)
             for each in (translation, quaternion, angular_velocity)
         )
-        asked = np.ones(n_offsets - 1, dtype=bool) if wanted is None else np.array(wanted, bool)
-        given = self._world, truth, measurements, asked, self._process_variance, self._forces
+        chosen = (
+            np.ones(n_offsets - 1, dtype=bool) if selected is None else np.array(selected, bool)
+        )
+        given = self._model, truth, measurements, chosen, self._process_variance, self._forces
         given = (self._index, *given, self._state, out)
         share_out(lambda start, stop: _advance((start, stop), *given), n_targets)
         self._index += n_offsets - 1

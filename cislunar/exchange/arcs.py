@@ -1,15 +1,11 @@
-"""Arcs between the rotating frame and the messages and tables of `cislunar.exchange`."""
+"""Conversion of arcs between the rotating frame and the messages and tables of
+`cislunar.exchange`."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
-from cislunar.exchange.inertial import (
-    Epoch,
-    inertial_covariances,
-    inertial_states,
-    rotating_states,
-)
+from cislunar.exchange.inertial import Epoch, inertial_covariances, inertial_states, rotating_states
 from cislunar.exchange.oem import Segment
 
 Array = NDArray[np.float64]
@@ -22,7 +18,7 @@ COMMENTS = (
     "These are the axes of that frame, turned into the ICRF by the ephemeris at the epoch.",
     "The Moon of these states is on that circle: it is not the ephemeris Moon.",
 )
-"""What is written, for the header of a message."""
+"""Definition of the states, for the header of a message."""
 
 
 def arc(
@@ -35,27 +31,24 @@ def arc(
     center: str = "EARTH",
     covariance: ArrayLike | None = None,
 ) -> Segment:
-    """An arc in inertial axes, as messages and tables hold it.
+    """An arc in the ICRF, for messages and tables.
 
     Parameters
     ----------
     name : str
-        Of the object.
+        Name of the object.
     state : array_like, shape (time, 6)
         Nondimensional, rotating frame.
     elapsed_s : array_like, shape (time,)
         Times since the epoch, s.
     epoch : Epoch
+        Epoch and axes, from `cislunar.exchange.inertial.epoch_at`.
     object_id : str
-        International designator; the name if there is none.
+        International designator; `name` if omitted.
     center : str
         Origin, one of `cislunar.exchange.inertial.CENTERS`.
     covariance : array_like, shape (time, 6, 6), optional
         Nondimensional, rotating frame.
-
-    Returns
-    -------
-    Segment
     """
     times = np.asarray(elapsed_s, dtype=float)
     found = Segment(
@@ -73,12 +66,14 @@ def arc(
 
 
 def rotating_arc(segment: Segment, epoch: Epoch) -> tuple[Array, Array]:
-    """The states of an arc in the rotating frame.
+    """States of an arc in the rotating frame.
 
     Parameters
     ----------
     segment : Segment
+        The arc.
     epoch : Epoch
+        Epoch and axes of the rotating frame.
 
     Returns
     -------

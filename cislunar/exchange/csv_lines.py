@@ -1,4 +1,4 @@
-"""Lines of a comma-separated table, for the readers of missions and of targets."""
+"""Lines of comma-separated tables."""
 
 import csv
 from pathlib import Path
@@ -7,38 +7,33 @@ from cislunar.errors import InputFileError
 
 
 def read_lines(path: str | Path, what: str) -> list[tuple[int, list[str]]]:
-    """Fields of every line of a table with its number, as an editor counts them.
+    """Fields of every line of a table, with the line number.
 
     Parameters
     ----------
     path : str or Path
         Comma-separated table in UTF-8.
     what : str
-        What the table holds, for messages.
+        Content of a row, for messages.
 
     Returns
     -------
     list of (int, list of str)
-        Blank lines are empty lists; a field that begins with a quotation mark may hold line
-        breaks, and is counted where it ends.
-
-    Raises
-    ------
-    InputFileError
-        If the file is missing or cannot be read as a table.
+        Blank lines are empty lists. A quoted field may contain line breaks; its row has the number
+        of its last line.
     """
     try:
         with Path(path).open(newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file, skipinitialspace=True)
             return [(reader.line_num, fields) for fields in reader]
     except FileNotFoundError as error:
-        mend = f"give the path of a table with a row per {what}"
-        raise InputFileError(f"{path}: no such file; {mend}") from error
+        remedy = f"give the path of a table with a row per {what}"
+        raise InputFileError(f"{path}: no such file; {remedy}") from error
     except (OSError, ValueError, csv.Error) as error:
         raise InputFileError(f"{path}: cannot be read as a table in UTF-8 ({error})") from error
 
 
 def listed(header: list[str]) -> str:
-    """Names of columns for a message, unless they are no readable ones."""
+    """Column names for a message, unless they are unreadable."""
     text = ", ".join(header) or "no columns"
     return text if text.isprintable() and len(text) < 200 else "no readable names"

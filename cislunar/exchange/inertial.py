@@ -1,15 +1,16 @@
-"""States of the three-body problem in inertial axes, as other tools want them.
+"""Transformation of CR3BP states to inertial axes, for exchange with other tools.
 
-The rotating frame of the circular problem is none other tools know. Its inertial axes are here
-those of the Moon at the epoch, turned by the ephemeris into the ICRF; from then on the frame turns
-uniformly, one radian per unit of time, about z, as the circular problem says. So a path that is
-ballistic in the rotating frame is ballistic among an Earth and a Moon on circles, the map is exact
-both ways, and directions are those the sensors measure.
+The inertial axes are those of the rotating frame at the epoch, with x towards the ephemeris Moon,
+rotated into the ICRF by the ephemeris. From then on the frame rotates uniformly about z, one radian
+per unit of time, as the CR3BP assumes. Therefore a ballistic path in the rotating frame is
+ballistic with an Earth and a Moon on circular orbits, the transformation is exact in both
+directions, and directions are those that the sensors measure.
 
 Assumptions and limitations
 ---------------------------
-- The Moon of these states is on a circle of l*; the true one leaves it by up to 6 per cent of the
-  distance and, in half a month, some 6 degrees in direction. Lengths are not scaled by it.
+- The Moon of these states is on a circle of radius l*. The ephemeris Moon differs from it by up to
+  6 percent in distance and, within half a month, by some 6 degrees in direction. Lengths are not
+  scaled accordingly.
 """
 
 from typing import NamedTuple
@@ -25,18 +26,18 @@ from cislunar.errors import ConfigurationError
 Array = NDArray[np.float64]
 
 CENTERS = {"EARTH": -MU, "MOON": 1.0 - MU, "EARTH BARYCENTER": 0.0}
-"""Place of the origins on the x axis, nondimensional, by their names in CCSDS messages."""
+"""Positions of the origins on the x axis, nondimensional, by their names in CCSDS messages."""
 
 
 class Epoch(NamedTuple):
-    """When the axes of the circular problem are which.
+    """Epoch of the CR3BP and its axes at that time.
 
     Attributes
     ----------
     tdb_s : float
         TDB seconds past J2000.
     rotation : ndarray, shape (3, 3)
-        From the ICRF to the rotating frame at that time.
+        Rotation from the ICRF to the rotating frame at that time.
     """
 
     tdb_s: float
@@ -44,24 +45,8 @@ class Epoch(NamedTuple):
 
 
 def epoch_at(epoch_jd: float, kernel: str = DEFAULT_KERNEL) -> Epoch:
-    """The frame at a date.
-
-    Parameters
-    ----------
-    epoch_jd : float
-        Julian date, UTC.
-    kernel : str
-        As for `cislunar.ephemeris.sampling.sample_ephemeris`.
-
-    Returns
-    -------
-    Epoch
-
-    Raises
-    ------
-    ConfigurationError, InputFileError
-        As of `cislunar.ephemeris.sampling.sample_ephemeris`.
-    """
+    """Epoch and axes at a Julian date, UTC. For `kernel` and the errors see
+    `cislunar.ephemeris.sampling.sample_ephemeris`."""
     sampled = sample_ephemeris(epoch_jd, 0.0, kernel=kernel)
     return Epoch(float(sampled.et[0]), sampled.moon_rotation[0])
 
@@ -69,28 +54,8 @@ def epoch_at(epoch_jd: float, kernel: str = DEFAULT_KERNEL) -> Epoch:
 def inertial_states(
     state: ArrayLike, elapsed_s: ArrayLike, epoch: Epoch, center: str = "EARTH"
 ) -> Array:
-    """States in the ICRF.
-
-    Parameters
-    ----------
-    state : array_like, shape (..., time, 6)
-        Nondimensional, rotating frame.
-    elapsed_s : array_like, shape (time,)
-        Times since the epoch, s.
-    epoch : Epoch
-    center : str
-        Origin, one of `CENTERS`.
-
-    Returns
-    -------
-    ndarray, shape (..., time, 6)
-        km and km/s.
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no such centre.
-    """
+    """Transform states (..., time, 6), nondimensional, rotating frame, `elapsed_s` seconds (time,)
+    since the epoch, to the ICRF relative to one of `CENTERS`, km and km/s."""
     shifted = np.asarray(state, dtype=float) - _origin(center)
     return np.einsum("tij,...tj->...ti", _to_inertial(elapsed_s, epoch), shifted)
 
@@ -98,13 +63,13 @@ def inertial_states(
 def rotating_states(
     state: ArrayLike, elapsed_s: ArrayLike, epoch: Epoch, center: str = "EARTH"
 ) -> Array:
-    """The inverse of `inertial_states`: from km and km/s, ICRF, to the rotating frame."""
+    """Transform states from the ICRF, km and km/s, to the rotating frame."""
     back = np.linalg.inv(_to_inertial(elapsed_s, epoch))
     return np.einsum("tij,...tj->...ti", back, np.asarray(state, dtype=float)) + _origin(center)
 
 
 def inertial_covariances(covariance: ArrayLike, elapsed_s: ArrayLike, epoch: Epoch) -> Array:
-    """Covariances, shape (..., time, 6, 6), carried like `inertial_states`; km^2 ... km^2/s^2."""
+    """Transform covariances (..., time, 6, 6) like `inertial_states`; km^2, km^2/s, km^2/s^2."""
     turn = _to_inertial(elapsed_s, epoch)
     return turn @ np.asarray(covariance, dtype=float) @ np.swapaxes(turn, -1, -2)
 
@@ -116,7 +81,7 @@ def _origin(center: str) -> Array:
 
 
 def _to_inertial(elapsed_s: ArrayLike, epoch: Epoch) -> Array:
-    """Matrices (time, 6, 6) from the rotating frame to the ICRF, with the units."""
+    """Matrices (time, 6, 6) from the rotating frame, nondimensional, to the ICRF, km and km/s."""
     angle = np.asarray(elapsed_s, dtype=float) / TIME_UNIT_S
     zero, one = np.zeros_like(angle), np.ones_like(angle)
     cos, sin = np.cos(angle), np.sin(angle)

@@ -1,9 +1,9 @@
 """CCSDS Orbit Ephemeris Messages (CCSDS 502.0-B, section 5) in keyword-value notation.
 
-Read are the versions 1 to 3: header (5.2.2), metadata (5.2.3), ephemeris data lines (5.2.4) and
-covariance matrices (5.2.5). Accelerations, interpolation hints and comments are passed over. Frames
-are those this library can turn into its own: the ICRF, and what lies within 0.02 arcsec of it. What
-is cut short is refused, which the readers on PyPI let pass (oem 0.4.5, ccsds-ndm 3.1.1).
+Versions 1 to 3 are read: header (5.2.2), metadata (5.2.3), ephemeris data lines (5.2.4) and
+covariance matrices (5.2.5). Accelerations, interpolation hints and comments are ignored. Frames are
+the ICRF and those within 0.02 arcsec of it. Truncated files are refused, unlike by the readers on
+PyPI (oem 0.4.5, ccsds-ndm 3.1.1).
 """
 
 import re
@@ -27,22 +27,22 @@ from cislunar.errors import ConfigurationError, InputFileError
 Array = NDArray[np.float64]
 
 FRAMES = ("ICRF", "GCRF", "EME2000", "J2000")
-"""Values of REF_FRAME taken for the ICRF."""
+"""Values of REF_FRAME that are treated as the ICRF."""
 
-ORIGINS = {
+_ORIGINS = {
     "EARTH": "EARTH",
     "MOON": "MOON",
     "EARTH BARYCENTER": "EARTH BARYCENTER",
     "EARTH-MOON BARYCENTER": "EARTH BARYCENTER",
     "EMB": "EARTH BARYCENTER",
 }
-"""Values of CENTER_NAME, and the names they have in `cislunar.exchange.inertial.CENTERS`."""
+"""Values of CENTER_NAME, and their names in `cislunar.exchange.inertial.CENTERS`."""
 
 SAME_TIME_S = 2e-6
-"""Dates closer than this are the same: they are written to the microsecond."""
+"""Dates closer than this are equal, because they are written to the microsecond."""
 
 _KEY = re.compile(r"([A-Z][A-Z0-9_]*)\s*=\s*(.*)")
-_ASKED = (
+_REQUIRED = (
     "OBJECT_NAME",
     "OBJECT_ID",
     "CENTER_NAME",
@@ -90,28 +90,20 @@ def oem_text(
     originator: str = "CISLUNAR",
     time_system: str = "UTC",
 ) -> str:
-    """A message with these segments.
+    """Text of a message, version 2.0; its numbers have 17 digits and are read back unchanged.
 
     Parameters
     ----------
     segments : iterable of Segment
+        Arcs, in order.
     created : str
         CREATION_DATE, ISO 8601, UTC.
     comments : sequence of str
-        Lines of the header: what model the states are of, and whose axes they are in.
+        Lines of the header, such as the dynamical model and the axes of the states.
     originator : str
+        ORIGINATOR.
     time_system : {"UTC", "TAI", "TT", "TDB"}
-        Clock of the dates, which are written to the microsecond.
-
-    Returns
-    -------
-    str
-        Version 2.0. Numbers have 17 digits, so that they read back unchanged.
-
-    Raises
-    ------
-    ConfigurationError
-        On another clock, or a creation date that is none.
+        Time scale of the dates, which are written to the microsecond.
     """
     clock_seconds(created)
     lines = ["CCSDS_OEM_VERS = 2.0", *(f"COMMENT {line}" for line in comments)]
@@ -122,7 +114,7 @@ def oem_text(
         lines += ["", "META_START"]
         lines += [
             f"{key} = {value}"
-            for key, value in zip(_ASKED, (*values, dates[0], dates[-1]), strict=True)
+            for key, value in zip(_REQUIRED, (*values, dates[0], dates[-1]), strict=True)
         ]
         lines += ["META_STOP", ""]
         lines += [f"{date} {_row(state)}" for date, state in zip(dates, segment.state, strict=True)]
@@ -142,12 +134,12 @@ def _row(values: Array) -> str:
 
 
 def read_oem(path: str | Path) -> list[Segment]:
-    """Read a message.
+    """Read a message in keyword-value notation.
 
     Parameters
     ----------
     path : str or Path
-        In keyword-value notation.
+        The file.
 
     Returns
     -------
@@ -157,8 +149,8 @@ def read_oem(path: str | Path) -> list[Segment]:
     Raises
     ------
     InputFileError
-        If the file cannot be read, is no such message or cut short, or its frame, centre, clock or
-        units are none that this library can turn into its own. The message names file and line.
+        If the file is not such a message, is truncated, or has a frame, center, time scale or unit
+        that cannot be converted. The message names file and line.
     """
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
@@ -170,18 +162,18 @@ def read_oem(path: str | Path) -> list[Segment]:
     lines = [(number, line) for number, line in lines if line and not line.startswith("COMMENT")]
     if not lines or not re.fullmatch(r"CCSDS_OEM_VERS\s*=\s*[123]\.0", lines[0][1]):
         raise InputFileError(
-            f"{path}, line 1: no OEM in keyword-value notation, which begins with CCSDS_OEM_VERS = "
-            "1.0, 2.0 or 3.0; convert the file"
+            f"{path}, line 1: not an OEM in keyword-value notation, which begins with "
+            "CCSDS_OEM_VERS = 1.0, 2.0 or 3.0; convert the file"
         )
     starts = [at for at, (_, line) in enumerate(lines) if line == "META_START"]
     if not starts:
-        raise InputFileError(f"{path}: no META_START; the file is cut short or holds no ephemeris")
+        raise InputFileError(f"{path}: no META_START; the file is cut short or empty")
     stops = [*starts[1:], len(lines)]
     return [_segment(path, lines[start:stop]) for start, stop in zip(starts, stops, strict=True)]
 
 
 def _segment(path: str | Path, lines: list[tuple[int, str]]) -> Segment:
-    """A segment from its META_START to the line before the next."""
+    """A segment from its META_START to the line before the next one."""
     words = [line for _, line in lines]
     if "META_STOP" not in words:
         raise InputFileError(f"{path}, line {lines[0][0]}: no META_STOP; the file is cut short")
@@ -207,38 +199,38 @@ def _segment(path: str | Path, lines: list[tuple[int, str]]) -> Segment:
     if not dates or dates[-1] < stop - SAME_TIME_S:
         raise InputFileError(
             f"{path}, line {lines[cut - 1][0]}: the states of {meta['OBJECT_NAME']} end before "
-            f"STOP_TIME = {meta['STOP_TIME']}; the file is cut short, get the whole of it"
+            f"STOP_TIME = {meta['STOP_TIME']}; the file is cut short; get the complete file"
         )
     tdb, state = np.array(dates), np.array(states)
     _require_units(f"{path}, line {lines[end + 1][0]}", tdb, state)
     covariances = _covariances(path, lines[cut:], system)
-    center = ORIGINS[meta["CENTER_NAME"]]
+    center = _ORIGINS[meta["CENTER_NAME"]]
     return Segment(meta["OBJECT_NAME"], meta["OBJECT_ID"], center, tdb, state, *covariances)
 
 
 def _metadata(path: str | Path, first: int, lines: list[tuple[int, str]]) -> dict[str, str]:
-    """Keywords of a segment, all that are needed among them, with values that can be used."""
-    meta, place = {}, {}
+    """Keywords of a segment, including all required ones, with valid values."""
+    meta, line_of = {}, {}
     for number, line in lines:
         found = _KEY.fullmatch(line)
         if not found or found[1] in meta:
             raise InputFileError(
                 f"{path}, line {number}: {line[:40]!r} is no keyword, or a second one"
             )
-        meta[found[1]], place[found[1]] = found[2].strip(), number
-    for key in _ASKED:
+        meta[found[1]], line_of[found[1]] = found[2].strip(), number
+    for key in _REQUIRED:
         if not meta.get(key):
             raise InputFileError(f"{path}, line {first}: the segment lacks {key}; add it")
     for key, known in (
         ("REF_FRAME", FRAMES),
-        ("CENTER_NAME", ORIGINS),
+        ("CENTER_NAME", _ORIGINS),
         ("TIME_SYSTEM", TIME_SYSTEMS),
     ):
         meta[key] = meta[key].upper()
         if meta[key] not in known:
             raise InputFileError(
-                f"{path}, line {place[key]}: {key} = {meta[key]} cannot be used; convert to one of "
-                f"{', '.join(known)}"
+                f"{path}, line {line_of[key]}: {key} = {meta[key]} cannot be used; convert to "
+                f"one of {', '.join(known)}"
             )
     return meta
 
@@ -246,7 +238,7 @@ def _metadata(path: str | Path, first: int, lines: list[tuple[int, str]]) -> dic
 def _covariances(
     path: str | Path, lines: list[tuple[int, str]], system: str
 ) -> tuple[Array, Array]:
-    """Times and matrices of the covariance section, which may be missing."""
+    """Times and matrices of the covariance section, which is optional."""
     if not lines:
         return np.empty(0), np.empty((0, 6, 6))
     if lines[-1][1] != "COVARIANCE_STOP":
@@ -298,16 +290,16 @@ def _number(place: str, field: str) -> float:
 
 
 def _require_units(place: str, tdb: Array, state: Array) -> None:
-    """Refuse positions that move far less or more than velocities say: other units than km/s."""
+    """Refuse positions whose displacements contradict the velocities, as in other units."""
     if len(tdb) < 2:
         return
     moved = np.linalg.norm(np.diff(state[:, :3], axis=0), axis=1)
-    told = np.diff(tdb) * np.linalg.norm(state[1:, 3:] + state[:-1, 3:], axis=1) / 2.0
-    ratio = float(np.median(moved) / max(np.median(told), 1e-300))
+    expected = np.diff(tdb) * np.linalg.norm(state[1:, 3:] + state[:-1, 3:], axis=1) / 2.0
+    ratio = float(np.median(moved) / max(np.median(expected), 1e-300))
     if not 0.01 < ratio < 30.0:
         raise InputFileError(
-            f"{place}: positions move {ratio:.3g} times as far as velocities say; an OEM has "
-            "km and km/s, convert the file"
+            f"{place}: positions move {ratio:.3g} times as far as their velocities imply; an OEM "
+            "has km and km/s, convert the file"
         )
 
 
@@ -317,14 +309,15 @@ def state_at(segments: Sequence[Segment], tdb_s: float) -> tuple[Array, str]:
     Parameters
     ----------
     segments : sequence of Segment
-        Of one object.
+        Segments of one object.
     tdb_s : float
         TDB seconds past J2000.
 
     Returns
     -------
     state : ndarray, shape (6,)
-        km and km/s; a Hermite interpolation of the four nearest states unless one is of that time.
+        ICRF, km and km/s; Hermite interpolation of the four nearest states unless one has that
+        time.
     center : str
         Its origin.
 

@@ -1,8 +1,8 @@
 """Arcs of objects as a comma-separated table, for spreadsheets and data frames.
 
-A row per object and time: ``object, object_id, center, epoch`` (ISO 8601, TDB), position and
-velocity ``x_km ... vz_km_s`` in the ICRF, and, where there are covariances, their lower triangle
-row by row, ``cov_x_x ... cov_vz_vz`` (km^2, km^2/s, km^2/s^2), empty at times without one.
+Each row has an object and a time: ``object, object_id, center, epoch`` (ISO 8601, TDB), position
+and velocity ``x_km ... vz_km_s`` in the ICRF, and, if there are covariances, their lower triangle
+row by row, ``cov_x_x ... cov_vz_vz`` (km^2, km^2/s, km^2/s^2), empty at times without a covariance.
 """
 
 import csv
@@ -18,25 +18,16 @@ from cislunar.exchange.csv_lines import listed, read_lines
 from cislunar.exchange.inertial import CENTERS
 from cislunar.exchange.oem import SAME_TIME_S, Segment
 
-STATE_COLUMNS = ("x_km", "y_km", "z_km", "vx_km_s", "vy_km_s", "vz_km_s")
-_HEAD = ("object", "object_id", "center", "epoch", *STATE_COLUMNS)
+_STATE_COLUMNS = ("x_km", "y_km", "z_km", "vx_km_s", "vy_km_s", "vz_km_s")
+_HEAD = ("object", "object_id", "center", "epoch", *_STATE_COLUMNS)
 _AXES = ("x", "y", "z", "vx", "vy", "vz")
 _ROWS, _COLUMNS = np.tril_indices(6)
 _COVARIANCE = tuple(f"cov_{_AXES[i]}_{_AXES[j]}" for i, j in zip(_ROWS, _COLUMNS, strict=True))
 
 
 def segments_csv(segments: Iterable[Segment]) -> str:
-    """The table of these segments; numbers read back unchanged.
-
-    Parameters
-    ----------
-    segments : iterable of Segment
-        Covariances at other times than states are left out.
-
-    Returns
-    -------
-    str
-    """
+    """Table of segments, as text; numbers are read back unchanged. Covariances at times without a
+    state are omitted."""
     given = list(segments)
     covered = any(len(each.covariance) for each in given)
     file = io.StringIO()
@@ -54,22 +45,8 @@ def segments_csv(segments: Iterable[Segment]) -> str:
 
 
 def read_segments(path: str | Path) -> list[Segment]:
-    """Read a table of `segments_csv`; rows of an object stand together.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    list of Segment
-        One for each object, in the order of the file.
-
-    Raises
-    ------
-    InputFileError
-        If the file is missing or no such table; the message names file and row.
-    """
+    """Read a table of `segments_csv`, in which the rows of an object are consecutive: one segment
+    for each object, in the order of the file."""
     lines = [(number, fields) for number, fields in read_lines(path, "state") if any(fields)]
     header = lines[0][1] if lines else []
     lacking = [name for name in _HEAD if name not in header]
@@ -82,7 +59,7 @@ def read_segments(path: str | Path) -> list[Segment]:
     for number, fields in lines[1:]:
         row = dict(zip(header, fields, strict=False))
         try:
-            names = ("epoch", *STATE_COLUMNS, *(_COVARIANCE if row.get(_COVARIANCE[0]) else ()))
+            names = ("epoch", *_STATE_COLUMNS, *(_COVARIANCE if row.get(_COVARIANCE[0]) else ()))
             values = [clock_seconds(row[names[0]]), *(float(row[name]) for name in names[1:])]
             if len(fields) != len(header) or not np.all(np.isfinite(values)):
                 raise ValueError("fields are missing, or numbers not finite")

@@ -1,7 +1,7 @@
-"""Rows of tables of one's own: names, states in either unit, and what is refused of them.
+"""Rows of user-defined tables: names, states in either unit, and their validation.
 
 The readers of targets and of observers share the columns of positions, velocities and periods, the
-checks of their numbers, and the way a message names a place.
+checks of their numbers, and the naming of rows in messages.
 """
 
 from math import isfinite
@@ -26,49 +26,40 @@ Array = NDArray[np.float64]
 Quantity = tuple[tuple[str, ...], tuple[str, ...], float]
 """Columns of a quantity, nondimensional and practical, and its unit in the practical one."""
 Columns = tuple[tuple[str, ...], float]
-"""Columns that hold a quantity, and the size of its nondimensional unit in theirs."""
+"""Columns of a quantity, and the size of its nondimensional unit in their unit."""
 Row = dict[str, str]
 
 POSITION = (("x", "y", "z"), ("x_km", "y_km", "z_km"), LENGTH_UNIT_KM)
-VELOCITY = (
-    ("vx", "vy", "vz"),
-    ("vx_km_s", "vy_km_s", "vz_km_s"),
-    LENGTH_UNIT_KM / TIME_UNIT_S,
-)
+VELOCITY = (("vx", "vy", "vz"), ("vx_km_s", "vy_km_s", "vz_km_s"), LENGTH_UNIT_KM / TIME_UNIT_S)
 PERIOD = (("period",), ("period_days",), TIME_UNIT_S / SECONDS_PER_DAY)
 
-LARGEST_GAP_KM = 100.0
-"""Between the ends of an orbit said to be closed."""
+_LARGEST_GAP_KM = 100.0
+"""Largest distance between the ends of a closed orbit, km."""
 
 BODIES = (("Earth", -MU, EARTH_RADIUS_KM), ("Moon", 1.0 - MU, MOON_RADIUS_KM))
-"""Name, place on the x axis (nondimensional) and radius (km)."""
+"""Name, position on the x axis (nondimensional) and radius (km)."""
 
 
 def named_rows(
     path: str | Path, what: str, key: str = "id"
 ) -> tuple[list[str], list[tuple[str, Row]]]:
-    """Header of a table, and its rows with their place as it is named in messages.
+    """Header of a table, and its rows with the location that messages name.
 
     Parameters
     ----------
     path : str or Path
         Comma-separated table in UTF-8.
     what : str
-        What a row holds, for messages.
+        Content of a row, for messages.
     key : str
         Column that names a row.
 
     Returns
     -------
     header : list of str
+        Column names.
     rows : list of (str, dict)
-        Place and texts by column; blank lines are left out.
-
-    Raises
-    ------
-    InputFileError
-        If the file is missing or empty, a column occurs twice, that of the names is not there, or
-        a row has too few fields.
+        Location, and text by column; blank lines are omitted.
     """
     lines = read_lines(path, what)
     header = [name.strip() for name in lines[0][1]] if lines else []
@@ -97,7 +88,7 @@ def named_rows(
 def quantity_columns(
     path: str | Path, header: list[str], quantity: Quantity, *, optional: bool = False
 ) -> Columns | None:
-    """Columns that hold a quantity, and the size of its nondimensional unit in theirs."""
+    """Columns that hold a quantity, and the size of its nondimensional unit in their unit."""
     plain, practical, unit = quantity
     found = [
         (columns, size)
@@ -118,7 +109,7 @@ def quantity_columns(
 
 
 def row_names(rows: list[tuple[str, Row]], what: str, key: str = "id") -> list[str]:
-    """Names of the rows, each of which must be given and occur once."""
+    """Names of the rows, which must be present and unique."""
     first: dict[str, str] = {}
     for place, row in rows:
         name = row[key]
@@ -153,27 +144,27 @@ def _unit(columns: Columns) -> str:
 
 
 def _instead(columns: Columns, quantity: Quantity) -> str:
-    """Where numbers in km or km/s belong, if these columns are not theirs."""
+    """Hint at the columns for km or km/s, if these columns are nondimensional."""
     unit = "km" if quantity is POSITION else "km/s"
     return "" if _unit(columns) else f"; {unit} belong in columns named {', '.join(quantity[1])}"
 
 
 def row_position(place: str, row: Row, columns: Columns) -> list[float]:
-    """Position of a row, which must be near Earth and Moon and in neither."""
+    """Position of a row, nondimensional, which must be near Earth and Moon and outside of both."""
     position = row_numbers(place, row, columns)
     check_position(place, columns[0], position, _unit(columns), _instead(columns, POSITION))
-    return check_outside(place, position)
+    return _check_outside(place, position)
 
 
 def row_state(place: str, row: Row, position: Columns, velocity: Columns) -> list[float]:
-    """State of a row, nondimensional, refused outside of the bounds that tell units apart."""
+    """State of a row, nondimensional, within the bounds that detect a wrong unit."""
     state = [*row_position(place, row, position), *row_numbers(place, row, velocity)]
     check_velocity(place, velocity[0], state, _unit(velocity), _instead(velocity, VELOCITY))
     return state
 
 
 def row_period(place: str, row: Row, period: Columns | None) -> float:
-    """Period of a row, nondimensional; 0 where none is given."""
+    """Period of a row, nondimensional; 0 if the row has none."""
     if period is None or not row[period[0][0]]:
         return 0.0
     (given,) = row_numbers(place, row, period)
@@ -182,15 +173,15 @@ def row_period(place: str, row: Row, period: Columns | None) -> float:
 
 
 def check_state(place: str, names: tuple[str, ...], state: Array, unit: str) -> None:
-    """Refuse a whole state as `row_position` and `check_velocity` do."""
+    """Apply the checks of `row_position` and `check_velocity` to a state."""
     check_position(place, names[:3], state[:3], unit)
-    check_outside(place, list(state[:3]))
+    _check_outside(place, list(state[:3]))
     check_velocity(place, names[3:6], state, unit)
 
 
 def check_closed(place: str, state: Array, period: float) -> None:
     """Refuse a period, nondimensional, that does not close the orbit through a state."""
-    # the compiled library, which a configuration is checked without
+    # imported here, because a configuration is checked without compiled modules
     from cislunar.dynamics.propagation import propagate
 
     try:
@@ -198,16 +189,16 @@ def check_closed(place: str, state: Array, period: float) -> None:
     except ConvergenceError as error:
         raise InputFileError(f"{place}: its orbit cannot be followed ({error})") from error
     gap = LENGTH_UNIT_KM * float(np.linalg.norm((after - before)[:3]))
-    if gap > LARGEST_GAP_KM:
+    if gap > _LARGEST_GAP_KM:
         raise InputFileError(
             f"{place}: not closed: half a period ahead and half a period back it is {gap:,.0f} km "
-            f"apart (at most {LARGEST_GAP_KM:g}); correct state or period, or leave the period "
-            "empty for a path that flies on"
+            f"apart (at most {_LARGEST_GAP_KM:g}); correct state or period, or leave the period "
+            "empty for an open trajectory"
         )
 
 
-def check_outside(place: str, position: list[float]) -> list[float]:
-    """A position that is in none of the bodies."""
+def _check_outside(place: str, position: list[float]) -> list[float]:
+    """Refuse a position inside one of the bodies; returns the position."""
     for body, center, radius in BODIES:
         x, y, z = position
         distance = LENGTH_UNIT_KM * float(np.hypot(np.hypot(x - center, y), z))

@@ -1,6 +1,10 @@
-"""Placing panels, reach and ticks of their axes, titles and legends, in inches from below left."""
+"""Places of panels, limits and ticks of their axes, titles, legends and notes.
+
+Places are in inches from the lower left corner of the figure.
+"""
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,13 +20,16 @@ from cislunar.figures.style import BLACK, panel_letter
 Array = NDArray[np.float64]
 
 _LEAST_SPACING = 0.13
-"""Least distance of two tick labels, as a share of the axis."""
+"""Least distance between two tick labels, as a share of the axis."""
+
+_NOTE_LETTER_IN = 0.053
+"""Mean width of a letter of a note."""
 
 
 def place(
     figure: Figure, left_in: float, bottom_in: float, width_in: float, height_in: float
 ) -> Axes:
-    """Axes at a place in inches from the lower left corner."""
+    """Axes with a lower left corner and a size in inches."""
     width, height = figure.get_size_inches()
     return figure.add_axes(
         (left_in / width, bottom_in / height, width_in / width, height_in / height)
@@ -32,8 +39,8 @@ def place(
 class Grid(NamedTuple):
     """Panels of equal size in rows and columns; lengths in inches.
 
-    `width` and `height` are a panel's, `left` and `foot` place the lower left one, `gap` and
-    `between` lie from panel to panel in a row and in a column.
+    A panel has the size `width` by `height`. The lower left panel begins at `left` and `foot`.
+    Panels are `gap` apart in a row and `between` apart in a column.
     """
 
     rows: int
@@ -67,12 +74,12 @@ class Grid(NamedTuple):
 
 
 def panel_title(axes: Axes, number: int, text: str, **more: Any) -> None:
-    """Title of a panel with its letter, at the left."""
+    """Give a panel a title with its letter, at the left."""
     axes.set_title(f"{panel_letter(number)} {text}", loc="left", **more)
 
 
 def title_above(figure: Figure, text: str) -> None:
-    """Title of the whole figure, in its upper left corner."""
+    """Give the whole figure a title in its upper left corner."""
     width, height = figure.get_size_inches()
     figure.text(0.14 / width, 1.0 - 0.07 / height, text, va="top", fontsize=8.5)
 
@@ -80,7 +87,7 @@ def title_above(figure: Figure, text: str) -> None:
 def legend_below(
     figure: Figure, handles: Sequence[Artist], bottom_in: float, ncols: int | None = None, **more
 ) -> None:
-    """Legend in the middle, so high above the lower edge; in one row unless told."""
+    """Place a legend in the middle, its lower edge at `bottom_in`; in one row by default."""
     figure.legend(
         handles=handles,
         loc="lower center",
@@ -91,13 +98,32 @@ def legend_below(
     )
 
 
+def note_lines(text: str, width_in: float) -> str:
+    """A note in lines that fit into a figure of a width."""
+    letters = int((width_in - 0.1) / _NOTE_LETTER_IN)
+    return "\n".join(filter(None, (fill(line, letters) for line in text.split("\n"))))
+
+
+def note_height(lines: str) -> float:
+    """Height above the lower edge from which on there is room above a note, inches."""
+    return 0.1 + 0.11 * (lines.count("\n") + 1) if lines else 0.07
+
+
+def note_below(figure: Figure, text: str) -> float:
+    """Write a note at the lower edge; where a legend above it may begin is returned, inches."""
+    width, height = figure.get_size_inches()
+    text = note_lines(text, width)
+    figure.text(0.5, 0.06 / height, text, ha="center", va="bottom", fontsize=6.5, linespacing=1.2)
+    return note_height(text)
+
+
 def reach(
     values: ArrayLike, *, log: bool, share: float = 0.08, least: float = 1.15
 ) -> tuple[float, float]:
-    """Ends of an axis that holds the values, from 0.1 to 1 with a margin if none counts.
+    """Limits of an axis that holds the values; those of 0.1 and 1 if there is none.
 
-    Values that are not finite, or on a logarithmic axis not positive, do not count. The margin is
-    `share` of what lies between the outermost ones, on a logarithmic axis at least a factor
+    Values that are not finite, and on a logarithmic axis those that are not positive, are left out.
+    The margin is `share` of the range of the values, on a logarithmic axis at least a factor
     `least`.
     """
     values = np.ravel(values)
@@ -111,25 +137,25 @@ def reach(
 
 
 def note_empty(axes: Axes, text: str) -> None:
-    """Say in an empty panel why there is nothing in it."""
-    look = {"ha": "center", "va": "center", "fontsize": 6.5, "color": BLACK}
-    axes.text(0.5, 0.5, text, transform=axes.transAxes, **look)
+    """Write in an empty panel why it is empty."""
+    centered = {"ha": "center", "va": "center", "fontsize": 6.5, "color": BLACK}
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, **centered)
 
 
 def widened(low: float, high: float) -> tuple[float, float]:
-    """Ends of an axis of counts: two at least between them, and little room below zero."""
+    """Limits of an axis of counts: at least 2 apart, with little room below zero."""
     spare = max(0.0, 0.5 * (2.5 - (high - low)))
     low, high = low - spare, high + spare
     return max(low, -0.1 * max(high, 2.0)), high if low > 0.0 else max(high, 2.0)
 
 
 def whole_numbers(axis: Axis, most: int = 4) -> None:
-    """Ticks at whole numbers alone, so many steps at most."""
+    """Set ticks at whole numbers, with at most `most` steps between them."""
     axis.set_major_locator(MaxNLocator(most, integer=True, min_n_ticks=1))
 
 
 def set_vertical(axes: Axes, limits: tuple[float, float], *, log: bool) -> None:
-    """Ends of the vertical axis, with labelled ticks where it is logarithmic."""
+    """Set the limits of the vertical axis, with labeled ticks if it is logarithmic."""
     if log:
         axes.set_yscale("log")
     axes.set_ylim(*limits)
@@ -138,16 +164,16 @@ def set_vertical(axes: Axes, limits: tuple[float, float], *, log: bool) -> None:
 
 
 def fixed_ticks(axis: Axis, ticks: ArrayLike, names: Sequence[str] | None = None) -> None:
-    """Ticks at some places, named by their numbers unless told; minor ones have no names."""
+    """Set ticks with names, by default their numbers; minor ticks have no names."""
     axis.set_major_locator(FixedLocator(ticks))
     axis.set_major_formatter(FixedFormatter(names or [f"{tick:g}" for tick in ticks]))
     axis.set_minor_formatter(NullFormatter())
 
 
 def nice_ticks(low: float, high: float) -> Array:
-    """At most five ticks of a logarithmic axis, finer than decades where it is short.
+    """At most five ticks of a logarithmic axis, closer than decades where the axis is short.
 
-    At least two unless the axis is shorter than half a digit.
+    There are at least two unless the axis is shorter than half a digit.
     """
     powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
     for digits in (
@@ -165,7 +191,7 @@ def nice_ticks(low: float, high: float) -> Array:
 
 
 def tick_names(ticks: Array) -> list[str]:
-    """Labels of ticks: plain numbers, or powers of ten where those are long."""
+    """Labels of ticks: plain numbers, or powers of ten where plain numbers are long."""
     if ticks.size and ticks.min() >= 1e-3 and ticks.max() < 1e4:
         return [f"{tick:g}" for tick in ticks]
     names = []
@@ -177,15 +203,16 @@ def tick_names(ticks: Array) -> list[str]:
 
 
 def log_ticks(axis: Axis, low: float, high: float) -> None:
-    """Labelled ticks on a logarithmic axis from one end to the other."""
+    """Set labeled ticks on a logarithmic axis."""
     ticks = nice_ticks(low, high)
     fixed_ticks(axis, ticks, tick_names(ticks))
 
 
 def spaced(values: Array, least: float = _LEAST_SPACING) -> Array:
-    """Positive values, rising, that can be labelled side by side on a logarithmic axis.
+    """Those of some positive values that can be labeled side by side on a logarithmic axis.
 
-    The ends always; the others at least a share `least` of the whole apart.
+    The least and the greatest are always among them; neighbors are at least a share `least` of the
+    axis apart.
     """
     values = np.unique(values)
     if values.size < 3:

@@ -1,7 +1,7 @@
-"""Look of every figure: type, colors, line styles and markers, and how a figure is saved.
+"""Style of every figure: type, colors, line styles and markers; and how a figure is saved.
 
-Colors are those of Okabe and Ito, told apart by color-blind readers. What a color says is said
-again by a line style or a marker, so that the figures survive a print in gray.
+The colors are those of Okabe and Ito, which color-blind readers can distinguish. Line styles and
+markers repeat what colors say, so that figures can be printed in gray.
 """
 
 import io
@@ -17,9 +17,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image
 
-from cislunar.campaign.data.netcdf import whole_file
-from cislunar.campaign.data.progress import progress_log
 from cislunar.errors import ConfigurationError
+from cislunar.figures import labels
+from cislunar.runtime.netcdf import whole_file
+from cislunar.runtime.progress import progress_log
 
 ORANGE = "#E69F00"
 SKY = "#56B4E9"
@@ -66,11 +67,11 @@ _STYLE = {
 
 
 _MARKER_SCALE = {"*": 1.6, "P": 1.2, "X": 1.2, "^": 1.1, "h": 1.15, "D": 0.9}
-"""Markers of equal size differ in area; this evens them out."""
+"""Factors that give markers about the same area."""
 
 
 class SeriesStyle(NamedTuple):
-    """How one family or optimizer is drawn."""
+    """Label, color, line and marker of a series."""
 
     label: str
     color: str
@@ -79,7 +80,7 @@ class SeriesStyle(NamedTuple):
     filled: bool = True
 
     def marker_kwargs(self, size: float = 4.0) -> dict:
-        """Keywords of its markers for ``plot``."""
+        """Keywords of the markers for ``plot``."""
         return {
             "marker": self.marker,
             "markersize": size * _MARKER_SCALE.get(self.marker, 1.0),
@@ -88,16 +89,19 @@ class SeriesStyle(NamedTuple):
             "markeredgewidth": 0.3 if self.filled else 0.8,
         }
 
+    def point_kwargs(self, size: float = 4.0) -> dict:
+        """Keywords of markers without a line for ``plot``."""
+        return {"linestyle": "none", "color": self.color} | self.marker_kwargs(size)
+
+    def line_kwargs(self) -> dict:
+        """Keywords of the line for ``plot``."""
+        return {"color": self.color, "linestyle": self.line}
+
     def legend_handle(self, label: str | None = None, *, line: bool = True) -> Line2D:
-        """Its entry in a legend."""
-        return Line2D(
-            [],
-            [],
-            color=self.color,
-            linestyle=self.line if line else "none",
-            label=self.label if label is None else label,
-            **self.marker_kwargs(),
-        )
+        """Entry of the series in a legend."""
+        drawn = self.line_kwargs() if line else self.point_kwargs()
+        label = self.label if label is None else label
+        return Line2D([], [], label=label, **drawn | self.marker_kwargs())
 
 
 SOLID = "-"
@@ -120,7 +124,7 @@ _PLANAR = {
 
 
 def _tone(color: str, light: float) -> str:
-    """The same hue, darker towards -1 and lighter towards 1."""
+    """A tone of the same hue: darker towards -1, lighter towards 1."""
     return to_hex([(1.0 - abs(light)) * share + max(light, 0.0) for share in to_rgb(color)])
 
 
@@ -139,23 +143,31 @@ FAMILY_STYLE: Mapping[str, SeriesStyle] = _family_styles()
 """Hue by libration point, tone and line style by kind (north, south, planar), marker by branch."""
 
 OPTIMIZER_STYLE: Mapping[str, SeriesStyle] = {
-    "tpe": SeriesStyle("TPE", BLUE, SOLID, "o"),
-    "random": SeriesStyle("random search", VERMILION, DASHED, "s"),
-    "atpe": SeriesStyle("adaptive TPE", SKY, DASH_DOT, "P"),
-    "exact": SeriesStyle("exact search", GREEN, DASH_DOT, "*"),
-    "published": SeriesStyle("paper's families, our members", PURPLE, DOTTED, "D"),
+    name: SeriesStyle(labels.ARCHITECTURES[name], *drawn)
+    for name, drawn in {
+        "tpe": (BLUE, SOLID, "o"),
+        "random": (VERMILION, DASHED, "s"),
+        "atpe": (SKY, DASH_DOT, "P"),
+        "exact": (GREEN, DASH_DOT, "*"),
+        "published": (PURPLE, DOTTED, "D"),
+        "J": (GREEN, SOLID, "X"),
+        "coverage": (ORANGE, DASHED, "^"),
+        "information": (SKY, DASH_DOT, "v"),
+        "stable": (SKY, DOTTED, "v", False),
+        "attitude": (BLACK, DOTTED, "P"),
+    }.items()
 }
-"""How each optimizer is drawn."""
+"""Styles of architectures, by optimizer or by design without its number of satellites."""
 
 ESTIMATOR_STYLE: Mapping[str, SeriesStyle] = {
-    "mukf": SeriesStyle("MUKF", VERMILION, DASHED, "s", filled=False),
-    "batch": SeriesStyle("batch", BLUE, SOLID, "o"),
+    "mukf": SeriesStyle(labels.ESTIMATORS["mukf"], VERMILION, DASHED, "s", filled=False),
+    "batch": SeriesStyle(labels.ESTIMATORS["batch"], BLUE, SOLID, "o"),
 }
-"""How each estimator is drawn."""
+"""Styles of the estimators."""
 
 
 def family_style(family: str) -> SeriesStyle:
-    """How a family is drawn; a `ConfigurationError` if it has no style."""
+    """Style of an orbit family; a `ConfigurationError` if it has none."""
     try:
         return FAMILY_STYLE[family]
     except KeyError:
@@ -165,24 +177,39 @@ def family_style(family: str) -> SeriesStyle:
         ) from None
 
 
-def style_or_gray(styles: Mapping[str, SeriesStyle], name: str) -> SeriesStyle:
-    """How a series is drawn; one without a style of its own is gray."""
-    return styles.get(name, SeriesStyle(name, GRAY, SOLID, "v"))
+def style_or_gray(styles: Mapping[str, SeriesStyle], name: str, label: str) -> SeriesStyle:
+    """Style of a series with its label; a series without one is gray."""
+    return styles.get(name, SeriesStyle(label, GRAY, SOLID, "v"))._replace(label=label)
 
 
-def optimizer_style(optimizer: str) -> SeriesStyle:
-    """How an optimizer is drawn."""
-    return style_or_gray(OPTIMIZER_STYLE, optimizer)
+def optimizer_style(architecture: str) -> SeriesStyle:
+    """Style of an architecture."""
+    label = labels.architecture_label(architecture)
+    return style_or_gray(OPTIMIZER_STYLE, labels.without_number(architecture), label)
 
 
 def estimator_style(estimator: str) -> SeriesStyle:
-    """How an estimator is drawn."""
-    return style_or_gray(ESTIMATOR_STYLE, estimator)
+    """Style of an estimator."""
+    return style_or_gray(ESTIMATOR_STYLE, estimator, labels.estimator_label(estimator))
+
+
+_SPARE_MARKERS = "ovsD^P*X<>hp"
+
+
+def distinct(styles: Mapping[str, SeriesStyle]) -> dict[str, SeriesStyle]:
+    """Styles of the series of one figure, with other markers where two would look alike."""
+    found: dict[str, SeriesStyle] = {}
+    for name, series in styles.items():
+        taken = {(each.color, each.marker) for each in found.values()}
+        spare = (marker for marker in _SPARE_MARKERS if (series.color, marker) not in taken)
+        alike = (series.color, series.marker) in taken
+        found[name] = series._replace(marker=next(spare, series.marker)) if alike else series
+    return found
 
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """The rc parameters of every figure, for the time of its making and saving."""
+    """Set the parameters of matplotlib for the time in which a figure is made or saved."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(_STYLE)
@@ -190,7 +217,7 @@ def house_style() -> Iterator[None]:
 
 
 def new_figure(height_in: float, width_in: float = PAGE_WIDTH_IN) -> Figure:
-    """An empty figure outside pyplot's registry, its size in inches."""
+    """An empty figure, not registered with pyplot; size in inches."""
     figure = Figure(figsize=(width_in, height_in), facecolor="white")
     FigureCanvasAgg(figure)
     return figure
@@ -207,10 +234,10 @@ def panel_letter(index: int) -> str:
 
 
 def save_figure(figure: Figure, path_png: str | Path, path_pdf: str | Path) -> None:
-    """Write a figure as PNG and PDF, each whole or not at all; creates their folders.
+    """Write a figure as PNG and PDF, each completely or not at all; create their folders.
 
     The same figure gives the same bytes: no dates and no versions are stored. The PNG has at most
-    256 colors, which makes it a third as large.
+    256 colors, which reduces its size to a third.
     """
     plain = {"Creator": None, "Producer": None, "CreationDate": None}
     files = ((path_png, "png", {"Software": None}), (path_pdf, "pdf", plain))
@@ -227,8 +254,12 @@ def save_figure(figure: Figure, path_png: str | Path, path_pdf: str | Path) -> N
 
 
 def _with_palette(drawn: io.BytesIO) -> io.BytesIO:
-    """A PNG with its colors in a palette; no dots that would feign further ones."""
+    """A PNG with its colors in a palette, without dithering.
+
+    The palette covers all hues of the figure, so that color bars have no steps.
+    """
     smaller = io.BytesIO()
-    colors = Image.open(drawn).convert("RGB").quantize(256, dither=Image.Dither.NONE)
+    method = {"method": Image.Quantize.MAXCOVERAGE, "kmeans": 1, "dither": Image.Dither.NONE}
+    colors = Image.open(drawn).convert("RGB").quantize(256, **method)
     colors.save(smaller, "PNG", optimize=True, dpi=(RASTER_DPI, RASTER_DPI))
     return smaller

@@ -1,1 +1,24 @@
-"""What an observer sees of a target, and when: scene, sight line, measurement, derivatives."""
+"""Observation of targets: scene, line of sight, measurement, derivatives, sensors, bodies."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "body_factory": ["body_from_spec", "equal_sphere_of"],
+    "body_parameters": ["BodyParameterPrior", "HOUR"],
+    "body_sampling": ["sample_rotations", "sample_surfaces", "surface_table", "true_deviations"],
+    "body_spec": ["BodySpec", "ICOSAHEDRON", "bodies_of_targets", "load_body_table"],
+    "ground": ["station_positions", "station_tracks"],
+    "measurement": ["DETECTED", "EXCLUDED", "FAINT", "NOT_TASKED", "OCCULTED", "detectable_targets",
+        "measure"],
+    "measurement_derivatives": ["deviation_row", "measurement_rows"],
+    "records": ["Measurements", "constant_schedule", "highest", "pointed_schedule", "rows_of"],
+    "scene": ["Scene", "make_scene"],
+    "sensor": ["Atmosphere", "ExclusionAngles", "PhotonNoise", "Sensor", "SensorLimits", "Sensors",
+        "extinction", "limits_of", "noise_variance_at", "sensor_limits", "sensors_of"],
+    "sightline": ["EARTH_RADIUS", "METERS", "MOON_RADIUS", "SUN", "dimming", "direction_angles",
+        "in_clear_view", "inside_primary", "lit_directions", "outside_exclusion", "rotate",
+        "sphere_brighter", "sphere_margin", "sunlit_share", "toward_primary", "wrap_angle"],
+    "target_surfaces": ["TargetSurfaces", "body_of"],
+})
+# fmt: on

@@ -1,9 +1,9 @@
-"""Observers on the ground: where stations on the turning Earth are.
+"""Positions of observers on the rotating Earth.
 
 The rotation of the Earth is SPICE's frame IAU_EARTH with the constants of the text kernel
 pck00010.tpc (Archinal et al. 2011, Celest. Mech. Dyn. Astron. 109, 101, table 1), on the ellipsoid
-of the same. It leaves out nutation and runs in TDB, which puts a station some 10 km from where it
-truly stands: nothing to a simulation, whose estimators know the places of their observers.
+of the same kernel. It neglects nutation and takes TDB for UT, which displaces a station by some 10
+km. Simulations are not affected, since their estimators know the positions of their observers.
 """
 
 import numpy as np
@@ -27,21 +27,11 @@ _RADII_KM = 6378.1366, 6356.7519
 
 
 def earth_rotation(time: ArrayLike) -> Array:
-    """Rotation from the axes of J2000 to those fixed to the Earth, by SPICE.
-
-    Parameters
-    ----------
-    time : array_like, shape (time,)
-        TDB seconds past J2000.
-
-    Returns
-    -------
-    ndarray, shape (time, 3, 3)
-        ``r_fixed = rotation @ r_j2000``.
-    """
+    """Rotation from J2000 axes to Earth-fixed axes by SPICE at TDB seconds past J2000 (time,),
+    shape (time, 3, 3)."""
     import spiceypy
 
-    # constants that the caller has loaded from a kernel of his own are his
+    # constants that the caller has loaded from another kernel take precedence
     for name in [name for name in _POOL if not spiceypy.expool(name)]:
         spiceypy.pdpool(name, _POOL[name])
     return np.array([spiceypy.tipbod("J2000", _EARTH, float(t)) for t in np.ravel(time)])
@@ -50,24 +40,14 @@ def earth_rotation(time: ArrayLike) -> Array:
 def station_positions(
     latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike
 ) -> Array:
-    """Places fixed to the Earth.
+    """Earth-fixed positions of stations, km, ndarray of shape (station, 3).
 
     Parameters
     ----------
     latitude_deg, longitude_deg : array_like, shape (station,)
-        Geodetic; longitude east.
+        Geodetic, deg; longitude east.
     height_m : array_like, shape (station,)
-        Above the ellipsoid.
-
-    Returns
-    -------
-    ndarray, shape (station, 3)
-        km.
-
-    Raises
-    ------
-    ConfigurationError
-        If a station is outside the globe.
+        Height above the ellipsoid, m.
     """
     import spiceypy
 
@@ -78,8 +58,8 @@ def station_positions(
         if not (abs(latitude) <= 90.0 and -180.0 <= longitude <= 360.0 and abs(height) < 1e5):
             raise ConfigurationError(
                 f"station at latitude_deg = {latitude}, longitude_deg = {longitude}, height_m = "
-                f"{height} is not on the globe: latitudes go from -90 to 90, longitudes from -180 "
-                "to 360, heights are in m"
+                f"{height} is not on the globe: give latitudes in [-90, 90], longitudes in "
+                "[-180, 360] and heights in m"
             )
         angles = np.deg2rad(longitude), np.deg2rad(latitude)
         flattening = (equatorial - polar) / equatorial
@@ -90,19 +70,19 @@ def station_positions(
 def station_tracks(
     position_km: ArrayLike, table: BodyTable, time: ArrayLike, *, inertial: bool = False
 ) -> Array:
-    """Where stations are while the Earth turns.
+    """Positions of stations on the rotating Earth.
 
     Parameters
     ----------
     position_km : array_like, shape (station, 3)
-        From `station_positions`.
+        Earth-fixed positions, see `station_positions`.
     table : BodyTable
-        Gives the directions of the rotating frame, which follow the Moon.
+        Ephemeris of Earth and Moon, which defines the rotating frame.
     time : array_like, shape (time,)
         TDB seconds past J2000.
     inertial : bool
-        Positions among the bodies as they are, about the barycenter in the axes of J2000; otherwise
-        in the rotating frame, about the Earth of the three-body problem.
+        True for the barycentric frame with J2000 axes; otherwise the rotating frame, about the
+        Earth of the CR3BP.
 
     Returns
     -------

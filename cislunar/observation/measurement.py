@@ -1,24 +1,25 @@
-"""What an observer measures of a target, and when it can (Paul & Fan, sections 2.4 and 5.2).
+"""Measurements of a target by an observer, and when they are possible (Paul & Fan, sections 2.4 and
+5.2).
 
-A measurement is (magnitude, right ascension, declination): the facet model's apparent magnitude
-and the direction of the target in the body frame of the observer.
+A measurement is (magnitude, right ascension, declination): the apparent magnitude of the facet
+model, and the direction of the target in the body frame of the observer.
 
 Assumptions and limitations
 ---------------------------
 - Observers know their own position and attitude exactly; light time and aberration are neglected.
-- Right ascension and declination have the same noise everywhere, as in the paper, also
-  near the pole of the observer's frame, where right ascension is then too informative.
-- Where there is noise of photons, all errors of the brightness are Gaussian in the flux.
-- A target in the shadow of the Earth or Moon is taken as lit unless its dimming is given.
+- Right ascension and declination have the same noise everywhere, as in the paper. Near the pole of
+  the observer's frame right ascension is therefore too informative.
+- With photon noise, all errors of the brightness are Gaussian in the flux.
+- A target in the shadow of the Earth or Moon is fully lit unless its dimming is given.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.compiled import borrowing
+from cislunar.compiled import njit_noalloc
 from cislunar.errors import ConfigurationError
 from cislunar.observation.records import Measurements, Schedule
-from cislunar.observation.scene import Scene, TargetSurfaces, body_of
+from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import (
     Sensors,
     extinction,
@@ -29,57 +30,54 @@ from cislunar.observation.sensor import (
 from cislunar.observation.sightline import (
     BRIGHT,
     CLEAR,
-    METRES,
+    METERS,
     direction_angles,
     lit_directions,
     obstacle,
     wrap_angle,
 )
+from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 from cislunar.photometry.body_blocks import body_magnitude
 
 Array = NDArray[np.float64]
 
-# What became of a look.
+# Detection outcomes.
 NOT_TASKED, FAINT, EXCLUDED, OCCULTED, DETECTED = range(5)
 
 _PER_SHARE = 2.5 / np.log(10.0)
-"""Magnitudes by which a source is fainter per share of its flux that is missing, to first order."""
+"""Magnitude loss per missing share of the flux, to first order."""
 
 
-@borrowing
+@njit_noalloc
 def target_magnitude(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j):
-    """Apparent magnitude of target j; `FLOOR_MAGNITUDE` of `photometry.facets` if it is dark.
-
-    d leads from the observer to the target, s from there to the Sun (nondimensional, rotating
-    frame); `quaternion` is a tuple, inertial to body.
-    """
+    """Apparent magnitude of target j; `FLOOR_MAGNITUDE` of `photometry.facets` if no facet
+    reflects. d leads from the observer to the target, s from the target to the Sun (nondimensional,
+    propagation frame); `quaternion` is a tuple, inertial frame to body frame."""
     light, view, distance, _ = lit_directions(dx, dy, dz, sx, sy, sz, to_inertial)
     return body_magnitude(
         quaternion,
         light,
         view,
-        distance * METRES,
+        distance * METERS,
         body_of(surfaces, j),
         surfaces.irradiance_4pi,
         surfaces.fresnel_sqrt,
     )
 
 
-@borrowing
+@njit_noalloc
 def _in_flux(error):
-    """Error of a magnitude whose flux errs by as much to first order; infinite without any flux.
-
-    The noise of photons is Gaussian in the flux: a source far below the noise, whose magnitude
-    would err by hundreds, is not found at a hundred magnitudes above its own.
-    """
+    """Error of a magnitude whose flux has this error to first order; infinite without any flux.
+    Photon noise is Gaussian in the flux, so that the error of a source far below the noise stays
+    finite."""
     share = 1.0 - error / _PER_SHARE
     return -_PER_SHARE * np.log(share) if share > 0.0 else np.inf
 
 
-@borrowing
+@njit_noalloc
 def _arriving(scene, surfaces, own, observer, j, k, state, attitude, dimmed):
-    """What is in the way to target j at time k, magnitude that arrives, and what air and shadow
-    took of it; without them if something is."""
+    """Obstacle to target j at time k, apparent magnitude, and dimming by air and shadow. The
+    magnitude is infinite and the dimming zero if there is an obstacle."""
     ox = scene.observer_position[observer, k, 0]
     oy = scene.observer_position[observer, k, 1]
     oz = scene.observer_position[observer, k, 2]
@@ -89,8 +87,8 @@ def _arriving(scene, surfaces, own, observer, j, k, state, attitude, dimmed):
     way = obstacle(ox, oy, oz, dx, dy, dz, sun, own, primaries)
     if way != CLEAR:
         return way, np.inf, 0.0
-    lost = dimmed + extinction(ox, oy, oz, dx, dy, dz, primaries[0], own)
-    arriving = lost + target_magnitude(
+    loss = dimmed + extinction(ox, oy, oz, dx, dy, dz, primaries[0], own)
+    arriving = loss + target_magnitude(
         dx,
         dy,
         dz,
@@ -102,21 +100,19 @@ def _arriving(scene, surfaces, own, observer, j, k, state, attitude, dimmed):
         surfaces,
         j,
     )
-    return way, arriving, lost
+    return way, arriving, loss
 
 
-@borrowing
-def _look(scene, surfaces, own, true, standard, observer, j, k, motion, noise, dimmed, out):
-    """Fate of one look at target j at time k; value and variance go into `out`, with scratch.
-
-    `own` are the observer's limits, `true` those of its true sensor, of whose noise errors are
-    counted in standard deviations if they are `standard`.
-    """
+@njit_noalloc
+def _observe(scene, surfaces, own, true, standard, observer, j, k, motion, noise, dimmed, out):
+    """Detection outcome of one observation of target j at time k; `out` receives value and
+    variance. `own` are the limits of the observer, `true` those of its true sensor. If `standard`,
+    errors are in standard deviations of the true sensor's noise."""
     state, attitude = motion
     value, variance, truly = out
     noise_variance_at(own, own.limiting_magnitude, variance)
     seen_from = scene, surfaces, own, observer
-    way, arriving, lost = _arriving(*seen_from, j, k, state, attitude, dimmed)
+    way, arriving, loss = _arriving(*seen_from, j, k, state, attitude, dimmed)
     if way != CLEAR:
         return EXCLUDED if way == BRIGHT else OCCULTED
     error = noise[0], noise[1], noise[2]
@@ -136,24 +132,26 @@ def _look(scene, surfaces, own, true, standard, observer, j, k, motion, noise, d
     place = scene.observer_position[observer, k]
     dx, dy, dz = state[0] - place[0], state[1] - place[1], state[2] - place[2]
     ra, dec = direction_angles(dx, dy, dz, scene.observer_axes[k])
-    value[0] = magnitude - lost
+    value[0] = magnitude - loss
     value[1] = wrap_angle(ra + error[1])
     value[2] = dec + error[2]
     return DETECTED
 
 
-@borrowing
-def _measure(first, begins, scene, surfaces, limits, true, standard, looks, truth, out, fate):
-    """All looks over the steps first, first + 1 and so on; see `measure`."""
+@njit_noalloc
+def _measure(
+    first, origin, scene, surfaces, limits, true, standard, observations, truth, out, outcome
+):
+    """All observations over the steps from `first` on; see `measure`."""
     states, attitudes, noise, dimmed = truth
     value, variance, truly = out
     value[:, :] = np.nan
-    for j in range(looks.offset.shape[0]):
-        for i in range(looks.offset.shape[1] - 1):
-            k, start = first + i, looks.offset[j, i]
-            for row in range(start, looks.offset[j, i + 1]):
-                o = looks.observer[row]
-                fate[row] = _look(
+    for j in range(observations.offset.shape[0]):
+        for i in range(observations.offset.shape[1] - 1):
+            k, start = first + i, observations.offset[j, i]
+            for row in range(start, observations.offset[j, i + 1]):
+                o = observations.observer[row]
+                outcome[row] = _observe(
                     scene,
                     surfaces,
                     limits_of(limits, o),
@@ -162,16 +160,16 @@ def _measure(first, begins, scene, surfaces, limits, true, standard, looks, trut
                     o,
                     j,
                     k,
-                    (states[j, k - begins], attitudes[j, k - begins]),
-                    noise[j, k - begins, row - start],
-                    dimmed[j, k - begins],
+                    (states[j, k - origin], attitudes[j, k - origin]),
+                    noise[j, k - origin, row - start],
+                    dimmed[j, k - origin],
                     (value[row], variance[row], truly),
                 )
 
 
 def measure(
     first: int,
-    looks: Schedule,
+    observations: Schedule,
     scene: Scene,
     surfaces: TargetSurfaces,
     sensor: Sensors,
@@ -179,80 +177,74 @@ def measure(
     attitudes: Array,
     noise: Array,
     *,
-    begins: int = 0,
+    origin: int = 0,
     true: Sensors | None = None,
     dimmed: Array | None = None,
 ) -> tuple[Measurements, NDArray[np.uint8]]:
     """Simulate the measurements of an interval from the true states (Paul & Fan, eqs. 23, 43).
 
-    An observation exists when the noisy magnitude that arrives reaches the sensor's limit and the
-    true line of sight keeps clear of the bright bodies (Paul & Fan, section 5.2), and of the
-    horizon on the ground. By what air and shadow have dimmed is taken off again. The field of view
-    is the estimator's to check, since it compares with the expected direction.
+    A target is detected if its noisy apparent magnitude reaches the sensor's limit and the true
+    line of sight is clear of the bright bodies (Paul & Fan, section 5.2) and, on the ground, of the
+    horizon. The dimming by air and shadow is removed from the measured magnitude. The estimator
+    checks the field of view, since it knows the expected direction.
 
     Parameters
     ----------
-    first : int
-        Index, among the scene's times, of the schedule's first step.
-    looks : Schedule
-        Who looks at what, and when.
+    first, origin : int
+        Indices, among the scene's times, of the schedule's first step, and of the first of the
+        states, attitudes and errors.
+    observations : Schedule
+        Observer and target of every observation.
     scene : Scene
         Observers and Sun.
     surfaces : TargetSurfaces
-        Shapes and materials.
+        True shapes and materials.
     sensor : Sensor or sequence of Sensor
         Limits, and the noise that the records state: of all observers, or of each.
     states : ndarray, shape (target, time, 6)
-        True states, nondimensional, rotating frame.
+        True states, nondimensional, propagation frame.
     attitudes : ndarray, shape (target, time, 4)
-        True attitudes, inertial to body.
-    noise : ndarray, shape (target, time, look, 3)
-        Errors of the first, second ... look at a target at a time: mag, rad, rad; in standard
-        deviations, if `true` is given.
-    begins : int
-        Index, among the scene's times, of the first of the states, attitudes and errors.
+        True attitudes, inertial frame to body frame.
+    noise : ndarray, shape (target, time, observation, 3)
+        Errors of the observations of a target at a time: mag, rad, rad; in standard deviations if
+        `true` is given.
     true : Sensor or sequence of Sensor, optional
-        Whose standard deviations the errors truly have.
+        Sensors with the true standard deviations.
     dimmed : ndarray, shape (target, time), optional
-        By what a shadow dims, mag; by nothing, if omitted.
+        Dimming by shadows of Earth and Moon, mag; zero if omitted.
 
     Returns
     -------
     measurements : Measurements
-        A record for each look, with the variance of the sensor at the measured magnitude.
-    fate : ndarray of uint8, shape (row,)
+        A record for each observation, with the variance of the sensor at the measured magnitude.
+    outcome : ndarray of uint8, shape (row,)
         FAINT, EXCLUDED, OCCULTED or DETECTED.
-
-    Raises
-    ------
-    ConfigurationError
-        If the schedule has more looks at a target at a step than there are errors for, or an
-        observer has no sensor.
     """
-    most = int(np.diff(looks.offset, axis=1).max(initial=0))
+    most = int(np.diff(observations.offset, axis=1).max(initial=0))
     if most > noise.shape[2]:
         raise ConfigurationError(
-            f"noise: {most} looks at a target at one step need as many errors, not {noise.shape[2]}"
+            f"noise: {most} observations of a target at one step need as many errors; "
+            f"{noise.shape[2]} are given"
         )
-    n_observers, n_rows = scene.observer_position.shape[0], looks.observer.size
+    n_observers, n_rows = scene.observer_position.shape[0], observations.observer.size
     limits = sensor_limits(sensor, n_observers)
     truly = limits if true is None else sensor_limits(true, n_observers)
     dimmed = np.zeros(states.shape[:2]) if dimmed is None else dimmed
     value, variance = np.empty((n_rows, 3)), np.empty((n_rows, 3))
-    fate = np.empty(n_rows, dtype=np.uint8)
-    world = scene, surfaces, limits, truly, true is not None, looks
+    outcome = np.empty(n_rows, dtype=np.uint8)
+    model = scene, surfaces, limits, truly, true is not None, observations
     out = value, variance, np.empty(3)
-    _measure(first, begins, *world, (states, attitudes, noise, dimmed), out, fate)
-    return Measurements(*looks, value, variance), fate
+    _measure(first, origin, *model, (states, attitudes, noise, dimmed), out, outcome)
+    return Measurements(*observations, value, variance), outcome
 
 
-@borrowing
-def _within_reach(first, begins, scene, surfaces, limits, truth, found):
-    """Which targets some observer could find; see `within_reach`."""
+@njit_noalloc
+def _mark_detectable(first, origin, scene, surfaces, limits, truth, found):
+    """Mark the targets that any observer could detect; see `detectable_targets`."""
     states, attitudes, dimmed = truth
     for j in range(found.size):
-        for k in range(first, begins + states.shape[1]):
-            i = k - begins
+        for k in range(first, origin + states.shape[1]):
+            i = k - origin
             for o in range(scene.observer_position.shape[0]):
                 own = limits_of(limits, o)
                 seen_from = scene, surfaces, own, o
@@ -266,7 +258,7 @@ def _within_reach(first, begins, scene, surfaces, limits, truth, found):
                 break
 
 
-def within_reach(
+def detectable_targets(
     first: int,
     scene: Scene,
     surfaces: TargetSurfaces,
@@ -274,29 +266,14 @@ def within_reach(
     states: Array,
     attitudes: Array,
     *,
-    begins: int = 0,
+    origin: int = 0,
     dimmed: Array | None = None,
 ) -> NDArray[np.bool_]:
-    """Which targets any observer could find without noise, were it to look at the right time.
-
-    Parameters
-    ----------
-    first : int
-        Index, among the scene's times, of the first that counts; the last is that of the states.
-    scene, surfaces, sensor, states, attitudes, begins, dimmed
-        As of `measure`.
-
-    Returns
-    -------
-    ndarray of bool, shape (target,)
-
-    Raises
-    ------
-    ConfigurationError
-        If an observer has no sensor.
-    """
+    """Which targets any observer could detect without noise at any time from index `first` of the
+    scene on to the last of the states; ndarray of bool, shape (target,). See `measure` for the
+    arguments."""
     dimmed = np.zeros(states.shape[:2]) if dimmed is None else dimmed
     limits = sensor_limits(sensor, scene.observer_position.shape[0])
     found = np.zeros(states.shape[0], dtype=np.bool_)
-    _within_reach(first, begins, scene, surfaces, limits, (states, attitudes, dimmed), found)
+    _mark_detectable(first, origin, scene, surfaces, limits, (states, attitudes, dimmed), found)
     return found

@@ -1,26 +1,26 @@
-"""Derivatives of a measurement by the states of a target, in closed form.
+"""Derivatives of a measurement with respect to the state of a target, in closed form.
 
-Rows follow (magnitude, right ascension, declination), columns (small turn of the attitude, angular
-velocity, position, velocity), with the units of the error state of the filters.
+Rows are (magnitude, right ascension, declination), columns (attitude error, angular velocity,
+position, velocity), in the units of the error state of the filters.
 """
 
 import numpy as np
 from numba import njit
 
-from cislunar.compiled import borrowing
-from cislunar.observation.scene import body_of
-from cislunar.observation.sightline import METRES, lit_directions, rotate
+from cislunar.compiled import njit_noalloc
+from cislunar.observation.sightline import METERS, lit_directions, rotate
+from cislunar.observation.target_surfaces import body_of
 from cislunar.photometry.body_blocks import (
-    body_magnitude_departures,
     body_magnitude_derivatives,
+    body_magnitude_deviations,
     one_geometry,
 )
-from cislunar.photometry.departures import departure_rows
 from cislunar.photometry.facet_blocks import LANES
-from cislunar.photometry.materials import FACET, STRETCH
+from cislunar.photometry.materials import AXIS_SCALE, FACET
+from cislunar.photometry.parameter_deviations import deviation_rows
 
 
-@borrowing
+@njit_noalloc
 def _rotate_back(axes, x, y, z):
     """Product of a transposed 3 x 3 matrix and a vector."""
     return (
@@ -30,14 +30,14 @@ def _rotate_back(axes, x, y, z):
     )
 
 
-@borrowing
+@njit_noalloc
 def _across(ux, uy, uz, gx, gy, gz):
-    """The part of a vector g across the unit vector u."""
+    """Component of a vector g perpendicular to the unit vector u."""
     along = ux * gx + uy * gy + uz * gz
     return gx - along * ux, gy - along * uy, gz - along * uz
 
 
-@borrowing
+@njit_noalloc
 def _angle_rows(dx, dy, dz, axes, rows):
     """Derivatives of right ascension and declination by position, into rows 1 and 2."""
     bx, by, bz = rotate(axes, dx, dy, dz)
@@ -49,19 +49,17 @@ def _angle_rows(dx, dy, dz, axes, rows):
     rows[2, 3], rows[2, 4], rows[2, 5] = _rotate_back(axes, scale * bx, scale * by, flat / squared)
 
 
-@borrowing
+@njit_noalloc
 def _magnitude_row(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j, rows):
-    """Derivatives of the magnitude by attitude and position, into row 0.
-
-    The observer's direction V = -d/r and the Sun's L = s/|s| turn by (I - V V^T)/r and
-    (I - L L^T)/|s| with the position, both backwards; the range adds (5 / ln 10) d/r^2.
-    """
+    """Derivatives of the magnitude with respect to attitude and position, into row 0. The
+    observer's direction V = -d/r and the Sun's L = s/|s| change with the position by -(I - V V^T)/r
+    and -(I - L L^T)/|s|; the range adds (5 / ln 10) d/r^2."""
     light, view, distance, to_sun = lit_directions(dx, dy, dz, sx, sy, sz, to_inertial)
     _, turn, by_sun, by_view, by_log_range = body_magnitude_derivatives(
         (quaternion[0], quaternion[1], quaternion[2], quaternion[3]),
         light,
         view,
-        distance * METRES,
+        distance * METERS,
         body_of(surfaces, j),
         surfaces.irradiance_4pi,
         surfaces.fresnel_sqrt,
@@ -80,13 +78,11 @@ def _magnitude_row(dx, dy, dz, sx, sy, sz, to_inertial, quaternion, surfaces, j,
     )
 
 
-@borrowing
+@njit_noalloc
 def measurement_rows(state, quaternion, observer, k, j, scene, surfaces, rows):
-    """Derivatives of (magnitude, right ascension, declination), into `rows` (3, 6).
-
-    By a small turn of the body (rad, body frame) and by position (nondimensional, rotating frame),
-    at one state (6,) and attitude (4,) of target j, for an observer at time k.
-    """
+    """Derivatives of (magnitude, right ascension, declination), into `rows` (3, 6), with respect to
+    attitude (rad, body frame) and position (nondimensional, propagation frame), at one state (6,)
+    and attitude (4,) of target j, for an observer at time k."""
     x, y, z = state[0], state[1], state[2]
     dx = x - scene.observer_position[observer, k, 0]
     dy = y - scene.observer_position[observer, k, 1]
@@ -110,12 +106,10 @@ def measurement_rows(state, quaternion, observer, k, j, scene, surfaces, rows):
 
 
 @njit(cache=True, error_model="numpy")
-def departure_row(state, quaternion, observer, k, j, scene, surfaces, kinds, sigma, row):
-    """Derivatives of the magnitude by departures of the target's surface, into `row` (kind,).
-
-    By `sigma` of each of the `kinds` (see `cislunar.photometry.departures`); the others are as of
-    `measurement_rows`.
-    """
+def deviation_row(state, quaternion, observer, k, j, scene, surfaces, kinds, sigma, row):
+    """Derivatives of the magnitude with respect to body-parameter deviations, into `row` (kind,).
+    The unit of each of the `kinds` (see `cislunar.photometry.parameter_deviations`) is its `sigma`;
+    see `measurement_rows` for the other arguments."""
     x, y, z = state[0], state[1], state[2]
     place, sun = scene.observer_position[observer, k], scene.sun_position[k]
     light, view, distance, _ = lit_directions(
@@ -128,11 +122,11 @@ def departure_row(state, quaternion, observer, k, j, scene, surfaces, kinds, sig
         scene.frame_axes[k],
     )
     body, reading = body_of(surfaces, j), surfaces.fresnel_sqrt
-    block = one_geometry(quaternion, light, view, distance * METRES)
+    block = one_geometry(quaternion, light, view, distance * METERS)
     shares = np.empty((body.areas.shape[0] if np.any(kinds >= FACET) else 0, LANES))
-    stretched = np.any((kinds >= STRETCH) & (kinds < FACET))
+    scaled = np.any((kinds >= AXIS_SCALE) & (kinds < FACET))
     given = body, surfaces.irradiance_4pi, reading
-    body_magnitude_departures(block, shares, stretched, np.int64(1), *given)
+    body_magnitude_deviations(block, shares, scaled, np.int64(1), *given)
     rows = np.empty((kinds.shape[0], LANES))
-    departure_rows(block, shares, np.int64(1), kinds, sigma, body, reading, rows)
+    deviation_rows(block, shares, np.int64(1), kinds, sigma, body, reading, rows)
     row[:] = rows[:, 0]

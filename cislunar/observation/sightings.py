@@ -1,7 +1,5 @@
-"""What one observer sees of one target along their paths: fate, magnitude and angles.
-
-The target is the diffuse sphere of the architecture (Paul & Fan, section 2.3), without noise.
-"""
+"""One target as seen from one observer along their paths: detection outcome, magnitude and angles.
+The target is the diffuse sphere of the architecture (Paul & Fan, section 2.3), without noise."""
 
 from __future__ import annotations
 
@@ -10,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import borrowing
+from cislunar.compiled import njit_noalloc
 from cislunar.constants import LENGTH_UNIT_KM, MU
 from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import primary_positions
@@ -24,38 +22,35 @@ Array = NDArray[np.float64]
 
 
 class Sightings(NamedTuple):
-    """A target as seen from an observer, time by time.
+    """A target as seen from an observer at each time.
 
     Attributes
     ----------
-    fate : ndarray of uint8, shape (time,)
+    outcome : ndarray of uint8, shape (time,)
         DETECTED, FAINT, EXCLUDED or OCCULTED of `cislunar.observation.measurement`.
-    magnitude : ndarray, shape (time,)
-        Apparent, mag; inf where no lit part is in view.
-    range_km : ndarray, shape (time,)
-        From observer to target, km.
-    phase_angle_deg : ndarray, shape (time,)
-        At the target, between Sun and observer.
+    magnitude, range_km, phase_angle_deg : ndarray, shape (time,)
+        Apparent magnitude (inf where no lit part is visible), distance from observer to target, and
+        angle at the target between Sun and observer.
     body_angle_deg : ndarray, shape (time, 3)
-        At the observer, between the target and the centers of Sun, Moon and Earth.
+        Angles at the observer between the target and the centers of Sun, Moon and Earth.
     """
 
-    fate: NDArray[np.uint8]
+    outcome: NDArray[np.uint8]
     magnitude: Array
     range_km: Array
     phase_angle_deg: Array
     body_angle_deg: Array
 
 
-@borrowing
-def _obstacles(observer, way, sun, limits, primaries, fate):
-    """EXCLUDED or OCCULTED where something stands in the way, into `fate` (time,)."""
-    for k in range(fate.size):
+@njit_noalloc
+def _obstacles(observer, way, sun, limits, primaries, outcome):
+    """Write EXCLUDED or OCCULTED into `outcome` (time,) where there is an obstacle."""
+    for k in range(outcome.size):
         x, y, z = observer[k, 0], observer[k, 1], observer[k, 2]
         dx, dy, dz = way[k, 0], way[k, 1], way[k, 2]
         found = obstacle(x, y, z, dx, dy, dz, sun[k], limits, primaries)
         if found != CLEAR:
-            fate[k] = EXCLUDED if found == BRIGHT else OCCULTED
+            outcome[k] = EXCLUDED if found == BRIGHT else OCCULTED
 
 
 def sightings(
@@ -68,7 +63,7 @@ def sightings(
     diffuse_reflection_coefficient: float = 1.0,
     mu: float = MU,
 ) -> Sightings:
-    """Fate, magnitude and angles of a diffuse sphere along the paths of observer and target.
+    """Detection outcome, magnitude and angles of a diffuse sphere along two paths.
 
     Parameters
     ----------
@@ -76,27 +71,23 @@ def sightings(
         Positions at the same times, nondimensional, rotating frame.
     sensor : Sensor, optional
         Limiting magnitude, exclusion angles and occultation; the paper's if omitted.
-    radius_m : float
-        Radius of the sphere, m.
-    diffuse_reflection_coefficient : float
-        C_d of the sphere, dimensionless.
+    radius_m, diffuse_reflection_coefficient : float
+        Radius of the sphere, m, and its C_d, dimensionless.
     mu : float
         Mass ratio.
-
-    Returns
-    -------
-    Sightings
 
     Raises
     ------
     ConfigurationError
-        If the shapes disagree, the radius or C_d is not positive, or a position can only be in km.
+        If an input is impossible, or a position is evidently in km.
     """
-    places = [np.ascontiguousarray(place, dtype=float) for place in (observer, target, sun)]
-    shapes = {place.shape for place in places}
-    if len(shapes) != 1 or places[0].ndim != 2 or places[0].shape[1] != 3:
+    positions = [
+        np.ascontiguousarray(position, dtype=float) for position in (observer, target, sun)
+    ]
+    shapes = {position.shape for position in positions}
+    if len(shapes) != 1 or positions[0].ndim != 2 or positions[0].shape[1] != 3:
         raise ConfigurationError(
-            f"observer, target and sun have shapes {[place.shape for place in places]}; give one "
+            f"observer, target and sun have shapes {[each.shape for each in positions]}; give one "
             "position of each at every time, shape (time, 3)"
         )
     if not (radius_m > 0.0 and diffuse_reflection_coefficient > 0.0):
@@ -104,7 +95,7 @@ def sightings(
             f"radius_m = {radius_m} and diffuse_reflection_coefficient = "
             f"{diffuse_reflection_coefficient} must be positive"
         )
-    watcher, watched, light = places
+    watcher, watched, light = positions
     require_nondimensional("observer", watcher)
     require_nondimensional("target", watched)
     limits = (Sensor() if sensor is None else sensor).limits()
@@ -117,10 +108,10 @@ def sightings(
         radius_m=radius_m,
         diffuse_reflection_coefficient=diffuse_reflection_coefficient,
     )
-    fate = np.where(magnitude <= limits.limiting_magnitude, DETECTED, FAINT).astype(np.uint8)
+    outcome = np.where(magnitude <= limits.limiting_magnitude, DETECTED, FAINT).astype(np.uint8)
     primaries = np.array(primary_positions(mu))
-    _obstacles(watcher, way, light, limits, primaries, fate)
+    _obstacles(watcher, way, light, limits, primaries, outcome)
     earth, moon = primaries
     bodies = np.stack([light, np.broadcast_to(moon, way.shape), np.broadcast_to(earth, way.shape)])
     angles = phase_angle(way, bodies - watcher)
-    return Sightings(fate, magnitude, range_km, np.rad2deg(phase), np.rad2deg(angles).T)
+    return Sightings(outcome, magnitude, range_km, np.rad2deg(phase), np.rad2deg(angles).T)

@@ -1,25 +1,39 @@
-"""Lines of sight: their direction, the bodies in view, and what stands in the way (compiled).
+"""Lines of sight: direction, obstacles, and the Sun's light at the target (compiled).
 
-Positions are nondimensional; o is the observer and d the way from it to the target. `primaries` are
-the places of Earth and Moon: a row of `Scene.primaries`, or `cislunar.dynamics.cr3bp.
-primary_positions` of a mass ratio.
+Positions are nondimensional and in the propagation frame. o is the position of the observer and d
+the vector from it to the target. `primaries` are the centers of Earth and Moon: a row of
+`Scene.primaries`, or `cislunar.dynamics.cr3bp.primary_positions` of a mass ratio.
+
+The visible share of the Sun's disc follows from the conical shadows of
+`cislunar.dynamics.radiation`. A target that reflects sunlight only is fainter by -2.5 log10 of the
+share, without limit in the umbra.
+
+Assumptions and limitations
+---------------------------
+- In an eclipse the target is a point. Light scattered by the Earth's atmosphere into its shadow,
+  earthshine and moonshine are neglected.
 """
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import borrowing
+from cislunar.compiled import njit_noalloc
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM
+from cislunar.dynamics.radiation import SUN_RADIUS_KM, visible_sun
 from cislunar.observation.sensor import sine_of_elevation
+
+Array = NDArray[np.float64]
 
 EARTH_RADIUS = EARTH_RADIUS_KM / LENGTH_UNIT_KM
 MOON_RADIUS = MOON_RADIUS_KM / LENGTH_UNIT_KM
-METRES = 1000.0 * LENGTH_UNIT_KM
-"""Metres in the unit of length."""
+_SUN_RADIUS = SUN_RADIUS_KM / LENGTH_UNIT_KM
+METERS = 1000.0 * LENGTH_UNIT_KM
+"""Meters per unit of length."""
 
 SUN, MOON, EARTH = range(3)
 
-CLEAR, BRIGHT, HIDDEN = range(3)
+CLEAR, BRIGHT, _HIDDEN = range(3)
 
 
 @njit(cache=True, inline="always")
@@ -38,22 +52,18 @@ def rotate(axes, x, y, z):
     )
 
 
-@borrowing
+@njit_noalloc
 def direction_angles(dx, dy, dz, axes):
-    """Right ascension and declination (rad) of a line of sight.
-
-    `axes` turns the frame in which d is given into the observer's body.
-    """
+    """Right ascension and declination (rad) of a line of sight; `axes` is the rotation from the
+    frame of d to the observer's body frame."""
     bx, by, bz = rotate(axes, dx, dy, dz)
     return np.arctan2(by, bx), np.arctan2(bz, np.sqrt(bx * bx + by * by))
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def lit_directions(dx, dy, dz, sx, sy, sz, to_inertial):
-    """Unit vectors from the target to Sun and observer (inertial frame), and the two distances.
-
-    s is the way from the target to the Sun.
-    """
+    """Unit vectors from the target to Sun and observer (inertial frame), and the two distances; s
+    is the vector from the target to the Sun."""
     distance = np.sqrt(dx * dx + dy * dy + dz * dz)
     to_sun = np.sqrt(sx * sx + sy * sy + sz * sz)
     view = rotate(to_inertial, -dx / distance, -dy / distance, -dz / distance)
@@ -63,17 +73,15 @@ def lit_directions(dx, dy, dz, sx, sy, sz, to_inertial):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def toward_primary(body, x, y, z, primaries):
-    """The way from a place to the centre of the MOON or the EARTH."""
+    """Vector from a position to the center of the MOON or the EARTH."""
     place = primaries[1] if body == MOON else primaries[0]
     return place[0] - x, place[1] - y, place[2] - z
 
 
-@borrowing
+@njit_noalloc
 def outside_exclusion(ox, oy, oz, dx, dy, dz, sun, cosines, primaries):
-    """Whether a line of sight keeps clear of the Sun, Moon and Earth.
-
-    `cosines` (3,) are those of the exclusion angles.
-    """
+    """Whether a line of sight is outside the exclusion angles of Sun, Moon and Earth, whose cosines
+    are `cosines` (3,)."""
     squared = dx * dx + dy * dy + dz * dz
     for body in range(3):
         if body == SUN:
@@ -86,7 +94,7 @@ def outside_exclusion(ox, oy, oz, dx, dy, dz, sun, cosines, primaries):
     return True
 
 
-@borrowing
+@njit_noalloc
 def _disc_hides(bx, by, bz, dx, dy, dz, radius):
     """Whether a sphere at b from the observer cuts the segment to d."""
     fraction = (bx * dx + by * dy + bz * dz) / (dx * dx + dy * dy + dz * dz)
@@ -95,9 +103,9 @@ def _disc_hides(bx, by, bz, dx, dy, dz, radius):
     return gx * gx + gy * gy + gz * gz < radius * radius
 
 
-@borrowing
+@njit_noalloc
 def occulted(ox, oy, oz, dx, dy, dz, primaries):
-    """Whether the Earth or the Moon stands between observer and target."""
+    """Whether the Earth or the Moon is between observer and target."""
     for body, radius in ((EARTH, EARTH_RADIUS), (MOON, MOON_RADIUS)):
         bx, by, bz = toward_primary(body, ox, oy, oz, primaries)
         if _disc_hides(bx, by, bz, dx, dy, dz, radius):
@@ -105,19 +113,17 @@ def occulted(ox, oy, oz, dx, dy, dz, primaries):
     return False
 
 
-@borrowing
+@njit_noalloc
 def in_clear_view(ox, oy, oz, dx, dy, dz, sun, limits, primaries):
-    """Whether nothing is in the way of a look, see `obstacle`."""
+    """Whether there is no `obstacle` to an observation."""
     return obstacle(ox, oy, oz, dx, dy, dz, sun, limits, primaries) == CLEAR
 
 
-@borrowing
+@njit_noalloc
 def obstacle(ox, oy, oz, dx, dy, dz, sun, limits, primaries):
-    """What is in the way of a look: CLEAR, BRIGHT (a body, or the day) or HIDDEN.
-
-    A target is hidden by a disc, where `SensorLimits` heed it; on the ground by that of the Moon,
-    and by the Earth where it stands too low.
-    """
+    """Obstacle to an observation: CLEAR, BRIGHT (a bright body or daylight) or HIDDEN. A disc hides
+    targets if `SensorLimits.occultation` is set. For an observer on the ground the Moon's disc
+    does, and the Earth hides targets below the least elevation."""
     if not outside_exclusion(ox, oy, oz, dx, dy, dz, sun, limits.cosines, primaries):
         return BRIGHT
     if limits.ground:
@@ -126,17 +132,17 @@ def obstacle(ox, oy, oz, dx, dy, dz, sun, limits, primaries):
         if sine_of_elevation(ox, oy, oz, sx, sy, sz, earth) > limits.atmosphere[1]:
             return BRIGHT
         if sine_of_elevation(ox, oy, oz, dx, dy, dz, earth) < limits.atmosphere[0]:
-            return HIDDEN
+            return _HIDDEN
         bx, by, bz = toward_primary(MOON, ox, oy, oz, primaries)
         hidden = limits.occultation and _disc_hides(bx, by, bz, dx, dy, dz, MOON_RADIUS)
-        return HIDDEN if hidden else CLEAR
+        return _HIDDEN if hidden else CLEAR
     hidden = limits.occultation and occulted(ox, oy, oz, dx, dy, dz, primaries)
-    return HIDDEN if hidden else CLEAR
+    return _HIDDEN if hidden else CLEAR
 
 
-@borrowing
+@njit_noalloc
 def sphere_margin(dx, dy, dz, fx, fy, fz, faintness):
-    """By how much a diffuse sphere is brighter than a limit, mag; as of `sphere_brighter`."""
+    """Amount by which a diffuse sphere is brighter than a limit, mag; see `sphere_brighter`."""
     squared = dx * dx + dy * dy + dz * dz
     cosine = (dx * fx + dy * fy + dz * fz) / np.sqrt(squared * (fx * fx + fy * fy + fz * fz))
     cosine = min(1.0, max(-1.0, cosine))
@@ -145,13 +151,11 @@ def sphere_margin(dx, dy, dz, fx, fy, fz, faintness):
     return 2.5 * np.log10(max(0.0, phase) / (faintness * squared))
 
 
-@borrowing
+@njit_noalloc
 def sphere_brighter(dx, dy, dz, fx, fy, fz, faintness):
-    """Whether a diffuse sphere outshines a limit; f is the way from the Sun to it.
-
-    `faintness` is that of `cislunar.photometry.sphere.faintness_per_squared_range`, per squared
-    unit of length.
-    """
+    """Whether a diffuse sphere is brighter than a limit; f is the vector from the Sun to the
+    sphere, and `faintness` is `cislunar.photometry.sphere.faintness_per_squared_range` per squared
+    unit of length."""
     squared = dx * dx + dy * dy + dz * dz
     cosine = (dx * fx + dy * fy + dz * fz) / np.sqrt(squared * (fx * fx + fy * fy + fz * fz))
     cosine = min(1.0, max(-1.0, cosine))
@@ -159,11 +163,55 @@ def sphere_brighter(dx, dy, dz, fx, fy, fz, faintness):
     return np.sin(alpha) + (np.pi - alpha) * cosine > faintness * squared
 
 
-@borrowing
+@njit_noalloc
 def inside_primary(x, y, z, primaries):
-    """Whether a place lies within the Earth or the Moon."""
+    """Whether a position lies within the Earth or the Moon."""
     for body, radius in ((EARTH, EARTH_RADIUS), (MOON, MOON_RADIUS)):
         bx, by, bz = toward_primary(body, x, y, z, primaries)
         if bx * bx + (by * by + bz * bz) < radius * radius:
             return True
     return False
+
+
+@njit_noalloc
+def _shares(place, sun, primaries, out):
+    """Visible shares of the Sun's disc (target, time), into `out`."""
+    for k in range(place.shape[1]):
+        for j in range(place.shape[0]):
+            x, y, z = place[j, k, 0], place[j, k, 1], place[j, k, 2]
+            from_sun = (x - sun[k, 0], y - sun[k, 1], z - sun[k, 2])
+            out[j, k] = 1.0
+            for body, radius in ((0, EARTH_RADIUS), (1, MOON_RADIUS)):
+                center = primaries[k, body]
+                from_body = (x - center[0], y - center[1], z - center[2])
+                out[j, k] *= visible_sun(from_body, from_sun, radius, _SUN_RADIUS)[0]
+
+
+def sunlit_share(place: ArrayLike, sun: ArrayLike, primaries: ArrayLike) -> Array:
+    """Share of the Sun's disc that is visible from given positions.
+
+    Parameters
+    ----------
+    place : array_like, shape (target, time, 3)
+        Positions, nondimensional.
+    sun, primaries : array_like, shapes (time, 3) and (time, 2, 3)
+        Sun, and centers of Earth and Moon, in the frame of the positions.
+
+    Returns
+    -------
+    ndarray, shape (target, time)
+        From 0 in the umbra to 1; NaN where a position is NaN.
+    """
+    where, light, bodies = (
+        np.ascontiguousarray(each, dtype=float) for each in (place, sun, primaries)
+    )
+    out = np.empty(where.shape[:2])
+    _shares(where, light, bodies, out)
+    return out
+
+
+def dimming(place: ArrayLike, sun: ArrayLike, primaries: ArrayLike) -> Array:
+    """Dimming of targets by the shadows of Earth and Moon, mag; infinite in the umbra. See
+    `sunlit_share` for the arguments and the shape."""
+    with np.errstate(divide="ignore"):
+        return -2.5 * np.log10(sunlit_share(place, sun, primaries))

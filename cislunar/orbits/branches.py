@@ -1,9 +1,10 @@
 """Branches of periodic orbits, from linear seeds through their bifurcations.
 
-Lyapunov orbits grow from the linear motion about L1, L2 and L3; halos leave them where the
-half-period map loses its out-of-plane shear; butterflies and dragonflies leave the L2 halos at
-period doublings. No stored initial guess is used. Every function returns the start of a branch:
-a member and the direction in which the family goes.
+Lyapunov orbits grow from the linear motion about L1, L2 and L3. Halo orbits bifurcate from them
+where the out-of-plane shear of the half-period map vanishes; butterflies and dragonflies bifurcate
+from the L2 halos at period doublings. No stored initial guess is used. The ``*_seed`` functions
+return the first member of a branch and the direction of its continuation; they raise a
+`ConvergenceError` if the first member or the bifurcation is not found.
 """
 
 from functools import lru_cache
@@ -28,45 +29,25 @@ from cislunar.orbits.corrector import (
 
 Array = NDArray[np.float64]
 
-LYAPUNOV_AMPLITUDE = 1e-3
-HALO_HEIGHT = {1: 1e-3, 2: 1e-3, 3: 5e-3}
-DOUBLING_OFFSET = 2e-3
-RESONANT_ECCENTRICITY = 0.5
-DRO_RADIUS_KM = 4000.0
+_LYAPUNOV_AMPLITUDE = 1e-3
+_HALO_HEIGHT = {1: 1e-3, 2: 1e-3, 3: 5e-3}
+_DOUBLING_OFFSET = 2e-3
+_RESONANT_ECCENTRICITY = 0.5
+_DRO_RADIUS_KM = 4000.0
 
 
 class Seed(NamedTuple):
-    """Where a family starts and which way it goes."""
+    """First member of a family and the direction of its continuation."""
 
     half: HalfOrbit
     direction: Array
     """Sense of the continuation in (x, z, vy, tau), shape (4,)."""
 
 
-def lyapunov_seed(point: int, mu: float = MU, amplitude: float = LYAPUNOV_AMPLITUDE) -> Seed:
-    """Smallest planar Lyapunov orbit, at its outer crossing.
-
-    The crossing is on the Earth side of L1, the far side of L2 and the outer side of L3, where x
-    is monotone along the family.
-
-    Parameters
-    ----------
-    point : {1, 2, 3}
-        Collinear libration point.
-    mu : float
-        Mass ratio.
-    amplitude : float
-        Half width in x, nondimensional.
-
-    Returns
-    -------
-    Seed
-
-    Raises
-    ------
-    ConvergenceError
-        If the linear estimate cannot be corrected.
-    """
+def lyapunov_seed(point: int, mu: float = MU, amplitude: float = _LYAPUNOV_AMPLITUDE) -> Seed:
+    """Smallest planar Lyapunov orbit about L1, L2 or L3, of half width `amplitude` in x, at its
+    outer crossing: on the Earth side of L1, the far side of L2 and the outer side of L3, where x is
+    monotone along the family."""
     x_point = libration_points(mu)[point - 1, 0]
     c2 = (1.0 - mu) / abs(x_point + mu) ** 3 + mu / abs(x_point - 1.0 + mu) ** 3
     omega = np.sqrt((2.0 - c2 + np.sqrt(9.0 * c2**2 - 8.0 * c2)) / 2.0)
@@ -81,55 +62,19 @@ def lyapunov_seed(point: int, mu: float = MU, amplitude: float = LYAPUNOV_AMPLIT
 
 @lru_cache(maxsize=32)
 def halo_seed(point: int, mu: float = MU) -> Seed:
-    """First northern halo orbit, just above the plane of the Lyapunov family it leaves.
-
-    Parameters
-    ----------
-    point : {1, 2, 3}
-        Collinear libration point.
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    Seed
-        At the crossing of the Lyapunov family, with z > 0.
-
-    Raises
-    ------
-    ConvergenceError
-        If the bifurcation is not met.
-    """
+    """First northern halo orbit about point 1, 2 or 3, near the Lyapunov family, with z > 0."""
     bifurcation = halo_bifurcation(point, mu)
     guess = bifurcation.half.crossing.copy()
-    guess[Z] = HALO_HEIGHT[point]
+    guess[Z] = _HALO_HEIGHT[point]
     half = correct(guess, fix_coordinate(Z, guess[Z]), mu)
     return Seed(half, np.eye(4)[Z])
 
 
 @lru_cache(maxsize=32)
 def halo_bifurcation(point: int, mu: float = MU) -> Point:
-    """Member of a Lyapunov family from which the halos leave.
-
-    Of the two out-of-plane elements of the half-period map, the shear d(vz)/dz vanishes where
-    orbits symmetric about the xz-plane (halos) leave; dz/d(vz) belongs to the axial orbits.
-
-    Parameters
-    ----------
-    point : {1, 2, 3}
-        Collinear libration point.
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    Point
-
-    Raises
-    ------
-    ConvergenceError
-        If the continuation fails before the bifurcation.
-    """
+    """Member of the Lyapunov family about point 1, 2 or 3 from which the halo orbits bifurcate. Of
+    the two out-of-plane elements of the half-period map, the shear d(vz)/dz vanishes where orbits
+    symmetric about the xz-plane (halos) bifurcate; dz/d(vz) belongs to the axial orbits."""
 
     def shear(member: Point) -> float:
         return float(member.half.stm[5, 2])
@@ -143,7 +88,7 @@ def halo_bifurcation(point: int, mu: float = MU) -> Point:
 
 
 def opposite(member: Point) -> Point:
-    """The same orbit from its other perpendicular crossing: crossing and tangent alone."""
+    """The same orbit at its other perpendicular crossing; only crossing and tangent are valid."""
     crossing, end, block = member.half.crossing, member.half.end, [0, 2, 4]
     there = np.array([end[0], end[2], end[4], crossing[HALF_PERIOD]])
     # x, z and vy are stationary in time at a perpendicular crossing, by symmetry.
@@ -152,29 +97,17 @@ def opposite(member: Point) -> Point:
     return Point(member.half._replace(crossing=there), along / np.linalg.norm(along))
 
 
-def doubling_determinant(member: Point, mu: float = MU) -> float:
-    """Determinant that vanishes where orbits of twice the period leave a branch.
-
-    The member is covered twice; the bordered Jacobian of the double cover is singular where
-    another branch symmetric about the same crossing passes through.
-
-    Parameters
-    ----------
-    member : Point
-        Member of the branch, tangent oriented along it.
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    float
+def _doubling_determinant(member: Point, mu: float = MU) -> float:
+    """Determinant that vanishes where orbits of twice the period bifurcate from a branch. The
+    bordered Jacobian of the member traversed twice is singular where another branch, symmetric
+    about the same crossing, passes through. The member's tangent must be oriented along the branch.
     """
     jacobian, tangent, _ = _double_cover(member, mu)
     return float(np.linalg.det(np.vstack([jacobian, tangent])))
 
 
 def _double_cover(member: Point, mu: float) -> tuple[Array, Array, Array]:
-    """Jacobian, tangent and crossing of a member covered twice."""
+    """Jacobian, tangent and crossing of a member that is traversed twice."""
     double = np.array([1.0, 1.0, 1.0, 2.0])
     crossing = member.half.crossing * double
     tangent = member.tangent * double
@@ -185,12 +118,12 @@ def _doubled_seed(member: Point, sign_of_x: float, mu: float) -> Seed:
     """First member of the branch of twice the period through a branch point."""
     jacobian, tangent, crossing = _double_cover(member, mu)
     null_space = np.linalg.svd(jacobian)[2][-2:]
-    # The null space holds the tangent of the doubled parent; the other direction leaves it.
+    # One direction of the null space is the tangent of the doubled parent; the other leaves it.
     direction = null_space.T @ np.array([null_space[1] @ tangent, -(null_space[0] @ tangent)])
     direction /= np.linalg.norm(direction)
     if direction[X] * sign_of_x < 0.0:
         direction = -direction
-    guess = crossing + DOUBLING_OFFSET * direction
+    guess = crossing + _DOUBLING_OFFSET * direction
     return Seed(correct(guess, hyperplane(guess, direction), mu), direction)
 
 
@@ -203,7 +136,7 @@ def _halo_l2_to_doublings(mu: float) -> tuple[Branch, list[Point], list[Point]]:
 
     def both_met(member: Point) -> bool:
         for name, view in (("perilune", opposite(member)), ("apolune", member)):
-            value = doubling_determinant(view, mu)
+            value = _doubling_determinant(view, mu)
             if name in last and last[name] * value < 0.0:
                 counts[name] += 1
             last[name] = value
@@ -211,108 +144,42 @@ def _halo_l2_to_doublings(mu: float) -> tuple[Branch, list[Point], list[Point]]:
 
     branch = continue_branch(seed.half, seed.direction, both_met, mu=mu)
     perilune = locate(
-        branch, lambda member: doubling_determinant(opposite(member), mu), mu, limit=1
+        branch, lambda member: _doubling_determinant(opposite(member), mu), mu, limit=1
     )
-    apolune = locate(branch, lambda member: doubling_determinant(member, mu), mu, limit=2)
+    apolune = locate(branch, lambda member: _doubling_determinant(member, mu), mu, limit=2)
     return branch, [p for _, p in perilune], [p for _, p in apolune]
 
 
 @lru_cache(maxsize=32)
 def dragonfly_seed(mu: float = MU) -> Seed:
-    """First northern dragonfly orbit, at its perpendicular perilune.
-
-    The first period doubling of the L2 halos that is symmetric about the perilune; the doubling
-    about the apolune, 0.008 in period away, is another family.
-
-    Parameters
-    ----------
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    Seed
-
-    Raises
-    ------
-    ConvergenceError
-        If the doubling is not met.
-    """
+    """First northern dragonfly orbit, at its perpendicular perilune. It belongs to the first period
+    doubling of the L2 halos that is symmetric about the perilune; the doubling about the apolune,
+    0.008 in period away, is another family."""
     return _doubled_seed(opposite(_halo_l2_to_doublings(mu)[1][0]), -1.0, mu)
 
 
 @lru_cache(maxsize=32)
 def butterfly_seed(mu: float = MU) -> Seed:
-    """First northern butterfly orbit, at the perpendicular apolune that moves outwards.
-
-    The second period doubling of the L2 halos that is symmetric about the apolune, in their
-    near-rectilinear part.
-
-    Parameters
-    ----------
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    Seed
-
-    Raises
-    ------
-    ConvergenceError
-        If the doubling is not met.
-    """
+    """First northern butterfly orbit, at the perpendicular apolune that moves outwards. It belongs
+    to the second period doubling of the L2 halos that is symmetric about the apolune, in their
+    near-rectilinear part."""
     return _doubled_seed(_halo_l2_to_doublings(mu)[2][1], 1.0, mu)
 
 
-def retrograde_seed(mu: float = MU, radius_km: float = DRO_RADIUS_KM) -> Seed:
-    """Distant retrograde orbit at its Earth-side crossing, from a circle about the Moon.
-
-    Parameters
-    ----------
-    mu : float
-        Mass ratio.
-    radius_km : float
-        Radius of the circle, km.
-
-    Returns
-    -------
-    Seed
-        The family goes towards the Earth.
-
-    Raises
-    ------
-    ConvergenceError
-        If the circle cannot be corrected.
-    """
+def retrograde_seed(mu: float = MU, radius_km: float = _DRO_RADIUS_KM) -> Seed:
+    """Distant retrograde orbit at its Earth-side crossing, from a circle of `radius_km` about the
+    Moon. The family continues towards the Earth."""
     r = radius_km / LENGTH_UNIT_KM
     guess = np.array([1.0 - mu - r, 0.0, np.sqrt(mu / r) + r, np.pi / (np.sqrt(mu / r**3) + 1.0)])
     return Seed(correct(guess, fix_coordinate(X, guess[X]), mu), -np.eye(4)[X])
 
 
 def resonant_seed(mu: float = MU, moonward: bool = True) -> Seed:
-    """Planar 3:1 resonant orbit at perigee: three prograde revolutions per turn of the Moon.
-
-    Parameters
-    ----------
-    mu : float
-        Mass ratio.
-    moonward : bool
-        Whether the perigee crossing lies on the Moon's side of the Earth (the unstable branch),
-        or opposite (the stable one).
-
-    Returns
-    -------
-    Seed
-        At eccentricity 0.5; the family goes to wider perigees.
-
-    Raises
-    ------
-    ConvergenceError
-        If the Kepler ellipse cannot be corrected.
-    """
+    """Planar 3:1 resonant orbit at perigee: three prograde revolutions per revolution of the Moon,
+    eccentricity 0.5. The perigee crossing lies on the Moon's side of the Earth (`moonward`, the
+    unstable branch) or opposite (the stable one); the family continues to larger perigees."""
     semi_major = 3.0 ** (-2.0 / 3.0) * (1.0 - mu) ** (1.0 / 3.0)
-    perigee = semi_major * (1.0 - RESONANT_ECCENTRICITY)
+    perigee = semi_major * (1.0 - _RESONANT_ECCENTRICITY)
     speed = np.sqrt((1.0 - mu) * (2.0 / perigee - 1.0 / semi_major))
     side = 1.0 if moonward else -1.0
     guess = np.array([-mu + side * perigee, 0.0, side * (speed - perigee), np.pi])

@@ -1,7 +1,7 @@
 """Pseudo-arclength continuation of symmetric periodic orbits.
 
-Continuation in x alone (Paul & Fan, section 3) fails at every fold of a family in x; following
-arc length in ``u = (x, z, vy, tau)`` does not, and serves every family alike.
+Continuation in x alone (Paul & Fan, section 3) fails at every fold of a family in x. Continuation
+in arc length of ``u = (x, z, vy, tau)`` does not, and serves all families.
 """
 
 from collections.abc import Callable
@@ -17,17 +17,17 @@ from cislunar.orbits.corrector import HalfOrbit, correct, hyperplane
 
 Array = NDArray[np.float64]
 
-MIN_STEP = 1e-7
+_MIN_STEP = 1e-7
 MAX_STEP = 0.03
-MAX_TURN = 0.15
-EASY_TURN = 0.075
+_MAX_TURN = 0.15
+_EASY_TURN = 0.075
 EASY_ITERATIONS = 3
 MAX_ITERATIONS = 12
-MAX_DEPARTURE = 0.15
+_MAX_DEPARTURE = 0.15
 
 
 class Point(NamedTuple):
-    """A member of a branch with the direction of the branch there."""
+    """A member of a branch, with the tangent of the branch there."""
 
     half: HalfOrbit
     tangent: Array
@@ -38,20 +38,8 @@ Branch = list[Point]
 Measure = Callable[[Point], float]
 
 
-def tangent_of(half: HalfOrbit, along: Array) -> Array:
-    """Unit null vector of the Jacobian of a half orbit, oriented to agree with `along`.
-
-    Parameters
-    ----------
-    half : HalfOrbit
-        A closed half orbit.
-    along : ndarray, shape (4,)
-        Direction the tangent must not oppose.
-
-    Returns
-    -------
-    ndarray, shape (4,)
-    """
+def _tangent_of(half: HalfOrbit, along: Array) -> Array:
+    """Unit null vector (4,) of the Jacobian of a closed half orbit, oriented along `along`."""
     tangent = np.zeros(half.crossing.size)
     if half.planar:
         rows, columns = (list(each) for each in half.section.flat)
@@ -82,17 +70,17 @@ def continue_branch(
     direction : ndarray, shape (4,)
         Sense of travel in (x, z, vy, tau); only its sign along the tangent matters.
     stop : callable
-        Given each new point; the first for which it is true is the last of the branch.
+        Called with each new point; the first for which it is true ends the branch.
     mu : float
         Mass ratio.
     first_step, max_step : float
         Arc length steps, nondimensional.
     max_points : int
-        Bound on the length of the branch.
+        Largest number of members.
     partial : bool
-        Where the continuation cannot go on, end the branch instead of raising an error.
+        Where the continuation fails, end the branch instead of raising an error.
     easy_iterations : int
-        Steps grow after corrections that took no more.
+        Largest number of corrector iterations after which the step grows.
 
     Returns
     -------
@@ -104,7 +92,7 @@ def continue_branch(
     ConvergenceError
         If the step underflows or `max_points` is reached before `stop` holds.
     """
-    branch = [Point(start, tangent_of(start, direction))]
+    branch = [Point(start, _tangent_of(start, direction))]
     step = first_step
     while not (len(branch) > 1 and stop(branch[-1])):
         if len(branch) >= max_points and partial:
@@ -124,30 +112,30 @@ def continue_branch(
                 max_iterations=MAX_ITERATIONS,
                 section=start.section,
             )
-            tangent = tangent_of(half, last.tangent)
+            tangent = _tangent_of(half, last.tangent)
             turn = np.arccos(min(1.0, float(tangent @ last.tangent)))
-            # A correction much longer than the bend of the branch has landed on another family.
+            # A correction much larger than the curvature suggests has converged to another family.
             departure = np.linalg.norm(half.crossing - guess) / step
         except ConvergenceError:
             turn = departure = np.inf
-        if turn > MAX_TURN or departure > MAX_DEPARTURE:
+        if turn > _MAX_TURN or departure > _MAX_DEPARTURE:
             step *= 0.5
-            if step < MIN_STEP and partial:
+            if step < _MIN_STEP and partial:
                 return branch
-            if step < MIN_STEP:
+            if step < _MIN_STEP:
                 raise ConvergenceError(
                     f"continuation stalled after {len(branch)} members at crossing "
                     f"{last.half.crossing.tolist()}; end the family earlier (keep-out radii)"
                 )
             continue
         branch.append(Point(half, tangent))
-        if half.iterations <= easy_iterations and turn < EASY_TURN:
+        if half.iterations <= easy_iterations and turn < _EASY_TURN:
             step = min(max_step, 1.4 * step)
     return branch
 
 
 def interpolate(first: Point, second: Point, fraction: float) -> tuple[Array, Array]:
-    """Cubic Hermite estimate of the crossing and the tangent between neighbours of a branch."""
+    """Cubic Hermite estimate of crossing and tangent between neighboring members of a branch."""
     u0, u1 = first.half.crossing, second.half.crossing
     chord = float(np.linalg.norm(u1 - u0))
     m0, m1 = chord * first.tangent, chord * second.tangent
@@ -163,35 +151,16 @@ def interpolate(first: Point, second: Point, fraction: float) -> tuple[Array, Ar
 
 
 def between(first: Point, second: Point, fraction: float, mu: float = MU) -> Point:
-    """Corrected member at a fraction of the way between neighbours of a branch.
-
-    Parameters
-    ----------
-    first, second : Point
-        Neighbours on a branch.
-    fraction : float
-        0 to 1.
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    Point
-
-    Raises
-    ------
-    ConvergenceError
-        If the corrector fails.
-    """
+    """Corrected member at a fraction, 0 to 1, of the distance between neighbors of a branch."""
     if fraction in (0.0, 1.0):
         return second if fraction else first
     guess, tangent = interpolate(first, second, fraction)
     half = correct(guess, hyperplane(guess, tangent), mu, section=first.half.section)
-    return Point(half, tangent_of(half, tangent))
+    return Point(half, _tangent_of(half, tangent))
 
 
 def _bracketed_root(first: Point, second: Point, measure: Measure, mu: float) -> Point:
-    """Member between neighbours at which the measure vanishes; the best of all trials."""
+    """Member between neighbors at which the measure vanishes, taken as the best of all trials."""
     trials: list[tuple[float, Point]] = []
 
     def value(fraction: float) -> float:
@@ -207,24 +176,8 @@ def _bracketed_root(first: Point, second: Point, measure: Measure, mu: float) ->
 def locate(
     branch: Branch, measure: Measure, mu: float = MU, *, limit: int | None = None
 ) -> list[tuple[int, Point]]:
-    """Members of a branch at which a measure changes sign.
-
-    Parameters
-    ----------
-    branch : list of Point
-        At least two members.
-    measure : callable
-        Takes a Point, returns a float.
-    mu : float
-        Mass ratio.
-    limit : int, optional
-        Stop after this many.
-
-    Returns
-    -------
-    list of (int, Point)
-        Index of the member before each root, and the root, in order along the branch.
-    """
+    """Members of a branch (two or more) at which a measure changes sign, at most `limit`: the index
+    of the member before each root, and the root, in order along the branch."""
     found: list[tuple[int, Point]] = []
     before = measure(branch[0])
     for i in range(len(branch) - 1):
@@ -242,12 +195,9 @@ def locate(
 
 
 def split_at_extrema(branch: Branch, measure: Measure, mu: float = MU) -> Branch:
-    """The branch with members added where a measure has a local extremum of its smallness.
-
-    A measure may reach zero twice between neighbours without either showing it (a family
-    touches the wanted Jacobi constant next to its fold). Where its magnitude has a local minimum,
-    the extremum is found and inserted so that `locate` sees both sides.
-    """
+    """The branch with members added where the magnitude of a measure has a local minimum. A measure
+    may reach zero twice between neighbors of equal sign (a family that attains a given Jacobi
+    constant next to its fold). With the extremum inserted, `locate` finds both roots."""
     values = [measure(point) for point in branch]
     out = list(branch)
     for i in range(len(branch) - 2, 0, -1):
@@ -255,7 +205,7 @@ def split_at_extrema(branch: Branch, measure: Measure, mu: float = MU) -> Branch
         if a * b <= 0.0 or b * c <= 0.0 or abs(b) > min(abs(a), abs(c)):
             continue
         sign = np.sign(b)
-        # The extremum lies on one of the two sides, which only a search tells.
+        # The extremum lies on one of the two sides; both are searched.
         for k in (i, i - 1):
             first, second = branch[k], branch[k + 1]
             best = minimize_scalar(
@@ -273,6 +223,6 @@ def split_at_extrema(branch: Branch, measure: Measure, mu: float = MU) -> Branch
 
 
 def join(backward: Branch, forward: Branch) -> Branch:
-    """One branch from two continuations of the same start in opposite senses."""
+    """Concatenate two continuations of the same start in opposite senses."""
     turned = [Point(member.half, -member.tangent) for member in backward[:0:-1]]
     return turned + forward

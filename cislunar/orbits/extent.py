@@ -1,4 +1,4 @@
-"""Where the families of periodic orbits begin and end."""
+"""Ends of the families of periodic orbits."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -15,28 +15,28 @@ from cislunar.orbits.continuation import MAX_STEP, Branch, Measure, Point, conti
 from cislunar.orbits.corrector import HalfOrbit, X, Z
 from cislunar.orbits.stability import stability_index
 
-MEMBERS_BEFORE_CLEARANCE = 100
-"""A branch that has not left the keep-out spheres after so many steps is given up."""
+_MEMBERS_BEFORE_CLEARANCE = 100
+"""A branch that has not left the keep-out spheres after this many steps is abandoned."""
 
-BUTTERFLY_LAST_PERIOD = 11.556
-"""Beyond it the butterflies leave the Moon for a far branch around both primaries."""
+_BUTTERFLY_LAST_PERIOD = 11.556
+"""At longer periods the butterflies leave the Moon for a branch around both primaries."""
 
 
 class Extent(NamedTuple):
-    """How far families are followed."""
+    """Extent of the continuation of families."""
 
     perilune_altitude_km: float = 100.0
-    """Orbits that pass lower over the Moon are left out."""
+    """Least altitude over the Moon; lower orbits are excluded."""
     perigee_altitude_km: float = 200.0
-    """Orbits that pass lower over the Earth are left out."""
-    ends: Mapping[str, tuple[str, float]] = {"Butterfly": ("period", BUTTERFLY_LAST_PERIOD)}
+    """Least altitude over the Earth; lower orbits are excluded."""
+    ends: Mapping[str, tuple[str, float]] = {"Butterfly": ("period", _BUTTERFLY_LAST_PERIOD)}
     """Last member of a branch: the quantity ("x" at the crossing or "period") and its value."""
 
 
 KEEP_OUT = Extent()
-"""Default: no candidate orbit meets the Moon or the Earth."""
+"""Default: no candidate orbit intersects the Moon or the Earth."""
 
-CATALOGUE_EXTENT = Extent(
+CATALOG_EXTENT = Extent(
     perilune_altitude_km=-MOON_RADIUS_KM,
     perigee_altitude_km=-EARTH_RADIUS_KM,
     ends={
@@ -50,17 +50,17 @@ CATALOGUE_EXTENT = Extent(
         "Lyap_L3": ("x", -1.94443),
     },
 )
-"""Families as far as a published catalogue lists them, through the primaries if need be.
+"""Families as far as a published catalog lists them, through the primaries if need be.
 
-The ends are those of the JPL three-body periodic orbit catalogue for the butterflies, dragonflies,
-L1 halos and L3 Lyapunov orbits, three rows short of it for the L3 halos, and the surface of the
-Moon for the others, of which `cislunar.orbits.catalogue` follows more. The L1 and L3 halos then
+The ends are those of the JPL three-body periodic orbit catalog for the butterflies, dragonflies, L1
+halos and L3 Lyapunov orbits, and three rows short of it for the L3 halos. The other families end at
+the surface of the Moon; `cislunar.orbits.catalog` follows more of them. The L1 and L3 halos then
 envelop the Moon and the Earth at spacings near 30 000 km (Paul & Fan, section 3).
 """
 
 
 def branch_seed(root: str, mu: float = MU) -> branches.Seed:
-    """Seed of a branch, by its name ("Halo_L1", "DRO", "Resonant_3:1", ...)."""
+    """Seed of a branch by its name ("Halo_L1", "DRO", "Resonant_3:1", ...)."""
     if root.startswith("Lyap"):
         return branches.lyapunov_seed(int(root[-1]), mu)
     if root.startswith("Halo"):
@@ -76,26 +76,20 @@ def branch_seed(root: str, mu: float = MU) -> branches.Seed:
 
 
 def distances_km(half: HalfOrbit, mu: float = MU) -> tuple[float, float]:
-    """Least distances of a symmetric orbit to the centres of Earth and Moon, km."""
-    # The other half, if there is one, is the mirror image of this one.
+    """Least distances of a symmetric orbit to the centers of Earth and Moon, km."""
+    # The other half of a symmetric orbit is the mirror image of this one.
     perigee, perilune = closest_approaches(half.state, half.crossing[-1], mu=mu)
     return perigee * LENGTH_UNIT_KM, perilune * LENGTH_UNIT_KM
 
 
 def altitude_km(member: Point, mu: float = MU, above: float = 0.0) -> float:
-    """Least altitude over the Earth and the Moon, above an altitude, km."""
+    """Least altitude over the Earth and the Moon, minus the altitude `above`, km."""
     radii = EARTH_RADIUS_KM, MOON_RADIUS_KM
     return float(np.min(np.subtract(distances_km(member.half, mu), radii))) - above
 
 
 def measure_of(quantity: str, mu: float = MU) -> Measure:
-    """Function of a member by name: "x", "z", "period", "jacobi", "stability_index", ...
-
-    Raises
-    ------
-    ConfigurationError
-        If the quantity is unknown.
-    """
+    """Function of a member by its name: "x", "z", "period", "jacobi", "stability_index", ..."""
     measures: dict[str, Measure] = {
         "x": lambda member: float(member.half.crossing[X]),
         "z": lambda member: float(member.half.crossing[Z]),
@@ -121,33 +115,10 @@ def follow_branch(
     end: tuple[str, float] | None,
     max_step: float = MAX_STEP,
 ) -> Branch:
-    """Members of a branch that clear both primaries, up to its end.
-
-    Parameters
-    ----------
-    root : str
-        Name of the branch, as for `branch_seed`.
-    mu : float
-        Mass ratio.
-    perilune_km, perigee_km : float
-        Least distances allowed from the centres of the Moon and the Earth, km.
-    end : (str, float) or None
-        Quantity and its value at the last member.
-    max_step : float
-        Largest arc length step, nondimensional.
-
-    Returns
-    -------
-    list of Point
-        Shared between callers: not to be modified.
-
-    Raises
-    ------
-    ConfigurationError
-        If no member clears the primaries.
-    ConvergenceError
-        If the continuation fails.
-    """
+    """Members of a branch (`branch_seed`) that clear both primaries by the distances from their
+    centers, km, up to its `end`, a quantity and its value at the last member. The list is shared
+    between callers: not to be modified. Raises a `ConfigurationError` if no member clears the
+    primaries."""
     seed = branch_seed(root, mu)
     quantity, last_value = end or ("x", np.inf)
     reached = measure_of(quantity, mu)
@@ -162,7 +133,7 @@ def follow_branch(
         return float(before_end * (last_value - reached(member)))
 
     has_cleared = clearance(Point(seed.half, seed.direction)) >= 0.0
-    patience = MEMBERS_BEFORE_CLEARANCE
+    patience = _MEMBERS_BEFORE_CLEARANCE
 
     def stop(member: Point) -> bool:
         nonlocal has_cleared, patience
@@ -170,7 +141,7 @@ def follow_branch(
         clear = clearance(member) >= 0.0
         violated = has_cleared and not clear
         has_cleared = has_cleared or clear
-        # A branch that came back through the plane would go on as its own mirror image.
+        # A branch that crosses the plane would continue as its own mirror image.
         flipped = not planar and member.half.crossing[Z] * seed.half.crossing[Z] < 0.0
         hopeless = patience <= 0 and not has_cleared
         return violated or hopeless or flipped or remaining(member) <= 0.0
@@ -178,7 +149,7 @@ def follow_branch(
     branch = continue_branch(seed.half, seed.direction, stop, mu=mu, max_step=max_step)
     if not has_cleared:
         raise ConfigurationError(
-            f"no orbit of {root} keeps {perilune_km:.0f} km from the Moon's centre and "
+            f"no orbit of {root} keeps {perilune_km:.0f} km from the Moon's center and "
             f"{perigee_km:.0f} km from the Earth's: lower the keep-out altitudes"
         )
     for condition in (clearance, remaining):
@@ -187,26 +158,8 @@ def follow_branch(
 
 
 def trim(branch: Branch, condition: Measure, mu: float) -> Branch:
-    """Part of a branch where a condition is positive, its ends corrected to where it is zero.
-
-    Parameters
-    ----------
-    branch : list of Point
-        Whose condition changes sign at most once near either end.
-    condition : callable
-        Takes a Point, returns a float.
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    list of Point
-
-    Raises
-    ------
-    ConvergenceError
-        If the corrector fails.
-    """
+    """Part of a branch where a condition is positive, with ends corrected to where it is zero; the
+    condition changes sign at most once near either end."""
     if condition(branch[-1]) < 0.0:
         index, root = locate(branch[-2:], condition, mu)[-1]
         branch = [*branch[: len(branch) - 1 + index], root]

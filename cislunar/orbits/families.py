@@ -14,12 +14,7 @@ from cislunar.dynamics.cr3bp import jacobi_constant
 from cislunar.errors import ConfigurationError, did_you_mean
 from cislunar.orbits.continuation import MAX_STEP, Branch, Point, between, interpolate
 from cislunar.orbits.corrector import X, Z, correct, fix_coordinate
-from cislunar.orbits.extent import (
-    KEEP_OUT,
-    Extent,
-    distances_km,
-    follow_branch,
-)
+from cislunar.orbits.extent import KEEP_OUT, Extent, distances_km, follow_branch
 from cislunar.orbits.selection import select
 from cislunar.orbits.stability import stability_index
 
@@ -62,9 +57,9 @@ class OrbitSet(NamedTuple):
     stability_index: Array
     """Stability index, at least 1, shape (n,)."""
     perilune_km: Array
-    """Least distance from the centre of the Moon, km, shape (n,)."""
+    """Least distance from the center of the Moon, km, shape (n,)."""
     perigee_km: Array
-    """Least distance from the centre of the Earth, km, shape (n,)."""
+    """Least distance from the center of the Earth, km, shape (n,)."""
 
 
 _SPACING_BY_ARC = ("Butterfly", "Halo_L1")
@@ -72,13 +67,7 @@ _HERMITE_SAMPLES = 16
 
 
 def root_of(family: str) -> str:
-    """Branch a family lies on: its name without the hemisphere.
-
-    Raises
-    ------
-    ConfigurationError
-        If the family is unknown.
-    """
+    """Branch of a family: its name without the hemisphere."""
     if family not in FAMILIES:
         near = did_you_mean(family, FAMILIES, 0.8)
         every = f"the families are {', '.join(FAMILIES)}"
@@ -89,31 +78,8 @@ def root_of(family: str) -> str:
 def family_branch(
     family: str, *, mu: float = MU, extent: Extent = KEEP_OUT, max_step: float = MAX_STEP
 ) -> Branch:
-    """Continuation of a family between its ends (northern members for both hemispheres).
-
-    Parameters
-    ----------
-    family : str
-        One of `FAMILIES`.
-    mu : float
-        Mass ratio.
-    extent : Extent
-        Where the family ends.
-    max_step : float
-        Largest arc length step, nondimensional.
-
-    Returns
-    -------
-    list of Point
-        Members in order, closely spaced.
-
-    Raises
-    ------
-    ConfigurationError
-        If the family is unknown or no member satisfies the extent.
-    ConvergenceError
-        If the continuation fails.
-    """
+    """Continuation of one of `FAMILIES` between its ends: closely spaced members in order, northern
+    for both hemispheres."""
     root = root_of(family)
     return follow_branch(
         root,
@@ -126,27 +92,18 @@ def family_branch(
 
 
 def spaced_members(branch: Branch, count: int, *, by_arc: bool, mu: float = MU) -> Branch:
-    """Members equally spaced along a branch, both ends included.
+    """Members equally spaced along a branch, including both ends.
 
     Parameters
     ----------
     branch : list of Point
         Continuation of the family.
     count : int
-        Number of members, at least 1 (the first end alone).
+        Number of members; a single one is the first end.
     by_arc : bool
         Space by arc length in (x, z) of the crossing, for families whose x folds; otherwise by x.
     mu : float
         Mass ratio.
-
-    Returns
-    -------
-    list of Point
-
-    Raises
-    ------
-    ConvergenceError
-        If the corrector fails.
     """
     fractions = np.linspace(0.0, 1.0, _HERMITE_SAMPLES + 1)
     track = [branch[0].half.crossing]
@@ -156,17 +113,17 @@ def spaced_members(branch: Branch, count: int, *, by_arc: bool, mu: float = MU) 
     steps = np.abs(np.diff(track[:, X]))
     if by_arc:
         steps = np.hypot(steps, np.diff(track[:, Z]))
-    travelled = np.concatenate([[0.0], np.cumsum(steps)])
-    wanted = np.linspace(0.0, travelled[-1], count)
-    places = np.interp(wanted, travelled, np.arange(travelled.size)) / _HERMITE_SAMPLES
+    traveled = np.concatenate([[0.0], np.cumsum(steps)])
+    distances = np.linspace(0.0, traveled[-1], count)
+    positions = np.interp(distances, traveled, np.arange(traveled.size)) / _HERMITE_SAMPLES
     xs = np.linspace(track[0, X], track[-1, X], count)
     members = [branch[0]]
-    for place, x in zip(places[1:-1], xs[1:-1], strict=True):
-        i = min(int(place), len(branch) - 2)
+    for position, x in zip(positions[1:-1], xs[1:-1], strict=True):
+        i = min(int(position), len(branch) - 2)
         if by_arc:
-            members.append(between(branch[i], branch[i + 1], place - i, mu))
+            members.append(between(branch[i], branch[i + 1], position - i, mu))
         else:
-            guess, tangent = interpolate(branch[i], branch[i + 1], place - i)
+            guess, tangent = interpolate(branch[i], branch[i + 1], position - i)
             members.append(Point(correct(guess, fix_coordinate(X, x), mu), tangent))
     return members if count == 1 else [*members, branch[-1]]
 
@@ -179,30 +136,8 @@ def orbit_set(
     southern: bool = False,
     progress: Callable[[], None] | None = None,
 ) -> OrbitSet:
-    """Table of members with their stability and closest approaches.
-
-    Parameters
-    ----------
-    family : str
-        Name given to every row.
-    members : list of Point
-        Corrected members.
-    mu : float
-        Mass ratio.
-    southern : bool
-        Mirror the members in the plane of the primaries.
-    progress : callable, optional
-        Called after each member.
-
-    Returns
-    -------
-    OrbitSet
-
-    Raises
-    ------
-    ConvergenceError
-        If a member cannot be propagated.
-    """
+    """Table of corrected members with their stability and closest approaches; `southern` mirrors
+    them at the plane of the primaries. `progress` is called after each member."""
     rows = []
     for member in members:
         state, period = member.half.state, member.half.period
@@ -219,7 +154,7 @@ def orbit_set(
 
 
 def concatenate(sets: list[OrbitSet]) -> OrbitSet:
-    """One table from several, in order."""
+    """Concatenate tables of orbits."""
     return OrbitSet(*(np.concatenate(columns) for columns in zip(*sets, strict=True)))
 
 
@@ -235,11 +170,11 @@ def observer_library(
     Parameters
     ----------
     members : mapping of str to int, optional
-        Orbits per family, at least 1; families left out are not generated. By default
-        `DEFAULT_MEMBERS`, 24 per Lyapunov family and 23 of each other.
+        Orbits per family, at least 1; families that are not named are not generated. By default
+        `DEFAULT_MEMBERS`, 24 per Lyapunov family and 23 of each other family.
     keep_out : Extent
         Ends of the families: by default 100 km above the Moon and 200 km above the Earth;
-        `cislunar.orbits.extent.CATALOGUE_EXTENT` goes on through the primaries instead.
+        `cislunar.orbits.extent.CATALOG_EXTENT` continues through the primaries instead.
     mu : float
         Mass ratio.
     progress : callable, optional
@@ -248,13 +183,11 @@ def observer_library(
     Returns
     -------
     OrbitSet
-        Family by family in the order of `FAMILIES`, and along each family. All states lie on
-        y = 0 and cross it perpendicularly.
+        In the order of `FAMILIES` and along each family. All states are perpendicular crossings of
+        y = 0.
 
     Raises
     ------
-    ConfigurationError
-        If a family is unknown, a count is not a positive integer, or the keep-out leaves none.
     ConvergenceError
         If a continuation fails.
     """
@@ -295,7 +228,7 @@ def family_members(
     mu: float = MU,
     extent: Extent = KEEP_OUT,
 ) -> OrbitSet:
-    """Every member of a family with a given Jacobi constant or period.
+    """All members of a family with a given Jacobi constant or period.
 
     Parameters
     ----------
@@ -306,17 +239,15 @@ def family_members(
     mu : float
         Mass ratio.
     extent : Extent
-        Where the family ends.
+        Ends of the family.
 
     Returns
     -------
     OrbitSet
-        In order along the family; empty if the family does not take the value.
+        In order along the family; empty if no member has the value.
 
     Raises
     ------
-    ConfigurationError
-        If the family is unknown, or not exactly one of `jacobi` and `period` is given.
     ConvergenceError
         If the continuation fails.
     """

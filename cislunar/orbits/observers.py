@@ -1,13 +1,13 @@
-"""Observers of one's own: their table, and the orbits it means.
+"""User-defined observers: their table and their orbits.
 
-Comma-separated, UTF-8, one observer per row, with its name in the column ``id``. It is given either
-by its state at the epoch, in the columns of tables of targets (`cislunar.targets.tables`), or by a
-``family`` of periodic orbits (`cislunar.orbits.catalogue`) and the value of one of ``jacobi`` and
-``period`` (nondimensional) or ``period_days`` that one member takes. A state with a period is on a
-closed orbit, one without flies on freely. With ``phase``, a share of the period, the observer is
-that far ahead of the state, or of the point where the catalogue begins the orbit. What is otherwise
-about its sensor than the configuration has it for all may stand in `SENSOR_COLUMNS`. Cells that do
-not apply are left empty.
+The table is comma-separated, UTF-8, with one observer per row and its name in the column ``id``. An
+observer is given either by its state at the epoch, in the columns of target tables
+(`cislunar.targets.tables`), or by a ``family`` of periodic orbits (`cislunar.orbits.catalog`) and
+one of ``jacobi`` and ``period`` (nondimensional) or ``period_days``, which has to determine a
+single member. A state with a period is on a closed orbit; a state without one starts an open
+trajectory. A ``phase``, a fraction of the period, moves the observer ahead of the state, or of the
+catalog's first point of the orbit. `SENSOR_COLUMNS` override the configured sensor. Cells that do
+not apply are empty.
 """
 
 from collections.abc import Callable, Sequence
@@ -41,7 +41,7 @@ from cislunar.exchange.table_rows import (
     row_period,
     row_state,
 )
-from cislunar.orbits.catalogue import catalogue_branch, family_named, periodic_orbits
+from cislunar.orbits.catalog import catalog_branch, family_named, periodic_orbits
 from cislunar.orbits.extent import measure_of
 from cislunar.orbits.families import OrbitSet, concatenate
 from cislunar.orbits.stability import stability_index
@@ -49,7 +49,7 @@ from cislunar.orbits.stability import stability_index
 Array = NDArray[np.float64]
 
 OWN_FAMILY = "own"
-"""Family of an observer given by its state."""
+"""Family of an observer that is given by its state."""
 
 _DAYS = TIME_UNIT_S / SECONDS_PER_DAY
 _JACOBI: Columns = (("jacobi",), 1.0)
@@ -65,29 +65,14 @@ SENSOR_COLUMNS = {
     "moon_exclusion_deg": (-1e-9, "from 0 on"),
     "earth_exclusion_deg": (-1e-9, "from 0 on"),
 }
-"""Columns of a sensor of its own, what their numbers exceed, and that in words."""
+"""Columns of an observer's own sensor, their exclusive lower bounds, and these in words."""
 
 
 class Observer(NamedTuple):
-    """A row of a table of observers.
-
-    Attributes
-    ----------
-    place : str
-        File, row and name, for messages.
-    name : str
-        Of the observer.
-    family : str
-        Of its orbit; `OWN_FAMILY` if the state is given.
-    state : list of float or None
-        Nondimensional, rotating frame.
-    jacobi, period : float
-        Nondimensional; 0 where not given.
-    phase : float
-        Share of the period, 0 .. 1.
-    sensor : dict
-        Numbers of `SENSOR_COLUMNS` that are its own.
-    """
+    """A row of a table of observers: `place` is file, row and name, for messages; `family` is
+    `OWN_FAMILY` if the state is given. State at the epoch, Jacobi constant and period (0 if not
+    given) are nondimensional, in the rotating frame; `phase` is a fraction of the period, 0 .. 1;
+    `sensor` holds the values of `SENSOR_COLUMNS` in the row."""
 
     place: str
     name: str
@@ -100,7 +85,7 @@ class Observer(NamedTuple):
 
 
 def load_observers(path: str | Path) -> list[Observer]:
-    """Read a table of observers, and refuse what can be told without their orbits.
+    """Read a table of observers and check what does not require their orbits.
 
     Parameters
     ----------
@@ -115,11 +100,7 @@ def load_observers(path: str | Path) -> list[Observer]:
     Raises
     ------
     InputFileError
-        If the file is missing, empty or no such table; if a column is not known; if a sensor is
-        impossible; if an observer has no name or one that occurs twice, both a state and a
-        family or neither, an unknown family, not one value to choose its member by, or a phase
-        outside of 0 .. 1; if a state is inside a body, or in another unit. The message names the
-        file, the row and the observer.
+        If the table or a row is unusable; the message names the file, the row and the observer.
     """
     header, rows = named_rows(path, "observer")
     columns = {name for quantity in (POSITION, VELOCITY) for name in (*quantity[0], *quantity[1])}
@@ -132,8 +113,8 @@ def load_observers(path: str | Path) -> list[Observer]:
     for column in header:
         if column not in known:
             raise InputFileError(
-                f"{path}, row 1: column {column!r} is none of those of observers; of a sensor "
-                f"there are {', '.join(SENSOR_COLUMNS)}"
+                f"{path}, row 1: column {column!r} is unknown; columns of a sensor "
+                f"are {', '.join(SENSOR_COLUMNS)}"
             )
     observers = []
     for name, (place, row) in zip(row_names(rows, "observer"), rows, strict=True):
@@ -154,7 +135,7 @@ def load_observers(path: str | Path) -> list[Observer]:
 
 
 def _sensor(place: str, row: Row) -> dict[str, float]:
-    """What a row says of the observer's sensor."""
+    """The observer's own sensor values in a row."""
     found = {}
     for column, (least, words) in SENSOR_COLUMNS.items():
         if row.get(column):
@@ -167,7 +148,7 @@ def _sensor(place: str, row: Row) -> dict[str, float]:
 
 
 def _check_orbit(observer: Observer, row: Row) -> None:
-    """What chooses the orbit, and the phase on it."""
+    """Check the values that determine the orbit, and the phase."""
     place = observer.place
     if not 0.0 <= observer.phase <= 1.0:
         raise InputFileError(
@@ -192,32 +173,30 @@ def _check_orbit(observer: Observer, row: Row) -> None:
 
 
 def observer_orbits(
-    observers: Sequence[Observer],
-    days: float,
-    progress: Callable[[int, int], None] | None = None,
+    observers: Sequence[Observer], days: float, progress: Callable[[int, int], None] | None = None
 ) -> OrbitSet:
-    """Orbits of observers, each at the phase wanted.
+    """Orbits of observers, each at its phase.
 
     Parameters
     ----------
     observers : sequence of Observer
         From `load_observers`.
     days : float
-        How long those on no closed orbit fly, d.
+        Duration of open trajectories, days.
     progress : callable, optional
         Called with (observers done, observers in all).
 
     Returns
     -------
     OrbitSet
-        One row for each observer. The period of a path that is not closed is 0, its stability index
-        NaN, its least distances those of the time given.
+        One row per observer. An open trajectory has period 0, stability index NaN, and its least
+        distances within `days`.
 
     Raises
     ------
     InputFileError
-        If a family has no such member or several, an orbit meets the Earth or the Moon, or one with
-        a period is not closed; the message names file, row and observer.
+        If a family has no such member or several, an orbit intersects the Earth or the Moon, or an
+        orbit with a period is not closed; the message names file, row and observer.
     """
     found = []
     for done, observer in enumerate(observers, start=1):
@@ -234,12 +213,12 @@ def observer_orbits(
 
 
 def _member(observer: Observer) -> OrbitSet:
-    """The one member of a family that takes a value."""
+    """The single member of a family with a value."""
     place, family = observer.place, observer.family
     quantity = "period" if observer.period else "jacobi"
     value = getattr(observer, quantity)
     unit = _DAYS if observer.period else 1.0
-    told = "period_days" if observer.period else "jacobi"
+    column = "period_days" if observer.period else "jacobi"
     found = periodic_orbits(family, clear=False, **{quantity: value})
     if len(found.period) == 1:
         _check_clear(observer, float(found.perigee_km[0]), float(found.perilune_km[0]))
@@ -251,18 +230,18 @@ def _member(observer: Observer) -> OrbitSet:
         )
         other = "jacobi" if observer.period else "period_days"
         raise InputFileError(
-            f"{place}: {len(found.period)} members of {family} have {told} = {value * unit:.6g}: "
+            f"{place}: {len(found.period)} members of {family} have {column} = {value * unit:.6g}: "
             f"{members}; choose one by its {other} instead, or by its state"
         )
-    reached = [measure_of(quantity)(member) * unit for member in catalogue_branch(family)]
+    reached = [measure_of(quantity)(member) * unit for member in catalog_branch(family)]
     raise InputFileError(
-        f"{place}: {family} has no member with {told} = {value * unit:.6g}; it goes from "
+        f"{place}: {family} has no member with {column} = {value * unit:.6g}; it goes from "
         f"{min(reached):.6g} to {max(reached):.6g}"
     )
 
 
 def _given(observer: Observer, days: float) -> OrbitSet:
-    """The orbit or path through a state."""
+    """The orbit or trajectory through a given state."""
     state, period = np.array(observer.state), observer.period
     least = [LENGTH_UNIT_KM * each for each in closest_approaches(state, period or days / _DAYS)]
     _check_clear(observer, *least)
@@ -276,7 +255,7 @@ def _given(observer: Observer, days: float) -> OrbitSet:
 
 
 def _check_clear(observer: Observer, perigee_km: float, perilune_km: float) -> None:
-    """Refuse an orbit that meets a body."""
+    """Refuse an orbit that intersects a body."""
     for body, distance, radius in (
         ("Earth", perigee_km, EARTH_RADIUS_KM),
         ("Moon", perilune_km, MOON_RADIUS_KM),
@@ -289,7 +268,7 @@ def _check_clear(observer: Observer, perigee_km: float, perilune_km: float) -> N
 
 
 def _at_phase(orbit: OrbitSet, phase: float) -> OrbitSet:
-    """The same orbit from a later point."""
+    """The same orbit, started at a later point."""
     if not phase:
         return orbit
     period = float(orbit.period[0])

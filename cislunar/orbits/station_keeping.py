@@ -1,4 +1,4 @@
-"""What it takes to stay on a periodic orbit: the velocity that cancels its unstable deviations."""
+"""Station-keeping cost of periodic orbits: the velocity that cancels their unstable deviations."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,49 +11,30 @@ from cislunar.orbits.stability import farthest_state
 
 Array = NDArray[np.float64]
 
-_PLACES = 64  # of manoeuvres on the orbit
+_PLACES = 64  # possible maneuvers per revolution
 _STABLE = (
     1e-3  # modulus beyond 1 from which an eigenvalue is unstable: the unit pair splits by 1e-5
 )
 _YEAR_S = 365.25 * SECONDS_PER_DAY
-_METRES_PER_SECOND = 1e3 * LENGTH_UNIT_KM / TIME_UNIT_S
+_METERS_PER_SECOND = 1e3 * LENGTH_UNIT_KM / TIME_UNIT_S
 
 
 def unstable_modes(state: ArrayLike, period: float, mu: float = MU) -> tuple[Array, Array]:
-    """Unstable part of a deviation around a periodic orbit, and how it grows in a period.
+    """Unstable part of a deviation around a periodic orbit, and its growth over a period.
 
-    Parameters
-    ----------
-    state : array_like, shape (6,)
-        State on the orbit, nondimensional, rotating frame.
-    period : float
-        Period, nondimensional.
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    modes : ndarray, shape (place, mode, 6)
-        Rows that a deviation at equally spaced places is multiplied with to have its unstable
-        coordinates. Along a free flight these do not change until the orbit closes. No modes if no
-        eigenvalue of the monodromy matrix exceeds 1 in modulus by 1e-3.
-    growth : ndarray, shape (mode, mode)
-        Factor of the coordinates where the orbit closes.
-
-    Raises
-    ------
-    ConvergenceError
-        If the propagation fails.
-    """
+    The modes (point, mode, 6) are rows by which a deviation at equally spaced points is multiplied
+    to obtain its unstable coordinates; these are constant along the orbit until it closes, where
+    they grow by the factor (mode, mode). There are no modes if no eigenvalue of the monodromy
+    matrix exceeds 1 in modulus by 1e-3."""
     times = period * np.arange(1, _PLACES + 1) / _PLACES
     start = farthest_state(state, period, mu)
-    to_place = propagate_stm(start, times, forces=CR3BP(mu))[1]
-    values, vectors = np.linalg.eig(to_place[-1].T)
+    to_point = propagate_stm(start, times, forces=CR3BP(mu))[1]
+    values, vectors = np.linalg.eig(to_point[-1].T)
     unstable = vectors[:, (np.abs(values) > 1.0 + _STABLE) & (values.imag >= 0.0)]
     rows = np.array([part for v in unstable.T for part in (v.real, v.imag) if part.any()])
     rows = rows.reshape(-1, 6)
-    growth = rows @ to_place[-1] @ np.linalg.pinv(rows)
-    begin = np.concatenate([np.eye(6)[None], to_place[:-1]])
+    growth = rows @ to_point[-1] @ np.linalg.pinv(rows)
+    begin = np.concatenate([np.eye(6)[None], to_point[:-1]])
     return rows @ np.linalg.inv(begin), growth
 
 
@@ -67,23 +48,24 @@ def station_keeping_m_s(
     most_days: float = 60.0,
     mu: float = MU,
 ) -> float:
-    """Estimate the velocity a year that keeps a satellite on an unstable periodic orbit.
+    """Estimate the velocity change per year that keeps a satellite on an unstable periodic orbit.
 
-    A manoeuvre cancels the unstable part of the estimated deviation by the least change of
-    velocity, as in Floquet mode control (C. Simo, G. Gomez, J. Llibre, R. Martinez and
-    J. Rodriguez, Acta Astronautica 15, 1987). With the rows W of `unstable_modes` at the place of
-    the manoeuvre, V their part along the velocity, W' at the one before, and the covariance S of
-    independent errors of the estimate, its mean square is the trace of
+    A maneuver cancels the unstable part of the estimated deviation by the least change of velocity,
+    as in Floquet mode control (C. Simo, G. Gomez, J. Llibre, R. Martinez and J. Rodriguez, Acta
+    Astronautica 15, 1987). Let W be the rows of `unstable_modes` at the maneuver, V their part
+    along the velocity, W' the rows at the previous maneuver, and S the covariance of independent
+    estimation errors. The mean square of the maneuver is the trace of
 
         V^+ (W' S W'^T + W S W^T) V^+^T :
 
-    the error left at the manoeuvre before, grown on the way, and the new one. Manoeuvres are
-    equally spaced, by the whole number of 64ths of a period that makes the mean over the orbit of
-    the root mean squares, times the manoeuvres in a year, least.
+    the residual error of the previous maneuver, grown since then, plus the new error. Maneuvers are
+    equally spaced by a whole number of 64ths of a period. This number minimizes the mean over the
+    orbit of the root mean squares, times the number of maneuvers per year.
 
-    Limits. Linear about the orbit, in the circular problem and without errors of execution or
-    solar pressure. A deviation that does not grow exponentially is not cancelled, so that a
-    linearly stable orbit costs nothing. It orders orbits rather than sizes tanks.
+    The estimate is linear about the orbit, in the CR3BP, without execution errors or solar
+    radiation pressure. Deviations that do not grow exponentially are not canceled, so that a
+    linearly stable orbit costs nothing. The estimate serves to rank orbits rather than to size
+    tanks.
 
     Parameters
     ----------
@@ -92,23 +74,16 @@ def station_keeping_m_s(
     period : float
         Period, nondimensional.
     position_km, velocity_m_s : float
-        Standard deviations of each component of the estimate at a manoeuvre.
+        Standard deviations of each component of the estimate at a maneuver.
     least_days, most_days : float
-        Shortest and longest time between manoeuvres.
+        Shortest and longest time between maneuvers.
     mu : float
         Mass ratio.
 
     Returns
     -------
     float
-        m/s a year; 0 for a linearly stable orbit.
-
-    Raises
-    ------
-    ConfigurationError
-        If an error or a time is not positive.
-    ConvergenceError
-        If the propagation fails.
+        Velocity change, m/s per year; 0 for a linearly stable orbit.
     """
     given = {"position_km": position_km, "velocity_m_s": velocity_m_s, "least_days": least_days}
     for name, value in given.items():
@@ -119,7 +94,7 @@ def station_keeping_m_s(
     modes, growth = unstable_modes(state, period, mu)
     if growth.size == 0:
         return 0.0
-    sigma = np.repeat([position_km / LENGTH_UNIT_KM, velocity_m_s / _METRES_PER_SECOND], 3)
+    sigma = np.repeat([position_km / LENGTH_UNIT_KM, velocity_m_s / _METERS_PER_SECOND], 3)
     cancel = np.linalg.pinv(modes[:, :, 3:])
     now = np.sum((cancel @ modes * sigma) ** 2, axis=(1, 2))
     step_s = period * TIME_UNIT_S / _PLACES
@@ -134,4 +109,4 @@ def station_keeping_m_s(
         left = cancel @ past[first : first + _PLACES] * sigma
         before = np.sum(left**2, axis=(1, 2))
         costs.append(np.mean(np.sqrt(before + now)) * _YEAR_S / (steps * step_s))
-    return float(np.min(costs)) * _METRES_PER_SECOND
+    return float(np.min(costs)) * _METERS_PER_SECOND

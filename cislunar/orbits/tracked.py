@@ -2,8 +2,8 @@
 
 The classes are the paper's: northern and southern halos about L1 and L2 with two near-rectilinear
 ones, distant retrograde orbits, 3:1 resonant orbits, and eight lunar mission trajectories with
-perilunes a few hundred kilometers above the south pole. The split among them and their ranges are
-this library's choice, stated in the constants below. The near-rectilinear pair are the 9:2 and 4:1
+perilunes a few hundred kilometers above the south pole. The numbers per class and their ranges are
+this library's choice, given by the constants below. The near-rectilinear pair are the 9:2 and 4:1
 resonant orbits; the low end of the L2 halos is near-rectilinear too.
 """
 
@@ -13,13 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.constants import (
-    LENGTH_UNIT_KM,
-    MOON_RADIUS_KM,
-    MU,
-    SECONDS_PER_DAY,
-    TIME_UNIT_S,
-)
+from cislunar.constants import LENGTH_UNIT_KM, MOON_RADIUS_KM, MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import jacobi_constant
 from cislunar.dynamics.propagation import closest_approaches
 from cislunar.orbits.branches import opposite, resonant_seed
@@ -39,18 +33,18 @@ from cislunar.orbits.selection import select
 Array = NDArray[np.float64]
 
 HALO_COUNTS = {"Halo_L1_N": 30, "Halo_L1_S": 30, "Halo_L2_N": 30, "Halo_L2_S": 28}
-SYNODIC_MONTH_DAYS = 29.530589
+_SYNODIC_MONTH_DAYS = 29.530589
 NRHO_RESONANCES = {"NRHO_9:2": 2.0 / 9.0, "NRHO_4:1": 1.0 / 4.0}
 """Period of the near-rectilinear halos (southern, about L2) in synodic months."""
 
 RETROGRADE_COUNT = 37
-RETROGRADE_PERILUNE_KM = (10_000.0, 150_000.0)
+_RETROGRADE_PERILUNE_KM = (10_000.0, 150_000.0)
 RESONANT_COUNTS = {"Resonant_3:1": 18, "Resonant_3:1b": 19}
 """Perigee on the Moon's side (unstable) and on the opposite side (stable, "b")."""
-RESONANT_PERIGEE_KM = (15_000.0, 150_000.0)
+_RESONANT_PERIGEE_KM = (15_000.0, 150_000.0)
 
 
-class LunarPolarOrbit(NamedTuple):
+class _LunarPolarOrbit(NamedTuple):
     """Osculating ellipse about the Moon with its perilune over the south pole."""
 
     name: str
@@ -58,45 +52,30 @@ class LunarPolarOrbit(NamedTuple):
     apolune_altitude_km: float
 
 
-POLAR_ORBITS: tuple[LunarPolarOrbit, ...] = (
-    LunarPolarOrbit("Chandrayaan-1_insertion", 504.0, 7502.0),
-    LunarPolarOrbit("Chandrayaan-1_first_maneuver", 200.0, 7502.0),
-    LunarPolarOrbit("Chandrayaan-2_insertion", 114.0, 18072.0),
-    LunarPolarOrbit("Chandrayaan-2_second_maneuver", 118.0, 4412.0),
-    LunarPolarOrbit("Chandrayaan-3_insertion", 164.0, 18074.0),
-    LunarPolarOrbit("Chandrayaan-3_first_maneuver", 170.0, 4313.0),
-    LunarPolarOrbit("KPLO_insertion", 109.0, 8920.0),
-    LunarPolarOrbit("LunaH-Map_like", 315.0, 3150.0),
+POLAR_ORBITS: tuple[_LunarPolarOrbit, ...] = (
+    _LunarPolarOrbit("Chandrayaan-1_insertion", 504.0, 7502.0),
+    _LunarPolarOrbit("Chandrayaan-1_first_maneuver", 200.0, 7502.0),
+    _LunarPolarOrbit("Chandrayaan-2_insertion", 114.0, 18072.0),
+    _LunarPolarOrbit("Chandrayaan-2_second_maneuver", 118.0, 4412.0),
+    _LunarPolarOrbit("Chandrayaan-3_insertion", 164.0, 18074.0),
+    _LunarPolarOrbit("Chandrayaan-3_first_maneuver", 170.0, 4313.0),
+    _LunarPolarOrbit("KPLO_insertion", 109.0, 8920.0),
+    _LunarPolarOrbit("LunaH-Map_like", 315.0, 3150.0),
 )
 """Capture orbits of lunar polar missions. Altitudes of the Chandrayaan missions are as announced;
-those of KPLO (Danuri) and the LunaH-Map-like orbit are nominal, the perilune of the latter raised
-to a few hundred kilometers. Node headings are spread by 45 degrees."""
+those of KPLO (Danuri) and the LunaH-Map-like orbit are nominal, with the perilune of the latter
+raised to a few hundred kilometers. Node headings are spaced by 45 degrees."""
 
 
-def polar_state(orbit: LunarPolarOrbit, heading: float, mu: float = MU) -> tuple[Array, float]:
-    """State at a perilune over the lunar south pole, and the Keplerian period.
-
-    Parameters
-    ----------
-    orbit : LunarPolarOrbit
-        Altitudes, km.
-    heading : float
-        Direction of the velocity in the xy-plane from +x, rad.
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    state : ndarray, shape (6,)
-        Nondimensional, rotating frame; on y = 0.
-    period : float
-        Period of the osculating ellipse, nondimensional. The orbit is not periodic.
-    """
+def polar_state(orbit: _LunarPolarOrbit, heading: float, mu: float = MU) -> tuple[Array, float]:
+    """State (6,) at a perilune over the lunar south pole, on y = 0, nondimensional, rotating frame,
+    and the period of the osculating ellipse (the orbit is not periodic). `heading` is the direction
+    of the velocity in the xy-plane from +x, rad."""
     perilune = (MOON_RADIUS_KM + orbit.perilune_altitude_km) / LENGTH_UNIT_KM
     apolune = (MOON_RADIUS_KM + orbit.apolune_altitude_km) / LENGTH_UNIT_KM
     semi_major = 0.5 * (perilune + apolune)
     speed = np.sqrt(mu * (2.0 / perilune - 1.0 / semi_major))
-    # On the axis of rotation through the Moon the frame adds nothing to the relative velocity.
+    # On the rotation axis through the Moon the frame's rotation adds no relative velocity.
     velocity = [speed * np.cos(heading), speed * np.sin(heading), 0.0]
     state = np.array([1.0 - mu, 0.0, -perilune, *velocity])
     return state, float(2.0 * np.pi * np.sqrt(semi_major**3 / mu))
@@ -115,13 +94,13 @@ def _polar_set(mu: float) -> OrbitSet:
 
 
 def _retrograde_members(mu: float) -> Branch:
-    nearest, farthest = RETROGRADE_PERILUNE_KM
+    nearest, farthest = _RETROGRADE_PERILUNE_KM
     branch = follow_branch("DRO", mu, nearest, 0.0, ("perilune_km", farthest))
     return spaced_members(branch, RETROGRADE_COUNT, by_arc=False, mu=mu)
 
 
 def _resonant_members(family: str, mu: float) -> Branch:
-    nearest, farthest = RESONANT_PERIGEE_KM
+    nearest, farthest = _RESONANT_PERIGEE_KM
     seed = resonant_seed(mu, moonward=not family.endswith("b"))
 
     def above(member: Point) -> float:
@@ -134,7 +113,7 @@ def _resonant_members(family: str, mu: float) -> Branch:
     outward = continue_branch(seed.half, seed.direction, lambda m: below(m) <= 0.0, mu=mu)
     branch = trim(trim(join(inward, outward), above, mu), below, mu)
     members = spaced_members(branch, RESONANT_COUNTS[family], by_arc=False, mu=mu)
-    # The epoch is at apogee: at a low perigee the same roundoff leaves a far larger gap.
+    # The epoch is at apogee, because at a low perigee the same roundoff leaves a far larger gap.
     apogees = [opposite(member).half.crossing for member in members]
     halves = [correct(apogee, fix_coordinate(X, apogee[X]), mu) for apogee in apogees]
     return [Point(half, seed.direction) for half in halves]
@@ -178,7 +157,7 @@ def tracked_targets(
     sets = [observer_library(HALO_COUNTS, KEEP_OUT, mu=mu, progress=lambda *_: advance())]
     near_rectilinear = family_branch("Halo_L2_S", mu=mu)
     for name, months in NRHO_RESONANCES.items():
-        period = months * SYNODIC_MONTH_DAYS * SECONDS_PER_DAY / TIME_UNIT_S
+        period = months * _SYNODIC_MONTH_DAYS * SECONDS_PER_DAY / TIME_UNIT_S
         members = select(near_rectilinear, "period", period, mu)
         sets.append(orbit_set(name, members, mu=mu, southern=True, progress=advance))
     planar = {"DRO": lambda: _retrograde_members(mu)}

@@ -1,17 +1,9 @@
-"""Bodies as the kernels see them: convex ones of one material, and all others.
+"""Bodies for the photometric kernels: convex ones of one material, and composite ones.
 
-Facets may shadow each other and differ in material. The facet sum is that of
-`cislunar.photometry.facets`, with the area of each facet reduced to what is both lit and seen
-(`cislunar.photometry.shadows`) and the material taken from the facet's row of a table. Light that a
-facet throws on another is left out. `cislunar.photometry.body_blocks` has the kernels.
-
-The lit and seen area is approximate: points stand for the area, and the table is interpolated.
-Against rays to a thousand points of each facet, in 100 random pairs of directions, its error as a
-share of the area that faces both is 0.11 % (box with wings), 0.23 % (dish on a bus) and 0.03 %
-(upper stage) rms and 1.3 % at most. The error in magnitude is 0.002, 0.010 and 0.0005 rms, below
-0.003, 0.018 and 0.001 in 95 of 100 pairs, and 0.05 at most; little is left to see where it is
-large. Of a single square under another one it is 0.7 % of its area rms and 2.7 % at most; where
-Sun and observer are nearer to each other than the spacing of the table, it is 1 % too dark.
+A composite body is non-convex or has several materials. Its facet sum is that of
+`cislunar.photometry.facets`, with the area of each facet reduced to the part that is both lit and
+seen (`cislunar.photometry.shadows`) and with a material per facet. Light that one facet throws on
+another is neglected. `docs/bodies.md` has the accuracy of the lit and seen area.
 """
 
 from collections.abc import Mapping
@@ -23,15 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.photometry.body_blocks import body_magnitudes
-from cislunar.photometry.facet_blocks import (
-    BLOCK_ROWS,
-    LANES,
-    QUATERNION,
-    RANGE,
-    SUN,
-    TOTAL,
-    VIEW,
-)
+from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, QUATERNION, RANGE, SUN, TOTAL, VIEW
 from cislunar.photometry.facets import apparent_magnitude, broadcast_geometries
 from cislunar.photometry.materials import Material, PhotometryModel, material_rows
 from cislunar.photometry.meshes import Mesh
@@ -42,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 class Body(NamedTuple):
-    """A body as the kernels see it.
+    """Areas, materials and shadows of a body, in the layout of the kernels.
 
     Parameters
     ----------
@@ -57,12 +41,12 @@ class Body(NamedTuple):
     shadows : Shadows
         Shadows of the facets on each other.
     lengths : ndarray, shape (3,)
-        Of the body along its axes over those of the one the shadows were tabulated for.
-    rough : bool
-        Whether it has several materials, shadows or another law of reflection: false leaves it to
-        the kernels of `cislunar.photometry.facet_blocks`.
+        Lengths along the body axes relative to the body for which the shadows were tabulated.
+    composite : bool
+        Whether the body has several materials, shadows or another reflection law; otherwise the
+        faster kernels of `cislunar.photometry.facet_blocks` are used.
     phong : bool
-        Whether it reflects by Lambert's law and Phong's, see `cislunar.photometry.body_blocks`.
+        Whether the body follows the Lambert-Phong law, see `cislunar.photometry.body_blocks`.
     """
 
     areas: Array
@@ -71,17 +55,17 @@ class Body(NamedTuple):
     materials: Array
     shadows: Shadows
     lengths: Array
-    rough: bool = False
+    composite: bool = False
     phong: bool = False
 
     @property
     def facets(self) -> Facets:
-        """The shape without its shadows."""
+        """The facets, without their shadows."""
         return Facets(self.areas, self.normals)
 
 
 def plain_body(facets: Facets, material: Material) -> Body:
-    """A convex body of one material.
+    """Body of one material and convex shape.
 
     Parameters
     ----------
@@ -89,10 +73,6 @@ def plain_body(facets: Facets, material: Material) -> Body:
         Shape.
     material : Material
         Surface.
-
-    Returns
-    -------
-    Body
     """
     areas = np.ascontiguousarray(facets.areas, dtype=float)
     normals = np.ascontiguousarray(facets.normals, dtype=float)
@@ -108,7 +88,7 @@ def build_body(
     steps: int = STEPS,
     shadows: Shadows | None = None,
 ) -> Body:
-    """Areas, materials and shadows of a mesh.
+    """Body of a mesh: areas, materials and shadows.
 
     Parameters
     ----------
@@ -119,25 +99,20 @@ def build_body(
     steps : int
         Steps of the shadow table from pole to equator.
     shadows : Shadows, optional
-        The mesh's table, where it is there already.
-
-    Returns
-    -------
-    Body
+        Shadow table of the mesh, if it has been computed already.
 
     Raises
     ------
     ConfigurationError
-        If a facet's group has no material, a material is given for an unknown group, or `steps`
-        is not positive.
+        If a facet's group has no material, or a material is given for an unknown group.
     """
     if isinstance(materials, Material):
         materials = dict.fromkeys(mesh.groups, materials)
     facets = facets_from_triangles(mesh.vertices, mesh.triangles)
     rows, table = material_rows(mesh.source, mesh.groups, materials)
     shadows = shadow_table(mesh, steps) if shadows is None else shadows
-    rough = shadows.steps > 0 or len(table) > 1
-    return Body(facets.areas, facets.normals, rows, table, shadows, np.ones(3), rough)
+    composite = shadows.steps > 0 or len(table) > 1
+    return Body(facets.areas, facets.normals, rows, table, shadows, np.ones(3), composite)
 
 
 def apparent_body_magnitude(
@@ -154,19 +129,10 @@ def apparent_body_magnitude(
 
     Parameters
     ----------
-    quaternion : array_like, shape (..., 4)
-        Attitudes, inertial to body, scalar last.
-    sun_direction, view_direction : array_like, shape (..., 3)
-        Unit vectors from the object to the Sun and to the observer, inertial frame.
-    range_m : array_like, shape (...)
-        Distances from the object to the observer, m.
+    quaternion, sun_direction, view_direction, range_m, model, sun_magnitude
+        See `cislunar.photometry.facets.apparent_magnitude`.
     body : Body
-        Shape and surface. A plain one is left to
-        `cislunar.photometry.facets.apparent_magnitude`.
-    model : PhotometryModel, optional
-        Reading of the equations; 1/r^2 and Fresnel with the root if omitted.
-    sun_magnitude : float
-        Magnitude of the Sun in the sensor's band.
+        Shape and surface.
 
     Returns
     -------
@@ -175,7 +141,7 @@ def apparent_body_magnitude(
     """
     geometry = quaternion, sun_direction, view_direction, range_m
     model = PhotometryModel() if model is None else model
-    if not body.rough:
+    if not body.composite:
         material = Material(*map(float, body.materials[0]))
         return apparent_magnitude(
             *geometry, body.facets, material, model, sun_magnitude=sun_magnitude
@@ -191,7 +157,7 @@ def apparent_body_magnitude(
 
 @njit(cache=True, error_model="numpy")
 def _light_thrown_back(quaternion, sun, view, body, fresnel_sqrt):
-    """Sums over the facets of n geometries, arrays of n rows."""
+    """Facet sums of n geometries, given as arrays of n rows."""
     result, block = np.empty(quaternion.shape[0]), np.empty((BLOCK_ROWS, LANES))
     block[RANGE] = 1.0
     for first in range(0, result.size, LANES):

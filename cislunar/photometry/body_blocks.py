@@ -1,25 +1,25 @@
-"""Apparent magnitudes of any body in a block of geometries at a time, with derivatives (compiled).
+"""Apparent magnitudes of any body for a block of geometries, with derivatives (compiled).
 
-A `cislunar.photometry.bodies.Body` that is convex, of one material and of the usual reflection law
-is left to `cislunar.photometry.facet_blocks`, bit by bit. Of any other the facets take their
-material from a table, count with the share of their area that is both lit and seen
-(`cislunar.photometry.shadows`), and may reflect by another law:
+A `cislunar.photometry.bodies.Body` that is not composite is passed to
+`cislunar.photometry.facet_blocks` and gives bit-identical results. The facets of a composite body
+take their material from a table, contribute with the share of their area that is both lit and seen
+(`cislunar.photometry.shadows`), and may follow another reflection law:
 
     R_i = A_i / pi (N.L)(N.V) (d rho + s F0 / delta^2 cos^n(a)),   n = 1 / (2 delta^2),
 
-a the angle between the observer and the mirrored Sun: Lambert's law and Phong's, in the form that
-is the same with Sun and observer exchanged (Lafortune & Willems 1994). At its peak the lobe is as
+where a is the angle between the observer and the mirrored Sun. This is the Lambert-Phong law in the
+form that is symmetric in Sun and observer (Lafortune & Willems 1994). At its peak the lobe is as
 bright and as wide as that of the Cook-Torrance model with the same parameters.
 
-The share is piecewise linear in what the table is interpolated by, and so is what the derivatives
-are of: they are those of the magnitude that is returned, one-sided at the table's edges.
+The lit and seen share is piecewise linear in the interpolation variables of the table. Derivatives
+are exactly those of the returned magnitude, one-sided at the edges of the table's triangles.
 """
 
 import numpy as np
 from numba import njit
 
 from cislunar.attitude.quaternion import rotate_components
-from cislunar.compiled import allocating, borrowing
+from cislunar.compiled import njit_alloc, njit_noalloc
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
     BY_HALF2,
@@ -46,10 +46,10 @@ from cislunar.photometry.facet_blocks import (
     TOTAL,
     TURN,
     VIEW,
+    add_axis_scale,
     add_facet,
     add_facet_and_slopes,
-    add_stretch,
-    block_magnitude_departures,
+    block_magnitude_deviations,
     block_magnitude_gradients,
     block_magnitudes,
     cosines,
@@ -80,20 +80,18 @@ from cislunar.photometry.shadows.blocks import (
     settle,
 )
 
-OWN_SHINE = OWN
-"""Row of the specular part of a facet, until the whole of it takes its place."""
+_OWN_SHINE = OWN
+"""Row of the specular part of a facet; later overwritten by the whole contribution of the facet."""
 
-# What is asked for besides the sums.
+# Derivatives to compute besides the sums.
 _NOTHING, _TURNS, _PARTS = 0, 1, 2
 
 
-@borrowing
-def _specular_rows(b, count, materials, fresnel_sqrt, phong, wanted, rows):
-    """Factors of each material in each geometry, (material, 3, LANES), into `rows`.
-
-    That of the specular term, its logarithmic derivative by the odds of the normal reflectance,
-    and that by |L + V|^2 through the Fresnel factor.
-    """
+@njit_noalloc
+def _specular_rows(b, count, materials, fresnel_sqrt, phong, derivatives, rows):
+    """Write the factors of each material in each geometry, (material, 3, LANES), into `rows`. The
+    factors are that of the specular term, its logarithmic derivative by the odds of the normal
+    reflectance, and its logarithmic derivative by |L + V|^2 through the Fresnel factor."""
     for m in range(materials.shape[0]):
         f0 = materials[m, 4]
         for k in range(count):
@@ -104,7 +102,7 @@ def _specular_rows(b, count, materials, fresnel_sqrt, phong, wanted, rows):
                 continue
             rows[m, 0, k] = reflection_constants(materials[m], half2, fresnel_sqrt)[1]
             rows[m, 1, k], rows[m, 2, k] = 0.0, 0.0
-            if wanted == _PARTS and f0 > 0.0:
+            if derivatives == _PARTS and f0 > 0.0:
                 half = np.sqrt(half2)
                 fresnel = fresnel_reflectance(0.5 * half, f0, fresnel_sqrt)
                 slope = fresnel_by_reflectance(0.5 * half, f0, fresnel_sqrt)
@@ -115,7 +113,7 @@ def _specular_rows(b, count, materials, fresnel_sqrt, phong, wanted, rows):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _add_parts(b, count, whole, steepness, far):
-    """Add the specular part of a facet, and what it changes by with slope and |L + V|^2."""
+    """Add the specular part of a facet and its derivatives by slope and |L + V|^2."""
     for k in range(count):
         inverse_half2 = b[INVERSE_HALF2, k]
         glint, attenuation, secant2, _, lower = facet_glint(
@@ -125,7 +123,7 @@ def _add_parts(b, count, whole, steepness, far):
         shine = whole * b[FREE, k] * glint * (attenuation if attenuation < 1.0 else 1.0)
         shine = shine if lower > 0.0 else 0.0
         power = (1.0 if attenuation < 1.0 else 2.0) + excess - steepness
-        b[OWN_SHINE, k] = shine
+        b[_OWN_SHINE, k] = shine
         b[SHINE, k] += shine
         b[BY_SLOPE, k] -= 2.0 * (1.0 + excess) * shine if lower > 0.0 else 0.0
         b[BY_HALF2, k] += shine * power * inverse_half2 if lower > 0.0 else 0.0
@@ -133,22 +131,22 @@ def _add_parts(b, count, whole, steepness, far):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _add_odds(b, count, rows, specular_share):
-    """Add a facet's part in what depends on the odds of its material and on its Fresnel factor."""
+    """Add a facet's derivatives by the odds of its material and through its Fresnel factor."""
     for k in range(count):
-        shine, own = b[OWN_SHINE, k], b[OWN_IN_FULL, k] * b[FREE, k]
+        shine, own = b[_OWN_SHINE, k], b[OWN_IN_FULL, k] * b[FREE, k]
         b[OWN, k] = own
         b[BY_REFLECTANCE, k] += shine * rows[1, k]
         b[BY_HALF2, k] += shine * rows[2, k]
         b[BY_ODDS, k] += shine * (1.0 - specular_share) - (own - shine) * specular_share
 
 
-@borrowing
+@njit_noalloc
 def _add_phong(b, count, whole, nx, ny, nz, diffuse, exponent):
-    """As `facet_blocks.add_facet_and_slopes` for a shaded facet with its parts, by Phong's law."""
+    """Add a shadowed facet of the Lambert-Phong law; see `facet_blocks.add_facet_and_slopes`."""
     for k in range(count):
         lit, seen = b[LIT, k], b[SEEN, k]
         if not (lit > 0.0 and seen > 0.0):
-            for row in (OWN_BY_LIT, OWN_BY_SEEN, OWN_SHINE, OWN_IN_FULL):
+            for row in (OWN_BY_LIT, OWN_BY_SEEN, _OWN_SHINE, OWN_IN_FULL):
                 b[row, k] = 0.0
             continue
         area, both = whole * b[FREE, k], lit * seen
@@ -159,7 +157,7 @@ def _add_phong(b, count, whole, nx, ny, nz, diffuse, exponent):
             slope, log = exponent * lobe / mirrored, np.log(mirrored)
         shine, brightness = area * lobe * both, diffuse + lobe + 2.0 * both * slope
         b[OWN_IN_FULL, k] = whole * both * (diffuse + lobe)
-        b[OWN_SHINE, k] = shine
+        b[_OWN_SHINE, k] = shine
         by_lit, by_seen = area * seen * brightness, area * lit * brightness
         b[OWN_BY_LIT, k], b[OWN_BY_SEEN, k] = by_lit, by_seen
         b[TOTAL, k] += area * both * (diffuse + lobe)
@@ -173,19 +171,19 @@ def _add_phong(b, count, whole, nx, ny, nz, diffuse, exponent):
         b[BY_SEEN + 2, k] += by_seen * nz
 
 
-@allocating
-def _sum_body(block, shares, stretched, count, body, fresnel_sqrt, wanted):
-    """Sums over the facets of a body that is not plain; see `body_magnitude_departures`."""
+@njit_alloc
+def _sum_body(block, shares, scaled, count, body, fresnel_sqrt, derivatives):
+    """Sums over the facets of a composite body; see `body_magnitude_deviations`."""
     b = known_shape(block)
     areas, normals, rows, column = body.areas, body.normals, body.rows, body.shadows.column
     materials, shadows, lengths, phong = body.materials, body.shadows, body.lengths, body.phong
     turn_into_body(b, count, materials[0], fresnel_sqrt)
     specular = np.empty((materials.shape[0], 3, LANES))
-    _specular_rows(b, count, materials, fresnel_sqrt, phong, wanted, specular)
+    _specular_rows(b, count, materials, fresnel_sqrt, phong, derivatives, specular)
     sight = find_corners(b, count, lengths, shadows.steps)
     settled = shadows.settled
     b[TOTAL, :count] = 0.0
-    if wanted != _NOTHING:
+    if derivatives != _NOTHING:
         b[BY_LIT : BY_REFLECTANCE + 2, :count] = 0.0
         shares[:, :count] = 0.0
     last, left, word, shaded = -1, 0, -1, True
@@ -204,7 +202,7 @@ def _sum_body(block, shares, stretched, count, body, fresnel_sqrt, wanted):
             if left < 0:
                 continue
             if left > 0:
-                slopes = wanted != _NOTHING
+                slopes = derivatives != _NOTHING
                 resolve_edges(b, left, column[i], shadows, lengths, sight, slopes)
         elif shaded:
             shaded = False
@@ -217,40 +215,38 @@ def _sum_body(block, shares, stretched, count, body, fresnel_sqrt, wanted):
             specular_share = materials[last, 1] / weights if weights > 0.0 else 0.0
         if phong:
             _add_phong(b, count, areas[i], nx, ny, nz, diffuse, 0.5 * steepness)
-        elif wanted == _NOTHING:
+        elif derivatives == _NOTHING:
             add_facet(b, count, areas[i], diffuse, steepness, far, True)
         else:
             add_facet_and_slopes(
                 b, count, areas[i], nx, ny, nz, diffuse, steepness, far, False, True
             )
-        if wanted == _NOTHING:
+        if derivatives == _NOTHING:
             continue
-        if wanted == _PARTS:
+        if derivatives == _PARTS:
             if not phong:
                 _add_parts(b, count, areas[i], steepness, far)
             _add_odds(b, count, specular[last], specular_share)
-            if stretched:
-                add_stretch(b, count, nx, ny, nz)
+            if scaled:
+                add_axis_scale(b, count, nx, ny, nz)
             if i < shares.shape[0]:
                 for k in range(count):
                     shares[i, k] = b[OWN, k]
-        add_edges(b, left, sight, wanted == _PARTS and stretched)
+        add_edges(b, left, sight, derivatives == _PARTS and scaled)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _sums(block, shares, stretched, count, body, fresnel_sqrt, wanted):
-    """`_sum_body`, compiled once and not anew for each constant that it is called with."""
-    given = body, fresnel_sqrt, np.int64(wanted)
-    _sum_body(block, shares, np.bool_(stretched), np.int64(count), *given)
+def _sums(block, shares, scaled, count, body, fresnel_sqrt, derivatives):
+    """Call `_sum_body` with fixed argument types, so that it is compiled only once."""
+    given = body, fresnel_sqrt, np.int64(derivatives)
+    _sum_body(block, shares, np.bool_(scaled), np.int64(count), *given)
 
 
-@borrowing
+@njit_noalloc
 def body_magnitudes(block, count, body, irradiance_4pi, fresnel_sqrt):
-    """Apparent magnitudes of a block's first `count` geometries, into its row `MAGNITUDE`.
-
-    As `cislunar.photometry.facet_blocks.block_magnitudes`, of any `Body`.
-    """
-    if not body.rough:
+    """Apparent magnitudes of a block's first `count` geometries, into its row `MAGNITUDE`. This is
+    `cislunar.photometry.facet_blocks.block_magnitudes` for any `Body`."""
+    if not body.composite:
         block_magnitudes(
             block, count, body.areas, body.normals, body.materials[0], irradiance_4pi, fresnel_sqrt
         )
@@ -259,13 +255,11 @@ def body_magnitudes(block, count, body, irradiance_4pi, fresnel_sqrt):
     magnitudes_of_totals(known_shape(block), count, irradiance_4pi)
 
 
-@borrowing
+@njit_noalloc
 def body_magnitude_gradients(block, count, body, irradiance_4pi, fresnel_sqrt):
-    """Magnitudes and their derivatives by a small turn of the body, mag/rad, in the body frame.
-
-    As `cislunar.photometry.facet_blocks.block_magnitude_gradients`, of any `Body`.
-    """
-    if not body.rough:
+    """Magnitudes and their derivatives by a small rotation of the body, mag/rad, in the body frame.
+    This is `cislunar.photometry.facet_blocks.block_magnitude_gradients` for any `Body`."""
+    if not body.composite:
         block_magnitude_gradients(
             block, count, body.areas, body.normals, body.materials[0], irradiance_4pi, fresnel_sqrt
         )
@@ -276,28 +270,26 @@ def body_magnitude_gradients(block, count, body, irradiance_4pi, fresnel_sqrt):
     turns_of_slopes(b, count)
 
 
-@borrowing
-def body_magnitude_departures(block, shares, stretched, count, body, irradiance_4pi, fresnel_sqrt):
-    """As `body_magnitude_gradients`, with what derivatives by material and shape are made of.
-
-    As `cislunar.photometry.facet_blocks.block_magnitude_departures`, of any `Body`; of one that is
-    not plain the derivatives by odds (`BY_REFLECTANCE`, `BY_ODDS`) are summed too.
-    """
-    if not body.rough:
-        block_magnitude_departures(
-            block, shares, stretched, count, body.areas, body.normals, body.materials[0],
+@njit_noalloc
+def body_magnitude_deviations(block, shares, scaled, count, body, irradiance_4pi, fresnel_sqrt):
+    """As `body_magnitude_gradients`, with the sums that derivatives by material and shape need.
+    This is `cislunar.photometry.facet_blocks.block_magnitude_deviations` for any `Body`. For a
+    composite body the derivatives by odds (`BY_REFLECTANCE`, `BY_ODDS`) are summed as well."""
+    if not body.composite:
+        block_magnitude_deviations(
+            block, shares, scaled, count, body.areas, body.normals, body.materials[0],
             irradiance_4pi, fresnel_sqrt,
         )  # fmt: skip
         return
-    _sums(block, shares, stretched, count, body, fresnel_sqrt, _PARTS)
+    _sums(block, shares, scaled, count, body, fresnel_sqrt, _PARTS)
     b = known_shape(block)
     magnitudes_of_totals(b, count, irradiance_4pi)
     turns_of_slopes(b, count)
 
 
-@allocating
+@njit_alloc
 def one_geometry(quaternion, sun_direction, view_direction, range_m):
-    """A block whose first column holds a geometry."""
+    """A block whose first column is the given geometry."""
     block = np.empty((BLOCK_ROWS, LANES))
     for c in range(4):
         block[QUATERNION + c, 0] = quaternion[c]
@@ -307,49 +299,47 @@ def one_geometry(quaternion, sun_direction, view_direction, range_m):
     return block
 
 
-@borrowing
+@njit_noalloc
 def body_magnitude(
     quaternion, sun_direction, view_direction, range_m, body, irradiance_4pi, fresnel_sqrt
 ):
-    """Apparent magnitude in one geometry, see `cislunar.photometry.facets.facet_magnitude`."""
+    """Apparent magnitude in one geometry; see `cislunar.photometry.facets.facet_magnitude`."""
     geometry = quaternion, sun_direction, view_direction, range_m
-    if not body.rough:
+    if not body.composite:
         return facet_magnitude(
             *geometry, body.areas, body.normals, body.materials[0], irradiance_4pi, fresnel_sqrt
         )
     return _magnitude(geometry, body, irradiance_4pi, fresnel_sqrt)
 
 
-@allocating
+@njit_alloc
 def _magnitude(geometry, body, irradiance_4pi, fresnel_sqrt):
-    """`body_magnitude` of a body that is not plain."""
+    """`body_magnitude` of a composite body."""
     block = one_geometry(*geometry)
     body_magnitudes(block, np.int64(1), body, irradiance_4pi, fresnel_sqrt)
     return block[MAGNITUDE, 0]
 
 
-@borrowing
+@njit_noalloc
 def body_magnitude_derivatives(
     quaternion, sun_direction, view_direction, range_m, body, irradiance_4pi, fresnel_sqrt
 ):
-    """Magnitude with its derivatives by attitude, directions and range.
-
-    As `cislunar.photometry.facet_derivatives.facet_magnitude_derivatives`, of any `Body`.
-    """
+    """Magnitude with its derivatives by attitude, directions and range. This is
+    `cislunar.photometry.facet_derivatives.facet_magnitude_derivatives` for any `Body`."""
     geometry = quaternion, sun_direction, view_direction, range_m
-    if not body.rough:
+    if not body.composite:
         return facet_magnitude_derivatives(
             *geometry, body.areas, body.normals, body.materials[0], irradiance_4pi, fresnel_sqrt
         )
     return _magnitude_derivatives(geometry, body, irradiance_4pi, fresnel_sqrt)
 
 
-@allocating
+@njit_alloc
 def _magnitude_derivatives(geometry, body, irradiance_4pi, fresnel_sqrt):
-    """`body_magnitude_derivatives` of a body that is not plain."""
+    """`body_magnitude_derivatives` of a composite body."""
     quaternion, sun_direction, view_direction, _ = geometry
     b = one_geometry(*geometry)
-    body_magnitude_departures(
+    body_magnitude_deviations(
         b, np.empty((0, LANES)), np.bool_(False), np.int64(1), body, irradiance_4pi, fresnel_sqrt
     )
     if not b[MAGNITUDE, 0] < FLOOR_MAGNITUDE:

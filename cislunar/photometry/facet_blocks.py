@@ -1,58 +1,52 @@
-"""Apparent magnitudes of one faceted object in a block of geometries at a time (compiled).
+"""Apparent magnitudes of one convex object for a block of geometries (compiled).
 
 The model and its arguments are those of `cislunar.photometry.facets`. A block, shape
-(BLOCK_ROWS, LANES), holds a geometry in each column and a quantity in each row, and every loop
-runs along the rows: facet by facet, what it throws back in all geometries at once. A facet
-dark in all of them costs its cosines only. Each geometry is summed by itself in the order of the
-facets, so that the result depends neither on its neighbours nor on how many the machine takes at
-a time.
+(BLOCK_ROWS, LANES), has one geometry per column and one quantity per row. Every loop runs along a
+row, so that one facet is evaluated in all geometries at once, and a facet that is dark in all of
+them costs its cosines only. Each geometry is summed separately in the order of the facets;
+therefore the result depends neither on the other columns nor on the vector width of the machine.
 
-A caller fills the rows `QUATERNION` (four of them), `SUN`, `VIEW` (three) and `RANGE` of as many
-columns as it needs. `SUN` and `VIEW` are afterwards in the body frame, `TOTAL` has the sum over
-the facets.
+A caller fills the rows `QUATERNION` (four), `SUN`, `VIEW` (three each) and `RANGE` of as many
+columns as it needs. Afterwards `SUN` and `VIEW` are in the body frame and `TOTAL` has the facet
+sum.
 """
 
 import numpy as np
 from numba import njit
 
 from cislunar.attitude.quaternion import rotate_components
-from cislunar.compiled import borrowing
+from cislunar.compiled import njit_noalloc
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.elementary import exponential
-from cislunar.photometry.facets import (
-    FLOOR_MAGNITUDE,
-    IRRADIANCE_FLOOR,
-    LN10,
-    reflection_constants,
-)
+from cislunar.photometry.facets import FLOOR_MAGNITUDE, IRRADIANCE_FLOOR, LN10, reflection_constants
 
 LANES = 32
-"""Geometries of a block."""
+"""Geometries per block."""
 
-# First rows of a block: what is given, what is returned, and in between.
+# First rows of a block: inputs, results, and intermediate quantities.
 QUATERNION, SUN, VIEW, RANGE = 0, 4, 7, 10
 MAGNITUDE, TURN = 11, 12
 TOTAL, INVERSE_HALF2, SPECULAR, LIT, SEEN, BY_LIT, BY_SEEN = 15, 16, 17, 18, 19, 20, 23
-# Of `block_magnitude_departures` alone: the specular share of the sum, the sum's derivatives by the
-# logarithms of the slope and of the lengths along three axes, and what one facet adds to them.
-SHINE, BY_SLOPE, BY_STRETCH, OWN, OWN_BY_LIT, OWN_BY_SEEN = 26, 27, 28, 31, 32, 33
+# Only for `block_magnitude_deviations`: the specular part of the sum, the sum's derivatives by the
+# logarithms of the slope and of the lengths along three axes, and one facet's contributions.
+SHINE, BY_SLOPE, BY_AXIS_SCALE, OWN, OWN_BY_LIT, OWN_BY_SEEN = 26, 27, 28, 31, 32, 33
 _PARTS_END = 34
-# Of `cislunar.photometry.body_blocks` alone: derivatives of the sum by |L + V|^2 and by the odds of
-# the normal reflectance and of the specular share; the share of a facet that is lit and seen, and
-# what it would throw back if it were so as a whole.
+# Only for `cislunar.photometry.body_blocks`: derivatives of the sum by |L + V|^2 and by the odds of
+# the normal reflectance and of the specular share; the lit and seen share of a facet, and its
+# contribution if all of it were lit and seen.
 BY_HALF2, BY_REFLECTANCE, BY_ODDS, FREE, OWN_IN_FULL = 34, 35, 36, 37, 38
 BLOCK_ROWS = 39
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def known_shape(block):
-    """The block with its shape as constants, which tell the compiler that rows do not overlap."""
+    """The block with a constant shape, from which the compiler infers that rows do not overlap."""
     return block.reshape((BLOCK_ROWS, LANES))
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def turn_into_body(b, count, material, fresnel_sqrt):
-    """Directions in the body frame, and the factors that all facets share."""
+    """Transform directions into the body frame and compute the factors that all facets share."""
     for k in range(count):
         q1, q2, q3, q4 = b[QUATERNION, k], b[QUATERNION + 1, k], b[QUATERNION + 2, k], b[3, k]
         lx, ly, lz = b[SUN, k], b[SUN + 1, k], b[SUN + 2, k]
@@ -66,7 +60,7 @@ def turn_into_body(b, count, material, fresnel_sqrt):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def cosines(b, count, nx, ny, nz):
-    """N.L and N.V of a facet; in how many geometries it is both lit and seen."""
+    """N.L and N.V of a facet; returns the number of geometries in which it is both lit and seen."""
     bright = 0
     for k in range(count):
         lit = nx * b[SUN, k] + ny * b[SUN + 1, k] + nz * b[SUN + 2, k]
@@ -78,8 +72,8 @@ def cosines(b, count, nx, ny, nz):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def facet_glint(lit, seen, inverse_half2, specular, steepness, far):
-    """Glint of a facet before attenuation, the attenuation without its bound of 1, sec^2(phi),
-    N.L + N.V and the lesser of the two; see `cislunar.photometry.facets.facet_sums`."""
+    """Glint of a facet without attenuation, attenuation without its bound of 1, sec^2(phi), N.L +
+    N.V, and the lesser of N.L and N.V; see `cislunar.photometry.facets.facet_sums`."""
     lower = lit if lit < seen else seen
     both = lit + seen
     cosine2 = both * both * inverse_half2
@@ -92,7 +86,7 @@ def facet_glint(lit, seen, inverse_half2, specular, steepness, far):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def add_facet(b, count, area, diffuse, steepness, far, shaded):
-    """Add what a facet throws back to the totals; if `shaded`, the share `FREE` of it."""
+    """Add the light reflected by a facet to the totals; if `shaded`, only its share `FREE`."""
     for k in range(count):
         lit, seen = b[LIT, k], b[SEEN, k]
         glint, attenuation, _, _, lower = facet_glint(
@@ -105,13 +99,11 @@ def add_facet(b, count, area, diffuse, steepness, far, shaded):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def add_facet_and_slopes(b, count, whole, nx, ny, nz, diffuse, steepness, far, with_parts, shaded):
-    """Add what a facet of area `whole` throws back, and its derivatives by the directions.
-
-    With its parts go the specular share, the derivative by the slope, and what is the facet's own.
-    If `shaded`, only its share `FREE` counts, and `OWN_IN_FULL` has what the whole would throw
-    back; its parts are then left to `body_blocks` (both at a time take the compiler beyond what it
-    can do with rows at once).
-    """
+    """Add the light reflected by a facet of area `whole`, and its derivatives by the directions.
+    With parts, the specular part, the derivative by the slope and the facet's own contribution are
+    added as well. If `shaded`, only the share `FREE` counts and `OWN_IN_FULL` has the contribution
+    of the whole facet. The parts of a shaded facet are left to `body_blocks`, because the compiler
+    does not vectorize both in one loop."""
     for k in range(count):
         area = whole * b[FREE, k] if shaded else whole
         lit, seen, inverse_half2 = b[LIT, k], b[SEEN, k], b[INVERSE_HALF2, k]
@@ -125,7 +117,7 @@ def add_facet_and_slopes(b, count, whole, nx, ny, nz, diffuse, steepness, far, w
         by_lit = diffuse * seen + slope + edge * (lower + (both if lit < seen else 0.0))
         by_seen = diffuse * lit + slope + edge * (lower + (0.0 if lit < seen else both))
         reflectance = diffuse * lit * seen + glint * attenuation
-        # a choice each, not a product with zero: with the Sun straight behind they are not numbers
+        # selections rather than products with zero: the values are NaN with the Sun straight behind
         b[TOTAL, k] += area * reflectance if lower > 0.0 else 0.0
         by_lit = area * by_lit if lower > 0.0 else 0.0
         by_seen = area * by_seen if lower > 0.0 else 0.0
@@ -148,21 +140,19 @@ def add_facet_and_slopes(b, count, whole, nx, ny, nz, diffuse, steepness, far, w
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def add_stretch(b, count, nx, ny, nz):
-    """Add what a facet's part changes by as the body grows along its axes.
-
-    With s the logarithm of a length along axis c, its area changes by ``A (1 - n_c^2)`` and its
-    normal by ``n_c (n_c N - e_c)``.
-    """
+def add_axis_scale(b, count, nx, ny, nz):
+    """Add the change of a facet's contribution as the body grows along its axes. With s the
+    logarithm of the length along axis c, the area changes by ``A (1 - n_c^2)`` and the normal by
+    ``n_c (n_c N - e_c)``."""
     for k in range(count):
         lx, ly, lz = b[SUN, k], b[SUN + 1, k], b[SUN + 2, k]
         vx, vy, vz = b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k]
         lit, seen = b[LIT, k], b[SEEN, k]
         own, by_lit, by_seen = b[OWN, k], b[OWN_BY_LIT, k], b[OWN_BY_SEEN, k]
         tilt = by_lit * lit + by_seen * seen - own
-        b[BY_STRETCH, k] += own + nx * (nx * tilt - by_lit * lx - by_seen * vx)
-        b[BY_STRETCH + 1, k] += own + ny * (ny * tilt - by_lit * ly - by_seen * vy)
-        b[BY_STRETCH + 2, k] += own + nz * (nz * tilt - by_lit * lz - by_seen * vz)
+        b[BY_AXIS_SCALE, k] += own + nx * (nx * tilt - by_lit * lx - by_seen * vx)
+        b[BY_AXIS_SCALE + 1, k] += own + ny * (ny * tilt - by_lit * ly - by_seen * vy)
+        b[BY_AXIS_SCALE + 2, k] += own + nz * (nz * tilt - by_lit * lz - by_seen * vz)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -185,8 +175,8 @@ def _sum_facets(b, count, areas, normals, material, with_slopes):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _sum_parts(b, shares, stretched, count, areas, normals, material):
-    """As `_sum_facets`, and the sums of `block_magnitude_departures`."""
+def _sum_parts(b, shares, scaled, count, areas, normals, material):
+    """As `_sum_facets`, with the further sums of `block_magnitude_deviations`."""
     diffuse, _, steepness, far = reflection_constants(material, 1.0, True)
     for row in range(BY_LIT, _PARTS_END):
         b[row, :count] = 0.0
@@ -197,8 +187,8 @@ def _sum_parts(b, shares, stretched, count, areas, normals, material):
         if cosines(b, count, nx, ny, nz) == 0:
             continue
         add_facet_and_slopes(b, count, areas[i], nx, ny, nz, diffuse, steepness, far, True, False)
-        if stretched:
-            add_stretch(b, count, nx, ny, nz)
+        if scaled:
+            add_axis_scale(b, count, nx, ny, nz)
         if i < shares.shape[0]:
             for k in range(count):
                 shares[i, k] = b[OWN, k]
@@ -220,7 +210,7 @@ def magnitudes_of_totals(b, count, irradiance_4pi):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def turns_of_slopes(b, count):
-    """Derivatives of the magnitudes by a small turn, into the rows from `TURN` on."""
+    """Derivatives of the magnitudes by a small rotation, into the rows from `TURN` on."""
     for k in range(count):
         lx, ly, lz = b[SUN, k], b[SUN + 1, k], b[SUN + 2, k]
         vx, vy, vz = b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k]
@@ -234,29 +224,25 @@ def turns_of_slopes(b, count):
         b[TURN + 2, k] = scale * (ax * ly - ay * lx + bx * vy - by * vx)
 
 
-@borrowing
+@njit_noalloc
 def block_magnitudes(block, count, areas, normals, material, irradiance_4pi, fresnel_sqrt):
-    """Apparent magnitudes of a block's first `count` geometries, into its row `MAGNITUDE`.
-
-    The other arguments, and the magnitude of a dark object, are as in
-    `cislunar.photometry.facets.facet_magnitude`.
-    """
+    """Apparent magnitudes of a block's first `count` geometries, into its row `MAGNITUDE`. For the
+    other arguments, and the magnitude of a dark object, see
+    `cislunar.photometry.facets.facet_magnitude`."""
     b = known_shape(block)
     turn_into_body(b, count, material, fresnel_sqrt)
     _sum_facets(b, count, areas, normals, material, False)
     magnitudes_of_totals(b, count, irradiance_4pi)
 
 
-@borrowing
+@njit_noalloc
 def block_magnitude_gradients(block, count, areas, normals, material, irradiance_4pi, fresnel_sqrt):
-    """Magnitudes as by `block_magnitudes`, and their derivatives by a small turn of the body.
-
-    The latter, mag/rad, go into the three rows from `TURN` on. With ``q(e) = dq(e) (x) q`` and e a
-    rotation vector in the body frame, the facet sum depends on e only through N.L and N.V, whose
-    derivatives are ``N x L`` and ``N x V``; L.V, and with it the Fresnel factor, stays. The
-    derivative is zero for a dark object, one-sided where a facet comes into light or view or the
-    attenuation changes branch.
-    """
+    """As `block_magnitudes`, with the derivatives by a small rotation of the body. The derivatives,
+    mag/rad, are written into the three rows from `TURN` on. With ``q(e) = dq(e) (x) q``, where e is
+    a rotation vector in the body frame, the facet sum depends on e only through N.L and N.V, whose
+    derivatives are ``N x L`` and ``N x V``; L.V, and hence the Fresnel factor, is constant. The
+    derivative is zero for a dark object. It is one-sided where a facet becomes lit or seen, or
+    where the attenuation changes branch."""
     b = known_shape(block)
     turn_into_body(b, count, material, fresnel_sqrt)
     _sum_facets(b, count, areas, normals, material, True)
@@ -264,18 +250,16 @@ def block_magnitude_gradients(block, count, areas, normals, material, irradiance
     turns_of_slopes(b, count)
 
 
-@borrowing
-def block_magnitude_departures(
-    block, shares, stretched, count, areas, normals, material, irradiance_4pi, fresnel_sqrt
+@njit_noalloc
+def block_magnitude_deviations(
+    block, shares, scaled, count, areas, normals, material, irradiance_4pi, fresnel_sqrt
 ):
-    """As `block_magnitude_gradients`, with what derivatives by material and shape are made of.
-
-    The sum `TOTAL` comes with its specular share (`SHINE`), its derivative by the logarithm of the
-    slope (`BY_SLOPE`) and, if `stretched`, those by the logarithms of the body's lengths along its
-    axes (`BY_STRETCH`). `shares`, shape (F or 0, LANES), receives the share of each facet.
-    """
+    """As `block_magnitude_gradients`, with the sums that derivatives by material and shape need.
+    They are the specular part of `TOTAL` (`SHINE`), the derivative by the logarithm of the slope
+    (`BY_SLOPE`) and, if `scaled`, those by the logarithms of the lengths along the body axes
+    (`BY_AXIS_SCALE`). `shares`, shape (F or 0, LANES), receives the contribution of each facet."""
     b = known_shape(block)
     turn_into_body(b, count, material, fresnel_sqrt)
-    _sum_parts(b, shares, stretched, count, areas, normals, material)
+    _sum_parts(b, shares, scaled, count, areas, normals, material)
     magnitudes_of_totals(b, count, irradiance_4pi)
     turns_of_slopes(b, count)

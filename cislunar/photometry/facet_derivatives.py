@@ -1,14 +1,14 @@
-"""Derivatives of the facet model's magnitude by attitude, direction and range (compiled).
+"""Derivatives of the facet model's magnitude by attitude, directions and range (compiled).
 
-`cislunar.photometry.facet_blocks` gives the derivative by a small turn of the body. Here the
-directions to the Sun and to the observer may change as well, as they do when the body moves; with
-them changes |L + V|, and so the slope distribution, the attenuation and the Fresnel factor.
+`cislunar.photometry.facet_blocks` has the derivative by a small rotation of the body. Here the
+directions to the Sun and to the observer vary as well, as they do when the body moves. They change
+|L + V| and therefore the slope distribution, the attenuation and the Fresnel factor.
 """
 
 import numpy as np
 
 from cislunar.attitude.quaternion import rotate_components
-from cislunar.compiled import borrowing
+from cislunar.compiled import njit_noalloc
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.photometry.facets import (
     FLOOR_MAGNITUDE,
@@ -21,7 +21,7 @@ from cislunar.photometry.facets import (
 ZERO = (0.0, 0.0, 0.0)
 
 
-@borrowing
+@njit_noalloc
 def fresnel_slope(cosine, normal_reflectance, fresnel_sqrt):
     """Derivative of `cislunar.photometry.facets.fresnel_reflectance` by the cosine."""
     q = cosine
@@ -42,9 +42,9 @@ def fresnel_slope(cosine, normal_reflectance, fresnel_sqrt):
     return ratio * ratio_slope * (1.0 + second * second) + ratio * ratio * second * second_slope
 
 
-@borrowing
+@njit_noalloc
 def fresnel_by_reflectance(cosine, normal_reflectance, fresnel_sqrt):
-    """Derivative of `cislunar.photometry.facets.fresnel_reflectance` by F0, above 0."""
+    """Derivative of `cislunar.photometry.facets.fresnel_reflectance` by F0, for F0 > 0."""
     q = cosine
     root = np.sqrt(normal_reflectance)
     b = (1.0 + root) / (1.0 - root)
@@ -64,17 +64,17 @@ def fresnel_by_reflectance(cosine, normal_reflectance, fresnel_sqrt):
     return by_p * p_slope
 
 
-@borrowing
+@njit_noalloc
 def facet_magnitude_derivatives(
     quaternion, sun_direction, view_direction, range_m, areas, normals, material,
     irradiance_4pi, fresnel_sqrt,
 ):  # fmt: skip
     """Apparent magnitude with its derivatives by attitude, directions and range (compiled).
 
-    Arguments as in `cislunar.photometry.facets.facet_irradiance`. The derivatives are by a small
-    turn (mag/rad, body frame, as in `facet_blocks.block_magnitude_gradients`), by the
-    unit vectors to the Sun and to the observer (mag/rad, inertial frame; only what lies across the
-    vector has a meaning), and by log r (mag). All are zero for a dark object.
+    See `cislunar.photometry.facets.facet_irradiance` for the arguments. The derivatives are those
+    by a small rotation (mag/rad, body frame, as in `facet_blocks.block_magnitude_gradients`), by
+    the unit vectors to the Sun and to the observer (mag/rad, inertial frame; only the components
+    perpendicular to the vector are meaningful), and by log r (mag). All are zero for a dark object.
     """
     q1, q2, q3, q4 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     sx, sy, sz = sun_direction[0], sun_direction[1], sun_direction[2]

@@ -1,18 +1,14 @@
 """Apparent magnitude of a convex faceted object (Paul & Fan, section 2.2).
 
-Each plane facet reflects by the Cook-Torrance model: a Lambertian share and a specular share
-with Beckmann slopes, geometric attenuation and Fresnel reflectance. The Sun and the observer are
-so far away that all facets share both directions, hence also the half-vector, the Fresnel factor
-and the range. Both directions are unit vectors from the object, in the inertial frame.
+Each plane facet reflects by the Cook-Torrance model: a Lambertian part and a specular part with
+Beckmann slopes, geometric attenuation and Fresnel reflectance. The Sun and the observer are
+distant, so that all facets share both directions, the half-vector, the Fresnel factor and the
+range. Both directions are unit vectors from the object, in the inertial frame.
 
-The paper's specular reflectance holds a factor [(N.L)(N.V)]^-1 that its facet sum multiplies
-again by (N.L)(N.V). The two are cancelled here, so a facet near grazing costs no precision:
+The paper's specular reflectance has a factor [(N.L)(N.V)]^-1, which its facet sum multiplies by
+(N.L)(N.V). The two factors are canceled here, so that a facet near grazing loses no precision:
 
     R_i = A_i / pi * (d rho (N.L)(N.V) + s alpha_i D_i F).
-
-`facet_irradiance` and `facet_magnitude` are compiled kernels for one geometry,
-`cislunar.photometry.facet_blocks` has those for many at a time and `apparent_magnitude` broadcasts
-over arrays.
 """
 
 from __future__ import annotations
@@ -22,7 +18,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude.quaternion import rotate_components
-from cislunar.compiled import allocating, borrowing
+from cislunar.compiled import njit_alloc, njit_noalloc
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import Facets
@@ -30,24 +26,22 @@ from cislunar.photometry.shapes import Facets
 Array = NDArray[np.float64]
 
 IRRADIANCE_FLOOR: float = 1e-22
-"""Smallest irradiance relative to the Sun's that a magnitude is taken of in the filters."""
+"""Smallest irradiance, relative to the Sun's, that the filters convert to a magnitude."""
 
 FLOOR_MAGNITUDE: float = SUN_APPARENT_MAGNITUDE + 55.0
-"""Magnitude 28.26 of `IRRADIANCE_FLOOR`: what `facet_magnitude` returns for a dark object."""
+"""Magnitude of `IRRADIANCE_FLOOR`, 28.26; `facet_magnitude` returns it for a dark object."""
 
-LARGEST_EXPONENT = 745.0
-"""exp(-x) is zero in double precision beyond."""
+_LARGEST_EXPONENT = 745.0
+"""exp(-x) is zero in double precision for larger x."""
 
 LN10 = np.log(10.0)
 
 
-@allocating
+@njit_alloc
 def fresnel_reflectance(cosine, normal_reflectance, fresnel_sqrt):
-    """Unpolarized Fresnel reflectance of a microfacet at q = V.H (Paul & Fan, eqs. 12-15).
-
-    p = sqrt(q^2 - 1 + b^2) as in Cook & Torrance (1982), so that F(q = 1) = F0, or without the
-    root, as printed in the paper.
-    """
+    """Unpolarized Fresnel reflectance of a microfacet at q = V.H (Paul & Fan, eqs. 12-15). With
+    `fresnel_sqrt`, p = sqrt(q^2 - 1 + b^2) as in Cook & Torrance (1982), so that F(q = 1) = F0;
+    otherwise p has no root, as printed in the paper."""
     q = cosine
     root = np.sqrt(normal_reflectance)
     b = (1.0 + root) / (1.0 - root)
@@ -59,21 +53,19 @@ def fresnel_reflectance(cosine, normal_reflectance, fresnel_sqrt):
     return 0.5 * ratio * ratio * (1.0 + second * second)
 
 
-@borrowing
+@njit_noalloc
 def reflection_constants(material, half2, fresnel_sqrt):
-    """d rho, s F / delta^2, 1 / delta^2 and the largest tan^2(phi) with a glint, of a material.
-
-    `material` is a row ``[d, s, rho, delta_rms, F0]`` and `half2` is |L + V|^2.
-    """
+    """d rho, s F / delta^2, 1 / delta^2, and the largest tan^2(phi) with a glint, of a material.
+    `material` is a row ``[d, s, rho, delta_rms, F0]`` and `half2` is |L + V|^2."""
     steepness = 1.0 / (material[3] * material[3])
-    far = LARGEST_EXPONENT / steepness  # largest tan^2(phi) with exp(-tan^2(phi)/delta^2) > 0
+    far = _LARGEST_EXPONENT / steepness  # largest tan^2(phi) with exp(-tan^2(phi)/delta^2) > 0
     fresnel = fresnel_reflectance(0.5 * np.sqrt(half2), material[4], fresnel_sqrt)
     return material[0] * material[2], material[1] * fresnel * steepness, steepness, far
 
 
-@borrowing
-def facet_reflectance(lit, seen, lower, inverse_half2, diffuse, specular, steepness, far):
-    """pi R_i / A_i of a facet with N.L = `lit` and N.V = `seen`, `lower` of which is the less."""
+@njit_noalloc
+def _facet_reflectance(lit, seen, lower, inverse_half2, diffuse, specular, steepness, far):
+    """pi R_i / A_i of a facet with N.L = `lit` and N.V = `seen`, of which `lower` is the lesser."""
     both = lit + seen
     reflectance = diffuse * lit * seen
     cosine2 = both * both * inverse_half2  # (N.H)^2
@@ -85,7 +77,7 @@ def facet_reflectance(lit, seen, lower, inverse_half2, diffuse, specular, steepn
     return reflectance
 
 
-@borrowing
+@njit_noalloc
 def facet_irradiance(
     quaternion, sun_direction, view_direction, range_m, areas, normals, material,
     irradiance_4pi, fresnel_sqrt,
@@ -120,7 +112,7 @@ def facet_irradiance(
     q1, q2, q3, q4 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     lx, ly, lz = sun_direction[0], sun_direction[1], sun_direction[2]
     vx, vy, vz = view_direction[0], view_direction[1], view_direction[2]
-    # |L + V|^2; zero with the Sun straight behind the object, where no facet is lit and seen
+    # |L + V|^2 is zero with the Sun straight behind the object; no facet is lit and seen then
     half2 = (lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2
     lx, ly, lz = rotate_components(q1, q2, q3, q4, lx, ly, lz)
     vx, vy, vz = rotate_components(q1, q2, q3, q4, vx, vy, vz)
@@ -134,7 +126,7 @@ def facet_irradiance(
         lower = min(lit, seen)
         if lower <= 0.0:
             continue
-        total += areas[i] * facet_reflectance(
+        total += areas[i] * _facet_reflectance(
             lit, seen, lower, inverse_half2, diffuse, specular, steepness, far
         )
     spread = np.pi * range_m * range_m
@@ -143,17 +135,14 @@ def facet_irradiance(
     return total / spread
 
 
-@borrowing
+@njit_noalloc
 def facet_magnitude(
     quaternion, sun_direction, view_direction, range_m, areas, normals, material,
     irradiance_4pi, fresnel_sqrt,
 ):  # fmt: skip
-    """Apparent magnitude of a faceted object, arguments as in `facet_irradiance`
-    (Paul & Fan, eq. 6; compiled).
-
-    Never above `FLOOR_MAGNITUDE`: a dark object returns exactly that, so that a sigma point turned
-    dark leaves the filter finite.
-    """
+    """Apparent magnitude of a faceted object (Paul & Fan, eq. 6; compiled); see `facet_irradiance`.
+    The magnitude never exceeds `FLOOR_MAGNITUDE`. A dark object returns exactly that value, so that
+    the filter stays finite if a sigma point becomes dark."""
     flux = facet_irradiance(
         quaternion, sun_direction, view_direction, range_m, areas, normals, material,
         irradiance_4pi, fresnel_sqrt,
@@ -163,20 +152,19 @@ def facet_magnitude(
     return SUN_APPARENT_MAGNITUDE - 2.5 * np.log10(flux)
 
 
-@borrowing
+@njit_noalloc
 def facet_sums(light, view, half2, fresnel, areas, normals, material):
     """Sum of A_i (d rho (N.L)(N.V) + s alpha_i D_i F), m^2, and its derivatives by the directions
     (Paul & Fan, eqs. 9-11, 16, 17).
 
-    `light` and `view` are L and V in the body frame, `half2` is |L + V|^2. After the sum come its
-    derivatives with respect to L by way of N.L alone and to V by way of N.V (tuples of three), by
-    |L + V|^2 at constant N.L, N.V and F, and last its specular share.
-    """
+    `light` and `view` are L and V in the body frame, `half2` is |L + V|^2. Returned are the sum,
+    its derivatives by L through N.L alone and by V through N.V alone (tuples of three), its
+    derivative by |L + V|^2 at constant N.L, N.V and F, and its specular part."""
     lx, ly, lz = light
     vx, vy, vz = view
     diffuse = material[0] * material[2]
     steepness = 1.0 / (material[3] * material[3])
-    far = LARGEST_EXPONENT / steepness  # largest tan^2(phi) with exp(-tan^2(phi)/delta^2) > 0
+    far = _LARGEST_EXPONENT / steepness  # largest tan^2(phi) with exp(-tan^2(phi)/delta^2) > 0
     specular = material[1] * fresnel * steepness
     inverse_half2 = 1.0 / half2
     total, shine, by_half2 = 0.0, 0.0, 0.0
@@ -222,7 +210,7 @@ def facet_sums(light, view, half2, fresnel, areas, normals, material):
 
 @njit(cache=True)
 def _irradiances(quaternion, sun, view, range_m, areas, normals, material, flag_4pi, flag_sqrt):
-    """`facet_irradiance` of n geometries, arrays of n rows."""
+    """`facet_irradiance` of n geometries, given as arrays of n rows."""
     result = np.empty(range_m.shape[0])
     for i in range(result.shape[0]):
         result[i] = facet_irradiance(
@@ -235,19 +223,8 @@ def _irradiances(quaternion, sun, view, range_m, areas, normals, material, flag_
 def broadcast_geometries(
     quaternion: ArrayLike, sun_direction: ArrayLike, view_direction: ArrayLike, range_m: ArrayLike
 ) -> tuple[tuple[int, ...], list[Array]]:
-    """Geometries one by one, as compiled loops take them.
-
-    Parameters
-    ----------
-    quaternion, sun_direction, view_direction, range_m : array_like
-        As for `apparent_magnitude`.
-
-    Returns
-    -------
-    shape : tuple of int
-        Common shape.
-    rows : list of ndarray
-        The four, contiguous, of shapes (n, 4), (n, 3), (n, 3) and (n,).
+    """Broadcast geometries as in `apparent_magnitude` and flatten them for compiled loops: the
+    common shape, and the four arguments, contiguous, with shapes (n, 4), (n, 3), (n, 3) and (n,).
     """
     vectors = [
         np.asarray(a, dtype=float)

@@ -1,8 +1,8 @@
-"""Meshes from files: Wavefront OBJ, STL in text or binary.
+"""Meshes from files: Wavefront OBJ, and STL in text or binary form.
 
-`load_shape` makes the convex body of the facet model that knows no shadows, `load_mesh` any closed
-mesh, for `cislunar.photometry.bodies`. Vertices run counter-clockwise seen from outside. Everything
-else is refused with the file and the facet at fault; facets are counted from 1 in the file's order.
+`load_shape` makes the convex body of the facet model without shadows, `load_mesh` any closed mesh
+for `cislunar.photometry.bodies`. Vertices run counter-clockwise seen from outside. Other input is
+refused with the file and the facet; facets are counted from 1 in the order of the file.
 """
 
 from pathlib import Path
@@ -18,16 +18,16 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-def load_mesh(path: str | Path, *, metres_per_unit: float = 1.0) -> Mesh:
+def load_mesh(path: str | Path, *, meters_per_unit: float = 1.0) -> Mesh:
     """A closed mesh, convex or not, from a file.
 
     Parameters
     ----------
     path : str or Path
-        ``.obj`` or ``.stl`` (text or binary). The file's axes become the body frame. Normals
-        stored in the file are ignored: the order of the vertices decides. The facet groups are the
-        names after ``usemtl`` in an OBJ file; STL has none.
-    metres_per_unit : float
+        ``.obj`` or ``.stl`` (text or binary). The file's axes become the body frame. Normals in the
+        file are ignored; the order of the vertices determines them. The facet groups are the names
+        after ``usemtl`` in an OBJ file; STL has none.
+    meters_per_unit : float
         Length of the file's unit, m.
 
     Returns
@@ -38,13 +38,10 @@ def load_mesh(path: str | Path, *, metres_per_unit: float = 1.0) -> Mesh:
     Raises
     ------
     InputFileError
-        If the file cannot be read, or the mesh is open, not of triangles, inside out, or has a
-        degenerate facet; the message names the file and the facet.
-    ConfigurationError
-        If `metres_per_unit` is not positive.
+        If the mesh is open, not of triangles, inside out, or has a degenerate facet.
     """
-    if not metres_per_unit > 0.0:
-        raise ConfigurationError(f"shape metres_per_unit = {metres_per_unit} must be positive")
+    if not meters_per_unit > 0.0:
+        raise ConfigurationError(f"shape meters_per_unit = {meters_per_unit} must be positive")
     path = Path(path)
     readers = {".obj": _read_obj, ".stl": _read_stl}
     if path.suffix.lower() not in readers:
@@ -54,44 +51,24 @@ def load_mesh(path: str | Path, *, metres_per_unit: float = 1.0) -> Mesh:
     except OSError as error:
         raise InputFileError(f"{path}: cannot read the shape file ({error.strerror})") from error
     mesh = closed_mesh(path, *readers[path.suffix.lower()](path, content))
-    return mesh._replace(vertices=mesh.vertices * metres_per_unit)
+    return mesh._replace(vertices=mesh.vertices * meters_per_unit)
 
 
 def load_shape(
-    path: str | Path, *, metres_per_unit: float = 1.0, radius_m: float | None = None
+    path: str | Path, *, meters_per_unit: float = 1.0, radius_m: float | None = None
 ) -> Facets:
-    """Facets of a convex body from a mesh file.
-
-    Parameters
-    ----------
-    path : str or Path
-        As for `load_mesh`.
-    metres_per_unit : float
-        Length of the file's unit, m.
-    radius_m : float, optional
-        If given, the shape is scaled to the surface area 4 pi R^2 instead, m.
-
-    Returns
-    -------
-    Facets
-        One facet per triangle, in the file's order.
-
-    Raises
-    ------
-    InputFileError
-        As of `load_mesh`, or if the mesh is not convex; the message names the file and the facet.
-    ConfigurationError
-        If `metres_per_unit` or `radius_m` is not positive.
-    """
-    mesh = load_mesh(path, metres_per_unit=metres_per_unit)
+    """Facets of a convex body from a mesh file (see `load_mesh`), in the file's order; if
+    `radius_m` is given, the shape is scaled to the surface area 4 pi R^2. Raises an
+    `InputFileError` if the mesh is not convex."""
+    mesh = load_mesh(path, meters_per_unit=meters_per_unit)
     check_convex(mesh)
     facets = facets_from_triangles(mesh.vertices, mesh.triangles)
     return facets if radius_m is None else scale_to_sphere(facets, radius_m)
 
 
 def _read_obj(path: Path, content: bytes) -> tuple[Array, Indices, tuple[str, ...]]:
-    """Vertices (n, 3), triangles (F, 3) and groups of an OBJ file, of which only the lines ``v``,
-    ``f`` and ``usemtl`` count."""
+    """Vertices (n, 3), triangles (F, 3) and groups of an OBJ file, from its lines ``v``, ``f`` and
+    ``usemtl``; other lines are ignored."""
     vertices: list[list[float]] = []
     triangles: list[list[int]] = []
     group, groups = "", []
@@ -114,7 +91,7 @@ def _read_obj(path: Path, content: bytes) -> tuple[Array, Indices, tuple[str, ..
                 f"{path}, line {number}: facet {facet} has {len(corners)} vertices, not 3; "
                 "triangulate the mesh"
             )
-        # OBJ counts from 1, and backwards from the latest vertex with negative numbers
+        # OBJ counts from 1; negative numbers count backwards from the latest vertex
         indices = [c - 1 if c > 0 else len(vertices) + c for c in corners]
         if 0 in corners or min(indices) < 0:
             raise InputFileError(f"{path}, line {number}: facet {facet} names no known vertex")
@@ -133,8 +110,8 @@ def _read_obj(path: Path, content: bytes) -> tuple[Array, Indices, tuple[str, ..
 
 
 def _read_stl(path: Path, content: bytes) -> tuple[Array, Indices, tuple[str, ...]]:
-    """Vertices (3F, 3), not yet merged, triangles (F, 3) and no groups of an STL file."""
-    # Some binary files begin with "solid" too; their length tells.
+    """Vertices (3F, 3), not yet merged, triangles (F, 3) and empty groups of an STL file."""
+    # Some binary files begin with "solid" too, so that only the length identifies them.
     count = int.from_bytes(content[80:84], "little") if len(content) >= 84 else -1
     if len(content) == 84 + 50 * count:
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

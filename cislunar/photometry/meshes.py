@@ -1,8 +1,7 @@
-"""Meshes of triangles with their facet groups, and the checks that each of them has to pass.
+"""Meshes of triangles with facet groups, and their validation.
 
 A mesh is closed, and its vertices run counter-clockwise seen from outside. It may consist of
-several closed parts, which may run into each other but share no edge. Facets are counted from 1
-in messages.
+several closed parts, which may intersect but share no edge. Messages count facets from 1.
 """
 
 from pathlib import Path
@@ -20,29 +19,29 @@ from cislunar.photometry.shapes import facets_from_triangles
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-MERGE_TOLERANCE = 1e-6
-"""Vertices nearer than this share of the mesh's size are one (STL repeats them, in float32)."""
+_MERGE_TOLERANCE = 1e-6
+"""Vertices nearer than this share of the mesh's size are merged (STL repeats them, in float32)."""
 
 CONVEX_TOLERANCE = 1e-5
-"""Share of the mesh's size by which a vertex may stand above a facet's plane."""
+"""Share of the mesh's size by which a vertex of a convex mesh may lie above a facet's plane."""
 
-THINNEST = 1e-6
+_THINNEST = 1e-6
 """Least height of a facet, as a share of its longest edge."""
 
 
 class Mesh(NamedTuple):
-    """A closed surface of triangles, not necessarily convex.
+    """A closed surface of triangles, convex or not.
 
     Parameters
     ----------
     source : str
-        Where it is from, for messages.
+        Origin of the mesh, for messages.
     vertices : ndarray, shape (n, 3)
         Vertices, m, body frame.
     triangles : ndarray of int, shape (F, 3)
         Vertex indices of each facet, counter-clockwise seen from outside.
     groups : tuple of str, length F
-        Group of each facet, which decides its material; empty where none was given.
+        Group of each facet, which determines its material; empty if none was given.
     """
 
     source: str
@@ -59,30 +58,9 @@ def mesh_size(vertices: Array) -> float:
 def closed_mesh(
     source: str | Path, vertices: Array, triangles: Indices, groups: tuple[str, ...]
 ) -> Mesh:
-    """A mesh of vertices and triangles once it is known to be closed and to face outward.
-
-    Parameters
-    ----------
-    source : str or Path
-        Where it is from; messages begin with it.
-    vertices : ndarray, shape (n, 3)
-        Vertices; those that coincide become one.
-    triangles : ndarray of int, shape (F, 3)
-        Vertex indices of each facet.
-    groups : tuple of str, length F
-        Group of each facet.
-
-    Returns
-    -------
-    Mesh
-        Facets in the order given.
-
-    Raises
-    ------
-    InputFileError
-        If the mesh has fewer than four facets or a degenerate one, is open, or a part of it is
-        inside out; the message names the facet.
-    """
+    """A mesh of vertices (n, 3), m, body frame, of which coincident ones are merged. Raises an
+    `InputFileError` that names the facet if the mesh has fewer than four facets or a degenerate
+    one, is open, or a part of it is inside out."""
     if len(triangles) < 4:
         raise InputFileError(f"{source}: {len(triangles)} facets cannot close a body; it takes 4")
     vertices, triangles = _merge_vertices(vertices, triangles)
@@ -93,12 +71,12 @@ def closed_mesh(
 
 
 def _merge_vertices(vertices: Array, triangles: Indices) -> tuple[Array, Indices]:
-    """Drop unused vertices and make one of those that coincide."""
+    """Drop unused vertices and merge coincident ones."""
     used, triangles = np.unique(triangles, return_inverse=True)
     vertices, triangles = vertices[used], triangles.reshape(-1, 3)
     if not np.all(np.isfinite(vertices)):
-        return vertices, triangles  # the facet check names the culprit
-    nearest = MERGE_TOLERANCE * mesh_size(vertices)
+        return vertices, triangles  # the facet check names the facet
+    nearest = _MERGE_TOLERANCE * mesh_size(vertices)
     pairs = cKDTree(vertices).query_pairs(nearest, output_type="ndarray")
     n = len(vertices)
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
@@ -108,7 +86,7 @@ def _merge_vertices(vertices: Array, triangles: Indices) -> tuple[Array, Indices
 
 
 def _check_facets(source: str | Path, vertices: Array, triangles: Indices) -> None:
-    """Refuse facets without finite coordinates or without an area."""
+    """Refuse facets with coordinates that are not finite, or without area."""
     corners = vertices[triangles]
     broken = np.nonzero(~np.isfinite(corners).all(axis=(1, 2)))[0]
     if broken.size:
@@ -116,7 +94,7 @@ def _check_facets(source: str | Path, vertices: Array, triangles: Indices) -> No
     edges = np.roll(corners, -1, axis=1) - corners
     longest2 = (edges**2).sum(axis=-1).max(axis=1)
     doubled_area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-    thin = np.nonzero(doubled_area <= THINNEST * longest2)[0]
+    thin = np.nonzero(doubled_area <= _THINNEST * longest2)[0]
     if thin.size:
         raise InputFileError(
             f"{source}: facet {thin[0] + 1} is degenerate (no area); remove it from the mesh"
@@ -124,7 +102,7 @@ def _check_facets(source: str | Path, vertices: Array, triangles: Indices) -> No
 
 
 def _check_closed(source: str | Path, triangles: Indices) -> None:
-    """Each edge must be walked once in each direction."""
+    """Refuse a mesh with an edge that does not occur once in each direction."""
     starts, ends = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     n = int(triangles.max()) + 1
     forward, backward = starts * n + ends, ends * n + starts
@@ -144,13 +122,13 @@ def _check_closed(source: str | Path, triangles: Indices) -> None:
 
 
 def _check_outward(source: str | Path, vertices: Array, triangles: Indices) -> None:
-    """Each part has a positive signed volume, as it has exactly when its facets face outward."""
+    """Refuse a part with negative signed volume, whose facets face inward."""
     starts, ends = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     n = len(vertices)
     graph = coo_array((np.ones(len(starts)), (starts, ends)), shape=(n, n))
     _, label = connected_components(graph, directed=False)
     part = label[triangles[:, 0]]
-    # Seen from a part's own middle, so that a small part far from the origin loses no digits.
+    # Relative to the middle of a part, so that a small part far from the origin loses no digits.
     count = np.bincount(label)
     middle = np.stack([np.bincount(label, column) / count for column in vertices.T], axis=1)
     corners = vertices[triangles] - middle[part][:, None]
@@ -164,18 +142,7 @@ def _check_outward(source: str | Path, vertices: Array, triangles: Indices) -> N
 
 
 def check_convex(mesh: Mesh) -> None:
-    """Refuse a mesh with a vertex above the plane of any facet.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Closed.
-
-    Raises
-    ------
-    InputFileError
-        If it is not convex; the message names the facet.
-    """
+    """Refuse a closed mesh with a vertex above the plane of a facet, which the message names."""
     normals = facets_from_triangles(mesh.vertices, mesh.triangles).normals
     origins = mesh.vertices[mesh.triangles[:, 0]]
     tolerance = CONVEX_TOLERANCE * mesh_size(mesh.vertices)
@@ -184,5 +151,5 @@ def check_convex(mesh: Mesh) -> None:
         if height > tolerance:
             raise InputFileError(
                 f"{mesh.source}: not convex, a vertex stands {height:.4g} m above the plane of "
-                f"facet {facet}; facets would shadow each other, which the model leaves out"
+                f"facet {facet}; facets would shadow each other, which this model neglects"
             )

@@ -1,4 +1,4 @@
-"""Convex bodies of triangular facets: icosahedron, subdivided sphere, stretched bodies."""
+"""Convex bodies of triangular facets: icosahedron, subdivided sphere, scaled bodies."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Facets:
-    """A convex body as the facet model sees it.
+    """Facets of a convex body.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Facets:
 
     @property
     def equivalent_radius(self) -> float:
-        """Radius of the sphere of the same surface area, m (the body that tasking believes in)."""
+        """Radius of the sphere of the same surface area, m; tasking assumes such a sphere."""
         return float(np.sqrt(self.total_area / (4.0 * np.pi)))
 
 
@@ -47,11 +47,6 @@ def facets_from_triangles(vertices: ArrayLike, triangles: ArrayLike) -> Facets:
         Vertices, m, body frame.
     triangles : array_like of int, shape (F, 3)
         Vertex indices of each facet.
-
-    Returns
-    -------
-    Facets
-        One facet per triangle.
     """
     corners = np.asarray(vertices, dtype=float)[np.asarray(triangles)]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -60,36 +55,18 @@ def facets_from_triangles(vertices: ArrayLike, triangles: ArrayLike) -> Facets:
 
 
 def scale_to_sphere(facets: Facets, radius_m: float) -> Facets:
-    """The same shape, scaled to the surface area 4 pi R^2 of a sphere.
-
-    Parameters
-    ----------
-    facets : Facets
-        Shape.
-    radius_m : float
-        R, m.
-
-    Returns
-    -------
-    Facets
-        Scaled shape.
-
-    Raises
-    ------
-    ConfigurationError
-        If the radius is not positive.
-    """
+    """The same shape, scaled to the surface area 4 pi R^2 of a sphere of radius `radius_m`, m."""
     if not radius_m > 0.0:
         raise ConfigurationError(f"shape radius_m = {radius_m} must be positive")
     factor = 4.0 * np.pi * radius_m**2 / facets.total_area
     return Facets(areas=facets.areas * factor, normals=facets.normals)
 
 
-def stretch(facets: Facets, factors: ArrayLike) -> Facets:
-    """The body stretched along its axes.
+def scale_axes(facets: Facets, factors: ArrayLike) -> Facets:
+    """The body, scaled along its axes.
 
     The linear map M = diag(factors) takes the vector area A n of a facet to det(M) M^-T A n, so
-    that the vertices are not needed. A convex body stays convex.
+    that the vertices are not needed. A convex body remains convex.
 
     Parameters
     ----------
@@ -97,20 +74,12 @@ def stretch(facets: Facets, factors: ArrayLike) -> Facets:
         Shape.
     factors : array_like, shape (3,)
         Positive, one for each body axis.
-
-    Returns
-    -------
-    Facets
-        With the areas and normals of the stretched facets.
-
-    Raises
-    ------
-    ConfigurationError
-        If the factors are not three positive numbers.
     """
     given = np.asarray(factors, dtype=float)
     if given.shape != (3,) or not np.all((given > 0.0) & np.isfinite(given)):
-        raise ConfigurationError(f"shape stretch = {given.tolist()} must be three positive numbers")
+        raise ConfigurationError(
+            f"shape axis_scale = {given.tolist()} must be three positive numbers"
+        )
     if np.all(given == 1.0):
         return facets
     vectors = facets.areas[:, None] * facets.normals * (np.prod(given) / given)
@@ -137,7 +106,7 @@ def icosahedron_mesh() -> tuple[Array, NDArray[np.int64]]:
 
 
 def _subdivide(vertices: Array, triangles: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
-    """Split each triangle in four and push the new vertices onto the unit sphere."""
+    """Split each triangle into four and move the new vertices onto the unit sphere."""
     corners = vertices[triangles]
     middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
     middles /= np.linalg.norm(middles, axis=-1, keepdims=True)
@@ -149,25 +118,19 @@ def _subdivide(vertices: Array, triangles: NDArray[np.int64]) -> tuple[Array, ND
 
 
 def icosphere(subdivisions: int = 0, radius_m: float = 1.0) -> Facets:
-    """Icosahedron with each facet split in four `subdivisions` times, on a sphere.
+    """Icosahedron with each facet split into four `subdivisions` times, on a sphere.
 
     Parameters
     ----------
     subdivisions : int
-        0 for the icosahedron itself; the body has 20 * 4^subdivisions facets.
+        0 (the icosahedron) to 8; the body has 20 * 4^subdivisions facets.
     radius_m : float
         R of the equivalent sphere: the surface area is 4 pi R^2, m.
 
     Returns
     -------
     Facets
-        Body frame along the three golden rectangles: vertices at cyclic permutations of
-        ``(0, +-1, +-golden ratio)``.
-
-    Raises
-    ------
-    ConfigurationError
-        If `subdivisions` is negative or above 8 (1.3 million facets), or the radius not positive.
+        Vertices of the icosahedron at cyclic permutations of ``(0, +-1, +-golden ratio)``, scaled.
     """
     if not 0 <= subdivisions <= 8:
         raise ConfigurationError(f"icosphere subdivisions = {subdivisions} must lie in 0..8")
@@ -178,16 +141,6 @@ def icosphere(subdivisions: int = 0, radius_m: float = 1.0) -> Facets:
 
 
 def icosahedron(radius_m: float = 1.0) -> Facets:
-    """Regular icosahedron with the surface area of a sphere, the targets' shape in the paper.
-
-    Parameters
-    ----------
-    radius_m : float
-        R of the equivalent sphere: the surface area is 4 pi R^2, m.
-
-    Returns
-    -------
-    Facets
-        20 facets, of 0.6283 m^2 each for R = 1 m.
-    """
+    """Regular icosahedron with the surface area of a sphere, the targets' shape in the paper. Each
+    of its 20 facets has 0.6283 m^2 for `radius_m` = 1, the radius of that sphere in m."""
     return icosphere(0, radius_m)

@@ -1,8 +1,7 @@
-"""Meshes of three kinds of object found in cislunar space, made from a few dimensions.
+"""Meshes of three kinds of object found in cislunar space, built from a few dimensions.
 
-The defaults are those of objects that exist; the docstrings name the sources, and what is assumed
-for want of one. All axes are body axes, lengths in metres. `SURFACES` has a material for each facet
-group.
+The defaults are those of existing objects. The docstrings name the sources and the assumptions. All
+axes are body axes, lengths in meters. `SURFACES` has a material for each facet group.
 """
 
 from itertools import pairwise
@@ -21,7 +20,7 @@ SURFACES: dict[str, dict[str, Material]] = {
     "dish_on_bus": {"bus": FOIL, "dish": PAINT},
     "upper_stage": {"tank": PAINT, "nozzle": FOIL},
 }
-"""Materials of the facet groups of each model: a choice, not a measurement."""
+"""Materials of the facet groups of each model; chosen, not measured."""
 
 
 def box_with_wings(
@@ -33,12 +32,12 @@ def box_with_wings(
     thickness: float = 0.03,
     divisions: int = 2,
 ) -> Mesh:
-    """A box with two solar wings along +-y, which turn about that axis.
+    """A box with two solar wings along +-y, which rotate about that axis.
 
     The defaults are a Galileo FOC satellite: body 2.7 m x 1.2 m x 1.1 m and span 14.67 m
     (spaceflights.news, "Two Galileo satellites tested and ready"), wings of 1 m x 5 m (European
-    Commission, "Galileo spreads its wings", newsroom item 46817). Yokes are left out; which side of
-    the body is which axis, and the thickness of a wing, are assumed.
+    Commission, "Galileo spreads its wings", newsroom item 46817). The yokes are omitted. The
+    assignment of the body's sides to the axes and the thickness of a wing are assumed.
 
     Parameters
     ----------
@@ -47,11 +46,11 @@ def box_with_wings(
     wing : array_like, shape (2,)
         Wing along and across y, m.
     span : float
-        From tip to tip, m.
+        Distance between the wing tips, m.
     wing_turn : float
         Angle of the cells' normal from +x towards -z, rad.
     thickness : float
-        Of a wing, m.
+        Thickness of a wing, m.
     divisions : int
         Pieces of a wing along y.
 
@@ -63,14 +62,14 @@ def box_with_wings(
     Raises
     ------
     ConfigurationError
-        If a length is not positive, or the wings run into the box.
+        If a length is not positive, or the wings intersect the box.
     """
     (length, width), (depth, breadth, height) = wing, size
     _check_positive("box_with_wings", [*size, *wing, span, thickness, divisions])
     middle = 0.5 * (span - length)
     if middle - 0.5 * length <= 0.5 * breadth:
         raise ConfigurationError(
-            f"box_with_wings: wings of {length} m within a span of {span} m run into a box "
+            f"box_with_wings: wings of {length} m within a span of {span} m intersect a box "
             f"{breadth} m wide"
         )
     c, s = np.cos(wing_turn), np.sin(wing_turn)
@@ -96,38 +95,14 @@ def dish_on_bus(
     segments: int = 12,
     rings: int = 2,
 ) -> Mesh:
-    """A parabolic dish that opens along +z, above a box.
+    """A parabolic dish that opens along +z, above a box (groups ``dish`` and ``bus``); lengths in
+    m.
 
     The defaults are the relay satellite Queqiao: dish of 4.2 m diameter ("Development and Prospect
     of Chinese Lunar Relay Communication Satellite", Space: Science & Technology 2021, 3471608,
     table 1), body 1.4 m x 1.4 m x 0.85 m (Wikipedia, "Queqiao relay satellite"). Its wings and feed
-    are left out; focal ratio, gap and thickness are assumed.
-
-    Parameters
-    ----------
-    size : array_like, shape (3,)
-        Box along x, y, z, m.
-    diameter : float
-        Of the dish, m.
-    focal_ratio : float
-        Focal length over diameter.
-    gap : float
-        From the box to the back of the dish, m.
-    thickness : float
-        Of the dish, m.
-    segments, rings : int
-        Pieces of the dish around and across.
-
-    Returns
-    -------
-    Mesh
-        Groups ``bus`` and ``dish``.
-
-    Raises
-    ------
-    ConfigurationError
-        If a length is not positive or there are fewer than three segments.
-    """
+    are omitted; focal ratio, gap between box and dish, and thickness are assumed. `segments` and
+    `rings` are the pieces of the dish in azimuth and in radius."""
     _check_positive(
         "dish_on_bus", [*size, diameter, focal_ratio, gap, thickness, segments - 2, rings]
     )
@@ -150,38 +125,13 @@ def upper_stage(
     dome: float = 1.0,
     segments: int = 12,
 ) -> Mesh:
-    """A spent upper stage about z: domed cylinder with one nozzle, open towards -z.
+    """A spent upper stage about z: domed cylinder with one nozzle, open towards -z (groups ``tank``
+    and ``nozzle``); lengths in m.
 
-    The defaults are the Centaur of an Atlas V with one engine, 12.68 m long and 3.05 m across
-    (Wikipedia, "Centaur (rocket stage)"). The dimensions of nozzle and domes are assumed; the
-    payload adapter is left out.
-
-    Parameters
-    ----------
-    length : float
-        With the nozzle, m.
-    diameter : float
-        Of the tank, m.
-    nozzle_diameter : float
-        At the exit, m.
-    nozzle_length : float
-        From the throat to the exit, m.
-    dome : float
-        Height of the domes at both ends, m.
-    segments : int
-        Pieces around.
-
-    Returns
-    -------
-    Mesh
-        Groups ``tank`` and ``nozzle``.
-
-    Raises
-    ------
-    ConfigurationError
-        If a length is not positive, the parts are longer than the whole, or there are fewer than
-        three segments.
-    """
+    The defaults are the Centaur of an Atlas V with one engine, 12.68 m long including the nozzle
+    and 3.05 m across (Wikipedia, "Centaur (rocket stage)"). The dimensions of the nozzle (diameter
+    at the exit, length from the throat) and the height of the domes at both ends are assumed; the
+    payload adapter is omitted. `segments` are the pieces in azimuth."""
     _check_positive("upper_stage", [diameter, nozzle_diameter, nozzle_length, dome, segments - 2])
     cylinder = length - nozzle_length - 2.0 * dome
     if not cylinder > 0.0:
@@ -216,7 +166,7 @@ def _check_positive(name, values):
 
 
 def _box(size, pieces):
-    """Vertices and outward triangles of a box about the origin, cut in pieces along y."""
+    """Vertices and outward triangles of a box about the origin, divided into pieces along y."""
     x, y, z = 0.5 * np.asarray(size, dtype=float)
     cuts = np.linspace(-y, y, pieces + 1)
     ring = [(-x, -z), (x, -z), (x, z), (-x, z)]
@@ -232,10 +182,9 @@ def _box(size, pieces):
 
 
 def _revolved(profile, groups, segments):
-    """Vertices, triangles and groups of a profile (r, z) that starts and ends on the axis.
-
-    The solid lies to the right of the profile's way, `groups` is by step of the profile.
-    """
+    """Vertices, triangles and groups of a revolved profile (r, z) that starts and ends on the axis.
+    The solid is to the right of the profile in its direction; `groups` has one entry per step of
+    it."""
     angles = 2.0 * np.pi * np.arange(segments) / segments
     rings, vertices = [], []
     for r, z in profile:
@@ -254,7 +203,7 @@ def _revolved(profile, groups, segments):
 
 
 def _joined(name, parts):
-    """One checked mesh of several parts, each vertices, triangles and groups."""
+    """One checked mesh of several parts, each given by vertices, triangles and groups."""
     counts = np.cumsum([0, *(len(vertices) for vertices, _, _ in parts)])
     return closed_mesh(
         name,
@@ -269,4 +218,4 @@ MODELS = {
     "dish-on-bus": (dish_on_bus, SURFACES["dish_on_bus"]),
     "upper-stage": (upper_stage, SURFACES["upper_stage"]),
 }
-"""What makes each model, and its surface, by its name in settings and tables."""
+"""Function and surface of each model, by its name in settings and tables."""

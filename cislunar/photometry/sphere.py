@@ -1,12 +1,12 @@
 """Apparent magnitude of a diffuse sphere (Paul & Fan, section 2.3).
 
-The sphere depends on the solar phase angle alone, which makes it the model of the architecture
-optimisation and of the tasking step. `equal_sphere_coefficient` gives the sphere that returns as
-much light as a material does.
+The sphere's magnitude depends only on range and solar phase angle; the architecture optimization
+and the tasking step use it. `equal_sphere_coefficient` gives the sphere that returns as much light
+as a given material.
 
-A facet sends the light it reflects into the half space above it. With microfacets drawn from
-Beckmann's distribution of slopes the integral over all views is a mean over smooth functions, so
-that a glint however narrow is not missed.
+A facet reflects light into the half space above it. With microfacets sampled from Beckmann's
+distribution of slopes, the integral over all view directions is a mean over smooth functions, so
+that even a narrow glint is resolved.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 _NODES = 64
-"""Of each integral, with an error below 1e-3 of the light returned for slopes up to 1."""
+"""Nodes of each integral; the error is below 1e-3 of the returned light for slopes up to 1."""
 
 
 def phase_function(phase_angle: ArrayLike) -> Array:
@@ -99,19 +99,16 @@ def sphere_magnitude(
 
 
 def faintness_per_squared_range(
-    limiting_magnitude: float,
-    *,
-    radius_m: float = 1.0,
-    diffuse_reflection_coefficient: float = 1.0,
+    limiting_magnitude: float, *, radius_m: float = 1.0, diffuse_reflection_coefficient: float = 1.0
 ) -> float:
     """K such that a sphere is brighter than the limit exactly when Phi(alpha) > K r^2.
 
-    This is eq. 18 of Paul & Fan solved for the phase function; it spares the logarithm.
+    This is eq. 18 of Paul & Fan solved for the phase function; it avoids the logarithm.
 
     Parameters
     ----------
     limiting_magnitude : float
-        Visibility threshold, mag.
+        Limiting magnitude, mag.
     radius_m : float
         Radius of the sphere, m; positive.
     diffuse_reflection_coefficient : float
@@ -121,11 +118,6 @@ def faintness_per_squared_range(
     -------
     float
         K, m^-2.
-
-    Raises
-    ------
-    ConfigurationError
-        If the radius or C_d is not positive.
     """
     for name, value in (
         ("target_radius_m", radius_m),
@@ -149,20 +141,20 @@ def returned_light(
     incidence : float
         Angle between the normal and the Sun, rad, in [0, pi / 2).
     model : PhotometryModel, optional
-        Reading of the Fresnel term; with the root if omitted. Its law of irradiance does not
-        enter: light is counted where it is sent, per steradian.
+        Reading of the Fresnel term; with the root if omitted. The law of irradiance has no effect,
+        because the light is counted per steradian at the facet.
 
     Returns
     -------
     float
-        Directional-hemispherical reflectance; above 1 where the specular weight is too large to
+        Directional-hemispherical reflectance; above 1 if the specular weight is too large to
         conserve energy.
     """
     model = PhotometryModel() if model is None else model
     middle = (np.arange(_NODES) + 0.5) / _NODES
     if model.phong:
         return _returned_by_phong(material, incidence, middle)
-    # slopes of the microfacets: exp(-tan^2 / delta^2) is uniform, and so is the azimuth
+    # for the slopes of microfacets exp(-tan^2 / delta^2) is uniform, and so is the azimuth
     tilt = np.arctan(material.rms_slope * np.sqrt(-np.log(middle)))[:, None]
     azimuth = 2.0 * np.pi * middle
     light = np.sin(incidence), np.cos(incidence)
@@ -179,10 +171,10 @@ def returned_light(
 
 
 def _returned_by_phong(material: Material, incidence: float, middle: Array) -> float:
-    """`returned_light` of `cislunar.photometry.body_blocks`' other law, middles of equal shares."""
+    """`returned_light` of the Lambert-Phong law of `cislunar.photometry.body_blocks`."""
     steepness = material.rms_slope**-2
     exponent = 0.5 * steepness
-    # views about the mirrored Sun: cos^(n + 1) is uniform, and so is the azimuth
+    # for views around the mirrored Sun cos^(n + 1) is uniform, and so is the azimuth
     along = middle[:, None] ** (1.0 / (exponent + 1.0))
     across = np.sqrt(1.0 - along**2) * np.cos(2.0 * np.pi * middle)
     seen = np.maximum(along * np.cos(incidence) + across * np.sin(incidence), 0.0)
@@ -192,22 +184,24 @@ def _returned_by_phong(material: Material, incidence: float, middle: Array) -> f
 
 
 def equal_sphere_coefficient(material: Material, model: PhotometryModel | None = None) -> float:
-    """C_d of the diffuse sphere as bright as a sphere of the material, over all views.
+    """C_d of the diffuse sphere as bright as a sphere of the material, averaged over all views.
 
-    Turned at random, a convex body sends out as much light as a sphere of its area and material:
-    the sphere of tasking with this C_d is as bright on the average over all directions.
+    In random orientation a convex body reflects as much light as a sphere of its area and material.
+    The sphere that tasking assumes, with this C_d, is therefore as bright on average over all
+    directions.
 
     Parameters
     ----------
     material : Material
         Surface.
     model : PhotometryModel, optional
-        Reading of the equations; under ``4pi`` the sphere is as much darker as the facets are.
+        Reading of the equations; under ``4pi`` the sphere is darker by the same factor as the
+        facets.
 
     Returns
     -------
     float
-        C_d of `cislunar.photometry.sphere`; 0 for a material that returns nothing.
+        C_d, dimensionless; 0 for a material that returns no light.
     """
     model = PhotometryModel() if model is None else model
     # over a sphere the squared cosine of the incidence is uniform

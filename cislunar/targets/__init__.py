@@ -1,1 +1,14 @@
-"""Static targets: missions, zero-velocity surfaces, clustering."""
+"""Static targets: missions, zero-velocity surfaces, clustering; tables of user-defined targets."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "audit": ["audit_centers"],
+    "clustering": ["DEFAULT_SEEDING", "SEEDINGS", "cluster", "distinct_points"],
+    "missions": ["load_missions"],
+    "sampling": ["SamplingSettings", "sample_zero_velocity"],
+    "tables": ["TargetStates", "check_closed_targets", "is_message", "load_target_positions",
+        "load_target_states"],
+})
+# fmt: on

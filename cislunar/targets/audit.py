@@ -1,7 +1,7 @@
-"""Where cluster centers lie: a check of static targets against the regions they stand for.
+"""Audit of cluster centers: a check of static targets against the regions that they represent.
 
-The mean of a set that is not convex need not belong to it. The paper keeps the centers as k-means
-gives them; so does this library, and counts those that no mission could visit.
+The mean of a non-convex set need not belong to it. The paper uses the centers of k-means without
+correction. So does this library, but it counts those that no mission could visit.
 """
 
 from typing import NamedTuple
@@ -14,16 +14,9 @@ from cislunar.dynamics.cr3bp import primary_distances
 from cislunar.targets.zero_velocity import reachable
 
 
-class CenterAudit(NamedTuple):
-    """Flags for each center.
-
-    Attributes
-    ----------
-    inside_earth, inside_moon : ndarray of bool, shape (cluster,)
-        The center lies below the surface of the body.
-    forbidden : ndarray of bool, shape (cluster,)
-        The center lies outside of the region of every mission that has points in its cluster.
-    """
+class _CenterAudit(NamedTuple):
+    """Flags (cluster,) of centers: below the surface of the Earth or of the Moon, or outside of the
+    region of every mission with points in the cluster (`forbidden`)."""
 
     inside_earth: NDArray[np.bool_]
     inside_moon: NDArray[np.bool_]
@@ -31,12 +24,8 @@ class CenterAudit(NamedTuple):
 
 
 def audit_centers(
-    center: ArrayLike,
-    label: ArrayLike,
-    jacobi: ArrayLike,
-    region: str = "moon",
-    mu: float = MU,
-) -> CenterAudit:
+    center: ArrayLike, label: ArrayLike, jacobi: ArrayLike, region: str = "moon", mu: float = MU
+) -> _CenterAudit:
     """Find the centers that lie where their missions cannot go.
 
     Parameters
@@ -46,22 +35,18 @@ def audit_centers(
     label : array_like of int, shape (point,)
         Cluster of each point.
     jacobi : array_like, shape (point,)
-        Jacobi constant of the mission each point was sampled for.
+        Jacobi constant of the mission for which each point was sampled.
     region : str
-        Region that was sampled, see `cislunar.targets.zero_velocity.reachable`.
+        Sampled region, see `cislunar.targets.zero_velocity.reachable`.
     mu : float
         Mass ratio.
-
-    Returns
-    -------
-    CenterAudit
     """
     centers = np.asarray(center, dtype=float)
     d, r = primary_distances(centers, mu)
-    # Regions are nested: what is closed to the lowest Jacobi constant is closed to all.
+    # Regions are nested: a point forbidden for the lowest Jacobi constant is forbidden for all.
     lowest = np.full(len(centers), np.inf)
     np.minimum.at(lowest, np.asarray(label), np.asarray(jacobi, dtype=float))
-    return CenterAudit(
+    return _CenterAudit(
         inside_earth=d < EARTH_RADIUS_KM / LENGTH_UNIT_KM,
         inside_moon=r < MOON_RADIUS_KM / LENGTH_UNIT_KM,
         forbidden=~reachable(centers, lowest, region, mu),

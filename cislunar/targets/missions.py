@@ -1,10 +1,10 @@
-"""The table of cislunar missions whose zero-velocity surfaces hold the static targets.
+"""Table of cislunar missions whose zero-velocity surfaces contain the static targets.
 
-Paul & Fan (section 3) take 64 past and planned missions from public sources, with Jacobi constants
+Paul & Fan (section 3) use 64 past and planned missions from public sources, with Jacobi constants
 from 2.91 (Artemis I) to 5.49 (lunar landers), and do not publish the list. The table in
-``config/missions.csv`` is therefore not theirs: it names 64 missions with the source, the basis
-and a confidence of each value. Only the columns `mission` and `jacobi` are needed; the others are
-kept for the record.
+``config/missions.csv`` is therefore a different one: it names 64 missions with the source, the
+basis and a confidence of each value. Only the columns `mission` and `jacobi` are required; the
+others document them.
 """
 
 from math import isfinite
@@ -17,8 +17,8 @@ from cislunar.dynamics.cr3bp import pseudo_potential
 from cislunar.errors import InputFileError
 from cislunar.exchange.csv_lines import listed, read_lines
 
-REQUIRED_COLUMNS = ("mission", "jacobi")
-NUMERIC_COLUMNS = (
+_REQUIRED_COLUMNS = ("mission", "jacobi")
+_NUMERIC_COLUMNS = (
     "year",
     "perilune_alt_km",
     "apolune_alt_km",
@@ -31,16 +31,7 @@ NUMERIC_COLUMNS = (
 
 def highest_lunar_jacobi(mu: float = MU) -> float:
     """Jacobi constant above which the zero-velocity surface around the Moon lies inside the Moon.
-
-    Parameters
-    ----------
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    float
-        Largest 2U on the Moon's surface, which is met on the axis (8.4 for the Earth and Moon).
+    It is the largest 2U on the Moon's surface, at the Earth-Moon axis (8.4 for the Earth and Moon).
     """
     radius = MOON_RADIUS_KM / LENGTH_UNIT_KM
     ends = [[1.0 - mu - radius, 0.0, 0.0], [1.0 - mu + radius, 0.0, 0.0]]
@@ -53,23 +44,22 @@ def load_missions(path: str | Path, mu: float = MU) -> pd.DataFrame:
     Parameters
     ----------
     path : str or Path
-        Comma-separated table in UTF-8 with a header; the columns `mission` and `jacobi` are needed.
+        Comma-separated table in UTF-8 with a header; the columns `mission` and `jacobi` are
+        required.
     mu : float
-        Mass ratio, for the range of Jacobi constants that is possible.
+        Mass ratio, for the possible range of Jacobi constants.
 
     Returns
     -------
     DataFrame
-        A row per mission, in the order of the file, with every column of the file: `jacobi` and the
-        numeric columns as floats (NaN where empty), the rest as text.
+        One row per mission, in the order of the file, with every column of the file: `jacobi` and
+        the numeric columns as floats (NaN where empty), the others as text.
 
     Raises
     ------
     InputFileError
-        If the file is missing, empty or no such table; if a mission has no name or its name occurs
-        twice; if a Jacobi constant is missing, is no finite number, or leaves no zero-velocity
-        surface outside of the Moon. The message names the file, the row as an editor numbers it
-        (the header is row 1) and the mission.
+        If the table or a row is unusable, or a Jacobi constant has no zero-velocity surface outside
+        of the Moon; the message names the file, the row (the header is row 1) and the mission.
     """
     path = Path(path)
     header, rows = _read(path)
@@ -94,7 +84,7 @@ def load_missions(path: str | Path, mu: float = MU) -> pd.DataFrame:
             )
         first_seen[name] = line
         record["jacobi"] = _jacobi(record["jacobi"], place, highest)
-        for column in NUMERIC_COLUMNS:
+        for column in _NUMERIC_COLUMNS:
             if column in record:
                 record[column] = _number(record[column], column, place)
         records.append(record)
@@ -102,15 +92,15 @@ def load_missions(path: str | Path, mu: float = MU) -> pd.DataFrame:
 
 
 def _read(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Header of a table, and its rows with the line each one ends on."""
+    """Header of a table, and its rows with the line on which each one ends."""
     lines = read_lines(path, "mission")
     header = lines[0][1] if lines else []
-    missing = [column for column in REQUIRED_COLUMNS if column not in header]
+    missing = [column for column in _REQUIRED_COLUMNS if column not in header]
     if missing:
         raise InputFileError(
             f"{path}, row 1: no column {', '.join(missing)}; the header has {listed(header)}"
         )
-    twice = [column for column in REQUIRED_COLUMNS if header.count(column) > 1]
+    twice = [column for column in _REQUIRED_COLUMNS if header.count(column) > 1]
     if twice:
         raise InputFileError(
             f"{path}, row 1: the column {twice[0]} occurs twice; remove one of them"
@@ -122,7 +112,7 @@ def _read(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
 
 
 def _jacobi(text: object, place: str, highest: float) -> float:
-    """A Jacobi constant that has a zero-velocity surface around the Moon."""
+    """A Jacobi constant with a zero-velocity surface around the Moon."""
     if text == "":
         raise InputFileError(f"{place}: no Jacobi constant; fill in the column jacobi")
     value = _number(text, "jacobi", place)

@@ -1,37 +1,36 @@
 """Equiangular sampling of the regions within zero-velocity surfaces (Paul & Fan, section 3).
 
-The paper samples "in an equiangular manner
-within each zero-velocity surface" and says no more; the choices made here are settings of
-`SamplingSettings`, and the reasons are these;
-`cislunar.targets.zero_velocity` tells what the region is.
+The paper samples "in an equiangular manner within each zero-velocity surface" without further
+details. The choices made here are settings of `SamplingSettings`;
+`cislunar.targets.zero_velocity` defines the regions.
 
 Outer cap
     Below JC(L2) the region is unbounded, and below JC(L4) = 2.988 nothing in the plane is
-    forbidden, so points stay within `outer_radius_km` of the Earth-Moon barycenter. The paper gives
-    no cap. The default, 700 000 km, is *chosen* so that the published families and counts of
-    Scenario A come to about the published J = 1.51e-4 (best members, C_d = 1; 500 000 km gives
-    1.9e-4, 770 000 km 1.3e-4): that agreement confirms nothing.
+    forbidden. Points therefore stay within `outer_radius_km` of the Earth-Moon barycenter. The
+    paper gives no cap. The default, 700 000 km, is *chosen* so that the published families and
+    counts of Scenario A give about the published J = 1.51e-4 (best members, C_d = 1; 500 000 km
+    gives 1.9e-4, 770 000 km 1.3e-4). That agreement is no confirmation.
 Centers
-    A grid centered on a body samples the component of that body alone (as far as it is part of the
-    region), so that the Moon's lobe and the Earth's are each resolved from within; a grid centered
-    elsewhere samples the whole region.
-    The default has both bodies: what both can reach is then sampled densely around each.
+    A grid centered on a body samples only the component of that body (as far as it is part of the
+    region), so that the lobes of the Moon and of the Earth are each resolved from within. A grid
+    with another center samples the whole region. The default has both bodies; the part that is
+    reachable from both is then sampled densely around each.
 Directions
-    A grid of longitude and latitude about the center with the same step in both, the poles
-    (along z) counted once. It is symmetric about the planes y = 0 and z = 0.
+    A grid of longitude and latitude about the center with equal steps, in which the poles (along z)
+    occur once. It is symmetric about the planes y = 0 and z = 0.
 Radii
-    Along each direction the stretch of the ray that lies in the region (or the stretches, where it
-    leaves and enters again) is found and divided into `radial_points` equal steps, with a point in
-    the middle of each. The points thus follow the surface without lying on it; a lobe of 3 700 km
-    around the Moon is resolved as well as a region of 500 000 km, and missions weigh about the
-    same. `radial_step_km` sets the length of the steps instead (at least one to a ray), and large
-    regions then outweigh small ones.
+    Each ray is divided within the region (in one interval, or in several where it leaves and
+    re-enters the region) into `radial_points` equal steps, with a point in the middle of each. The
+    points thus follow the surface without lying on it; a lobe of 3 700 km around the Moon is
+    resolved as well as a region of 500 000 km, and missions have about equal weight.
+    `radial_step_km` sets the length of the steps instead (at least one per ray), so that large
+    regions have more weight.
 Bodies
-    Points inside the Earth or the Moon are left out.
+    Points inside the Earth or the Moon are excluded.
 Duplicates
-    Each mission is sampled on its own, so missions that share a Jacobi constant repeat its points
-    and weigh more in the clusters, as the paper describes. Within one mission, points that two
-    centers have in common (to 1e-9 of a unit) are kept once.
+    Each mission is sampled separately. Missions with equal Jacobi constant repeat its points, which
+    have more weight in the clusters, as the paper describes. Within one mission, points that occur
+    in the grids of two centers (to 1e-9 of a unit) are kept once.
 """
 
 from collections.abc import Callable, Sequence
@@ -50,14 +49,14 @@ Array = NDArray[np.float64]
 
 CENTERS = ("moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5")
 
-# Radii tried along each ray to find where it leaves the region: 1 per cent apart.
+# Trial radii along each ray, 1 percent apart, that bracket the boundaries of the region.
 _TRIAL_RATIO = 1.01
 _BISECTIONS = 40
 
 
 @dataclass(frozen=True)
 class SamplingSettings:
-    """How the region within a zero-velocity surface is sampled.
+    """Settings of the sampling of a region within a zero-velocity surface.
 
     Attributes
     ----------
@@ -70,9 +69,9 @@ class SamplingSettings:
     radial_points : int
         Points on each ray.
     radial_step_km : float or None
-        Distance of the points on a ray, km, in place of `radial_points`.
+        Spacing of the points on a ray, km, instead of `radial_points`.
     outer_radius_km : float
-        Distance from the barycenter beyond which nothing is sampled, km.
+        Largest distance from the barycenter, km.
     """
 
     centers: tuple[str, ...] = ("moon", "earth")
@@ -83,7 +82,7 @@ class SamplingSettings:
     outer_radius_km: float = 700_000.0
 
     def __post_init__(self) -> None:
-        """Refuse impossible settings, naming the key."""
+        """Refuse impossible settings."""
         object.__setattr__(self, "centers", tuple(self.centers))
         unknown = [name for name in self.centers if name not in CENTERS]
         if unknown or not self.centers:
@@ -108,18 +107,9 @@ class SamplingSettings:
             )
 
 
-class SampledPoints(NamedTuple):
-    """Points sampled for a list of missions.
-
-    Attributes
-    ----------
-    position : ndarray, shape (point, 3)
-        Nondimensional, rotating frame.
-    mission : ndarray of int, shape (point,)
-        Index into the list of missions.
-    jacobi : ndarray, shape (point,)
-        Jacobi constant of the mission.
-    """
+class _SampledPoints(NamedTuple):
+    """Points sampled for a list of missions: `position` (point, 3), nondimensional, rotating frame,
+    with the index and the Jacobi constant of the mission (point,)."""
 
     position: Array
     mission: NDArray[np.int64]
@@ -127,21 +117,11 @@ class SampledPoints(NamedTuple):
 
 
 def equiangular_directions(step_deg: float) -> Array:
-    """Unit vectors on a grid of equal steps in longitude and latitude.
-
-    Parameters
-    ----------
-    step_deg : float
-        Step, degrees; divides 180.
-
-    Returns
-    -------
-    ndarray, shape (direction, 3)
-        South pole, then rings from south to north, then the north pole.
-    """
+    """Unit vectors (direction, 3) on a grid of equal steps in longitude and latitude that divide
+    180 degrees: south pole, rings from south to north, north pole."""
     half = round(180.0 / step_deg)
-    # Sines of the steps of half a turn, mirrored in a right angle: the grid is symmetric to the
-    # last digit, so that no order of its points hangs on rounding.
+    # Sines over half a turn, mirrored at a right angle: the grid is symmetric to the
+    # last digit, so that the order of its points does not depend on rounding.
     steps = np.arange(half + 1)
     sine = np.sin(np.radians(step_deg) * np.minimum(steps, half - steps))
     cosine = np.sign(half - 2 * steps) * np.sin(np.radians(step_deg) * np.abs(0.5 * half - steps))
@@ -155,23 +135,8 @@ def equiangular_directions(step_deg: float) -> Array:
 
 
 def sample_region(jacobi: float, settings: SamplingSettings | None = None, mu: float = MU) -> Array:
-    """Points within the zero-velocity surface of one Jacobi constant.
-
-    Parameters
-    ----------
-    jacobi : float
-        Jacobi constant.
-    settings : SamplingSettings, optional
-        Default: `SamplingSettings()`.
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    ndarray, shape (point, 3)
-        Nondimensional, rotating frame; center by center, direction by direction, outwards. Empty
-        if no point of the grids belongs to the region.
-    """
+    """Points (point, 3) within the zero-velocity surface of one Jacobi constant, nondimensional,
+    rotating frame; center by center, direction by direction, outwards."""
     s = settings or SamplingSettings()
     directions = equiangular_directions(s.angular_step_deg)
     parts = []
@@ -182,10 +147,10 @@ def sample_region(jacobi: float, settings: SamplingSettings | None = None, mu: f
             return _inside(position, jacobi, name, s, mu)
 
         farthest = s.outer_radius_km / LENGTH_UNIT_KM + float(np.linalg.norm(center))
-        stretches = _stretches(center, directions, max(inner, 1e-3), farthest, inside)
-        ray, radius = _divide(*stretches, s)
+        intervals = _intervals(center, directions, max(inner, 1e-3), farthest, inside)
+        ray, radius = _divide(*intervals, s)
         points = center + directions[ray] * radius[:, None]
-        # A body crossed between two trial radii may have gone unnoticed.
+        # A body between two trial radii may have been missed.
         parts.append(points[inside(points)])
     points = np.concatenate(parts)
     if len(parts) > 1:
@@ -201,15 +166,15 @@ def sample_zero_velocity(
     names: Sequence[str] | None = None,
     mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
-) -> SampledPoints:
-    """Points within the zero-velocity surface of each mission, missions one after the other.
+) -> _SampledPoints:
+    """Points within the zero-velocity surface of each mission, one mission after the other.
 
     Parameters
     ----------
     jacobi : array_like, shape (mission,)
-        Jacobi constant of each mission; equal values are sampled once per mission.
+        Jacobi constant of each mission; equal values are sampled for each mission.
     settings : SamplingSettings, optional
-        Default: `SamplingSettings()`.
+        By default `SamplingSettings()`.
     names : sequence of str, optional
         Names of the missions, for messages.
     mu : float
@@ -217,14 +182,10 @@ def sample_zero_velocity(
     progress : callable, optional
         Called with (missions done, missions).
 
-    Returns
-    -------
-    SampledPoints
-
     Raises
     ------
     ConfigurationError
-        If a mission gets no point under these settings.
+        If a mission has no point with these settings.
     """
     constants = np.atleast_1d(np.asarray(jacobi, dtype=float))
     cache: dict[float, Array] = {}
@@ -241,7 +202,7 @@ def sample_zero_velocity(
             progress(index + 1, len(constants))
     parts = [cache[jc] for jc in constants.tolist()]
     counts = [len(part) for part in parts]
-    return SampledPoints(
+    return _SampledPoints(
         position=np.concatenate(parts),
         mission=np.repeat(np.arange(len(parts)), counts),
         jacobi=np.repeat(constants, counts),
@@ -259,17 +220,15 @@ def _center(name: str, mu: float) -> tuple[Array, float]:
     return libration_points(mu)[int(name[1]) - 1], 0.0
 
 
-def _stretches(
+def _intervals(
     center: Array,
     directions: Array,
     start: float,
     farthest: float,
     inside: Callable[[Array], NDArray[np.bool_]],
 ) -> tuple[NDArray[np.intp], Array, Array]:
-    """Stretches of rays that lie in the region: ray, first and last radius of each.
-
-    They come ray by ray, outwards; their ends are bisected to the last digit, from within.
-    """
+    """Intervals of rays within the region: ray, first and last radius of each. They are ordered by
+    ray and radius; the ends are bisected to the last digit, from within."""
     count = int(np.ceil(np.log(farthest / start) / np.log(_TRIAL_RATIO))) + 1
     trial = np.geomspace(start * (1.0 + 1e-12), farthest, count)
     mask = inside(center + directions[:, None, :] * trial[None, :, None])
@@ -293,7 +252,7 @@ def _stretches(
 def _divide(
     ray: NDArray[np.intp], first: Array, last: Array, settings: SamplingSettings
 ) -> tuple[NDArray[np.intp], Array]:
-    """Middles of equal steps along the stretches of each ray: ray and radius of each point."""
+    """Midpoints of equal steps along the intervals of each ray: ray and radius of each point."""
     rays, radii = [], []
     for index in np.unique(ray):
         own = ray == index
@@ -302,9 +261,9 @@ def _divide(
         count = settings.radial_points
         if settings.radial_step_km is not None:
             count = max(1, round(ends[-1] * LENGTH_UNIT_KM / settings.radial_step_km))
-        travelled = (np.arange(count) + 0.5) * ends[-1] / count
-        stretch = np.searchsorted(ends, travelled)
-        radii.append(first[own][stretch] + travelled - (ends - length)[stretch])
+        traveled = (np.arange(count) + 0.5) * ends[-1] / count
+        interval = np.searchsorted(ends, traveled)
+        radii.append(first[own][interval] + traveled - (ends - length)[interval])
         rays.append(np.full(count, index))
     if not rays:
         return np.empty(0, dtype=np.intp), np.empty(0)
@@ -314,7 +273,7 @@ def _divide(
 def _inside(
     position: Array, jacobi: float, center: str, settings: SamplingSettings, mu: float
 ) -> NDArray[np.bool_]:
-    """Points a center's grid may hold: of its region, outside of both bodies, within the cap."""
+    """Whether points may belong to a center's grid: in its region and the cap, not in a body."""
     d, r = primary_distances(position, mu)
     clear = (d >= EARTH_RADIUS_KM / LENGTH_UNIT_KM) & (r >= MOON_RADIUS_KM / LENGTH_UNIT_KM)
     capped = np.linalg.norm(position, axis=-1) <= settings.outer_radius_km / LENGTH_UNIT_KM

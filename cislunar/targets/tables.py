@@ -1,7 +1,8 @@
-"""Tables of one's own targets: moving ones with their states at the epoch, static ones in place.
+"""Tables of user-defined targets: moving ones with states at the epoch, static ones with positions.
 
-Comma-separated, UTF-8, one target per row, positions and velocities in the rotating barycentric
-frame (x from the Earth to the Moon, z along the angular momentum). The header tells the unit:
+The tables are comma-separated, UTF-8, with one target per row. Positions and velocities are in the
+rotating barycentric frame (x from the Earth to the Moon, z along the angular momentum). The header
+determines the unit:
 
 ==================  ==============================  ==========================================
 quantity            nondimensional                  in kilometers and seconds
@@ -13,13 +14,13 @@ period, optional    ``period``                      ``period_days``
 class, optional     ``family``                      ``family``
 ==================  ==============================  ==========================================
 
-Velocities are those seen in the rotating frame. Without a period, or where it is left empty, a
-target is at its state at the epoch; with one, it starts at a random point of its orbit as the
-paper's targets do. Other columns are ignored.
+Velocities are relative to the rotating frame. A target without a period is at its state at the
+epoch. A target with a period starts at a random point of its orbit, like the paper's targets. Other
+columns are ignored.
 
-Moving targets may also come from rows of JPL's catalogue (`cislunar.exchange.catalogue`), each on
-its orbit at a random point, or from a CCSDS OEM, a file named ``*.oem`` (`cislunar.exchange.oem`),
-each object at its state at the epoch.
+Moving targets may also be rows of JPL's catalog (`cislunar.exchange.catalog`), each at a random
+point of its orbit, or a CCSDS OEM, a file named ``*.oem`` (`cislunar.exchange.oem`), with each
+object at its state at the epoch.
 """
 
 from pathlib import Path
@@ -29,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.errors import InputFileError
-from cislunar.exchange.catalogue import COLUMNS, is_catalogue, read_catalogue
+from cislunar.exchange.catalog import COLUMNS, is_catalog, read_catalog
 from cislunar.exchange.csv_lines import read_lines
 from cislunar.exchange.inertial import Epoch, rotating_states
 from cislunar.exchange.oem import Segment, read_oem, state_at
@@ -50,7 +51,7 @@ from cislunar.exchange.table_rows import (
 Array = NDArray[np.float64]
 
 _MESSAGE = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
-"""Components of the states of an OEM, turned to the rotating frame."""
+"""Components of the states of an OEM, in the rotating frame."""
 
 OWN_FAMILY = "own"
 """Class of a target whose row gives none."""
@@ -64,7 +65,7 @@ class TargetStates(NamedTuple):
     name, family : list of str
         Name and class of each target.
     state : ndarray, shape (target, 6)
-        Nondimensional, rotating frame, at the epoch.
+        State at the epoch, nondimensional, rotating frame.
     period : ndarray, shape (target,)
         Nondimensional; 0 for a target that starts at its state.
     """
@@ -78,16 +79,8 @@ class TargetStates(NamedTuple):
         return len(self.name)
 
 
-class TargetPositions(NamedTuple):
-    """Static targets.
-
-    Attributes
-    ----------
-    name : list of str
-        Name of each target.
-    position : ndarray, shape (target, 3)
-        Nondimensional, rotating frame.
-    """
+class _TargetPositions(NamedTuple):
+    """Static targets: names and positions (target, 3), nondimensional, rotating frame."""
 
     name: list[str]
     position: Array
@@ -102,14 +95,14 @@ def is_message(path: str | Path) -> bool:
 
 
 def load_target_states(path: str | Path, epoch: Epoch | None = None) -> TargetStates:
-    """Read and check a table of moving targets, rows of JPL's catalogue, or an OEM.
+    """Read and check a table of moving targets, rows of JPL's catalog, or an OEM.
 
     Parameters
     ----------
     path : str or Path
         The file.
     epoch : Epoch, optional
-        When and in which axes the states of an OEM are wanted; tables need none.
+        Epoch and axes for the states of an OEM; tables need none.
 
     Returns
     -------
@@ -119,17 +112,15 @@ def load_target_states(path: str | Path, epoch: Epoch | None = None) -> TargetSt
     Raises
     ------
     InputFileError
-        If the file is missing, empty or no such table; if a target has no name or its name occurs
-        twice; if a number is missing or not finite, or out of the bounds that tell one unit from
-        another (`cislunar.dynamics.bounds`); if a target is inside the Earth or the Moon; if an OEM
-        does not cover the epoch. The message names the file, the row as an editor numbers it (the
-        header is row 1) and the target.
+        If the table or a row is unusable: a number in a wrong unit (`cislunar.dynamics.bounds`), a
+        target inside the Earth or the Moon, or an OEM that does not cover the epoch. The message
+        names the file, the row (the header is row 1) and the target.
     """
     if is_message(path):
         return _of_message(path, epoch)
     first = read_lines(path, "target")[:1]
-    if first and is_catalogue(first[0][1]):
-        found = read_catalogue(path)
+    if first and is_catalog(first[0][1]):
+        found = read_catalog(path)
         for name, state in zip(found.name, found.state, strict=True):
             check_state(f"{path}, Id {name!r}", COLUMNS, state, "")
         return TargetStates(found.name, [OWN_FAMILY] * len(found.name), found.state, found.period)
@@ -147,7 +138,7 @@ def load_target_states(path: str | Path, epoch: Epoch | None = None) -> TargetSt
 def check_closed_targets(path: str | Path, targets: TargetStates) -> None:
     """Refuse targets of a table whose period does not close the orbit through their state.
 
-    Rows of JPL's catalogue are left alone: they are closed at its own mass ratio.
+    Rows of JPL's catalog are not checked, because they are closed at its own mass ratio.
 
     Parameters
     ----------
@@ -159,9 +150,9 @@ def check_closed_targets(path: str | Path, targets: TargetStates) -> None:
     Raises
     ------
     InputFileError
-        If an orbit is not closed, or cannot be followed; the message names file and target.
+        If an orbit is not closed, or cannot be propagated; the message names file and target.
     """
-    if not targets.period.any() or is_catalogue(read_lines(path, "target")[0][1]):
+    if not targets.period.any() or is_catalog(read_lines(path, "target")[0][1]):
         return
     for name, state, period in zip(targets.name, targets.state, targets.period, strict=True):
         if period:
@@ -169,9 +160,9 @@ def check_closed_targets(path: str | Path, targets: TargetStates) -> None:
 
 
 def _of_message(path: str | Path, epoch: Epoch | None) -> TargetStates:
-    """The objects of an OEM at the epoch; segments of the same name are of one object."""
+    """Objects of an OEM at the epoch; segments with the same name belong to one object."""
     if epoch is None:
-        raise InputFileError(f"{path}: an OEM holds states at many times; give the epoch wanted")
+        raise InputFileError(f"{path}: an OEM has states at many times; give the epoch")
     objects: dict[str, list[Segment]] = {}
     for segment in read_oem(path):
         objects.setdefault(segment.name, []).append(segment)
@@ -188,26 +179,12 @@ def _of_message(path: str | Path, epoch: Epoch | None) -> TargetStates:
     return TargetStates(list(objects), families, np.array(states), np.zeros(len(states)))
 
 
-def load_target_positions(path: str | Path) -> TargetPositions:
-    """Read and check a table of static targets.
-
-    Parameters
-    ----------
-    path : str or Path
-        The table; columns of velocity are ignored.
-
-    Returns
-    -------
-    TargetPositions
-        In the order of the file.
-
-    Raises
-    ------
-    InputFileError
-        As for `load_target_states`.
-    """
+def load_target_positions(path: str | Path) -> _TargetPositions:
+    """Read and check a table of static targets, in which velocity columns are ignored. Positions
+    are nondimensional, in the rotating frame, and in the order of the file. For the errors see
+    `load_target_states`."""
     header, rows = named_rows(path, "target")
     position = quantity_columns(path, header, POSITION)
     names = row_names(rows, "target")
     found = [row_position(place, row, position) for place, row in rows]
-    return TargetPositions(names, np.array(found))
+    return _TargetPositions(names, np.array(found))

@@ -1,1 +1,20 @@
-"""Which observer watches which target."""
+"""Tasking of observers to targets in a closed loop with estimation."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "closed_loop": ["ClosedLoop", "run_closed_loop"],
+    "decision": ["decide"],
+    "demonstration": ["TrackingProblem", "tracking_problem"],
+    "detection_outcomes": ["OBSERVATION_OUTCOMES", "SettingNames", "count_outcomes",
+        "outcome_shares", "report_estimated_parameters", "report_outcomes"],
+    "histories": ["HISTORIES", "OBSERVATION_COLUMNS", "kept_histories"],
+    "initial_conditions": ["INITIAL_RATE_DEG_H", "epoch_states", "initial_estimate",
+        "monitored_targets"],
+    "realization": ["OUTCOME_NAMES", "USED"],
+    "recording": ["Piece", "collect", "fill"],
+    "settings": ["LoopSettings"],
+    "truth": ["TruthModel", "draw_truth"],
+})
+# fmt: on

@@ -1,4 +1,4 @@
-"""Who looks at what until the next tasking epoch: one target each, or a schedule of slots."""
+"""Decision at a tasking epoch: one target for each observer, or a schedule of slots."""
 
 from __future__ import annotations
 
@@ -8,47 +8,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.estimation.estimator import Prediction
-from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.scene import Scene
+from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.tasking.planning.assignment import IDLE, assign, total_information
 from cislunar.tasking.planning.brightness import facet_margins, sphere_margins
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.information import pair_information
-from cislunar.tasking.planning.looks import slot_looks
 from cislunar.tasking.planning.preselection import assign_preselected, preselects
-from cislunar.tasking.planning.schedule import chances, plan_schedule
+from cislunar.tasking.planning.schedule import detection_probabilities, plan_schedule
 from cislunar.tasking.planning.schedule_bound import schedule_bound
 from cislunar.tasking.planning.schedule_model import ScheduleModel
+from cislunar.tasking.planning.slot_observations import slot_observations
 from cislunar.tasking.settings import LoopSettings
 
 Array = NDArray[np.float64]
 
 
 class Decision(NamedTuple):
-    """What is to be looked at until the next tasking epoch.
-
-    Attributes
-    ----------
-    target : ndarray of int, shape (slot, observer)
-        Target of each observer, or `IDLE`.
-    looking : ndarray of int, shape (step, observer)
-        The same at every measurement; `IDLE` also while an observer turns.
-    information : float
-        Of the looks, nats.
-    evaluations : int
-        Taskings tried, or assignments and set packings solved for a schedule.
-    gap : float
-        By how much, relative to its worth, a set packing may fall short of the best, or the
-        schedule of all slots, if that is bounded.
-    pairs : ndarray, shape (observer, target), or None
-        Information of all pairs, where it was computed.
-    detects : ndarray, shape (slot, observer, target, offset), or None
-        As of `LearnedDetection.detects`, where detection is learned.
-    starts : ndarray of int, shape (slot,)
-        First step of each slot.
-    """
+    """Targets of the observers until the next tasking epoch.
+    `target` (slot, observer): target of each observer, or `IDLE`; `target_by_step` (step,
+    observer): the same at every measurement, `IDLE` also while an observer turns. `information`: of
+    the observations, nats. `evaluations`: taskings evaluated, or assignments and set packings
+    solved. `gap`: relative amount by which a set packing may fall short of the best, or the
+    schedule of all slots, if it is bounded. `pairs` (observer, target): information of all pairs,
+    where it was computed. `detects` (slot, observer, target, offset): see
+    `LearnedDetection.detects`. `starts` (slot,): first step of each slot."""
 
     target: NDArray[np.int64]
-    looking: NDArray[np.int64]
+    target_by_step: NDArray[np.int64]
     information: float
     evaluations: int
     gap: float
@@ -59,7 +46,7 @@ class Decision(NamedTuple):
     def detects_at(
         self, target: NDArray[np.int64], step: NDArray[np.int64], observer: NDArray[np.int64]
     ) -> Array:
-        """The rows of `detects` of looks, shape (look, offset)."""
+        """Rows of `detects` of observations, shape (row, offset)."""
         slot = np.searchsorted(self.starts, step, side="right") - 1
         return self.detects[slot, observer, target]
 
@@ -69,13 +56,13 @@ class Decision(NamedTuple):
         target: NDArray[np.int64],
         step: NDArray[np.int64],
         observer: NDArray[np.int64],
-        fate: NDArray[np.uint8],
+        outcome: NDArray[np.uint8],
     ) -> None:
-        """Let what became of the looks, shape (look,), teach how likely they detect."""
+        """Update the learned detection with the outcomes of observations, shape (row,)."""
         slot = np.searchsorted(self.starts, step, side="right") - 1
         for s, detects in enumerate(() if self.detects is None else self.detects):
             now = slot == s
-            detection.learn(target[now], observer[now], fate[now], detects)
+            detection.learn(target[now], observer[now], outcome[now], detects)
 
 
 def decide(
@@ -98,17 +85,13 @@ def decide(
     n_steps : int
         Measurements until the next epoch.
     scene, surfaces, settings, forces
-        As of `cislunar.tasking.closed_loop.run_closed_loop`.
+        See `cislunar.tasking.closed_loop.run_closed_loop`.
     detection : LearnedDetection or None
-        What has been learned of the targets' brightness, if it is.
+        Learned brightness of the targets.
     pointing : ndarray of int, shape (observer,)
-        Target each observer looked at last, or `IDLE` before the first.
+        Last target of each observer, or `IDLE` before the first.
     rng : numpy.random.Generator
-        Of methods that search.
-
-    Returns
-    -------
-    Decision
+        For methods that search.
     """
     if settings.schedule.plain:
         return _assigned(prediction, n_steps, scene, surfaces, settings, forces, detection, rng)
@@ -117,11 +100,11 @@ def decide(
     if model.slot_minutes is not None:
         slot_steps = round(60.0 * model.slot_minutes / step_s)
     ends = _interval_ends(prediction, n_steps, scene, settings)
-    begins = [0, *ends[:-1]]
+    first_steps = [0, *ends[:-1]]
     starts = np.concatenate(
-        [np.arange(begin, end, slot_steps) for begin, end in zip(begins, ends, strict=True)]
+        [np.arange(begin, end, slot_steps) for begin, end in zip(first_steps, ends, strict=True)]
     )
-    looks = slot_looks(
+    observations = slot_observations(
         prediction, starts, scene, settings.sensor, settings.tasking, forces,
         eclipse=settings.eclipse,
     )  # fmt: skip
@@ -129,22 +112,22 @@ def decide(
     now = np.count_nonzero(starts < n_steps)
 
     def turning(target: NDArray[np.int64]) -> NDArray[np.int64]:
-        return _turning_steps(target, pointing, looks.direction, model, step_s)
+        return _turning_steps(target, pointing, observations.direction, model, step_s)
 
     def shares(target: NDArray[np.int64]) -> Array:
         left = lengths[:, None, None] - turning(target)
         return np.maximum(left, 0) / lengths[:, None, None]
 
-    margin = looks.margin[..., None]
+    margin = observations.margin[..., None]
     if _by_facets(detection, prediction):
         margin = facet_margins(
-            prediction, starts, ends[-1], np.any(looks.factor != 0.0, axis=(3, 4)), scene, surfaces,
-            settings.sensor, forces, eclipse=settings.eclipse,
+            prediction, starts, ends[-1], np.any(observations.factor != 0.0, axis=(3, 4)), scene,
+            surfaces, settings.sensor, forces, eclipse=settings.eclipse,
         )  # fmt: skip
-    believed = chances(detection, margin)
+    probabilities = detection_probabilities(detection, margin)
     plan = plan_schedule(
-        looks,
-        believed,
+        observations,
+        probabilities,
         observers_per_target=model.observers_per_target,
         shares=shares if model.turning else None,
         carried_out=now,
@@ -152,8 +135,8 @@ def decide(
     gap = plan.gap
     if model.bound_steps > 0 and plan.worth > 0.0:
         bound = schedule_bound(
-            looks,
-            believed,
+            observations,
+            probabilities,
             plan.target,
             plan.worth,
             observers_per_target=model.observers_per_target,
@@ -161,24 +144,31 @@ def decide(
         )
         gap = bound / plan.worth - 1.0
     target = plan.target[:now]
-    looking = np.repeat(target, lengths[:now], axis=0)
+    target_by_step = np.repeat(target, lengths[:now], axis=0)
     if model.turning:
-        lost = turning(plan.target)
+        lost_steps = turning(plan.target)
         for s, o in np.argwhere(target != IDLE):
-            until = min(lost[s, o, target[s, o]], lengths[s])
-            looking[starts[s] : starts[s] + until, o] = IDLE
+            until = min(lost_steps[s, o, target[s, o]], lengths[s])
+            target_by_step[starts[s] : starts[s] + until, o] = IDLE
     pairs = None
     if settings.keep_information:
-        known = scene, surfaces, settings.sensor, settings.tasking
-        pairs = pair_information(prediction, *known)
-    detects = None if detection is None else believed.detects[:now]
+        given = scene, surfaces, settings.sensor, settings.tasking
+        pairs = pair_information(prediction, *given)
+    detects = None if detection is None else probabilities.detects[:now]
     return Decision(
-        target, looking, plan.information, plan.evaluations, gap, pairs, detects, starts[:now]
+        target,
+        target_by_step,
+        plan.information,
+        plan.evaluations,
+        gap,
+        pairs,
+        detects,
+        starts[:now],
     )
 
 
 def _by_facets(detection: LearnedDetection | None, prediction: Prediction) -> bool:
-    """Whether facets say how bright targets are; without an attitude it is the sphere."""
+    """Whether magnitudes are those of facets; without an attitude they are those of the sphere."""
     if detection is None or prediction.rotation is None:
         return False
     return detection.model.brightness == "facets"
@@ -187,7 +177,7 @@ def _by_facets(detection: LearnedDetection | None, prediction: Prediction) -> bo
 def _interval_ends(
     prediction: Prediction, n_steps: int, scene: Scene, settings: LoopSettings
 ) -> list[int]:
-    """Steps at which this interval and the others of the horizon end, within the scene."""
+    """Steps at which the intervals of the horizon end, within the scene."""
     left = scene.sun_position.shape[0] - prediction.index
     others = settings.steps_per_interval * np.arange(settings.schedule.horizon_epochs)
     return np.unique(np.minimum(n_steps + others, left)).tolist()
@@ -204,21 +194,21 @@ def _assigned(
     rng: np.random.Generator,
 ) -> Decision:
     """One target for each observer until the next epoch, as in the paper."""
-    known = scene, surfaces, settings.sensor, settings.tasking
+    given = scene, surfaces, settings.sensor, settings.tasking
     n_pairs = scene.observer_position.shape[0] * prediction.translation.shape[0]
     pairs = margin = lit = detects = None
     eclipse, by_facets = settings.eclipse, _by_facets(detection, prediction)
     if eclipse or (detection is not None and not by_facets):
-        given = prediction, scene, settings.sensor, settings.tasking
-        margin = sphere_margins(*given, eclipse=eclipse)
+        sphere = prediction, scene, settings.sensor, settings.tasking
+        margin = sphere_margins(*sphere, eclipse=eclipse)
     if eclipse:
         lit = margin > (0.0 if detection is None else -np.inf)
     few = settings.keep_information or lit is not None
     if not few and preselects(settings.tasking, settings.method, n_pairs):
-        tasking = assign_preselected(prediction, *known)
+        tasking = assign_preselected(prediction, *given)
         information = tasking.information
     else:
-        worth = pairs = pair_information(prediction, *known, wanted=lit)
+        worth = pairs = pair_information(prediction, *given, selected=lit)
         if detection is not None:
             seen = pairs > 0.0
             if by_facets:
@@ -259,23 +249,21 @@ def _turning_steps(
     model: ScheduleModel,
     step_s: float,
 ) -> NDArray[np.int64]:
-    """Measurements lost before each slot's first look at each target (slot, observer, target).
-
-    An observer turns away from where the target is then that it looked at last.
-    """
+    """Measurements lost before each slot's first observation of each target (slot, observer,
+    target). An observer turns from the present direction of its last target."""
     n_slots, n_observers, n_targets = direction.shape[:3]
-    lost = np.zeros((n_slots, n_observers, n_targets), dtype=np.int64)
+    lost_steps = np.zeros((n_slots, n_observers, n_targets), dtype=np.int64)
     last = pointing.copy()
     for s in range(n_slots):
         for o in np.flatnonzero(last != IDLE):
             time_s = np.full(n_targets, float(model.settle_s))
             if model.slew_deg_s is not None:
-                # away from a target whose estimate has failed: half a turn
+                # from a target whose estimate has failed: half a revolution
                 cosine = np.nan_to_num(direction[s, o] @ direction[s, o, last[o]], nan=-1.0)
                 angle = np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
                 time_s += angle / model.slew_deg_s
-            # it begins at the measurement before; the next is a step later
+            # the turn begins at the measurement before; the next is a step later
             steps = np.maximum(np.ceil(time_s / step_s - 1e-9) - 1.0, 0.0)
-            lost[s, o] = np.where(np.arange(n_targets) == last[o], 0, steps)
+            lost_steps[s, o] = np.where(np.arange(n_targets) == last[o], 0, steps)
         last = np.where(target[s] == IDLE, last, target[s])
-    return lost
+    return lost_steps

@@ -1,4 +1,4 @@
-"""A tracking problem of any size that needs no file, to try things on and to measure them."""
+"""A tracking problem of any size that needs no file, for demonstrations and benchmarks."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.constants import TIME_UNIT_S
-from cislunar.observation.scene import Scene, TargetSurfaces, make_scene, target_surfaces
+from cislunar.observation.scene import Scene, make_scene
+from cislunar.observation.target_surfaces import TargetSurfaces, target_surfaces
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import icosahedron
+from cislunar.tasking.initial_conditions import epoch_states
 from cislunar.tasking.settings import LoopSettings
-from cislunar.tasking.simulation import epoch_states
 
 Array = NDArray[np.float64]
 
@@ -25,11 +26,11 @@ _ORBITS = np.array(
         [0.847229, 0.171882, 0.263971, 2.598230],
     ]
 )
-"""Near-periodic: two distant retrograde, two L2 halos, one L1 halo; (x, z, vy, period)."""
+"""Near-periodic orbits: two distant retrograde, two L2 halos, one L1 halo; (x, z, vy, period)."""
 
 
 def _sun_track(elapsed_s: Array) -> Array:
-    """Sun in the ecliptic, taken as the plane of the primaries, at 389 units."""
+    """Sun in the ecliptic, which is the plane of the primaries here, at 389 units."""
     sidereal_year_s = 365.256 * 86_400.0
     angle = 2.0 * np.pi * elapsed_s / sidereal_year_s - elapsed_s / TIME_UNIT_S + 3.0
     zeros = np.zeros_like(angle)
@@ -52,7 +53,7 @@ def _observer_tracks(n_observers: int, elapsed_s: Array) -> Array:
 
 
 class TrackingProblem(NamedTuple):
-    """What a closed loop is run on, in the order of its arguments.
+    """Inputs of a closed loop, in the order of its arguments.
 
     Attributes
     ----------
@@ -61,11 +62,10 @@ class TrackingProblem(NamedTuple):
     surfaces : TargetSurfaces
         Icosahedra of the default material.
     epoch : ndarray, shape (target, 6)
-        Translational states at the epoch, nondimensional, rotating frame.
+        States at the epoch, nondimensional, rotating frame.
     ids : ndarray of int, shape (target,)
         Identities of the targets.
     loop : LoopSettings
-        Settings of the run.
     """
 
     scene: Scene
@@ -81,21 +81,16 @@ def tracking_problem(
     model: PhotometryModel | None = None,
     **settings: Any,
 ) -> TrackingProblem:
-    """Observers that drift about the far sides of Earth and Moon, targets on near-periodic orbits.
+    """Observers near the far sides of Earth and Moon, and targets on near-periodic orbits.
 
     Parameters
     ----------
     n_observers, n_targets : int
-        Size of the problem; five orbits are taken in turn, each target at a place of its own.
+        Size of the problem. The targets take five orbits in turn, each at a phase of its own.
     model : PhotometryModel, optional
-        As of `cislunar.observation.scene.target_surfaces`.
+        See `cislunar.observation.target_surfaces.target_surfaces`.
     **settings
-        Of `LoopSettings`.
-
-    Returns
-    -------
-    TrackingProblem
-        The same for the same arguments.
+        Fields of `LoopSettings`.
     """
     loop = LoopSettings(**settings)
     elapsed = loop.elapsed_s

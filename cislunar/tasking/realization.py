@@ -1,7 +1,7 @@
 """One realization of a cell: truth, estimator, bound and metrics, from epoch to epoch.
 
-What it carries from interval to interval does not grow with the length of the run, except for the
-light curves a batch estimator keeps; histories leave it in pieces.
+Its state does not grow with the length of the run, except for the light curves of a batch
+estimator; histories are returned in pieces.
 """
 
 from __future__ import annotations
@@ -21,51 +21,46 @@ from cislunar.estimation.estimator import (
 )
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
-from cislunar.observation.drawn_bodies import true_departures
-from cislunar.observation.eclipse import dimming
+from cislunar.observation.body_sampling import true_deviations
 from cislunar.observation.measurement import (
     DETECTED,
     FAINT,
     NOT_TASKED,
     OCCULTED,
+    detectable_targets,
     measure,
-    within_reach,
 )
 from cislunar.observation.records import Measurements, highest, pointed_schedule, rows_of
-from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import sensor_limits
+from cislunar.observation.sightline import dimming
+from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.tasking.communication.contact import arrivals
 from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.decision import Decision, decide
+from cislunar.tasking.histories import kept_histories
+from cislunar.tasking.initial_conditions import ESTIMATOR, TASKING, stream
 from cislunar.tasking.planning.assignment import IDLE
 from cislunar.tasking.planning.detection import LearnedDetection
-from cislunar.tasking.planning.under_way import credited
-from cislunar.tasking.recording import Piece, interval_records
+from cislunar.tasking.planning.pending import expected_update
+from cislunar.tasking.recording import Piece, observation_log, recorded_motion
 from cislunar.tasking.settings import LoopSettings
-from cislunar.tasking.simulation import (
-    ESTIMATOR,
-    TASKING,
-    TrueMotion,
-    Truth,
-    TruthModel,
-    estimation_errors,
-    stream,
-)
+from cislunar.tasking.truth import TrueMotion, Truth, TruthModel, estimation_errors
 
 Array = NDArray[np.float64]
 
 USED = DETECTED + 1
-"""Fate of a look whose measurement was used, beyond those of `cislunar.observation.measurement`.
+"""Outcome of an observation whose measurement was used, in addition to those of
+`cislunar.observation.measurement`. A measurement that is pending at the end of its interval counts
+as used."""
 
-So is that of a measurement still under way at the end of its interval.
+OUTCOME_NAMES = ("not_tasked", "faint", "excluded", "occulted", "rejected", "used")
+"""Names of the detection outcomes. Rejected: outside the field of view, or the estimate had failed.
 """
 
-FATE_NAMES = ("not_tasked", "faint", "excluded", "occulted", "rejected", "used")
-"""Names of the fates; "rejected" was out of the field of view, or the estimate had failed."""
 
-
-class World(NamedTuple):
-    """What all realizations of a cell have in common; see `cislunar.tasking.closed_loop`."""
+class SimulationInputs(NamedTuple):
+    """Common inputs of all realizations of a cell; see `cislunar.tasking.closed_loop`."""
 
     scene: Scene
     surfaces: TargetSurfaces
@@ -78,11 +73,9 @@ class World(NamedTuple):
 
 
 class Realization(NamedTuple):
-    """What is carried on of one; its parts change.
-
-    `variance` is that of the true noise (3,), or where the truth has sensors of its own, by how
-    much that of each observer's (observer, 3) exceeds what measurements say.
-    """
+    """State of one realization; its objects change in place. `variance` is that of the true noise
+    (3,). If the truth has sensors of its own, it is the excess of each observer's true variance
+    (observer, 3) over the variance that measurements state."""
 
     number: int
     seed: int
@@ -98,46 +91,46 @@ class Realization(NamedTuple):
 
     @property
     def end(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:
-        """Metrics, why estimates failed, and counters."""
+        """Metrics, reasons of failed estimates, and counters."""
         return self.evaluation.result(), self.estimator.failed, self.estimator.counters
 
 
-def begun(world: World, number: int, seed: int) -> Realization:
+def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Realization:
     """A realization at the epoch."""
-    scene, settings = world.scene, world.settings
-    truth = world.truth.drawn(seed, world.ids)
+    scene, settings = inputs.scene, inputs.settings
+    truth = inputs.truth.sampled(seed, inputs.ids)
     motion = TrueMotion(
-        world.initial,
+        inputs.initial,
         scene,
         truth.noise if truth.sensor is None else np.ones(3),
         seed,
-        world.ids,
+        inputs.ids,
         forces=truth.forces,
         inertia=truth.surfaces.inertia,
         angular_acceleration=truth.angular_acceleration,
-        looks=settings.schedule.observers_per_target,
+        observations=settings.schedule.observers_per_target,
     )
     variance = truth.noise**2
     if truth.sensor is not None:
-        # of photons as recorded; what is constant may truly be otherwise
-        believed, true = (
+        # photon noise is as recorded; the constant noise may differ
+        assumed, true = (
             sensor_limits(each, scene.observer_position.shape[0]).noise_variance
             for each in (settings.sensor, truth.sensor)
         )
-        variance = true - believed
+        variance = true - assumed
     own = stream(ESTIMATOR, seed)
-    given = settings.sensor, world.initial, own, world.forces
-    estimator = world.factory(scene, world.surfaces, *given)
+    given = settings.sensor, inputs.initial, own, inputs.forces
+    estimator = inputs.factory(scene, inputs.surfaces, *given)
     bound = CramerRaoBound(
         scene,
         truth.surfaces,
-        world.initial.sigma,
-        unknowns=estimator.unknowns,
+        inputs.initial.sigma,
+        estimated_parameters=estimator.estimated_parameters,
         forces=truth.forces,
     )
-    evaluation = Evaluation(world.ids.size, settings.n_steps, settings.step_s, settings.custody)
+    evaluation = Evaluation(inputs.ids.size, settings.n_steps, settings.step_s, settings.custody)
     learned = settings.tasking.detection
-    detection = None if learned is None else LearnedDetection(learned, world.ids.size)
+    detection = None if learned is None else LearnedDetection(learned, inputs.ids.size)
     pointing = np.full(scene.observer_position.shape[0], IDLE, dtype=np.int64)
     reception = None
     if settings.communication.late:
@@ -145,8 +138,8 @@ def begun(world: World, number: int, seed: int) -> Realization:
             arrivals(settings.communication, scene),
             settings.steps_between_updates,
             (estimator, bound),
-            (scene, world.surfaces, truth.surfaces, world.forces, truth.forces),
-            world.ids.size,
+            (scene, inputs.surfaces, truth.surfaces, inputs.forces, truth.forces),
+            inputs.ids.size,
         )
     return Realization(
         number, seed, truth, variance, motion, estimator, bound, evaluation, detection, pointing,
@@ -154,61 +147,67 @@ def begun(world: World, number: int, seed: int) -> Realization:
     )  # fmt: skip
 
 
-def interval(world: World, own: Realization, number: int) -> Piece:
-    """Assign the observers at an epoch and work through the interval that follows."""
-    settings, start = world.settings, int(world.settings.epochs[number])
+def advance_interval(inputs: SimulationInputs, own: Realization, number: int) -> Piece:
+    """Assign the observers at an epoch and simulate the interval that follows."""
+    settings, start = inputs.settings, int(inputs.settings.epochs[number])
     n_steps = min(settings.steps_per_interval, settings.n_steps - start)
     tasking = decide(
-        _predicted(world, own, start), n_steps, world.scene, world.surfaces, settings,
-        world.forces, own.detection, own.pointing, stream(TASKING, own.seed, number),
+        _predicted(inputs, own, start), n_steps, inputs.scene, inputs.surfaces, settings,
+        inputs.forces, own.detection, own.pointing, stream(TASKING, own.seed, number),
     )  # fmt: skip
     for target in tasking.target:
         own.pointing[:] = np.where(target == IDLE, own.pointing, target)
-    motion, measurements, fate, visible = _observed(world, own, start, tasking)
-    estimates, error, least = _judged(world, own, start, motion, measurements, fate)
+    motion, measurements, outcome, visible = _observed(inputs, own, start, tasking)
+    estimates, error, least = _judged(inputs, own, start, motion, measurements, outcome)
+    names = kept_histories(settings, bool(own.estimator.estimated_parameters))
     some = settings.recorded_within(start, n_steps)
-    asked, looks = interval_records(
-        start, own.number, tasking.looking, motion, estimates, measurements, fate, settings,
-        world.scene,
-    )  # fmt: skip
-    kept: dict[str, tuple[str, NDArray]] = {
-        "assignment": ("epoch", _in_slots(tasking.target, settings)[None].astype(np.int16)),
-        "information": ("epoch", np.array([tasking.information])),
-        "evaluations": ("epoch", np.array([tasking.evaluations])),
-        "fate": ("step", highest(measurements, fate, NOT_TASKED).T),
+    values = {
+        "assignment": _in_slots(tasking.target, settings)[None],
+        "information": [tasking.information],
+        "evaluations": [tasking.evaluations],
+        "planning_gap": [tasking.gap],
+        "outcome": highest(measurements, outcome, NOT_TASKED).T,
+        "error": error[:, some].swapaxes(0, 1),
+        "sigma": estimates.sigma[:, some].swapaxes(0, 1),
+        "bound": least[:, some].swapaxes(0, 1),
+        "pair_information": [tasking.pairs],
+        "visible": [visible],
+        **_learned(inputs, own),
+        **recorded_motion(
+            names, start, tasking.target_by_step, motion, estimates, settings, inputs.scene
+        ),
     }
-    for history, name, values in (
-        ("errors", "error", error),
-        ("errors", "sigma", estimates.sigma),
-        ("bound", "bound", least),
-    ):
-        if history in settings.histories:
-            kept[name] = "time", values[:, some].swapaxes(0, 1).astype(np.float32)
-    if settings.schedule.bounded:
-        kept["planning_gap"] = "epoch", np.array([tasking.gap])
-    if own.detection is not None:
-        names = "brightness_offset", "brightness_offset_sigma"
-        for name, values in zip(names, own.detection.offset(), strict=True):
-            kept[name] = "epoch", values[None].astype(np.float32)
-    if own.estimator.unknowns:
-        mean, sigma = own.estimator.learned()
-        surfaces, forced = own.truth.surfaces, own.truth.angular_acceleration
-        true = true_departures(own.estimator.unknowns, world.surfaces, surfaces, forced)
-        kept["departure_error"] = "epoch", (true - mean)[None].astype(np.float32)
-        kept["departure_sigma"] = "epoch", sigma[None].astype(np.float32)
-        kept["searches"] = "epoch", own.estimator.searches[None].astype(np.int32)
-    if visible is not None:
-        kept["visible"] = "epoch", visible[None]
-    if settings.keep_information:
-        kept["pair_information"] = "epoch", tasking.pairs[None]
+    kept = {name: np.asarray(values[name], dtype=each.dtype) for name, each in names.items()}
+    log = None
+    if "measurements" in settings.record:
+        log = observation_log(start, own.number, measurements, outcome)
     stop = start + n_steps
     times = slice(*np.searchsorted(settings.recorded, [start, stop]).tolist())
-    places = {"epoch": slice(number, number + 1), "step": slice(start, stop), "time": times}
-    return Piece(own.number, places, kept | asked, looks)
+    extent = {"epoch": slice(number, number + 1), "step": slice(start, stop), "time": times}
+    return Piece(own.number, extent, kept, log)
+
+
+def _learned(inputs: SimulationInputs, own: Realization) -> dict[str, list[Array]]:
+    """Values of the histories of learned brightness and estimated body parameters."""
+    found: dict[str, list[Array]] = {}
+    if own.detection is not None:
+        mean, sigma = own.detection.offset()
+        found |= {"brightness_offset": [mean], "brightness_offset_sigma": [sigma]}
+    if own.estimator.estimated_parameters:
+        mean, sigma = own.estimator.learned()
+        true = true_deviations(
+            own.estimator.estimated_parameters,
+            inputs.surfaces,
+            own.truth.surfaces,
+            own.truth.angular_acceleration,
+        )
+        found |= {"parameter_error": [true - mean], "parameter_sigma": [sigma]}
+        found["searches"] = [own.estimator.searches]
+    return found
 
 
 def _in_slots(target: NDArray[np.int64], settings: LoopSettings) -> NDArray[np.int64]:
-    """Targets (slot, observer) as they are kept: without slots (observer,), filled up with them."""
+    """Targets (slot, observer), filled up to the number of slots; without slots (observer,)."""
     if settings.slots is None:
         return target[0]
     missing = settings.slots - target.shape[0]
@@ -216,67 +215,69 @@ def _in_slots(target: NDArray[np.int64], settings: LoopSettings) -> NDArray[np.i
 
 
 def _observed(
-    world: World, own: Realization, start: int, tasking: Decision
+    inputs: SimulationInputs, own: Realization, start: int, tasking: Decision
 ) -> tuple[Truth, Measurements, NDArray[np.uint8], NDArray[np.bool_] | None]:
-    """Truth and measurements with their fates of the steps from `start` on.
-
-    And which targets any observer could have found, if that is recorded.
-    """
-    looking, scene = tasking.looking, world.scene
-    motion = own.motion.advance(looking.shape[0])
+    """Truth and measurements of the steps from `start` on, with their detection outcomes. The last
+    value states which targets any observer could have detected, if that is recorded."""
+    target_by_step, scene = tasking.target_by_step, inputs.scene
+    motion = own.motion.advance(target_by_step.shape[0])
     dimmed = np.zeros(motion.noise.shape[:2])
-    if world.settings.eclipse:
-        here = slice(start, start + looking.shape[0] + 1)
+    if inputs.settings.eclipse:
+        here = slice(start, start + target_by_step.shape[0] + 1)
         given = scene.sun_position[here], scene.primaries[here]
         dimmed = dimming(motion.translation[..., :3], *given)
     # index 0 of the scene is the start of the run, without a measurement
-    first, lit = start + 1, {"begins": start, "dimmed": dimmed}
-    true = scene, own.truth.surfaces, world.settings.sensor, motion.translation, motion.quaternion
-    measurements, fate = measure(
+    first, lit = start + 1, {"origin": start, "dimmed": dimmed}
+    true = scene, own.truth.surfaces, inputs.settings.sensor, motion.translation, motion.quaternion
+    measurements, outcome = measure(
         first,
-        pointed_schedule(looking, world.ids.size),
+        pointed_schedule(target_by_step, inputs.ids.size),
         *true,
         motion.noise,
         true=own.truth.sensor,
         **lit,
     )
-    visible = within_reach(first, *true, **lit) if "visibility" in world.settings.record else None
+    visible = (
+        detectable_targets(first, *true, **lit) if "visibility" in inputs.settings.record else None
+    )
     target, step = rows_of(measurements)
     shaded = dimmed[target, step + 1] > 0.0
     if own.detection is not None or own.reception is not None:
-        # a shadow says nothing of how bright its target is
-        told = np.where(shaded & (fate == FAINT), OCCULTED, fate)
+        # a non-detection in a shadow is no information on the brightness of the target
+        reported = np.where(shaded & (outcome == FAINT), OCCULTED, outcome)
         if own.reception is not None:
-            own.reception.note(start, tasking, measurements, told)
+            own.reception.note(start, tasking, measurements, reported)
         else:
-            tasking.learn(own.detection, target, step, measurements.observer, told)
-    return motion, measurements, fate, visible
+            tasking.learn(own.detection, target, step, measurements.observer, reported)
+    return motion, measurements, outcome, visible
 
 
-def _predicted(world: World, own: Realization, start: int) -> Prediction:
-    """What tasking knows at the epoch before the step `start`."""
+def _predicted(inputs: SimulationInputs, own: Realization, start: int) -> Prediction:
+    """Prediction on which tasking is based at the epoch before the step `start`."""
     if own.reception is None:
         return own.estimator.predict()
-    settings = world.settings
-    own.reception.receive(start, partial(_worked, world, own))
+    settings = inputs.settings
+    own.reception.receive(start, partial(_worked, inputs, own))
     own.reception.learn(start, own.detection)
     prediction = own.estimator.predict()
-    if not settings.communication.credit_under_way:
+    if not settings.communication.use_pending_measurements:
         return prediction
-    looks = own.reception.under_way(start, own.detection)
-    return credited(prediction, looks, world.scene, settings.sensor, settings.tasking, world.forces)
+    observations = own.reception.pending(start, own.detection)
+    return expected_update(
+        prediction, observations, inputs.scene, settings.sensor, settings.tasking, inputs.forces
+    )
 
 
 def _worked(
-    world: World,
+    inputs: SimulationInputs,
     own: Realization,
     motion: Truth,
     measurements: Measurements,
-    wanted: NDArray[np.bool_],
+    selected: NDArray[np.bool_],
 ) -> tuple[Estimates, Array]:
-    """Estimates of the steps of measurements, and the bound of what was used of them."""
+    """Estimates of the steps of measurements, and the bound of the used measurements."""
     estimates = own.estimator.advance(
-        measurements, covariance="covariance" in world.settings.record
+        measurements, covariance="covariance" in inputs.settings.record
     )
     used = measurements.where(estimates.used)
     if own.truth.sensor is None:
@@ -288,34 +289,32 @@ def _worked(
         motion.quaternion,
         motion.angular_velocity,
         used._replace(variance=variance),
-        wanted,
+        selected,
     )
     return estimates, least
 
 
 def _judged(
-    world: World,
+    inputs: SimulationInputs,
     own: Realization,
     start: int,
     motion: Truth,
     measurements: Measurements,
-    fate: NDArray[np.uint8],
+    outcome: NDArray[np.uint8],
 ) -> tuple[Estimates, Array, Array]:
-    """Estimates of an interval, their errors and the bound, which are added to the metrics.
-
-    The fates of what is used are set.
-    """
+    """Estimates of an interval, their errors and the bound, which are added to the metrics. The
+    outcomes of used measurements are set."""
     n_steps = measurements.offset.shape[1] - 1
-    wanted = own.evaluation.final(n_steps)
-    wanted[world.settings.recorded_within(start, n_steps)] = True
-    work = partial(_worked, world, own)
+    selected = own.evaluation.final(n_steps)
+    selected[inputs.settings.recorded_within(start, n_steps)] = True
+    work = partial(_worked, inputs, own)
     if own.reception is None:
-        estimates, least = work(motion, measurements, wanted)
-        observed = np.isin(np.arange(world.ids.size), rows_of(measurements)[0][estimates.used])
+        estimates, least = work(motion, measurements, selected)
+        observed = np.isin(np.arange(inputs.ids.size), rows_of(measurements)[0][estimates.used])
     else:
-        estimates, least = own.reception.advance(start, motion, measurements, wanted, work)
+        estimates, least = own.reception.advance(start, motion, measurements, selected, work)
         observed = own.reception.observed
-    fate[estimates.used & (fate == DETECTED)] = USED
+    outcome[estimates.used & (outcome == DETECTED)] = USED
     error = estimation_errors(1, motion, estimates)
     own.evaluation.update(error, estimates.sigma, observed, least)
     return estimates, error, least

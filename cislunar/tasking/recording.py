@@ -1,6 +1,6 @@
-"""What a run keeps: pieces of its histories, and on request truth, estimates, measurements ..."""
+"""Pieces of the histories of a run: made interval by interval, concatenated and collected."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,183 +9,120 @@ from numpy.typing import NDArray
 from cislunar.estimation.estimator import Estimates
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
+from cislunar.tasking.histories import HISTORIES, ObservationLog
 from cislunar.tasking.settings import LoopSettings
-from cislunar.tasking.simulation import Truth
+from cislunar.tasking.truth import Truth
 
 Array = NDArray[np.float64]
 
 
-class Looks(NamedTuple):
-    """All looks of all seeds, by seed, interval, target and step; arrays, shape (row, ...).
-
-    Attributes
-    ----------
-    seed, step, target, observer : ndarray of int
-        Indices; step 0 is the first measurement time.
-    value, variance : ndarray, shape (row, 3)
-        As in `cislunar.observation.records.Measurements`; NaN where nothing was found.
-    fate : ndarray of uint8
-        What became of it, index into `cislunar.tasking.realization.FATE_NAMES`.
-    """
-
-    seed: NDArray[np.int64]
-    step: NDArray[np.int64]
-    target: NDArray[np.int64]
-    observer: NDArray[np.int64]
-    value: Array
-    variance: Array
-    fate: NDArray[np.uint8]
-
-
-class Records(NamedTuple):
-    """What was asked for, None for what was not; times are the recorded ones.
-
-    Attributes
-    ----------
-    true_translation, translation : ndarray, shape (seed, time, target, 6)
-        True and estimated states, nondimensional, rotating frame. Estimates are those after the
-        update, NaN after the end of a failed one.
-    true_quaternion, quaternion : ndarray, shape (seed, time, target, 4)
-        Inertial to body.
-    true_angular_velocity, angular_velocity : ndarray, shape (seed, time, target, 3)
-        rad/s, body frame.
-    covariance : ndarray, shape (seed, time, target, 6, 6)
-        Of the estimated translation.
-    looks : Looks
-        The measurements of all steps.
-    pointing : ndarray, shape (seed, time, observer, 2)
-        Right ascension and declination, in the observer's body frame, of the estimated place of
-        its target, rad; NaN for an observer that is idle or turns.
-    visible : ndarray of bool, shape (seed, epoch, target)
-        Whether any observer could have found the target in the interval, at its true brightness
-        and without noise.
-    """
-
-    true_translation: Array | None = None
-    true_quaternion: Array | None = None
-    true_angular_velocity: Array | None = None
-    translation: Array | None = None
-    quaternion: Array | None = None
-    angular_velocity: Array | None = None
-    covariance: Array | None = None
-    looks: Looks | None = None
-    pointing: Array | None = None
-    visible: NDArray[np.bool_] | None = None
-
-
 class Piece(NamedTuple):
-    """What a run keeps of consecutive intervals of one seed.
+    """The histories of consecutive intervals of one realization.
 
     Attributes
     ----------
     seed : int
         Index of the realization.
-    places : dict
-        Where along "epoch", "step" and "time" (the recorded steps) of the run it lies, as slices.
-    kept : dict
-        By the names of `cislunar.tasking.closed_loop.LoopResult` and of `Records`: along which of
-        these, and the values, shape (that, ...).
-    looks : Looks or None
-        Those of these intervals, if they were asked for.
+    extent : dict of str to slice
+        Extent of the piece along "epoch", "step" and "time" (the recorded times) of the run.
+    kept : dict of str to ndarray
+        Values by the names of `cislunar.tasking.histories.HISTORIES`, shape (time axis, ...).
+    observations : ObservationLog or None
     """
 
     seed: int
-    places: dict[str, slice]
-    kept: dict[str, tuple[str, NDArray]]
-    looks: Looks | None = None
+    extent: dict[str, slice]
+    kept: dict[str, NDArray]
+    observations: ObservationLog | None = None
 
 
-def joined(pieces: Sequence[Piece]) -> Piece:
-    """Pieces that follow each other, as one."""
+def concatenate(pieces: Sequence[Piece]) -> Piece:
+    """Concatenate pieces that follow each other."""
     first, last = pieces[0], pieces[-1]
-    places = {
-        along: slice(place.start, last.places[along].stop) for along, place in first.places.items()
+    extent = {
+        along: slice(part.start, last.extent[along].stop) for along, part in first.extent.items()
     }
-    kept = {
-        name: (along, np.concatenate([piece.kept[name][1] for piece in pieces]))
-        for name, (along, _) in first.kept.items()
-    }
-    return Piece(first.seed, places, kept, joined_looks([piece.looks for piece in pieces]))
+    kept = {name: np.concatenate([piece.kept[name] for piece in pieces]) for name in first.kept}
+    log = _concatenate_logs([piece.observations for piece in pieces])
+    return Piece(first.seed, extent, kept, log)
 
 
-def joined_looks(parts: Sequence[Looks | None]) -> Looks | None:
-    """Looks one after the other, if there were any to keep."""
-    if not parts or parts[0] is None:
+def _concatenate_logs(logs: Sequence[ObservationLog | None]) -> ObservationLog | None:
+    """Concatenate logs of observations; None if the run records none."""
+    if not logs or logs[0] is None:
         return None
-    return Looks(*map(np.concatenate, zip(*parts, strict=True)))
+    return ObservationLog(*map(np.concatenate, zip(*logs, strict=True)))
 
 
 def fill(whole: Mapping[str, Any], piece: Piece) -> None:
-    """Put a piece into arrays (or variables of an open file) that hold all of a run, by name."""
-    for name, (along, values) in piece.kept.items():
-        whole[name][piece.seed, piece.places[along]] = values
+    """Put a piece into arrays (or variables of an open file) of the whole run, by name."""
+    for name, values in piece.kept.items():
+        whole[name][piece.seed, piece.extent[HISTORIES[name].along]] = values
 
 
-def gathered(
+def collect(
     pieces: Iterable[Piece], n_seeds: int, lengths: Mapping[str, int]
-) -> tuple[dict[str, NDArray], Looks | None]:
-    """All pieces of a run as arrays, shape (seed, ...), and its looks."""
+) -> tuple[dict[str, NDArray], ObservationLog | None]:
+    """Collect all pieces of a run: arrays of shape (seed, time axis, ...), and its observations."""
     whole: dict[str, NDArray] = {}
-    looks = []
+    logs = []
     for piece in pieces:
-        for name, (along, values) in piece.kept.items():
+        for name, values in piece.kept.items():
             if name not in whole:
-                whole[name] = np.empty((n_seeds, lengths[along], *values.shape[1:]), values.dtype)
+                shape = n_seeds, lengths[HISTORIES[name].along], *values.shape[1:]
+                whole[name] = np.empty(shape, values.dtype)
         fill(whole, piece)
-        looks.append(piece.looks)
-    return whole, joined_looks(looks)
+        logs.append(piece.observations)
+    return whole, _concatenate_logs(logs)
 
 
-def interval_records(
+def recorded_motion(
+    names: Collection[str],
     start: int,
-    seed: int,
-    looking: NDArray[np.int64],
+    target_by_step: NDArray[np.int64],
     motion: Truth,
     estimates: Estimates,
-    measurements: Measurements,
-    fate: NDArray[np.uint8],
     settings: LoopSettings,
     scene: Scene,
-) -> tuple[dict[str, tuple[str, NDArray]], Looks | None]:
-    """What `settings.record` asks for of the steps from `start` on, as in `Piece`.
-
-    `looking` (step, observer) has the targets looked at or -1; `motion` begins a step before the
-    first.
-    """
-    asked = settings.record
-    steps = settings.recorded_within(start, measurements.offset.shape[1] - 1)
+) -> dict[str, Array]:
+    """Values (time, ...) of motion, covariance and pointing of the steps from `start` on. `names`
+    has the histories that are kept, `target_by_step` (step, observer) the target of each observer
+    or -1; `motion` begins one step before the first."""
+    steps = settings.recorded_within(start, target_by_step.shape[0])
     found: dict[str, Array] = {}
-    if "truth" in asked:
-        found |= {f"true_{name}": getattr(motion, name)[:, steps + 1] for name in _MOTION}
-    if "estimates" in asked:
-        found |= {name: getattr(estimates, name)[:, steps] for name in _MOTION}
-    if "covariance" in asked:
+    for name in ("translation", "quaternion", "angular_velocity"):
+        if f"true_{name}" in names:
+            found[f"true_{name}"] = getattr(motion, name)[:, steps + 1]
+        if f"estimated_{name}" in names:
+            found[f"estimated_{name}"] = getattr(estimates, name)[:, steps]
+    if "covariance" in names:
         found["covariance"] = estimates.covariance[:, steps]
-    if "pointing" in asked:
-        found["pointing"] = _pointing(start, steps, looking[steps], estimates, scene)
-    looks = None
-    if "measurements" in asked:
-        target, step = rows_of(measurements)
-        rest = measurements.observer, measurements.value, measurements.variance, fate
-        looks = Looks(np.full(target.size, seed), start + step, target, *rest)
-    return {name: ("time", values.swapaxes(0, 1)) for name, values in found.items()}, looks
+    if "pointing" in names:
+        found["pointing"] = _pointing(start, steps, target_by_step[steps], estimates, scene)
+    return {name: values.swapaxes(0, 1) for name, values in found.items()}
+
+
+def observation_log(
+    start: int, seed: int, measurements: Measurements, outcome: NDArray[np.uint8]
+) -> ObservationLog:
+    """Log of the observations of the steps from `start` on, of realization number `seed`."""
+    target, step = rows_of(measurements)
+    rest = measurements.observer, measurements.value, measurements.variance, outcome
+    return ObservationLog(np.full(target.size, seed), start + step, target, *rest)
 
 
 def _pointing(
     start: int,
     steps: NDArray[np.int64],
-    looking: NDArray[np.int64],
+    target_by_step: NDArray[np.int64],
     estimates: Estimates,
     scene: Scene,
 ) -> Array:
-    """Angles (observer, time, 2) at some steps after `start`, towards the targets of each then."""
-    place = estimates.translation[looking.T, steps, :3]
+    """Angles (observer, time, 2) toward the estimated targets at some steps after `start`."""
+    position = estimates.translation[target_by_step.T, steps, :3]
     # index 0 of the scene is the epoch, without a measurement
     at = start + steps + 1
-    way = place - scene.observer_position[:, at]
+    way = position - scene.observer_position[:, at]
     x, y, z = np.einsum("tij,otj->iot", scene.observer_axes[at], way)
     angles = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=-1)
-    return np.where((looking.T >= 0)[..., None], angles, np.nan)
-
-
-_MOTION = ("translation", "quaternion", "angular_velocity")
+    return np.where((target_by_step.T >= 0)[..., None], angles, np.nan)

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.spread import INITIAL_SPREAD, Spread
+from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, InitialSigma
 from cislunar.evaluation.metrics import Custody
 from cislunar.observation.sensor import Sensor
+from cislunar.runtime.settings_fields import require_multiple
 from cislunar.tasking.communication.model import CommunicationModel
 from cislunar.tasking.planning.assignment import EARLY_STOP, MAX_EVALUATIONS, METHODS
 from cislunar.tasking.planning.information import TaskingModel
@@ -18,56 +19,49 @@ Array = NDArray[np.float64]
 
 
 HISTORIES = ("errors", "bound")
-"""Histories that are kept unless a run is told otherwise."""
+"""Histories that a run keeps by default."""
 
 RECORDABLE = ("truth", "estimates", "covariance", "measurements", "pointing", "visibility")
-"""What a run can keep besides errors and deviations."""
+"""Further quantities that a run can keep."""
 
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """Settings of a closed-loop run; the defaults are the paper's where it gives any.
+    """Settings of a closed-loop run; the defaults are the paper's values where it gives any.
 
     Attributes
     ----------
-    step_s : float
-        Time between measurements, s.
-    interval_minutes : float
-        Time between tasking epochs.
-    duration_hours : float
-        Length of a run.
+    step_s, interval_minutes, duration_hours : float
+        Time between measurements, s, and between tasking epochs, min; duration of a run, h.
     method : str
-        Of the assignment, see `cislunar.tasking.planning.assignment.assign`.
+        Method of the assignment, see `cislunar.tasking.planning.assignment.assign`.
     max_evaluations, early_stop : int
         Budget of the methods that search.
     sensor : Sensor or tuple of Sensor
-        Noise and limits of the observers, of all or of each.
+        Telescope of all observers, or of each.
     tasking : TaskingModel
-        What the tasking step believes.
+        Model of the targets that tasking assumes.
     schedule : ScheduleModel
-        Slots within an interval, and observers at a target.
+        Slots of an interval, and observers per target.
     communication : CommunicationModel
-        When measurements reach the common estimate.
+        Links of the observers to the Earth.
     eclipse : bool
-        Whether the shadows of Earth and Moon dim targets; tasking knows it. A magnitude measured
-        in the penumbra has the dimming taken off, which is known far better than the magnitude.
-    initial : Spread
+        Whether the shadows of Earth and Moon dim targets, for tasking as well. A magnitude measured
+        in the penumbra is corrected for the dimming, which is known far better than the magnitude.
+    initial : InitialSigma
         Uncertainty of the targets at the epoch.
     custody : Custody
-        How well a target has to be known at the end to count as held.
+        Largest errors at the end of a run with which a target counts as in custody.
     record_every : int
-        Steps between the times at which errors and deviations are kept; metrics use every step.
+        Steps between the times at which errors and standard deviations are kept; metrics use every
+        step.
     keep_information : bool
-        Keep the information of all pairs at every epoch.
+        Whether the information of all pairs is kept at every epoch.
     histories : tuple of str
-        Which of `HISTORIES` are kept: errors and deviations, the bound. Metrics need neither.
+        Kept histories, of `HISTORIES`: errors with standard deviations, and the bound. Metrics need
+        neither.
     record : tuple of str
-        What else is kept, of `RECORDABLE`; see `cislunar.tasking.recording.Records`.
-
-    Raises
-    ------
-    ConfigurationError
-        If a setting is impossible; the message names it.
+        Further kept quantities, of `RECORDABLE`.
     """
 
     step_s: float = 60.0
@@ -81,7 +75,7 @@ class LoopSettings:
     schedule: ScheduleModel = field(default_factory=ScheduleModel)
     communication: CommunicationModel = field(default_factory=CommunicationModel)
     eclipse: bool = False
-    initial: Spread = INITIAL_SPREAD
+    initial: InitialSigma = PAPER_INITIAL_SIGMA
     custody: Custody = field(default_factory=Custody)
     record_every: int = 1
     keep_information: bool = False
@@ -93,14 +87,8 @@ class LoopSettings:
             value = getattr(self, key)
             if not (value > 0.0 and np.isfinite(value)):
                 raise ConfigurationError(f"{key} = {value} must be positive and finite")
-        for key, seconds in (
-            ("interval_minutes", 60.0 * self.interval_minutes),
-            ("duration_hours", 3600.0 * self.duration_hours),
-        ):
-            if abs(seconds / self.step_s - round(seconds / self.step_s)) > 1e-9:
-                raise ConfigurationError(
-                    f"{key} = {getattr(self, key)} must be a multiple of step_s = {self.step_s} s"
-                )
+        require_multiple("interval_minutes", self.interval_minutes, 60.0, self.step_s)
+        require_multiple("duration_hours", self.duration_hours, 3600.0, self.step_s)
         if self.method not in METHODS:
             raise ConfigurationError(f"method = {self.method!r} is unknown: use one of {METHODS}")
         for key in ("max_evaluations", "early_stop", "record_every"):
@@ -109,55 +97,13 @@ class LoopSettings:
         for key, possible in (("histories", HISTORIES), ("record", RECORDABLE)):
             if not {*getattr(self, key)} <= {*possible}:
                 raise ConfigurationError(f"{key} = {getattr(self, key)} must be some of {possible}")
-        self._check_schedule()
-        self._check_communication()
-        if not np.all(self.initial.components() > 0.0):
-            raise ConfigurationError(f"initial = {self.initial} must be positive throughout")
-
-    def _check_schedule(self) -> None:
-        """Refuse slots that steps do not fit, and schedules that cannot be planned."""
-        minutes = self.schedule.slot_minutes
-        if minutes is not None:
-            steps = 60.0 * minutes / self.step_s
-            if round(steps) < 1 or abs(steps - round(steps)) > 1e-9:
-                raise ConfigurationError(
-                    f"slot_minutes = {minutes} must be a multiple of step_s = {self.step_s} s"
-                )
-        if not self.schedule.plain:
-            for key, value, needed in (
-                ("method", self.method, "exact"),
-                ("states", self.tasking.states, "translation"),
-            ):
-                if value != needed:
-                    raise ConfigurationError(
-                        f"{key} = {value!r}: slots, several observers at a target, turning times "
-                        f"and a horizon need {key} = {needed!r}"
-                    )
-
-    def _check_communication(self) -> None:
-        """Refuse measurements that never come, and what cannot be had with late ones."""
-        model = self.communication
-        if model.delay_minutes >= 60.0 * self.duration_hours:
-            raise ConfigurationError(
-                f"delay_minutes = {model.delay_minutes} is as long as the run of duration_hours = "
-                f"{self.duration_hours}: nothing would ever be received; shorten it"
-            )
-        minutes = model.update_minutes
-        if minutes is not None:
-            steps = 60.0 * minutes / self.step_s
-            if round(steps) < 1 or abs(steps - round(steps)) > 1e-9:
-                raise ConfigurationError(
-                    f"update_minutes = {minutes} must be a multiple of step_s = {self.step_s} s"
-                )
-        if model.late and model.credit_under_way and self.tasking.states != "translation":
-            raise ConfigurationError(
-                f"states = {self.tasking.states!r}: credit_under_way needs states = "
-                "'translation'; set one of them"
-            )
+        states = self.tasking.states
+        self.schedule.require_possible(self.step_s, self.method, states)
+        self.communication.require_possible(self.step_s, self.duration_hours, states)
 
     @property
     def steps_between_updates(self) -> int:
-        """Steps after which what has come late is taken in."""
+        """Steps between the instants at which late measurements are processed."""
         minutes = self.communication.update_minutes
         return round(60.0 * (self.interval_minutes if minutes is None else minutes) / self.step_s)
 
@@ -195,6 +141,6 @@ class LoopSettings:
         return np.arange(self.n_steps - 1, -1, -self.record_every)[::-1]
 
     def recorded_within(self, start: int, n_steps: int) -> NDArray[np.int64]:
-        """Those of the `n_steps` measurement times from `start` on, counted from there."""
+        """Indices of `recorded` among the `n_steps` times from `start` on, counted from `start`."""
         first, last = np.searchsorted(self.recorded, [start, start + n_steps])
         return self.recorded[first:last] - start

@@ -1,8 +1,7 @@
-"""Visibility of a static target set from every orbit, for every satellite count.
+"""Visibility counts of static targets for every orbit and satellite count.
 
-Observers are propagated over one period only and wrapped around, since errors would otherwise
-grow over the horizon (Paul & Fan, section 5.1). Positions come from dense output at the exact
-times, never from a table.
+Observers are propagated over one period only and repeated, because errors would otherwise grow over
+the horizon (Paul & Fan, section 5.1). Positions come from dense output at the exact times.
 """
 
 from __future__ import annotations
@@ -31,16 +30,16 @@ _ORBITS_PER_BATCH = 8
 
 @dataclass(frozen=True)
 class VisibilitySettings:
-    """What makes a static target observable (Paul & Fan, section 3 and table 1).
+    """Conditions under which a static target is observable (Paul & Fan, section 3 and table 1).
 
     Attributes
     ----------
     limiting_magnitude : float
-        Visibility threshold, mag.
+        Limiting magnitude, mag.
     target_radius_m : float
         Radius of the spherical targets, m.
     diffuse_reflection_coefficient : float
-        C_d of the sphere model, dimensionless; the paper does not give it.
+        C_d of the sphere model, dimensionless; not given in the paper.
     angles : ExclusionAngles
         Sun, Moon and Earth exclusion angles.
     propagator : str
@@ -59,28 +58,16 @@ class VisibilitySettings:
     @property
     def faintness(self) -> float:
         """K of `faintness_per_squared_range` per squared nondimensional length."""
-        per_square_metre = faintness_per_squared_range(
+        per_square_meter = faintness_per_squared_range(
             self.limiting_magnitude,
             radius_m=self.target_radius_m,
             diffuse_reflection_coefficient=self.diffuse_reflection_coefficient,
         )
-        return per_square_metre * (LENGTH_UNIT_KM * 1e3) ** 2
+        return per_square_meter * (LENGTH_UNIT_KM * 1e3) ** 2
 
     def faintness_at(self, count: int, length: ArrayLike = 1.0) -> Array:
-        """`faintness` at a number of times.
-
-        Parameters
-        ----------
-        count : int
-            Number of times.
-        length : array_like, shape (count,) or ()
-            Unit of length of the frame in units of l*.
-
-        Returns
-        -------
-        ndarray, shape (count,)
-            Per squared unit of length of the frame.
-        """
+        """`faintness` at a number of times, per squared unit of length of the frame, shape
+        (count,). `length`, shape (count,) or (), is that unit in units of l*."""
         return np.broadcast_to(self.faintness * np.square(length), count).astype(float)
 
 
@@ -91,7 +78,7 @@ class VisibilityCounts:
     Attributes
     ----------
     observations : ndarray of uint16 or uint32, shape (orbit, satellites, target)
-        Times each target is observable, summed over time and over the satellites.
+        Number of times each target is observable, summed over the satellites.
     distance : ndarray, shape (orbit, satellites)
         Distance to the Earth plus distance to the Moon, summed over time and satellites,
         in units of l*.
@@ -148,7 +135,7 @@ def satellite_tracks(
     state : array_like, shape (orbit, 6)
         Epoch states of the first satellites, nondimensional, rotating frame.
     period : array_like, shape (orbit,)
-        Periods, nondimensional; 0 for a path that is not closed and has no phases.
+        Periods, nondimensional; 0 for an open trajectory, which has no phases.
     phase : array_like, shape (phase,)
         Fractions of the period ahead of the first satellite.
     times : array_like, shape (time,)
@@ -167,11 +154,11 @@ def satellite_tracks(
     phase = np.asarray(phase, dtype=float)
     tracks = []
     for initial, duration in zip(np.asarray(state), np.asarray(period), strict=True):
-        wanted = (times[None, :] + phase[:, None] * duration).ravel()
+        shifted = (times[None, :] + phase[:, None] * duration).ravel()
         if duration == 0.0:
-            path = propagate(initial, wanted, forces=CR3BP(mu), method=propagator)
+            path = propagate(initial, shifted, forces=CR3BP(mu), method=propagator)
         else:
-            path = propagate_periodic(initial, duration, wanted, mu=mu, method=propagator)
+            path = propagate_periodic(initial, duration, shifted, mu=mu, method=propagator)
         tracks.append(path[:, :3].reshape(len(phase), len(times), 3))
     return np.stack(tracks)
 
@@ -193,8 +180,9 @@ def count_visibility(
     """Count observations of static targets from every orbit and satellite count
     (Paul & Fan, eq. 59).
 
-    Angles are the same in a frame that breathes, so that Earth, Moon, Sun and satellites among real
-    bodies take no more than their places in it and its `length`.
+    In ephemeris dynamics the positions of satellites are given in the pulsating rotating frame
+    (`cislunar.dynamics.frames.pulsating_frame`), in which angles are unchanged, together with its
+    unit of length.
 
     Parameters
     ----------
@@ -213,23 +201,19 @@ def count_visibility(
     max_satellites : int
         Counts 1 .. `max_satellites` are tabulated.
     tracks : array_like, shape (orbit, phase, time, 3), optional
-        Where satellites truly are at the phases of `distinct_phases`, nondimensional, rotating
-        frame, in place of the periodic orbits of the CR3BP.
+        Positions of satellites at the phases of `distinct_phases`, nondimensional, rotating frame,
+        instead of the periodic orbits of the CR3BP.
     length : array_like, shape (time,) or ()
-        Unit of length of the frame in units of l*, not 1 where it is that of the instant.
+        Unit of length of the frame in units of l*; it differs from 1 in the pulsating frame.
     mu : float
         Mass ratio.
     progress : callable, optional
         Called with (orbits done, orbits).
 
-    Returns
-    -------
-    VisibilityCounts
-
     Raises
     ------
     ConfigurationError
-        If a state or a target can only be in km.
+        If a state or a target is evidently in km.
     """
     state = np.atleast_2d(np.asarray(state, dtype=float))
     period = np.atleast_1d(np.asarray(period, dtype=float))

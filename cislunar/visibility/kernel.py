@@ -1,9 +1,10 @@
-"""Compiled count of observations of static targets, one row per satellite track.
+"""Counts of observations of static targets, one row per satellite track (compiled).
 
-The work is one test per (track, time, target): is the sphere bright enough, and does the line of
-sight keep clear of the Sun, Moon and Earth? The inner loop runs over targets in single precision
-so that it vectorises; it marks every pair within rounding of a threshold, and those are decided
-again in double precision. The counts are therefore those of plain NumPy.
+For each (track, time, target) the kernels test whether the sphere is bright enough, and whether the
+line of sight is outside of the exclusion angles of Sun, Moon and Earth. The inner loop runs over
+targets in single precision, so that it vectorizes. It marks every pair within rounding of a
+threshold; these pairs are decided again in double precision. The counts therefore equal those of
+plain NumPy.
 
 The brightness test is Phi(alpha) > K r^2 (`faintness_per_squared_range`). With c = cos(alpha),
 Phi = pi max(c, 0) + (1 - |c|)^(3/2) k(|c|), where k is smooth: a short polynomial replaces the
@@ -45,11 +46,9 @@ def _unit(x, y, z):
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "arcp"})
 def _test_block(origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen, undecided):
-    """Single-precision test of a block of targets; marks and counts the undecided ones.
-
-    The loop starts at zero: with a variable start the compiler allows for negative indices and
-    does not vectorise.
-    """
+    """Single-precision test of a block of targets; marks and counts the undecided ones. The loop
+    starts at zero because with a variable start the compiler provides for negative indices and does
+    not vectorize."""
     zero = np.float32(0.0)
     one = np.float32(1.0)
     pi = np.float32(np.pi)
@@ -78,7 +77,7 @@ def _test_block(origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen
         near_earth = dx * ex + dy * ey + dz * ez - distance * ce
         nearest = max(near_sun, max(near_moon, near_earth))
         seen[i] = (phase > needed) & (nearest < zero)
-        # A target so near that the distance rounds to zero gives NaN, which must not decide.
+        # The distance of a very near target rounds to zero and gives NaN, which must not decide.
         decided = (abs(phase - needed) > _ROUNDING * (one + inverse + needed)) & (
             abs(nearest) > _ROUNDING * (one + distance)
         )
@@ -89,7 +88,7 @@ def _test_block(origin, px, py, pz, ux, uy, uz, bodies, cosines, faintness, seen
 
 @njit(cache=True)
 def _load_tile(tile, sun, single):
-    """Fill a tile in single precision: coordinates and unit vectors from the Sun."""
+    """Fill a tile in single precision: coordinates, and unit vectors from the Sun."""
     for i in range(tile.shape[0]):
         u = _unit(tile[i, 0] - sun[0], tile[i, 1] - sun[1], tile[i, 2] - sun[2])
         for axis in range(3):
@@ -99,7 +98,7 @@ def _load_tile(tile, sun, single):
 
 @njit(cache=True)
 def _observe_tile(origin, sun, tile, single, cosines, faintness, mu, seen):
-    """Which targets of a tile one satellite observes at one time."""
+    """Determine which targets of a tile one satellite observes at one time."""
     bodies, primaries = np.empty((3, 3)), primary_positions(mu)
     x, y, z = origin[0], origin[1], origin[2]
     bodies[0] = _unit(sun[0] - x, sun[1] - y, sun[2] - z)
@@ -131,12 +130,11 @@ def _observe_tile(origin, sun, tile, single, cosines, faintness, mu, seen):
 
 @njit(parallel=True, cache=True)
 def count_observations(track, target, sun, cosines, faintness, mu):
-    """Times each track (orbit, phase, time, 3) observes each target: int32 (orbit, phase, target).
+    """Number of times each track observes each target: int32 (orbit, phase, target).
 
-    Positions of targets (target, 3) and Sun (time, 3) nondimensional, rotating frame; cosines of
-    the Sun, Moon and Earth exclusion angles; K of `faintness_per_squared_range` per squared
-    nondimensional length at each time (time,).
-    """
+    `track` (orbit, phase, time, 3), `target` (target, 3) and `sun` (time, 3) are nondimensional, in
+    the rotating frame. `cosines` are those of the Sun, Moon and Earth exclusion angles. `faintness`
+    (time,) is K of `faintness_per_squared_range` per squared nondimensional length."""
     n_orbits, n_phases, n_times, _ = track.shape
     n_targets = target.shape[0]
     counts = np.zeros((n_orbits, n_phases, n_targets), dtype=np.int32)
@@ -161,10 +159,8 @@ def count_observations(track, target, sun, cosines, faintness, mu):
 
 @njit(parallel=True, cache=True)
 def count_observers(track, target, sun, cosines, faintness, mu):
-    """Satellites (satellite, time, 3) that observe each target at each time: uint16 (time, target).
-
-    Other arguments as for `count_observations`.
-    """
+    """Number of satellites (satellite, time, 3) that observe each target: uint16 (time, target).
+    For the other arguments see `count_observations`."""
     n_satellites, n_times, _ = track.shape
     n_targets = target.shape[0]
     observers = np.zeros((n_times, n_targets), dtype=np.uint16)
@@ -188,11 +184,9 @@ def count_observers(track, target, sun, cosines, faintness, mu):
 
 @njit(parallel=True, cache=True)
 def mark_observations(track, target, sun, cosines, faintness, mu):
-    """Which targets each track observes at each time, as bits: uint8 (orbit, phase, byte).
-
-    Pair (time, target) is bit ``time * n_targets + target``, the lowest of a byte first. Arguments
-    as for `count_observations`.
-    """
+    """Which targets each track observes at each time, as bits: uint8 (orbit, phase, byte). Pair
+    (time, target) is bit ``time * n_targets + target``, the lowest bit of a byte first. For the
+    arguments see `count_observations`."""
     n_orbits, n_phases, n_times, _ = track.shape
     n_targets = target.shape[0]
     bits = np.zeros((n_orbits, n_phases, (n_times * n_targets + 7) // 8), dtype=np.uint8)

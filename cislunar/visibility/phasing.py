@@ -1,7 +1,7 @@
-"""Satellites along one orbit: equal temporal offsets and the distinct phases they need.
+"""Satellites along one orbit: equal temporal offsets and the distinct phases that they need.
 
-The counts 1..10 place satellites at fractions j/n of the period; only 32 of the 55 fractions are
-distinct, so visibility is computed once for each.
+The counts 1..10 place satellites at fractions j/n of the period. Only 32 of the 55 fractions are
+distinct, so that visibility is computed once for each of these.
 """
 
 from fractions import Fraction
@@ -27,11 +27,6 @@ def distinct_phases(max_satellites: int) -> tuple[NDArray[np.float64], list[NDAr
     members : list of ndarray
         ``members[n - 1]`` indexes the phases of n satellites at 0, T/n, ..., (n - 1) T/n
         (Paul & Fan, section 3).
-
-    Raises
-    ------
-    ConfigurationError
-        If `max_satellites` is below 1.
     """
     if max_satellites < 1:
         raise ConfigurationError(f"max_satellites = {max_satellites} must be at least 1")

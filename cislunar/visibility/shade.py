@@ -1,7 +1,7 @@
-"""Static targets in the shadow of the Earth or Moon: observations that are lost there.
+"""Observations of static targets that are lost in the shadows of the Earth and Moon.
 
-Hardly any target is ever shaded, so that the tables are made as if all were lit, and what the
-shadow takes away is taken off. The dimming is that of `cislunar.observation.eclipse`.
+Few targets are ever in a shadow. The tables are therefore computed for lit targets, and the lost
+observations are subtracted. The dimming is that of `cislunar.observation.sightline`.
 """
 
 from typing import NamedTuple
@@ -11,46 +11,35 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.dynamics.cr3bp import primary_positions
-from cislunar.observation.eclipse import sunlit_share
-from cislunar.observation.sightline import outside_exclusion, sphere_brighter
+from cislunar.observation.sightline import outside_exclusion, sphere_brighter, sunlit_share
 
 Array = NDArray[np.float64]
 
 _TARGETS_AT_ONCE = 256
 
 
-class Shade(NamedTuple):
-    """When which targets are shaded.
-
-    Attributes
-    ----------
-    time, target : ndarray of int, shape (pair,)
-    share : ndarray, shape (pair,)
-        Of the Sun's disc that is seen, below 1.
-    """
+class _Shade(NamedTuple):
+    """Targets in shadow: indices of time and target (pair,), and the visible share of the Sun's
+    disc (pair,), below 1."""
 
     time: NDArray[np.int64]
     target: NDArray[np.int64]
     share: Array
 
 
-def shade_of(target: Array, sun: Array, mu: float, length: ArrayLike = 1.0) -> Shade:
-    """Find the shaded targets.
+def shade_of(target: Array, sun: Array, mu: float, length: ArrayLike = 1.0) -> _Shade:
+    """Find the targets in shadow.
 
     Parameters
     ----------
     target : ndarray, shape (target, 3)
         Nondimensional, rotating frame.
     sun : ndarray, shape (time, 3)
-        The same.
+        Nondimensional, rotating frame.
     mu : float
         Mass ratio.
     length : array_like, shape (time,) or ()
-        Unit of length of the frame in units of l*: Earth and Moon stay as large as they are.
-
-    Returns
-    -------
-    Shade
+        Unit of length of the frame in units of l*; the radii of Earth and Moon are constant in km.
     """
     unit = np.broadcast_to(np.asarray(length, dtype=float), len(sun))[:, None]
     primaries = unit[..., None] * np.array(primary_positions(mu))
@@ -60,12 +49,12 @@ def shade_of(target: Array, sun: Array, mu: float, length: ArrayLike = 1.0) -> S
         share = sunlit_share(unit * some[:, None], unit * sun, primaries)
         which, when = np.nonzero(share < 1.0)
         found.append((when, first + which, share[which, when]))
-    return Shade(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    return _Shade(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
 @njit(cache=True, error_model="numpy")
 def _lost(track, target, sun, cosines, faintness, primaries, shade, out):
-    """Which of the shaded pairs each track (n, time, 3) would see if they were lit, (n, pair)."""
+    """Which observations of shaded pairs each track (n, time, 3) loses to the shadow, (n, pair)."""
     for i in range(shade.time.size):
         k, place, light = shade.time[i], target[shade.target[i]], sun[shade.time[i]]
         x, y, z, needed = place[0], place[1], place[2], faintness[k]
@@ -84,16 +73,16 @@ def _lost(track, target, sun, cosines, faintness, primaries, shade, out):
 
 def lost_observations(
     track: Array, target: Array, sun: Array, cosines: Array, faintness: Array, mu: float,
-    shade: Shade,
+    shade: _Shade,
 ) -> NDArray[np.bool_]:  # fmt: skip
-    """Which observations of lit targets the shadow takes away.
+    """Which observations of lit targets are lost in the shadow.
 
     Parameters
     ----------
     track : ndarray, shape (..., time, 3)
         Positions of observers, nondimensional, rotating frame.
     target, sun, cosines, faintness, mu
-        As of `cislunar.visibility.kernel.count_observations`.
+        See `cislunar.visibility.kernel.count_observations`.
     shade : Shade
         From `shade_of`.
 

@@ -14,7 +14,7 @@ from cislunar.errors import ConfigurationError
 
 
 def random_tables(seed, *, n_orbits=7, counts=3, n_targets=6, sparse=0.4, most=8, unstable=1.0):
-    """Tables with targets nobody sees, targets seen once, and stable and unstable orbits."""
+    """Tables with unseen targets, targets seen once, and stable and unstable orbits."""
     rng = np.random.default_rng(seed)
     seen = rng.integers(0, most + 1, (n_orbits, counts, n_targets))
     seen *= rng.random((n_orbits, 1, n_targets)) > sparse
@@ -100,7 +100,7 @@ def test_threads_do_not_change_nodes_or_list():
     assert np.array_equal(one.near_value, two.near_value)
 
 
-def test_node_limit_gives_an_honest_bound():
+def test_node_limit_gives_a_valid_bound():
     tables = random_tables(17, n_orbits=10, counts=2, n_targets=40, most=200)
     best = max(value for value, _ in enumerate_all(tables, 4).values())
     cost = CostFunction(tables)
@@ -110,7 +110,7 @@ def test_node_limit_gives_an_honest_bound():
 
 
 @pytest.mark.parametrize("settings", [CASES[0][0], CASES[8][0], CASES[-4][0]])
-def test_the_best_of_so_many_satellites_is_that_of_enumeration(settings):
+def test_best_of_a_number_of_satellites_is_that_of_enumeration(settings):
     tables = random_tables(**settings)
     evaluated, cost = enumerate_all(tables, 3), CostFunction(tables)
     for number in (3, 5):
@@ -136,7 +136,7 @@ def test_poor_incumbent_does_not_change_the_result():
     assert np.array_equal(first.near_orbit, again.near_orbit)
 
 
-def test_nothing_to_see_is_proven_at_zero():
+def test_no_observation_is_proven_to_have_value_zero():
     tables = random_tables(0, most=0)
     proof = certify(CostFunction(tables), np.random.default_rng(0), n_slots=3)
     assert proof.proven and proof.value == 0.0 and proof.gap == 0.0

@@ -27,7 +27,7 @@ def objective():
 
 def test_log_sum_is_the_sum_of_logarithms():
     rng = np.random.default_rng(0)
-    for size in (1, 31, 128, 517):  # blocks of 128 and what is left over
+    for size in (1, 31, 128, 517):  # blocks of 128 and a remainder
         row = rng.integers(0, 65_536, size).astype(np.uint16)
         base = rng.integers(0, 2, size) * rng.uniform(0.1, 1e5, size)
         row[rng.random(size) < 0.3] = 0
@@ -89,7 +89,7 @@ def test_same_seed_same_result_and_progress(objective):
     assert seen == [(1, 2), (2, 2)] * 2
 
 
-def test_front_holds_every_total_and_the_free_optimum(objective):
+def test_front_has_every_total_and_the_free_optimum(objective):
     free = coordinate_search(objective, np.random.default_rng(6), n_slots=3, restarts=10)
     totals = list(range(3, 13))
     front = satellite_front(objective, totals, np.random.default_rng(6), n_slots=3)

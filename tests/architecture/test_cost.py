@@ -52,7 +52,7 @@ def paper_factors(orbits, times, target, sun, orbit, satellites):
 
 @pytest.fixture(scope="module")
 def scene():
-    """A handful of orbits of different families, targets among which some nobody sees."""
+    """A few orbits of different families, and targets of which some are never seen."""
     orbits = concatenate(
         [
             family_members("Halo_L2_S", jacobi=3.05),
@@ -104,7 +104,7 @@ def test_scene_has_targets_never_seen(scene):
 
 
 def tables_of(observations, n_steps=10):
-    """Tables around given observations; distances and stability indices all one."""
+    """Tables of given observations; distances and stability indices are one."""
     n_orbits, counts, _ = observations.shape
     distance = np.ones((n_orbits, counts))
     return ArchitectureTables(

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from oracles.visibility import visible
+from oracles.visibility import sun_at, visible
 
 from cislunar.architecture.coverage.measures import architecture_tracks, coverage, gaps
 from cislunar.constants import TIME_UNIT_S
@@ -13,12 +13,6 @@ from cislunar.orbits.families import family_members
 from cislunar.visibility.counts import VisibilitySettings, observation_times, satellite_tracks
 
 SETTINGS = VisibilitySettings(limiting_magnitude=17.0)
-
-
-def sun_at(times):
-    """A Sun going round once in a synodic month."""
-    angle = -2.0 * np.pi * times * TIME_UNIT_S / (29.53 * 86_400.0)
-    return 389.0 * np.stack([np.cos(angle), np.sin(angle), np.zeros(len(times))], axis=1)
 
 
 def by_loops(track, target, times, sun, settings):

@@ -5,7 +5,7 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
-from oracles.visibility import visible
+from oracles.visibility import sun_at, visible
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
@@ -19,36 +19,35 @@ from cislunar.architecture.coverage.objective import CoverageObjective
 from cislunar.architecture.coverage.tables import CoverageTables, as_words, coverage_tables
 from cislunar.architecture.hyperopt_search import hyperopt_search
 from cislunar.architecture.objective import Objective
-from cislunar.constants import TIME_UNIT_S
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.families import observer_library
 from cislunar.visibility.counts import VisibilitySettings, observation_times, satellite_tracks
 
 
 def objective_of(counts, fold, shape=None):
-    """Coverage objective of given satellites per element, shape (place, satellites, element)."""
+    """Coverage objective of given satellites per element, shape (slot, satellites, element)."""
     layer = np.arange(1, min(fold, counts.max(initial=1)) + 1)
     bits = np.packbits(counts[:, :, None] >= layer[:, None], axis=-1, bitorder="little")
-    places = len(counts)
+    slots = len(counts)
     return CoverageObjective(
         CoverageTables(
             layers=as_words(bits),
-            orbit=np.arange(places),
-            phase=np.zeros(places),
-            family=np.full(places, "Halo_L1_N"),
-            stability_index=np.ones(places),
+            orbit=np.arange(slots),
+            phase=np.zeros(slots),
+            family=np.full(slots, "Halo_L1_N"),
+            stability_index=np.ones(slots),
             fold=fold,
             shape=shape or (1, counts.shape[2]),
         )
     )
 
 
-def random_counts(seed, *, places=8, most=1, elements=150, share=0.15):
-    """Satellites that see each element: one place sees other elements at every count."""
+def random_counts(seed, *, slots=8, most=1, elements=150, share=0.15):
+    """Satellites that see each element; the elements differ with the number of satellites."""
     rng = np.random.default_rng(seed)
     satellites = np.arange(1, most + 1)[None, :, None]
     difficulty = rng.uniform(0.2, 1.8, elements) * share
-    return rng.binomial(satellites, difficulty, (places, most, elements))
+    return rng.binomial(satellites, difficulty, (slots, most, elements))
 
 
 def direct(counts, fold, orbit, satellites):
@@ -59,11 +58,11 @@ def direct(counts, fold, orbit, satellites):
 
 def best_of_all(counts, fold, n_slots, total):
     """Largest coverage over every architecture."""
-    places, most, _ = counts.shape
+    slots, most, _ = counts.shape
     sizes = [n for n in product(range(1, most + 1), repeat=n_slots) if sum(n) == total]
     return max(
         direct(counts, fold, orbit, n)
-        for orbit in combinations(range(places), n_slots)
+        for orbit in combinations(range(slots), n_slots)
         for n in sizes
     )
 
@@ -88,7 +87,7 @@ def test_value_and_best_replacement_are_those_of_the_definition(fold, most):
 
 @pytest.mark.parametrize("fold", [1, 2])
 def test_gains_only_fall_and_lazy_greedy_is_greedy(fold):
-    counts = random_counts(7, places=40, elements=300)
+    counts = random_counts(7, slots=40, elements=300)
     counts[20:] = counts[:20]  # every candidate twice: ties
     objective = objective_of(counts, fold)
     orbit, satellites = greedy_coverage(objective, 15)
@@ -135,7 +134,7 @@ def test_bound_and_search_enclose_what_enumeration_finds(seed, most, fold, n_slo
     assert found.gap == pytest.approx(found.bound / found.value - 1.0) and found.gap < 0.12
     if found.proven:
         assert found.value == pytest.approx(best, rel=1e-12)
-    # a poor architecture in place of the best: candidates are left out by its value alone
+    # from a poor architecture: its value decides which candidates are excluded
     poor = coverage_bound(
         objective,
         np.arange(n_slots),
@@ -146,7 +145,7 @@ def test_bound_and_search_enclose_what_enumeration_finds(seed, most, fold, n_slo
 
 
 @pytest.mark.parametrize("seed, most, fold, n_slots, total", CASES)
-def test_little_effort_for_large_tables_still_encloses_it(
+def test_reduced_effort_for_large_tables_still_encloses_the_optimum(
     monkeypatch, seed, most, fold, n_slots, total
 ):
     monkeypatch.setattr(certificate, "_LARGE", 0)
@@ -162,21 +161,21 @@ def test_some_cases_are_proven():
 
 
 def test_bound_and_value_enclose_the_optimum_of_highs():
-    counts = random_counts(5, places=40, elements=200, share=0.08)
+    counts = random_counts(5, slots=40, elements=200, share=0.08)
     objective = objective_of(counts, 1)
     found = certify_coverage(objective, 8)
     sees = counts[:, 0].T.astype(float)
-    n_elements, places = sees.shape
-    cost = np.r_[np.zeros(places), np.full(n_elements, -1.0)]
+    n_elements, slots = sees.shape
+    cost = np.r_[np.zeros(slots), np.full(n_elements, -1.0)]
     coupling = csr_array(np.hstack([sees, -np.eye(n_elements)]))
     result = milp(
         cost,
         constraints=[
             LinearConstraint(coupling, lb=0.0),
-            LinearConstraint(np.r_[np.ones(places), np.zeros(n_elements)][None], 8, 8),
+            LinearConstraint(np.r_[np.ones(slots), np.zeros(n_elements)][None], 8, 8),
         ],
         bounds=Bounds(0.0, 1.0),
-        integrality=np.r_[np.ones(places), np.zeros(n_elements)],
+        integrality=np.r_[np.ones(slots), np.zeros(n_elements)],
         options={"mip_rel_gap": 0.02},
     )
     reached, relaxed = -result.fun / n_elements, -result.mip_dual_bound / n_elements
@@ -186,7 +185,7 @@ def test_bound_and_value_enclose_the_optimum_of_highs():
 
 
 def test_runs_agree_in_every_bit():
-    objective = objective_of(random_counts(9, places=30, most=2), 2)
+    objective = objective_of(random_counts(9, slots=30, most=2), 2)
     one, two = (certify_coverage(objective, 8, n_slots=5, steps=60) for _ in range(2))
     assert one.orbit.tolist() == two.orbit.tolist()
     assert (one.value, one.bound, one.steps) == (two.value, two.bound, two.steps)
@@ -235,15 +234,15 @@ def test_gap_objectives_are_those_of_the_definition_and_of_enumeration(most):
         GapObjective(objective_of(counts, 2, (17, 11)).tables, "wait")
 
 
-def test_all_places_are_proven_to_be_best():
-    objective = objective_of(random_counts(3, places=5), 1)
+def test_all_orbit_slots_are_proven_to_be_best():
+    objective = objective_of(random_counts(3, slots=5), 1)
     found = certify_coverage(objective, 5)
     assert found.proven and found.gap == 0.0
 
 
 @pytest.mark.parametrize("method", ["random", "tpe"])
 def test_black_box_searches_take_coverage_and_stay_below_its_bound(method):
-    objective = objective_of(random_counts(2, places=12, most=3), 2)
+    objective = objective_of(random_counts(2, slots=12, most=3), 2)
     tried = hyperopt_search(
         objective, method=method, rng=np.random.default_rng(0), n_slots=3, max_evaluations=30
     )
@@ -259,15 +258,13 @@ MEMBERS = {"Halo_L2_S": 3, "Lyap_L3": 2}
 def scene():
     """Orbits, targets, times and Sun."""
     times = observation_times(3.0, 3.0)
-    angle = -2.0 * np.pi * times * TIME_UNIT_S / (29.53 * 86_400.0)
-    sun = 389.0 * np.stack([np.cos(angle), np.sin(angle), np.zeros(len(times))], axis=1)
     target = np.random.default_rng(4).uniform(-1.2, 1.2, (13, 3))
-    return observer_library(MEMBERS), target, times, sun
+    return observer_library(MEMBERS), target, times, sun_at(times)
 
 
 @pytest.mark.parametrize("fold", [1, 2])
 @pytest.mark.parametrize("window", ["sample", "day"])
-def test_tables_of_slots_hold_what_plain_visibility_finds(fold, window):
+def test_tables_of_slots_agree_with_plain_visibility(fold, window):
     orbits, target, times, sun = scene()
     tables = coverage_tables(
         orbits, target, times, sun, SETTINGS, max_satellites=3, fold=fold, window=window
@@ -287,7 +284,7 @@ def test_tables_of_slots_hold_what_plain_visibility_finds(fold, window):
             np.testing.assert_array_equal(objective.seen([orbit], [n], fold), observers >= fold)
 
 
-def test_free_phases_cover_what_their_tracks_do():
+def test_free_phases_cover_as_much_as_their_tracks():
     orbits, target, times, sun = scene()
     made = {"phases": 5, "max_stability_index": np.sort(orbits.stability_index)[3]}
     hours = CoverageObjective(coverage_tables(orbits, target, times, sun, SETTINGS, **made))
@@ -309,7 +306,7 @@ def test_free_phases_cover_what_their_tracks_do():
 
 
 def test_search_of_free_phases_moves_one_satellite_at_a_time():
-    objective = objective_of(random_counts(11, places=12), 1)
+    objective = objective_of(random_counts(11, slots=12), 1)
     found = coordinate_search(
         objective, np.random.default_rng(0), n_slots=4, total=4, restarts=0,
         starts=[greedy_coverage(objective, 4)],
@@ -336,13 +333,13 @@ def test_impossible_tables_are_refused(change, message):
 
 
 @pytest.mark.parametrize(
-    "asked, message",
+    "changes, message",
     [
         ({"n_satellites": 9}, "n_slots = 9"),
         ({"n_satellites": 3, "n_slots": 4}, "n_satellites = 3"),
         ({"n_satellites": 3, "steps": 0}, "steps = 0"),
     ],
 )
-def test_impossible_numbers_of_satellites_or_steps_are_refused(asked, message):
+def test_impossible_numbers_of_satellites_or_steps_are_refused(changes, message):
     with pytest.raises(ConfigurationError, match=message):
-        certify_coverage(objective_of(random_counts(0), 1), **asked)
+        certify_coverage(objective_of(random_counts(0), 1), **changes)

@@ -34,7 +34,7 @@ def make_objective(family=FAMILIES, *, counts=3, n_targets=8, seed=0, stability=
 
 
 def draw(space, n, seed=0):
-    """Samples of a search space, drawn by hyperopt."""
+    """Samples of a search space by Hyperopt."""
     from hyperopt.pyll.stochastic import sample
 
     rng, expressions = np.random.default_rng(seed), hyperopt_space(space)
@@ -92,8 +92,8 @@ def test_more_slots_than_orbits_are_refused(n_slots):
 
 
 def test_unknown_labels_are_refused():
-    with pytest.raises(ConfigurationError, match=r"labels = 'colour'.*family_position"):
-        build_space(make_objective(), n_slots=2, labels="colour")
+    with pytest.raises(ConfigurationError, match=r"labels = 'color'.*family_position"):
+        build_space(make_objective(), n_slots=2, labels="color")
 
 
 def search(method="random", seed=1, **options):
@@ -139,9 +139,9 @@ def test_random_draws_are_as_likely_as_hyperopts(labels):
     space, decode = build_space(objective, n_slots=1, labels=labels)
     trials = rand.suggest(range(4000), Domain(lambda _: 0.0, hyperopt_space(space)), Trials(), 3)
     drawn = [{name: value[0] for name, value in t["misc"]["vals"].items()} for t in trials]
-    theirs = [np.concatenate(each) for each in zip(*map(decode, drawn), strict=True)]
-    for ours, other in zip((found.orbit_trials, found.satellites_trials), theirs, strict=True):
-        table = [np.bincount(v.ravel(), minlength=objective.n_orbits) for v in (ours, other)]
+    reference = [np.concatenate(each) for each in zip(*map(decode, drawn), strict=True)]
+    for own, other in zip((found.orbit_trials, found.satellites_trials), reference, strict=True):
+        table = [np.bincount(v.ravel(), minlength=objective.n_orbits) for v in (own, other)]
         seen = np.sum(table, axis=0) > 0
         assert chi2_contingency(np.array(table)[:, seen]).pvalue > 1e-4
 
@@ -186,7 +186,7 @@ def test_stopping_evaluation_by_definition(patience):
             assert stopping_evaluation(history, patience) == stop_by_definition(history, patience)
 
 
-def test_a_gain_of_rounding_does_not_renew_patience():
+def test_gains_within_rounding_do_not_reset_patience():
     history = np.array([1.0, 2.0, *(2.0 + 1e-15 * np.arange(1, 40)), 3.0])
     assert np.all(np.diff(history) > 0.0)
     assert stopping_evaluation(history, 10) == 12

@@ -5,7 +5,7 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
-from oracles.visibility import visible
+from oracles.visibility import sun_at, visible
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
@@ -17,20 +17,20 @@ from cislunar.architecture.information.objective import InformationObjective
 from cislunar.architecture.information.relaxation import information_bound
 from cislunar.architecture.information.tables import (
     InformationTables,
-    Looks,
+    ObservationSettings,
     attitude_information,
     moving_targets,
     orbit_information,
     windows_of,
 )
 from cislunar.architecture.objective import Objective
-from cislunar.architecture.places import free_places, satellite_places
+from cislunar.architecture.orbit_slots import free_orbit_slots, satellite_orbit_slots
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics.propagation import advance_orbits, propagate, propagate_periodic
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.spread import Spread
-from cislunar.observation.scene import target_surfaces
+from cislunar.estimation.initial_sigma import InitialSigma
 from cislunar.observation.sensor import ARCSECOND, Sensor
+from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.orbits.families import observer_library
 from cislunar.photometry.facets import apparent_magnitude
 from cislunar.photometry.materials import Material, PhotometryModel
@@ -39,7 +39,9 @@ from cislunar.visibility.counts import VisibilitySettings, satellite_tracks
 
 LOWER = np.tril_indices(6)
 SENSOR = Sensor(limiting_magnitude=17.5, occultation=False)
-LOOKS = Looks(SENSOR, per_hour=20.0, initial=Spread(3.0, 2.0, 20.0, 0.02))
+OBSERVATIONS = ObservationSettings(
+    SENSOR, per_hour=20.0, initial=InitialSigma(3.0, 2.0, 20.0, 0.02)
+)
 MEMBERS = {"Halo_L2_S": 2, "Lyap_L3": 1}
 
 
@@ -54,9 +56,11 @@ def full(packed):
 def objective_of(seed, nuisance, places=9, items=12):
     """Objective of random matrices, some of them singular, some zero."""
     rng = np.random.default_rng(seed)
-    looks = rng.standard_normal((places, items, 4, 6)) * rng.exponential(2.0, (places, items, 4, 1))
-    looks[rng.random((places, items)) < 0.3] = 0.0
-    matrix = np.einsum("pila,pilb->piab", looks, looks)[..., LOWER[0], LOWER[1]]
+    observations = rng.standard_normal((places, items, 4, 6)) * rng.exponential(
+        2.0, (places, items, 4, 1)
+    )
+    observations[rng.random((places, items)) < 0.3] = 0.0
+    matrix = np.einsum("pila,pilb->piab", observations, observations)[..., LOWER[0], LOWER[1]]
     index = np.arange(places)
     return InformationObjective(
         InformationTables(
@@ -67,7 +71,7 @@ def objective_of(seed, nuisance, places=9, items=12):
 
 
 def direct(objective, chosen):
-    """Mean information from the definition, the Schur complement by its own formula."""
+    """Mean information by its definition, with the formula of the Schur complement."""
     total = np.eye(6) + full(objective.tables.matrix[list(chosen)].sum(axis=0))
     k = objective.tables.nuisance
     left = total[:, k:, k:] - total[:, k:, :k] @ np.linalg.solve(total[:, :k, :k], total[:, :k, k:])
@@ -95,7 +99,7 @@ def test_value_replacement_and_slope_are_those_of_the_definition(nuisance):
 def test_gains_only_fall_and_lazy_greedy_is_greedy():
     objective = objective_of(2, 0, places=30)
     matrix = objective.tables.matrix.copy()
-    matrix[15:] = matrix[:15]  # every place twice: ties
+    matrix[15:] = matrix[:15]  # every orbit slot twice: ties
     twice = InformationObjective(
         InformationTables(matrix, *(vars(objective.tables)[key] for key in (
             "nuisance", "shape", "orbit", "phase", "family", "stability_index"
@@ -148,23 +152,23 @@ def test_relaxation_is_solved(nuisance):
     )  # fmt: skip
     relaxed = information_bound(objective, np.arange(4), steps=200).bound
     assert -solved.fun <= relaxed * (1.0 + 1e-9)
-    if nuisance:  # elsewhere a bound of gains may be lower
+    if nuisance:  # otherwise a bound of gains may be lower
         assert relaxed <= -solved.fun * (1.0 + 2e-4)
 
 
-def test_a_tenth_of_a_satellite_is_not_nearly_all_of_what_it_tells():
-    looks = 1e6 * np.eye(10)[:, :, None] * np.eye(6)[LOWER]  # place c sees item c alone
+def test_a_tenth_of_a_satellite_has_not_nearly_its_whole_information():
+    observations = 1e6 * np.eye(10)[:, :, None] * np.eye(6)[LOWER]  # slot c sees item c only
     tables = objective_of(0, 0).tables
     own = np.arange(10)
     same = InformationTables(
-        looks, 0, (1, 10, 1), own, 0.0 * own, tables.family[own % 9], 1.0 + own
+        observations, 0, (1, 10, 1), own, 0.0 * own, tables.family[own % 9], 1.0 + own
     )
     found = certify_information(InformationObjective(same), 4)
     assert found.value == pytest.approx(0.4 * 3.0 * np.log1p(1e6))
     assert found.value <= found.bound <= (1.0 + 1e-8) * found.value
 
 
-def test_all_places_are_proven_and_runs_agree_in_every_bit():
+def test_all_orbit_slots_are_proven_and_runs_agree_in_every_bit():
     objective = objective_of(3, 3)
     every = certify_information(objective, 9)
     assert every.proven or every.gap < 1e-8
@@ -180,13 +184,11 @@ def scene():
     targets = observer_library({"Halo_L1_N": 2, "Halo_L2_N": 1})
     period = targets.period * np.array([1.0, 1.0, 0.0])
     windows = windows_of(6.0, 2, hours=12.0, step_hours=4.0)
-    angle = -2.0 * np.pi * windows.times * TIME_UNIT_S / (29.53 * 86_400.0)
-    sun = 389.0 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=-1)
-    return orbits, targets.state, period, windows, sun
+    return orbits, targets.state, period, windows, sun_at(windows.times)
 
 
 def seen_at(window, sample, place, tables, positions):
-    """Observer of a place at a time, and which of the targets (target, 3) it sees."""
+    """Position of an orbit slot at a time, and which targets (target, 3) it sees."""
     orbits, _, _, windows, sun = scene()
     orbit, phase = tables.orbit[place], tables.phase[place]
     time = windows.times[window, [sample]]
@@ -196,11 +198,11 @@ def seen_at(window, sample, place, tables, positions):
 
 
 def later(state, elapsed):
-    """State after a while in a window."""
+    """State after an elapsed time."""
     return propagate(state, [elapsed], method="dop853")[0] if elapsed else state
 
 
-def each_look():
+def each_observation():
     """Window, sample, states of the targets at the window's start, and time since then."""
     _, state, period, windows, _ = scene()
     for w, start in enumerate(windows.start):
@@ -213,15 +215,15 @@ def each_look():
             yield w, k, at_start, time - start
 
 
-def test_orbit_tables_hold_the_information_of_differences():
+def test_orbit_tables_agree_with_differences():
     orbits, state, period, windows, sun = scene()
-    targets, places = moving_targets(state, period, windows), free_places(orbits, 2)
-    tables = orbit_information(orbits, places, targets, windows, sun, LOOKS)
+    targets, places = moving_targets(state, period, windows), free_orbit_slots(orbits, 2)
+    tables = orbit_information(orbits, places, targets, windows, sun, OBSERVATIONS)
     assert tables.shape == (2, 3, 1) and tables.nuisance == 0
-    sigma = LOOKS.initial.components()[6:]
+    sigma = OBSERVATIONS.initial.components()[6:]
     expected = np.zeros((6, 2, 3, 6, 6))
     shift = 1e-3 * np.diag(sigma)
-    for w, k, at_start, elapsed in each_look():
+    for w, k, at_start, elapsed in each_observation():
         place_of = [later(each, elapsed)[:3] for each in at_start]
         near = [
             [[later(each + sign * d, elapsed)[:3] for d in shift] for sign in (1.0, -1.0)]
@@ -241,17 +243,17 @@ def test_orbit_tables_hold_the_information_of_differences():
     assert np.all(np.abs(found - expected) <= 1e-6 * scale + 1e-12)
 
 
-def test_looks_count_by_how_often_the_body_is_bright_enough():
+def test_observations_count_by_the_share_of_bright_attitudes():
     orbits, state, period, windows, sun = scene()
-    targets, places = moving_targets(state, period, windows), free_places(orbits, 2)
-    given = orbits, places, targets, windows, sun, LOOKS
+    targets, places = moving_targets(state, period, windows), free_orbit_slots(orbits, 2)
+    given = orbits, places, targets, windows, sun, OBSERVATIONS
     plain = orbit_information(*given).matrix
     assert np.array_equal(orbit_information(*given, reaches=np.full((3, 7, 2), 1e9)).matrix, plain)
     some = np.tile([0.0, 1e9, 1e9, 1e9], (3, 7, 1))
     np.testing.assert_allclose(orbit_information(*given, reaches=some).matrix, 0.75 * plain)
     some[1] = 0.0
-    told = orbit_information(*given, reaches=some).matrix.reshape(len(plain), 2, 3, 21)
-    assert told[:, :, 0].any() and not told[:, :, 1].any()
+    found = orbit_information(*given, reaches=some).matrix.reshape(len(plain), 2, 3, 21)
+    assert found[:, :, 0].any() and not found[:, :, 1].any()
 
 
 def test_reaches_are_where_magnitudes_are_those_of_the_limit():
@@ -288,19 +290,19 @@ def turned_magnitude(quaternion, elapsed, light, toward, shape, change):
     return float(apparent_magnitude(q.inv().as_quat(), *ways, shape, MATERIAL, MODEL))
 
 
-def test_attitude_tables_hold_the_information_of_differences():
+def test_attitude_tables_agree_with_differences():
     orbits, state, period, windows, sun = scene()
     shape = icosahedron(1.0)
     surfaces = target_surfaces(shape, MATERIAL, 3, MODEL)
-    targets, places = moving_targets(state, period, windows), free_places(orbits, 2)
-    given = LOOKS, surfaces, RATE, np.random.default_rng(5)
+    targets, places = moving_targets(state, period, windows), free_orbit_slots(orbits, 2)
+    given = OBSERVATIONS, surfaces, RATE, np.random.default_rng(5)
     tables = attitude_information(orbits, places, targets, windows, sun, *given, attitudes=2)
     assert tables.shape == (2, 3, 2) and tables.nuisance == 3
     drawn = np.random.default_rng(5).standard_normal((2, 3, 2, 4))
     drawn /= np.linalg.norm(drawn, axis=-1, keepdims=True)
-    sigma = LOOKS.initial.components()[:6]
+    sigma = OBSERVATIONS.initial.components()[:6]
     expected = np.zeros((6, 2, 3, 2, 6, 6))
-    for w, k, at_start, elapsed in each_look():
+    for w, k, at_start, elapsed in each_observation():
         turn = Rotation.from_euler("z", elapsed).as_matrix()
         positions = np.array([later(each, elapsed)[:3] for each in at_start])
         for place in range(6):
@@ -320,8 +322,8 @@ def test_attitude_tables_hold_the_information_of_differences():
     assert np.all(np.abs(found - expected) <= 1e-4 * scale + 1e-12)
 
 
-def test_satellites_of_slots_stand_where_the_paper_puts_them():
-    places = satellite_places(scene()[0], [2, 0], [3, 1], [0.0, 0.25])
+def test_satellites_of_slots_have_the_phases_of_the_paper():
+    places = satellite_orbit_slots(scene()[0], [2, 0], [3, 1], [0.0, 0.25])
     assert places.orbit.tolist() == [2, 2, 2, 0]
     assert places.phase == pytest.approx([0.0, 1.0 / 3.0, 2.0 / 3.0, 0.25])
 
@@ -339,19 +341,19 @@ def test_impossible_windows_are_refused(change, message):
         windows_of(**{"horizon_days": 6.0, "count": 2, "hours": 24.0} | change)
 
 
-def test_impossible_looks_tables_and_numbers_are_refused():
+def test_impossible_settings_tables_and_numbers_are_refused():
     with pytest.raises(ConfigurationError, match=r"InformationTables, made by .* not a NoneType"):
         InformationObjective(None)
     with pytest.raises(ConfigurationError, match=r"CoverageTables, made by .* InformationTables"):
         CoverageObjective(objective_of(0, 0).tables)
     with pytest.raises(ConfigurationError, match="per_hour"):
-        Looks(per_hour=0.0)
-    with pytest.raises(ConfigurationError, match="initial"):
-        Looks(initial=Spread(1.0, 1.0, 1.0, 0.0))
+        ObservationSettings(per_hour=0.0)
+    with pytest.raises(ConfigurationError, match="velocity_m_s"):
+        ObservationSettings(initial=InitialSigma(1.0, 1.0, 1.0, 0.0))
     with pytest.raises(ConfigurationError, match="phases = 0"):
-        free_places(scene()[0], 0)
+        free_orbit_slots(scene()[0], 0)
     with pytest.raises(ConfigurationError, match="leaves no orbit"):
-        free_places(scene()[0], 1, 0.5)
+        free_orbit_slots(scene()[0], 1, 0.5)
     with pytest.raises(ConfigurationError, match="n_slots = 10"):
         certify_information(objective_of(0, 0), 10)
     with pytest.raises(ConfigurationError, match="steps = 0"):

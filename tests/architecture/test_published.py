@@ -97,7 +97,7 @@ def test_a_family_can_be_used_up():
     assert found.value == pytest.approx(best_by_enumeration(objective, slots), rel=1e-12)
 
 
-def test_history_ends_with_the_best_and_progress_is_told():
+def test_history_ends_with_the_best_and_progress_is_reported():
     calls = []
     slots = (("Halo_L2_S", 3), ("Halo_L3_N", 2))
     found = choose_members(

@@ -1,8 +1,8 @@
-"""Decisive results hang on no rounding: under a small change of the orbits, and on other machines.
+"""Decisive results do not depend on rounding: orbits change slightly, and machines differ.
 
-``tests/data/fingerprint.json`` holds small results of one machine. Labels, architectures,
-assignments and clusters must be equal on every other one; what is a number of its own is compared
-to a tolerance (`TOLERANCES`). After a change that is meant to change them:
+``tests/data/fingerprint.json`` contains small results of one machine. Labels, architectures,
+assignments and clusters must be equal on every other machine; real numbers must agree to a
+tolerance (`TOLERANCES`). After an intended change of results, run
 ``python tests/architecture/test_same_everywhere.py``.
 """
 
@@ -34,11 +34,11 @@ from cislunar.visibility.counts import VisibilitySettings, count_visibility, obs
 
 FINGERPRINT = Path(__file__).parents[1] / "data" / "fingerprint.json"
 TOLERANCES = {"stability_index": 1e-6, "center": 1e-9, "value": 1e-9, "final_sigma": 1e-6}
-"""Relative to the largest value: the index loses digits in the monodromy matrix, the others in sums
-and integrations over hours."""
+"""Relative to the largest value: the stability index loses digits in the monodromy matrix, the
+other quantities in sums and integrations over hours."""
 
-# What another processor does to the last digits: no fused multiplication, no wide vectors. And
-# another number of threads.
+# A processor that changes the last digits: no fused multiplication and no wide vectors; and another
+# number of threads.
 PLAIN_PROCESSOR = {
     "OPENBLAS_CORETYPE": "Nehalem",
     "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
@@ -60,7 +60,7 @@ def clusters():
 
 
 def searched(orbits, change=0.0):
-    """What the searches and the proof find on the orbits, their states and periods changed."""
+    """Results of the searches and of the proof, with changed states and periods of the orbits."""
     rng = np.random.default_rng(8)
     state, period = (
         each * (1.0 + change * rng.uniform(-1.0, 1.0, each.shape))
@@ -86,7 +86,7 @@ def searched(orbits, change=0.0):
         found[f"{method}_value"] = run.history
     proof = certify(cost, np.random.default_rng(3), n_slots=3, epsilon=0.05, restarts=2)
     found |= {"exact_orbit": proof.near_orbit, "exact_satellites": proof.near_satellites}
-    # pairs in the thousands of which many agree but for the change
+    # many pairs of equal information, apart from the change
     pairs = np.round(counts.distance @ np.ones((3, 30)), 3) * (1.0 + change * rng.random((22, 30)))
     found["assignment"] = assign(pairs, "exact").target
     found["greedy"] = assign(pairs, "greedy").target
@@ -110,23 +110,23 @@ def fingerprint():
     return made
 
 
-def differences(ours, theirs):
-    """Names of what differs beyond its tolerance."""
-    found = []
-    for name, value in theirs.items():
+def differences(found, expected):
+    """Names of results that differ by more than their tolerances."""
+    names = []
+    for name, value in expected.items():
         kind = next((each for each in TOLERANCES if name.endswith(each)), None)
         if kind is None:
-            same = ours[name] == value
+            same = found[name] == value
         else:
             scale = TOLERANCES[kind] * np.max(np.abs(value))
-            same = np.shape(ours[name]) == np.shape(value) and np.allclose(
-                ours[name], value, rtol=0.0, atol=scale
+            same = np.shape(found[name]) == np.shape(value) and np.allclose(
+                found[name], value, rtol=0.0, atol=scale
             )
-        found += [] if same else [name]
-    return found
+        names += [] if same else [name]
+    return names
 
 
-def test_small_changes_of_the_orbits_change_nothing_that_is_chosen():
+def test_small_changes_of_the_orbits_change_no_choice():
     orbits = small_library()
     plain, changed = searched(orbits), searched(orbits, change=1e-12)
     assert not np.array_equal(plain["stability_index"], changed["stability_index"])

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from cislunar.attitude import grp, quaternion, rigid_body, short_steps
+from cislunar.attitude import attitude_integrator, grp, quaternion, rigid_body
 from cislunar.attitude.quaternion import multiply_components, rotate_components
 from cislunar.errors import ConfigurationError
 
@@ -278,8 +278,8 @@ def test_short_step_agrees_with_the_propagation(scale, dt, rng):
     inertia = np.array([[3.0, 0.2, -0.1], [0.2, 2.0, 0.3], [-0.1, 0.3, 1.5]])
     q0, omega = quaternion.normalize(rng.normal(size=4)), scale * rng.normal(size=3)
     q, w = rigid_body.propagate_torque_free(q0, omega, [dt], inertia)
-    stepped = short_steps.torque_free_step(*omega, inertia, np.linalg.inv(inertia), dt)
-    steps = max(1.0, np.linalg.norm(omega) * dt / short_steps.TURN_PER_STEP)
+    stepped = attitude_integrator.torque_free_step(*omega, inertia, np.linalg.inv(inertia), dt)
+    steps = max(1.0, np.linalg.norm(omega) * dt / attitude_integrator.TURN_PER_STEP)
     turned = quaternion.compose(np.array(stepped[:4]), q0)
     np.testing.assert_allclose(turned, q[0], atol=2e-9 * steps)
     np.testing.assert_allclose(stepped[4:], w[0], atol=2e-9 * steps * scale)

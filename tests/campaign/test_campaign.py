@@ -20,22 +20,24 @@ from cislunar.campaign.architectures.exact import exact_dataset
 from cislunar.campaign.architectures.search_runs import best_run_dataset, search_run_dataset
 from cislunar.campaign.architectures.table2 import near_optimal_rows
 from cislunar.campaign.architectures.visibility import cost_function, visibility_dataset
-from cislunar.campaign.data import progress
-from cislunar.campaign.data import provenance as provenance_of
 from cislunar.campaign.data.inputs import sun_dataset
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, variable, write_dataset, write_text
-from cislunar.campaign.data.progress import progress_log
-from cislunar.campaign.data.provenance import provenance
-from cislunar.campaign.data.seeds import generator
-from cislunar.campaign.documents.markdown import fill_blocks, generated_blocks
-from cislunar.campaign.documents.settings_tables import SETTINGS_BLOCKS
 from cislunar.campaign.settings.architecture_tree import Design, ObjectiveFront, OwnInformation
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.observing.sensor_tree import SensorGroup, Station
-from cislunar.campaign.settings.reading import merged
+from cislunar.campaign.settings.reading import RENAMED, merged
 from cislunar.campaign.settings.schema import SCHEMA_FILE, schema_text
 from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.estimation.initial_sigma import InitialSigma
+from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.runtime import progress
+from cislunar.runtime import provenance as provenance_of
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, variable, write_dataset, write_text
+from cislunar.runtime.progress import progress_log
+from cislunar.runtime.provenance import provenance
+from cislunar.runtime.seeds import generator
+from workflow.documents.markdown import fill_blocks, generated_blocks
+from workflow.documents.settings_tables import SETTINGS_BLOCKS
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -371,7 +373,7 @@ def test_full_configuration_is_accepted(config):
         ("architecture.slots", 0, "'architecture.slots' = 0"),
         ("architecture.slots", 303, "'architecture.slots' = 303 exceeds the 302 orbits"),
         ("architecture.optimizers", ["annealing"], "annealing"),
-        ("architecture.labels", "colour", "'architecture.labels' = 'colour'"),
+        ("architecture.labels", "color", "'architecture.labels' = 'color'"),
         ("architecture.label_comparison.scenario", "D", "'architecture.label_comparison.scenario'"),
         ("architecture.front.fewest", 9, "'architecture.front'"),
         ("architecture.front.most", 101, "'architecture.front'"),
@@ -379,6 +381,58 @@ def test_full_configuration_is_accepted(config):
 )
 def test_faulty_key_is_named(config, key, value, message):
     assert message in refusal(with_change(config, key, value))
+
+
+FORMER = {
+    "task2.communication.credit_under_way": "use_pending_measurements",
+    "task2.tasking.credited_measurements": "expected_measurements",
+    "task2.tasking.track_gate": "pointing_uncertainty_gate",
+    "architecture.elsewhere": "generalization",
+    "task2.batch.unknowns": "estimated_parameters",
+    "task2.batch.estimated_parameters.log_stretch": "log_axis_scale",
+    "task2.body.metres_per_unit": "meters_per_unit",
+    "task2.body.stretch": "axis_scale",
+    "task2.truth.spread": "parameter_sigma",
+    "task2.truth.body.stretch": "axis_scale",
+}
+
+
+@pytest.mark.parametrize(("former", "name"), FORMER.items())
+def test_a_line_gives_the_present_name_of_a_former_key(config, former, name):
+    config["task2"]["truth"] = {"body": {}}
+    with pytest.raises(ConfigurationError) as caught:
+        check_campaign(with_change(config, former, 1))
+    message = f"unknown configuration key {former!r}: it is now called {name!r}"
+    assert str(caught.value) == message
+
+
+def test_every_former_name_is_tried():
+    assert {key.rpartition(".")[2] for key in FORMER} | {"held"} == set(RENAMED)
+
+
+def test_a_line_gives_the_present_name_of_a_former_value(config):
+    with pytest.raises(ConfigurationError) as caught:
+        check_campaign(with_change(config, "task2.dynamics.unrefined", "held"))
+    message = "'task2.dynamics.unrefined' = 'held': this value is now called 'reference'"
+    assert str(caught.value) == f"configuration key {message}"
+
+
+def test_a_former_key_of_a_family_is_named_with_the_family(config):
+    config["task2"]["variants"]["families"]["gate"] = {
+        "targets": [20], "key": "tasking.track_gate", "values": [False],
+    }  # fmt: skip
+    with pytest.raises(ConfigurationError, match="is now called 'pointing_uncertainty_gate'") as e:
+        check_campaign(config)
+    assert str(e.value).startswith("configuration key 'task2.variants.families.gate.key': ")
+
+
+def test_an_impossible_setting_of_the_library_is_named_in_a_line():
+    with pytest.raises(ConfigurationError) as caught:
+        InitialSigma(5.0, 2.4, -1.0)
+    message = "position_km = -1.0 must be a number above 0; velocity_m_s is missing"
+    assert str(caught.value) == message
+    with pytest.raises(ConfigurationError, match="pool = 2 must be at least as large as starts"):
+        BatchSettings(pool=np.int64(2))
 
 
 def test_the_front_is_of_what_slots_and_satellites_allow(config):

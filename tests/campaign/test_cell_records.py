@@ -1,113 +1,106 @@
-"""What a cell keeps on request: it is what the run had, and it goes out and comes back."""
+"""Records of a cell on request: they agree with the run, and are exported and read back."""
 
 import json
+from functools import cache
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from campaign_folder import ROOT, read_campaign
+from small_cells import cell_inputs, settings_of_cell
 
-from cislunar.campaign.data.inputs import sun_at, sun_dataset
-from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.campaign.data.inputs import sun_at
+from cislunar.campaign.data.own_targets import own_tracked_dataset
+from cislunar.campaign.settings.cell_settings import cell_settings
 from cislunar.campaign.settings.cell_tree import CellSettings
-from cislunar.campaign.settings.cells import Cell, cell_settings
+from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.library import loop_settings
 from cislunar.campaign.settings.reading import merged, typed
-from cislunar.campaign.tracking.cell import CellInputs, tracking_problem
+from cislunar.campaign.tracking.cell import tracking_problem
 from cislunar.campaign.tracking.dataset import cell_dataset, write_cell
 from cislunar.campaign.tracking.records import cell_arcs, frame_epoch
-from cislunar.constants import EPOCH_JD, SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError
 from cislunar.evaluation.metrics import attitude_angle_deg
 from cislunar.exchange.arcs import COMMENTS, rotating_arc
 from cislunar.exchange.oem import oem_text, read_oem
 from cislunar.figures.tracking.norms import selected_targets_figure
-from cislunar.orbits.families import observer_library
+from cislunar.runtime.netcdf import read_dataset, write_dataset
 from cislunar.tasking.settings import RECORDABLE
 
 
 @pytest.fixture(scope="module")
 def inputs():
-    halo = observer_library({"Halo_L2_S": 3})
-    orbits = xr.Dataset(
-        {
-            "state": (("row", "component"), halo.state),
-            "period": ("row", halo.period),
-            "family": ("row", list(halo.family)),
-        }
-    )
-    settings = {
-        "epoch_jd": EPOCH_JD,
-        "ephemeris": {"kernel": "de421", "step_minutes": 60},
-        "visibility": {"duration_days": 1},
-    }
-    return CellInputs(
-        architecture=xr.Dataset({"orbit": ("slot", [0, 2]), "satellites": ("slot", [2, 1])}),
-        orbits=orbits.rename(row="orbit"),
-        tracked=orbits.rename(row="target"),
-        sun=sun_dataset(settings),
-    )
+    return cell_inputs(duration_days=1)
 
 
 def cell_of(record, estimator="mukf"):
     """A small cell and its settings."""
-    settings = cell_settings(
-        read_campaign(ROOT / "config")["task2"]
-        | {"seeds": 2, "duration_hours": 2, "record_minutes": 20, "record": record}
-    )
-    settings = merged(settings, {"sensor": {"limiting_magnitude": 25}})
-    return Cell("A", "tpe", estimator, 3, 60), settings
+    return Cell("A", "tpe", estimator, 3, 60), settings_of_cell({"seeds": 2, "record": record})
 
 
-def made(inputs, record, estimator="mukf"):
-    cell, settings = cell_of(record, estimator)
-    return cell_dataset(cell, inputs, settings, propagator="dop853", seed=3)
+@pytest.fixture(scope="module")
+def run(inputs):
+    """Data sets of cells in memory, each computed once."""
+
+    @cache
+    def dataset(estimator, *record):
+        cell, settings = cell_of(list(record), estimator)
+        return cell_dataset(cell, inputs, settings, propagator="dop853", seed=3)
+
+    return dataset
 
 
 @pytest.fixture(scope="module", params=["mukf", "batch"])
-def recorded(request, inputs):
-    return made(inputs, list(RECORDABLE), request.param)
+def estimator(request):
+    return request.param
 
 
-def test_nothing_asked_for_leaves_no_trace(inputs, recorded):
+@pytest.fixture(scope="module")
+def recorded(run, estimator):
+    return run(estimator, *RECORDABLE)
+
+
+def written(inputs, path, cell, settings, **options):
+    """The data set of a cell that was written to a file."""
+    write_cell(cell, inputs, settings, path, propagator="dop853", seed=3, **options)
+    return read_dataset(path)
+
+
+def test_without_a_request_nothing_is_recorded(run, estimator, recorded):
     assert "record" not in cell_settings(read_campaign(ROOT / "config")["task2"])
-    plain = made(inputs, [], recorded_estimator(recorded))
+    plain = run(estimator)
     assert '"record"' not in plain.attrs["settings"]
     assert set(plain.variables) < set(recorded.variables)
     for name in plain.variables:
         np.testing.assert_array_equal(plain[name], recorded[name])
 
 
-def recorded_estimator(cell):
-    return "batch" if '"estimator": "batch"' in cell.attrs["settings"] else "mukf"
-
-
-def test_everything_recorded_has_unit_and_meaning(recorded, tmp_path):
+def test_every_record_has_a_unit_and_a_description(recorded, tmp_path):
     write_dataset(recorded, tmp_path / "cell.nc")
-    assert recorded["look_magnitude"].attrs["units"] == "mag"
+    assert recorded["observation_magnitude"].attrs["units"] == "mag"
 
 
-def test_the_file_of_a_cell_is_what_is_held_in_memory(inputs, recorded, tmp_path):
-    """Variables, values, types and attributes, however often it is kept on the way."""
-    cell, settings = cell_of(list(RECORDABLE), recorded_estimator(recorded))
-    for name, least_s in (("seldom.nc", 60.0), ("often.nc", 0.0)):
-        path = tmp_path / name
-        given = {"propagator": "dop853", "seed": 3, "checkpoint_s": least_s}
-        write_cell(cell, inputs, settings, path, **given)
-        xr.testing.assert_identical(read_dataset(path), recorded)
-        types = {name: each.dtype for name, each in read_dataset(path).variables.items()}
+def test_the_file_of_a_cell_is_identical_to_the_data_set_in_memory(
+    inputs, recorded, estimator, tmp_path
+):
+    """Variables, values, types and attributes, whatever the interval of checkpoints."""
+    small = cell_of(list(RECORDABLE), estimator)
+    for name, least_s in (("seldom.nc", 1e9), ("often.nc", 0.0)):
+        found = written(inputs, tmp_path / name, *small, checkpoint_s=least_s)
+        xr.testing.assert_identical(found, recorded)
+        types = {name: each.dtype for name, each in found.variables.items()}
         assert types == {name: each.dtype for name, each in recorded.variables.items()}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["often.nc", "seldom.nc"]
     assert (tmp_path / "often.nc").read_bytes() == (tmp_path / "seldom.nc").read_bytes()
 
 
-def test_histories_may_be_left_out_and_change_nothing_else(inputs, recorded, tmp_path):
-    cell, settings = cell_of([], recorded_estimator(recorded))
-    settings, path = settings | {"histories": []}, tmp_path / "cell.nc"
-    write_cell(cell, inputs, settings, path, propagator="dop853", seed=3)
-    some = read_dataset(path)
+def test_histories_may_be_omitted_without_other_changes(inputs, recorded, estimator, tmp_path):
+    cell, settings = cell_of([], estimator)
+    some = written(inputs, tmp_path / "cell.nc", cell, settings | {"histories": []})
     assert {"error", "sigma", "bound"}.isdisjoint(some.variables)
     assert (
         '"histories"' in some.attrs["settings"] and '"histories"' not in recorded.attrs["settings"]
@@ -136,14 +129,19 @@ def test_covariances_have_the_deviations_on_their_diagonal(recorded):
     np.testing.assert_array_equal(diagonal.astype(np.float32), recorded["sigma"][..., 6:])
 
 
-def test_looks_are_the_fates_and_see_the_truth(recorded):
-    own = {name: recorded[f"look_{name}"].values for name in ("seed", "step", "target", "observer")}
-    fate = np.zeros(recorded["fate"].shape, dtype=np.uint8)
-    np.maximum.at(fate, (own["seed"], own["step"], own["target"]), recorded["look_fate"].values)
-    np.testing.assert_array_equal(fate, recorded["fate"])
-    seen = np.isfinite(recorded["look_magnitude"].values)
+def test_observations_agree_with_outcomes_and_truth(recorded):
+    own = {
+        name: recorded[f"observation_{name}"].values
+        for name in ("seed", "step", "target", "observer")
+    }
+    outcome = np.zeros(recorded["outcome"].shape, dtype=np.uint8)
+    np.maximum.at(
+        outcome, (own["seed"], own["step"], own["target"]), recorded["observation_outcome"].values
+    )
+    np.testing.assert_array_equal(outcome, recorded["outcome"])
+    seen = np.isfinite(recorded["observation_magnitude"].values)
     assert seen.sum() > 100
-    # at a recorded time the measured direction is that of the true place, within the noise
+    # at a recorded time the measured direction is the true one, within the noise
     times = recorded["step"].values[own["step"]]
     at = np.searchsorted(recorded["time"].values, times)
     chosen = seen & (recorded["time"].values[np.minimum(at, recorded.sizes["time"] - 1)] == times)
@@ -154,17 +152,19 @@ def test_looks_are_the_fates_and_see_the_truth(recorded):
     observer = recorded["observer_position"].values[own["observer"][rows], own["step"][rows]]
     axes = recorded["observer_axes"].values[own["step"][rows]]
     x, y, z = np.einsum("rij,rj->ir", axes, place - observer)
-    variance = recorded["look_angle_variance"].values[rows]
-    off = recorded["look_declination"].values[rows] - np.arctan2(z, np.hypot(x, y))
+    variance = recorded["observation_angle_variance"].values[rows]
+    off = recorded["observation_declination"].values[rows] - np.arctan2(z, np.hypot(x, y))
     assert np.all(np.abs(off) < 6.0 * np.sqrt(variance))
-    off = np.angle(np.exp(1j * (recorded["look_right_ascension"].values[rows] - np.arctan2(y, x))))
+    off = np.angle(
+        np.exp(1j * (recorded["observation_right_ascension"].values[rows] - np.arctan2(y, x)))
+    )
     assert np.all(np.abs(off) < 6.0 * np.sqrt(variance))
-    # and the telescope points there, within its field of view
+    # and the telescope points in this direction, within its field of view
     pointing = recorded["pointing"].values[own["seed"][rows], at[rows], own["observer"][rows]]
     assert np.all(np.abs(pointing[:, 1] - np.arctan2(z, np.hypot(x, y))) < np.deg2rad(1.5))
 
 
-def test_a_later_day_and_free_phases_move_everything_to_where_it_is_then(inputs):
+def test_a_later_day_and_free_phases_move_observers_sun_and_targets(inputs):
     cell, settings = cell_of([])
     assert "start_day" not in settings
     phased = inputs.architecture.assign(phase=("slot", [0.25, 0.5]))
@@ -199,7 +199,7 @@ def test_arcs_of_a_later_day_have_its_dates(inputs, recorded):
 
 
 @pytest.mark.parametrize("which", ["estimated", "true"])
-def test_a_cell_goes_out_and_comes_back(inputs, recorded, tmp_path, which):
+def test_an_exported_cell_is_read_back(inputs, recorded, tmp_path, which):
     arcs = cell_arcs(recorded, inputs.sun, which, seed=1)
     assert [each.name for each in arcs] == [f"Halo_L2_S {k}" for k in recorded["target_id"].values]
     path = tmp_path / "cell.oem"
@@ -212,13 +212,30 @@ def test_a_cell_goes_out_and_comes_back(inputs, recorded, tmp_path, which):
         assert len(back.covariance) == (len(wanted) if which == "estimated" else 0)
 
 
-def test_what_was_not_recorded_is_refused(inputs):
-    plain = made(inputs, ["measurements"])
+def test_ids_of_a_users_table_reach_the_data_set_and_the_message(inputs, tmp_path):
+    table = ROOT / "config/examples/targets.csv"
+    cell, settings = cell_of(["estimates"])
+    given = inputs._replace(tracked=own_tracked_dataset(table))
+    found = cell_dataset(cell, given, settings, propagator="dop853", seed=3)
+    names = pd.read_csv(table)["id"].to_numpy()[found["target_id"].values]
+    assert found["target_name"].values.tolist() == names.tolist()
+    path = tmp_path / "cell.oem"
+    path.write_text(oem_text(cell_arcs(found, inputs.sun), created="2030-01-01T00:00:00"))
+    assert [each.name for each in read_oem(path)] == names.tolist()
+
+
+def test_targets_of_the_library_are_named_by_class_and_row(recorded):
+    named = [f"Halo_L2_S {row}" for row in recorded["target_id"].values]
+    assert recorded["target_name"].values.tolist() == named
+
+
+def test_missing_records_are_refused(inputs, run):
+    plain = run("mukf", "measurements")
     with pytest.raises(
         ConfigurationError, match=r"no true_translation: add truth to 'task2\.record'"
     ):
         cell_arcs(plain, inputs.sun, "true")
-    assert "pointing" not in plain and "look_step" in plain
+    assert "pointing" not in plain and "observation_step" in plain
 
 
 @pytest.mark.parametrize("record", [["light"], "truth", ["truth", "truth"], [1]])
@@ -228,37 +245,33 @@ def test_impossible_records_name_the_key(tmp_path, record):
         check_campaign(merged(config, {"task2": {"record": record}}))
 
 
-def test_a_schedule_of_slots_is_in_the_file(inputs, tmp_path):
-    """With every look: who was told to look at what is who did."""
+def test_the_file_has_the_schedule_of_slots(inputs, tmp_path):
+    """Every observation is one that the schedule assigns."""
     cell, settings = cell_of(["measurements"])
     changed = {"slot_minutes": 40, "observers_per_target": 2, "detection": "learned"}
-    settings = merged(settings, {"tasking": changed})
-    path = tmp_path / "cell.nc"
-    write_cell(cell, inputs, settings, path, propagator="dop853", seed=3)
-    kept = read_dataset(path)
+    kept = written(inputs, tmp_path / "cell.nc", cell, merged(settings, {"tasking": changed}))
     assert kept["assignment"].dims == ("seed", "epoch", "slot", "observer")
-    step, seed, observer = (kept[f"look_{key}"].values for key in ("step", "seed", "observer"))
+    step, seed, observer = (
+        kept[f"observation_{key}"].values for key in ("step", "seed", "observer")
+    )
     at = seed, step // 60, step % 60 // 40, observer
-    np.testing.assert_array_equal(kept["assignment"].values[at], kept["look_target"].values)
+    np.testing.assert_array_equal(kept["assignment"].values[at], kept["observation_target"].values)
     first, second = (kept["assignment"][:, :, slot] >= 0 for slot in range(2))
-    looks = 40 * first.sum() + 20 * second.sum()
-    assert step.size == looks > 0
+    observations = 40 * first.sum() + 20 * second.sum()
+    assert step.size == observations > 0
     assert np.all(kept["planning_gap"] < 1e-6) and kept["brightness_offset"].shape == (2, 2, 3)
 
 
-def test_late_measurements_of_single_observers_are_told_apart(inputs, tmp_path):
-    """What is still under way at the end has been looked at, and has taught nobody anything."""
+def test_late_measurements_and_separate_observers(inputs, run, tmp_path):
+    """Measurements that are pending at the end count as taken and cause no update."""
     cell, settings = cell_of([])
-    kept = {}
+    kept = {"usual": run("mukf")}
     for name, changed in (
-        ("usual", {}),
         ("late", {"communication": {"delay_minutes": 100, "contact": {"moon": True}}}),
         ("alone", {"fusion": "alone"}),
     ):
-        path = tmp_path / f"{name}.nc"
-        write_cell(cell, inputs, merged(settings, changed), path, propagator="dop853", seed=3)
-        kept[name] = read_dataset(path)
-    np.testing.assert_array_equal(kept["late"]["fate"][:, :60], kept["usual"]["fate"][:, :60])
+        kept[name] = written(inputs, tmp_path / f"{name}.nc", cell, merged(settings, changed))
+    np.testing.assert_array_equal(kept["late"]["outcome"][:, :60], kept["usual"]["outcome"][:, :60])
     updates = [kept[name]["updates"].values.sum() for name in ("usual", "late", "alone")]
     assert 0 <= updates[1] < updates[0] and updates[2] > 0
     assert json.loads(kept["alone"].attrs["settings"])["fusion"] == "alone"

@@ -1,4 +1,4 @@
-"""A run that breaks off goes on from its last whole checkpoint, and comes to the same."""
+"""An interrupted run continues from its last complete checkpoint, with the same results."""
 
 import errno
 import os
@@ -11,14 +11,14 @@ from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.closed_loop import ClosedLoop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.recording import gathered
+from cislunar.tasking.recording import collect
 from cislunar.tasking.settings import RECORDABLE
 
 MADE_BY = {"title": "two seeds of 50 hours", "settings": '{"step_s": 600, "sensor": {"noise": 1}}'}
 
 
 class Killed(Exception):
-    """Raised where the run is to break off."""
+    """Raised where the run is interrupted."""
 
 
 def loop_of(estimator="mukf", n_targets=3):
@@ -30,7 +30,7 @@ def loop_of(estimator="mukf", n_targets=3):
 
 
 def run(folder, estimator="mukf", made_by=MADE_BY, until=None, least_s=0.0):
-    """Pieces and metrics, and the first epoch that was worked through."""
+    """Pieces and metrics, and the first epoch that was computed."""
     calls = []
 
     def progress(done, total):
@@ -45,10 +45,12 @@ def run(folder, estimator="mukf", made_by=MADE_BY, until=None, least_s=0.0):
 
 
 def everything(checkpoint, loop):
-    """All that a run came to, by name."""
-    kept, looks = gathered(checkpoint.pieces(), 2, loop.lengths)
+    """All results of a run, by name."""
+    kept, observations = collect(checkpoint.pieces(), 2, loop.lengths)
     metrics, failed, counters = loop.ends()
-    return kept | looks._asdict() | metrics._asdict() | {"failed": failed, "counters": counters}
+    return (
+        kept | observations._asdict() | metrics._asdict() | {"failed": failed, "counters": counters}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +67,8 @@ def assert_same(found, wanted):
 
 @pytest.mark.parametrize("estimator", ["mukf", "batch"])
 @pytest.mark.parametrize(("until", "again"), [(20, 13), (26, 26), (40, 38)])
-def test_a_killed_run_goes_on_from_its_last_day(tmp_path, whole, estimator, until, again):
-    """A seed has 25 tasking epochs, twelve a day; to the last bit."""
+def test_a_killed_run_continues_from_its_last_day(tmp_path, whole, estimator, until, again):
+    """To the last bit; a seed has 25 tasking epochs, twelve a day."""
     with pytest.raises(Killed):
         run(tmp_path / "kept", estimator, until=until)
     found, first = run(tmp_path / "kept", estimator)
@@ -74,7 +76,7 @@ def test_a_killed_run_goes_on_from_its_last_day(tmp_path, whole, estimator, unti
     assert_same(found, whole[estimator])
 
 
-def test_realizations_run_by_themselves_are_taken_from_disk(tmp_path, whole):
+def test_realizations_run_separately_are_read_from_disk(tmp_path, whole):
     for realization in (1, 0):
         Checkpoint(tmp_path / "kept", loop_of(), MADE_BY).run(realization=realization)
     found, first = run(tmp_path / "kept")
@@ -84,12 +86,12 @@ def test_realizations_run_by_themselves_are_taken_from_disk(tmp_path, whole):
 
 def test_a_short_run_leaves_nothing_on_disk(tmp_path, whole):
     with pytest.raises(Killed):
-        run(tmp_path / "kept", until=40, least_s=60.0)
+        run(tmp_path / "kept", until=40, least_s=3600.0)
     assert not (tmp_path / "kept").exists()
 
 
-def test_a_full_disk_leaves_the_last_whole_checkpoint(tmp_path, whole, monkeypatch):
-    """Pieces of the second day fit, the state after them does not."""
+def test_a_full_disk_leaves_the_last_complete_checkpoint(tmp_path, whole, monkeypatch):
+    """The pieces of the second day fit on the disk, the state after them does not."""
     calls = []
 
     def full(descriptor):
@@ -125,8 +127,8 @@ def test_a_checkpoint_of_another_run_is_refused_by_name(tmp_path):
         run(folder)
 
 
-def test_what_is_carried_on_does_not_grow_with_the_length(tmp_path):
-    """The filter's checkpoint after two days is that after one, but for a few counters."""
+def test_the_size_of_a_checkpoint_does_not_grow_with_the_run(tmp_path):
+    """The filter's checkpoints after one and two days have the same size within 1 %."""
     sizes = []
     for name, until in (("one", 13), ("two", 25)):
         with pytest.raises(Killed):

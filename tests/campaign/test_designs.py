@@ -9,26 +9,32 @@ import pytest
 import xarray as xr
 from campaign_folder import ROOT, copy_workflow, read_campaign, snakemake, with_change
 
-from cislunar.campaign.architectures import goals
+from cislunar.campaign.architectures import objectives
 from cislunar.campaign.architectures.designs import design_dataset, objective_front_dataset
-from cislunar.campaign.architectures.elsewhere import elsewhere_rows
-from cislunar.campaign.architectures.goals import World, check_places
-from cislunar.campaign.architectures.moving import Moving
-from cislunar.campaign.architectures.objectives_table import objective_row, of_front, single
+from cislunar.campaign.architectures.generalization import generalization_rows
+from cislunar.campaign.architectures.moving import MovingTargets
+from cislunar.campaign.architectures.objectives import ArchitectureInputs, check_orbit_slots
+from cislunar.campaign.architectures.objectives_table import (
+    front_architectures,
+    objective_row,
+    single_architecture,
+)
 from cislunar.campaign.architectures.visibility import architecture_coverage
 from cislunar.campaign.data.inputs import orbit_set_dataset, sun_dataset
-from cislunar.campaign.data.netcdf import read_dataset, write_dataset
-from cislunar.campaign.settings.cells import campaign_cells, cell_settings, most_alike
+from cislunar.campaign.settings.cell_settings import cell_settings
+from cislunar.campaign.settings.cells import campaign_cells, most_alike
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
-from cislunar.campaign.settings.preflight import crowded_goals
+from cislunar.campaign.settings.preflight import crowded_objectives
 from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.settings.scenarios import in_study, information_of, scenario_settings
-from cislunar.campaign.tracking.objective_ranks import rank_correlation, rank_rows
+from cislunar.campaign.tracking.comparisons import rank_correlation
+from cislunar.campaign.tracking.tables import rank_rows
 from cislunar.errors import ConfigurationError
 from cislunar.figures.search.objectives import objectives_figure, tracking_errors
 from cislunar.orbits.families import observer_library
 from cislunar.orbits.station_keeping import station_keeping_m_s
+from cislunar.runtime.netcdf import read_dataset, write_dataset
 
 WANTED = {"phases": 3, "fold": 1, "max_stability_index": None, "satellites": 3}
 WANTED |= {"method": "certified", "evaluations": None}
@@ -45,7 +51,7 @@ def paper(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def settings(paper):
-    """Settings as the workflow hands them to jobs, of a small scenario."""
+    """Settings of a small scenario, as the workflow passes them to jobs."""
     own = scenario_settings(paper, "A")
     few = {"targets": 3, "target_seed": 2, "windows": 2, "window_hours": 12, "step_hours": 4}
     return {
@@ -60,12 +66,12 @@ def settings(paper):
 
 
 @pytest.fixture(scope="module")
-def world(settings):
+def inputs(settings):
     orbits = observer_library({"Halo_L2_S": 2, "Lyap_L1": 2})
     targets = np.random.default_rng(4).normal([1.0, 0.0, 0.0], 0.15, (9, 3))
     moving = observer_library({"Halo_L1_N": 3, "Halo_L2_N": 2})
     sun = settings | {"ephemeris": {"kernel": "de421", "step_minutes": 60}}
-    return World(
+    return ArchitectureInputs(
         orbit_set_dataset(orbits, "orbit", "orbits", {}),
         xr.Dataset({"position": (("target", "axis"), targets)}),
         orbit_set_dataset(moving, "target", "targets", {}),
@@ -77,16 +83,18 @@ GIVEN = {"scenario": "A", "name": "mine", "seed": 7}
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
-def test_a_design_is_what_its_objective_says_and_is_read_back(world, settings, tmp_path, objective):
-    found = design_dataset(WANTED | {"objective": objective}, world, settings, **GIVEN)
+def test_a_design_has_the_value_of_its_objective_and_is_read_back(
+    inputs, settings, tmp_path, objective
+):
+    found = design_dataset(WANTED | {"objective": objective}, inputs, settings, **GIVEN)
     write_dataset(found, tmp_path / "mine.nc")
     read = read_dataset(tmp_path / "mine.nc")
-    flown = single("mine", read)
+    flown = single_architecture("mine", read)
     assert flown.objective == objective and flown.satellites.tolist() == [1, 1, 1]
     assert set(np.round(3.0 * flown.phase, 12)) <= {0.0, 1.0, 2.0}
     assert flown.measured["bound"] >= flown.measured["value"] >= flown.measured["greedy"] > 0.0
-    moving = Moving(world.tracked, world.sun, settings, scenario="A", seed=7)
-    row = objective_row("A", flown, world, settings, moving)
+    moving = MovingTargets(inputs.tracked, inputs.sun, settings, scenario="A", seed=7)
+    row = objective_row("A", flown, inputs, settings, moving)
     by_name = {"coverage": "union_coverage", "target-days": "target_days"}
     by_name |= {"information": "information_nat", "attitude": "attitude_nat"}
     if objective in by_name:
@@ -95,40 +103,42 @@ def test_a_design_is_what_its_objective_says_and_is_read_back(world, settings, t
     assert row["unit"] == ("nat" if objective in ("information", "attitude") else "1")
 
 
-def test_a_design_in_slots_has_their_satellites(world, settings):
+def test_a_design_in_slots_has_their_satellites(inputs, settings):
     wanted = WANTED | {"objective": "coverage", "phases": None, "satellites": 5}
-    found = design_dataset(wanted, world, settings, **GIVEN)
+    found = design_dataset(wanted, inputs, settings, **GIVEN)
     assert found["satellites"].values.sum() == 5 and found.sizes["slot"] == 2
     assert not found["phase"].values.any()
     ways = found["orbit"].values, found["satellites"].values
-    covered = architecture_coverage(*ways, *world[:2], world.sun, settings)
+    covered = architecture_coverage(*ways, *inputs[:2], inputs.sun, settings)
     assert covered.union_coverage == pytest.approx(float(found["value"]))
-    by_J = design_dataset(wanted | {"objective": "J"}, world, settings, **GIVEN)
-    assert single("mine", by_J).measured["value"] == pytest.approx(float(by_J["J"]), rel=1e-12)
+    by_J = design_dataset(wanted | {"objective": "J"}, inputs, settings, **GIVEN)
+    assert single_architecture("mine", by_J).measured["value"] == pytest.approx(
+        float(by_J["J"]), rel=1e-12
+    )
     assert float(by_J["bound"]) == float(by_J["value"]) >= float(found["J"])
 
 
-def test_orbits_that_are_dear_to_stay_on_are_left_out(world, settings):
+def test_orbits_of_expensive_station_keeping_are_excluded(inputs, settings):
     wanted = WANTED | {"objective": "coverage", "satellites": 2}
-    states = zip(world.orbits["state"].values, world.orbits["period"].values, strict=True)
+    states = zip(inputs.orbits["state"].values, inputs.orbits["period"].values, strict=True)
     cost = np.array([station_keeping_m_s(*each) for each in states])
     cap = float(np.sort(cost)[1])
-    found = design_dataset(wanted | {"max_station_keeping_m_s": cap}, world, settings, **GIVEN)
+    found = design_dataset(wanted | {"max_station_keeping_m_s": cap}, inputs, settings, **GIVEN)
     assert set(found["orbit"].values) <= set(np.flatnonzero(cost <= cap))
     with pytest.raises(ConfigurationError, match="max_station_keeping_m_s = 1e-06 leaves no"):
-        design_dataset(wanted | {"max_station_keeping_m_s": 1e-6}, world, settings, **GIVEN)
+        design_dataset(wanted | {"max_station_keeping_m_s": 1e-6}, inputs, settings, **GIVEN)
 
 
 @pytest.mark.parametrize("phases, satellites", [(3, 6), (None, 5)])
-def test_places_by_chance_are_distinct_and_hang_on_the_name(world, settings, phases, satellites):
+def test_random_orbit_slots_differ_and_depend_on_the_name(inputs, settings, phases, satellites):
     wanted = {"objective": None, "method": "chance"}
     wanted = WANTED | wanted | {"phases": phases, "satellites": satellites}
-    drawn = [design_dataset(wanted, world, settings, **GIVEN | {"name": name}) for name in "aabcd"]
+    drawn = [design_dataset(wanted, inputs, settings, **GIVEN | {"name": name}) for name in "aabcd"]
     for one in drawn:
         assert one["satellites"].values.sum() == satellites
-        places = list(zip(one["orbit"].values, one["phase"].values, strict=True))
-        assert len(set(places)) == len(places) == (2 if phases is None else 6)
-        assert "value" not in one and single("a", one).objective == "chance"
+        slots = list(zip(one["orbit"].values, one["phase"].values, strict=True))
+        assert len(set(slots)) == len(slots) == (2 if phases is None else 6)
+        assert "value" not in one and single_architecture("a", one).objective == "chance"
     assert drawn[0].equals(drawn[1])
     assert not all(drawn[0].equals(other) for other in drawn[2:])
 
@@ -138,47 +148,47 @@ def test_places_by_chance_are_distinct_and_hang_on_the_name(world, settings, pha
     [("tpe", None, "compiled"), ("tpe", None, "hyperopt"), ("random", 2, "compiled")],
 )
 def test_the_papers_searches_take_the_objectives_and_stay_below_the_bound(
-    world, settings, method, evaluations, sampler
+    inputs, settings, method, evaluations, sampler
 ):
     search = {"labels": "index", "early_stop": 30, "max_evaluations": 40, "sampler": sampler}
     wanted = WANTED | {"objective": "information"}
-    most = float(design_dataset(wanted, world, settings, **GIVEN)["bound"])
+    most = float(design_dataset(wanted, inputs, settings, **GIVEN)["bound"])
     wanted |= {"method": method, "evaluations": evaluations}
-    found = design_dataset(wanted, world, settings | search, **GIVEN)
+    found = design_dataset(wanted, inputs, settings | search, **GIVEN)
     assert 0.0 < float(found["value"]) <= most and "bound" not in found
-    assert single("mine", found).measured == {"value": float(found["value"])}
+    assert single_architecture("mine", found).measured == {"value": float(found["value"])}
     with pytest.raises(ConfigurationError, match="1 evaluations found no architecture of distinct"):
         design_dataset(
             wanted | {"method": "random", "evaluations": 1, "satellites": 12, "phases": 3},
-            world, settings | search, **GIVEN,
+            inputs, settings | search, **GIVEN,
         )  # fmt: skip
 
 
-def test_fronts_hold_every_number_and_draw(world, settings):
-    moving = Moving(world.tracked, world.sun, settings, scenario="A", seed=7)
+def test_fronts_have_every_number_of_satellites_and_are_drawn(inputs, settings):
+    moving = MovingTargets(inputs.tracked, inputs.sun, settings, scenario="A", seed=7)
     rows = []
     for name, objective in (("seen", "coverage"), ("known", "information")):
         wanted = WANTED | {"objective": objective, "satellites": [4, 1, 2], "scenarios": ["A"]}
-        front = objective_front_dataset(wanted, world, settings, **GIVEN)
+        front = objective_front_dataset(wanted, inputs, settings, **GIVEN)
         assert front["total"].values.tolist() == [1, 2, 4]
-        # static targets that nobody can see leave coverage where it is
+        # static targets that no observer can see do not change coverage
         more = np.diff(front["value"].values)
         assert np.all(more > 0.0 if objective == "information" else more >= 0.0)
         assert np.all(front["bound"].values >= front["value"].values)
-        flown = list(of_front(name, front))
+        flown = list(front_architectures(name, front))
         assert [each.satellites.sum() for each in flown] == [1, 2, 4]
-        rows += [objective_row("A", each, world, settings, moving) for each in flown]
+        rows += [objective_row("A", each, inputs, settings, moving) for each in flown]
     table = pd.DataFrame(rows)
     seen, known = (table[table["front"] == name] for name in ("seen", "known"))
     np.testing.assert_allclose(seen["value"], seen["union_coverage"])
     np.testing.assert_allclose(known["value"], known["information_nat"])
-    # of each number, neither is better by the other's objective, up to the gap
+    # for each number, no front is better by the other objective, up to the gap
     assert np.all(known["union_coverage"].to_numpy() <= seen["bound"].to_numpy() * (1 + 1e-12))
     assert np.all(seen["information_nat"].to_numpy() <= known["bound"].to_numpy() * (1 + 1e-12))
-    design = design_dataset(WANTED | {"objective": "coverage"}, world, settings, **GIVEN)
-    rows.append(objective_row("A", single("mine", design), world, settings, moving))
+    design = design_dataset(WANTED | {"objective": "coverage"}, inputs, settings, **GIVEN)
+    rows.append(objective_row("A", single_architecture("mine", design), inputs, settings, moving))
     plain = design.drop_vars(["value", "bound", "greedy", "gap"]).drop_attrs()
-    rows.append(objective_row("A", single("tpe", plain), world, settings, moving))
+    rows.append(objective_row("A", single_architecture("tpe", plain), inputs, settings, moving))
     cell = {"quantity": "rmse_geometric_all", "part": "position", "variant": np.nan, "targets": 50}
     cell |= {"estimator": ["mukf", "mukf", "batch"], "scenario": "A", "interval_minutes": 60}
     cell |= {"architecture": ["mine", "tpe", "tpe"], "mean": [3.0, 30.0, 1.0]}
@@ -187,14 +197,19 @@ def test_fronts_hold_every_number_and_draw(world, settings):
     assert errors.to_dict() == {("A", "mine"): 3.0, ("A", "tpe"): 30.0}
     tables = {"A": pd.DataFrame(rows), "B": pd.DataFrame(rows)}
     figure = objectives_figure(tables, errors)
-    assert len(figure.axes) == 6 == len(objectives_figure(tables).axes)
+    # the last one is the color bar of the errors
+    assert len(figure.axes) - 1 == 6 == len(objectives_figure(tables).axes)
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert legend == ["most seen", "most known", "up to the proven bound", "by coverage", "TPE"]
-    bar = figure.axes[2].child_axes[0]
+    assert legend == [
+        "maximum coverage", "maximum orbit information", "up to the proven bound", "TPE"
+    ]  # fmt: skip
+    dotted = [handle.get_marker() != "none" for handle in figure.legends[0].legend_handles[:2]]
+    assert dotted == [True, False], "a design and a front by one objective share an entry"
+    bar = figure.axes[-1]
     assert bar.get_xlim()[0] < 3.0 < 30.0 < bar.get_xlim()[1]
 
 
-def test_a_design_may_look_at_targets_in_its_own_way(paper):
+def test_a_design_may_have_its_own_information_settings(paper):
     design = {"objective": "information", "satellites": 20, "information": {"window_hours": 12}}
     changed = with_change(paper, "architecture.designs.x", design)
     search = in_study(check_campaign(changed))["architecture"]
@@ -207,12 +222,12 @@ def test_a_design_may_look_at_targets_in_its_own_way(paper):
         check_campaign(with_change(paper, "architecture.designs.x", design))
 
 
-def test_targets_elsewhere_are_told_of_by_what_was_chosen_on_others(world, settings):
+def test_generalization_to_other_targets(inputs, settings):
     moving = observer_library({"Halo_L1_N": 3, "Lyap_L1": 3})
-    other = world._replace(tracked=orbit_set_dataset(moving, "target", "targets", {}))
+    other = inputs._replace(tracked=orbit_set_dataset(moving, "target", "targets", {}))
     wanted = {"satellites": [2, 3], "target_seeds": [5], "windows": 1, "least": 3}
-    given = settings | {"elsewhere": wanted}
-    table = pd.DataFrame(elsewhere_rows(other, given, scenario="A", seed=7))
+    given = settings | {"generalization": wanted}
+    table = pd.DataFrame(generalization_rows(other, given, scenario="A", seed=7))
     assert len(table) == 2 * 2 + 2 * 2 * 3 and (table["information_nat"] > 0.0).all()
     assert set(table["targets_of"]) == {5, "Halo", "Lyap"}
     assert set(table.loc[table["targets_by"] == "seed", "windows"]) == {1}
@@ -224,7 +239,7 @@ def test_targets_elsewhere_are_told_of_by_what_was_chosen_on_others(world, setti
             assert best >= 0.98 * by[of, number, "others"]
 
 
-def test_rank_correlations_are_those_of_the_ranks_and_know_what_is_better():
+def test_rank_correlations_and_their_intervals():
     rng = np.random.default_rng(3)
     truth = rng.random(40)
     noisy = truth + 0.6 * rng.random(40)
@@ -232,14 +247,14 @@ def test_rank_correlations_are_those_of_the_ranks_and_know_what_is_better():
     ranks = [np.argsort(np.argsort(values)) for values in (truth, noisy)]
     assert found.mean == pytest.approx(np.corrcoef(*ranks)[0, 1], rel=1e-12)
     assert found.low < found.mean < found.high <= 1.0 and found.count == 40
-    # the interval holds the correlation of the population as often as it says
-    held = 0
+    # the interval contains the correlation of the population with its confidence level
+    contained = 0
     for _ in range(400):
         one = rng.standard_normal(25)
         other = 0.7 * one + np.sqrt(1.0 - 0.49) * rng.standard_normal(25)
         each = rank_correlation(one, other)
-        held += each.low <= 6.0 / np.pi * np.arcsin(0.35) <= each.high
-    assert 0.92 <= held / 400 <= 0.98
+        contained += each.low <= 6.0 / np.pi * np.arcsin(0.35) <= each.high
+    assert 0.92 <= contained / 400 <= 0.98
     assert rank_correlation(truth[:12], 1.0 - 1e-12 * truth[:12]).count == 12
     assert np.isnan(rank_correlation(truth[:12], 1.0 - 1e-12 * truth[:12]).mean)  # all ties
     assert np.isnan(rank_correlation(truth[:9], noisy[:9]).mean)
@@ -267,7 +282,7 @@ def test_cells_that_differ_in_their_architecture_are_counted(paper):
     assert most_alike(with_families(in_study(changed))["task2"]) == 11
 
 
-def test_the_study_of_objectives_is_possible_and_ranks_forty_of_each_number(tmp_path):
+def test_the_study_of_objectives_is_valid_and_ranks_forty_of_each_number(tmp_path):
     study = read_campaign(ROOT / "config", ROOT / "config/objectives.yaml")
     checked = in_study(check_campaign(study | {"results": str(tmp_path)}))
     cells = campaign_cells(with_families(checked)["task2"])
@@ -287,9 +302,9 @@ DESIGN = {"objective": "information", "satellites": 20}
     "key, value, message",
     [
         ("designs.tpe", DESIGN, "name 'tpe' is taken"),
-        ("elsewhere.scenario", "Z", "'architecture.elsewhere.scenario' = 'Z' is none of"),
+        ("generalization.scenario", "Z", "'architecture.generalization.scenario' = 'Z' is none of"),
         ("designs.fronts", DESIGN, "name 'fronts' is taken"),
-        ("designs.x", DESIGN | {"phases": None}, "designs.x.phases' = null: information is that"),
+        ("designs.x", DESIGN | {"phases": None}, "designs.x.phases' = null: information is defined for"),
         ("designs.x", DESIGN | {"phases": None, "method": "tpe", "objective": "coverage"},
          "phases' = null: tpe does not keep"),
         ("designs.x", DESIGN | {"fold": 2}, "designs.x.fold' = 2"),
@@ -297,7 +312,7 @@ DESIGN = {"objective": "information", "satellites": 20}
         ("designs.x", DESIGN | {"satellites": 4000}, "4000 must lie in 1 .. 3020"),
         ("designs.x", DESIGN | {"method": "chance"}, "by chance has none; leave it out"),
         ("designs.x", {"satellites": 20}, "designs.x.objective': a design by certified needs one"),
-        ("designs.x", DESIGN | {"objective": "J"}, "phases' = 10: J is that of satellites in"),
+        ("designs.x", DESIGN | {"objective": "J"}, "phases' = 10: J is defined for satellites in"),
         ("designs.x", DESIGN | {"copies": 3}, "copies' = 3: all would be the same"),
         ("designs", {"x": {"satellites": 2, "method": "chance", "copies": 2}, "x-2": DESIGN},
          "'x-2' is a design and a copy"),
@@ -306,34 +321,34 @@ DESIGN = {"objective": "information", "satellites": 20}
         ("objective_fronts.x", {"objective": "coverage", "scenarios": ["D"]}, "'D' is none of A"),
     ],
 )  # fmt: skip
-def test_impossible_goals_name_their_key(paper, key, value, message):
+def test_impossible_objectives_name_their_key(paper, key, value, message):
     with pytest.raises(ConfigurationError, match=message):
         check_campaign(with_change(paper, f"architecture.{key}", value))
 
 
 @pytest.mark.parametrize(
-    "caps, places",
+    "caps, error",
     [
         ({"max_stability_index": None}, None),
         ({"max_stability_index": 1500}, None),
         ({"max_stability_index": 1}, "max_stability_index = 1 leaves no orbit"),
-        ({"max_stability_index": 2}, "70 satellites on 40 places, those on the 1 orbits"),
+        ({"max_stability_index": 2}, "70 satellites on 40 orbit slots, those on the 1 orbits"),
         ({"max_station_keeping_m_s": 0}, "max_station_keeping_m_s = 0 leaves no orbit"),
     ],
 )
-def test_more_satellites_than_caps_leave_places_are_refused_beforehand(
-    paper, world, monkeypatch, caps, places
+def test_more_satellites_than_allowed_orbit_slots_are_refused_early(
+    paper, inputs, monkeypatch, caps, error
 ):
-    monkeypatch.setattr(goals, "families_dataset", lambda settings: world.orbits)
+    monkeypatch.setattr(objectives, "families_dataset", lambda settings: inputs.orbits)
     wanted = DESIGN | {"phases": 40, "satellites": 70} | caps
     config = check_campaign(with_change(paper, "architecture.designs.x", wanted))
-    crowded = crowded_goals(config)
+    crowded = crowded_objectives(config)
     assert crowded == ({} if None in caps.values() else {"designs.x": 70})
-    if places is None:
-        check_places(config, crowded)
+    if error is None:
+        check_orbit_slots(config, crowded)
         return
-    with pytest.raises(ConfigurationError, match=rf"'architecture\.designs\.x': {places}"):
-        check_places(config, crowded)
+    with pytest.raises(ConfigurationError, match=rf"'architecture\.designs\.x': {error}"):
+        check_orbit_slots(config, crowded)
 
 
 @pytest.mark.parametrize(
@@ -354,7 +369,7 @@ def test_impossible_windows_name_their_key(paper, change, message):
     check_campaign(paper | {"architecture": nobody, "task2": tracked})
 
 
-def test_an_unknown_architecture_is_refused_and_a_design_is_known(paper):
+def test_an_unknown_architecture_is_refused_and_a_design_accepted(paper):
     changed = with_change(paper, "task2.architectures", ["mine"])
     with pytest.raises(ConfigurationError, match=r"an objective in 'architecture\.designs'"):
         check_campaign(changed)
@@ -371,11 +386,11 @@ def test_the_workflow_plans_designs_and_fronts(tmp_path):
     folder = copy_workflow(tmp_path)
     search = '{"designs": {"mine": {"objective": "information", "satellites": 3}}, '
     search += '"objective_fronts": {"seen": {"objective": "coverage", "scenarios": ["A"]}}}'
-    asked = ["task1", "results/quick/figures/objectives.png"]
-    asked.append("results/quick/task2/A/mine/mukf/nt20_dt60.nc")
+    requested = ["task1", "results/quick/figures/objectives.png"]
+    requested.append("results/quick/task2/A/mine/mukf/nt20_dt60.nc")
     output, code = snakemake(
         folder, "-n", "--configfile", "config/quick.yaml", "--config", f"architecture={search}",
-        "--", *asked,
+        "--", *requested,
     )  # fmt: skip
     assert code == 0, output[-3000:]
     planned = {"design": 3, "objective_front": 1, "objectives_table": 3, "objectives_figure": 1}

@@ -6,22 +6,6 @@ import pytest
 import xarray as xr
 from test_tracking_claims import make_summary
 
-from cislunar.campaign.documents.estimator_blocks import (
-    aware_tasking_block,
-    batch_settings_block,
-    estimators_block,
-    model_errors_block,
-)
-from cislunar.campaign.documents.estimator_blocks import (
-    headline_block as estimators_headline,
-)
-from cislunar.campaign.documents.real_block import (
-    NOT_RUN,
-    REAL_BLOCKS,
-    headline_block,
-    number_block,
-    study_table,
-)
 from cislunar.campaign.tracking.statistics import t_interval
 from cislunar.campaign.tracking.tables import (
     estimator_rows,
@@ -31,6 +15,8 @@ from cislunar.campaign.tracking.tables import (
 )
 from cislunar.figures.tracking.pooled import pooled_figure
 from cislunar.figures.tracking.trends import against_interval_figure, against_targets_figure
+from workflow.documents.blocks import BLOCKS, NOT_RUN
+from workflow.documents.real_block import REAL_BLOCKS, study_table
 
 
 def _labeled(summary, **labels):
@@ -71,21 +57,21 @@ def test_the_difference_is_the_other_less_the_first(summary):
     assert rows[rows["variant"] != ""].empty  # the filter has no such cells
 
 
-def test_blocks_tell_both_estimators_and_mark_what_is_missing(tables):
-    lines = estimators_block(tables).splitlines()
-    assert any(line.startswith("| 50 | filter of the paper |") and "10.0 (10)" in line
+def test_blocks_have_both_estimators_and_omit_missing_cells(tables):
+    lines = BLOCKS["estimators"](tables).splitlines()
+    assert any(line.startswith("| 50 | paper's filter (MUKF) |") and "10.0 (10)" in line
                for line in lines)  # fmt: skip
-    assert any(line.startswith("| 50 | batch |") and "1.0 (1)" in line for line in lines)
+    assert any(line.startswith("| 50 | batch estimator |") and "1.0 (1)" in line for line in lines)
     assert not any(line.startswith("| 202 |") for line in lines)
-    assert "| 50 | 10.0 | 1.0 |" in estimators_headline(tables)
-    settings = batch_settings_block(tables)
-    assert "| `accurate` | 50 |" in settings and "single-start" not in settings
+    assert "| 50 | 10.0 | 1.0 |" in BLOCKS["estimators-headline"](tables)
+    settings = BLOCKS["batch-settings"](tables)
+    assert "(`accurate`) | 50 |" in settings and "single-start" not in settings
 
 
-def test_attitude_in_the_tasking_is_told_as_a_difference(tables):
-    block = aware_tasking_block(tables)
-    line = next(part for part in block.splitlines() if "| 50 | batch |" in part)
-    assert line.startswith("| `full-information` |") and "+2.0 [" in line
+def test_attitude_in_the_tasking_is_shown_as_a_difference(tables):
+    block = BLOCKS["aware-tasking"](tables)
+    line = next(part for part in block.splitlines() if "| 50 | batch estimator |" in part)
+    assert "(`full-information`) |" in line and "+2.0 [" in line
 
 
 def test_model_errors_stand_beside_their_remedies():
@@ -100,7 +86,7 @@ def test_model_errors_stand_beside_their_remedies():
         for estimator, variant, also, coverage in cells
         for quantity in ("coverage", "inconsistent_rotation", "final_attitude_error_median")
     ]  # fmt: skip
-    block = model_errors_block({"model_error": pd.DataFrame(rows)})
+    block = BLOCKS["model-errors"]({"model_error": pd.DataFrame(rows)})
     line = block.splitlines()[-1]
     assert "0.400, 2.0, 2.0°" in line and "0.600, 2.0, 2.0°" in line
     assert "0.900, 2.0, 2.0° (`slope-25-wide`)" in line
@@ -111,10 +97,11 @@ def test_figures_hold_both_estimators_and_the_bound(summary, draw):
     figure = draw(summary, "estimator")
     texts = {text.get_text() for text in figure.legends[0].get_texts()}
     assert texts == {
-        "filter of the paper (MUKF)",
-        "multi-hypothesis batch",
+        "paper's filter (MUKF)",
+        "batch estimator",
         "Cramér-Rao bound",
         "median expected of an estimator at the bound",
+        "99.7 % (Gaussian errors)",
     }
     lost = next(axes for axes in figure.axes if "inconsistent" in axes.get_ylabel())
     heights = {round(float(np.mean(line.get_ydata())), 3)
@@ -167,29 +154,30 @@ def test_realizations_of_days_count_together(pooled):
     assert _custody(pooled, variant="paper", **cell)["seeds"] == 8
 
 
-def test_the_study_of_the_real_world_is_told_once_it_was_run(pooled, tmp_path):
-    assert headline_block({}) == "" and number_block({}) == NOT_RUN
+def test_the_pipelines_are_compared_once_the_study_was_run(pooled, tmp_path):
+    headline, number = BLOCKS["real-headline"], BLOCKS["real-number"]
+    assert headline({}) == "" and number({}) == NOT_RUN
     (tmp_path / "tables").mkdir()
     pooled.to_csv(tmp_path / "tables/pooled.csv", index=False)
     table = study_table(tmp_path)
-    head = headline_block({"real": table[table["targets"] == 100]})
-    assert "| ours, 20 satellites | 80 [" in head
-    assert "| the paper's, filter of the ephemeris, 43 satellites | 40 [" in head
-    assert len(number_block({"real": table}).splitlines()) > 6
-    assert all(make({"real": table}) for make in REAL_BLOCKS.values())
-    assert "| 80 [" in REAL_BLOCKS["real-verdict"]({"real": table})
+    head = headline({"real": table[table["targets"] == 100]})
+    assert "| recommended pipeline, 20 satellites | 80 [" in head
+    assert "| paper's pipeline, ephemeris filter, 43 satellites | 40 [" in head
+    assert number({"real": table}).count("\n| ") > 6
+    assert all(BLOCKS[name]({"real": table}) for name in REAL_BLOCKS)
+    assert "| 80 [" in BLOCKS["real-verdict"]({"real": table})
 
 
 def test_a_curve_for_each_pipeline(pooled):
     figure = pooled_figure(pooled[pooled["scenario"] == "A"])
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert texts == [
-        "information, batch",
-        "published, mukf, paper-ephemeris",
-        "published, mukf, paper",
+        "recommended pipeline",
+        "paper's pipeline, ephemeris filter",
+        "paper's pipeline as printed (CR3BP filter)",
     ]
     titles = [axes.get_title(loc="left") for axes in figure.axes]
-    assert sum("n_T" in title for title in titles) == 3
+    assert sum(title.endswith(" targets") for title in titles) == 3
     drawn = {round(float(np.mean(line.get_ydata())), 3)
              for line in figure.axes[2].lines if len(line.get_xdata()) == 2}  # fmt: skip
     assert drawn >= {80.0, 40.0, 0.0}

@@ -17,7 +17,8 @@ from campaign_folder import read_campaign
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from cislunar.campaign.settings.cells import body_files, campaign_cells, cell_settings
+from cislunar.campaign.settings.cell_settings import body_files, cell_settings
+from cislunar.campaign.settings.cells import campaign_cells
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.preflight import check_inputs

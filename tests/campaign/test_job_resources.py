@@ -7,13 +7,13 @@ import pandas as pd
 import pytest
 import yaml
 
-from cislunar.campaign.operation.job_resources import (
+from cislunar.errors import InputFileError
+from workflow.documents.job_resources import (
     BEGIN,
     measured_resources,
     requested,
     with_requests,
 )
-from cislunar.errors import InputFileError
 
 ROOT = Path(__file__).resolve().parents[2]
 RULES = ROOT / "workflow/rules"

@@ -7,12 +7,11 @@ import pytest
 from numba import njit
 from numba.core import event
 
-from cislunar.campaign.data import compilation
-from cislunar.campaign.data.compilation import announced
-from cislunar.campaign.data.progress import logger
-from cislunar.campaign.operation import kernels
 from cislunar.estimation.kalman import mukf_kernels
 from cislunar.photometry import facets
+from cislunar.runtime import compilation, kernels
+from cislunar.runtime.compilation import announced
+from cislunar.runtime.progress import logger
 
 KERNEL = "from numba import njit\n{}\n\n@njit(cache=True)\ndef kernel(x):\n    return x\n"
 SOURCES = {

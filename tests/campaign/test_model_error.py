@@ -11,7 +11,7 @@ from campaign_folder import read_campaign
 from cislunar.campaign.settings.cells import Cell, variant_cells
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.reading import merged
-from cislunar.campaign.tracking.model_errors import NONE, SEVERAL, drawn_errors, model_errors
+from cislunar.campaign.tracking.model_errors import NONE, SEVERAL, model_errors, plotted_errors
 from cislunar.campaign.tracking.statistics import t_interval
 from cislunar.campaign.tracking.summary import summary_dataset
 from cislunar.campaign.tracking.tables import ERROR_COLUMNS, ERROR_QUANTITIES, model_error_rows
@@ -29,7 +29,7 @@ def task2():
 
 
 def cell_data(level, seed):
-    """A stand-in for a tracking cell; errors grow with the level, realizations differ alike."""
+    """A synthetic tracking cell: errors grow with the level, realizations differ by an offset."""
     rng = np.random.default_rng(seed)
     shape = (SEEDS, TARGETS)
     offset = np.linspace(0.0, 0.1, SEEDS)[:, None]
@@ -52,9 +52,9 @@ def cell_data(level, seed):
         "information": (("seed", "epoch"), np.ones((SEEDS, 2))),
         "updates": (("seed", "target"), 1 + zeros.astype(int)),
         "assignment": (("seed", "epoch", "observer"), np.zeros((SEEDS, 2, 3), dtype=int)),
-        "fate": (("seed", "step", "target"), np.zeros((SEEDS, 5, TARGETS), dtype=int)),
+        "outcome": (("seed", "step", "target"), np.zeros((SEEDS, 5, TARGETS), dtype=int)),
     }
-    for name in ("out_of_field", "dark_sigma_points", "cholesky_failures", "failed"):
+    for name in ("out_of_field", "undetectable_sigma_points", "cholesky_failures", "failed"):
         data[name] = (("seed", "target"), zeros)
     return xr.Dataset(data, {"family": ("target", ["DRO"] * TARGETS)})
 
@@ -79,7 +79,7 @@ def test_errors_follow_from_the_configuration(task2):
         "slope-less-25": ("material.rms_slope", -25.0, "%"),
         "albedo-50": ("material.diffuse_albedo", 50.0, "%"),
         "reflectance-10": ("material.normal_reflectance", 10.0, "%"),
-        "stretch-20": ("body.stretch", 20.0, "%"),
+        "stretch-20": ("body.axis_scale", 20.0, "%"),
         "noise-half": ("sensor.magnitude_noise", -50.0, "%"),
         "noise-double": ("sensor.magnitude_noise", 100.0, "%"),
         "inertia-5": ("body.inertia", 5.0, "%"),
@@ -93,30 +93,30 @@ def test_errors_follow_from_the_configuration(task2):
     assert "irradiance" not in found
     joint = found["slope-10-joint"]
     assert (joint.error, joint.kind) == ("slope-10", "material.rms_slope")
-    assert "batch.unknowns.log_slope = 0.25" in joint.also
+    assert "batch.estimated_parameters.log_slope = 0.25" in joint.also
     assert (found["joint"].kind, found["joint"].size, found["joint"].error) == (NONE, 0.0, "")
     everything = found["everything-joint-turning"]
     assert (everything.error, everything.kind) == ("everything", SEVERAL)
     named = [cell.variant for cell in variant_cells(task2)]
-    assert all(error.variant in named for error in drawn_errors(task2))
+    assert all(error.variant in named for error in plotted_errors(task2))
 
 
-def test_a_remedy_is_told_and_measured_against_its_own_belief(task2):
+def test_a_remedy_is_named_and_its_error_is_relative_to_the_assumed_model(task2):
     truth = {"sensor": {"magnitude_noise": 0.2}}
     task2["variants"]["cells"] = {
-        "mended": {"targets": [50], "change": {"truth": truth, "sensor": {"magnitude_noise": 0.2}}},
+        "remedy": {"targets": [50], "change": {"truth": truth, "sensor": {"magnitude_noise": 0.2}}},
         "two": {"targets": [50], "change": {"truth": truth | {"material": {"rms_slope": 0.4}}}},
         "shape": {"targets": [50], "change": {"truth": {"body": {"shape": "other.obj"}}}},
         "inner": {"targets": [50], "change": {"truth": {"body": {"inertia": [1, 2, 2.5]}}}},
         "absent": {"targets": [], "change": {"truth": truth}},
     }
-    mended, two, shape, inner, absent = model_errors(task2)
-    assert (mended.size, mended.also) == (0.0, "sensor.magnitude_noise = 0.2")
+    remedied, two, shape, inner, absent = model_errors(task2)
+    assert (remedied.size, remedied.also) == (0.0, "sensor.magnitude_noise = 0.2")
     assert two.kind == SEVERAL and np.isnan(two.size)
     assert np.isnan(shape.size)
     assert inner.size == pytest.approx(150.0)
     assert absent.size == pytest.approx(100.0)
-    assert drawn_errors(task2) == [inner]
+    assert plotted_errors(task2) == [inner]
 
 
 def test_table_compares_seed_by_seed(task2):
@@ -132,7 +132,7 @@ def test_table_compares_seed_by_seed(task2):
     own = t_interval(changed)
     assert (row["mean"], row["low"], row["high"]) == pytest.approx(own[:3])
     assert row["usual"] == pytest.approx(usual.mean())
-    # realizations differ alike with and without the error, so the difference has no spread
+    # realizations differ by the same offsets with and without the error: no scatter remains
     assert row["difference"] == pytest.approx(2e-5 * LENGTH_UNIT_KM)
     assert row["difference_high"] - row["difference_low"] < 1e-9
     assert row["high"] - row["low"] > 0.01
@@ -145,7 +145,7 @@ def test_table_compares_seed_by_seed(task2):
     assert inconsistent["difference"].item() == 3.0
 
 
-def test_any_estimators_may_be_there(task2):
+def test_any_subset_of_estimators_may_be_present(task2):
     errors = model_errors(task2)
     both = model_error_rows(summary_with(["mukf", "batch"]), errors)
     assert set(both.estimator) == {"mukf", "batch"}
@@ -166,29 +166,33 @@ def test_curves_start_from_no_error(task2, tmp_path):
     assert curve(table, "angular_acceleration_deg_h2", "batch", "coverage").empty
     figure = model_error_figure(table)
     assert len(figure.axes) == 2 * len(ROWS)
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["MUKF", "batch"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "paper's filter (MUKF)",
+        "batch estimator",
+    ]
     drawn = figure.axes[0].lines[0].get_ydata()
     np.testing.assert_allclose(drawn, 100.0 * slopes["mean"])
 
 
-def test_remedies_are_drawn_apart(task2):
+def test_remedies_have_curves_of_their_own(task2):
     """A remedied variant has the size of its error and a curve without the cell of no error."""
     cells = task2["variants"]["cells"]
     truth = {"truth": {"material": {"rms_slope": 0.375}}}
     cells["slope-25"]["change"] = truth
-    cells["mended"] = {"targets": [50], "change": truth | {"process_noise": {"attitude_deg": 1}}}
+    cells["remedy"] = {"targets": [50], "change": truth | {"process_noise": {"attitude_deg": 1}}}
     found = [
         (Cell("A", "published", "mukf", 50, 60, name), cell_data(level, 0))
-        for name, level in (("", 0.0), ("slope-25", 3.0), ("mended", 1.0))
+        for name, level in (("", 0.0), ("slope-25", 3.0), ("remedy", 1.0))
     ]
     table = model_error_rows(summary_dataset(found, {}, 1), model_errors(task2))
     plain = curve(table, "material.rms_slope", "mukf", "coverage")
-    mended = curve(table, "material.rms_slope", "mukf", "coverage", remedied=True)
-    assert (plain["size"].tolist(), mended["size"].tolist()) == ([0.0, 25.0], [25.0])
-    assert mended["mean"].item() == pytest.approx(0.75)
-    assert mended["also"].item() == "process_noise.attitude_deg = 1"
+    remedied = curve(table, "material.rms_slope", "mukf", "coverage", remedied=True)
+    assert (plain["size"].tolist(), remedied["size"].tolist()) == ([0.0, 25.0], [25.0])
+    assert remedied["mean"].item() == pytest.approx(0.75)
+    assert remedied["also"].item() == "process_noise.attitude_deg = 1"
     legend = model_error_figure(table).legends[0]
-    assert [text.get_text() for text in legend.get_texts()] == ["MUKF", "MUKF, estimating more"]
+    name = "paper's filter (MUKF)"
+    assert [text.get_text() for text in legend.get_texts()] == [name, f"{name}, adapted settings"]
 
 
 def test_a_table_without_sizes_is_refused(task2):

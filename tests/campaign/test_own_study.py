@@ -1,4 +1,4 @@
-"""Scenarios of one's own: what they set for themselves, their tables of targets, their sweeps."""
+"""Scenarios of a user: their settings, tables of targets, and sweeps."""
 
 import datetime
 import json
@@ -12,16 +12,10 @@ import xarray as xr
 import yaml
 from campaign_folder import ROOT, copy_workflow, read_campaign, snakemake, with_change
 
-from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.data.own_targets import own_static_dataset, own_tracked_dataset
-from cislunar.campaign.operation.handing_over import tracking_kernels
-from cislunar.campaign.settings.cells import (
-    RECOMMENDED,
-    campaign_cells,
-    cell_settings,
-    in_mode,
-    variant_cells,
-)
+from cislunar.campaign.kernels import kernel_set, tracking_kernels
+from cislunar.campaign.settings.cell_settings import RECOMMENDED, cell_settings, in_mode
+from cislunar.campaign.settings.cells import campaign_cells, variant_cells
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import sweep_points, swept_cells, with_families
 from cislunar.campaign.settings.preflight import check_inputs, check_orbits
@@ -40,8 +34,9 @@ from cislunar.campaign.tracking.sweep_table import COLUMNS, plotted_values, swee
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.figures.search.sweep import sweep_figure
+from cislunar.runtime.netcdf import read_dataset
 from cislunar.targets.tables import load_target_positions, load_target_states
-from cislunar.tasking.simulation import epoch_states
+from cislunar.tasking.initial_conditions import epoch_states
 
 
 def _yaml(name):
@@ -61,10 +56,10 @@ def study(paper, monkeypatch):
     return merged(paper, _yaml("examples/own_study.yaml") | {"results": paper["results"]})
 
 
-# What a scenario sets for itself
+# Settings of a scenario
 
 
-def test_the_papers_scenarios_are_set_as_the_campaign(paper):
+def test_the_papers_scenarios_have_the_settings_of_the_campaign(paper):
     printed = {"photometry": {"irradiance": "4pi"}}
     printed["tasking"] = {"diffuse_reflection_coefficient": 0.5}
     for scenario in "ABC":
@@ -77,7 +72,7 @@ def test_the_papers_scenarios_are_set_as_the_campaign(paper):
     assert whole == paper
 
 
-def test_a_scenario_keeps_what_it_does_not_set(study):
+def test_a_scenario_inherits_other_settings(study):
     own = scenario_settings(study, "D")
     assert own["visibility"]["exclusion_deg"] == {"sun": 40, "moon": 8, "earth": 20}
     assert own["visibility"]["target_radius_m"] == study["visibility"]["target_radius_m"]
@@ -105,7 +100,7 @@ def test_scenarios_with_the_same_settings_share_their_data(study):
     assert shared_dataset(longer, "A", "targets/zvs_points") == "targets/zvs_points.nc"
 
 
-def test_what_refers_to_a_scenario_left_out_is_left_out(paper):
+def test_references_to_an_omitted_scenario_are_omitted(paper):
     changed = merged(paper, {"scenarios": {"A": None}})
     check_campaign(changed)
     left = in_study(changed)
@@ -120,7 +115,7 @@ def test_what_refers_to_a_scenario_left_out_is_left_out(paper):
         check_campaign(merged(paper, {"scenarios": dict.fromkeys("ABC")}))
 
 
-def test_a_variant_may_name_its_own_scenario(study):
+def test_a_variant_may_name_its_scenario(study):
     family = {"scenario": "D", "architecture": "exact", "targets": [6], "changes": {}}
     family["changes"]["few"] = {"seeds": 1}
     changed = with_change(study, "task2.variants.families.few", family)
@@ -153,11 +148,11 @@ def test_an_epoch_may_be_a_date(paper, date):
 @pytest.mark.parametrize(
     "date, message",
     [
-        ("2027-02-29", "'2027-02-29' is no date: write it like 2024-10-01T00:00:00"),
+        ("2027-02-29", "'2027-02-29' is not a date: write it like 2024-10-01T00:00:00"),
         ("1969-07-20", "must be a Julian date, at least 2,441,317.5, or a date like"),
         (True, "must be a Julian date"),
         ([2027, 3, 1], "must be a Julian date"),
-        ("soon", "'soon' is no date"),
+        ("soon", "'soon' is not a date"),
     ],
 )
 def test_an_epoch_that_is_no_date_is_refused_in_a_line(paper, date, message):
@@ -226,7 +221,7 @@ def test_a_faulty_table_of_observers_is_found_before_anything_runs(study, tmp_pa
         check_orbits(changed)
     table.write_text("id,x,y,z,vx,vy,vz\none,0.8,0.1,0.05,0.1,-0.2,0.1\n")
     check_orbits(changed)
-    # orbits that have been made since are not looked for again
+    # orbits that are newer than the table are not computed again
     made.parent.mkdir()
     made.touch()
     table.write_text("nonsense")
@@ -234,7 +229,7 @@ def test_a_faulty_table_of_observers_is_found_before_anything_runs(study, tmp_pa
     check_orbits(changed)
 
 
-def test_observers_of_ones_own_are_an_architecture(study):
+def test_observers_of_a_user_are_an_architecture(study):
     changed = with_change(study, "sweeps.noise.architecture", "pair")
     check_campaign(changed)
     assert swept_cells(changed, "noise")[0].path.startswith("task2/D/pair/")
@@ -304,7 +299,7 @@ def test_both_units_give_the_same_states(tmp_path):
         ([KM + ",period_days", "one,331602,0,0,0,.1,0,1e6"], "period_days = 1e+06, taken in days"),
     ],
 )
-def test_faulty_tables_of_targets_are_one_line_that_names_the_place(tmp_path, rows, message):
+def test_faults_of_target_tables_are_one_line_that_names_the_field(tmp_path, rows, message):
     path = table(tmp_path, *rows)
     with pytest.raises(InputFileError) as refused:
         load_target_states(path)
@@ -313,7 +308,7 @@ def test_faulty_tables_of_targets_are_one_line_that_names_the_place(tmp_path, ro
     assert "\n" not in str(refused.value)
 
 
-def test_what_is_no_table_is_refused(tmp_path):
+def test_unreadable_tables_are_refused(tmp_path):
     with pytest.raises(InputFileError, match=r"nowhere\.csv: no such file"):
         load_target_positions(tmp_path / "nowhere.csv")
     with pytest.raises(InputFileError, match="cannot be read as a table in UTF-8"):
@@ -332,7 +327,7 @@ def test_targets_without_a_period_start_at_their_states(tmp_path):
     assert np.abs(start[1] - tracked["state"].values[1]).max() > 1e-3
 
 
-def test_targets_said_to_be_on_closed_orbits_are(study, tmp_path):
+def test_targets_with_a_period_must_be_on_closed_orbits(study, tmp_path):
     row = f"two,{NEAR_RECTILINEAR},1.4"
     path = table(tmp_path, HEADER + ",period", "one,0.5,0.1,0,0.1,0.2,0,", row)
     changed = with_change(in_study(study), "scenarios.D.tracked", str(path))
@@ -387,7 +382,7 @@ def test_a_sweep_of_the_optimization_makes_scenarios(study):
     assert swept_cells(tracking, "limit")[0].path.startswith("task2/D-limit-17/exact/")
 
 
-def test_values_of_a_sweep_have_names_of_their_own(study):
+def test_values_of_a_sweep_have_different_names(study):
     values = [-1, 1, 1e-5, 0.5, True, "config/some missions.csv"]
     changed = with_change(study, "sweeps.noise.values", values)
     assert [point.variant.removeprefix("noise-") for point in sweep_points(changed, "noise")] == [
@@ -421,8 +416,8 @@ def test_the_table_of_a_sweep_has_every_value(study, tmp_path):
     assert set(table["key"]) == {"settings.task2.sensor.magnitude_noise"}
 
 
-def test_values_of_several_keys_go_by_their_names(paper, tmp_path):
-    """As in the study of tasking."""
+def test_values_of_several_keys_are_shown_by_their_names(paper, tmp_path):
+    """Tested with the study of tasking."""
     tasking = merged(paper, _yaml("tasking.yaml") | {"results": str(tmp_path)})
     study = in_study(check_campaign(tasking))
     points = sweep_points(study, "tasking")
@@ -433,7 +428,7 @@ def test_values_of_several_keys_go_by_their_names(paper, tmp_path):
     longer = {**RECOMMENDED, "slot_minutes": 30}
     assert in_mode({"mode": "recommended", "slot_minutes": 30}) == longer
     assert usual == cell_settings(own) and changed != usual["tasking"]
-    assert changed["slot_minutes"] == changed["credited_measurements"] == 20
+    assert changed["slot_minutes"] == changed["expected_measurements"] == 20
     table = sweep_rows("tasking", study["sweeps"]["tasking"], points, [], _summary(cells))
     assert list(table["value"].unique()) == [point.variant for point in points]
     assert sweep_figure(table).axes
@@ -447,7 +442,7 @@ def test_values_of_several_keys_go_by_their_names(paper, tmp_path):
 
 
 def test_a_sweep_may_change_several_keys_of_the_tracking(paper, tmp_path):
-    """The study of dynamics."""
+    """Tested with the study of dynamics."""
     changed = merged(paper, _yaml("dynamics.yaml") | {"results": str(tmp_path)})
     study = in_study(check_campaign(changed))
     cells, points = swept_cells(study, "perigee"), sweep_points(study, "perigee")
@@ -456,12 +451,12 @@ def test_a_sweep_may_change_several_keys_of_the_tracking(paper, tmp_path):
     chosen = cell_settings(task2, "perigee-real-cr3bp-noise")
     assert chosen["start_day"] == 15 and chosen["process_noise"]["acceleration_m2_s3"] == 3e-5
     assert chosen["dynamics"]["filter"] == "cr3bp"
-    assert tracking_kernels(chosen) == "tracking-cr3bp"
-    assert tracking_kernels(cell_settings(task2, "real")) == "tracking-ephemeris"
-    assert tracking_kernels(cell_settings(task2, "cr3bp")) == "tracking"
+    assert tracking_kernels(chosen) == kernel_set("tracking-cr3bp")
+    assert tracking_kernels(cell_settings(task2, "real")) == kernel_set("tracking-ephemeris")
+    assert tracking_kernels(cell_settings(task2, "cr3bp")) == kernel_set("tracking")
 
 
-def test_the_campaign_among_the_bodies_shares_the_paths_of_its_observers(paper, tmp_path):
+def test_the_ephemeris_campaign_shares_refined_orbits_among_scenarios(paper, tmp_path):
     real = merged(paper, _yaml("ephemeris.yaml") | {"results": str(tmp_path)})
     again = {"settings": {"visibility": {"limiting_magnitude": 17}}}
     other = {"settings": {"task2": {"dynamics": {"observers": "reference"}}}}
@@ -476,7 +471,7 @@ def test_the_campaign_among_the_bodies_shares_the_paths_of_its_observers(paper, 
     assert "dynamics" not in usual["visibility"]
 
 
-def test_the_table_of_a_sweep_of_architectures_has_what_they_reach(study, tmp_path):
+def test_the_table_of_a_sweep_of_architectures_has_their_values(study, tmp_path):
     points = sweep_points(study, "limit")
     reached = [{"J": 1e-3 * k, "satellites": 10.0 + k} for k in range(3)]
     table = sweep_rows("limit", study["sweeps"]["limit"], points, reached, None)
@@ -514,16 +509,19 @@ def test_the_figure_of_a_sweep_shows_every_value(study, tmp_path, values, archit
     assert tracked.get_xscale() == ("log" if log else "linear")
     lines = [line for line in tracked.lines if len(line.get_xdata()) == len(values)]
     estimators = len(study["task2"]["estimators"])
-    drawn = np.array([line.get_ydata() for line in lines if line.get_marker() not in ("_", "|")])
+    named = isinstance(values[0], str)
+    drawn = np.array([line.get_xdata() if named else line.get_ydata()
+                      for line in lines if line.get_marker() not in ("_", "|")])  # fmt: skip
     np.testing.assert_allclose(
         drawn[:estimators], 12.5 * np.arange(3 * estimators).reshape(estimators, 3)
     )
     written = " ".join(text.get_text() for text in figure.texts)
     assert "noise of the magnitudes, mag" in written
-    assert ("1: config/missions.csv" in written) == isinstance(values[0], str)
+    labels = [tick.get_text() for tick in figure.axes[0].get_yticklabels()]
+    assert ("config/missions.csv" in labels) == named
 
 
-# The example by its own command
+# The example by its command
 
 SMALLER = {
     "orbits": {"members": dict.fromkeys(_yaml("config.yaml")["orbits"]["members"], 1)},
@@ -562,7 +560,7 @@ def planned(folder, *files):
 
 
 @pytest.mark.workflow
-def test_nothing_is_searched_for_where_observers_are_all_there_is(copied):
+def test_given_observers_need_no_search(copied):
     jobs = planned(copied, "pair.yaml")
     assert jobs["own_architecture"] == jobs["observers_table"] == jobs["sweep_figure"] == 1
     assert jobs["tracking_cell_small"] > 4 and jobs["against_targets_figure"] == 1
@@ -582,7 +580,7 @@ def test_dry_run_of_the_example(copied):
 
 
 @pytest.mark.workflow
-def test_a_sweep_runs_from_its_own_tables_to_its_own(copied):
+def test_a_sweep_runs_from_input_tables_to_its_table(copied):
     results = copied / "results/own_study"
     wanted = "results/own_study/tables/sweep_limit.csv"
     output, code = snakemake(copied, "--cores", "2", *OWN, "smaller.yaml", "--", wanted)
@@ -602,7 +600,7 @@ def test_a_sweep_runs_from_its_own_tables_to_its_own(copied):
     assert used["sensor"]["magnitude_noise"] == 0.05
     assert used["material"]["diffuse_albedo"] == 0.3
     assert set(cell["family"].values) <= {"L1 halo", "L2 halo", "DRO", "resonant", "transfer"}
-    # the estimate starts within its own spread of the state that the table gives
+    # the initial estimate is within its uncertainty of the state in the table
     named = load_target_states(copied / "config/examples/targets.csv")
     error = cell["error"].isel(seed=0, time=0, component=slice(6, 9)).values
     assert np.abs(error).max() * LENGTH_UNIT_KM < 500.0

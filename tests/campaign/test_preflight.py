@@ -10,8 +10,6 @@ import xarray as xr
 from campaign_folder import read_campaign, with_change
 
 from cislunar.architecture.published import PUBLISHED
-from cislunar.campaign.data.netcdf import variable, write_dataset
-from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.preflight import (
     check_inputs,
     check_request,
@@ -19,6 +17,8 @@ from cislunar.campaign.settings.preflight import (
 )
 from cislunar.campaign.settings.reading import merged
 from cislunar.errors import CislunarError, ConfigurationError, InputFileError
+from cislunar.runtime.netcdf import variable, write_dataset
+from cislunar.runtime.provenance import provenance
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -54,18 +54,18 @@ def test_a_kernel_cut_short_is_named(config, tmp_path):
     kernel.write_bytes(whole[: len(whole) // 2])
     changed = config | {"epoch_jd": 2461465.5, "ephemeris": {"kernel": str(kernel)}}
     changed["ephemeris"]["step_minutes"] = 10
-    with pytest.raises(InputFileError, match=r"short\.bsp: is not whole"):
+    with pytest.raises(InputFileError, match=r"short\.bsp: is incomplete"):
         check_inputs(changed)
 
 
 def test_a_mesh_in_another_unit_is_refused(config, tmp_path):
-    mesh = tmp_path / "millimetres.obj"
+    mesh = tmp_path / "millimeters.obj"
     corners = "v 1e3 1e3 1e3\nv 1e3 -1e3 -1e3\nv -1e3 1e3 -1e3\nv -1e3 -1e3 1e3\n"
     mesh.write_text(corners + "f 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n")
-    body = {"shape": str(mesh), "radius_m": None, "metres_per_unit": 1}
-    with pytest.raises(ConfigurationError, match=r"body\.shape.*1\.05e\+03 m; .*metres_per_unit"):
+    body = {"shape": str(mesh), "radius_m": None, "meters_per_unit": 1}
+    with pytest.raises(ConfigurationError, match=r"body\.shape.*1\.05e\+03 m; .*meters_per_unit"):
         check_inputs(merged(config, {"task2": {"body": body}}))
-    check_inputs(merged(config, {"task2": {"body": body | {"metres_per_unit": 0.001}}}))
+    check_inputs(merged(config, {"task2": {"body": body | {"meters_per_unit": 0.001}}}))
 
 
 OUTPUTS = ["r/task2/{scenario}/{architecture}/nt{n,[1-9]}_dt{minutes}.nc", "r/orbits/tracked.nc"]

@@ -11,20 +11,16 @@ import pytest
 import xarray as xr
 from campaign_folder import read_campaign
 
-from cislunar.campaign.data.netcdf import read_dataset, write_dataset
-from cislunar.campaign.settings.cell_tree import CellSettings, batch_settings
+from cislunar.campaign.settings.cell_settings import body_files, cell_settings, true_settings
+from cislunar.campaign.settings.cell_tree import Body, CellSettings
 from cislunar.campaign.settings.cells import (
     TRACKED_TARGETS,
     Cell,
-    body_files,
     campaign_cells,
-    cell_settings,
     check_cell,
     estimator_names,
     grid_cells,
-    true_settings,
     variant_cells,
-    wanted_body,
 )
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
@@ -40,20 +36,21 @@ from cislunar.campaign.tracking.summary import (
     summary_dataset,
 )
 from cislunar.campaign.tracking.tables import reading_rows, tracking_rows
-from cislunar.campaign.tracking.tasking_comparison import compared_dataset, gather
+from cislunar.campaign.tracking.tasking_comparison import compared_dataset, concatenate_comparisons
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.estimation.spread import INITIAL_SPREAD
-from cislunar.observation.body_spread import BodySpread
-from cislunar.observation.made_bodies import made_body
-from cislunar.observation.scene import body_of
+from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, ProcessNoise
+from cislunar.observation.body_factory import body_from_spec
+from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.sensor import Atmosphere, PhotonNoise
+from cislunar.observation.target_surfaces import body_of
 from cislunar.orbits import tracked as tracked_orbits
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
+from cislunar.runtime.netcdf import read_dataset, write_dataset
 from cislunar.tasking.closed_loop import LoopSettings
-from cislunar.tasking.fates import LOOK_FATES
-from cislunar.tasking.simulation import INITIAL_RATE_DEG_H
+from cislunar.tasking.detection_outcomes import OBSERVATION_OUTCOMES
+from cislunar.tasking.initial_conditions import INITIAL_RATE_DEG_H
 
 NAMES = [["0"], ["1"], ["2"]]
 ROOT = Path(__file__).resolve().parents[2]
@@ -104,12 +101,12 @@ def test_default_settings_are_those_of_the_library(config):
     made = loop_settings(CellSettings(**cell_settings(paper)), 60)
     default = LoopSettings(record_every=10)
     assert made.sensor == default.sensor
-    assert made.initial == INITIAL_SPREAD
+    assert made.initial == PAPER_INITIAL_SIGMA
     assert made.tasking.radius_m == pytest.approx(1.0, rel=1e-12)
     for key in ("step_s", "duration_hours", "method", "max_evaluations", "early_stop"):
         assert getattr(made, key) == getattr(default, key), key
     assert made.record_every == default.record_every
-    assert made.tasking.track_gate == default.tasking.track_gate
+    assert made.tasking.pointing_uncertainty_gate == default.tasking.pointing_uncertainty_gate
     coefficient = default.tasking.diffuse_reflection_coefficient
     assert made.tasking.diffuse_reflection_coefficient == coefficient
 
@@ -187,7 +184,7 @@ def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
         ("task2.truth.material", {"rms_slope": 0}),
         ("task2.truth.sensor", {"magnitude_noise": -0.1}),
         ("task2.truth.angular_acceleration_deg_h2", 0.1),
-        ("task2.truth.spread", {"log_slope": -0.1}),
+        ("task2.truth.parameter_sigma", {"log_slope": -0.1}),
         ("task2.batch.unknowns", {"log_slope": -0.1}),
         ("task2.batch.noise_freedom", 0),
     ],
@@ -243,16 +240,26 @@ def test_unknown_keys_are_refused_with_a_suggestion(config):
         ({"truth": {"material": {"rms_slop": 0.3}}}, "truth.material.rms_slop"),
         ({"truth": {"body": {"inertia": [1, 1, 3]}}}, "truth.body.inertia': principal moments"),
         ({"truth": {"body": {"radius_m": None}}}, "truth.body.radius_m': an icosahedron"),
-        ({"truth": {"spread": {"log_slop": 0.3}}}, "truth.spread.log_slop'.*'log_slope'"),
         (
-            {"batch": {"unknowns": {"log_slope": 0.3}}, "material": {"specular_weight": 0}},
-            "batch.unknowns': log_slope = 0.3: the light of such a surface",
+            {"truth": {"parameter_sigma": {"log_slop": 0.3}}},
+            "truth.parameter_sigma.log_slop'.*'log_slope'",
+        ),
+        (
+            {
+                "batch": {"estimated_parameters": {"log_slope": 0.3}},
+                "material": {"specular_weight": 0},
+            },
+            "batch.estimated_parameters': log_slope = 0.3: the light of such a surface",
         ),
         ({"batch": {"noise_freedom": 8, "window_hours": 3}}, "exclude each other"),
-        ({"communication": {"update_minutes": 0.5}}, "communication.update_minutes' = 0.5 is no"),
+        (
+            {"communication": {"update_minutes": 0.5}},
+            "communication.update_minutes' = 0.5 must be a multiple of step_s",
+        ),
         (
             {"communication": {"contact": {"moon": True}}, "tasking": {"states": "full"}},
-            "communication.credit_under_way': tasking by 'full' states",
+            "communication.use_pending_measurements' needs states = 'translation', "
+            "but states = 'full'",
         ),
         (
             {"fusion": "alone", "dynamics": {"truth": "ephemeris"}},
@@ -260,8 +267,8 @@ def test_unknown_keys_are_refused_with_a_suggestion(config):
         ),
         ({"fusion": "alone", "tasking": {"states": "full"}}, "tasking.states': fusion = 'alone'"),
         (
-            {"fusion": "alone", "batch": {"unknowns": {"log_slope": 0.3}}},
-            "batch.unknowns': fusion = 'alone'",
+            {"fusion": "alone", "batch": {"estimated_parameters": {"log_slope": 0.3}}},
+            "batch.estimated_parameters': fusion = 'alone'",
         ),
     ],
 )
@@ -278,13 +285,13 @@ def test_changes_of_a_variant_are_checked_like_settings(config, change, message)
 
 
 def test_truth_is_the_belief_unless_said_otherwise(config):
-    believed = cell_settings(config["task2"])
+    believed = CellSettings(**cell_settings(config["task2"]))
     true = true_settings(believed)
     for key in ("material", "body", "sensor"):
-        assert true[key] == believed[key]
-    assert true["angular_acceleration_deg_h2"] == [0, 0, 0]
-    model = truth_model(CellSettings(**believed), NAMES[:3])
-    loop = loop_settings(CellSettings(**believed), 60)
+        assert getattr(true, key) == getattr(believed, key)
+    assert true.truth.angular_acceleration_deg_h2 == [0, 0, 0]
+    model = truth_model(believed, NAMES[:3])
+    loop = loop_settings(believed, 60)
     np.testing.assert_array_equal(model.noise, loop.sensor.noise)
     np.testing.assert_array_equal(model.surfaces.areas, np.tile(icosahedron(1.0).areas, 3))
     np.testing.assert_array_equal(model.surfaces.inertia, np.tile(np.eye(3), (3, 1, 1)))
@@ -294,15 +301,15 @@ def test_truth_is_the_belief_unless_said_otherwise(config):
 def test_unknowns_are_said_where_there_are_some(config):
     """A file made without them is that of today: jobs are not made anew for a key of no effect."""
     usual = cell_settings(config["task2"])
-    assert not {"unknowns", "noise_freedom"} & set(usual["batch"])
-    batch = {"unknowns": {"log_slope": 0.25}, "noise_freedom": 8}
-    change = {"batch": batch, "truth": {"spread": {"log_slope": 0.2}}}
+    assert not {"estimated_parameters", "noise_freedom"} & set(usual["batch"])
+    batch = {"estimated_parameters": {"log_slope": 0.25}, "noise_freedom": 8}
+    change = {"batch": batch, "truth": {"parameter_sigma": {"log_slope": 0.2}}}
     config["task2"]["variants"]["families"]["u"] = {"targets": [20], "changes": {"u": change}}
     check_campaign(config)
     settings = CellSettings(**cell_settings(with_families(config)["task2"], "u"))
-    assert batch_settings(settings.batch).unknowns == BodySpread(log_slope=0.25)
-    assert batch_settings(settings.batch).noise_freedom == 8
-    assert truth_model(settings, NAMES[:2]).spread == BodySpread(log_slope=0.2)
+    assert settings.batch.estimated_parameters == BodyParameterPrior(log_slope=0.25)
+    assert settings.batch.noise_freedom == 8
+    assert truth_model(settings, NAMES[:2]).parameter_sigma == BodyParameterPrior(log_slope=0.2)
 
 
 def test_truth_changes_alone(config):
@@ -310,7 +317,7 @@ def test_truth_changes_alone(config):
     usual = loop_settings(CellSettings(**cell_settings(config["task2"])), 60)
     change = {
         "material": {"rms_slope": 0.4},
-        "body": {"stretch": [1, 1, 1.2], "inertia": [1, 1, 1.2]},
+        "body": {"axis_scale": [1, 1, 1.2], "inertia": [1, 1, 1.2]},
         "sensor": {"magnitude_noise": 0.2},
         "angular_acceleration_deg_h2": [0, 0, 0.1],
     }
@@ -335,8 +342,8 @@ def test_truth_changes_alone(config):
 
 def test_torques_of_the_variants_turn_by_what_their_names_say(task2):
     for name, degrees in (("torque-5", 5.0), ("torque-30", 30.0)):
-        settings = cell_settings(task2, name)
-        pushed = np.array(true_settings(settings)["angular_acceleration_deg_h2"])
+        settings = CellSettings(**cell_settings(task2, name))
+        pushed = np.array(settings.truth.angular_acceleration_deg_h2)
         assert 0.5 * np.linalg.norm(pushed) * 24.0**2 == pytest.approx(degrees, rel=1e-3)
         spin = np.array(INITIAL_RATE_DEG_H)
         cosine = pushed @ spin / np.linalg.norm(pushed) / np.linalg.norm(spin)
@@ -372,14 +379,15 @@ def test_a_change_leaves_the_other_settings_alone(task2):
 
 
 def test_cells_asked_for_by_name_are_checked(config):
-    settings = cell_settings(config["task2"])
+    settings = typed(cell_settings(config["task2"]), CellSettings)
     cell = Cell("A", "published", "batch", 202, 240)
     check_cell(cell, settings)
     with pytest.raises(ConfigurationError, match=r"n_T = 203 .*202"):
         check_cell(cell._replace(targets=203), settings)
     with pytest.raises(ConfigurationError, match=r"dt7.*task2\.step_s"):
-        check_cell(cell._replace(interval_minutes=7), settings | {"step_s": 50})
-    noisy = settings | {"process_noise": {"attitude_deg": 0.03, "acceleration_m2_s3": 1e-11}}
+        check_cell(cell._replace(interval_minutes=7), settings.model_copy(update={"step_s": 50}))
+    noise = ProcessNoise(attitude_deg=0.03, acceleration_m2_s3=1e-11)
+    noisy = settings.model_copy(update={"process_noise": noise})
     check_cell(cell._replace(estimator="mukf"), noisy)
     with pytest.raises(ConfigurationError, match=r"task2\.process_noise\.attitude_deg' = 0\.03:"):
         check_cell(cell, noisy)
@@ -474,15 +482,17 @@ def test_a_cell_holds_what_is_promised(tracked_cell):
         assert tracked_cell[name].dims == wanted, name
     assert tracked_cell["error"].dtype == np.float32
     meanings = tracked_cell["status"].attrs["flag_meanings"].split()
-    assert meanings == ["tracked", "never_observed", "diverged"]
+    assert meanings == ["tracked", "never_observed", "inconsistent"]
     assert tracked_cell["time"].values[-1] == 3 * 3600.0
     np.testing.assert_array_equal(tracked_cell["epoch"], [0.0, 3600.0, 7200.0])
     np.testing.assert_array_equal(tracked_cell["observer_slot"], [0, 0, 1])
-    used = tracked_cell["fate"].attrs["flag_meanings"].split().index("used")
-    updates = (tracked_cell["fate"].values == used).sum(axis=1)
+    used = tracked_cell["outcome"].attrs["flag_meanings"].split().index("used")
+    updates = (tracked_cell["outcome"].values == used).sum(axis=1)
     np.testing.assert_array_equal(tracked_cell["updates"], updates)
     at = np.searchsorted(tracked_cell["step"].values, tracked_cell["time"].values)
-    np.testing.assert_array_equal(tracked_cell["valid"], tracked_cell["fate"].values[:, at] == used)
+    np.testing.assert_array_equal(
+        tracked_cell["valid"], tracked_cell["outcome"].values[:, at] == used
+    )
 
 
 def test_metrics_agree_with_the_stored_histories(sources):
@@ -513,7 +523,7 @@ def test_cells_share_targets_truth_and_noise(sources, tracked_cell):
     larger = _cell(sources, targets=5)
     np.testing.assert_array_equal(larger["target_id"][:4], tracked_cell["target_id"])
     fine, larger = _cell(sources, record_minutes=1), _cell(sources, targets=5, record_minutes=1)
-    unseen = (fine["fate"].values[:, 0] < 5) & (larger["fate"].values[:, 0, :4] < 5)
+    unseen = (fine["outcome"].values[:, 0] < 5) & (larger["outcome"].values[:, 0, :4] < 5)
     assert unseen.any()
     np.testing.assert_array_equal(
         fine["error"].values[:, 0][unseen], larger["error"].values[:, 0, :4][unseen]
@@ -564,7 +574,7 @@ def test_impossible_cells_are_refused(sources):
 
 
 def _facets(body):
-    return made_body(wanted_body(body), Material()).facets
+    return body_from_spec(Body(**body).spec(), Material()).facets
 
 
 def test_body_from_a_mesh_file_sets_the_tasking_sphere(tmp_path):
@@ -573,7 +583,7 @@ def test_body_from_a_mesh_file_sets_the_tasking_sphere(tmp_path):
     lines = [f"v {c}" for c in corners] + [f"f {f}" for f in faces]
     path = tmp_path / "tetrahedron.obj"
     path.write_text("\n".join(lines))
-    body = {"shape": str(path), "radius_m": None, "metres_per_unit": 0.5, "stretch": [1, 1, 1]}
+    body = {"shape": str(path), "radius_m": None, "meters_per_unit": 0.5, "axis_scale": [1, 1, 1]}
     area = 4.0 * np.sqrt(3.0) / 4.0 * (0.5 * np.sqrt(8.0)) ** 2
     assert _facets(body).total_area == pytest.approx(area)
     settings = _small(body=body)
@@ -583,7 +593,7 @@ def test_body_from_a_mesh_file_sets_the_tasking_sphere(tmp_path):
     assert body_files(_small()) == []
     assert body_files(_small(truth={"body": body})) == [str(path)]
     assert body_files(_small(body=body, truth={"body": body})) == [str(path)]
-    larger = _facets(body | {"stretch": [2, 2, 2]})
+    larger = _facets(body | {"axis_scale": [2, 2, 2]})
     assert larger.total_area == pytest.approx(4.0 * area)
 
 
@@ -598,12 +608,12 @@ def test_table_of_bodies_is_of_the_targets_it_names(tmp_path):
     settings = CellSettings(**_small(truth=truth))
     names = [["1"], ["7", "GATEWAY"], ["3", "X"]]
     believed, true = believed_surfaces(settings, names), truth_model(settings, names).surfaces
-    np.testing.assert_array_equal(true.rough, [True, False, False])
+    np.testing.assert_array_equal(true.composite, [True, False, False])
     sizes = np.add.reduceat(true.areas, true.first[:-1]) / (4.0 * np.pi)
     np.testing.assert_allclose(sizes, [4.0, 9.0, 1.0])
     assert body_of(true, 1).materials.tolist() == [[0.2, 0.1, 0.3, 0.2, 0.4]]
     np.testing.assert_array_equal(body_of(true, 2).areas, body_of(believed, 2).areas)
-    assert not believed.rough.any()
+    assert not believed.composite.any()
     moments = np.diagonal(true.inertia, axis1=1, axis2=2)
     np.testing.assert_array_equal(moments, [[3, 2, 2], [1, 1.2, 0.9], [1, 1.2, 0.9]])
     np.testing.assert_array_equal(believed.inertia, [np.eye(3)] * 3)
@@ -650,12 +660,14 @@ def test_statistics_are_over_the_observed_targets(tracked_cell):
 def test_a_cell_tells_what_became_of_its_looks(sources, caplog):
     caplog.set_level("INFO", logger="cislunar")
     cell = _cell(sources, sensor={"limiting_magnitude": 16})
-    shares = {name: of for name, of in seed_statistics(cell).items() if name in LOOK_FATES}
+    shares = {
+        name: of for name, of in seed_statistics(cell).items() if name in OBSERVATION_OUTCOMES
+    }
     np.testing.assert_allclose(sum(shares.values()), 1.0)
-    names = cell["fate"].attrs["flag_meanings"].split()
-    looks = cell["fate"].values[1][cell["fate"].values[1] != names.index("not_tasked")]
-    assert shares["faint_share"][1] == np.mean(looks == names.index("faint")) > 0.3
-    assert "of the looks faint; raise task2.sensor.limiting_magnitude = 16" in caplog.text
+    names = cell["outcome"].attrs["flag_meanings"].split()
+    observations = cell["outcome"].values[1][cell["outcome"].values[1] != names.index("not_tasked")]
+    assert shares["faint_share"][1] == np.mean(observations == names.index("faint")) > 0.3
+    assert "of the observations faint; raise task2.sensor.limiting_magnitude = 16" in caplog.text
     assert "task2.photometry.irradiance = 4pi" in caplog.text
 
 
@@ -786,7 +798,7 @@ def test_tasking_methods_are_compared_on_the_same_problems(sources):
         )
         for n in (4, 5)
     ]
-    whole = gather(cells)
+    whole = concatenate_comparisons(cells)
     assert whole["information"].dims == ("cell", "search", "epoch", "run", "budget")
     best = whole["direct_information"].sel(direct="exact").values[:, None, :, None, None]
     assert np.nanmax(whole["information"].values - best) <= 1e-9
@@ -805,11 +817,14 @@ def test_tasking_methods_are_compared_on_the_same_problems(sources):
 def test_settings_from_the_command_line_get_their_types(config):
     """Snakemake hands nested values of --config over as strings."""
     task2 = {"seeds": "3", "step_s": "30", "body": {"radius_m": "null"}, "estimators": ["mukf"]}
-    task2 |= {"target_counts": {"A": ["20", "30"]}, "tasking": {"track_gate": "false"}}
+    task2 |= {
+        "target_counts": {"A": ["20", "30"]},
+        "tasking": {"pointing_uncertainty_gate": "false"},
+    }
     typed = with_types(merged(config, {"task2": task2}))["task2"]
     assert (typed["seeds"], typed["step_s"], typed["body"]["radius_m"]) == (3, 30, None)
     assert typed["target_counts"]["A"] == [20, 30]
-    assert typed["tasking"]["track_gate"] is False
+    assert typed["tasking"]["pointing_uncertainty_gate"] is False
     assert typed["photometry"] == config["task2"]["photometry"]
     wrong = with_types(merged(config, {"task2": {"seeds": "many"}}))
     with pytest.raises(ConfigurationError, match=r"task2\.seeds"):

@@ -7,8 +7,20 @@ import pytest
 import xarray as xr
 from scipy import stats
 
-from cislunar.campaign.claims.facts import STATISTICS, unsatisfactory
-from cislunar.campaign.claims.judges import (
+from cislunar.campaign.tracking.comparisons import certain, paired, pairs_interval, slopes
+from cislunar.campaign.tracking.realizations import realizations, select, usual_interval, values_of
+from cislunar.campaign.tracking.statistics import (
+    Interval,
+    count_interval,
+    interval_of,
+    log_interval,
+    prediction_interval,
+    share_interval,
+    t_interval,
+)
+from cislunar.campaign.tracking.summary import ERRORS, PARTS, PER_CELL, PER_PART
+from workflow.documents.claims.facts import STATISTICS, unsatisfactory
+from workflow.documents.claims.judges import (
     BEYOND,
     CALIBRATED,
     INPUT,
@@ -18,27 +30,12 @@ from cislunar.campaign.claims.judges import (
     table,
     verdict,
 )
-from cislunar.campaign.claims.tracking import (
+from workflow.documents.claims.tracking import (
     estimator_claims,
     set_claims,
     tasking_claims,
     tracking_claims,
 )
-from cislunar.campaign.tracking.realizations import realizations, select, usual_interval, values_of
-from cislunar.campaign.tracking.statistics import (
-    Interval,
-    certain,
-    count_interval,
-    interval_of,
-    log_interval,
-    paired,
-    pairs_interval,
-    prediction_interval,
-    share_interval,
-    slopes,
-    t_interval,
-)
-from cislunar.campaign.tracking.summary import ERRORS, PARTS, PER_CELL, PER_PART
 
 SEEDS = 8
 GOOD = {
@@ -128,7 +125,7 @@ def test_every_claim_of_the_section_has_a_row_with_a_rule():
     claims = tracking_claims(make_summary())
     assert len(claims) >= 30
     assert len({c.claim for c in claims}) == len(claims)
-    assert all(c.how and c.ours and c.where and c.paper and c.verdict for c in claims)
+    assert all(c.rule and c.result and c.where and c.paper and c.verdict for c in claims)
     for scenario in "ABC":
         assert _verdict(claims, "translation stays", f"scenario {scenario}") == REPRODUCED
         assert _verdict(claims, "by as many observers", f"scenario {scenario}") == REPRODUCED
@@ -165,8 +162,8 @@ def test_translation_that_is_not_satisfactory_is_named():
     assert _verdict(claims, "translation stays", "scenario A") == PARTLY
     assert _verdict(claims, "translation stays", "scenario B") == REPRODUCED
     row = next(c for c in claims if "translation stays" in c.claim)
-    assert "satisfactory in 2 of 3 cells" in row.ours
-    assert table()["phrases"]["satisfactory"] in row.how
+    assert "satisfactory in 2 of 3 cells" in row.result
+    assert table()["phrases"]["satisfactory"] in row.rule
 
 
 def test_the_whole_interval_of_the_share_must_be_low():
@@ -280,8 +277,8 @@ def test_both_architectures_count():
     claims = tracking_claims(make_summary(change, ("published", "tpe")))
     row = next(c for c in claims if "never observed" in c.claim)
     assert row.verdict == PARTLY
-    assert "(published: reproduced, tpe: not reproduced)" in row.how
-    assert "published: mean 1" in row.ours and "tpe: mean 9" in row.ours
+    assert "(published: reproduced, tpe: not reproduced)" in row.rule
+    assert "published: mean 1" in row.result and "tpe: mean 9" in row.result
     claims = tracking_claims(make_summary(change, ("tpe",)))
     assert _verdict(claims, "never observed") == NOT_REPRODUCED
 
@@ -294,7 +291,7 @@ def test_other_architectures_are_put_beside():
         for s, counts in COUNTS.items()
         for n in counts
     }
-    assert all("exact (" in c.ours and "tpe (" in c.ours for c in rows)
+    assert all("exact (" in c.result and "tpe (" in c.result for c in rows)
 
 
 def test_intervals_over_target_sets_hold_their_choice():
@@ -306,8 +303,10 @@ def test_intervals_over_target_sets_hold_their_choice():
     assert [c.claim for c in claims] == [
         "choice of the monitored targets, scenario A, published, 20 targets"
     ]
-    assert claims[0].value == f"rotation inconsistent {t_interval([2, 3, 4, 5, 6]):.1f}"
-    assert "of 5 sets" in claims[0].how
+    assert (
+        claims[0].value == f"targets with inconsistent rotation {t_interval([2, 3, 4, 5, 6]):.1f}"
+    )
+    assert "of 5 sets" in claims[0].rule
     assert not list(set_claims(realizations(parts[0])))
 
 
@@ -342,17 +341,18 @@ def test_tpe_is_judged_at_its_largest_budget_against_the_optimum(share, verdict)
     claims = tasking_claims(_comparison(share), summary)
     assert _verdict(claims, "near-optimal") == verdict
     assert {c.budget for c in claims if "near-optimal" in c.claim} == {
-        "100 evaluations at most, stop after 700"
+        "at most 100 evaluations, stop after 700 without improvement"
     }
-    assert "after 100 evaluations" in next(c.ours for c in claims if "near-optimal" in c.claim)
-    assert "0.9900" in next(c.ours for c in claims if "other methods" in c.claim)
+    assert "after 100 evaluations" in next(c.result for c in claims if "near-optimal" in c.claim)
+    assert "0.9900" in next(c.result for c in claims if "other methods" in c.claim)
 
 
 def test_tracking_by_a_search_names_its_budget():
     usual = make_summary().isel(cell=[0])
     summary = xr.concat([usual, usual.assign_coords(variant=("cell", ["tpe"]))], "cell")
     (claim,) = tasking_claims(None, summary)
-    assert claim.budget == "90 evaluations at most, stop after 700" and claim.kind == "beyond"
+    assert claim.budget == "at most 90 evaluations, stop after 700 without improvement"
+    assert claim.kind == "beyond"
 
 
 def test_intervals_are_those_of_scipy():
@@ -459,7 +459,7 @@ def test_both_estimators_are_compared_on_the_same_realizations():
     claims = list(estimator_claims(realizations(xr.concat([filtered, fitted], "cell"))))
     counted = [c for c in claims if "scenario A, published, 50 targets" in c.claim]
     assert len(counted) == 1 and counted[0].verdict == BEYOND
-    assert "inconsistent 0.0 [0.0, 0.5] and " in counted[0].ours
+    assert "inconsistent targets 0.0 [0.0, 0.5] and " in counted[0].result
     assert not list(estimator_claims(realizations(filtered)))
 
 
@@ -469,9 +469,9 @@ def test_rows_of_the_table_name_what_there_is():
         "where",
         "claim",
         "paper",
-        "ours",
+        "result",
         "value",
-        "how",
+        "rule",
         "reproduced",
         "partly",
         "each",

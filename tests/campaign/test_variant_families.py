@@ -5,8 +5,9 @@ import json
 import pytest
 from campaign_folder import ROOT, read_campaign
 
+from cislunar.campaign.settings.cell_settings import cell_settings
 from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
-from cislunar.campaign.settings.cells import cell_settings, variant_cells
+from cislunar.campaign.settings.cells import variant_cells
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.reading import checked, merged
@@ -149,7 +150,7 @@ def test_a_change_holds_what_is_given_and_nothing_else():
         ({"sensor": {"occultation": "no"}}, "'sensor.occultation' = 'no': must be true or false"),
         ({"photometry": {"fresnel": "root"}}, "= 'root': must be one of sqrt, printed"),
         ({"body": {"radius_m": -1}}, "'body.radius_m' = -1: must be a number above 0, or null"),
-        ({"body": {"stretch": [1, 1]}}, "must be a list of 3 of: a number above 0"),
+        ({"body": {"axis_scale": [1, 1]}}, "must be a list of 3 of: a number above 0"),
         ({"batch": 3}, "'batch' = 3: 3 is not of type 'object'"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The command: what it prints agrees with the library, and what is wrong is said in one line."""
+"""The command prints the results of the library, and reports an error in one line."""
 
 import csv
 import io
@@ -18,7 +18,7 @@ from cislunar.command.base import FAILED
 from cislunar.command.main import cislunar
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics.propagation import propagate
-from cislunar.orbits.catalogue import CATALOGUE, periodic_orbits
+from cislunar.orbits.catalog import CATALOG, periodic_orbits
 from cislunar.targets.tables import load_target_states
 
 HALO = "Halo_L2_S,jacobi=3.05,member=2"
@@ -67,7 +67,7 @@ def test_help_teaches_by_examples_that_can_be_typed(path, command):
         inner.make_context("example", words)
 
 
-def test_help_waits_for_no_library():
+def test_help_imports_no_heavy_library():
     script = (
         "import sys; from cislunar.command.main import cislunar;"
         "cislunar(['--help'], standalone_mode=False);"
@@ -84,7 +84,7 @@ def test_python_runs_it_as_a_module():
 
 def test_families_are_listed():
     rows = table("orbits", "list")
-    assert tuple(row["family"] for row in rows) == (*CATALOGUE,)
+    assert tuple(row["family"] for row in rows) == (*CATALOG,)
     assert "halo about L2, southern" in {row["orbits"] for row in rows}
     assert {row["end"] for row in rows if row["family"] == "Vertical_L2"} == {"where it is flat"}
 
@@ -107,7 +107,7 @@ def test_a_period_in_days_selects_members_of_all_families_that_take_it():
     assert numbers(rows, "period_days") == pytest.approx(12.0)
 
 
-def test_orbits_through_the_earth_are_members_if_they_are_asked_for():
+def test_orbits_through_the_earth_are_members_on_request():
     wanted = ("orbits", "members", "Halo_L3_N", "--period", 26.2)
     assert "clear of Earth and Moon has period" in call(*wanted).stderr
     (row,) = table(*wanted, "--through")
@@ -123,7 +123,7 @@ def test_exported_members_are_targets_of_a_study(tmp_path):
     assert targets.family == ["Lyap_L1"] * 3 and np.all(targets.period > 0.0)
 
 
-def test_a_periodic_orbit_comes_back():
+def test_a_periodic_orbit_closes():
     days = periodic_orbits("Halo_L2_S", jacobi=3.05).period[1] * TIME_UNIT_S / SECONDS_PER_DAY
     names = ("x_km", "y_km", "z_km")
     path = numbers(table("propagate", "--orbit", HALO, "--days", days, "--steps", 4), *names)
@@ -142,7 +142,7 @@ def test_a_state_is_propagated_as_the_library_does():
     assert numbers(rows, *names) == pytest.approx(propagate(state, times), abs=1e-14)
 
 
-def test_who_sees_what_is_said_for_every_time():
+def test_sightings_are_reported_for_every_time():
     orbits = ("--observer", HALO, "--target", "Lyap_L2,period=15", "--hours", 3, "--radius", 2)
     rows = table("see", *orbits, "--epoch", "2024-10-02T12:00:00", "--step", 90)
     assert [row["time_utc"][:16] for row in rows] == [
@@ -167,25 +167,28 @@ HOSTILE = {
         "no member of Lyap_L1, Lyap_L2",
     ),
     "nothing chosen": ("orbits members Halo_L2_S", "give one of --jacobi"),
-    "a period of nan": ("orbits members Halo_L2_S --period nan", "is no finite number"),
+    "a period of nan": ("orbits members Halo_L2_S --period nan", "is not a finite number"),
     "no count": ("orbits members --count 0", "--count"),
     "no folder": ("orbits list --output /proc/none/a.csv", "/proc/none"),
     "inside the Moon": ("propagate --units nd --orbit 0.98785,0,0,0,0,0 --days 1", "inside the"),
-    "nd as km": (f"propagate --orbit {STATE} --days 1", "in units km this is a place inside"),
+    "nd as km": (f"propagate --orbit {STATE} --days 1", "in units km this is a position inside"),
     "km as nd": ("propagate --units nd --orbit 4e5,0,0,0,1,0 --days 1", "see --units"),
     "five numbers": ("propagate --orbit 1,2,3,4,5 --days 1", "six finite numbers"),
-    "words in a state": ("propagate --orbit 1,2,3,4,5,six --days 1", "'six' is no number"),
+    "words in a state": ("propagate --orbit 1,2,3,4,5,six --days 1", "'six' is not a number"),
     "endless": (
         f"propagate --units nd --orbit {STATE} --days inf",
-        "'--days': inf is no finite number",
+        "'--days': inf is not a finite number",
     ),
-    "several members": ("propagate --orbit Halo_L2_S,jacobi=3.05 --days 1", "has 2 such; add"),
+    "several members": (
+        "propagate --orbit Halo_L2_S,jacobi=3.05 --days 1",
+        "has 2 such members; add",
+    ),
     "third of two": ("propagate --orbit Halo_L2_S,jacobi=3.05,member=3 --days 1", "has 2 such"),
     "two values": ("propagate --orbit Halo_L2_S,jacobi=3,period=3 --days 1", "only one"),
     "other key": ("propagate --orbit Halo_L2_S,energy=3 --days 1", "'energy=3' is not one of"),
     "no date": (
         f"see --observer {HALO} --target {HALO} --epoch yesterday",
-        "--epoch yesterday: 'yesterday' is no date",
+        "--epoch yesterday: 'yesterday' is not a date",
     ),
     "no such years": (f"see --observer {HALO} --target {HALO} --epoch 2400-01-01", "ephemeris"),
     "backwards": (f"see --observer {HALO} --target {HALO} --hours -1", "'--hours'"),
@@ -208,14 +211,14 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize(("line", "message"), HOSTILE.values(), ids=HOSTILE)
-def test_what_is_wrong_is_one_line(line, message):
+def test_an_error_is_one_line(line, message):
     done = call(*line.split())
     assert (done.exit_code, done.stdout) == (FAILED, "")
     assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1
     assert message in done.stderr
 
 
-def test_verbose_tells_where_an_error_rose():
+def test_verbose_shows_the_traceback():
     done = call("orbits", "members", "Halo_L2_S", "--period", 99, "-v")
     assert "Traceback" in done.stderr and done.stderr.splitlines()[-1].startswith("error: ")
 
@@ -224,14 +227,14 @@ LINES = re.findall(r"^cislunar (.+)$", (ROOT / "README.md").read_text("utf-8"), 
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_commands_of_the_readme_answer(line):
+def test_commands_of_the_readme_run(line):
     done = call(*line.split())
     assert done.exit_code == 0 and len(done.stdout.splitlines()) > 2, done.stderr
 
 
 @pytest.fixture
 def calls(monkeypatch):
-    """Commands that the campaign's ones would start, with the folder."""
+    """Commands that `cislunar run` and similar ones would start, with the folder."""
     kept, before = [], os.getcwd()
 
     def started(line, cwd, check):
@@ -244,7 +247,7 @@ def calls(monkeypatch):
     os.chdir(before)
 
 
-def test_the_campaign_is_snakemakes_and_the_site_sphinxs(calls):
+def test_the_campaign_runs_snakemake_and_the_site_sphinx(calls):
     here = ("--directory", ROOT, "--configfile", QUICK[1])
     quick = " ".join(QUICK)
     call("run", *here, "--", "task1")

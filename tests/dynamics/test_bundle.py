@@ -26,7 +26,7 @@ STATES = {
 
 
 def test_a_day_of_one_minute_steps_meets_the_tolerance_of_the_paper():
-    """A hundredth of 1e-10 for a whole day, in a 100 km lunar orbit too."""
+    """The error over a day is 1e-12, a hundredth of the tolerance, also in a 100 km lunar orbit."""
     tracks = propagate_bundle(np.array([*STATES.values()]), STEP, DAY_STEPS)
     for name, track in zip(STATES, tracks, strict=True):
         reference = solve_ivp(
@@ -42,7 +42,7 @@ def test_a_day_of_one_minute_steps_meets_the_tolerance_of_the_paper():
         assert abs(drift) < 1e-12, name
 
 
-def test_a_bundle_is_its_members_one_by_one():
+def test_a_bundle_agrees_with_its_states_one_by_one():
     states = np.array([*STATES.values()])
     together = propagate_bundle(states, STEP, 10)
     alone = np.array([propagate_bundle(state[None], STEP, 10)[0] for state in states])
@@ -51,21 +51,21 @@ def test_a_bundle_is_its_members_one_by_one():
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_collision_leaves_the_others_alone_and_raises_nothing():
+def test_a_collision_does_not_affect_other_states_and_raises_nothing():
     states = np.stack([np.array([1.0 - MU, 0.0, 0.0, 0.0, 0.0, 0.0]), STATES["halo"]])
     tracks = propagate_bundle(states, STEP, 2)
     assert not np.any(np.isfinite(tracks[0, -1]))
     np.testing.assert_array_equal(tracks[1], propagate_bundle(states[1:], STEP, 2)[0])
 
 
-def _circling(center, mass, kilometres):
-    """A state on a circle about a primary, seen in the rotating frame."""
-    d = kilometres / LENGTH_UNIT_KM
+def _circling(center, mass, kilometers):
+    """A state on a circle about a primary, in the rotating frame."""
+    d = kilometers / LENGTH_UNIT_KM
     return np.array([center + 0.6 * d, 0.0, 0.8 * d, 0.0, np.sqrt(mass / d) - 0.6 * d, 0.0])
 
 
-def _cloud_day(state, spread=0.0):
-    points = state[:, None] + spread * np.random.default_rng(0).standard_normal((6, 5))
+def _cloud_day(state, sigma=0.0):
+    points = state[:, None] + sigma * np.random.default_rng(0).standard_normal((6, 5))
     whole = points.copy()
     slopes, work = np.empty((STAGES8, *points.shape)), np.empty(points.shape)
     for _ in range(DAY_STEPS):
@@ -84,14 +84,14 @@ def _cloud_day(state, spread=0.0):
     ],
 )
 def test_fewer_stages_away_from_the_primaries_are_exact_enough(state):
-    """Just outside the places where DOP853 steps, a day's error is a tenth of that allowed."""
-    ours, theirs = _cloud_day(state, 1e-5)
-    assert 0.0 < np.max(np.abs(ours - theirs)) < 1e-11
+    """Just outside the region of full DOP853 steps, the error over a day is a tenth of 1e-10."""
+    cloud, bundle = _cloud_day(state, 1e-5)
+    assert 0.0 < np.max(np.abs(cloud - bundle)) < 1e-11
 
 
 @pytest.mark.parametrize(
     "state", [_circling(1.0 - MU, MU, 6_500.0), _circling(-MU, 1.0 - MU, 29_000.0)]
 )
 def test_near_a_primary_every_stage_is_taken(state):
-    ours, theirs = _cloud_day(state)
-    np.testing.assert_array_equal(ours, theirs)
+    cloud, bundle = _cloud_day(state)
+    np.testing.assert_array_equal(cloud, bundle)

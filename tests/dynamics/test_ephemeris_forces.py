@@ -162,7 +162,7 @@ def derivative(forces, t, state):
     return out * UNITS / TIME_UNIT_S
 
 
-def test_acceleration_at_places(forces, starts):
+def test_acceleration_in_shadow_and_sunlight(forces, starts):
     """Near the Moon, in its penumbra and the Earth's, and far away."""
     rng = np.random.default_rng(2)
     table = forces.table
@@ -193,7 +193,7 @@ def test_figure_is_the_gradient_of_its_potential():
 
 
 def edge(distance, radius=MOON_RADIUS_KM):
-    """Places behind a body, the Sun at an astronomical unit: from the axis to a height across."""
+    """Visible fraction behind a body at one astronomical unit, as a function of the height."""
     sun = np.array([-ASTRONOMICAL_UNIT_KM, 0.0, 0.0])
 
     def at(height, tilt=0.3):
@@ -204,7 +204,7 @@ def edge(distance, radius=MOON_RADIUS_KM):
 
 
 def test_shadow_against_geometry():
-    """Umbra and penumbra end on the cones of the tangents, an annulus is a ratio of discs."""
+    """Umbra and penumbra end on the tangent cones; an annulus is the ratio of two disks."""
     d = ASTRONOMICAL_UNIT_KM
     for distance in (2_000.0, 50_000.0, 200_000.0):
         at = edge(distance)
@@ -220,16 +220,16 @@ def test_shadow_against_geometry():
     assert far == pytest.approx(1.0 - ratio**2, rel=1e-12)
 
 
-def test_share_of_the_disc_by_counting():
-    """Points of the Sun's disc that the body leaves to be seen."""
+def test_share_of_the_disk_by_counting():
+    """Points of the Sun's disk that the body does not cover."""
     distance, height = 300_000.0, 1_200.0
     seen = edge(distance)(height)[0]
     a = np.arcsin(SUN_RADIUS_KM / (ASTRONOMICAL_UNIT_KM + distance))
     b, c = np.arcsin(MOON_RADIUS_KM / distance), height / distance
     grid = np.linspace(-a, a, 2_001)
     x, y = np.meshgrid(grid, grid)
-    disc = x * x + y * y < a * a
-    count = np.sum(disc & ((x - c) ** 2 + y * y > b * b)) / np.sum(disc)
+    disk = x * x + y * y < a * a
+    count = np.sum(disk & ((x - c) ** 2 + y * y > b * b)) / np.sum(disk)
     assert seen == pytest.approx(count, abs=2e-3)
 
 
@@ -246,8 +246,8 @@ def test_gradient_of_the_shadow(distance):
     np.testing.assert_allclose(fraction(place)[1:], slopes, rtol=1e-5, atol=1e-9)
 
 
-def test_it_is_dark_within_a_body():
-    """A guess of a path may dip below the surface, where no disc has an angular radius."""
+def test_shadow_is_defined_within_a_body():
+    """A trial trajectory may enter the body, where its disk has no angular radius."""
     sun = np.array([-ASTRONOMICAL_UNIT_KM, 0.0, 0.0])
     for place in ([1_000.0, 300.0, 0.0], [-10.0, 1_700.0, 0.0]):
         seen = visible_sun(tuple(place), tuple(place - sun), MOON_RADIUS_KM, SUN_RADIUS_KM)
@@ -291,8 +291,8 @@ def test_variational_equations(forces, starts):
         np.testing.assert_allclose(stm[:, k], (ends[0] - ends[1]) / 2e-6, rtol=0, atol=1e-7)
 
 
-def test_targets_of_a_bundle_have_their_own_radiation(forces, starts):
-    """Each as if alone with its own area and coefficient, in sunlight and in shadow."""
+def test_targets_of_a_bundle_differ_in_radiation_pressure(forces, starts):
+    """Each agrees with a single propagation of its area and coefficient, in sunlight and shadow."""
     areas, coefficients = np.array([0.0, 0.01, 0.05]), np.array([1.0, 1.4, 1.9])
     each = ephemeris_forces(forces.table, START, area_to_mass=areas, reflectivity=coefficients)
     bundle = np.repeat(starts["lunar"][None] / UNITS, 3, axis=0)
@@ -301,7 +301,7 @@ def test_targets_of_a_bundle_have_their_own_radiation(forces, starts):
     for track, area, coefficient in zip(tracks, areas, coefficients, strict=True):
         alone = ephemeris_forces(forces.table, START, area_to_mass=area, reflectivity=coefficient)
         end = propagate(bundle[0], [count * step], forces=alone, method="dop853")[0]
-        # Steps of a minute do not end at the edge of the shadow: a decimetre.
+        # Steps of a minute do not end at the edge of the shadow: an error of a decimeter.
         np.testing.assert_allclose(track[-1, :3], end[:3], rtol=0, atol=3e-10)
     apart = LENGTH_UNIT_KM * np.linalg.norm(tracks[2, -1, :3] - tracks[0, -1, :3])
     assert 1e-3 < apart < 1e-1
@@ -314,7 +314,6 @@ def test_targets_of_a_bundle_have_their_own_radiation(forces, starts):
     assert strength(forces, 2) == forces.radiation.strength
 
 
-@njit
 def _day_of_a_cloud(forces, points, whole, step):
     slopes, work = np.empty((STAGES8, *points.shape)), np.empty(points.shape)
     for k in range(1440):
@@ -377,7 +376,7 @@ def test_sunlight_pushes_away_from_the_sun():
     assert dark[3] == pytest.approx(0.0, abs=1e-25)
 
 
-def test_there_and_back_and_several_instants(forces, starts):
+def test_round_trip_and_several_instants(forces, starts):
     state = recenter(starts["halo"], forces.table, START, old="barycenter", new="moon")
     stops = ["2024-10-01T12:00:00", "2024-10-03T00:00:00"]
     there = propagate_utc(state, FIRST, stops, forces=forces, center="moon")
@@ -390,7 +389,7 @@ def test_there_and_back_and_several_instants(forces, starts):
 
 def test_bad_input_is_refused(forces, starts, tmp_path):
     state = starts["halo"]
-    with pytest.raises(InputFileError, match=r"de421\.bsp: covers .* not the dates wanted"):
+    with pytest.raises(InputFileError, match=r"de421\.bsp: covers .* not the requested dates"):
         propagate_utc(state, "2060-01-01", "2060-01-02")
     with pytest.raises(InputFileError, match=r"none\.bsp: no such file"):
         forces_between(FIRST, "2024-10-02", kernel=tmp_path / "none.bsp")
@@ -399,7 +398,9 @@ def test_bad_input_is_refused(forces, starts, tmp_path):
     for wrong in ([np.nan, 1.0, 0, 0, 1, 0], [9e4, 1.0, 0]):
         with pytest.raises(ConfigurationError, match=r"6 finite numbers, got \[.*1\.0, 0"):
             propagate_utc(wrong, FIRST, "2024-10-02", forces=forces)
-    with pytest.raises(ConfigurationError, match=r"covers 2024-10-01.*wanted.*2024-11-01"):
+    with pytest.raises(
+        ConfigurationError, match=r"covers 2024-10-01.*not the requested dates.*2024-11-01"
+    ):
         propagate_utc(state, FIRST, "2024-11-01", forces=forces)
     with pytest.raises(ConfigurationError, match=r"table of bodies covers .* not 0\.0000 to 30"):
         propagate(state / UNITS, [30.0 * 86_400.0 / TIME_UNIT_S], forces=forces)

@@ -16,13 +16,20 @@ from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.propagation import propagate, propagate_many, propagate_stm
 
 
-class Kepler(NamedTuple):
-    """One attracting centre in inertial axes."""
+class Model(NamedTuple):
+    """One attracting center in inertial axes, and an acceleration coefficient t^power along y."""
 
     gm: float
+    coefficient: float = 0.0
+    power: float = 0.0
 
 
-class KeplerGradient(NamedTuple):
+class Field(NamedTuple):
+    gm: float
+    push: float
+
+
+class Gradient(NamedTuple):
     along: float
     across: float
     x: float
@@ -30,72 +37,41 @@ class KeplerGradient(NamedTuple):
     z: float
 
 
-@implements(forces.at, Kepler)
-def _kepler_at(forces, t):
-    return forces
+@implements(forces.at, Model)
+def _field_at(forces, t):
+    return Field(forces.gm, forces.coefficient * t**forces.power)
 
 
-@implements(forces.acceleration, Kepler)
-def _kepler_acceleration(field, x, y, z, vx, vy, vz):
+@implements(forces.acceleration, Field)
+def _acceleration(field, x, y, z, vx, vy, vz):
     r2 = x * x + y * y + z * z
     pull = -field.gm / (r2 * np.sqrt(r2))
-    return pull * x, pull * y, pull * z
+    return pull * x, pull * y + field.push, pull * z
 
 
-@implements(forces.partials, Kepler)
-def _kepler_partials(field, x, y, z, vx, vy, vz):
+@implements(forces.partials, Field)
+def _partials(field, x, y, z, vx, vy, vz):
     r2 = x * x + y * y + z * z
     across = -field.gm / (r2 * np.sqrt(r2))
-    return KeplerGradient(-3.0 * across / r2, across, x, y, z)
+    return Gradient(-3.0 * across / r2, across, x, y, z)
 
 
-@implements(forces.acceleration_change, KeplerGradient)
-def _kepler_change(g, dx, dy, dz, dvx, dvy, dvz):
+@implements(forces.acceleration_change, Gradient)
+def _change(g, dx, dy, dz, dvx, dvy, dvz):
     radial = g.along * (g.x * dx + g.y * dy + g.z * dz)
     return g.across * dx + radial * g.x, g.across * dy + radial * g.y, g.across * dz + radial * g.z
 
 
-class Polynomial(NamedTuple):
-    """Acceleration coefficient t^power along y, whatever the state."""
-
-    coefficient: float
-    power: float
-
-
-class Push(NamedTuple):
-    size: float
-
-
-@implements(forces.at, Polynomial)
-def _polynomial_at(forces, t):
-    return Push(forces.coefficient * t**forces.power)
-
-
-@implements(forces.acceleration, Push)
-def _push_acceleration(field, x, y, z, vx, vy, vz):
-    return 0.0, field.size, 0.0
-
-
-@implements(forces.partials, Push)
-def _push_partials(field, x, y, z, vx, vy, vz):
-    return field
-
-
-@implements(forces.acceleration_change, Push)
-def _push_change(field, dx, dy, dz, dvx, dvy, dvz):
-    return 0.0, 0.0, 0.0
-
-
 @pytest.fixture(autouse=True)
 def _nothing_cached(monkeypatch):
-    """Keep kernels compiled for these models, which no other process can import, off the disk."""
+    """Do not cache kernels of these models, which no other process can import."""
     for module in (bundle, lanes, runge_kutta):
         for kernel in vars(module).values():
             if isinstance(kernel, Dispatcher):
                 monkeypatch.setattr(kernel, "_cache", NullCache())
 
 
-KEPLER = Kepler(1.7)
+KEPLER = Model(1.7)
 START = np.array([1.2, -0.3, 0.4, 0.2, 0.9, -0.5])
 
 
@@ -151,10 +127,10 @@ def test_variational_equations_of_kepler_motion():
 @pytest.mark.parametrize("power", range(7))
 def test_time_reaches_every_stage(power):
     """A force t^p is integrated exactly up to the order, if all nodes and the start are right."""
-    push, start, step = Polynomial(3.0, float(power)), 0.4, 0.5
+    push, start, step = Model(0.0, 3.0, float(power)), 0.4, 0.5
 
     def moved(t):
-        """Velocity and place along y at a time after the start, from START."""
+        """Position and velocity along y at a time after the start, from START."""
         c, p, end = push.coefficient, power + 1, start + t
         velocity = START[4] + c * (end**p - start**p) / p
         return START[1] + t * START[4] + c * (
@@ -171,15 +147,15 @@ def test_time_reaches_every_stage(power):
         np.testing.assert_allclose(found[:, [1, 4]], wanted, rtol=0.0, atol=tolerance)
 
 
-def test_every_lane_has_its_own_time():
-    push, times, starts = Polynomial(3.0, 2.0), np.array([0.5, 0.2, -0.3]), np.array([0.4, 1.3])
+def test_start_times_may_differ_between_states():
+    push, times, starts = Model(0.0, 3.0, 2.0), np.array([0.5, 0.2, -0.3]), np.array([0.4, 1.3])
     many = propagate_many([START, -START], times, forces=push, start=starts)
     for state, start, found in zip((START, -START), starts, many, strict=True):
         alone = propagate(state, times, forces=push, start=start)
         np.testing.assert_array_equal(found, alone)
 
 
-def test_kernels_specialised_for_a_model_are_cached_on_disk():
+def test_kernels_specialized_for_a_model_are_cached_on_disk():
     """A second process compiles nothing."""
     script = """
 import numpy as np

@@ -1,4 +1,4 @@
-"""The rotating frame of the CR3BP against SPICE's own, and its round trips."""
+"""Instantaneous Earth-Moon frames against SPICE, and their round trips."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_matrix_is_the_derivative(table, make):
 
 
 def test_axes_and_their_rates_against_spice(table):
-    """A frame of two vectors defined in SPICE's own terms, with its derivative."""
+    """Against a two-vector frame of SPICE and its derivative."""
     number = 1_400_301
     definition = f"""
         FRAME_EARTH_MOON = {number}
@@ -86,7 +86,7 @@ def test_axes_and_their_rates_against_spice(table):
 
 
 def test_primaries_are_the_bodies(table):
-    """Earth and Moon of the CR3BP at rest are the bodies, in place and velocity."""
+    """Earth and Moon at rest in the CR3BP have the positions and velocities of the ephemeris."""
     frame = pulsating_frame(table, TIMES)
     position, velocity, _ = read_table(table, TIMES)
     for name, x in (("earth", -MU), ("moon", 1.0 - MU)):

@@ -27,7 +27,7 @@ NEAR_MOON = np.array(
     [1.0286910409504162, 0.0, -0.18633781213335304, 0.0, -0.11733440134433075, 0.0]
 )
 NEAR_MOON_PERIOD = 1.5991853351534902
-CATALOGUE_MU = 0.012150585609624041
+CATALOG_MU = 0.012150585609624041
 GENERIC = np.array([0.6, 0.1, 0.2, -0.15, 0.3, 0.1])
 
 
@@ -49,11 +49,11 @@ def reference(state, times, method="DOP853", tolerance=1e-13, mu=MU):
 def test_same_steps_and_dense_output_as_scipy(method, scipy_name, end):
     """At a loose tolerance truncation dominates: equal answers mean equal steps and extension."""
     times = np.linspace(0.0, end, 41)
-    ours = propagate(GENERIC, times, method=method, rtol=1e-5, atol=1e-5)
-    theirs = reference(GENERIC, times, scipy_name, 1e-5)
+    found = propagate(GENERIC, times, method=method, rtol=1e-5, atol=1e-5)
+    expected = reference(GENERIC, times, scipy_name, 1e-5)
     precise = reference(GENERIC, times)
-    assert np.abs(ours - theirs).max() < 1e-10
-    assert np.abs(theirs - precise).max() > 1e-7
+    assert np.abs(found - expected).max() < 1e-10
+    assert np.abs(expected - precise).max() > 1e-7
 
 
 def test_default_tolerances_reach_their_accuracy():
@@ -74,8 +74,8 @@ def test_times_may_come_in_any_order_and_sign():
 
 
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
-def test_many_are_each_alone_to_the_last_bit(method):
-    """Whatever their neighbours: 21 states in 16 lanes, both ways, of unlike lengths."""
+def test_many_agree_with_single_propagations_to_the_last_bit(method):
+    """Neighbors have no effect: 21 states in 16 lanes, forward and backward, of various lengths."""
     rng = np.random.default_rng(3)
     states = GENERIC + 0.02 * rng.standard_normal((21, 6))
     times = rng.uniform(-1.0, 1.0, (21, 9)) * rng.uniform(0.1, 4.0, (21, 1))
@@ -87,7 +87,7 @@ def test_many_are_each_alone_to_the_last_bit(method):
     assert few[0].tobytes() == together[4].tobytes()
 
 
-def test_many_name_the_first_that_falls():
+def test_many_name_the_first_collision():
     falling = [1.0 - MU, 0.0, 0.0, 0.0, 0.0, 0.0]
     with pytest.raises(ConvergenceError, match=r"0.98785.*stopped at t = 0 of 2: .*underflow"):
         propagate_many([GENERIC, falling, GENERIC], [1.0, 2.0])
@@ -145,13 +145,13 @@ def test_stm_at_libration_points_has_the_linear_frequencies(index):
         assert np.abs(found - value).min() < 1e-8
 
 
-def test_periodic_wrapping_holds_an_unstable_orbit():
+def test_periodic_propagation_stays_on_an_unstable_orbit():
     args = (NEAR_MOON, NEAR_MOON_PERIOD)
     times = np.array([0.3, 0.3 + 40 * NEAR_MOON_PERIOD, 0.3 - 25 * NEAR_MOON_PERIOD])
-    states = propagate_periodic(*args, times, mu=CATALOGUE_MU)
+    states = propagate_periodic(*args, times, mu=CATALOG_MU)
     assert np.abs(states - states[0]).max() < 1e-9
-    around = propagate_periodic(*args, np.linspace(0, NEAR_MOON_PERIOD, 50), mu=CATALOGUE_MU)
-    direct = propagate(NEAR_MOON, np.linspace(0, NEAR_MOON_PERIOD, 50), forces=CR3BP(CATALOGUE_MU))
+    around = propagate_periodic(*args, np.linspace(0, NEAR_MOON_PERIOD, 50), mu=CATALOG_MU)
+    direct = propagate(NEAR_MOON, np.linspace(0, NEAR_MOON_PERIOD, 50), forces=CR3BP(CATALOG_MU))
     # The published state closes to 5e-8 only; the two reach a fast perilune by opposite ways.
     assert np.abs(around - direct)[:, :3].max() < 1e-6
 
@@ -160,8 +160,8 @@ def test_fixed_step_equals_one_scipy_step():
     solver = DOP853(lambda _, y: equations_of_motion(y), 0.0, GENERIC, 1.0, first_step=0.01)
     solver.step()
     assert solver.t == 0.01
-    ours = propagate_bundle(GENERIC[None], 0.01, 1)[0, -1]
-    assert np.allclose(ours, solver.y, rtol=0.0, atol=1e-15)
+    found = propagate_bundle(GENERIC[None], 0.01, 1)[0, -1]
+    assert np.allclose(found, solver.y, rtol=0.0, atol=1e-15)
 
 
 def test_closest_approaches_against_dense_sampling():

@@ -1,4 +1,4 @@
-"""Sun and Moon against the Astronomical Almanac, known eclipses and SPICE's own clock."""
+"""Sun and Moon against the Astronomical Almanac, known eclipses, and the time scales of SPICE."""
 
 import numpy as np
 import pytest
@@ -81,7 +81,7 @@ def test_sun_stands_behind_the_moon_in_the_eclipse_of_october_2024(month):
     assert angle_deg(sun[1], np.array([-1.0, 0.0, 0.0])) < 5.3
 
 
-def test_sun_goes_round_backwards_once_a_synodic_month():
+def test_sun_revolves_backward_once_a_synodic_month():
     """New moons of 2024-10-02 18:49 and 2024-11-01 12:47 UT.
 
     A new moon is a meeting in ecliptic longitude; in the Moon's plane, inclined by i = 5.1 degrees,
@@ -108,7 +108,7 @@ def test_rotating_frame_axes():
 
 
 def test_times_agree_with_the_clock_of_spice():
-    """SPICE's own UTC to ET conversion, with a leap-second kernel made of text."""
+    """Against the conversion of UTC to ET by SPICE, with a leap-second kernel as text."""
     leap_kernel = [
         "DELTET/DELTA_T_A = 32.184",
         "DELTET/K = 1.657D-3",
@@ -190,7 +190,7 @@ def test_interpolation_outside_of_the_span_is_refused(month, outside):
 
 
 def excerpt(path, start, stop, bodies):
-    """Write the part of DE421 on some bodies between two times to a kernel of its own."""
+    """Write the part of DE421 for some bodies between two times to a new kernel."""
     source = spiceypy.dafopr(str(kernel_path()))
     target = spiceypy.spkopn(str(path), "excerpt", 0)
     spiceypy.dafbfs(source)
@@ -222,7 +222,7 @@ def test_kernel_that_does_not_cover_the_dates_is_refused(tmp_path):
 def test_kernel_without_the_moon_is_refused(tmp_path):
     start = float(utc_to_tdb(EPOCH_JD))
     lacking = excerpt(tmp_path / "lacking.bsp", start, start + 864000.0, (3, 10, 399))
-    with pytest.raises(InputFileError, match=r"lacking\.bsp: holds nothing on the Moon"):
+    with pytest.raises(InputFileError, match=r"lacking\.bsp: has no data for the Moon"):
         sample_ephemeris(EPOCH_JD, 1.0, kernel=lacking)
 
 
@@ -236,7 +236,7 @@ def test_unusable_kernels_are_refused(tmp_path):
     assert spiceypy.ktotal("ALL") == 0
 
 
-def test_no_kernel_is_left_loaded_and_the_users_own_stay():
+def test_no_kernel_stays_loaded_except_those_of_the_user():
     sample_ephemeris(duration_days=0.0)
     assert spiceypy.ktotal("ALL") == 0
     name = str(kernel_path())

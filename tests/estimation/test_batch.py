@@ -1,45 +1,30 @@
-"""The batch estimator in the closed loop, beside the paper's filter on the same truth and noise."""
+"""The batch estimator in the closed loop, with the paper's filter on the same truth and noise."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 from campaign_folder import read_campaign
-from measured import during, looked_at, nothing_measured
+from measured import SENSOR, during, measured_problem, nothing_measured
 
-from cislunar.campaign.settings.cell_tree import Batch, batch_settings
-from cislunar.campaign.settings.cells import cell_settings
+from cislunar.campaign.settings.cell_settings import cell_settings
 from cislunar.campaign.settings.families import with_families
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import INSIDE_PRIMARY, Prediction
+from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import BatchEstimator, batch
 from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
 from cislunar.estimation.registry import ESTIMATORS, estimator_named
-from cislunar.estimation.spread import ProcessNoise
 from cislunar.observation.measurement import DETECTED
-from cislunar.observation.scene import target_surfaces
 from cislunar.observation.sensor import Sensor
-from cislunar.photometry.materials import Material
-from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.planning.information import TaskingModel
-from cislunar.tasking.simulation import draw_truth, initial_estimate
 
 CONFIG = Path(__file__).parents[2] / "config"
-SENSOR = Sensor(limiting_magnitude=24.0)
-
-
-def _measured(hours=6.0, n_targets=5, sensor=SENSOR, inertia=1.0, seed=3):
-    """Every target measured by one observer for a while."""
-    scene, surfaces, epoch, ids, loop = tracking_problem(5, n_targets, duration_hours=hours)
-    surfaces = target_surfaces(icosahedron(), Material(), n_targets, inertia=inertia)
-    initial = initial_estimate(epoch, loop.initial.components())
-    truth = draw_truth(initial, scene, sensor.noise, seed, ids, inertia=surfaces.inertia)
-    measurements, fate = looked_at(np.arange(n_targets) % 5, scene, surfaces, sensor, truth)
-    return scene, surfaces, initial, truth, measurements, fate.reshape(n_targets, -1)
 
 
 def _batch(scene, surfaces, initial, sensor=SENSOR, seed=0, **settings):
@@ -59,18 +44,29 @@ def _in_intervals(estimator, measurements, steps=60):
 
 
 def _without(measurements, target=slice(None), step=slice(None)):
-    """The same looks, but nothing found at some targets and steps."""
+    """The same observations, without detections of some targets and steps."""
     value = measurements.value.reshape(*np.diff(measurements.offset).shape, 3).copy()
     value[target, step] = np.nan
     return measurements._replace(value=value.reshape(-1, 3))
 
 
-def test_translation_is_that_of_the_paper_s_filter_on_angles():
-    """Twelve states without the magnitude and six are the same filter of the orbit."""
-    scene, surfaces, initial, _, measurements, _ = _measured(hours=2.0)
-    theirs = MultiplicativeUKF(scene, surfaces, SENSOR, initial, use_magnitude=False)
-    twelve = theirs.advance(measurements)
-    six = _batch(scene, surfaces, initial).advance(measurements)
+@pytest.fixture(scope="module")
+def two_hours():
+    return measured_problem(hours=2.0)
+
+
+@pytest.fixture(scope="module")
+def usual(two_hours):
+    """Estimates of two hours with the usual settings."""
+    scene, surfaces, initial, _, measurements, _ = two_hours
+    return _batch(scene, surfaces, initial).advance(measurements)
+
+
+def test_translation_is_that_of_the_papers_filter_on_angles(two_hours, usual):
+    """A filter of twelve states without magnitudes and one of six are the same for the orbit."""
+    scene, surfaces, initial, _, measurements, _ = two_hours
+    filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial, use_magnitude=False)
+    twelve, six = filt.advance(measurements), usual
     np.testing.assert_array_equal(six.used, twelve.used)
     sigma = twelve.sigma[..., 6:]
     np.testing.assert_allclose(six.sigma[..., 6:], sigma, rtol=1e-6)
@@ -78,8 +74,8 @@ def test_translation_is_that_of_the_paper_s_filter_on_angles():
 
 
 def test_without_measurements_the_prior_is_propagated():
-    """The spread of the attitude grows as that of the rate times the time."""
-    scene, surfaces, initial, _, measurements, _ = _measured(hours=1.0)
+    """The attitude uncertainty grows by the rate uncertainty times the time."""
+    scene, surfaces, initial, _, measurements, _ = measured_problem(hours=1.0)
     out = _batch(scene, surfaces, initial).advance(_without(measurements))
     np.testing.assert_allclose(out.sigma[0, 0, :3], initial.sigma[:3], rtol=0.02)
     np.testing.assert_allclose(out.sigma[0, -1, 3:6], initial.sigma[3:6], rtol=1e-9)
@@ -89,14 +85,15 @@ def test_without_measurements_the_prior_is_propagated():
 
 
 @pytest.mark.parametrize("inertia", [1.0, (1.0, 1.2, 0.9)])
-def test_errors_keep_within_their_bounds(inertia):
-    """Six hours of light for five targets and three seeds; a tumbling body as a spherical one."""
+def test_errors_stay_within_three_standard_deviations(inertia):
+    """Six hours of light curves, five targets, three seeds; spherical and triaxial inertia."""
     inside = []
     for seed in range(3):
-        scene, surfaces, initial, truth, measured, fate = _measured(inertia=inertia, seed=seed)
+        found = measured_problem(6.0, inertia=inertia, seed=seed)
+        scene, surfaces, initial, truth, measured, outcome = found
         estimator = _batch(scene, surfaces, initial)
         quaternion, omega, _, sigma = _in_intervals(estimator, measured)
-        seen = (fate == DETECTED).sum(axis=1) > 100
+        seen = (outcome == DETECTED).sum(axis=1) > 100
         error = omega[seen, -1] - truth.angular_velocity[seen, -1]
         inside.append(np.abs(error) <= 3.0 * sigma[seen, -1, 3:6])
         propagated = np.hypot(initial.sigma[:3], 6.0 * 3600.0 * initial.sigma[3:6])
@@ -109,8 +106,8 @@ def test_errors_keep_within_their_bounds(inertia):
     assert np.concatenate([each.ravel() for each in inside]).mean() >= 0.95
 
 
-def test_many_starts_are_right_where_one_start_is_lost():
-    """The guard of the method: errors over their bound, over several seeds."""
+def test_many_starts_succeed_where_one_start_fails():
+    """Share of attitude errors beyond three standard deviations, over several seeds."""
     lost = {}
     for name in ("single-start", "default"):
         problem = tracking_problem(4, 8, duration_hours=12.0, sensor=SENSOR)
@@ -122,34 +119,34 @@ def test_many_starts_are_right_where_one_start_is_lost():
     assert lost["single-start"] >= lost["default"] + 0.1
 
 
-def test_a_window_keeps_little_and_loses_little():
-    scene, surfaces, initial, _, measured, fate = _measured(hours=8.0)
+def test_a_window_keeps_few_rows_and_loses_little_information():
+    scene, surfaces, initial, _, measured, outcome = measured_problem(hours=8.0)
     whole = _batch(scene, surfaces, initial)
     short = _batch(scene, surfaces, initial, window_hours=2.0)
     _, omega, _, sigma = _in_intervals(whole, measured)
-    _, near, _, spread = _in_intervals(short, measured)
-    seen = (fate == DETECTED).sum(axis=1) > 200
+    _, near, _, wider = _in_intervals(short, measured)
+    seen = (outcome == DETECTED).sum(axis=1) > 200
     assert short.rows_held.max() <= 121 < whole.rows_held.max()
-    np.testing.assert_allclose(spread[seen, -1, 3:6], sigma[seen, -1, 3:6], rtol=0.25)
+    np.testing.assert_allclose(wider[seen, -1, 3:6], sigma[seen, -1, 3:6], rtol=0.25)
     assert np.max(np.abs(near - omega)[seen, -1] / sigma[seen, -1, 3:6]) < 1.5
 
 
-def test_non_detections_are_told_from_obstruction():
-    """Only a target in clear view counts as fainter than the limit."""
+def test_non_detections_are_distinguished_from_obstruction():
+    """Only a target in unobstructed view counts as fainter than the limit."""
     faint = Sensor(limiting_magnitude=13.0)
-    scene, surfaces, initial, _, measured, fate = _measured(hours=2.0, sensor=faint)
-    assert (fate == 1).any()
+    scene, surfaces, initial, _, measured, outcome = measured_problem(hours=2.0, sensor=faint)
+    assert (outcome == 1).any()
     estimator = _batch(scene, surfaces, initial, sensor=faint, use_non_detections=True)
     estimator.advance(measured)
-    expected = (fate == DETECTED).sum(axis=1) + (fate == 1).sum(axis=1)
+    expected = (outcome == DETECTED).sum(axis=1) + (outcome == 1).sum(axis=1)
     np.testing.assert_allclose(estimator.rows_held, expected, atol=2)
     plain = _batch(scene, surfaces, initial, sensor=faint)
     plain.advance(measured)
-    np.testing.assert_array_equal(plain.rows_held, (fate == DETECTED).sum(axis=1))
+    np.testing.assert_array_equal(plain.rows_held, (outcome == DETECTED).sum(axis=1))
 
 
-def test_same_generator_same_estimates_and_targets_do_not_disturb_each_other():
-    scene, surfaces, initial, _, measured, _ = _measured(hours=2.0)
+def test_same_generator_same_estimates_and_targets_are_independent(two_hours):
+    scene, surfaces, initial, _, measured, _ = two_hours
     runs = [_batch(scene, surfaces, initial, seed=5).advance(measured) for _ in range(2)]
     np.testing.assert_array_equal(runs[0].quaternion, runs[1].quaternion)
     others = _without(measured, target=0)
@@ -157,8 +154,8 @@ def test_same_generator_same_estimates_and_targets_do_not_disturb_each_other():
     np.testing.assert_array_equal(alone.quaternion[1:], runs[0].quaternion[1:])
 
 
-def test_prediction_is_the_next_step():
-    scene, surfaces, initial, _, measured, _ = _measured(hours=2.0)
+def test_prediction_is_the_next_step(two_hours):
+    scene, surfaces, initial, _, measured, _ = two_hours
     estimator = _batch(scene, surfaces, initial)
     estimator.advance(during(measured, 0, 60))
     predicted: Prediction = estimator.predict()
@@ -169,8 +166,8 @@ def test_prediction_is_the_next_step():
     np.testing.assert_allclose(deviations, following.sigma[:, 0], rtol=1e-9)
 
 
-def test_an_estimate_inside_the_moon_ends_and_the_others_go_on():
-    scene, surfaces, initial, _, measured, _ = _measured(hours=1.0)
+def test_an_estimate_inside_the_moon_ends_and_the_others_continue():
+    scene, surfaces, initial, _, measured, _ = measured_problem(hours=1.0)
     initial.translation[1] = [1.0 - MU, 0.001, 0.0, 0.0, 0.0, 0.0]
     estimator = _batch(scene, surfaces, initial)
     out = estimator.advance(measured)
@@ -221,32 +218,30 @@ def test_noise_on_the_rotation_is_refused():
 
 def test_presets_are_those_of_the_configuration():
     task2 = with_families(read_campaign(CONFIG))["task2"]
-    assert batch_settings(Batch(**task2["batch"])) == PRESETS["default"]
+    assert BatchSettings(**task2["batch"]) == PRESETS["default"]
     for name in ("accurate", "single-start"):
         assert BatchSettings(**cell_settings(task2, name)["batch"]) == PRESETS[name]
 
 
-def test_later_measurements_do_not_change_earlier_estimates():
-    scene, surfaces, initial, _, measured, _ = _measured(hours=2.0)
-    whole = _batch(scene, surfaces, initial).advance(measured)
+def test_later_measurements_do_not_change_earlier_estimates(two_hours, usual):
+    scene, surfaces, initial, _, measured, _ = two_hours
     cut = _without(measured, step=slice(70, None))
     half = _batch(scene, surfaces, initial).advance(cut)
-    np.testing.assert_array_equal(half.quaternion[:, :70], whole.quaternion[:, :70])
-    np.testing.assert_array_equal(half.sigma[:, :70], whole.sigma[:, :70])
+    np.testing.assert_array_equal(half.quaternion[:, :70], usual.quaternion[:, :70])
+    np.testing.assert_array_equal(half.sigma[:, :70], usual.sigma[:, :70])
 
 
-def test_a_growing_light_curve_is_fitted_within_an_interval():
-    scene, surfaces, initial, _, measured, fate = _measured(hours=2.0)
-    seen = (fate == DETECTED).all(axis=1)
+def test_a_growing_light_curve_is_fitted_within_an_interval(two_hours, usual):
+    scene, surfaces, initial, _, measured, outcome = two_hours
+    seen = (outcome == DETECTED).all(axis=1)
     assert seen.any()
-    current = _batch(scene, surfaces, initial).advance(measured)
     hourly = _batch(scene, surfaces, initial, refit_growth=0.0).advance(measured)
-    before, after = (np.linalg.norm(e.sigma[seen, 60, :3], axis=-1) for e in (hourly, current))
+    before, after = (np.linalg.norm(e.sigma[seen, 60, :3], axis=-1) for e in (hourly, usual))
     assert np.all(after < before) and np.median(after) < 0.8 * np.median(before)
 
 
 def test_the_bound_is_reached_in_the_median():
-    """Thirty targets, seen for twelve hours by one observer or another."""
+    """Thirty targets, observed for twelve hours."""
     problem = tracking_problem(5, 10, duration_hours=12.0, sensor=SENSOR)
     found = {
         name: run_closed_loop(*problem[:4], range(3), problem[4], estimator=name)

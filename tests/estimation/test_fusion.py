@@ -1,4 +1,4 @@
-"""Covariance intersection against a search of weights, catalogues against single observers."""
+"""Covariance intersection against optimized weights, catalogs against single observers."""
 
 import numpy as np
 import pytest
@@ -6,16 +6,17 @@ from scipy.optimize import minimize
 
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.fusion.catalogues import catalogues
+from cislunar.estimation.fusion.catalogs import catalogs
 from cislunar.estimation.fusion.intersection import covariance_intersection
-from cislunar.estimation.fusion.ways import FUSIONS
+from cislunar.estimation.fusion.methods import FUSIONS
 from cislunar.estimation.registry import estimator_named
 from cislunar.observation.measurement import measure
 from cislunar.observation.records import pointed_schedule, rows_of
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.simulation import draw_truth, initial_estimate
+from cislunar.tasking.initial_conditions import initial_estimate
+from cislunar.tasking.truth import draw_truth
 
 BRIGHT = Sensor(limiting_magnitude=22.0)
 
@@ -29,12 +30,12 @@ def test_weights_are_those_of_the_smallest_determinant():
     rng = np.random.default_rng(1)
     for count in (1, 2, 3, 5):
         mean, covariance = _random(rng, count)
-        fused, spread, weight = covariance_intersection(mean, covariance)
+        fused, combined, weight = covariance_intersection(mean, covariance)
         inverse = np.linalg.inv(covariance)
         assert weight.sum() == pytest.approx(1.0) and np.all(weight >= 0.0)
         total = np.einsum("i,iab->ab", weight, inverse)
-        np.testing.assert_allclose(spread @ total, np.eye(6), atol=1e-6)
-        expected = spread @ np.einsum("i,iab,ib->a", weight, inverse, mean)
+        np.testing.assert_allclose(combined @ total, np.eye(6), atol=1e-6)
+        expected = combined @ np.einsum("i,iab,ib->a", weight, inverse, mean)
         np.testing.assert_allclose(fused, expected, rtol=1e-6, atol=1e-8)
 
         def cost(free, inverse=inverse):
@@ -43,31 +44,31 @@ def test_weights_are_those_of_the_smallest_determinant():
             return -np.linalg.slogdet(total)[1]
 
         best = minimize(cost, np.zeros(count), method="BFGS").fun
-        assert np.linalg.slogdet(spread)[1] <= best + 0.06
-        assert np.linalg.slogdet(spread)[1] <= np.linalg.slogdet(covariance)[1].min() + 0.06
+        assert np.linalg.slogdet(combined)[1] <= best + 0.06
+        assert np.linalg.slogdet(combined)[1] <= np.linalg.slogdet(covariance)[1].min() + 0.06
 
 
 def test_no_correlation_makes_the_intersection_overconfident():
-    """Errors that are the same in all estimates, as far as their covariances allow."""
+    """Errors of all estimates are as correlated as their covariances allow."""
     rng = np.random.default_rng(2)
     _, covariance = _random(rng, 3)
     roots = np.linalg.cholesky(covariance)
     draws = rng.normal(size=(4000, 6))
     errors = np.einsum("iab,sb->sia", roots, draws)
-    spread, weight = covariance_intersection(np.zeros((3, 6)), covariance)[1:]
-    gains = np.einsum("ab,i,ibc->iac", spread, weight, np.linalg.inv(covariance))
+    combined, weight = covariance_intersection(np.zeros((3, 6)), covariance)[1:]
+    gains = np.einsum("ab,i,ibc->iac", combined, weight, np.linalg.inv(covariance))
     fused = np.einsum("iab,sib->sa", gains, errors)
-    excess = np.linalg.eigvals(np.linalg.solve(spread, np.cov(fused.T))).real.max()
+    excess = np.linalg.eigvals(np.linalg.solve(combined, np.cov(fused.T))).real.max()
     assert excess < 1.1
 
 
-def test_estimates_that_do_not_fit_together_are_refused():
+def test_inconsistent_inputs_are_refused():
     with pytest.raises(ConfigurationError, match="are needed"):
         covariance_intersection(np.zeros((2, 6)), np.eye(6))
     with pytest.raises(ConfigurationError, match="positive definite"):
         covariance_intersection(np.zeros((1, 2)), -np.eye(2)[None])
     with pytest.raises(ConfigurationError, match="fusion = 'best' is unknown"):
-        catalogues(estimator_named("mukf"), "best")
+        catalogs(estimator_named("mukf"), "best")
 
 
 @pytest.fixture(scope="module")
@@ -76,18 +77,18 @@ def problem():
 
 
 @pytest.mark.parametrize("fusion", ["alone", "covariance-intersection"])
-def test_catalogues_are_those_of_observers_alone(problem, fusion):
+def test_catalogs_are_those_of_observers_alone(problem, fusion):
     scene, surfaces, epoch, ids, loop = problem
     initial = initial_estimate(epoch, loop.initial.components())
     truth = draw_truth(initial, scene, BRIGHT.noise, 3, ids)
-    # target 3 is seen by nobody, target 0 by all in turn, target 1 by the second observer alone
-    looking = np.array([[0, 1, 2]] * 60 + [[2, 0, -1]] * 60 + [[-1, 1, 0]] * 60)
+    # target 3 is never observed, target 0 by all in turn, target 1 by the second observer only
+    pointing = np.array([[0, 1, 2]] * 60 + [[2, 0, -1]] * 60 + [[-1, 1, 0]] * 60)
     states = truth.translation, truth.quaternion, truth.noise
-    plan = pointed_schedule(looking, 4)
+    plan = pointed_schedule(pointing, 4)
     records = measure(1, plan, scene, surfaces, BRIGHT, *states)[0]
     factory = estimator_named("mukf")
     given = scene, surfaces, BRIGHT, initial
-    together = catalogues(factory, fusion)(*given, np.random.default_rng(0), EARTH_MOON)
+    together = catalogs(factory, fusion)(*given, np.random.default_rng(0), EARTH_MOON)
     found = together.advance(records, covariance=True)
     alone = []
     for o in range(3):
@@ -107,7 +108,7 @@ def test_catalogues_are_those_of_observers_alone(problem, fusion):
             [each.translation[0, -1] for each in alone],
             [each.covariance[0, -1] for each in alone],
         )
-        # weights begin where those of the step before ended: as good, not the same
+        # weights start from those of the previous step: as good, not the same
         assert fused == pytest.approx(np.linalg.slogdet(expected[1])[1], abs=0.06)
         away = found.translation[0, -1] - expected[0]
         assert away @ np.linalg.solve(expected[1], away) < 0.1**2
@@ -120,12 +121,12 @@ def test_catalogues_are_those_of_observers_alone(problem, fusion):
     assert np.all(np.isfinite(found.quaternion)) and not together.failed.any()
 
 
-def test_what_is_shared_is_known_better():
+def test_shared_measurements_reduce_errors():
     problem = tracking_problem(4, 6, duration_hours=8.0, sensor=BRIGHT, record_every=60)
     errors = []
     for fusion in FUSIONS[1:] + FUSIONS[:1]:
         factory = estimator_named("mukf")
-        factory = catalogues(factory, fusion)
+        factory = catalogs(factory, fusion)
         result = run_closed_loop(*problem[:4], (0, 1, 2), problem.loop, estimator=factory)
         away = np.linalg.norm(result.error[:, -1, :, 6:9], axis=-1)
         errors.append(np.exp(np.mean(np.log(away))))

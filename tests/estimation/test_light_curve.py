@@ -2,6 +2,15 @@
 
 import numpy as np
 import pytest
+from oracles.light_curves import (
+    FACETS,
+    INERTIAS,
+    SIGMA,
+    anchor_of,
+    cost_differences,
+    geometry,
+    model_of,
+)
 from scipy.optimize import approx_fprime, minimize
 from scipy.stats import norm
 
@@ -20,7 +29,6 @@ from cislunar.estimation.light_curves.levenberg_marquardt import refine
 from cislunar.estimation.light_curves.light_curve import (
     OTHER_CAUSES,
     Anchor,
-    LightCurveModel,
     cost,
     cost_and_derivatives,
     fainter_than_limit,
@@ -30,38 +38,9 @@ from cislunar.estimation.light_curves.mixture import (
     step_points,
     weighted_deviations,
 )
-from cislunar.estimation.light_curves.row_blocks import (
-    COLUMNS,
-    MAGNITUDE,
-    RANGE,
-    SEEN,
-    SUN,
-    TIME,
-    VIEW,
-    WEIGHT,
-)
-from cislunar.photometry.bodies import plain_body
+from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, RANGE, SEEN, SUN, TIME, VIEW
 from cislunar.photometry.facets import apparent_magnitude
-from cislunar.photometry.materials import PRINTED, Material
-from cislunar.photometry.shapes import icosahedron
-
-FACETS = icosahedron()
-RATE = np.deg2rad([-44.7, -6.7, -8.5]) / 3600.0
-SIGMA = np.repeat([np.deg2rad(5.0), np.deg2rad(2.4) / 3600.0], 3)
-INERTIAS = {"spherical": np.eye(3), "triaxial": np.diag([1.0, 1.3, 0.8])}
-
-
-def _model(inertia="spherical"):
-    matrix = INERTIAS[inertia]
-    return LightCurveModel(
-        np.array([0.1, -0.2, 0.3, np.sqrt(0.86)]), RATE, SIGMA, *np.empty((2, 0), int), matrix,
-        np.linalg.inv(matrix), inertia == "spherical",
-        plain_body(FACETS, Material()), True, True, 0.01, 0.0,
-    )  # fmt: skip
-
-
-def _anchor():
-    return Anchor(np.zeros(6), np.eye(6), np.zeros(1))
+from cislunar.photometry.materials import PRINTED
 
 
 def _magnitudes(u, data, model):
@@ -71,40 +50,33 @@ def _magnitudes(u, data, model):
     attitudes, _ = propagate_torque_free(
         start, model.omega + SIGMA[3:] * u[3:], data[:, TIME], model.inertia
     )
-    geometry = attitudes, data[:, SUN], data[:, VIEW], data[:, RANGE]
-    return apparent_magnitude(*geometry, FACETS, model=PRINTED)  # as `_model` has it
+    given = attitudes, data[:, SUN], data[:, VIEW], data[:, RANGE]
+    return apparent_magnitude(*given, FACETS, model=PRINTED)  # as `model_of` has it
 
 
 def _light_curve(u, model, hours=(0.0, 6.0), n=120, noise=0.1, seed=0):
-    rng = np.random.default_rng(seed)
-    data = np.empty((n, COLUMNS))
-    data[:, TIME] = 3600.0 * np.linspace(hours[0] + 0.02, hours[1], n)
-    angle = data[:, TIME] / 3.0e4
-    zeros = np.zeros(n)
-    data[:, SUN] = np.stack([np.cos(0.1 * angle), np.sin(0.1 * angle), zeros], -1)
-    data[:, VIEW] = np.stack([np.cos(1.0 + angle), np.sin(1.0 + angle), zeros + 0.3], -1)
-    data[:, VIEW] /= np.linalg.norm(data[:, VIEW], axis=1)[:, None]
-    data[:, RANGE] = 8.0e7
-    data[:, SEEN] = data[:, WEIGHT] = 1.0
-    data[:, MAGNITUDE] = _magnitudes(u, data, model) + noise * rng.standard_normal(n)
+    data = geometry(n, hours)
+    error = noise * np.random.default_rng(seed).standard_normal(n)
+    data[:, MAGNITUDE] = _magnitudes(u, data, model) + error
     return data
 
 
 TRUE = np.array([0.4, -0.8, 0.6, 0.3, -0.5, 0.9])
+NONE = np.empty((0, 6)), np.empty((0, 6, 6))
 
 
 @pytest.mark.parametrize("inertia", INERTIAS)
 def test_cost_is_prior_and_chi_squared(inertia):
-    model = _model(inertia)
+    model = model_of(inertia)
     data = _light_curve(TRUE, model)
     u = np.array([0.2, 0.1, -0.3, 0.5, 0.0, -0.7])
     residuals = data[:, MAGNITUDE] - _magnitudes(u, data, model)
     expected = 0.5 * u @ u + 0.5 * np.sum(residuals**2) / 0.01
-    assert cost(u, data, _anchor(), model, np.inf) == pytest.approx(expected, rel=1e-6)
+    assert cost(u, data, anchor_of(), model, np.inf) == pytest.approx(expected, rel=1e-6)
 
 
 def test_non_detections_cost_the_probability_of_being_fainter():
-    model = _model()
+    model = model_of()
     data = _light_curve(TRUE, model, n=30)
     data[::3, SEEN], data[::3, MAGNITUDE] = 0.0, 15.0
     u = 0.3 * np.ones(6)
@@ -113,7 +85,7 @@ def test_non_detections_cost_the_probability_of_being_fainter():
     expected = 0.5 * u @ u + 0.5 * np.sum((data[seen, MAGNITUDE] - h[seen]) ** 2) / 0.01
     unseen = norm.cdf((h[~seen] - 15.0) / 0.1)
     expected -= np.log(OTHER_CAUSES + (1.0 - OTHER_CAUSES) * unseen).sum()
-    assert cost(u, data, _anchor(), model, np.inf) == pytest.approx(expected, rel=1e-9)
+    assert cost(u, data, anchor_of(), model, np.inf) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("z", [-200.0, -4.0, -2.0, 0.0, 3.0, 40.0])
@@ -132,65 +104,59 @@ def test_non_detection_derivatives(z):
 @pytest.mark.parametrize("inertia", INERTIAS)
 @pytest.mark.parametrize("case", ["plain", "non-detections"])
 def test_gradient_against_differences(inertia, case):
-    model = _model(inertia)
+    model = model_of(inertia)
     data = _light_curve(TRUE, model)
     if case == "non-detections":
         data[::4, SEEN], data[::4, MAGNITUDE] = 0.0, 14.0
     u = np.array([0.3, -0.7, 0.5, 0.2, -0.4, 0.8])
     gradient, information = np.empty(6), np.empty((6, 6))
-    value = cost_and_derivatives(u, data, _anchor(), model, gradient, information)
-    assert value == pytest.approx(cost(u, data, _anchor(), model, np.inf), rel=1e-12)
-    step = 1e-6
-    differences = [
-        (cost(u + step * e, data, _anchor(), model, np.inf)
-         - cost(u - step * e, data, _anchor(), model, np.inf)) / (2.0 * step)
-        for e in np.eye(6)
-    ]  # fmt: skip
+    value = cost_and_derivatives(u, data, anchor_of(), model, gradient, information)
+    assert value == pytest.approx(cost(u, data, anchor_of(), model, np.inf), rel=1e-12)
+    differences = cost_differences(u, data, model)
     np.testing.assert_allclose(gradient, differences, rtol=2e-5, atol=2e-5 * np.abs(gradient).max())
 
 
 @pytest.mark.parametrize("inertia", INERTIAS)
 def test_information_is_that_of_the_jacobian(inertia):
-    model = _model(inertia)
+    model = model_of(inertia)
     data = _light_curve(TRUE, model)
     gradient, information = np.empty(6), np.empty((6, 6))
-    cost_and_derivatives(TRUE, data, _anchor(), model, gradient, information)
+    cost_and_derivatives(TRUE, data, anchor_of(), model, gradient, information)
     jacobian = approx_fprime(TRUE, lambda u: _magnitudes(u, data, model), 1e-6)
     np.testing.assert_allclose(information, np.eye(6) + jacobian.T @ jacobian / 0.01, rtol=2e-3)
 
 
 def test_information_of_non_detections_weighs_rows_by_their_curvature():
-    model = _model()
+    model = model_of()
     data = _light_curve(TRUE, model, n=60)
     limit = float(np.median(_magnitudes(TRUE, data, model)[::3]))
     data[::3, SEEN], data[::3, MAGNITUDE] = 0.0, limit
     gradient, information = np.empty(6), np.empty((6, 6))
-    cost_and_derivatives(TRUE, data, _anchor(), model, gradient, information)
+    cost_and_derivatives(TRUE, data, anchor_of(), model, gradient, information)
     jacobian = approx_fprime(TRUE, lambda u: _magnitudes(u, data, model), 1e-6)
     excess = (_magnitudes(TRUE, data, model) - limit) / 0.1
     curvature = np.array([fainter_than_limit(z)[2] for z in excess])
     weight = np.where(data[:, SEEN] == 1.0, 1.0, curvature) / 0.01
-    assert np.ptp(curvature[::3]) > 0.1  # otherwise nothing is told apart
+    assert np.ptp(curvature[::3]) > 0.1  # otherwise the weights would be equal
     expected = np.eye(6) + jacobian.T @ (weight[:, None] * jacobian)
     np.testing.assert_allclose(information, expected, rtol=2e-3, atol=1e-3 * expected.max())
 
 
-def test_giving_up_early_never_lowers_the_cost():
-    model = _model()
+def test_an_aborted_sum_is_at_most_the_whole_cost():
+    model = model_of()
     data = _light_curve(TRUE, model)
     u = -TRUE
-    whole = cost(u, data, _anchor(), model, np.inf)
-    partial = cost(u, data, _anchor(), model, 0.1 * whole)
+    whole = cost(u, data, anchor_of(), model, np.inf)
+    partial = cost(u, data, anchor_of(), model, 0.1 * whole)
     assert 0.1 * whole < partial <= whole
 
 
 def test_levenberg_marquardt_finds_the_minimum_scipy_finds():
-    model = _model()
+    model = model_of()
     data = _light_curve(TRUE, model)
     u, information = TRUE + 0.1, np.empty((6, 6))
-    none = np.empty((0, 6)), np.empty((0, 6, 6))
-    value = refine(u, data, _anchor(), model, 1e-2, 50, information, *none, 0.0)
-    found = minimize(lambda v: cost(v, data, _anchor(), model, np.inf), u, method="BFGS")
+    value = refine(u, data, anchor_of(), model, 1e-2, 50, information, *NONE, 0.0)
+    found = minimize(lambda v: cost(v, data, anchor_of(), model, np.inf), u, method="BFGS")
     assert value == pytest.approx(found.fun, abs=0.02)
     whitened = np.linalg.cholesky(information).T @ (u - found.x)
     assert np.linalg.norm(whitened) < 0.3
@@ -202,7 +168,16 @@ SEARCH = SearchSettings(8, 4, 8, 64, 3, 8, 3.0, 2.0, 12.0, 1)
 def _many_minima(true=TRUE):
     """A few magnitudes and a prior of 60 degrees leave several minima."""
     wide = np.repeat([np.deg2rad(60.0), np.deg2rad(2.4) / 3600.0], 3)
-    return _model()._replace(sigma=wide), _light_curve(true, _model(), hours=(0.0, 2.0), n=8)
+    return model_of()._replace(sigma=wide), _light_curve(true, model_of(), hours=(0.0, 2.0), n=8)
+
+
+def _several_modes(model, data):
+    """Modes after three searches, and their number."""
+    modes = prior_hypotheses(8)
+    for _ in range(3):
+        search(modes, data, model, SEARCH, np.random.default_rng(2))
+    assert modes.count[0] > 1
+    return modes, modes.count[0]
 
 
 def _lowest(model, data, settings, searches=4):
@@ -211,7 +186,7 @@ def _lowest(model, data, settings, searches=4):
     for _ in range(searches):
         search(modes, data, model, settings, rng)
     live = modes.u[: modes.count[0]]
-    return min(cost(u, data, _anchor(), model, np.inf) for u in live)
+    return min(cost(u, data, anchor_of(), model, np.inf) for u in live)
 
 
 def test_search_finds_the_global_minimum_where_one_start_does_not():
@@ -219,12 +194,12 @@ def test_search_finds_the_global_minimum_where_one_start_does_not():
     one = SEARCH._replace(modes=1, starts=0, first_starts=0, pool=0)
     missed = []
     for number in range(4):
-        # turned by some ten prior deviations of the usual prior, so that the start is far off
+        # about ten standard deviations of the usual prior, so that the start is far away
         true = 8.0 * np.random.default_rng(number).standard_normal(6) * np.repeat([1.0, 0.1], 3)
         model, data = _many_minima(true)
         starts = np.random.default_rng(1).standard_normal((40, 6))
         best = min(
-            minimize(lambda v, d=data, m=model: cost(v, d, _anchor(), m, np.inf), s).fun
+            minimize(lambda v, d=data, m=model: cost(v, d, anchor_of(), m, np.inf), s).fun
             for s in starts
         )
         assert _lowest(model, data, SEARCH) <= best + 0.05
@@ -232,7 +207,7 @@ def test_search_finds_the_global_minimum_where_one_start_does_not():
     assert any(missed)
 
 
-def test_doubt_is_searched_away_and_clear_fits_are_left():
+def test_doubtful_fits_are_searched_again_and_clear_fits_are_not():
     missed, searches = np.zeros(2, dtype=int), []
     for number in range(12):
         true = 8.0 * np.random.default_rng(number).standard_normal(6) * np.repeat([1.0, 0.1], 3)
@@ -242,11 +217,11 @@ def test_doubt_is_searched_away_and_clear_fits_are_left():
             modes = prior_hypotheses(8)
             settings, rng = SEARCH._replace(searches=most), np.random.default_rng(5)
             search_until_clear(modes, data, model, settings, rng)
-            missed[k] += cost(modes.u[0], data, _anchor(), model, np.inf) > best + 0.5
+            missed[k] += cost(modes.u[0], data, anchor_of(), model, np.inf) > best + 0.5
         searches.append(modes.count[1])
     assert missed[0] > 0 and missed[1] == 0
     assert min(searches) == 1 and max(searches) == 3
-    model, modes = _model(), prior_hypotheses(8)
+    model, modes = model_of(), prior_hypotheses(8)
     modes.u[0] = TRUE
     settings, rng = SEARCH._replace(searches=12), np.random.default_rng(5)
     search_until_clear(modes, _light_curve(TRUE, model), model, settings, rng)
@@ -255,15 +230,11 @@ def test_doubt_is_searched_away_and_clear_fits_are_left():
 
 def test_weights_are_those_of_laplace():
     model, data = _many_minima()
-    modes = prior_hypotheses(8)
-    for _ in range(3):
-        search(modes, data, model, SEARCH, np.random.default_rng(2))
-    live = modes.count[0]
-    assert live > 1
+    modes, live = _several_modes(model, data)
     gradient, information = np.empty(6), np.empty((6, 6))
     logs = []
     for u, root in zip(modes.u[:live], modes.root[:live], strict=True):
-        value = cost_and_derivatives(u, data, _anchor(), model, gradient, information)
+        value = cost_and_derivatives(u, data, anchor_of(), model, gradient, information)
         np.testing.assert_allclose(root @ root.T, information, rtol=1e-9)
         logs.append(-value - 0.5 * np.linalg.slogdet(information)[1])
     expected = np.exp(np.array(logs) - max(logs))
@@ -271,7 +242,7 @@ def test_weights_are_those_of_laplace():
     assert np.all(np.diff(modes.weight[:live]) <= 0.0)
 
 
-def test_search_is_reproducible_and_keeps_no_twins():
+def test_search_is_reproducible_and_keeps_no_duplicates():
     model, data = _many_minima()
     found = []
     for _ in range(2):
@@ -288,14 +259,14 @@ def test_search_is_reproducible_and_keeps_no_twins():
 
 
 def test_condensed_data_leave_the_cost_near_a_mode():
-    model = _model()
+    model = model_of()
     data = _light_curve(TRUE, model, n=200)
     modes = prior_hypotheses(2)
     for _ in range(3):
         search(modes, data, model, SEARCH, np.random.default_rng(4))
     u = modes.u[0].copy()
     nearby = u + np.linalg.solve(modes.root[0].T, 0.5 * np.ones(6))
-    before = [cost(v, data, _anchor(), model, np.inf) for v in (u, nearby)]
+    before = [cost(v, data, anchor_of(), model, np.inf) for v in (u, nearby)]
     condense(modes, data[:150], model, 1.0)
     anchor = Anchor(modes.anchor_mean[0], modes.anchor_information[0], modes.anchor_offset[0])
     after = [cost(v, data[150:], anchor, model, np.inf) for v in (u, nearby)]
@@ -303,24 +274,20 @@ def test_condensed_data_leave_the_cost_near_a_mode():
     assert after[1] == pytest.approx(before[1], abs=0.25)
 
 
-def test_condensed_modes_keep_their_own_past_when_their_order_changes():
+def test_condensed_modes_keep_their_anchors_when_their_order_changes():
     model, data = _many_minima()
-    modes = prior_hypotheses(8)
-    for _ in range(3):
-        search(modes, data, model, SEARCH, np.random.default_rng(2))
-    live = modes.count[0]
-    assert live > 1
-    places = modes.u[:live].copy()
+    modes, live = _several_modes(model, data)
+    before = modes.u[:live].copy()
     condense(modes, data, model, 1.0)
     pasts = [
         Anchor(modes.anchor_mean[j].copy(), modes.anchor_information[j].copy(), offset.copy())
         for j, offset in enumerate(modes.anchor_offset[:live])
     ]
-    # what comes later speaks for the least likely mode
-    own_units = places[live - 1] * model.sigma / SIGMA
+    # the later data favor the least likely mode
+    own_units = before[live - 1] * model.sigma / SIGMA
     later = _light_curve(own_units, model, hours=(2.0, 3.0), n=20, noise=0.0)
-    whole = cost(places[-1], np.vstack([data, later]), _anchor(), model, np.inf)
-    assert cost(places[-1], later, pasts[-1], model, np.inf) == pytest.approx(whole, rel=1e-9)
+    whole = cost(before[-1], np.vstack([data, later]), anchor_of(), model, np.inf)
+    assert cost(before[-1], later, pasts[-1], model, np.inf) == pytest.approx(whole, rel=1e-9)
     alone = SEARCH._replace(starts=0, first_starts=0)
     search(modes, later, model, alone, np.random.default_rng(3))
     origins = []
@@ -329,18 +296,8 @@ def test_condensed_modes_keep_their_own_past_when_their_order_changes():
         np.testing.assert_array_equal(modes.anchor_mean[j], pasts[origin].mean)
         np.testing.assert_array_equal(modes.anchor_information[j], pasts[origin].information)
         np.testing.assert_array_equal(modes.anchor_offset[j], pasts[origin].offset)
-        u, none = places[origin].copy(), (np.empty((0, 6)), np.empty((0, 6, 6)))
-        refine(
-            u,
-            later,
-            pasts[origin],
-            model,
-            1e-2,
-            alone.warm_iterations,
-            np.empty((6, 6)),
-            *none,
-            0.0,
-        )
+        u, steps = before[origin].copy(), alone.warm_iterations
+        refine(u, later, pasts[origin], model, 1e-2, steps, np.empty((6, 6)), *NONE, 0.0)
         np.testing.assert_allclose(modes.u[j], u, atol=1e-9)
         origins.append(origin)
     assert origins[0] != 0
@@ -349,13 +306,13 @@ def test_condensed_modes_keep_their_own_past_when_their_order_changes():
 @pytest.mark.parametrize("inertia", INERTIAS)
 def test_points_carry_mean_and_covariance(inertia):
     """A narrow mixture, against the linear propagation of its covariance by random draws."""
-    model = _model(inertia)
+    model = model_of(inertia)
     modes = prior_hypotheses(1)
     modes.u[0], modes.root[0] = TRUE, 20.0 * np.eye(6)
     q, w, weight = np.zeros((12, 4)), np.zeros((12, 3)), np.zeros(12)
-    departures = np.zeros((12, 0))
-    assert mixture_points(modes, model, q, w, weight, departures) == 12
-    step_points(q, w, departures, 7200.0, model)
+    deviations = np.zeros((12, 0))
+    assert mixture_points(modes, model, q, w, weight, deviations) == 12
+    step_points(q, w, deviations, 7200.0, model)
     mean_q, mean_w = np.empty(4), np.empty(3)
     differences, sigma = np.empty((12, 6)), np.empty(6)
     mixture_moments(q, w, weight, mean_q, mean_w, differences)
@@ -378,12 +335,12 @@ def test_points_carry_mean_and_covariance(inertia):
 
 
 def test_a_fading_memory_returns_to_the_prior():
-    model = _model()
+    model = model_of()
     data = _light_curve(TRUE, model, n=100)
     modes = prior_hypotheses(1)
     search(modes, data, model, SEARCH, np.random.default_rng(4))
     u = modes.u[0].copy()
-    before = cost(u, data, _anchor(), model, np.inf)
+    before = cost(u, data, anchor_of(), model, np.inf)
     condense(modes, data, model, 0.5)
     anchor = Anchor(modes.anchor_mean[0], modes.anchor_information[0], modes.anchor_offset[0])
     assert cost(u, data[:0], anchor, model, np.inf) == pytest.approx(before, rel=1e-9)

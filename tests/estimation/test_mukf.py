@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from measured import during, looked_at, nothing_measured
+from measured import SENSOR, during, measured_problem, nothing_measured
 from oracles.reference_filter import ReferenceFilter
 
 from cislunar.attitude import grp
@@ -15,49 +15,35 @@ from cislunar.estimation.estimator import (
     OUT_OF_FIELD,
     UPDATES,
 )
+from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, InitialSigma, ProcessNoise
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF, mukf
-from cislunar.estimation.spread import INITIAL_SPREAD, ProcessNoise, Spread
 from cislunar.observation.measurement import DETECTED
-from cislunar.observation.scene import target_surfaces
-from cislunar.observation.sensor import Sensor
+from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.simulation import draw_truth, initial_estimate
-
-SENSOR = Sensor(limiting_magnitude=24.0)
-
-
-def _measured_problem(hours=2.0, n_targets=5, sensor=SENSOR, **settings):
-    """Every target measured by one observer for a while."""
-    scene, surfaces, epoch, ids, loop = tracking_problem(
-        5, n_targets, duration_hours=hours, **settings
-    )
-    initial = initial_estimate(epoch, loop.initial.components())
-    truth = draw_truth(initial, scene, sensor.noise, 3, ids)
-    measurements, fate = looked_at(np.arange(n_targets) % 5, scene, surfaces, sensor, truth)
-    return scene, surfaces, initial, truth, measurements, fate.reshape(n_targets, -1)
+from cislunar.tasking.initial_conditions import initial_estimate
 
 
 @pytest.mark.parametrize("inertia", [1.0, [1.0, 1.6, 2.2]])
 def test_equals_filterpy_with_the_same_model(inertia):
     """Two hours of predict and update; the references carry full covariances and naive weights."""
     process = ProcessNoise(0.03, 0.01, 0.05, 0.001)
-    scene, surfaces, initial, _, measurements, fate = _measured_problem()
+    scene, surfaces, initial, _, measurements, outcome = measured_problem(hours=2.0)
     surfaces = target_surfaces(icosahedron(), Material(), 5, inertia=inertia)
     filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial, process_noise=process)
     estimates = filt.advance(measurements)
     compared = 0
-    for j in np.flatnonzero((fate == DETECTED).mean(axis=1) > 0.9)[:2]:
+    for j in np.flatnonzero((outcome == DETECTED).mean(axis=1) > 0.9)[:2]:
         reference = ReferenceFilter(
             scene, icosahedron(), Material(), SENSOR.noise, initial,
             process.components() ** 2, j, inertia,
         )  # fmt: skip
-        for i in range(fate.shape[1]):
+        for i in range(outcome.shape[1]):
             reference.predict()
             row = measurements.offset[j, i]
-            if fate[j, i] == DETECTED:
+            if outcome[j, i] == DETECTED:
                 reference.update(measurements.value[row], measurements.observer[row])
             reference.reset()
             sigma = np.sqrt(np.diag(reference.ukf.P))
@@ -74,7 +60,7 @@ def test_equals_filterpy_with_the_same_model(inertia):
 
 def test_general_inertia_joins_the_closed_form_and_follows_the_truth():
     """An all but spherical body is integrated to the closed form; another keeps its true rate."""
-    scene, _, initial, *_ = _measured_problem()
+    scene, _, initial, *_ = measured_problem(hours=2.0)
     nothing = nothing_measured(5, 60)
 
     def coast(inertia, sigma=1.0):
@@ -97,8 +83,8 @@ def test_general_inertia_joins_the_closed_form_and_follows_the_truth():
     assert np.abs(coast(inertia).sigma - exact.sigma).max() > 1e-4
 
 
-def test_prediction_looks_one_step_ahead_without_moving():
-    scene, surfaces, initial, *_ = _measured_problem(hours=0.5)
+def test_prediction_is_one_step_ahead_and_changes_no_state():
+    scene, surfaces, initial, *_ = measured_problem(hours=0.5)
     filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
     first, again = filt.predict(), filt.predict()
     np.testing.assert_array_equal(first.translation, again.translation)
@@ -114,7 +100,7 @@ def test_prediction_looks_one_step_ahead_without_moving():
 
 def test_intervals_do_not_matter():
     """One call over two hours equals many short ones."""
-    scene, surfaces, initial, _, measurements, _ = _measured_problem()
+    scene, surfaces, initial, _, measurements, _ = measured_problem(hours=2.0)
     whole = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
     parts = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
     expected = whole.advance(measurements)
@@ -126,7 +112,7 @@ def test_intervals_do_not_matter():
         np.testing.assert_array_equal(joined, whole_run, err_msg=name)
 
 
-def test_without_magnitude_the_attitude_spreads_as_the_closed_form():
+def test_without_magnitude_the_attitude_uncertainty_follows_the_closed_form():
     """Only the error of the rate along the rate accumulates; the rest turns round with the body.
 
     With phi = |omega| t the attitude error is e + J(t) d_omega, where J is the left Jacobian of
@@ -155,7 +141,7 @@ def test_process_noise_grows_with_time_not_with_steps():
     finals = []
     for step_s in (30.0, 60.0, 120.0):
         scene, surfaces, epoch, _, loop = tracking_problem(1, 1, duration_hours=1.0, step_s=step_s)
-        initial = initial_estimate(epoch, 1e-9 * INITIAL_SPREAD.components())
+        initial = initial_estimate(epoch, 1e-9 * PAPER_INITIAL_SIGMA.components())
         filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial, process_noise=process)
         finals.append(filt.advance(nothing_measured(1, loop.n_steps)).sigma[0, -1])
     for final in finals:
@@ -164,13 +150,13 @@ def test_process_noise_grows_with_time_not_with_steps():
         assert final[6] * LENGTH_UNIT_KM == pytest.approx(np.sqrt(60.0), rel=0.02)
 
 
-def test_a_target_that_falls_on_the_moon_is_marked_and_the_others_go_on():
-    scene, surfaces, initial, _, measurements, _ = _measured_problem(hours=1.0)
-    doomed = initial.translation.copy()
-    doomed[1] = [1.0 - MU, 0.0, -0.007, 0.0, 0.0, 0.5]
+def test_a_target_that_hits_the_moon_is_marked_and_the_others_continue():
+    scene, surfaces, initial, _, measurements, _ = measured_problem(hours=1.0)
+    impact = initial.translation.copy()
+    impact[1] = [1.0 - MU, 0.0, -0.007, 0.0, 0.0, 0.5]
     alone = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
     expected = alone.advance(measurements)
-    filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial._replace(translation=doomed))
+    filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial._replace(translation=impact))
     estimates = filt.advance(measurements)
     assert filt.failed[1] != 0
     assert np.all(np.isnan(estimates.translation[1, -1]))
@@ -187,23 +173,23 @@ def test_a_target_that_falls_on_the_moon_is_marked_and_the_others_go_on():
 
 
 def test_a_measurement_outside_the_field_of_view_is_rejected():
-    scene, surfaces, initial, _, measurements, fate = _measured_problem(hours=1.0)
-    j = int(np.argmax((fate == DETECTED).sum(axis=1)))
+    scene, surfaces, initial, _, measurements, outcome = measured_problem(hours=1.0)
+    j = int(np.argmax((outcome == DETECTED).sum(axis=1)))
     shifted = measurements.value.reshape(5, -1, 3).copy()
     shifted[j, :, 2] += np.deg2rad(1.6)
     filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
     estimates = filt.advance(measurements._replace(value=shifted.reshape(-1, 3)))
     assert not estimates.used.reshape(5, -1)[j].any()
-    assert filt.counters[j, OUT_OF_FIELD] == (fate[j] == DETECTED).sum()
+    assert filt.counters[j, OUT_OF_FIELD] == (outcome[j] == DETECTED).sum()
     assert filt.counters[j, UPDATES] == 0
 
 
 def test_updates_across_the_wrap_of_right_ascension():
     """Turning all observers by a constant angle about z must not change the estimates."""
-    scene, surfaces, initial, _, measurements, fate = _measured_problem(hours=1.0)
+    scene, surfaces, initial, _, measurements, outcome = measured_problem(hours=1.0)
     plain = MultiplicativeUKF(scene, surfaces, SENSOR, initial)
     expected = plain.advance(measurements)
-    j = int(np.argmax((fate == DETECTED).sum(axis=1)))
+    j = int(np.argmax((outcome == DETECTED).sum(axis=1)))
     values = measurements.value.reshape(5, -1, 3)
     shift = np.pi - np.nanmedian(values[j, :, 1])  # so that its measurements straddle pi
     c, s = np.cos(shift), np.sin(shift)
@@ -211,7 +197,7 @@ def test_updates_across_the_wrap_of_right_ascension():
     turned = scene._replace(observer_axes=turn @ scene.observer_axes)
     moved = values.copy()
     moved[..., 1] = (moved[..., 1] + shift + np.pi) % (2.0 * np.pi) - np.pi
-    assert np.ptp(moved[j, :, 1][fate[j] == DETECTED]) > 6.0
+    assert np.ptp(moved[j, :, 1][outcome[j] == DETECTED]) > 6.0
     filt = MultiplicativeUKF(turned, surfaces, SENSOR, initial)
     estimates = filt.advance(measurements._replace(value=moved.reshape(-1, 3)))
     np.testing.assert_array_equal(estimates.used, expected.used)
@@ -219,11 +205,9 @@ def test_updates_across_the_wrap_of_right_ascension():
     assert np.max(np.abs(estimates.translation - expected.translation) / scale) < 1e-6
 
 
-def test_dark_sigma_points_leave_the_filter_finite():
-    """A target seen nearly against the Sun: some sigma points are unlit, the floor catches them."""
-    scene, surfaces, initial, _, measurements, _ = _measured_problem(
-        hours=1.0, sensor=Sensor(limiting_magnitude=24.0)
-    )
+def test_undetectable_sigma_points_leave_the_filter_finite():
+    """A target in front of the Sun: some sigma points are unlit and get the floor magnitude."""
+    scene, surfaces, initial, _, measurements, _ = measured_problem(hours=1.0)
     against = scene.sun_position.copy()
     # Sun behind target 0 as seen from its observer
     line = initial.translation[0, :3] - scene.observer_position[0, 0]
@@ -239,15 +223,15 @@ def test_dark_sigma_points_leave_the_filter_finite():
 
 
 def test_bad_uncertainties_are_refused():
-    scene, surfaces, initial, *_ = _measured_problem(hours=0.5)
+    scene, surfaces, initial, *_ = measured_problem(hours=0.5)
     with pytest.raises(ConfigurationError, match="sigma"):
         MultiplicativeUKF(scene, surfaces, SENSOR, initial._replace(sigma=np.zeros(12)))
     with pytest.raises(ConfigurationError, match="position_km"):
-        Spread(position_km=-1.0)
+        InitialSigma(position_km=-1.0)
 
 
-def test_initial_spread_is_that_of_the_paper():
-    sigma = INITIAL_SPREAD.components()
+def test_initial_uncertainty_is_that_of_the_paper():
+    sigma = PAPER_INITIAL_SIGMA.components()
     assert np.rad2deg(sigma[0]) == pytest.approx(5.0)
     assert np.rad2deg(sigma[3]) * 3600.0 == pytest.approx(2.4)
     assert (sigma[6] * LENGTH_UNIT_KM * 1000.0) ** 2 == pytest.approx(0.1 * 100_000.0**2)

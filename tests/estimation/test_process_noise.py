@@ -5,8 +5,8 @@ from scipy.linalg import expm
 
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import EARTH_MOON
+from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.kalman.workspace import filter_constants, noise_of_gap
-from cislunar.estimation.spread import ProcessNoise
 from cislunar.tasking.demonstration import tracking_problem
 
 

@@ -1,6 +1,6 @@
-"""Two observers on one target at the same steps, against the exact linear-Gaussian answer.
+"""Two observers of one target at the same steps, against the exact linear-Gaussian solution.
 
-A prior so narrow that every measurement is linear over it, and records of different variance.
+The prior is so narrow that every measurement is linear over it; records differ in variance.
 """
 
 import numpy as np
@@ -22,18 +22,19 @@ from cislunar.observation.measurement_derivatives import measurement_rows
 from cislunar.observation.records import constant_schedule
 from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.planning.assignment import IDLE
-from cislunar.tasking.simulation import draw_truth, initial_estimate
+from cislunar.tasking.truth import draw_truth
 
 NARROW = np.repeat([2e-4, 2e-4, 1e-3, 1e-3], 3)
-"""Prior, in units of the usual one."""
+"""Prior standard deviations in units of the usual ones."""
 
 OBSERVERS = (0, 2)
 TARGET = 1
 
 
 class Problem:
-    """Both observers look at one of three targets for an hour, the second with four variances."""
+    """Both observers measure one target for an hour, the second with four times the variance."""
 
     def __init__(self):
         made = tracking_problem(3, 3, duration_hours=1.0)
@@ -47,10 +48,10 @@ class Problem:
             exclusion=ExclusionAngles(0.0, 0.0, 0.0),
             occultation=False,
         )
-        self.truth = draw_truth(self.initial, self.scene, self.sensor.noise, 2, ids, looks=2)
-        looks = constant_schedule([TARGET, IDLE, TARGET], 3, loop.n_steps)
+        self.truth = draw_truth(self.initial, self.scene, self.sensor.noise, 2, ids, observations=2)
+        observations = constant_schedule([TARGET, IDLE, TARGET], 3, loop.n_steps)
         motion = self.truth.translation, self.truth.quaternion, self.truth.noise
-        records, _ = measure(1, looks, self.scene, self.surfaces, self.sensor, *motion)
+        records, _ = measure(1, observations, self.scene, self.surfaces, self.sensor, *motion)
         assert np.isfinite(records.value).all()
         variance = records.variance * np.where(records.observer == OBSERVERS[1], 4.0, 1.0)[:, None]
         self.records = records._replace(variance=variance)
@@ -88,15 +89,15 @@ def _expected(problem, quaternion, state):
     truth = problem.truth
     attitudes, states = truth.quaternion.copy(), truth.translation.copy()
     attitudes[TARGET, 1], states[TARGET, 1] = quaternion, state
-    looks = constant_schedule([TARGET, IDLE, TARGET], 3, 1)
+    observations = constant_schedule([TARGET, IDLE, TARGET], 3, 1)
     silent = np.zeros_like(truth.noise)
     found, _ = measure(
-        1, looks, problem.scene, problem.surfaces, problem.sensor, states, attitudes, silent
+        1, observations, problem.scene, problem.surfaces, problem.sensor, states, attitudes, silent
     )
     return found.value
 
 
-def test_the_filter_s_two_updates_are_one_joint_update(problem):
+def test_two_updates_of_the_filter_are_one_joint_update(problem):
     filt = MultiplicativeUKF(problem.scene, problem.surfaces, problem.sensor, problem.initial)
     prior = filt.predict()
     quaternion, state = prior.quaternion[TARGET], prior.translation[TARGET]
@@ -118,7 +119,7 @@ def test_the_filter_s_two_updates_are_one_joint_update(problem):
     )
 
 
-def test_the_orbit_of_the_batch_estimator_takes_both_directions(problem):
+def test_the_orbit_of_the_batch_estimator_uses_both_directions(problem):
     estimator = BatchEstimator(
         problem.scene, problem.surfaces, problem.sensor, problem.initial, np.random.default_rng(0)
     )
@@ -136,7 +137,7 @@ def test_the_orbit_of_the_batch_estimator_takes_both_directions(problem):
 
 
 def test_the_light_curve_is_the_union_of_both_observers_rows(problem):
-    """Its information is the sum of theirs, each by its variance, and the estimate's spread."""
+    """Its information is the sum of both, by their variances, and gives the uncertainty."""
     estimator = BatchEstimator(
         problem.scene, problem.surfaces, problem.sensor, problem.initial,
         np.random.default_rng(0), settings=PRESETS["single-start"],
@@ -157,9 +158,9 @@ def test_the_light_curve_is_the_union_of_both_observers_rows(problem):
     second[:, WEIGHT] = 1.0
     together = information(first) + information(second, noise=4.0)
     np.testing.assert_allclose(information(data), together, rtol=1e-9, atol=1e-9)
-    spread = model.sigma * np.sqrt(np.diag(np.linalg.inv(together + anchor.information)))
-    assert np.min(spread / model.sigma) < 0.7
-    np.testing.assert_allclose(estimates.sigma[TARGET, -1, 3:6], spread[3:], rtol=2e-2)
+    deviations = model.sigma * np.sqrt(np.diag(np.linalg.inv(together + anchor.information)))
+    assert np.min(deviations / model.sigma) < 0.7
+    np.testing.assert_allclose(estimates.sigma[TARGET, -1, 3:6], deviations[3:], rtol=2e-2)
 
 
 def test_the_information_of_two_observers_adds_up_in_the_bound(problem):
@@ -179,7 +180,7 @@ def test_the_information_of_two_observers_adds_up_in_the_bound(problem):
     np.testing.assert_allclose(least[TARGET, 0], expected, rtol=1e-6)
 
 
-def test_two_equal_looks_are_one_of_half_the_variance(problem):
+def test_two_equal_observations_are_one_of_half_the_variance(problem):
     truth, sigma = problem.truth, problem.initial.sigma
     motion = truth.translation, truth.quaternion, truth.angular_velocity
     alone = problem.records.where(problem.records.observer == 0)
@@ -203,5 +204,5 @@ def test_the_bound_in_intervals_is_that_of_the_whole(problem):
     for start, end in ((0, 1), (1, 23), (23, 60)):
         states = [each[:, start : end + 1] for each in motion]
         parts.append(bound.advance(*states, during(problem.records, start, end)))
-    # the integration of the transition matrix begins anew with every interval, to 1e-13
+    # the transition matrix is integrated from the start of every interval, to 1e-13
     np.testing.assert_allclose(np.concatenate(parts, axis=1), whole, rtol=1e-12)

@@ -1,20 +1,21 @@
 import numpy as np
 import pytest
-from measured import during, looked_at, nothing_measured
+from measured import during, nothing_measured, observed_by
 
 from cislunar.dynamics.bundle import propagate_bundle
+from cislunar.estimation.initial_sigma import ProcessNoise
+from cislunar.estimation.kalman.gaussian_mixture import split, split_weights
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
-from cislunar.estimation.kalman.parts import split, split_weights
 from cislunar.estimation.light_curves.batch import BatchEstimator
-from cislunar.estimation.spread import ProcessNoise
 from cislunar.observation.records import Measurements, schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.orbits.tracked import POLAR_ORBITS, polar_state
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.simulation import draw_truth, initial_estimate
+from cislunar.tasking.initial_conditions import initial_estimate
+from cislunar.tasking.truth import draw_truth
 
 GAP, STRIDE = 300, 4
-"""Steps of 60 s without a measurement, most of a revolution about the Moon; of a particle."""
+"""Steps of 60 s without a measurement, most of a lunar revolution; steps of a particle."""
 
 ESTIMATORS = {
     "mukf": MultiplicativeUKF,
@@ -23,7 +24,7 @@ ESTIMATORS = {
 
 
 def test_a_split_keeps_the_moments():
-    """Along the axis all up to the fifth, those of a standard normal; across it the covariance."""
+    """Along the axis all moments to the fifth are normal; across it the covariance is kept."""
     rng = np.random.default_rng(2)
     root = np.tril(rng.standard_normal((6, 6))) + 4.0 * np.eye(6)
     mean, means, narrow = rng.standard_normal(6), np.empty((3, 6)), np.empty((6, 6))
@@ -42,7 +43,7 @@ def test_a_split_keeps_the_moments():
 
 
 def arrays(value):
-    """The arrays of nested tuples, one after the other."""
+    """The arrays in nested tuples."""
     if isinstance(value, list | tuple):
         for part in value:
             yield from arrays(part)
@@ -51,13 +52,13 @@ def arrays(value):
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)
-def test_what_is_not_split_is_the_filter_without_splitting_bit_for_bit(name):
+def test_without_a_split_the_estimates_are_the_same_bit_for_bit(name):
     """Halos and distant retrograde orbits, with and without measurements, and over a gap."""
     scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, duration_hours=3.0)
     sensor = Sensor(limiting_magnitude=24.0)
     initial = initial_estimate(epoch, loop.initial.components())
     truth = draw_truth(initial, scene, sensor.noise, 3, ids)
-    records, _ = looked_at([0, 1, 2, 3, -1], scene, surfaces, sensor, truth)
+    records, _ = observed_by([0, 1, 2, 3, -1], scene, surfaces, sensor, truth)
     found = []
     for splitting in (False, True):
         given = scene, surfaces, sensor, initial
@@ -77,7 +78,7 @@ def test_what_is_not_split_is_the_filter_without_splitting_bit_for_bit(name):
 
 @pytest.fixture(scope="module")
 def bent():
-    """A lunar orbit five hours after the epoch, its prior bent about the Moon, seen again."""
+    """A lunar orbit observed again after five hours; its uncertainty is curved about the Moon."""
     sensor = Sensor(angle_noise_arcsec=60.0, field_of_view_deg=30.0)
     scene, surfaces, _, ids, loop = tracking_problem(1, 1, duration_hours=(GAP + 20) / 60.0)
     state, _ = polar_state(POLAR_ORBITS[5], 0.3)
@@ -85,16 +86,16 @@ def bent():
     truth = draw_truth(initial, scene, sensor.noise, 8, ids)
     n_steps = scene.sun_position.shape[0] - 1
     steps = np.array([GAP, GAP + 16])
-    looks = schedule(np.zeros(2, int), steps - 1, np.zeros(2, int), 1, n_steps)
+    observations = schedule(np.zeros(2, int), steps - 1, np.zeros(2, int), 1, n_steps)
     away = truth.translation[0, steps, :3] - scene.observer_position[0, steps]
     angles = _angles(away[:, None], scene.observer_axes[steps])[:, 0] + truth.noise[0, steps, 0, 1:]
     value = np.column_stack([np.full(2, 15.0), angles])
-    records = Measurements(*looks, value, np.tile(sensor.noise**2, (2, 1)))
+    records = Measurements(*observations, value, np.tile(sensor.noise**2, (2, 1)))
     return scene, surfaces, sensor, initial, truth, records, steps
 
 
 def _angles(away, axes):
-    """Right ascension and declination of ways (time, particle, 3) in the body frame."""
+    """Right ascension and declination of lines (time, particle, 3) in the body frame."""
     seen = np.einsum("tab,tpb->tpa", axes, away)
     length = np.linalg.norm(seen, axis=-1)
     return np.stack(
@@ -103,9 +104,9 @@ def _angles(away, axes):
 
 
 def _particles(bent, process, count=200_000):
-    """Mean and deviations after each look, by weighing draws of the prior; how many count.
+    """Mean, deviations and effective number of weighted particles after each observation.
 
-    Process noise kicks them at every stride.
+    Process noise is added at every stride.
     """
     scene, _, sensor, initial, _, records, steps = bent
     rng = np.random.default_rng(5)
@@ -136,10 +137,10 @@ def judged(bent, request):
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)
-def test_a_spread_bent_over_a_gap_is_that_of_particles(name, bent, judged):
-    """Both looks, all six components: what unlikely parts leave curved widens it, never narrows.
+def test_a_curved_uncertainty_after_a_gap_is_that_of_particles(name, bent, judged):
+    """After both observations, in all six components; the uncertainty is never too small.
 
-    With process noise, too, though what it does in a gap is taken as of free motion.
+    Process noise in the gap is treated as in free motion.
     """
     scene, surfaces, sensor, initial, _, records, steps = bent
     process, by_particles = judged

@@ -1,9 +1,8 @@
 """Attitude of bodies whose surface and noise are estimated with it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from oracles.light_curves import FACETS, anchor_of, cost_differences, geometry, model_of
 from scipy.integrate import quad
 from scipy.stats import invgamma
 
@@ -13,103 +12,65 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.light_curves.hypotheses import mixture_points, prior_hypotheses
-from cislunar.estimation.light_curves.light_curve import (
-    Anchor,
-    LightCurveModel,
-    cost,
-    cost_and_derivatives,
-)
+from cislunar.estimation.light_curves.light_curve import cost, cost_and_derivatives
 from cislunar.estimation.light_curves.mixture import mixture_moments, step_points
-from cislunar.estimation.light_curves.row_blocks import (
-    COLUMNS,
-    MAGNITUDE,
-    RANGE,
-    SEEN,
-    SUN,
-    TIME,
-    VIEW,
-    WEIGHT,
-)
+from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, SEEN, WEIGHT
 from cislunar.evaluation.metrics import INCONSISTENT
-from cislunar.observation.body_spread import BodySpread
-from cislunar.observation.scene import target_surfaces
+from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.sensor import Sensor
-from cislunar.photometry.bodies import plain_body
+from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.photometry.materials import Material
-from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.simulation import TruthModel
+from cislunar.tasking.truth import TruthModel
 
-FACETS = icosahedron()
-MATERIAL = BodySpread(log_albedo=0.25, log_slope=0.25, logit_reflectance=0.5)
-TURNING = BodySpread(log_inertia=0.1, angular_acceleration_deg_h2=0.05)
-ALL = BodySpread(0.25, 0.25, 0.5, 0.3, 0.2, 0.1, 0.2, 0.1, 0.05)
-ROTATION_SIGMA = np.repeat([np.deg2rad(5.0), np.deg2rad(2.4) / 3600.0], 3)
-RATE = np.deg2rad([-44.7, -6.7, -8.5]) / 3600.0
-
-
-def _model(unknowns, freedom=0.0):
-    (turning, of_rotation), (kinds, of_surface) = (
-        unknowns.rotation_kinds(), unknowns.surface_kinds(FACETS.areas.size)
-    )  # fmt: skip
-    sigma = np.r_[ROTATION_SIGMA, of_rotation, of_surface]
-    return LightCurveModel(
-        np.array([0.1, -0.2, 0.3, np.sqrt(0.86)]), RATE, sigma, turning, kinds,
-        np.eye(3), np.eye(3), turning.size == 0, plain_body(FACETS, Material()),
-        True, True, 0.01, freedom,
-    )  # fmt: skip
+MATERIAL = BodyParameterPrior(log_albedo=0.25, log_slope=0.25, logit_reflectance=0.5)
+ROTATION = BodyParameterPrior(log_inertia=0.1, angular_acceleration_deg_h2=0.05)
+ALL = BodyParameterPrior(0.25, 0.25, 0.5, 0.3, 0.2, 0.1, 0.2, 0.1, 0.05)
 
 
 def _light_curve(n=120):
+    """Data that no attitude explains, of different weights."""
     rng = np.random.default_rng(0)
-    data = np.ones((n, COLUMNS))
-    data[:, TIME] = 3600.0 * np.linspace(0.02, 6.0, n)
-    angle = data[:, TIME] / 3.0e4
-    data[:, SUN] = np.stack([np.cos(0.1 * angle), np.sin(0.1 * angle), 0.0 * angle], -1)
-    data[:, VIEW] = np.stack([np.cos(1.0 + angle), np.sin(1.0 + angle), 0.3 + 0.0 * angle], -1)
-    data[:, VIEW] /= np.linalg.norm(data[:, VIEW], axis=1)[:, None]
-    data[:, RANGE] = 8.0e7
+    data = geometry(n)
     data[:, MAGNITUDE] = 15.0 + 0.3 * rng.standard_normal(n)
     data[:, WEIGHT] = rng.uniform(0.5, 1.0, n)
     return data
 
 
-def _anchor(size):
-    return Anchor(np.zeros(size), np.eye(size), np.zeros(1))
-
-
 @pytest.mark.parametrize(
-    ("unknowns", "freedom", "unseen"),
-    [(MATERIAL, 8.0, False), (ALL, 8.0, False), (ALL, 0.0, True), (BodySpread(), 8.0, False),
-     (TURNING, 0.0, False)],
-)  # fmt: skip
-def test_gradient_against_differences(unknowns, freedom, unseen):
-    model, data = _model(unknowns, freedom), _light_curve()
+    ("estimated_parameters", "freedom", "unseen"),
+    [
+        (MATERIAL, 8.0, False),
+        (ALL, 8.0, False),
+        (ALL, 0.0, True),
+        (BodyParameterPrior(), 8.0, False),
+        (ROTATION, 0.0, False),
+    ],
+)
+def test_gradient_against_differences(estimated_parameters, freedom, unseen):
+    model = model_of("spherical", estimated_parameters, freedom)
+    data = _light_curve()
     if unseen:
         data[::4, SEEN], data[::4, MAGNITUDE] = 0.0, 15.0
     size = model.sigma.size
     u = 0.5 * np.random.default_rng(1).standard_normal(size)
     gradient, information = np.empty(size), np.empty((size, size))
-    given = data, _anchor(size), model
+    given = data, anchor_of(size), model
     value = cost_and_derivatives(u, *given, gradient, information)
     assert value == pytest.approx(cost(u, *given, np.inf), rel=1e-12)
-    h = 1e-6
-    differences = [
-        (cost(u + h * e, *given, np.inf) - cost(u - h * e, *given, np.inf)) / (2.0 * h)
-        for e in np.eye(size)
-    ]
+    differences = cost_differences(u, data, model)
     np.testing.assert_allclose(gradient, differences, atol=2e-5 * np.abs(gradient).max())
-    assert np.linalg.eigvalsh(information)[0] > 0.99  # the prior's, where data say nothing
+    assert np.linalg.eigvalsh(information)[0] > 0.99  # of the prior, where data have none
 
 
-def test_no_unknown_is_left_out_of_the_information():
+def test_information_includes_every_estimated_parameter():
     """The matrix of Gauss and Newton is that of the magnitudes' derivatives, from differences."""
-    model, data = _model(ALL), _light_curve(60)
+    model, data = model_of(estimated_parameters=ALL), _light_curve(60)
     size = model.sigma.size
     u = 0.3 * np.random.default_rng(2).standard_normal(size)
     gradient, information = np.empty(size), np.empty((size, size))
-    cost_and_derivatives(u, data, _anchor(size), model, gradient, information)
+    cost_and_derivatives(u, data, anchor_of(size), model, gradient, information)
 
     def residuals(v):
         # magnitudes from costs of one row, which the offset of its residual makes linear
@@ -119,7 +80,7 @@ def test_no_unknown_is_left_out_of_the_information():
             pair = []
             for magnitude in (0.0, 1.0):
                 row[MAGNITUDE], row[WEIGHT] = magnitude, 1.0
-                pair.append(cost(v, row[None], _anchor(size), model, np.inf))
+                pair.append(cost(v, row[None], anchor_of(size), model, np.inf))
             found.append(0.5 - (pair[1] - pair[0]) * model.noise_variance)
         return np.array(found)
 
@@ -133,12 +94,12 @@ def test_no_unknown_is_left_out_of_the_information():
 
 def test_unknown_noise_is_integrated_out():
     """Against the integral of the Gaussian likelihood over the prior of the variance."""
-    model, data = _model(BodySpread(), freedom=8.0), _light_curve(12)
+    model, data = model_of(freedom=8.0), _light_curve(12)
     prior = invgamma(4.0, scale=4.0 * model.noise_variance)
 
     def squares(u):
         known = model._replace(noise_freedom=0.0)
-        chi2 = cost(u, data, _anchor(6), known, np.inf) - 0.5 * u @ u
+        chi2 = cost(u, data, anchor_of(6), known, np.inf) - 0.5 * u @ u
         return 2.0 * model.noise_variance * chi2
 
     def minus_log(u):
@@ -152,38 +113,38 @@ def test_unknown_noise_is_integrated_out():
 
     near, far = np.zeros(6), np.full(6, 0.8)
     expected = minus_log(far) - minus_log(near)
-    found = [cost(u, data, _anchor(6), model, np.inf) for u in (far, near)]
+    found = [cost(u, data, anchor_of(6), model, np.inf) for u in (far, near)]
     assert found[0] - found[1] == pytest.approx(expected, rel=1e-4)
 
 
-def test_points_have_the_covariance_of_what_turns_the_body():
-    both = replace(MATERIAL, log_inertia=0.1, angular_acceleration_deg_h2=0.05)
-    model = _model(both)
+def test_points_have_the_covariance_of_inertia_and_torque():
+    both = MATERIAL.model_copy(update={"log_inertia": 0.1, "angular_acceleration_deg_h2": 0.05})
+    model = model_of(estimated_parameters=both)
     modes = prior_hypotheses(1, 14)
     mixed = np.random.default_rng(3).standard_normal((14, 14))
     information = 400.0 * (mixed @ mixed.T + 9.0 * np.eye(14))
     modes.root[0] = np.linalg.cholesky(information)
-    q, omega, weight, departures = (np.empty((22, n)) for n in (4, 3, 1, 5))
-    assert mixture_points(modes, model, q, omega, weight[:, 0], departures) == 22
+    q, omega, weight, deviations = (np.empty((22, n)) for n in (4, 3, 1, 5))
+    assert mixture_points(modes, model, q, omega, weight[:, 0], deviations) == 22
     differences = np.empty((22, 6))
     mixture_moments(q, omega, weight[:, 0], np.empty(4), np.empty(3), differences)
-    found = np.hstack([differences, departures]) / model.sigma[:11]
+    found = np.hstack([differences, deviations]) / model.sigma[:11]
     expected = np.linalg.inv(information)[:11, :11]
     scale = np.abs(expected).max()
     np.testing.assert_allclose((weight * found).T @ found, expected, rtol=1e-3, atol=1e-3 * scale)
 
 
-def test_every_point_turns_as_its_own_body():
-    model = _model(TURNING)
+def test_every_point_rotates_with_its_inertia_and_torque():
+    model = model_of(estimated_parameters=ROTATION)
     modes, sizes = prior_hypotheses(1, 11), ((22, 4), (22, 3), (22,), (22, 5))
     points = [np.empty(size) for size in sizes]
     mixture_points(modes, model, *points)
-    q, omega, _, departures = (each.copy() for each in points)
-    step_points(q, omega, departures, 7200.0, model)
+    q, omega, _, deviations = (each.copy() for each in points)
+    step_points(q, omega, deviations, 7200.0, model)
     for i in (12, 17, 21):
-        moments = np.exp([0.0, *departures[i, :2]])
+        moments = np.exp([0.0, *deviations[i, :2]])
         end, rate = propagate_under_torque(
-            points[0][i], points[1][i], [7200.0], moments, departures[i, 2:]
+            points[0][i], points[1][i], [7200.0], moments, deviations[i, 2:]
         )
         np.testing.assert_allclose(q[i], end[0], atol=1e-7)
         np.testing.assert_allclose(omega[i], rate[0], rtol=1e-7)
@@ -193,79 +154,85 @@ def test_every_point_turns_as_its_own_body():
 def _run(truth, settings, hours=8.0):
     problem = tracking_problem(6, 10, duration_hours=hours, sensor=Sensor(limiting_magnitude=20.0))
     scene, surfaces, epoch, ids, loop = problem
-    true = TruthModel(surfaces, loop.sensor.noise, np.zeros(3), spread=truth)
+    true = TruthModel(surfaces, loop.sensor.noise, np.zeros(3), parameter_sigma=truth)
     return run_closed_loop(
         scene, surfaces, epoch, ids, [1, 2], loop, estimator=batch(settings), truth=true
     )
 
 
-def test_bodies_nobody_has_measured_are_lost_unless_they_are_estimated():
+def test_unknown_surfaces_are_inconsistent_unless_they_are_estimated():
     usual = _run(MATERIAL, BatchSettings()).metrics
-    joint = _run(MATERIAL, BatchSettings(unknowns=MATERIAL, noise_freedom=8.0)).metrics
-    lost = [(each.status_rotation == INCONSISTENT).sum() for each in (usual, joint)]
-    assert lost[0] >= 6 and lost[1] == 0
+    joint = _run(MATERIAL, BatchSettings(estimated_parameters=MATERIAL, noise_freedom=8.0)).metrics
+    count = [(each.status_rotation == INCONSISTENT).sum() for each in (usual, joint)]
+    assert count[0] >= 6 and count[1] == 0
     assert np.all(joint.bound_attitude_deg >= usual.bound_attitude_deg)
     assert 0.7 < np.median(joint.bound_ratio[..., 0]) < 1.2
     assert joint.coverage[..., :3].mean() > 0.97
 
 
 def test_a_body_of_unknown_inertia_under_an_unknown_torque():
-    settings = BatchSettings(unknowns=TURNING, noise_freedom=8.0)
-    usual, joint = (_run(TURNING, each, 16.0) for each in (BatchSettings(), settings))
-    lost = [(each.metrics.status_rotation == INCONSISTENT).sum() for each in (usual, joint)]
-    assert lost[0] >= 4 and lost[1] <= 1
+    settings = BatchSettings(estimated_parameters=ROTATION, noise_freedom=8.0)
+    usual, joint = (_run(ROTATION, each, 16.0) for each in (BatchSettings(), settings))
+    count = [(each.metrics.status_rotation == INCONSISTENT).sum() for each in (usual, joint)]
+    assert count[0] >= 4 and count[1] <= 1
     assert joint.metrics.coverage[..., :3].mean() > 0.97
-    # Errors of 20 targets tell a mean to 15 % alone; what is claimed is that of the bound to 5 %.
+    # Errors of 20 targets give a mean to 15 % only; the claimed deviations agree with the bound.
     claimed = [
         np.sqrt((each[:, -60:, :, :3].astype(float) ** 2).sum(axis=-1).mean(axis=1))
         for each in (joint.sigma, joint.bound)
     ]
     assert 0.9 < np.median(claimed[0] / claimed[1]) < 1.15
-    # and of what is learned: knowledge grows, and errors are as large as claimed
-    sigma, error = joint.departure_sigma, joint.departure_error
+    # and the body parameters: deviations decrease, and errors are as large as claimed
+    sigma, error = joint.parameter_sigma, joint.parameter_error
     assert np.all(sigma[:, -1] < 1.01 * sigma[:, 0])
     prior = [0.1] * 2 + [0.05] * 3
-    # of torque with inertia unknown, too, only that along the spin is told
+    # with unknown inertia, only the torque along the spin is observable
     assert np.all(np.median(sigma[:, -1] / prior, axis=(0, 1))[:3] < 0.8)
     assert 0.6 < np.sqrt(np.median((error[:, -1] / sigma[:, -1]) ** 2) / 0.455) < 1.5
-    assert usual.departure_sigma is None
+    assert usual.parameter_sigma is None
     assert np.all(np.diff(joint.searches, axis=1) >= 0) and joint.searches[:, -1].min() >= 1
 
 
-def test_a_window_keeps_what_was_learned_of_the_surface():
+def test_a_window_keeps_the_information_on_the_surface():
     whole, window = (
-        _run(MATERIAL, BatchSettings(unknowns=MATERIAL, window_hours=hours), 8.0)
+        _run(MATERIAL, BatchSettings(estimated_parameters=MATERIAL, window_hours=hours), 8.0)
         for hours in (None, 3.0)
     )
     assert (window.metrics.status_rotation == INCONSISTENT).sum() <= 1
-    ratio = window.departure_sigma[:, -1] / whole.departure_sigma[:, -1]
+    ratio = window.parameter_sigma[:, -1] / whole.parameter_sigma[:, -1]
     assert 0.9 < np.median(ratio) < 1.1
-    assert window.departure_sigma.shape[-1] == 3
+    assert window.parameter_sigma.shape[-1] == 3
 
 
-def test_drawn_bodies_differ_and_nothing_else_moves():
+def test_sampled_bodies_differ_and_nothing_else_changes():
     _, surfaces, _, ids, loop = tracking_problem(2, 5, duration_hours=1.0)
     truth = TruthModel(surfaces, loop.sensor.noise, np.zeros(3))
-    assert truth.drawn(1, ids) is truth
-    some = truth._replace(spread=BodySpread(log_slope=0.25)).drawn(1, ids).surfaces
-    more = truth._replace(spread=ALL).drawn(1, ids).surfaces
-    other = truth._replace(spread=ALL).drawn(2, ids).surfaces
+    assert truth.sampled(1, ids) is truth
+    some = (
+        truth._replace(parameter_sigma=BodyParameterPrior(log_slope=0.25)).sampled(1, ids).surfaces
+    )
+    more = truth._replace(parameter_sigma=ALL).sampled(1, ids).surfaces
+    other = truth._replace(parameter_sigma=ALL).sampled(2, ids).surfaces
     np.testing.assert_array_equal(more.material[:, 3], some.material[:, 3])
     assert np.unique(some.material[:, 3]).size == 5
     np.testing.assert_array_equal(some.areas, surfaces.areas)
     assert not np.isclose(more.material[:, 2:], other.material[:, 2:]).any()
-    fewer = truth._replace(spread=ALL, surfaces=target_surfaces(FACETS, Material(), 2))
-    np.testing.assert_array_equal(fewer.drawn(1, ids[1:3]).surfaces.material, more.material[1:3])
-    turning = truth._replace(spread=TURNING).drawn(1, ids)
+    fewer = truth._replace(parameter_sigma=ALL, surfaces=target_surfaces(FACETS, Material(), 2))
+    np.testing.assert_array_equal(fewer.sampled(1, ids[1:3]).surfaces.material, more.material[1:3])
+    turning = truth._replace(parameter_sigma=ROTATION).sampled(1, ids)
     np.testing.assert_array_equal(turning.surfaces.inertia, more.inertia)
     np.testing.assert_array_equal(turning.surfaces.material, surfaces.material)
     assert np.unique(turning.angular_acceleration).size == 15
     assert np.unique(turning.surfaces.inertia[:, 1, 1]).size == 5
-    wild = truth._replace(spread=BodySpread(log_inertia=2.0)).drawn(1, ids).surfaces.inertia
+    wild = (
+        truth._replace(parameter_sigma=BodyParameterPrior(log_inertia=2.0))
+        .sampled(1, ids)
+        .surfaces.inertia
+    )
     for matrix in wild:
         inertia_matrix(matrix)
     draws = [
-        truth._replace(spread=MATERIAL).drawn(seed, range(5)).surfaces.material
+        truth._replace(parameter_sigma=MATERIAL).sampled(seed, range(5)).surfaces.material
         for seed in range(200)
     ]
     logs = np.log(np.array(draws) / surfaces.material[0])
@@ -276,7 +243,7 @@ def test_drawn_bodies_differ_and_nothing_else_moves():
 @pytest.mark.parametrize(
     ("wrong", "match"),
     [
-        ({"noise_freedom": 0.0}, "noise_freedom = 0.0 must be positive"),
+        ({"noise_freedom": 0.0}, "noise_freedom = 0.0 must be a number above 0"),
         ({"noise_freedom": 8.0, "window_hours": 2.0}, "exclude each other"),
         ({"noise_freedom": 8.0, "use_non_detections": True}, "exclude each other"),
     ],
@@ -286,10 +253,12 @@ def test_settings_that_do_not_combine_are_refused(wrong, match):
         BatchSettings(**wrong)
 
 
-def test_what_a_surface_does_not_have_is_refused():
+def test_impossible_priors_of_a_surface_are_refused():
     with pytest.raises(ConfigurationError, match="log_slope = -1"):
-        BodySpread(log_slope=-1.0)
+        BodyParameterPrior(log_slope=-1.0)
     dull = target_surfaces(FACETS, Material(specular_weight=0.0), 2)
-    truth = TruthModel(dull, np.ones(3), np.zeros(3), spread=BodySpread(logit_reflectance=0.5))
+    truth = TruthModel(
+        dull, np.ones(3), np.zeros(3), parameter_sigma=BodyParameterPrior(logit_reflectance=0.5)
+    )
     with pytest.raises(ConfigurationError, match="raise specular_weight"):
-        truth.drawn(1, [0, 1])
+        truth.sampled(1, [0, 1])

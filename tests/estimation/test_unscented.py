@@ -161,7 +161,7 @@ def test_mutual_information_equals_the_ratio_of_determinants(rng):
     assert gain == pytest.approx(logs, rel=1e-10)
 
 
-def test_factorisations_match_numpy_and_refuse_what_is_not_definite(rng):
+def test_factorizations_match_numpy_and_refuse_indefinite_matrices(rng):
     matrix = _random_covariance(rng, 5)
     lower = matrix.copy()
     assert cholesky(lower)

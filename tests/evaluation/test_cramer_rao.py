@@ -5,8 +5,8 @@ import pytest
 from measured import during, evaluate
 
 from cislunar.attitude import grp
-from cislunar.attitude.departures import departed_rotation, departing_transition
 from cislunar.attitude.inertia import inertia_matrix
+from cislunar.attitude.parameter_deviations import parameter_transition, perturbed_rotation
 from cislunar.attitude.quaternion import compose, from_rotation_vector
 from cislunar.attitude.rigid_body import (
     propagate_torque_free,
@@ -16,17 +16,18 @@ from cislunar.attitude.rigid_body import (
 from cislunar.dynamics.propagation import propagate, propagate_stm
 from cislunar.errors import ConfigurationError
 from cislunar.evaluation.cramer_rao import CramerRaoBound
-from cislunar.observation.body_spread import BodySpread
+from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.measurement import target_magnitude
 from cislunar.observation.measurement_derivatives import measurement_rows
 from cislunar.observation.records import Measurements, schedule
-from cislunar.observation.scene import body_of
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.sightline import direction_angles
-from cislunar.photometry.departures import departed_body
+from cislunar.observation.target_surfaces import body_of
+from cislunar.photometry.parameter_deviations import perturbed_body
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.simulation import Truth, TruthModel, draw_truth, initial_estimate
+from cislunar.tasking.initial_conditions import initial_estimate
+from cislunar.tasking.truth import Truth, TruthModel, draw_truth
 
 BRIGHT = Sensor(limiting_magnitude=25.0)
 UNEVEN = (1.0, 1.8, 2.3)
@@ -66,23 +67,23 @@ class Problem:
         self, observer=None, sigma=None, surfaces=None, noise=BRIGHT.noise, ends=None, **changes
     ):
         """Bound of one observer, or none, for each target and step; in intervals up to `ends`."""
-        looks = used_by(self.observer if observer is None else observer, noise)
+        observations = used_by(self.observer if observer is None else observer, noise)
         bound = CramerRaoBound(
             self.scene,
             self.surfaces if surfaces is None else surfaces,
             self.sigma if sigma is None else sigma,
             **changes,
         )
-        return self.carried(bound, looks, ends)
+        return self.carried(bound, observations, ends)
 
-    def carried(self, bound, looks, ends=None):
+    def carried(self, bound, observations, ends=None):
         """The bound worked through in intervals that end with these steps."""
         truth, parts, start = self.truth, [], 0
-        for end in (looks.offset.shape[1] - 1,) if ends is None else ends:
+        for end in (observations.offset.shape[1] - 1,) if ends is None else ends:
             some = slice(start, end + 1)
             motion = truth.translation, truth.quaternion, truth.angular_velocity
             states = [each[:, some] for each in motion]
-            parts.append(bound.advance(*states, during(looks, start, end)))
+            parts.append(bound.advance(*states, during(observations, start, end)))
             start = end
         return np.concatenate(parts, axis=1)
 
@@ -90,9 +91,11 @@ class Problem:
 def used_by(observer, noise=BRIGHT.noise):
     """Records of one observer, or none (-1), for each target and step."""
     target, step = np.nonzero(np.asarray(observer) >= 0)
-    looks = schedule(target, step, observer[target, step], *observer.shape)
+    observations = schedule(target, step, observer[target, step], *observer.shape)
     variance = np.sign(noise) * np.asarray(noise) ** 2
-    return Measurements(*looks, np.empty((target.size, 3)), np.tile(variance, (target.size, 1)))
+    return Measurements(
+        *observations, np.empty((target.size, 3)), np.tile(variance, (target.size, 1))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -109,18 +112,18 @@ def tumbling():
 
 
 def _moved(problem, j, change, kinds):
-    """Attitudes, rates and translations at all times of target j, started elsewhere.
+    """Attitudes, rates and translations of target j at all times, from a changed start.
 
-    `change` has the amounts of departures of the rotation after those of the twelve states.
+    `change` has the changes of the twelve states, then the deviations of inertia and torque.
     """
     truth = problem.truth
     start = compose(grp.to_quaternion(change[:3]), truth.quaternion[j, 0])
     rate = truth.angular_velocity[j, 0] + change[3:6]
     elapsed = problem.loop.elapsed_s
     if kinds.size:
-        believed = inertia_matrix(problem.inertia)
+        assumed = inertia_matrix(problem.inertia)
         body = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-        departed_rotation(kinds, change[12:], believed, np.linalg.inv(believed), body)
+        perturbed_rotation(kinds, change[12:], assumed, np.linalg.inv(assumed), body)
         attitude, rates = propagate_under_torque(start, rate, elapsed, body[0], body[2])
     else:
         attitude, rates = propagate_torque_free(start, rate, elapsed, problem.inertia)
@@ -138,14 +141,14 @@ def _measured(scene, surfaces, j, observer, k, quaternion, state):
     return np.array([magnitude, *direction_angles(*d, scene.observer_axes[k])])
 
 
-def _departed(problem, j, kinds, amounts):
-    """The targets' surfaces, that of target j departed from."""
+def _perturbed(problem, j, kinds, amounts):
+    """The targets' surfaces, with deviations of target j."""
     surfaces = problem.surfaces
     own = slice(surfaces.first[j], surfaces.first[j + 1])
     parts = [each.copy() for each in (surfaces.areas, surfaces.normals, surfaces.material)]
-    departed = departed_body(kinds, amounts, body_of(surfaces, j))
-    parts[0][own], parts[1][own] = departed.areas, departed.normals
-    parts[2][j] = departed.materials[0]
+    perturbed = perturbed_body(kinds, amounts, body_of(surfaces, j))
+    parts[0][own], parts[1][own] = perturbed.areas, perturbed.normals
+    parts[2][j] = perturbed.materials[0]
     return surfaces._replace(areas=parts[0], normals=parts[1], material=parts[2])
 
 
@@ -153,7 +156,7 @@ def _all_measured(problem, j, change, turning, kinds):
     """Measurements of target j, one row each, and its state at the end as an error vector."""
     first = 12 + turning.size
     attitude, rates, states = _moved(problem, j, change[:first], turning)
-    surfaces = _departed(problem, j, kinds, change[first:])
+    surfaces = _perturbed(problem, j, kinds, change[first:])
     rows = [
         _measured(problem.scene, surfaces, j, observer, k, attitude[k], states[k])
         for k, observer in enumerate(problem.observer[j], start=1)
@@ -164,11 +167,13 @@ def _all_measured(problem, j, change, turning, kinds):
     return np.array(rows), np.concatenate([turn, rates[-1], states[-1]])
 
 
-def _brute_force(problem, j, unknowns=None):
+def _brute_force(problem, j, estimated_parameters=None):
     """Final bound by the information form and central differences of the model."""
-    unknowns = BodySpread() if unknowns is None else unknowns
+    estimated_parameters = (
+        BodyParameterPrior() if estimated_parameters is None else estimated_parameters
+    )
     (turning, of_rotation), (kinds, of_surface) = (
-        unknowns.rotation_kinds(), unknowns.surface_kinds(20)
+        estimated_parameters.rotation_kinds(), estimated_parameters.surface_kinds(20)
     )  # fmt: skip
     sigma = np.r_[of_rotation, of_surface]
     size = 12 + sigma.size
@@ -203,20 +208,27 @@ def test_bound_of_a_body_whose_rate_changes(tumbling, j):
     assert np.abs(least[:6] / tumbling.bound(surfaces=sphere)[j, -1, :6] - 1.0).max() > 0.02
 
 
-def test_bound_of_one_who_has_to_estimate_the_surface_too(problem):
-    unknowns = BodySpread(0.25, 0.25, 0.5, 0.3, 0.2, 0.1, 0.2)
-    least, known = problem.bound(unknowns=unknowns)[:, -1], problem.bound()[:, -1]
-    np.testing.assert_allclose(least[1], _brute_force(problem, 1, unknowns), rtol=2e-4)
+def test_bound_with_estimated_surface(problem):
+    estimated_parameters = BodyParameterPrior(0.25, 0.25, 0.5, 0.3, 0.2, 0.1, 0.2)
+    least, known = (
+        problem.bound(estimated_parameters=estimated_parameters)[:, -1],
+        problem.bound()[:, -1],
+    )
+    np.testing.assert_allclose(least[1], _brute_force(problem, 1, estimated_parameters), rtol=2e-4)
     assert np.all(least[:, :6] > known[:, :6])
     assert (least[:, :3] / known[:, :3]).max() > 1.1
 
 
-def test_bound_of_one_who_has_to_estimate_inertia_and_torque_too(tumbling):
-    unknowns = BodySpread(log_slope=0.25, log_inertia=0.1, angular_acceleration_deg_h2=0.5)
-    least = tumbling.bound(unknowns=unknowns)
-    np.testing.assert_allclose(least[1, -1], _brute_force(tumbling, 1, unknowns), rtol=3e-4)
+def test_bound_with_estimated_inertia_and_torque(tumbling):
+    estimated_parameters = BodyParameterPrior(
+        log_slope=0.25, log_inertia=0.1, angular_acceleration_deg_h2=0.5
+    )
+    least = tumbling.bound(estimated_parameters=estimated_parameters)
+    np.testing.assert_allclose(
+        least[1, -1], _brute_force(tumbling, 1, estimated_parameters), rtol=3e-4
+    )
     assert (least[:, -1, :6] / tumbling.bound()[:, -1, :6]).max() > 1.1
-    moved = tumbling.bound(unknowns=unknowns, ends=(7, 180))
+    moved = tumbling.bound(estimated_parameters=estimated_parameters, ends=(7, 180))
     np.testing.assert_allclose(moved, least, rtol=1e-10)
 
 
@@ -228,7 +240,7 @@ def test_inertia_may_differ_between_targets(tumbling):
     np.testing.assert_array_equal(least[1], tumbling.bound(surfaces=spheres)[1])
 
 
-# Its parts.
+# Terms of the bound.
 
 
 def test_measurement_rows_are_the_derivatives_of_the_measurement(problem):
@@ -253,17 +265,17 @@ def test_measurement_rows_are_the_derivatives_of_the_measurement(problem):
 
 @pytest.mark.parametrize("rate", [1e-4, 0.01])
 def test_transition_of_a_rigid_body(rate):
-    """Integrated like the closed form for a sphere; by differences of the motion for any other."""
+    """Integrated; against the closed form for a sphere and differences for another body."""
     omega, dt = rate * np.array([0.6, -0.5, 0.7]), 60.0
     closed, integrated = np.empty((6, 6)), np.empty((6, 6))
     spherical_transition(omega, dt, closed)
     none = np.empty(0, np.int64)
-    departing_transition(omega, dt, np.eye(3), np.eye(3), none, integrated)
+    parameter_transition(omega, dt, np.eye(3), np.eye(3), none, integrated)
     unit = np.repeat([1.0, 1.0 / dt], 3)  # an angular velocity counts by the turn it makes
     np.testing.assert_allclose(integrated * unit, closed * unit, rtol=0, atol=3e-7)
 
     inertia = np.diag(UNEVEN)
-    departing_transition(omega, dt, inertia, np.linalg.inv(inertia), none, integrated)
+    parameter_transition(omega, dt, inertia, np.linalg.inv(inertia), none, integrated)
     still = np.array([0.0, 0.0, 0.0, 1.0])
     (true,), _ = propagate_torque_free(still, omega, [dt], UNEVEN)
     back = true * np.array([-1.0, -1.0, -1.0, 1.0])
@@ -284,8 +296,8 @@ def test_transition_of_a_rigid_body(rate):
 # Closed forms.
 
 
-def test_without_measurements_the_initial_uncertainty_spreads(problem):
-    """A body of spherical inertia: the rate keeps its uncertainty, the turn gains t J w."""
+def test_without_measurements_the_initial_uncertainty_is_propagated(problem):
+    """With spherical inertia, the rate keeps its uncertainty and the attitude gains t J w."""
     never = np.full_like(problem.observer, -1)
     least = problem.bound(never)
     duration = problem.loop.elapsed_s[-1]
@@ -302,8 +314,8 @@ def test_without_measurements_the_initial_uncertainty_spreads(problem):
 def test_linear_case_in_closed_form(problem):
     """One direction, position known far better than range: the mean of n + 1 measurements.
 
-    With rates and velocities known beforehand, nothing moves but along known paths, and the
-    components of position across the line of sight are averages.
+    With known rates and velocities the motion is known, and the components of position across the
+    line of sight are averages.
     """
     sigma = problem.sigma.copy()
     sigma[3:6] *= 1e-9
@@ -321,7 +333,7 @@ def test_linear_case_in_closed_form(problem):
             noise = np.array([BRIGHT.noise[1] * np.cos(declination), BRIGHT.noise[2]])
             across = np.linalg.norm(d) * noise
             expected = (count / across**2 + 1.0 / sigma[6] ** 2) ** -0.5
-            variance = (sigma[6] ** 2 + (expected**2).sum()) ** 0.5  # range stays as it was
+            variance = (sigma[6] ** 2 + (expected**2).sum()) ** 0.5  # the range is not measured
             got = np.sqrt((least[j, count - 1, 6:9] ** 2).sum())
             assert got == pytest.approx(variance, rel=2e-3)
 
@@ -342,7 +354,7 @@ def test_vanishing_process_noise_changes_nothing(problem):
     np.testing.assert_allclose(tiny, problem.bound(), rtol=1e-6)
 
 
-# What a bound must do.
+# Properties of a bound.
 
 
 def test_more_measurements_never_raise_the_bound(problem):
@@ -354,13 +366,13 @@ def test_more_measurements_never_raise_the_bound(problem):
 
 
 def test_bound_does_not_depend_on_units(problem):
-    """Ten times the noise and the initial uncertainty: all is linear, so ten times the bound."""
+    """Ten times the noise and the initial uncertainty give ten times the bound."""
     ten = problem.bound(sigma=10.0 * problem.sigma, noise=10.0 * BRIGHT.noise)
     np.testing.assert_allclose(ten, 10.0 * problem.bound(), rtol=1e-9)
 
 
-def test_turned_magnitudes_are_the_same_in_any_unit_of_area(problem):
-    """A body of another size is brighter, but its light curve is no more telling."""
+def test_bound_does_not_depend_on_the_area(problem):
+    """A larger body is brighter, but its light curve has the same information."""
     larger = problem.surfaces._replace(areas=7.0 * problem.surfaces.areas)
     np.testing.assert_allclose(problem.bound(surfaces=larger), problem.bound(), rtol=1e-9)
 
@@ -376,7 +388,7 @@ def test_bound_ends_where_the_truth_enters_a_primary(problem):
 
 
 def test_a_consistent_estimator_does_not_beat_the_bound():
-    """Well observed positions, over targets and realizations; the filter is near the bound."""
+    """Over targets and realizations with many observations; the filter is near the bound."""
     scene, surfaces, epoch, ids, loop = tracking_problem(5, 5, duration_hours=6.0, sensor=BRIGHT)
     result = run_closed_loop(scene, surfaces, epoch, ids, range(8), loop)
     error = (result.error[:, -60:] ** 2).astype(float)
@@ -411,7 +423,7 @@ def test_the_loop_records_the_bound_of_the_measurements_used():
     np.testing.assert_array_equal(result.bound[0], expected)
 
 
-def test_bound_is_that_of_what_the_targets_truly_are():
+def test_bound_is_that_of_the_true_noise():
     """Twice the true noise raises the bound where the same measurements are used."""
     scene, surfaces, epoch, ids, loop = tracking_problem(3, 3, duration_hours=2.0, sensor=BRIGHT)
     found = []
@@ -450,7 +462,7 @@ def test_only_the_final_hours_count():
     assert np.all(np.isnan(evaluate(error, least, used, 600.0).bound_ratio))
 
 
-# What is refused.
+# Refused inputs.
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def test_an_overconfident_filter_scores_the_square_of_its_overconfidence(consist
     np.testing.assert_allclose(found.coverage, 0.6827, atol=0.02)
 
 
-def test_a_failed_estimate_is_not_covered_and_ends_its_averages():
+def test_a_failed_estimate_is_not_covered_and_is_not_averaged():
     error = np.ones((1, 10, 12))
     sigma = np.ones((1, 10, 12))
     error[0, 4:] = np.nan
@@ -103,7 +103,7 @@ def test_final_attitude_error_is_the_rms_angle():
 
 
 def test_custody_is_of_the_last_state_of_every_target():
-    """By hand: 9 km and 4 deg are within 10 km and 5 deg, both have to be, at the end alone."""
+    """By hand: position and attitude must be within 10 km and 5 deg at the end, and only then."""
 
     def state(km, degrees):
         turn = from_rotation_vector(np.deg2rad(degrees) * np.array([0.6, 0.0, 0.8]))
@@ -123,7 +123,7 @@ def test_custody_is_of_the_last_state_of_every_target():
     wide = metrics.Evaluation(5, N_STEPS, STEP_S, metrics.Custody(12.0, 7.0))
     wide.update(error, np.ones_like(error), used.any(axis=1))
     np.testing.assert_array_equal(wide.result().custody, [True, True, True, False, True])
-    with pytest.raises(ConfigurationError, match=r"custody\.position_km = 0 must be positive"):
+    with pytest.raises(ConfigurationError, match="position_km = 0 must be a number above 0"):
         metrics.Custody(position_km=0)
 
 
@@ -140,7 +140,7 @@ def _histories():
 
 
 def test_sums_are_those_of_whole_histories():
-    """Against plain averages of all that a run would keep."""
+    """Against plain averages of whole histories."""
     error, sigma, bound, used = _histories()
     found = evaluate(error, sigma, used, STEP_S, bound)
     last = slice(N_STEPS - 24, None)
@@ -172,11 +172,11 @@ def test_sums_are_those_of_whole_histories():
 def test_the_lengths_of_the_intervals_do_not_matter(lengths):
     """To the last bit."""
     error, sigma, bound, used = _histories()
-    gathered = metrics.Evaluation(*error.shape[:2], STEP_S)
+    collected = metrics.Evaluation(*error.shape[:2], STEP_S)
     for end, length in zip(np.cumsum(lengths), lengths, strict=True):
         some = slice(end - length, end)
         observed = used[:, some].any(axis=1)
-        gathered.update(error[:, some], sigma[:, some], observed, bound[:, some])
+        collected.update(error[:, some], sigma[:, some], observed, bound[:, some])
     whole = evaluate(error, sigma, used, STEP_S, bound)
     for name, values in whole._asdict().items():
-        np.testing.assert_array_equal(getattr(gathered.result(), name), values, err_msg=name)
+        np.testing.assert_array_equal(getattr(collected.result(), name), values, err_msg=name)

@@ -24,7 +24,7 @@ from cislunar.figures.space.library import family_map_figure, orbit_library_figu
 from cislunar.figures.space.orbit_tracks import orbit_curve, satellite_tracks
 from cislunar.orbits.families import FAMILIES
 
-LENGTH_AXIS = re.compile(r"^[xyz], nondimensional\s\(384\N{THIN SPACE}400 km\)$")
+LENGTH_AXIS = re.compile(r"^[xyz], 1000 km$")
 
 
 def orbit_rows(rows):
@@ -147,6 +147,16 @@ def test_axes_of_length_carry_their_unit(figures):
     labels = [label for label in labels_of(figures["library"]) if label]
     assert len(labels) == 6
     assert all(LENGTH_AXIS.match(label) for label in labels)
+    for axes in figures["library"].axes:
+        if axes.name == "3d":
+            names = [tick.get_text() for tick in axes.xaxis.get_ticklabels()]
+            km = [1000.0 * float(name.replace("\N{MINUS SIGN}", "-")) for name in names]
+            np.testing.assert_allclose(km, axes.xaxis.get_ticklocs() * LENGTH_UNIT_KM)
+
+
+def test_halves_of_a_family_share_an_entry_of_the_map(figures):
+    names = [text.get_text() for text in figures["map"].legends[0].get_texts()]
+    assert names == ["Butterfly N", "L2 halo N and S", "L3 Lyapunov", "linearly stable orbit"]
 
 
 def test_every_tile_has_a_bar_as_long_as_it_says(figures):
@@ -303,7 +313,7 @@ def test_panels_follow_the_scenarios(figures, orbits, searched):
 def test_every_orbit_has_a_tile_with_its_name(figures):
     texts = [axes.get_title() for axes in figures["orbits"].axes][:4]
     days = TIME_UNIT_S / 86_400.0
-    assert texts[:2] == ["the whole system", "around the Moon"]
+    assert texts[:2] == ["Earth-Moon system", "vicinity of the Moon"]
     assert texts[2:] == [
         f"1. L2 halo N\n2 sat., {1.37 * days:.1f} d",
         f"2. L3 Lyapunov\n3 sat., {days:.1f} d",

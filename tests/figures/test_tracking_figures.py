@@ -14,9 +14,14 @@ from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.tracking.statistics import log_interval, t_interval
 from cislunar.campaign.tracking.summary import summary_dataset
-from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.errors import InputFileError
-from cislunar.evaluation.metrics import INCONSISTENT, NEVER_OBSERVED, TRACKED
+from cislunar.evaluation.metrics import (
+    INCONSISTENT,
+    NEVER_OBSERVED,
+    TRACKED,
+    attitude_angle_deg,
+)
 from cislunar.figures import style
 from cislunar.figures.axes import Grid, nice_ticks, spaced, tick_names
 from cislunar.figures.labels import family_text, interval_text
@@ -32,22 +37,24 @@ from cislunar.figures.tracking.choice import (
 )
 from cislunar.figures.tracking.errors import (
     components_figure,
+    histories,
+    least_errors,
     part_scale,
     representative_target,
     selected_targets,
 )
+from cislunar.figures.tracking.heatmap_colors import scales
 from cislunar.figures.tracking.heatmaps import (
     block_rows,
     high_load_figure,
     intervals_figure,
-    scales,
     target_counts_figure,
     target_rows,
 )
 from cislunar.figures.tracking.learned import learned_figure, shares_of_prior
 from cislunar.figures.tracking.norms import selected_targets_figure
 from cislunar.figures.tracking.representative import representative_target_figure
-from cislunar.figures.tracking.tasking import METHODS, held, tasking_figure
+from cislunar.figures.tracking.tasking import METHODS, running_best, tasking_figure
 from cislunar.figures.tracking.trends import (
     EFFICIENT,
     against_interval_figure,
@@ -55,7 +62,8 @@ from cislunar.figures.tracking.trends import (
 )
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
-SEEDS, STEPS, RECORDS = 3, 24, 12
+SEEDS, STEPS, RECORDS = 5, 24, 12
+VELOCITY_UNIT_M_S = 1000.0 * LENGTH_UNIT_KM / TIME_UNIT_S
 SIZES = np.repeat([0.1, 1e-5, 1e-5, 1e-4], 3)
 """Typical error of each component."""
 
@@ -92,12 +100,12 @@ def cell_data(targets, seed=0):
         "status_rotation": (status, rotation),
         "status_translation": (status, translation),
         "final_attitude_error": (status, rng.uniform(0.5, 5.0, shape)),
-        "fate": (("seed", "step", "target"), rng.integers(0, 2, (SEEDS, STEPS, targets))),
+        "outcome": (("seed", "step", "target"), rng.integers(0, 2, (SEEDS, STEPS, targets))),
         "information": (("seed", "epoch"), rng.uniform(5.0, 9.0, (SEEDS, 2))),
         "updates": (status, rng.integers(1, STEPS, shape)),
         **{
             name: (status, np.zeros(shape, dtype=int))
-            for name in ("out_of_field", "dark_sigma_points", "cholesky_failures", "failed")
+            for name in ("out_of_field", "undetectable_sigma_points", "cholesky_failures", "failed")
         },
         "assignment": (("seed", "epoch", "observer"), np.zeros((SEEDS, 2, 4), dtype=int)),
     }
@@ -108,7 +116,7 @@ def cell_data(targets, seed=0):
         "family": ("target", ["Halo_L2_N", "DRO", "Polar_KPLO_insertion"] * (targets // 3)),
     }
     cell = xr.Dataset(data, coords)
-    cell["fate"].attrs["flag_meanings"] = "not_tasked used"
+    cell["outcome"].attrs["flag_meanings"] = "not_tasked used"
     return cell
 
 
@@ -265,14 +273,19 @@ def test_rows_of_the_heat_maps():
     assert np.isnan(rows.values[rows.unseen]).all()
     swapped = block_rows(few, "anees", list(table)[::-1])
     np.testing.assert_array_equal(swapped.values[::-1], rows.values)
-    np.testing.assert_allclose(rows.values[2], np.log10(few["anees"].values[0, 2]))
+    np.testing.assert_allclose(rows.values[2], few["anees"].values[0, 2])
+    errors = block_rows(few, "rmse", list(table)).values[2]
+    practical = np.repeat(
+        [np.rad2deg(1.0), np.rad2deg(3600.0), LENGTH_UNIT_KM, VELOCITY_UNIT_M_S], 3
+    )
+    np.testing.assert_allclose(errors, practical * few["rmse"].values[0, 2])
 
 
 def test_heat_map_shows_the_data(figures):
-    """Coverage of the last block, in percent."""
-    axes = next(a for a in figures["counts"].axes if a.get_title() == "$n_T$ = 30")
+    """Time outside 3 sigma of the last block, in percent."""
+    axes = next(a for a in figures["counts"].axes if a.get_title() == "30")
     mesh = next(each for each in axes.collections if isinstance(each, QuadMesh))
-    expected = 100.0 * cell_data(30, 60)["coverage"].values[0]
+    expected = 100.0 * (1.0 - cell_data(30, 60)["coverage"].values[0])
     drawn = mesh.get_array()
     np.testing.assert_array_equal(drawn.mask.all(axis=1), np.arange(30) == 0)
     np.testing.assert_allclose(drawn[1:], expected[1:])
@@ -280,25 +293,32 @@ def test_heat_map_shows_the_data(figures):
 
 def test_colors_of_the_parts_hold_their_decades():
     rows = block_rows(cell_data(30), "rmse", range(40, 70))
-    for scale in scales("rmse", [rows]):
+    colors = scales("rmse", rows.values)
+    wanted = []
+    for scale in colors:
         values = rows.values[1:, scale.columns]
         low, high = np.percentile(values, (1.0, 99.0))
-        assert low / 3.4 < scale.norm.vmin <= low
-        assert high <= scale.norm.vmax < max(3.4 * high, 3.4 * scale.norm.vmin)
+        assert low / 11.0 < scale.norm.vmin <= low and high <= scale.norm.vmax
+        wanted.append(max(3.4 * high, 3.4 * scale.norm.vmin) / scale.norm.vmin)
         for end in (scale.norm.vmin, scale.norm.vmax):
             assert f"{end:.6e}"[0] in "13" and set(f"{end:.6e}"[2:8]) == {"0"}
         outside = values.min() < scale.norm.vmin, values.max() > scale.norm.vmax
         ends = {"neither": (0, 0), "min": (1, 0), "max": (0, 1), "both": (1, 1)}
         assert ends[scale.extend] == outside
-    (balanced,) = scales("anees", [block_rows(cell_data(30), "anees", range(40, 70))])
-    assert balanced.norm.vmin == -balanced.norm.vmax
+    spans = [scale.norm.vmax / scale.norm.vmin for scale in colors]
+    for first in (0, 2):
+        # a pair of parts shares a color bar, with no more decades than one of them needs
+        assert spans[first] == pytest.approx(spans[first + 1])
+        assert spans[first] < max(wanted[first : first + 2])
+    (balanced,) = scales("anees", block_rows(cell_data(30), "anees", range(40, 70)).values)
+    assert balanced.norm.vmin * balanced.norm.vmax == pytest.approx(1.0)
 
 
 def test_colors_without_any_observed_target():
     cell = cell_data(3)
     cell["status"][:] = NEVER_OBSERVED
-    for measure in ("coverage", "anees", "rmse"):
-        assert scales(measure, [block_rows(cell, measure, range(40, 43))])
+    for measure in ("outside", "anees", "rmse"):
+        assert scales(measure, block_rows(cell, measure, range(40, 43)).values)
 
 
 def test_selected_targets_are_drawn_with_the_bound_where_there_is_one(figures):
@@ -310,7 +330,7 @@ def test_selected_targets_are_drawn_with_the_bound_where_there_is_one(figures):
     assert len(panels[0]) == len(panels[1]) + 2
     target = next(iter(selected_targets(data)))
     drawn = [line.get_ydata() for line in panels[0]]
-    least = 3.0 * data["bound"].values[0, :, target, 0]
+    least = 3.0 * np.rad2deg(data["bound"].values[0, :, target, 0])
     assert any(np.allclose(each, least) for each in drawn)
 
 
@@ -332,6 +352,22 @@ def test_norms_are_those_of_the_errors_in_practical_units(figures):
     np.testing.assert_allclose(
         bound.get_ydata(), 3.0 * LENGTH_UNIT_KM * np.linalg.norm(sigma[:, 6:9], axis=1)
     )
+
+
+def test_components_are_in_practical_units():
+    """Rotation vectors in degrees, of large attitude errors as well; small factors for others."""
+    data = cell_data(6)
+    data["error"][0, :, 2, :3] = [0.3, -0.6, 0.2]
+    hours, error, sigma = histories(data, 2)
+    angles = np.linalg.norm(error[:, :3], axis=1)
+    np.testing.assert_allclose(angles, attitude_angle_deg(data["error"].values[0, :, 2, :3]))
+    np.testing.assert_allclose(error[:, :3] / angles[:, None], RECORDS * [np.array([3, -6, 2]) / 7])
+    np.testing.assert_allclose(hours, data["time"].values / 3600.0)
+    scaled = data["sigma"].values[0, :, 2].reshape(RECORDS, 4, 3)
+    practical = [*np.rad2deg([1.0, 3600.0]).tolist(), LENGTH_UNIT_KM, VELOCITY_UNIT_M_S]
+    expected = scaled * np.array(practical)[:, None]
+    np.testing.assert_allclose(sigma.reshape(RECORDS, 4, 3), expected)
+    np.testing.assert_allclose(least_errors(data, 2), 0.5 * sigma)
 
 
 def test_targets_selected_by_rule():
@@ -437,9 +473,9 @@ def test_intervals_of_odd_lengths_are_in_minutes(summary):
 def test_interval_figure_has_the_cells_that_were_swept(figures):
     titles = [a.get_title(loc="left") for a in figures["interval"].axes]
     assert [title for title in titles if title] == [
-        "(a) scenario A, $n_T$ = 6",
-        "(b) scenario A, $n_T$ = 12",
-        "(c) scenario B, $n_T$ = 9",
+        "(a) scenario A, 6 targets",
+        "(b) scenario A, 12 targets",
+        "(c) scenario B, 9 targets",
     ]
 
 
@@ -447,8 +483,9 @@ def test_tasking_levels_and_methods(figures):
     first = figures["tasking"].axes[0]
     levels = [line.get_ydata() for line in first.lines if len(line.get_xdata()) == 2]
     assert sum(np.array_equal(level, [100.0, 100.0]) for level in levels) == 2
-    last = figures["tasking"].axes[-1]
-    assert [tick.get_text() for tick in last.get_xticklabels()] == ["exact", "greedy", "TPE"]
+    first = figures["tasking"].axes[-3]
+    names = ["exact assignment", "greedy assignment", "TPE"]
+    assert [tick.get_text() for tick in first.get_yticklabels()] == names
 
 
 def test_tasking_figure_without_other_methods(compared, summary):
@@ -458,13 +495,14 @@ def test_tasking_figure_without_other_methods(compared, summary):
 
 def test_best_value_is_held_to_the_end():
     history = np.array([[1.0, 3.0, np.nan, np.nan], [2.0, 2.0, 4.0, 5.0]])
-    np.testing.assert_array_equal(held(history), [[1.0, 3.0, 3.0, 3.0], [2.0, 2.0, 4.0, 5.0]])
+    np.testing.assert_array_equal(
+        running_best(history), [[1.0, 3.0, 3.0, 3.0], [2.0, 2.0, 4.0, 5.0]]
+    )
 
 
 UNITS = re.compile(
-    r"nondim\.$|rad/s$|degree/h$|m/s$|, min$|% of time$|, degree$|^degree$|(^|, )km$|targets$"
-    r"|\$n_T\$$|, h$|dimensionless$|share of time, %$|consistent\)$|, nat$|evaluations$|% of exact$"
-    r"|, s$|method$"
+    r"deg/h$|m/s$|, min$|% of time$|[, ]deg$|^deg$|(^|, )km$|targets$|, h$|dimensionless$|ratio$"
+    r"|\N{GREEK SMALL LETTER SIGMA}, %$|consistent\)$|, nat$|evaluations$|% of exact$|, s$"
 )
 
 
@@ -473,8 +511,6 @@ def test_axes_carry_their_unit(figures, name):
     figure = figures[name]
     axes = [a for each in figure.axes for a in (each, *each.child_axes)]
     labels = [label for a in axes for label in (a.get_xlabel(), a.get_ylabel()) if label]
-    # above a color bar stands what it is of
-    labels += [a.get_title() for a in axes if hasattr(a, "_colorbar")]
     assert len(labels) >= 3
     assert all(UNITS.search(label.split("\n")[-1]) for label in labels), labels
 
@@ -541,12 +577,16 @@ def test_what_is_learned_is_drawn_over_the_prior():
     share[:, 0] = 7.0  # of a target nobody has seen
     cell = xr.Dataset(
         {
-            "departure_sigma": (dims, (share * prior)[None]),
-            "departure_error": (dims, errors[None]),
+            "parameter_sigma": (dims, (share * prior)[None]),
+            "parameter_error": (dims, errors[None]),
             "status": (("seed", "target"), np.full((1, 40), TRACKED)),
         },
         {"unknown": names, "epoch": 3600.0 * np.arange(5)},
-        {"settings": json.dumps({"batch": {"unknowns": {"log_inertia": 0.1, "log_albedo": 0.25}}})},
+        {
+            "settings": json.dumps(
+                {"batch": {"estimated_parameters": {"log_inertia": 0.1, "log_albedo": 0.25}}}
+            )
+        },
     )
     cell["status"][0, 0] = NEVER_OBSERVED
     found = shares_of_prior(cell)
@@ -561,5 +601,5 @@ def test_what_is_learned_is_drawn_over_the_prior():
     assert [each.variant for each in learned_cell(task2)] == ["everything-joint-turning"]
     task2["variants"] = {**task2["variants"], "cells": {}}
     assert learned_cell(task2) == []
-    with pytest.raises(InputFileError, match=r"task2\.batch\.unknowns"):
-        learned_figure(cell.drop_vars("departure_sigma"))
+    with pytest.raises(InputFileError, match=r"task2\.batch\.estimated_parameters"):
+        learned_figure(cell.drop_vars("parameter_sigma"))

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from measured import looked_at
+from measured import observed_by
 from oracles.visibility import directions_to_bodies, outside_exclusion
 
 from cislunar.constants import LENGTH_UNIT_KM, MU
@@ -16,7 +16,7 @@ from cislunar.observation.measurement import (
     measure,
 )
 from cislunar.observation.records import constant_schedule, highest
-from cislunar.observation.scene import make_scene, target_surfaces
+from cislunar.observation.scene import make_scene
 from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.observation.sightline import (
     EARTH_RADIUS,
@@ -25,11 +25,13 @@ from cislunar.observation.sightline import (
     occulted,
     wrap_angle,
 )
+from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.photometry.facets import apparent_magnitude
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron, icosphere
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.simulation import draw_truth, initial_estimate
+from cislunar.tasking.initial_conditions import initial_estimate
+from cislunar.tasking.truth import draw_truth
 
 
 @pytest.fixture(scope="module")
@@ -60,9 +62,9 @@ def test_measurements_are_angles_in_the_observer_frame_and_the_facet_magnitude(p
     sensor = Sensor(
         limiting_magnitude=90.0, exclusion=ExclusionAngles(0.0, 0.0, 0.0), occultation=False
     )
-    records, fate = looked_at(observer_of, scene, surfaces, sensor, truth, 7, 30)
+    records, outcome = observed_by(observer_of, scene, surfaces, sensor, truth, 7, 30)
     measured = records.value.reshape(5, 30, 3)
-    assert np.all(fate == DETECTED)
+    assert np.all(outcome == DETECTED)
     np.testing.assert_array_equal(records.variance, np.tile(sensor.noise**2, (150, 1)))
     for j in range(5):
         for i in (0, 29):
@@ -92,7 +94,7 @@ def test_right_ascension_of_an_aligned_frame():
     assert direction_angles(-1.0, 0.0, 1.0, np.eye(3)) == pytest.approx((np.pi, np.pi / 4))
 
 
-def test_fates_follow_the_limits(problem):
+def test_outcomes_follow_the_limits(problem):
     """Exclusion against the array function, the limit on the noisy magnitude, tasking."""
     scene, surfaces, truth = problem
     sensor = Sensor(occultation=False, limiting_magnitude=17.0)
@@ -100,20 +102,20 @@ def test_fates_follow_the_limits(problem):
     for observer in range(5):
         observer_of = np.full(5, observer)
         observer_of[4] = -1
-        records, row_fate = looked_at(observer_of, scene, surfaces, sensor, truth)
-        fate = highest(records, row_fate, NOT_TASKED)
+        records, row_outcome = observed_by(observer_of, scene, surfaces, sensor, truth)
+        outcome = highest(records, row_outcome, NOT_TASKED)
         keen = Sensor(limiting_magnitude=90.0, occultation=False)
-        every, _ = looked_at(observer_of, scene, surfaces, keen, truth)
+        every, _ = observed_by(observer_of, scene, surfaces, keen, truth)
         measured, unlimited = (each.value.reshape(4, 120, 3) for each in (records, every))
         position = scene.observer_position[observer, 1:]
         line = truth.translation[:4, 1:, :3] - position
         bodies = directions_to_bodies(position, scene.sun_position[1:])
         clear = outside_exclusion(line, bodies, ExclusionAngles())
-        np.testing.assert_array_equal(fate[:4] != EXCLUDED, clear)
-        np.testing.assert_array_equal(fate[:4] == DETECTED, unlimited[..., 0] <= 17.0)
-        assert np.all(fate[4] == NOT_TASKED)
-        np.testing.assert_array_equal(np.isfinite(measured).all(axis=2), fate[:4] == DETECTED)
-        seen |= set(np.unique(fate))
+        np.testing.assert_array_equal(outcome[:4] != EXCLUDED, clear)
+        np.testing.assert_array_equal(outcome[:4] == DETECTED, unlimited[..., 0] <= 17.0)
+        assert np.all(outcome[4] == NOT_TASKED)
+        np.testing.assert_array_equal(np.isfinite(measured).all(axis=2), outcome[:4] == DETECTED)
+        seen |= set(np.unique(outcome))
     assert seen == {NOT_TASKED, FAINT, EXCLUDED, DETECTED}
 
 
@@ -138,7 +140,7 @@ def test_occultation_against_points_along_the_segment():
 
 
 def test_a_target_behind_the_moon_is_occulted():
-    """5.2 degrees off the centre is clear of the exclusion angle, but not of a near Moon's disc."""
+    """5.2 degrees from the center is outside the exclusion angle, but within a near Moon's disk."""
     moon = np.array([1.0 - MU, 0.0, 0.0])
     observer = moon + np.array([0.0, 5.0 * MOON_RADIUS, 0.0])
     off = np.deg2rad(5.2)
@@ -148,7 +150,7 @@ def test_a_target_behind_the_moon_is_occulted():
     state = np.zeros((1, 2, 6))
     state[..., :3] = target
     attitude = np.tile([0.0, 0.0, 0.0, 1.0], (1, 2, 1))
-    fates = [
+    outcomes = [
         measure(
             1, constant_schedule([0], 1, 1), scene, surfaces,
             Sensor(occultation=flag, limiting_magnitude=90.0), state, attitude,
@@ -156,7 +158,7 @@ def test_a_target_behind_the_moon_is_occulted():
         )[1].item()
         for flag in (True, False)
     ]  # fmt: skip
-    assert fates == [OCCULTED, DETECTED]
+    assert outcomes == [OCCULTED, DETECTED]
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,16 @@
-"""Layout of records, and several looks at a target at a step."""
+"""Layout of records, and several observations of a target at a step."""
 
 import numpy as np
 import pytest
-from measured import during, looked_at
+from measured import during, observed_by
 
 from cislunar.errors import ConfigurationError
 from cislunar.observation.measurement import DETECTED, FAINT, NOT_TASKED, measure
 from cislunar.observation.records import constant_schedule, highest, rows_of, schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.simulation import draw_truth, initial_estimate
+from cislunar.tasking.initial_conditions import initial_estimate
+from cislunar.tasking.truth import draw_truth
 
 BRIGHT = Sensor(limiting_magnitude=30.0)
 
@@ -21,31 +22,31 @@ def problem():
     return (
         scene,
         surfaces,
-        [draw_truth(initial, scene, BRIGHT.noise, 5, ids, looks=n) for n in (1, 2)],
+        [draw_truth(initial, scene, BRIGHT.noise, 5, ids, observations=n) for n in (1, 2)],
     )
 
 
-def _measured(problem, looks, truth):
+def _measured(problem, observations, truth):
     scene, surfaces, _ = problem
     motion = truth.translation, truth.quaternion, truth.noise
-    return measure(1, looks, scene, surfaces, BRIGHT, *motion)
+    return measure(1, observations, scene, surfaces, BRIGHT, *motion)
 
 
 def test_rows_are_sorted_by_target_and_step_and_keep_their_order():
-    looks = schedule([2, 0, 2, 0, 2], [1, 3, 1, 0, 0], [7, 5, 6, 4, 3], 3, 4)
-    target, step = rows_of(looks)
+    observations = schedule([2, 0, 2, 0, 2], [1, 3, 1, 0, 0], [7, 5, 6, 4, 3], 3, 4)
+    target, step = rows_of(observations)
     np.testing.assert_array_equal(target, [0, 0, 2, 2, 2])
     np.testing.assert_array_equal(step, [0, 3, 0, 1, 1])
-    np.testing.assert_array_equal(looks.observer, [4, 5, 3, 7, 6])
-    np.testing.assert_array_equal(looks.offset, [[0, 1, 1, 1, 2], [2] * 5, [2, 3, 5, 5, 5]])
-    best = highest(looks, np.array([1, 4, 2, 3, 1], dtype=np.uint8), NOT_TASKED)
+    np.testing.assert_array_equal(observations.observer, [4, 5, 3, 7, 6])
+    np.testing.assert_array_equal(observations.offset, [[0, 1, 1, 1, 2], [2] * 5, [2, 3, 5, 5, 5]])
+    best = highest(observations, np.array([1, 4, 2, 3, 1], dtype=np.uint8), NOT_TASKED)
     np.testing.assert_array_equal(best, [[1, 0, 0, 4], [0] * 4, [2, 3, 0, 0]])
 
 
-def test_idle_observers_do_not_look_and_two_may_look_at_one_target():
-    looks = constant_schedule([1, -1, 1, 0], 3, 2)
-    np.testing.assert_array_equal(looks.observer, [3, 3, 0, 2, 0, 2])
-    np.testing.assert_array_equal(np.diff(looks.offset), [[1, 1], [2, 2], [0, 0]])
+def test_idle_observers_observe_nothing_and_two_may_observe_one_target():
+    observations = constant_schedule([1, -1, 1, 0], 3, 2)
+    np.testing.assert_array_equal(observations.observer, [3, 3, 0, 2, 0, 2])
+    np.testing.assert_array_equal(np.diff(observations.offset), [[1, 1], [2, 2], [0, 0]])
 
 
 @pytest.mark.parametrize("wrong", [{"target": [3]}, {"step": [-1]}, {"observer": [0, 1]}])
@@ -54,11 +55,11 @@ def test_indices_out_of_range_are_refused(wrong):
         schedule(**({"target": [0], "step": [0], "observer": [0]} | wrong), n_targets=3, n_steps=2)
 
 
-def test_two_looks_are_two_measurements_with_errors_of_their_own(problem):
+def test_two_observations_have_independent_errors(problem):
     scene, surfaces, (single, double) = problem
     np.testing.assert_array_equal(double.noise[:, :, :1], single.noise)
     both, _ = _measured(problem, constant_schedule([1, -1, 1], 3, 20), double)
-    first, _ = looked_at([-1, 0, -1], scene, surfaces, BRIGHT, single, n_steps=20)
+    first, _ = observed_by([-1, 0, -1], scene, surfaces, BRIGHT, single, n_steps=20)
     np.testing.assert_array_equal(both.value[::2], first.value)
     again, _ = _measured(problem, schedule([1, 1], [4, 4], [0, 0], 3, 20), double)
     apart = double.noise[1, 5, 1] - double.noise[1, 5, 0]
@@ -66,14 +67,14 @@ def test_two_looks_are_two_measurements_with_errors_of_their_own(problem):
     assert np.abs(apart).min() > 0.0
 
 
-def test_more_looks_than_errors_are_refused(problem):
-    with pytest.raises(ConfigurationError, match="noise: 2 looks"):
+def test_more_observations_than_errors_are_refused(problem):
+    with pytest.raises(ConfigurationError, match="noise: 2 observations"):
         _measured(problem, constant_schedule([1, 1], 3, 5), problem[2][0])
 
 
 def test_some_rows_and_some_steps(problem):
-    records, fate = _measured(problem, constant_schedule([0, 1, 1], 3, 6), problem[2][1])
-    assert set(fate) <= {FAINT, DETECTED} | set(range(5))
+    records, outcome = _measured(problem, constant_schedule([0, 1, 1], 3, 6), problem[2][1])
+    assert set(outcome) <= {FAINT, DETECTED} | set(range(5))
     chosen = records.observer == 2
     some = records.where(chosen)
     np.testing.assert_array_equal(some.value, records.value[chosen])

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from measured import looked_at
+from measured import observed_by
 from scipy.stats import norm
 
 from cislunar.constants import MU
@@ -18,8 +18,8 @@ from cislunar.observation.measurement import (
     EXCLUDED,
     FAINT,
     OCCULTED,
+    detectable_targets,
     measure,
-    within_reach,
 )
 from cislunar.observation.records import pointed_schedule
 from cislunar.observation.sensor import (
@@ -32,12 +32,13 @@ from cislunar.observation.sensor import (
 )
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.planning.information import (
     TaskingModel,
     information_bound,
     pair_information,
 )
-from cislunar.tasking.simulation import draw_truth, initial_estimate
+from cislunar.tasking.truth import draw_truth
 
 KEEN = Sensor(limiting_magnitude=35.0, exclusion=ExclusionAngles(0.0, 0.0, 0.0), occultation=False)
 POOR = Sensor(limiting_magnitude=17.0, angle_noise_arcsec=6.0, field_of_view_deg=1.0)
@@ -61,7 +62,7 @@ def _image(sigma, n=401, half=8.0):
 
 @pytest.mark.parametrize("magnitude", [10.0, 24.0])
 def test_photon_noise_is_the_least_that_an_image_allows(magnitude):
-    """Cramer-Rao of flux and place from all pixels: exact where source or sky prevails."""
+    """Cramer-Rao bound of flux and position from all pixels, where source or sky dominates."""
     noise = PhotonNoise(0.15, sky_mag_arcsec2=22.0, read_noise_e=0.0)
     electrons, _, image = noise.constants()
     sigma = np.sqrt(image) / ARCSECOND
@@ -78,18 +79,18 @@ def test_photon_noise_is_the_least_that_an_image_allows(magnitude):
     assert np.all(noise_at(sensor, magnitude + 1.0) > found)
 
 
-def test_records_say_how_noisy_they_are_and_errors_are(problem):
+def test_records_have_the_variance_of_their_errors(problem):
     scene, surfaces, truth = problem
     sensor = Sensor(
         0.02, 1.0, 90.0, exclusion=KEEN.exclusion, occultation=False, photon_noise=PHOTONS
     )
     motion = truth.translation, truth.quaternion
-    looks = pointed_schedule(np.tile([0, 1], (60, 1)), 5)
+    observations = pointed_schedule(np.tile([0, 1], (60, 1)), 5)
     quiet = np.zeros_like(truth.noise)
-    given = 1, looks, scene, surfaces, sensor
-    exact, fate = measure(*given, *motion, quiet, true=(sensor, sensor))
+    given = 1, observations, scene, surfaces, sensor
+    exact, outcome = measure(*given, *motion, quiet, true=(sensor, sensor))
     noisy, _ = measure(*given, *motion, truth.noise, true=(sensor, sensor))
-    assert np.all(fate == DETECTED)
+    assert np.all(outcome == DETECTED)
     np.testing.assert_allclose(
         np.sqrt(noisy.variance), noise_at(sensor, noisy.value[:, 0]), rtol=1e-12
     )
@@ -100,31 +101,31 @@ def test_records_say_how_noisy_they_are_and_errors_are(problem):
     np.testing.assert_allclose(standard, errors, rtol=1e-6, atol=1e-6)
 
 
-def test_what_is_far_below_the_noise_of_photons_is_not_found(problem):
-    """Of thousands of looks at targets dimmed by 20 magnitudes none is a detection."""
+def test_targets_far_below_the_photon_noise_are_not_detected(problem):
+    """None of thousands of observations of targets dimmed by 20 magnitudes is a detection."""
     scene, surfaces, truth = problem
     sensor = replace(KEEN, limiting_magnitude=18.0, photon_noise=PHOTONS)
-    looks = pointed_schedule(np.tile([0, 1], (60, 1)), 5)
+    observations = pointed_schedule(np.tile([0, 1], (60, 1)), 5)
     dimmed = np.full(truth.translation.shape[:2], 20.0)
-    given = 1, looks, scene, surfaces, sensor, truth.translation, truth.quaternion
+    given = 1, observations, scene, surfaces, sensor, truth.translation, truth.quaternion
     many = np.random.default_rng(3).standard_normal((40, *truth.noise.shape))
     for noise in many:
-        _, fate = measure(*given, noise, true=(sensor, sensor), dimmed=dimmed)
-        assert np.all(fate == FAINT)
+        _, outcome = measure(*given, noise, true=(sensor, sensor), dimmed=dimmed)
+        assert np.all(outcome == FAINT)
 
 
-def test_each_observer_sees_by_its_own_sensor(problem):
+def test_each_observer_has_its_sensor(problem):
     scene, surfaces, truth = problem
     at = np.array([0, 1, 0, 1, -1])
-    mixed, fates = looked_at(at, scene, surfaces, (KEEN, POOR), truth)
+    mixed, outcomes = observed_by(at, scene, surfaces, (KEEN, POOR), truth)
     for observer, sensor in enumerate((KEEN, POOR)):
-        records, fate = looked_at(at, scene, surfaces, sensor, truth)
+        records, outcome = observed_by(at, scene, surfaces, sensor, truth)
         own = records.observer == observer
-        np.testing.assert_array_equal(fates[own], fate[own])
+        np.testing.assert_array_equal(outcomes[own], outcome[own])
         np.testing.assert_array_equal(mixed.value[own], records.value[own])
         np.testing.assert_array_equal(mixed.variance[own], records.variance[own])
     with pytest.raises(ConfigurationError, match=r"3 given for 2 observers; give one for all"):
-        looked_at(at, scene, surfaces, (KEEN, POOR, POOR), truth)
+        observed_by(at, scene, surfaces, (KEEN, POOR, POOR), truth)
 
 
 def test_the_information_of_a_pair_is_that_of_its_sensor():
@@ -134,7 +135,7 @@ def test_the_information_of_a_pair_is_that_of_its_sensor():
     initial = initial_estimate(epoch, settings.initial.components())
     prediction = mukf()(scene, surfaces, KEEN, initial, None, settings_forces()).predict()
     faint = Sensor(30.0, photon_noise=PHOTONS, limiting_magnitude=20.0)
-    sensors, model = (POOR, faint), TaskingModel(track_gate=False)
+    sensors, model = (POOR, faint), TaskingModel(pointing_uncertainty_gate=False)
     known = prediction, scene, surfaces
     mixed = pair_information(*known, sensors, model)
     for observer, sensor in enumerate(sensors):
@@ -147,8 +148,8 @@ def test_the_information_of_a_pair_is_that_of_its_sensor():
 
 
 @pytest.mark.parametrize("estimator", ["mukf", "batch"])
-def test_estimators_take_noise_as_it_is(estimator):
-    """Deviations hold what noise that grows, and differs from observer to observer, leaves."""
+def test_estimators_use_the_variance_of_each_measurement(estimator):
+    """Errors agree with standard deviations where noise differs by magnitude and observer."""
     poor = replace(POOR, limiting_magnitude=24.0, photon_noise=PHOTONS)
     keen = Sensor(0.02, 1.0, 24.0, photon_noise=PHOTONS)
     problem = tracking_problem(4, 6, duration_hours=4.0, sensor=(keen, poor, keen, poor))
@@ -165,7 +166,7 @@ def settings_forces():
     return EARTH_MOON
 
 
-def test_the_earth_turns_as_sidereal_time_has_it():
+def test_the_earth_rotates_with_sidereal_time():
     """Against the mean sidereal time of Meeus, whose equinox precesses 46.1 arcsec a year in RA."""
     days = julian_date("2024-10-01T05:00:00") - 2_451_545.0
     time = float(utc_to_tdb(days + 2_451_545.0))
@@ -175,8 +176,8 @@ def test_the_earth_turns_as_sidereal_time_has_it():
     assert abs((angle - sidereal + 180.0) % 360.0 - 180.0) < 0.1
 
 
-def test_stations_have_their_days_and_the_moon_where_it_stands():
-    """Greenwich at noon of an equinox; the Moon in the rotating frame as in that of J2000."""
+def test_stations_see_sun_and_moon_at_their_elevations():
+    """Greenwich at noon of an equinox; the Moon's elevation in the rotating frame and in J2000."""
     noon = float(utc_to_tdb(julian_date("2024-03-20T12:07:30")))
     table = tabulate_bodies(noon - 600.0, noon + 86_400.0)
     time = noon + np.arange(0.0, 86_400.0, 3600.0)
@@ -199,7 +200,7 @@ def test_stations_have_their_days_and_the_moon_where_it_stands():
 
 
 def test_the_ground_sees_at_night_above_its_limit_through_air(problem):
-    """Against elevations by hand; a place near the Earth stands for a station."""
+    """Against elevations by hand; a point near the Earth represents a station."""
     scene, surfaces, truth = problem
     earth = np.array(primary_positions(MU)[0])
     toward = truth.translation[0, :, :3] - earth
@@ -213,7 +214,7 @@ def test_the_ground_sees_at_night_above_its_limit_through_air(problem):
     ground = Sensor(limiting_magnitude=35.0, exclusion=KEEN.exclusion, atmosphere=air)
     given = 1, pointed_schedule(np.tile([0, 1], (60, 1)), 5), site, surfaces
     motion = truth.translation, truth.quaternion, np.zeros_like(truth.noise)
-    records, fate = measure(*given, ground, *motion)
+    records, outcome = measure(*given, ground, *motion)
     way, light = truth.translation[0, 1:, :3] - track[1:], scene.sun_position[1:] - track[1:]
     up = track[1:] - earth
     up /= np.linalg.norm(up, axis=1)[:, None]
@@ -221,9 +222,9 @@ def test_the_ground_sees_at_night_above_its_limit_through_air(problem):
     expected = np.where(
         day > np.sin(np.deg2rad(-12.0)), EXCLUDED, np.where(high < 0.5, OCCULTED, DETECTED)
     )
-    np.testing.assert_array_equal(fate[:60], expected)
+    np.testing.assert_array_equal(outcome[:60], expected)
     assert len(set(expected)) > 1
-    seen = fate[:60] == DETECTED
+    seen = outcome[:60] == DETECTED
     free = measure(*given, KEEN, *motion)[0]
     np.testing.assert_allclose(records.value[:60][seen, 0], free.value[:60][seen, 0], rtol=1e-12)
     # the limit is that of the light that arrives
@@ -233,8 +234,8 @@ def test_the_ground_sees_at_night_above_its_limit_through_air(problem):
     np.testing.assert_array_equal(passed, free.value[:60][seen, 0] + 0.3 / high[seen] <= limit)
 
 
-def test_what_is_within_reach_is_what_looks_without_noise_find(problem):
-    """Every observer looks at every target at every step; some targets are never found."""
+def test_targets_within_reach_are_those_detected_without_noise(problem):
+    """Every observer measures every target at every step; some targets are never detected."""
     scene, surfaces, truth = problem
     motion = truth.translation, truth.quaternion
     dimmed = np.linspace(0.0, 1.0, truth.translation.shape[1]) + np.zeros((5, 1))
@@ -245,17 +246,17 @@ def test_what_is_within_reach_is_what_looks_without_noise_find(problem):
             at = np.full((60, 2), -1)
             at[:, observer] = target
             given = 1, pointed_schedule(at, 5), scene, surfaces, KEEN, *motion
-            records, fate = measure(*given, quiet, dimmed=dimmed)
+            records, outcome = measure(*given, quiet, dimmed=dimmed)
             arriving = records.value[:, 0] + dimmed[target, 1:]
-            if np.any(fate == DETECTED):
-                brightest[target] = min(brightest[target], arriving[fate == DETECTED].min())
+            if np.any(outcome == DETECTED):
+                brightest[target] = min(brightest[target], arriving[outcome == DETECTED].min())
     limit = np.sort(brightest)[2] + 1e-9
     sensor = replace(KEEN, limiting_magnitude=limit)
-    found = within_reach(1, scene, surfaces, sensor, *motion, dimmed=dimmed)
+    found = detectable_targets(1, scene, surfaces, sensor, *motion, dimmed=dimmed)
     np.testing.assert_array_equal(found, brightest <= limit)
     assert found.sum() == 3
-    # of the last half of the hour, by the states of then alone
+    # the last half hour, from its states only
     late = tuple(each[:, 30:] for each in motion)
-    whole = within_reach(31, scene, surfaces, sensor, *motion, dimmed=dimmed)
-    later = within_reach(31, scene, surfaces, sensor, *late, begins=30, dimmed=dimmed[:, 30:])
+    whole = detectable_targets(31, scene, surfaces, sensor, *motion, dimmed=dimmed)
+    later = detectable_targets(31, scene, surfaces, sensor, *late, origin=30, dimmed=dimmed[:, 30:])
     np.testing.assert_array_equal(whole, later)

@@ -1,4 +1,4 @@
-"""Sightings along paths agree with the tables of visibility and with the parts they stand on."""
+"""Sightings along trajectories agree with the tables of visibility and closed forms."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ SUN = np.array([[0.0, -389.0, 0.0]])
 OPEN = ExclusionAngles(0.0, 0.0, 0.0)
 
 
-def test_as_many_sightings_as_the_tables_count():
+def test_sightings_are_as_many_as_in_the_tables():
     sky = sample_ephemeris(duration_days=5.0)
     halo = family_members("Halo_L2_S", jacobi=3.05)
     targets = np.random.default_rng(3).normal([1.0 - MU, 0.0, 0.0], 0.3, size=(40, 3))
@@ -33,17 +33,17 @@ def test_as_many_sightings_as_the_tables_count():
     )
     tracks = satellite_tracks(halo.state, halo.period, [0.0], sky.time)[:, 0]
     sensor = Sensor(limiting_magnitude=limit, occultation=False)
-    fates = np.array(
+    outcomes = np.array(
         [
             [
-                sightings(track, np.broadcast_to(t, track.shape), sky.sun_position, sensor).fate
+                sightings(track, np.broadcast_to(t, track.shape), sky.sun_position, sensor).outcome
                 for t in targets
             ]
             for track in tracks
         ]
     )
-    assert np.array_equal(np.sum(fates == DETECTED, axis=-1), table.observations[:, 0])
-    assert {FAINT, EXCLUDED, DETECTED} == set(np.unique(fates))
+    assert np.array_equal(np.sum(outcomes == DETECTED, axis=-1), table.observations[:, 0])
+    assert {FAINT, EXCLUDED, DETECTED} == set(np.unique(outcomes))
 
 
 def test_angles_range_and_magnitude():
@@ -58,7 +58,7 @@ def test_angles_range_and_magnitude():
 
 
 @pytest.mark.parametrize(
-    ("sensor", "fate"),
+    ("sensor", "outcome"),
     [
         (Sensor(), EXCLUDED),
         (Sensor(exclusion=OPEN), OCCULTED),
@@ -66,13 +66,13 @@ def test_angles_range_and_magnitude():
         (Sensor(exclusion=OPEN, occultation=False, limiting_magnitude=5.0), FAINT),
     ],
 )
-def test_fate_of_a_look_past_the_moon(sensor, fate):
-    """The target is just behind the limb of the Moon, the observer before it."""
+def test_outcome_of_an_observation_past_the_moon(sensor, outcome):
+    """The target is just behind the limb of the Moon, the observer in front of it."""
     observer, target = np.array([[0.9, 0.0, 0.0]]), np.array([[1.05, 0.002, 0.0]])
-    assert sightings(observer, target, SUN, sensor).fate == [fate]
+    assert sightings(observer, target, SUN, sensor).outcome == [outcome]
 
 
-def test_what_cannot_be_is_refused():
+def test_impossible_inputs_are_refused():
     path = np.zeros((3, 3))
     with pytest.raises(ConfigurationError, match="shape"):
         sightings(path, path[:2], path)

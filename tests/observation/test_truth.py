@@ -1,4 +1,4 @@
-"""Truth that differs from what the estimator believes: rigid bodies, torque, surfaces, noise."""
+"""Truth that differs from the assumed model: rigid bodies, torque, surfaces, noise."""
 
 import numpy as np
 import pytest
@@ -8,16 +8,17 @@ from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.kalman.mukf import mukf
-from cislunar.observation.body_spread import BodySpread
-from cislunar.observation.drawn_bodies import true_departures
-from cislunar.observation.scene import target_surfaces
+from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.body_sampling import true_deviations
 from cislunar.observation.sensor import Sensor
+from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import facets_from_triangles, icosahedron
 from cislunar.photometry.spacecraft import box_with_wings
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.simulation import TrueMotion, TruthModel, draw_truth, initial_estimate
+from cislunar.tasking.initial_conditions import initial_estimate
+from cislunar.tasking.truth import TrueMotion, TruthModel, draw_truth
 
 BRIGHT = Sensor(limiting_magnitude=22.0)
 INERTIA = np.diag([1.0, 1.3, 1.6])
@@ -42,7 +43,7 @@ def test_spherical_bodies_keep_their_rate(problem):
     np.testing.assert_array_equal(stated.quaternion, truth.quaternion)
 
 
-def test_each_target_turns_by_its_own_inertia(problem):
+def test_each_target_rotates_with_its_inertia(problem):
     plain = _truth(problem)
     bodies = np.array([np.eye(3), INERTIA, INERTIA, np.eye(3), np.eye(3)])
     truth = _truth(problem, inertia=bodies)
@@ -71,12 +72,12 @@ def test_torque_acts_on_every_target(problem):
 
 
 def test_truth_by_intervals_is_that_of_the_whole(problem):
-    """To the last bit, for bodies that turn in closed form and others, and for every look."""
+    """To the last bit, with spherical and other inertia, and for every observation."""
     scene, _, epoch, ids, loop = problem
     initial = initial_estimate(epoch, loop.initial.components())
     bodies = np.array([np.eye(3), INERTIA, INERTIA, np.eye(3), np.eye(3)])
-    whole = _truth(problem, inertia=bodies, looks=2)
-    motion = TrueMotion(initial, scene, BRIGHT.noise, 3, ids, inertia=bodies, looks=2)
+    whole = _truth(problem, inertia=bodies, observations=2)
+    motion = TrueMotion(initial, scene, BRIGHT.noise, 3, ids, inertia=bodies, observations=2)
     start = 0
     for end in (1, 61, 240):
         part = motion.advance(end - start)
@@ -91,7 +92,7 @@ def _loop(problem, truth=None, factory="mukf"):
 
 
 class Witness:
-    """Keeps what the estimators were made with and what they were handed."""
+    """Records the arguments of the estimators and their measurements."""
 
     def __init__(self):
         self.surfaces, self.sensors, self.measurements, self.used = [], [], [], []
@@ -102,9 +103,9 @@ class Witness:
         made = mukf()(scene, surfaces, sensor, initial, rng, forces)
         advance = made.advance
 
-        def watched(measurements, **asked):
+        def watched(measurements, **options):
             self.measurements.append(measurements.value)
-            estimates = advance(measurements, **asked)
+            estimates = advance(measurements, **options)
             self.used.append(estimates.used)
             return estimates
 
@@ -112,12 +113,24 @@ class Witness:
         return made
 
 
-def test_truth_changes_the_measurements_and_not_the_belief(problem):
+@pytest.fixture(scope="module")
+def before():
+    """Arguments of the estimators in the usual run."""
+    return Witness()
+
+
+@pytest.fixture(scope="module")
+def usual(problem, before):
+    """The run whose truth follows the assumed model."""
+    return _loop(problem, None, before)
+
+
+def test_truth_changes_the_measurements_and_not_the_assumed_model(problem, before, usual):
     surfaces = problem[1]
-    rough = Material(rms_slope=0.45)
-    other = TruthModel(target_surfaces(icosahedron(), rough, 5), BRIGHT.noise, np.zeros(3))
-    before, after = Witness(), Witness()
-    usual, changed = _loop(problem, None, before), _loop(problem, other, after)
+    composite = Material(rms_slope=0.45)
+    other = TruthModel(target_surfaces(icosahedron(), composite, 5), BRIGHT.noise, np.zeros(3))
+    after = Witness()
+    changed = _loop(problem, other, after)
     assert after.surfaces[0] is surfaces
     assert after.sensors[0] == BRIGHT
     np.testing.assert_array_equal(changed.assignment[0, 0], usual.assignment[0, 0])
@@ -129,43 +142,42 @@ def test_truth_changes_the_measurements_and_not_the_belief(problem):
     assert usual.error.tobytes() != changed.error.tobytes()
 
 
-def test_believing_the_truth_is_the_default(problem):
+def test_the_assumed_model_is_the_truth_by_default(problem, usual):
     surfaces = problem[1]
-    stated = TruthModel(surfaces, BRIGHT.noise, np.zeros(3))
-    usual, same = _loop(problem), _loop(problem, stated)
-    for name in ("error", "sigma", "fate"):
+    same = _loop(problem, TruthModel(surfaces, BRIGHT.noise, np.zeros(3)))
+    for name in ("error", "sigma", "outcome"):
         assert getattr(usual, name).tobytes() == getattr(same, name).tobytes()
 
 
-def test_noise_is_the_same_random_numbers_scaled(problem):
+def test_noise_is_the_same_random_numbers_scaled(problem, before, usual):
     surfaces = problem[1]
     doubled = TruthModel(surfaces, BRIGHT.noise * [2.0, 1.0, 1.0], np.zeros(3))
     silent = TruthModel(surfaces, BRIGHT.noise * [0.0, 1.0, 1.0], np.zeros(3))
-    found = []
-    for truth in (None, doubled, silent):
+    found = [before.measurements[0]]
+    for truth in (doubled, silent):
         witness = Witness()
         _loop(problem, truth, witness)
         found.append(witness.measurements[0])
-    usual, loud, exact = found
-    seen = np.isfinite(usual + loud + exact).all(axis=-1)
+    plain, loud, exact = found
+    seen = np.isfinite(plain + loud + exact).all(axis=-1)
     assert seen.sum() > 50
-    error = (usual - exact)[seen][:, 0]
+    error = (plain - exact)[seen][:, 0]
     np.testing.assert_allclose((loud - exact)[seen][:, 0], 2.0 * error, atol=1e-12)
     assert error.std() == pytest.approx(0.1, rel=0.2)
 
 
-def test_a_torque_unknown_to_the_filter_costs_attitude(problem):
+def test_an_unmodeled_torque_degrades_the_attitude(problem, usual):
     """0.6 deg/h^2 along the mean spin axis: 5 deg in four hours."""
     surfaces = problem[1]
     spin = initial_estimate(problem[2], np.ones(12)).angular_velocity[0]
     acceleration = np.deg2rad(0.6) / 3600.0**2 * spin / np.linalg.norm(spin)
     pushed = TruthModel(surfaces, BRIGHT.noise, acceleration)
-    usual, changed = _loop(problem), _loop(problem, pushed)
+    changed = _loop(problem, pushed)
     coverage = [each.metrics.coverage[..., :6].mean() for each in (usual, changed)]
     assert coverage[1] < coverage[0]
 
 
-def test_a_filter_that_knows_the_inertia_is_better_than_one_that_does_not(problem):
+def test_the_correct_inertia_improves_the_filter(problem):
     scene, _, epoch, ids, loop = problem
     true = target_surfaces(icosahedron(), Material(), 5, inertia=INERTIA)
     truth = TruthModel(true, BRIGHT.noise, np.zeros(3))
@@ -176,14 +188,14 @@ def test_a_filter_that_knows_the_inertia_is_better_than_one_that_does_not(proble
     assert not informed.failed.any()
 
 
-def test_truth_that_moves_by_another_force_model(problem):
-    """The filter keeps its own: what it does not know of the forces costs position and velocity."""
+def test_truth_that_moves_by_another_force_model(problem, usual):
+    """The filter keeps its force model: the unmodeled force degrades position and velocity."""
     heavy = CR3BP(1.002 * EARTH_MOON.mu)
     plain, moved = _truth(problem), _truth(problem, forces=heavy)
     expected = propagate_bundle(plain.translation[:, 0], problem[0].step, 240, forces=heavy)
     np.testing.assert_array_equal(moved.translation, expected)
     truth = TruthModel(problem[1], BRIGHT.noise, np.zeros(3), heavy)
-    usual, changed = _loop(problem), _loop(problem, truth)
+    changed = _loop(problem, truth)
     coverage = [each.metrics.coverage[..., 6:].mean() for each in (usual, changed)]
     assert coverage[1] < coverage[0]
 
@@ -200,14 +212,14 @@ def test_impossible_inertia_of_targets_is_refused(inertia):
         target_surfaces(icosahedron(), Material(), 5, inertia=inertia)
 
 
-def test_departures_are_of_the_facets_that_are_believed():
-    """A true body may have more of them, of which nothing can be told."""
+def test_deviations_are_of_the_facets_of_the_assumed_body():
+    """A true body may have more facets, whose deviations are undefined."""
     mesh = box_with_wings()
     wings = facets_from_triangles(mesh.vertices, mesh.triangles)
-    believed = target_surfaces(icosahedron(1.0), Material(), 2)
+    assumed = target_surfaces(icosahedron(1.0), Material(), 2)
     true = target_surfaces(wings, Material(rms_slope=0.33), 2)
-    unknowns = BodySpread(log_slope=0.25, log_facets=0.2)
-    found = true_departures(unknowns, believed, true, np.zeros(3))
-    assert found.shape == (2, len(unknowns.named(20)))
+    estimated_parameters = BodyParameterPrior(log_slope=0.25, log_facets=0.2)
+    found = true_deviations(estimated_parameters, assumed, true, np.zeros(3))
+    assert found.shape == (2, len(estimated_parameters.named(20)))
     np.testing.assert_allclose(found[:, 0], np.log(1.1))
     assert np.isnan(found[:, 1:]).all()

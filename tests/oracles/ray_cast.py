@@ -1,25 +1,25 @@
-"""Shadows by plain ray casting: no table, no list of pairs, every facet tried."""
+"""Shadows by plain ray casting: without tables or lists of pairs, every facet is tested."""
 
 import numpy as np
 from numba import njit
 
 
-@njit
+@njit(cache=True)
 def cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit
+@njit(cache=True)
 def dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit
+@njit(cache=True)
 def minus(a, b):
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@njit
+@njit(cache=True)
 def blocked(origin, direction, corners):
     """Whether a ray hits any triangle (Moeller & Trumbore), corners (F, 3, 3)."""
     for f in range(corners.shape[0]):
@@ -37,11 +37,11 @@ def blocked(origin, direction, corners):
     return False
 
 
-@njit
+@njit(cache=True)
 def cast_shares(corners, normals, sun, view, points):
     """Share of each facet, (F,), from which both directions are free.
 
-    `points` (K, 2) are coordinates along the two edges; rays start a hair above the facet.
+    `points` (K, 2) are coordinates along the two edges; rays start slightly above the facet.
     """
     shares = np.zeros(corners.shape[0])
     for f in range(corners.shape[0]):
@@ -62,6 +62,6 @@ def cast_shares(corners, normals, sun, view, points):
 
 
 def random_points(n, seed=0):
-    """Points spread at random over a triangle, (n, 2)."""
+    """Random points of a triangle, uniformly distributed, (n, 2)."""
     points = np.random.default_rng(seed).random((n, 2))
     return np.where(points.sum(axis=1, keepdims=True) > 1.0, 1.0 - points, points)

@@ -13,7 +13,7 @@ def central_weights(n, alpha=0.5, beta=2.0):
 
 
 def sigma_points(mean, root, weights):
-    """The points, one a row."""
+    """The sigma points as rows."""
     center = np.array(mean, dtype=float)
     points = np.empty((center.size, 2 * center.size + 1))
     unscented.sigma_points(center, np.array(root, dtype=float), weights.spread, points)
@@ -25,5 +25,5 @@ def moments(center, differences, weights):
     d = np.ascontiguousarray(differences)
     shift, covariance = np.empty(d.shape[1]), np.empty((d.shape[1], d.shape[1]))
     unscented.difference_moments(d, weights.outer, weights.mean_shift, shift, covariance)
-    lower = np.tril(covariance)  # what is above is not meant
+    lower = np.tril(covariance)  # the upper triangle is undefined
     return center + shift, lower + np.tril(lower, -1).T

@@ -1,9 +1,15 @@
-"""Visibility of static targets in plain float64 NumPy: the meaning of the compiled kernel."""
+"""Visibility of static targets in plain float64 NumPy: the definition of the compiled kernel."""
 
 import numpy as np
 
-from cislunar.constants import LENGTH_UNIT_KM, MU
+from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
+
+
+def sun_at(times):
+    """A Sun that revolves once a synodic month in the plane of the primaries, rotating frame."""
+    angle = -2.0 * np.pi * times * TIME_UNIT_S / (29.53 * 86_400.0)
+    return 389.0 * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1)
 
 
 def directions_to_bodies(position, sun_position):
@@ -16,7 +22,7 @@ def directions_to_bodies(position, sun_position):
 
 
 def outside_exclusion(observer_to_target, toward_bodies, angles):
-    """Whether lines of sight (..., 3) keep clear of the Sun, Moon and Earth."""
+    """Whether lines of sight (..., 3) are outside the exclusion angles of Sun, Moon and Earth."""
     distance = np.linalg.norm(observer_to_target, axis=-1)
     projections = np.einsum("...bc,...c->...b", toward_bodies, observer_to_target)
     return np.all(projections < distance[..., None] * angles.cosines, axis=-1)
@@ -26,8 +32,8 @@ def visible(observer, target, sun, settings):
     """Which targets (target, 3) one track (time, 3) observes: bool, shape (time, target).
 
     A target is observable when its sphere magnitude is below the limit and the line of sight
-    keeps clear of the Sun, Moon and Earth (Paul & Fan, section 3). Positions nondimensional,
-    rotating frame.
+    is outside the exclusion angles of Sun, Moon and Earth (Paul & Fan, section 3). Positions are
+    nondimensional, in the rotating frame.
     """
     observer, sun = observer[:, None], sun[:, None]
     line = target[None] - observer

@@ -83,12 +83,12 @@ def test_small_lyapunov_orbits_have_the_linear_period(point):
         lyapunov_seed(point, amplitude=amplitude).half.period - 2 * np.pi / omega
         for amplitude in (2e-3, 1e-3)
     ]
-    # The period departs from the linear one with the square of the amplitude.
+    # The difference to the linear period grows with the square of the amplitude.
     assert abs(gaps[1]) < 1e-3
     assert gaps[0] / gaps[1] == pytest.approx(4.0, rel=0.02)
 
 
-def test_hopeless_guess_raises():
+def test_a_poor_guess_raises():
     with pytest.raises(ConvergenceError, match="start closer"):
         correct([0.5, 0.3, 5.0, 1.0], fix_coordinate(X, 0.5))
 
@@ -101,7 +101,7 @@ def test_continuation_members_are_periodic_and_ordered(lyapunov):
         assert before.tangent @ after.tangent > np.cos(0.15)
 
 
-def test_continuation_goes_round_a_fold_in_x():
+def test_continuation_passes_a_fold_in_x():
     branch = follow_branch("Halo_L1", MU, 1500.0, 6578.0, None)
     xs = np.array([member.half.crossing[X] for member in branch])
     fold = xs.argmax()
@@ -116,7 +116,7 @@ def test_tangent_is_the_derivative_along_the_branch(lyapunov):
     assert middle.tangent @ chord / np.linalg.norm(chord) == pytest.approx(1.0, abs=1e-8)
 
 
-def test_locate_lands_on_the_wanted_value(lyapunov):
+def test_locate_finds_the_given_value(lyapunov):
     found = locate(lyapunov, lambda member: member.half.period - 5.0)
     assert len(found) == 1
     assert found[0][1].half.period == pytest.approx(5.0, abs=1e-11)

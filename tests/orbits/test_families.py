@@ -8,7 +8,7 @@ from cislunar.dynamics.cr3bp import jacobi_constant, primary_distances
 from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError
 from cislunar.orbits import branches
-from cislunar.orbits.extent import CATALOGUE_EXTENT, Extent
+from cislunar.orbits.extent import CATALOG_EXTENT, Extent
 from cislunar.orbits.families import (
     DEFAULT_MEMBERS,
     FAMILIES,
@@ -173,13 +173,13 @@ def test_dragonflies_and_butterflies_start_at_twice_a_halo_period(library):
         seed = branches.dragonfly_seed() if family.startswith("D") else branches.butterfly_seed()
         assert seed.half.period == pytest.approx(2.0 * halo_period, abs=2e-4)
         start = of_family(library, family)
-        halo = family_members("Halo_L2_N", period=halo_period, extent=CATALOGUE_EXTENT)
+        halo = family_members("Halo_L2_N", period=halo_period, extent=CATALOG_EXTENT)
         gap = np.abs(start.jacobi[0] - halo.jacobi).min()
         assert gap < 5e-5 if family.startswith("D") else gap < 0.033
 
 
-def test_catalogue_extent_goes_through_the_moon():
-    through = observer_library({"Halo_L1_N": 5, "Halo_L3_S": 3}, CATALOGUE_EXTENT)
+def test_catalog_extent_goes_through_the_moon():
+    through = observer_library({"Halo_L1_N": 5, "Halo_L3_S": 3}, CATALOG_EXTENT)
     assert through.perilune_km[4] < MOON_RADIUS_KM
     assert through.state[4, 0] == pytest.approx(-0.41456, abs=1e-10)
     assert through.period[4] == pytest.approx(3.1233, abs=1e-3)
@@ -219,7 +219,7 @@ def test_selection_sees_both_sides_of_a_fold_between_members():
 
 def test_selection_at_another_mass_ratio():
     mu = 0.012150585609624041
-    # JPL catalogue, L2 halo (southern): JC = 3.0151783574501501 is a row of T = 2.3781049.
+    # JPL catalog, L2 halo (southern): JC = 3.0151783574501501 is a row of T = 2.3781049.
     found = family_members("Halo_L2_S", period=2.3781049244613137, mu=mu)
     assert found.state[0] == pytest.approx(
         [1.0825981276635068, 0.0, -0.20232967338201202, 0.0, -0.20065420917555754, 0.0], abs=1e-8

@@ -1,4 +1,4 @@
-"""Tables of observers: the orbits they mean, and what is refused of them in a line."""
+"""Tables of observers: the orbits of their rows, and refused tables."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.errors import InputFileError
-from cislunar.orbits.catalogue import periodic_orbits
+from cislunar.orbits.catalog import periodic_orbits
 from cislunar.orbits.observers import load_observers, observer_orbits
 from cislunar.visibility.counts import satellite_tracks
 
@@ -50,7 +50,7 @@ def test_observers_are_on_the_orbits_of_their_rows(tmp_path):
     np.testing.assert_allclose(orbits.period, [0.0, period, period], rtol=1e-12)
     np.testing.assert_allclose(orbits.stability_index[1:], vertical.stability_index[0], rtol=1e-6)
     assert np.isnan(orbits.stability_index[0])
-    # one on no closed orbit flies on from its state
+    # an observer without a period is propagated from its state
     times = np.linspace(0.5, 2.0, 4)
     track = satellite_tracks(orbits.state[:1], [0.0], [0.0], times)[0, 0]
     np.testing.assert_allclose(track, flown(orbits.state[0], times)[:, :3], atol=1e-7)
@@ -79,7 +79,7 @@ def test_a_member_may_be_chosen_by_its_period_in_days(tmp_path):
         ([STATES, "one,,,,,,,,DRO,,"], "'one': give one of jacobi and period_days"),
         ([STATES, "one,388000,0,0,0,.1,0,,,,"], "x = 388000 is taken in units of 384400 km"),
         ([STATES, "one,0.988,0,0,0,.1,0,,,,"], "'one': lies inside the Moon"),
-        (["id,family,aperture", "one,DRO,19"], "column 'aperture' is none of"),
+        (["id,family,aperture", "one,DRO,19"], "column 'aperture' is unknown"),
         (["id,family,magnitude_noise", "one,DRO,-1"], "magnitude_noise = -1 must be above 0"),
         ([STATES, "one,,,,,,,,Vertical_L1,5,"], "no member with jacobi = 5; it goes from -0.83"),
         ([STATES, "one,,,,,,,,Halo_L1_N,3,"], "3 members of Halo_L1_N have jacobi = 3: jacobi 3, "),
@@ -87,7 +87,7 @@ def test_a_member_may_be_chosen_by_its_period_in_days(tmp_path):
         ([STATES, FREE.replace(",,,,", ",2,,,")], "'free': not closed: half a period ahead and"),
     ],
 )
-def test_faulty_tables_of_observers_are_one_line_that_names_the_place(tmp_path, rows, message):
+def test_faults_of_observer_tables_are_one_line_that_names_the_field(tmp_path, rows, message):
     path = table(tmp_path, *rows)
     with pytest.raises(InputFileError) as refused:
         observer_orbits(load_observers(path), 10.0)

@@ -1,4 +1,4 @@
-"""Every family regenerated at the catalogue's mass ratio against published orbits."""
+"""Every family regenerated at the catalog's mass ratio against published orbits."""
 
 import csv
 from functools import cache
@@ -22,7 +22,7 @@ from cislunar.orbits.corrector import X, correct, fix_coordinate
 from cislunar.orbits.extent import follow_branch
 from cislunar.orbits.stability import farthest_state, stability_index
 
-CATALOGUE_MU = 0.012150585609624041
+CATALOG_MU = 0.012150585609624041
 STATE_TOLERANCE = PERIOD_TOLERANCE = 1e-8
 STABILITY_TOLERANCE = 1e-6
 
@@ -91,21 +91,21 @@ def northern_state(row):
 def branch_of(family):
     root = family.removesuffix("_N").removesuffix("_S")
     if root in ENDS:
-        return follow_branch(root, CATALOGUE_MU, 0.0, 0.0, ENDS[root])
-    seed = resonant_seed(CATALOGUE_MU, moonward=root == "Resonant_3:1")
+        return follow_branch(root, CATALOG_MU, 0.0, 0.0, ENDS[root])
+    seed = resonant_seed(CATALOG_MU, moonward=root == "Resonant_3:1")
     side = seed.direction[X]
     low, high = RESONANT_PERIGEES[root]
     inward = continue_branch(
         seed.half,
         -seed.direction,
         lambda member: side * member.half.crossing[X] < side * low,
-        mu=CATALOGUE_MU,
+        mu=CATALOG_MU,
     )
     outward = continue_branch(
         seed.half,
         seed.direction,
         lambda member: side * member.half.crossing[X] > side * high,
-        mu=CATALOGUE_MU,
+        mu=CATALOG_MU,
     )
     return join(inward, outward)
 
@@ -122,15 +122,15 @@ def regenerate(row):
     view = views[side]
     k = int(np.argmax(np.abs(view(branch[i]).tangent[:3])))
     near = branch[max(0, i - 1) : i + 2]
-    member = locate(near, lambda m: view(m).half.crossing[k] - target[k], CATALOGUE_MU)[0][1]
-    return correct(view(member).half.crossing, fix_coordinate(k, target[k]), CATALOGUE_MU)
+    member = locate(near, lambda m: view(m).half.crossing[k] - target[k], CATALOG_MU)[0][1]
+    return correct(view(member).half.crossing, fix_coordinate(k, target[k]), CATALOG_MU)
 
 
 def oblique_apolune(half, low):
     """State of a dragonfly where y = 0 at apolune, between `low` and `low` + 0.2 periods."""
 
     def at(time):
-        return propagate(half.state, [time], forces=CR3BP(CATALOGUE_MU), method="dop853")[0]
+        return propagate(half.state, [time], forces=CR3BP(CATALOG_MU), method="dop853")[0]
 
     bracket = low * half.period, (low + 0.2) * half.period
     return at(brentq(lambda time: at(time)[1], *bracket, xtol=1e-14))
@@ -140,8 +140,8 @@ def independent_stability_index(state, period):
     """Largest eigenvalue of a monodromy matrix integrated by scipy with plain matrices."""
 
     def derivative(_, y):
-        stm = variational_matrix(y[:6], CATALOGUE_MU) @ y[6:].reshape(6, 6)
-        return np.concatenate([equations_of_motion(y[:6], CATALOGUE_MU), stm.ravel()])
+        stm = variational_matrix(y[:6], CATALOG_MU) @ y[6:].reshape(6, 6)
+        return np.concatenate([equations_of_motion(y[:6], CATALOG_MU), stm.ravel()])
 
     start = np.concatenate([state, np.eye(6).ravel()])
     end = solve_ivp(derivative, (0.0, period), start, method="DOP853", rtol=1e-12, atol=1e-12)
@@ -151,9 +151,9 @@ def independent_stability_index(state, period):
 
 def check_stability(row, state, period):
     key = (row["family"], row["id"])
-    index = stability_index(state, period, CATALOGUE_MU)
+    index = stability_index(state, period, CATALOG_MU)
     if key in STABILITY_FROM_NEAR_CROSSING:
-        far = farthest_state(state, period, CATALOGUE_MU)
+        far = farthest_state(state, period, CATALOG_MU)
         expected = independent_stability_index(far, period)
         assert index == pytest.approx(float(row["stability_recomputed"]), rel=1e-4)
     else:
@@ -174,7 +174,7 @@ def test_published_perpendicular_crossing(row):
 def test_published_oblique_crossing(row):
     """Dragonfly rows at apolune, where y = 0 is crossed at an angle: matched by period."""
     state, period = northern_state(row), float(row["T_verified"])
-    found = locate(branch_of(row["family"]), lambda m: m.half.period - period, CATALOGUE_MU)
+    found = locate(branch_of(row["family"]), lambda m: m.half.period - period, CATALOG_MU)
     assert len(found) == 1
     half = found[0][1].half
     # One apolune on each side of the mid-period perilune.
@@ -190,8 +190,8 @@ def test_published_halo_onset(key, point):
     """The row is a Lyapunov orbit of the same x, close to where the halos leave."""
     row = next(r for r in ROWS if (r["family"], r["id"]) == key)
     state = northern_state(row)
-    bifurcation = halo_bifurcation(point, CATALOGUE_MU)
-    half = correct(bifurcation.half.crossing, fix_coordinate(X, state[0]), CATALOGUE_MU)
+    bifurcation = halo_bifurcation(point, CATALOG_MU)
+    half = correct(bifurcation.half.crossing, fix_coordinate(X, state[0]), CATALOG_MU)
     assert np.abs(half.state - state).max() < STATE_TOLERANCE
     assert abs(half.period - float(row["T_verified"])) < PERIOD_TOLERANCE
     check_stability(row, half.state, half.period)
@@ -202,15 +202,15 @@ def test_published_dragonfly_onset():
     """The row 4e-5 from the branch point: the period is stationary there, vz at apolune is not."""
     row = next(r for r in ROWS if (r["family"], r["id"]) == DRAGONFLY_ONSET_ROW)
     state, period = northern_state(row), float(row["T_verified"])
-    seed = dragonfly_seed(CATALOGUE_MU)
+    seed = dragonfly_seed(CATALOG_MU)
 
     def beyond(member):
         return (member.half.crossing - seed.half.crossing) @ seed.direction < -3e-3
 
     through = continue_branch(
-        seed.half, -seed.direction, beyond, mu=CATALOGUE_MU, first_step=5e-4, max_step=5e-4
+        seed.half, -seed.direction, beyond, mu=CATALOG_MU, first_step=5e-4, max_step=5e-4
     )
-    found = locate(through, lambda m: oblique_apolune(m.half, 0.15)[5] - state[5], CATALOGUE_MU)
+    found = locate(through, lambda m: oblique_apolune(m.half, 0.15)[5] - state[5], CATALOG_MU)
     assert len(found) == 1
     half = found[0][1].half
     apolune = oblique_apolune(half, 0.15)

@@ -1,4 +1,4 @@
-"""Orbits refined into the ephemeris model, against a propagation by SciPy, and held ones."""
+"""Ephemeris-refined orbits and reference tracking, against propagation by SciPy."""
 
 import numpy as np
 import pytest
@@ -19,8 +19,12 @@ from cislunar.ephemeris.bodies import (
 )
 from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.errors import ConvergenceError
-from cislunar.orbits.among_bodies.held import frame_clock, holding_cost, reference_states
-from cislunar.orbits.among_bodies.refinement import path_states, refined_path
+from cislunar.orbits.ephemeris_refined.reference_tracking import (
+    frame_clock,
+    holding_cost,
+    reference_states,
+)
+from cislunar.orbits.ephemeris_refined.refinement import path_states, refined_path
 
 START, DAYS = tdb_seconds("2024-10-01T00:00:00"), 10.0
 # a halo about L2, (state, period)
@@ -54,7 +58,7 @@ def _derivative(t, y, table):
     return np.concatenate([y[3:], pull + GM_MOON * 1_738.0**2 * figure])
 
 
-def test_a_refined_path_is_continuous_and_near_its_orbit(forces):
+def test_a_refined_orbit_is_continuous_and_near_its_cr3bp_orbit(forces):
     path = refined_path(forces, HALO, PERIOD, DAYS, ahead=0.25)
     assert np.all(np.diff(path.time) > 0.0)
     assert path.time[0] == 0.0 and path.time[-1] == DAYS * 86_400.0
@@ -66,14 +70,14 @@ def test_a_refined_path_is_continuous_and_near_its_orbit(forces):
         end = solve_ivp(_derivative, span, path.state[k] * UNITS, **given).y[:, -1]
         miss = np.abs(end - path.state[k + 1] * UNITS)
         assert miss[:3].max() < 1e-3 and miss[3:].max() < 1e-6
-    held = reference_states(table, START, HALO, PERIOD, path.time, ahead=0.25)
-    departure = np.linalg.norm((path.state - held)[:, :3], axis=1) * UNITS[0]
+    reference = reference_states(table, START, HALO, PERIOD, path.time, ahead=0.25)
+    departure = np.linalg.norm((path.state - reference)[:, :3], axis=1) * UNITS[0]
     assert 100.0 < departure.max() < 10_000.0
     between = path_states(forces, path, path.time)
     np.testing.assert_allclose(between[:-1], path.state[:-1], rtol=0, atol=1e-12)
 
 
-def test_a_held_orbit_is_that_of_the_cr3bp_in_the_frame(forces):
+def test_reference_tracking_stays_on_the_cr3bp_orbit(forces):
     time = frame_clock(forces.table, START, [0.0, 86_400.0 * DAYS])
     frame = pulsating_frame(forces.table, START + 86_400.0 * np.linspace(0.0, DAYS, 20_001))
     passed = np.trapezoid(1.0 / frame.time, dx=86_400.0 * DAYS / 20_000)
@@ -84,16 +88,16 @@ def test_a_held_orbit_is_that_of_the_cr3bp_in_the_frame(forces):
     # the thrust by differences of velocities that SciPy's path of a minute from each state gives
     cost, step = 0.0, 43_200.0
     for time in np.arange(0.5 * step, DAYS * 86_400.0, step):
-        held = reference_states(forces.table, START, HALO, PERIOD, time + np.array([0.0, 60.0]))
+        kept = reference_states(forces.table, START, HALO, PERIOD, time + np.array([0.0, 60.0]))
         free = solve_ivp(
-            _derivative, [time, time + 60.0], held[0] * UNITS, method="DOP853", rtol=1e-12,
+            _derivative, [time, time + 60.0], kept[0] * UNITS, method="DOP853", rtol=1e-12,
             atol=1e-12, args=(forces.table,),
         ).y[:, -1]  # fmt: skip
-        cost += np.linalg.norm(held[1, 3:] * UNITS[3] - free[3:]) / 60.0 * step * 1e3
+        cost += np.linalg.norm(kept[1, 3:] * UNITS[3] - free[3:]) / 60.0 * step * 1e3
     assert holding_cost(forces, HALO, PERIOD, DAYS) == pytest.approx(cost, rel=0.05)
 
 
-def test_what_cannot_be_refined_is_said(forces):
+def test_a_refinement_that_fails_is_reported(forces):
     doomed = np.array([1.0 - MU + 0.02, 0.0, 0.0, 0.0, 0.0, 0.0])  # falls into the Moon
     with pytest.raises(ConvergenceError):
         refined_path(forces, doomed, 0.0, 10.0 * TIME_UNIT_S / 375_190.0)

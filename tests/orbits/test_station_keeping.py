@@ -1,4 +1,4 @@
-"""The estimate of station keeping against a flight that is kept by it, mode by mode."""
+"""The estimated cost of station keeping against a simulated flight, mode by mode."""
 
 import numpy as np
 import pytest
@@ -21,41 +21,41 @@ def halo():
     return orbits.state[0], float(orbits.period[0])
 
 
-def test_unstable_coordinates_are_kept_in_flight_and_grow_by_the_eigenvalue(halo):
+def test_unstable_coordinates_grow_by_the_eigenvalue(halo):
     modes, growth = unstable_modes(*halo)
     largest = np.abs(np.linalg.eigvals(monodromy(*halo))).max()
     assert growth == pytest.approx(np.array([[largest]]), rel=1e-5)
     index = stability_index(*halo)
     assert 0.5 * (growth[0, 0] + 1.0 / growth[0, 0]) == pytest.approx(index, rel=1e-5)
-    # what is unstable at no place: the way along the orbit
+    # one unstable coordinate at 64 points of the orbit
     assert modes.shape == (64, 1, 6)
 
 
-def test_a_flight_kept_by_manoeuvres_costs_what_is_estimated(halo):
-    """Without the linear map: two trajectories are flown, and modes are eigenvectors anew."""
+def test_a_simulated_flight_costs_as_much_as_estimated(halo):
+    """Without the linear map: two trajectories are propagated, and modes are eigenvectors."""
     state, period = halo
     steps, each = 24, 40
     sigma = np.repeat([1e-3 / LENGTH_UNIT_KM, 1e-5 / SPEED], 3)  # small, to be linear
     apart = steps * period / 64
-    times = apart * np.arange(8)  # a multiple of 8 manoeuvres closes 3 turns
-    places = propagate(state, times, forces=CR3BP(), method="dop853")
+    times = apart * np.arange(8)  # 8 maneuvers in 3 revolutions
+    nominal = propagate(state, times, forces=CR3BP(), method="dop853")
     rows = []
-    for place in places:
-        values, vectors = np.linalg.eig(propagate_stm(place, period, forces=CR3BP())[1].T)
+    for each_state in nominal:
+        values, vectors = np.linalg.eig(propagate_stm(each_state, period, forces=CR3BP())[1].T)
         rows.append(vectors[:, np.argmax(np.abs(values))].real)
     rng, spent, off = np.random.default_rng(5), [], np.zeros(6)
     for turn in range(each):
-        for k, place in enumerate(places):
+        for k, start in enumerate(nominal):
             row = rows[k]
             seen = off + sigma * rng.standard_normal(6)
             change = -row[3:] * (row @ seen) / (row[3:] @ row[3:])
             if turn:
                 spent.append(np.sum(change**2))
             off[3:] += change
-            # what is neutral or stable is left to drift: it is taken off, as it costs nothing
+            # neutral and stable components cost nothing and are removed
             off = row * (row @ off) / (row @ row)
             both = [propagate(s, [apart], forces=CR3BP(), method="dop853")[0]
-                    for s in (place, place + off)]  # fmt: skip
+                    for s in (start, start + off)]  # fmt: skip
             off = both[1] - both[0]
     flown = np.sqrt(np.mean(spent)) * SPEED * 365.25 * DAY / apart
     given = {"position_km": 1e-3, "velocity_m_s": 1e-5}
@@ -71,7 +71,7 @@ def test_a_flight_kept_by_manoeuvres_costs_what_is_estimated(halo):
     )
 
 
-def test_steady_orbits_cost_nothing_and_bad_errors_are_named():
+def test_stable_orbits_cost_nothing_and_impossible_errors_are_named():
     steady = observer_library({"Halo_L2_S": 40})
     at = int(np.argmin(steady.stability_index))
     assert steady.stability_index[at] < 1.0 + 1e-9

@@ -1,19 +1,15 @@
-"""Bodies that shadow themselves: against ray casting, closed forms and the convex kernel."""
+"""Non-convex bodies against ray casting, closed forms and the convex kernel."""
 
 import numpy as np
 import pytest
 from numba import njit
+from oracles.geometries import geometries, unit
 from oracles.ray_cast import cast_shares, random_points
 
-from cislunar.attitude.quaternion import (
-    attitude_matrix,
-    compose,
-    from_rotation_vector,
-    normalize,
-)
+from cislunar.attitude.quaternion import attitude_matrix, compose, from_rotation_vector
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
-from cislunar.observation.scene import body_of, target_surfaces
+from cislunar.observation.target_surfaces import body_of, target_surfaces
 from cislunar.photometry import spacecraft
 from cislunar.photometry.bodies import (
     Body,
@@ -23,11 +19,10 @@ from cislunar.photometry.bodies import (
 )
 from cislunar.photometry.body_blocks import (
     body_magnitude,
-    body_magnitude_departures,
     body_magnitude_derivatives,
+    body_magnitude_deviations,
     body_magnitude_gradients,
 )
-from cislunar.photometry.departures import departed_body, departure_rows
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
     LANES,
@@ -46,6 +41,7 @@ from cislunar.photometry.facets import (
 )
 from cislunar.photometry.materials import (
     ALBEDO,
+    AXIS_SCALE,
     FACET,
     FOIL,
     PAINT,
@@ -55,11 +51,11 @@ from cislunar.photometry.materials import (
     SCALE,
     SHARE,
     SLOPE,
-    STRETCH,
     Material,
     PhotometryModel,
 )
 from cislunar.photometry.meshes import closed_mesh
+from cislunar.photometry.parameter_deviations import deviation_rows, perturbed_body
 from cislunar.photometry.shadows.blocks import lit_and_seen
 from cislunar.photometry.shadows.table import (
     no_shadows,
@@ -77,10 +73,6 @@ MODELS = {
     "dish_on_bus": spacecraft.dish_on_bus(segments=8),
     "upper_stage": spacecraft.upper_stage(segments=6),
 }
-
-
-def unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def box(size, center, group):
@@ -159,16 +151,16 @@ def test_plate_above_plate(plates):
     assert np.sqrt(np.mean(np.square(errors))) < 0.009
     assert abs(np.mean(errors)) < 0.002
     assert np.max(np.abs(errors)) < 0.03
-    assert -0.015 < np.mean(alone) < 0.0  # too dark where Sun and observer coincide
+    assert -0.015 < np.mean(alone) < 0.0  # too faint where Sun and observer coincide
     assert np.max(np.abs(alone)) < 0.045
 
 
-def test_light_from_straight_above_leaves_the_lower_plate_dark(plates):
+def test_light_from_above_leaves_the_lower_plate_in_shadow(plates):
     up = np.array([0.0, 0.0, 1.0])
     shares = table_shares(plates, up, up)
     assert np.all(shares[10:12] == 0.0)
     magnitude = apparent_body_magnitude(IDENTITY, up, up, 1.0, plates, sun_magnitude=0.0)
-    assert 10.0 ** (-0.4 * magnitude) == pytest.approx(1.0 / np.pi)  # one matte square metre alone
+    assert 10.0 ** (-0.4 * magnitude) == pytest.approx(1.0 / np.pi)  # one matte square meter alone
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -197,9 +189,8 @@ def test_models_against_rays(bodies, name):
 
 
 def test_shadows_matter(bodies):
-    """Rays that agree with a kernel without shadows would test nothing."""
-    rng = np.random.default_rng(8)
-    geometry = normalize(rng.normal(size=(300, 4))), *unit(rng.normal(size=(2, 300, 3))), 1e7
+    """Shadows change magnitudes, so that the comparison with rays is a test."""
+    geometry = *geometries(300, 8), 1e7
     for body in bodies.values():
         free = no_shadows(body.areas.size)
         dark = apparent_body_magnitude(*geometry, body)
@@ -209,7 +200,7 @@ def test_shadows_matter(bodies):
         assert (dark[both] - bright[both]).max() > 0.05
 
 
-def test_sun_and_observer_change_places(bodies):
+def test_sun_and_observer_are_interchangeable(bodies):
     sun, view = unit(np.random.default_rng(2).normal(size=(2, 50, 3)))
     for body in bodies.values():
         one = apparent_body_magnitude(IDENTITY, sun, view, 1e7, body)
@@ -232,21 +223,15 @@ def test_table_interpolates_linearly_on_the_octahedron():
         np.testing.assert_allclose(weights @ nodes[list(rows)], on_face, atol=2e-12)
 
 
-def test_convex_body_of_one_material_is_left_to_the_convex_kernel():
+def test_convex_body_of_one_material_uses_the_convex_kernel():
     assert not shadowing_pairs(CUBE).any()
     body = build_body(CUBE, FOIL)
-    assert not body.rough
-    rng = np.random.default_rng(0)
-    quaternions = normalize(rng.normal(size=(200, 4)))
-    sun, view = unit(rng.normal(size=(2, 200, 3)))
-    expected = apparent_magnitude(quaternions, sun, view, 1e7, body.facets, FOIL)
-    np.testing.assert_array_equal(
-        apparent_body_magnitude(quaternions, sun, view, 1e7, body), expected
-    )
-    rough = body._replace(rough=True)
-    np.testing.assert_allclose(
-        apparent_body_magnitude(quaternions, sun, view, 1e7, rough), expected, atol=1e-12
-    )
+    assert not body.composite
+    geometry = *geometries(200), 1e7
+    expected = apparent_magnitude(*geometry, body.facets, FOIL)
+    np.testing.assert_array_equal(apparent_body_magnitude(*geometry, body), expected)
+    composite = apparent_body_magnitude(*geometry, body._replace(composite=True))
+    np.testing.assert_allclose(composite, expected, atol=1e-12)
 
 
 def test_materials_of_groups_add_up():
@@ -269,10 +254,10 @@ def test_materials_of_groups_add_up():
 
 def test_same_material_twice_is_one_row():
     mesh = CUBE._replace(groups=("bus",) * 6 + ("cells",) * 6)
-    assert not build_body(mesh, {"bus": PAINT, "cells": PAINT}).rough
+    assert not build_body(mesh, {"bus": PAINT, "cells": PAINT}).composite
 
 
-def test_dark_body_is_at_the_floor(plates):
+def test_unlit_body_has_the_floor_magnitude(plates):
     up = np.array([0.0, 0.0, 1.0])
     assert body_magnitude(IDENTITY, up, -up, 1e7, plates, True, True) == FLOOR_MAGNITUDE
     assert apparent_body_magnitude(IDENTITY, up, -up, 1e7, plates) == np.inf
@@ -293,11 +278,6 @@ def test_unusable_materials(groups, materials, message):
     assert "\n" not in str(error.value)
 
 
-def geometries(n, seed=5):
-    rng = np.random.default_rng(seed)
-    return normalize(rng.normal(size=(n, 4))), *unit(rng.normal(size=(2, n, 3)))
-
-
 def filled(quaternion, sun, view):
     """A block of geometries."""
     block = np.zeros((BLOCK_ROWS, LANES))
@@ -308,7 +288,7 @@ def filled(quaternion, sun, view):
 
 
 def triangles(body, quaternion, *directions):
-    """Where directions lie in the table, and which facets they reach."""
+    """Triangles of the table that contain directions, and the facets that face them."""
     found = []
     for number, q in enumerate(quaternion):
         inside = [attitude_matrix(q) @ each[number] for each in directions]
@@ -328,8 +308,8 @@ def turned(quaternion, turn):
 
 VARIED = {
     "shadows and materials": lambda body: body,
-    "stretched": lambda body: departed_body(
-        np.array([STRETCH, STRETCH + 2]), np.array([0.2, -0.3]), body
+    "axis scales": lambda body: perturbed_body(
+        np.array([AXIS_SCALE, AXIS_SCALE + 2]), np.array([0.2, -0.3]), body
     ),
     "lambert-phong": lambda body: body._replace(phong=True),
 }
@@ -340,7 +320,7 @@ VARIED = {
 def test_derivatives_by_a_turn_against_differences(bodies, name, varied):
     """Away from the edges of facets and of the table, where the derivative is one-sided."""
     body = VARIED[varied](bodies[name])
-    quaternion, sun, view = geometries(LANES)
+    quaternion, sun, view = geometries(LANES, 5)
     block = filled(quaternion, sun, view)
     body_magnitude_gradients(block, LANES, body, True, True)
     bright, h = block[MAGNITUDE] < FLOOR_MAGNITUDE, 1e-6
@@ -355,17 +335,19 @@ def test_derivatives_by_a_turn_against_differences(bodies, name, varied):
 
 
 @pytest.mark.parametrize("phong", [False, True])
-def test_derivatives_by_directions_and_departures_against_differences(bodies, phong):
+def test_derivatives_by_directions_and_deviations_against_differences(bodies, phong):
     body = bodies["dish_on_bus"]._replace(phong=phong)
     quaternion, sun, view = geometries(LANES, 6)
-    kinds = np.array([ALBEDO, SLOPE, REFLECTANCE, SHARE, SCALE, *range(STRETCH, FACET), FACET + 40])
+    kinds = np.array(
+        [ALBEDO, SLOPE, REFLECTANCE, SHARE, SCALE, *range(AXIS_SCALE, FACET), FACET + 40]
+    )
     block, shares = filled(quaternion, sun, view), np.empty((body.areas.size, LANES))
-    body_magnitude_departures(block, shares, True, LANES, body, True, True)
+    body_magnitude_deviations(block, shares, True, LANES, body, True, True)
     rows, h = np.empty((kinds.size, LANES)), 1e-6
-    departure_rows(block, shares, LANES, kinds, np.ones(kinds.size), body, True, rows)
+    deviation_rows(block, shares, LANES, kinds, np.ones(kinds.size), body, True, rows)
     bright = block[MAGNITUDE] < FLOOR_MAGNITUDE
     for number, kind in enumerate(kinds):
-        ends = [departed_body(np.array([kind]), np.array([side]), body) for side in (h, -h)]
+        ends = [perturbed_body(np.array([kind]), np.array([side]), body) for side in (h, -h)]
         smooth = bright & alike(*(triangles(each, quaternion, sun, view) for each in ends))
         values = [apparent_body_magnitude(quaternion, sun, view, 1e7, e, PRINTED) for e in ends]
         slope = (values[0] - values[1])[smooth] / (2.0 * h)
@@ -394,23 +376,23 @@ def test_derivatives_by_directions_and_departures_against_differences(bodies, ph
     assert checked > 30
 
 
-def test_table_of_a_stretched_body_is_that_of_the_body():
-    """An affine map keeps what hides what: no other table is needed."""
+def test_scaled_axes_keep_the_shadow_table():
+    """An affine map preserves which facets shadow which: no other table is needed."""
     mesh = spacecraft.box_with_wings(wing_turn=0.4)
     factors = np.array([1.3, 0.8, 1.1])
     own = build_body(mesh._replace(vertices=mesh.vertices * factors), FOIL)
-    kinds = np.arange(STRETCH, STRETCH + 3)
-    shared = departed_body(kinds, np.log(factors), build_body(mesh, FOIL))
-    one, two = (apparent_body_magnitude(*geometries(200), 1e7, each) for each in (own, shared))
+    kinds = np.arange(AXIS_SCALE, AXIS_SCALE + 3)
+    shared = perturbed_body(kinds, np.log(factors), build_body(mesh, FOIL))
+    one, two = (apparent_body_magnitude(*geometries(200, 5), 1e7, each) for each in (own, shared))
     seen = np.isfinite(one) & np.isfinite(two)
     assert np.quantile(abs(one - two)[seen], 0.95) < 0.01
 
 
-def test_other_law_of_reflection_against_its_formula():
-    """Lambert and Phong of one matte and one shining square, and the light they return."""
+def test_lambert_phong_reflection_against_its_formula():
+    """Lambert-Phong reflection facet by facet, and the reflected light."""
     material = Material(0.4, 0.2, 0.5, 0.3, 0.3)
-    body = build_body(CUBE, material)._replace(rough=True, phong=True)
-    quaternion, sun, view = geometries(50)
+    body = build_body(CUBE, material)._replace(composite=True, phong=True)
+    quaternion, sun, view = geometries(50, 5)
     exponent = 0.5 / 0.3**2
     for q, s, v in zip(quaternion, sun, view, strict=True):
         lit, seen = (np.maximum(body.normals @ (attitude_matrix(q) @ each), 0.0) for each in (s, v))
@@ -432,14 +414,14 @@ def test_other_law_of_reflection_against_its_formula():
     )
 
 
-def test_targets_with_bodies_of_their_own(bodies):
-    """Tables in one: each target is as bright as its body alone, and a body is kept once."""
+def test_targets_with_different_bodies(bodies):
+    """Each target is as bright as its body alone, and equal bodies share one table."""
     dish, stage = bodies["dish_on_bus"], bodies["upper_stage"]
     shapes = [dish, icosahedron(2.0), stage, dish._replace(areas=2.0 * dish.areas)]
     surfaces = target_surfaces(shapes, PAINT, 4)
     widths = [-(-each.shadows.lookup.shape[1] // 64) * 64 for each in (dish, stage)]
     assert surfaces.shadows.lookup.shape[1] == sum(widths)
-    np.testing.assert_array_equal(surfaces.rough, [True, False, True, True])
+    np.testing.assert_array_equal(surfaces.composite, [True, False, True, True])
     for j, shape in enumerate(shapes):
         alone = shape if isinstance(shape, Body) else plain_body(shape, PAINT)
         for q, s, v in zip(*geometries(20, j), strict=True):
@@ -447,7 +429,7 @@ def test_targets_with_bodies_of_their_own(bodies):
             assert together == body_magnitude(q, s, v, 1e7, alone, False, True)
 
 
-def test_models_have_the_dimensions_they_are_made_from():
+def test_models_have_the_given_dimensions():
     wings = spacecraft.box_with_wings()
     np.testing.assert_allclose(np.ptp(wings.vertices, axis=0), [2.7, 14.67, 1.1])
     facets = facets_from_triangles(wings.vertices, wings.triangles)
@@ -469,7 +451,7 @@ def test_models_have_the_dimensions_they_are_made_from():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: spacecraft.box_with_wings(span=11.0), "run into a box"),
+        (lambda: spacecraft.box_with_wings(span=11.0), "intersect a box"),
         (lambda: spacecraft.box_with_wings(thickness=0.0), "must be positive"),
         (lambda: spacecraft.dish_on_bus(diameter=np.nan), "must be positive"),
         (lambda: spacecraft.upper_stage(length=3.0), "longer than the stage"),

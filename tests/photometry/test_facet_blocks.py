@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from numba import njit
+from oracles.geometries import geometries
 
-from cislunar.attitude.quaternion import compose, from_rotation_vector, normalize
+from cislunar.attitude.quaternion import compose, from_rotation_vector
 from cislunar.elementary import LOWEST_EXPONENT, exponential, sine_and_cosine
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
@@ -23,17 +24,8 @@ SURFACE = FACETS.areas, FACETS.normals, Material(0.4, 0.6, 0.3, 0.25, 0.45).as_a
 RANGE_M = 1e6
 
 
-def unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-def geometries(n, seed=0):
-    rng = np.random.default_rng(seed)
-    return normalize(rng.normal(size=(n, 4))), *unit(rng.normal(size=(2, n, 3)))
-
-
 def in_blocks(kernel, quaternion, sun, view, fresnel_sqrt=True, lanes=LANES):
-    """Magnitudes (n,) and gradients (n, 3) of n geometries, so many to a block."""
+    """Magnitudes (n,) and gradients (n, 3) of n geometries, computed in blocks."""
     results = []
     for first in range(0, len(sun), lanes):
         rows = np.full((BLOCK_ROWS, LANES), np.nan)
@@ -88,8 +80,8 @@ def test_gradient_agrees_with_central_differences(fresnel_sqrt):
 
 
 @pytest.mark.parametrize("lanes", [1, 3, 8, 21])
-def test_neighbours_and_lanes_change_no_bit(lanes):
-    """So neither do the registers of a machine, which decide how many are taken at a time."""
+def test_neighbors_and_lanes_change_no_bit(lanes):
+    """The width of registers therefore has no effect either."""
     given = geometries(64, seed=3)
     usual, other = (
         in_blocks(block_magnitude_gradients, *given, lanes=each) for each in (LANES, lanes)
@@ -98,8 +90,8 @@ def test_neighbours_and_lanes_change_no_bit(lanes):
     np.testing.assert_array_equal(usual[1], other[1])
 
 
-def test_a_dark_geometry_among_bright_ones():
-    """With the Sun straight behind the object |L + V| vanishes; its neighbours stay as they are."""
+def test_an_unlit_geometry_does_not_change_its_neighbors():
+    """With the Sun directly behind the object |L + V| vanishes."""
     quaternion, sun, view = geometries(LANES, seed=5)
     bright, slopes = in_blocks(block_magnitude_gradients, quaternion, sun, view)
     view[4] = -sun[4]

@@ -5,10 +5,11 @@ import warnings
 
 import numpy as np
 import pytest
+from oracles.geometries import geometries
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
-from cislunar.attitude.quaternion import compose, from_rotation_vector, normalize
+from cislunar.attitude.quaternion import compose, from_rotation_vector
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.facet_derivatives import facet_magnitude_derivatives, fresnel_slope
@@ -27,19 +28,8 @@ from cislunar.photometry.sphere import sphere_magnitude
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 DIFFUSE = Material(diffuse_weight=1.0, specular_weight=0.0, diffuse_albedo=0.5)
 INVERSE_SQUARE = PhotometryModel(irradiance="1/r^2")
-
-
-def unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-def random_geometries(n, seed=0):
-    rng = np.random.default_rng(seed)
-    return (
-        normalize(rng.normal(size=(n, 4))),
-        unit(rng.normal(size=(n, 3))),
-        unit(rng.normal(size=(n, 3))),
-    )
+ONE_FACET = np.array([2.0]), np.array([[0.0, 0.0, 1.0]]), Material().as_array()
+"""Area, normal and material."""
 
 
 def directions(phase_angle):
@@ -92,18 +82,11 @@ def test_agrees_with_the_equations_as_printed(irradiance, fresnel):
     model = PhotometryModel(irradiance, fresnel)
     facets = icosahedron()
     worst, bright = 0.0, 0
-    for i, (q, sun, view) in enumerate(zip(*random_geometries(1000), strict=True)):
+    for i, (q, sun, view) in enumerate(zip(*geometries(1000), strict=True)):
         material = Material(0.4, 0.6, 0.3, rms_slope=0.1 + 0.1 * (i % 5), normal_reflectance=0.45)
+        surface = facets.areas, facets.normals, material.as_array()
         flux = facet_irradiance(
-            q,
-            sun,
-            view,
-            3e4,
-            facets.areas,
-            facets.normals,
-            material.as_array(),
-            model.irradiance_4pi,
-            model.fresnel_sqrt,
+            q, sun, view, 3e4, *surface, model.irradiance_4pi, model.fresnel_sqrt
         )
         expected = paper_irradiance(q, sun, view, 3e4, facets, material, model)
         if expected > 0.0:
@@ -115,7 +98,7 @@ def test_agrees_with_the_equations_as_printed(irradiance, fresnel):
 
 
 def test_magnitude_is_relative_to_the_sun():
-    """A mirror-like figure: F/I = 1 is the Sun's own magnitude, a factor 100 is 5 mag."""
+    """F/I = 1 has the magnitude of the Sun, and a factor of 100 is 5 mag."""
     facets = Facets(np.array([np.pi]), np.array([[0.0, 0.0, 1.0]]))
     material = Material(1.0, 0.0, 1.0)
     up = np.array([0.0, 0.0, 1.0])
@@ -128,7 +111,7 @@ def test_magnitude_is_relative_to_the_sun():
 
 
 def test_4pi_law_is_fainter_by_2_748_mag():
-    geometry = random_geometries(50)
+    geometry = geometries(50)
     literal = apparent_magnitude(*geometry, 1e7, icosahedron(), model=PRINTED)
     physical = apparent_magnitude(*geometry, 1e7, icosahedron())  # the default
     finite = np.isfinite(literal)
@@ -165,7 +148,7 @@ def test_fresnel_without_contrast_reflects_nothing():
 
 @pytest.mark.parametrize("phase_angle_deg", [10.0, 30.0, 90.0, 120.0])
 def test_diffuse_icosphere_tends_to_the_lambert_sphere(phase_angle_deg):
-    """C_d of the sphere is d rho of the facets, and the sphere spreads as 1/r^2."""
+    """C_d of the sphere is d rho of the facets, and its light follows 1/r^2."""
     phase_angle = math.radians(phase_angle_deg)
     sun, view = directions(phase_angle)
     closed = sphere_magnitude(
@@ -186,7 +169,7 @@ def test_diffuse_icosphere_tends_to_the_lambert_sphere(phase_angle_deg):
 
 def test_diffuse_icosahedron_is_a_sphere_at_full_phase():
     """Exactly and in any attitude: sum of A N N^T is isotropic for icosahedral symmetry."""
-    q, sun, _ = random_geometries(20)
+    q, sun, _ = geometries(20)
     magnitudes = apparent_magnitude(q, sun, sun, 1e7, icosahedron(), DIFFUSE, INVERSE_SQUARE)
     closed = sphere_magnitude(1e7, 0.0, diffuse_reflection_coefficient=0.5)
     np.testing.assert_allclose(magnitudes, closed, rtol=1e-14)
@@ -210,7 +193,7 @@ def test_specular_icosphere_at_full_phase_tends_to_its_integral():
 
 
 def test_reciprocity():
-    q, sun, view = random_geometries(200)
+    q, sun, view = geometries(200)
     facets = icosahedron()
     np.testing.assert_allclose(
         apparent_magnitude(q, sun, view, 1e7, facets),
@@ -219,16 +202,16 @@ def test_reciprocity():
     )
 
 
-def test_turning_everything_changes_nothing():
-    """Body, Sun and observer turned together; and a symmetry of the icosahedron."""
-    q, sun, view = random_geometries(100)
+def test_common_rotation_changes_nothing():
+    """Body, Sun and observer rotated together; and a symmetry of the icosahedron."""
+    q, sun, view = geometries(100)
     turn = Rotation.from_rotvec([0.4, 1.3, -0.7])
     turned = (Rotation.from_quat(q).inv() * turn.inv()).inv().as_quat()
     before = apparent_magnitude(q, sun, view, 1e7, icosahedron())
     after = apparent_magnitude(turned, turn.apply(sun), turn.apply(view), 1e7, icosahedron())
     np.testing.assert_allclose(after, before, rtol=1e-12)
-    # The icosahedron with vertices at cyclic permutations of (0, +-1, +-golden) is its own
-    # image under a turn by 120 degrees about (1, 1, 1).
+    # The icosahedron with vertices at cyclic permutations of (0, +-1, +-golden) is unchanged by a
+    # rotation by 120 degrees about (1, 1, 1).
     symmetry = from_rotation_vector(2 * np.pi / 3 * np.ones(3) / math.sqrt(3))
     folded = np.array([compose(symmetry, row) for row in q])
     np.testing.assert_allclose(
@@ -240,20 +223,9 @@ def test_turning_everything_changes_nothing():
     ("sun_z", "view_z"), [(-0.1, 0.5), (0.5, -0.1), (-0.5, -0.5), (0.0, 0.5), (0.5, 0.0)]
 )
 def test_unlit_or_unseen_facets_give_nothing(sun_z, view_z):
-    facet = Facets(np.array([2.0]), np.array([[0.0, 0.0, 1.0]]))
     sun = np.array([math.sqrt(1 - sun_z**2), 0.0, sun_z])
     view = np.array([math.sqrt(1 - view_z**2), 0.0, view_z])
-    arguments = (
-        IDENTITY,
-        sun,
-        view,
-        10.0,
-        facet.areas,
-        facet.normals,
-        Material().as_array(),
-        True,
-        True,
-    )
+    arguments = IDENTITY, sun, view, 10.0, *ONE_FACET, True, True
     assert facet_irradiance(*arguments) == 0.0
     assert facet_magnitude(*arguments) == FLOOR_MAGNITUDE
     turned = facet_magnitude_derivatives(*arguments)
@@ -261,40 +233,19 @@ def test_unlit_or_unseen_facets_give_nothing(sun_z, view_z):
 
 
 def test_grazing_facet_is_finite_and_free_of_cancellation():
-    facet = Facets(np.array([2.0]), np.array([[0.0, 0.0, 1.0]]))
+    view = np.array([0.6, 0.0, 0.8])
     for graze in (1e-6, 1e-100, 1e-200, 5e-324):
         sun = np.array([1.0, 0.0, graze])
-        flux = facet_irradiance(
-            IDENTITY,
-            sun,
-            np.array([0.6, 0.0, 0.8]),
-            1.0,
-            facet.areas,
-            facet.normals,
-            Material().as_array(),
-            False,
-            True,
-        )
+        flux = facet_irradiance(IDENTITY, sun, view, 1.0, *ONE_FACET, False, True)
         assert 0.0 <= flux < 1e-5
         if graze == 1e-6:
             assert flux > 1e-12
     both = np.array([1.0, 0.0, 1e-200])
-    flux = facet_irradiance(
-        IDENTITY,
-        both,
-        both,
-        1.0,
-        facet.areas,
-        facet.normals,
-        Material().as_array(),
-        False,
-        True,
-    )
-    assert flux == 0.0
+    assert facet_irradiance(IDENTITY, both, both, 1.0, *ONE_FACET, False, True) == 0.0
 
 
 @pytest.mark.parametrize("phase_angle", [math.pi, math.pi - 1e-9])
-def test_dark_target_is_no_observation_and_no_warning(phase_angle):
+def test_unlit_target_has_infinite_magnitude_without_a_warning(phase_angle):
     sun, view = directions(phase_angle)
     if phase_angle == math.pi:
         view = -sun
@@ -311,7 +262,7 @@ def test_dark_target_is_no_observation_and_no_warning(phase_angle):
 
 
 def test_filter_floor():
-    """`facet_magnitude` never exceeds the floor, `apparent_magnitude` tells the truth."""
+    """`facet_magnitude` is limited by the floor, `apparent_magnitude` is not."""
     assert pytest.approx(-26.74 - 2.5 * math.log10(IRRADIANCE_FLOOR)) == FLOOR_MAGNITUDE
     facets, sun = icosahedron(), np.array([0.0, 0.6, 0.8])
     shared = (facets.areas, facets.normals, Material().as_array(), False, True)
@@ -369,7 +320,7 @@ def test_derivatives_by_turn_direction_and_range_agree_with_central_differences(
     material = Material(0.4, 0.6, 0.3, 0.25, 0.45).as_array()
     shape = (facets.areas, facets.normals, material, True, fresnel_sqrt)
     checked = 0
-    for q, sun, view in zip(*random_geometries(300, seed=8), strict=True):
+    for q, sun, view in zip(*geometries(300, seed=8), strict=True):
         magnitude, turn, by_sun, by_view, by_log_range = facet_magnitude_derivatives(
             q, sun, view, 1e6, *shape
         )
@@ -412,7 +363,7 @@ def test_slope_of_the_fresnel_reflectance(cosine, fresnel_sqrt):
 
 
 def test_broadcasting():
-    q, sun, view = random_geometries(6)
+    q, sun, view = geometries(6)
     magnitudes = apparent_magnitude(
         q[:, None], sun[0], view[None, :4], np.full((6, 1), 1e6), icosahedron()
     )

@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.photometry.mesh_files import load_mesh, load_shape
-from cislunar.photometry.shapes import facets_from_triangles, icosahedron, icosphere, stretch
+from cislunar.photometry.shapes import facets_from_triangles, icosahedron, icosphere, scale_axes
 
 TETRAHEDRON = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float)
 TETRAHEDRON_FACETS = [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]
@@ -89,7 +89,7 @@ def test_mesh_file_gives_the_hull_it_was_written_from(name, tmp_path):
     points = np.random.default_rng(3).normal(size=(40, 3))
     hull, facets = hull_mesh(points)
     path = WRITERS[name](tmp_path / name, points, facets)
-    shape = load_shape(path, metres_per_unit=0.1)
+    shape = load_shape(path, meters_per_unit=0.1)
     assert shape.total_area == pytest.approx(0.01 * hull.area, rel=1e-6)
     np.testing.assert_allclose(shape.normals, hull.equations[:, :3], atol=2e-5)
     scaled = load_shape(path, radius_m=1.0)
@@ -152,7 +152,7 @@ def test_open_mesh(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_dented_body_is_not_convex(name, tmp_path):
+def test_concave_body_is_refused(name, tmp_path):
     octahedron = np.array(
         [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float
     )
@@ -173,7 +173,7 @@ def two_tetrahedra(path, second):
 
 def test_closed_mesh_of_two_parts_has_groups_and_is_refused_as_convex(tmp_path):
     path = two_tetrahedra(tmp_path / "two.obj", TETRAHEDRON_FACETS)
-    mesh = load_mesh(path, metres_per_unit=2.0)
+    mesh = load_mesh(path, meters_per_unit=2.0)
     assert mesh.groups == ("bus",) * 4 + ("panel",) * 4
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), 14.0)
     with pytest.raises(InputFileError, match="not convex, a vertex stands"):
@@ -231,8 +231,8 @@ def test_truncated_missing_and_non_finite_files(tmp_path):
     broken[3, 1] = np.nan
     with pytest.raises(InputFileError, match="facet 2 has a coordinate that is not finite"):
         load_shape(write_obj(tmp_path / "n.obj", broken, TETRAHEDRON_FACETS))
-    with pytest.raises(ConfigurationError, match="metres_per_unit"):
-        load_shape(path, metres_per_unit=-1.0)
+    with pytest.raises(ConfigurationError, match="meters_per_unit"):
+        load_shape(path, meters_per_unit=-1.0)
 
 
 def test_facets_in_order(tmp_path):
@@ -245,23 +245,23 @@ def test_facets_in_order(tmp_path):
     assert any(a != b for a, b in pairwise(first.areas))
 
 
-def test_stretching_facets_is_stretching_vertices():
+def test_scaled_axes_of_facets_are_those_of_vertices():
     factors = np.array([1.3, 0.7, 2.0])
-    made = stretch(facets_from_triangles(TETRAHEDRON, TETRAHEDRON_FACETS), factors)
+    made = scale_axes(facets_from_triangles(TETRAHEDRON, TETRAHEDRON_FACETS), factors)
     expected = facets_from_triangles(TETRAHEDRON * factors, TETRAHEDRON_FACETS)
     np.testing.assert_allclose(made.areas, expected.areas, rtol=1e-14)
     np.testing.assert_allclose(made.normals, expected.normals, atol=1e-15)
 
 
-def test_stretching_evenly_scales_and_by_one_changes_nothing():
+def test_equal_axis_scales_enlarge_and_ones_change_nothing():
     body = icosahedron()
-    assert stretch(body, [1, 1, 1]) is body
-    larger = stretch(body, [2.0, 2.0, 2.0])
+    assert scale_axes(body, [1, 1, 1]) is body
+    larger = scale_axes(body, [2.0, 2.0, 2.0])
     np.testing.assert_allclose(larger.areas, 4.0 * body.areas)
     np.testing.assert_allclose(larger.normals, body.normals, atol=1e-15)
 
 
 @pytest.mark.parametrize("factors", [[1.0, 1.0], [1.0, 0.0, 1.0], [1.0, np.nan, 1.0], 2.0])
-def test_impossible_stretch_is_refused(factors):
-    with pytest.raises(ConfigurationError, match="stretch"):
-        stretch(icosahedron(), factors)
+def test_impossible_axis_scales_are_refused(factors):
+    with pytest.raises(ConfigurationError, match="axis_scale"):
+        scale_axes(icosahedron(), factors)

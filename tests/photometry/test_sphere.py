@@ -76,7 +76,7 @@ def test_magnitude_follows_range_radius_and_reflection():
     assert dimmer - base == pytest.approx(2.5)
 
 
-def test_unlit_sphere_is_beyond_any_telescope():
+def test_unlit_sphere_is_fainter_by_39_magnitudes():
     # Rounding leaves Phi(pi) of the order of 1e-16, 40 mag fainter than a full sphere.
     assert sphere_magnitude(1e6, np.pi) - sphere_magnitude(1e6, 0.0) > 39.0
     with np.errstate(all="raise", divide="ignore"):
@@ -105,7 +105,7 @@ def test_impossible_sphere_is_refused(value):
 
 @pytest.mark.parametrize("material", [Material(), Material(rms_slope=1.0), PANEL, FOIL])
 @pytest.mark.parametrize("incidence_deg", [0.0, 40.0, 75.0])
-def test_light_returned_is_the_brightness_summed_over_all_views(material, incidence_deg):
+def test_reflected_light_is_the_sum_over_all_views(material, incidence_deg):
     incidence, points = np.deg2rad(incidence_deg), 300
     sun = np.array([np.sin(incidence), 0.0, np.cos(incidence)])
     # midpoints equal in solid angle: the sum needs no weights

@@ -1,4 +1,4 @@
-"""k-means clustering, against brute force and its own optimality conditions."""
+"""k-means clustering, against brute force and its optimality conditions."""
 
 from itertools import product
 
@@ -88,7 +88,7 @@ def test_no_cluster_stays_empty_from_a_bad_start():
 
 
 def test_cluster_left_empty_by_the_last_round_is_filled_again(monkeypatch):
-    """The last assignment may rob a cluster of its points after the library's own repairs."""
+    """The last assignment of scikit-learn may leave a cluster without points."""
     starts = []
 
     class Robbing(sklearn.cluster.KMeans):
@@ -117,7 +117,7 @@ def test_same_seed_same_clusters(sampled):
 
 
 def test_comparison_of_seedings():
-    """Two wide clouds of few points beside a crowd of many, as the Moon's lobe is."""
+    """Few widely distributed points and a dense cluster, as the Moon's lobe is."""
     rng = np.random.default_rng(6)
     crowd = rng.normal(size=(3000, 3)) * 0.01
     wide = rng.uniform(-1.0, 1.0, size=(600, 3))
@@ -159,17 +159,17 @@ def test_audit_finds_centers_inside_bodies_and_forbidden_regions():
 
 
 def test_progress_counts_centers_and_rounds_and_changes_nothing(sampled):
-    told = {}
+    reported = {}
 
     def phases(name):
-        return lambda done, total: told.setdefault(name, []).append((done, total))
+        return lambda done, total: reported.setdefault(name, []).append((done, total))
 
     points = sampled.position
     quiet = clustering.cluster(points, 40, seed=3)
     watched = clustering.cluster(points, 40, seed=3, progress=phases)
     np.testing.assert_array_equal(watched.center, quiet.center)
-    assert told["first centers"] == [(done, 40) for done in range(2, 41)]
-    rounds = [done for done, _ in told["k-means iterations"]]
+    assert reported["first centers"] == [(done, 40) for done in range(2, 41)]
+    rounds = [done for done, _ in reported["k-means iterations"]]
     assert rounds == list(range(1, len(rounds) + 1))
 
 

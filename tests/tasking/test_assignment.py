@@ -43,7 +43,7 @@ def test_every_method_is_one_to_one_and_none_beats_exact(information, method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_surplus_observers_and_fruitless_pairs_are_idle(method):
+def test_surplus_observers_and_pairs_without_information_are_idle(method):
     matrix = np.zeros((4, 2))
     matrix[1, 0] = 3.0
     result = _run(matrix, method)

@@ -5,21 +5,18 @@ from measured import evaluate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import CHOLESKY_FAILURES, UPDATES
 from cislunar.evaluation.metrics import NEVER_OBSERVED
-from cislunar.observation.scene import make_scene, target_surfaces
+from cislunar.observation.scene import make_scene
 from cislunar.observation.sensor import Sensor
+from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.initial_conditions import epoch_states, initial_estimate, monitored_targets
 from cislunar.tasking.planning.information import TaskingModel
-from cislunar.tasking.realization import FATE_NAMES, USED
+from cislunar.tasking.realization import OUTCOME_NAMES, USED
 from cislunar.tasking.settings import LoopSettings
-from cislunar.tasking.simulation import (
-    draw_truth,
-    epoch_states,
-    initial_estimate,
-    monitored_targets,
-)
+from cislunar.tasking.truth import draw_truth
 
 BRIGHT = Sensor(limiting_magnitude=22.0)
 
@@ -44,7 +41,7 @@ def test_shapes_and_ranges(result):
     assert result.metrics.coverage.shape == (2, 5, 12)
     assert result.elapsed_s[0] == 60.0
     assert result.elapsed_s[-1] == 6 * 3600.0
-    assert result.fate.max() < len(FATE_NAMES)
+    assert result.outcome.max() < len(OUTCOME_NAMES)
     assert result.counters[..., CHOLESKY_FAILURES].sum() == 0
     np.testing.assert_array_equal(result.counters[..., UPDATES], result.valid.sum(axis=1))
     assert not result.failed.any()
@@ -54,12 +51,12 @@ def test_only_assigned_targets_are_measured(result):
     for s in range(2):
         for e in range(6):
             tasked = set(result.assignment[s, e]) - {-1}
-            window = result.fate[s, 60 * e : 60 * (e + 1)]
+            window = result.outcome[s, 60 * e : 60 * (e + 1)]
             assert set(np.flatnonzero((window != 0).any(axis=0))) == tasked
             assert all((window[:, j] != 0).all() for j in tasked)
 
 
-def test_information_is_that_of_the_assigned_pairs_and_the_best_there_is(result):
+def test_information_is_that_of_the_assigned_pairs_and_at_least_of_the_best(result):
     for s in range(2):
         for e in range(6):
             pairs = result.pair_information[s, e]
@@ -70,7 +67,7 @@ def test_information_is_that_of_the_assigned_pairs_and_the_best_there_is(result)
 
 
 def test_estimates_improve_and_stay_consistent(result):
-    """Position: hundreds of observations of 3 arcsec; attitude: at least not lost at once."""
+    """Positions after hundreds of observations with a noise of 3 arcsec."""
     observed = result.metrics.status != NEVER_OBSERVED
     assert observed.sum() >= 6
     position_km = 384_400.0 * np.linalg.norm(result.error[..., 6:9], axis=-1)
@@ -89,11 +86,11 @@ def test_metrics_are_those_of_the_recorded_errors(result):
     np.testing.assert_array_equal(result.metrics.status[0], again.status)
 
 
-def test_a_rerun_gives_the_same_bytes_and_seeds_do_not_touch_each_other(result):
+def test_a_rerun_gives_the_same_bytes_and_seeds_are_independent(result):
     again = _run(seeds=(1,))
     assert again.error[0].tobytes() == result.error[1].tobytes()
     assert again.sigma[0].tobytes() == result.sigma[1].tobytes()
-    assert again.fate[0].tobytes() == result.fate[1].tobytes()
+    assert again.outcome[0].tobytes() == result.outcome[1].tobytes()
     assert result.error[0].tobytes() != result.error[1].tobytes()
 
 
@@ -139,7 +136,7 @@ def test_progress_counts_the_epochs_of_all_seeds():
     assert calls == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
-def test_cells_share_the_truth_of_the_targets_they_share():
+def test_cells_have_the_same_truth_of_common_targets():
     scene, _, epoch, _, loop = tracking_problem(2, 5, duration_hours=1.0)
     sigma = loop.initial.components()
     some = np.array([4, 1])
@@ -149,7 +146,7 @@ def test_cells_share_the_truth_of_the_targets_they_share():
         np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[some], name)
 
 
-def test_truth_is_drawn_from_the_initial_distribution():
+def test_truth_is_sampled_from_the_initial_distribution():
     scene, _, epoch, _, loop = tracking_problem(1, 1, duration_hours=1.0)
     n = 600
     sigma = loop.initial.components()
@@ -215,8 +212,8 @@ def test_inconsistent_problems_are_refused():
         run_closed_loop(scene, surfaces, epoch, np.array([1, 1, 2]), [0], loop)
 
 
-def test_a_failing_target_never_ends_the_run():
-    """A target that falls on the Moon is lost alone: its estimate ends, the others go on."""
+def test_a_failed_target_does_not_end_the_run():
+    """The estimate of a target that hits the Moon ends, and the others continue."""
     scene, surfaces, epoch, ids, loop = tracking_problem(3, 3, duration_hours=6.0, sensor=BRIGHT)
     epoch = epoch.copy()
     epoch[1] = [0.98785, 0.0, 0.03, 0.0, 0.0, -0.8]
@@ -229,28 +226,28 @@ def test_a_failing_target_never_ends_the_run():
     assert result.metrics.coverage[0, 1].max() < 1.0
 
 
-def test_measurements_are_what_separates_observed_from_never_observed(caplog):
-    """Nothing brighter than magnitude 5 is ever seen: every target coasts, none is inconsistent."""
-    blind = _run(sensor=Sensor(limiting_magnitude=5.0), duration_hours=1.0)
-    assert np.all(blind.metrics.status == NEVER_OBSERVED)
-    assert np.all(blind.assignment == -1)
-    assert not np.any(blind.fate == USED)
+def test_targets_without_measurements_are_never_observed(caplog):
+    """With a limiting magnitude of 5 no target is measured, and none is inconsistent."""
+    found = _run(sensor=Sensor(limiting_magnitude=5.0), duration_hours=1.0)
+    assert np.all(found.metrics.status == NEVER_OBSERVED)
+    assert np.all(found.assignment == -1)
+    assert not np.any(found.outcome == USED)
     assert "no target was ever tasked" in caplog.text
     assert "raise Sensor.limiting_magnitude = 5, or" in caplog.text
 
 
 def test_surfaces_follow_the_targets(caplog):
-    """A mirror-dark target is never observed, though tasking takes it for a sphere."""
+    """A black target is never detected, though tasking assumes a sphere."""
     scene, _, epoch, ids, loop = tracking_problem(4, 2, duration_hours=2.0, sensor=BRIGHT)
     black = Material(diffuse_weight=0.0, specular_weight=0.0)
     surfaces = target_surfaces(icosahedron(), [black, Material()], 2)
     result = run_closed_loop(scene, surfaces, epoch, ids, [0], loop)
     assert not result.valid[0, :, 0].any()
     assert (result.assignment == 0).any()
-    faint, tasked = result.fate == FATE_NAMES.index("faint"), result.fate != 0
+    faint, tasked = result.outcome == OUTCOME_NAMES.index("faint"), result.outcome != 0
     assert faint[0, :, 0].any()
     share = 100.0 * faint.sum() / tasked.sum()
-    assert f"warning: {share:.1f} % of the looks faint; raise Sensor.lim" in caplog.text
+    assert f"warning: {share:.1f} % of the observations faint; raise Sensor.lim" in caplog.text
 
 
 def test_observers_are_needed():

@@ -1,4 +1,4 @@
-"""Late measurements against the same in order, links against geometry, credit against a filter."""
+"""Late measurements against the same in order, contact against geometry, expected updates."""
 
 import dataclasses
 
@@ -15,13 +15,14 @@ from cislunar.observation.sensor import Sensor
 from cislunar.observation.sightline import EARTH_RADIUS, occulted
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.communication.contact import arrivals, contacts
-from cislunar.tasking.communication.model import CommunicationModel
+from cislunar.tasking.communication.model import CommunicationModel, Contact
 from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.decision import Decision
 from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.planning.information import TaskingModel
-from cislunar.tasking.planning.under_way import PlannedLooks, credited
-from cislunar.tasking.simulation import draw_truth, initial_estimate
+from cislunar.tasking.planning.pending import PlannedObservations, expected_update
+from cislunar.tasking.truth import draw_truth
 
 BRIGHT = Sensor(limiting_magnitude=22.0)
 SPAN, SPANS = 30, 5
@@ -38,14 +39,14 @@ def spans(problem):
     scene, surfaces, epoch, ids, loop = problem
     initial = initial_estimate(epoch, loop.initial.components())
     truth = draw_truth(initial, scene, BRIGHT.noise, 3, ids)
-    looking = (np.arange(SPAN * SPANS)[:, None] // 40 + np.arange(4)) % 5
+    pointing = (np.arange(SPAN * SPANS)[:, None] // 40 + np.arange(4)) % 5
     found = []
     for first in range(0, SPAN * SPANS, SPAN):
         motion = type(truth)(*(each[:, first : first + SPAN + 1] for each in truth))
-        plan = pointed_schedule(looking[first : first + SPAN], 5)
+        plan = pointed_schedule(pointing[first : first + SPAN], 5)
         states = motion.translation, motion.quaternion, motion.noise
         found.append((motion, measure(first + 1, plan, scene, surfaces, BRIGHT, *states,
-                                      begins=first)[0]))  # fmt: skip
+                                      origin=first)[0]))  # fmt: skip
     return initial, found
 
 
@@ -64,7 +65,7 @@ def _made(problem, initial, name):
 
 
 @pytest.mark.parametrize("name", ["mukf", "batch"])
-def test_late_measurements_say_what_the_same_in_order_say(problem, spans, name):
+def test_late_measurements_give_the_estimates_of_the_same_in_order(problem, spans, name):
     initial, spans = spans
     everywhere = np.ones(SPAN, dtype=bool)
     in_order = _made(problem, initial, name)
@@ -77,7 +78,7 @@ def test_late_measurements_say_what_the_same_in_order_say(problem, spans, name):
     for number, (motion, measurements) in enumerate(spans):
         reception.receive(number * SPAN, late[2])
         so_far = reception.advance(number * SPAN, motion, measurements, everywhere, late[2])
-    # by now much is under way: less is known, and nothing else than what was received says
+    # many measurements are pending: the estimates follow from the received ones
     known = late[0].predict().covariance[:, 0, 0]
     assert np.any(known > 1.5 * in_order[0].predict().covariance[:, 0, 0])
     partly = _made(problem, initial, name)
@@ -90,7 +91,7 @@ def test_late_measurements_say_what_the_same_in_order_say(problem, spans, name):
     for one, other in zip(again[0][:4], so_far[0][:4], strict=True):
         np.testing.assert_array_equal(one, other)
     np.testing.assert_array_equal(again[1], so_far[1])
-    # all of it in time for the last span, the earliest last
+    # all measurements arrive before the last span, the earliest last
     late = _made(problem, initial, name)
     arrival = np.minimum(np.arange(SPAN * SPANS) + delays, SPAN * (SPANS - 1) - 1)
     arrival = np.maximum(arrival, np.arange(SPAN * SPANS))
@@ -105,7 +106,7 @@ def test_late_measurements_say_what_the_same_in_order_say(problem, spans, name):
     assert not reception._spans and np.all(reception.observed)
 
 
-def test_contact_is_what_the_discs_and_the_angle_leave(problem):
+def test_contact_is_limited_by_disks_and_angles(problem):
     scene = problem.scene
     rng = np.random.default_rng(5)
     position = scene.observer_position.copy()
@@ -113,29 +114,29 @@ def test_contact_is_what_the_discs_and_the_angle_leave(problem):
     position[0] = moon + (moon - earth) * 0.05 + rng.normal(0.0, 0.004, position[0].shape)
     position[1] = earth + 0.9 * scene.sun_position / 389.0 + rng.normal(0.0, 0.2, position[1].shape)
     scene = scene._replace(observer_position=position)
-    found = contacts(CommunicationModel(moon=True), scene)
+    found = contacts(CommunicationModel(contact=Contact(moon=True)), scene)
     for o in range(4):
         for k in range(0, position.shape[1], 3):
-            # short of the Earth, which would stand before its own centre
+            # to a point above the Earth, which would hide its center
             way = earth - position[o, k]
             way *= 1.0 - 1.5 * EARTH_RADIUS / np.linalg.norm(way)
             assert found[o, k] != occulted(*position[o, k], *way, scene.primaries[k])
     assert 0.1 < found[0].mean() < 0.9
-    away = contacts(CommunicationModel(sun_deg=20.0), scene)
+    away = contacts(CommunicationModel(contact=Contact(sun_deg=20.0)), scene)
     way, light = position - earth, scene.sun_position - earth
     angle = np.arctan2(np.linalg.norm(np.cross(way, light), axis=-1), np.sum(way * light, axis=-1))
     np.testing.assert_array_equal(away, np.rad2deg(angle) >= 20.0)
     assert 0.1 < away[1].mean() < 0.9
     position[2] = earth + EARTH_RADIUS * scene.sun_position / 389.0  # under the Sun at noon
-    assert np.all(contacts(CommunicationModel(sun_deg=20.0), scene)[2])
-    model = CommunicationModel(delay_minutes=2.5, moon=True)
+    assert np.all(contacts(CommunicationModel(contact=Contact(sun_deg=20.0)), scene)[2])
+    model = CommunicationModel(delay_minutes=2.5, contact=Contact(moon=True))
     when = arrivals(model, scene)
     for k in range(when.shape[1]):
         waits = np.flatnonzero(found[0, 1 + k :])
         assert when[0, k] == 3 + (k + waits[0] if waits.size else when.shape[1])
 
 
-def test_credit_is_what_the_filter_will_know(problem, spans):
+def test_expected_updates_agree_with_the_filter(problem, spans):
     initial, found = spans
     scene = problem.scene
     own, _, work = _made(problem, initial, "mukf")
@@ -152,28 +153,28 @@ def test_credit_is_what_the_filter_will_know(problem, spans):
         seen = np.isfinite(measurements.value[:, 0])
         columns = number * SPAN + step + 1, target, measurements.observer, np.ones(step.size)
         parts.append([column[seen] for column in columns])
-    looks = PlannedLooks(*map(np.concatenate, zip(*parts, strict=True)))
+    observations = PlannedObservations(*map(np.concatenate, zip(*parts, strict=True)))
     prediction = ahead.predict()
-    told = credited(prediction, looks, scene, BRIGHT, TaskingModel(), EARTH_MOON)
+    updated = expected_update(prediction, observations, scene, BRIGHT, TaskingModel(), EARTH_MOON)
     known = own.predict().covariance
     before, after, expected = (
         np.sqrt(np.trace(each[:, :3, :3], axis1=1, axis2=2))
-        for each in (prediction.covariance, told.covariance, known)
+        for each in (prediction.covariance, updated.covariance, known)
     )
     assert np.all(after < before) and np.any(after < 0.3 * before)
     np.testing.assert_allclose(after, expected, rtol=0.1)
-    less = credited(prediction, looks._replace(chance=0.25 * looks.chance), scene, BRIGHT,
-                    TaskingModel(), EARTH_MOON)  # fmt: skip
-    assert np.all(np.trace(less.covariance, axis1=1, axis2=2)
-                  > np.trace(told.covariance, axis1=1, axis2=2))  # fmt: skip
+    doubtful = observations._replace(probability=0.25 * observations.probability)
+    less = expected_update(prediction, doubtful, scene, BRIGHT, TaskingModel(), EARTH_MOON)
+    larger, smaller = (np.trace(each.covariance, axis1=1, axis2=2) for each in (less, updated))
+    assert np.all(larger > smaller)
 
 
-def test_what_an_observer_found_is_learned_once_all_of_an_interval_has_come(problem, spans):
+def test_detections_are_learned_when_an_interval_is_complete(problem, spans):
     measurements = spans[1][0][1]
     learned = []
 
-    class Told:
-        def learn(self, target, observer, fate, detects):
+    class Learner:
+        def learn(self, target, observer, outcome, detects):
             learned.extend(observer.tolist())
 
     arrival = np.arange(SPAN * SPANS) + np.array([0, 7, 45, 80])[:, None]
@@ -183,33 +184,33 @@ def test_what_an_observer_found_is_learned_once_all_of_an_interval_has_come(prob
     found = np.zeros(measurements.observer.size, dtype=np.uint8)
     reception.note(0, decision, measurements, found)
     for now, expected in ((30, {0}), (60, {0, 1}), (90, {0, 1, 2}), (120, {0, 1, 2, 3})):
-        reception.learn(now, Told())
+        reception.learn(now, Learner())
         assert set(learned) == expected
     counts = np.bincount(learned)
     np.testing.assert_array_equal(counts, np.bincount(measurements.observer))
 
 
-def test_delays_cost_and_credit_helps():
+def test_delays_increase_errors_and_pending_measurements_help():
     errors = {}
-    for delay, credit in ((0.0, True), (60.0, True), (60.0, False)):
-        model = CommunicationModel(delay_minutes=delay, credit_under_way=credit)
+    for delay, pending in ((0.0, True), (60.0, True), (60.0, False)):
+        model = CommunicationModel(delay_minutes=delay, use_pending_measurements=pending)
         problem = tracking_problem(
             3, 9, duration_hours=8.0, sensor=BRIGHT, communication=model, record_every=60
         )
         result = run_closed_loop(*problem[:4], (0, 1), problem.loop)
         away = np.linalg.norm(result.error[:, -1, :, 6:9], axis=-1)
-        errors[delay, credit] = np.exp(np.mean(np.log(away)))
+        errors[delay, pending] = np.exp(np.mean(np.log(away)))
     assert errors[0.0, True] < errors[60.0, True] < errors[60.0, False]
 
 
-def test_nothing_late_is_nothing_new(problem):
+def test_permanent_contact_changes_nothing(problem):
     scene, surfaces, epoch, ids, loop = problem
     runs = []
-    # an observer that is always in contact is as one that nobody asks
-    for model in (CommunicationModel(), CommunicationModel(sun_deg=1e-9)):
+    # permanent contact, and communication without conditions
+    for model in (CommunicationModel(), CommunicationModel(contact=Contact(sun_deg=1e-9))):
         settings = dataclasses.replace(loop, communication=model)
         runs.append(run_closed_loop(scene, surfaces, epoch, ids, (0,), settings))
-    for name in ("error", "sigma", "bound", "fate", "assignment"):
+    for name in ("error", "sigma", "bound", "outcome", "assignment"):
         assert getattr(runs[0], name).tobytes() == getattr(runs[1], name).tobytes()
 
 
@@ -218,18 +219,21 @@ def test_nothing_late_is_nothing_new(problem):
     [
         ({"delay_minutes": 360.0}, "delay_minutes = 360.0 is as long as the run"),
         ({"delay_minutes": -1.0}, "delay_minutes = -1.0 must be"),
-        ({"sun_deg": 180.0}, "sun_deg = 180.0 must lie"),
+        (
+            {"contact": {"sun_deg": 180.0}},
+            "sun_deg = 180.0 must be a number at least 0 and below 180",
+        ),
         ({"update_minutes": 0.25}, "update_minutes = 0.25 must be a multiple of step_s"),
-        ({"update_minutes": 0.0}, "update_minutes = 0.0 must be positive"),
+        ({"update_minutes": 0.0}, "update_minutes = 0.0 must be a number above 0"),
     ],
 )
-def test_impossible_links_are_refused(given, words):
+def test_impossible_communication_is_refused(given, words):
     with pytest.raises(ConfigurationError, match=words):
         tracking_problem(2, 2, duration_hours=6.0, communication=CommunicationModel(**given))
 
 
-def test_full_states_cannot_be_credited():
-    with pytest.raises(ConfigurationError, match="credit_under_way needs states"):
+def test_pending_measurements_need_translational_states():
+    with pytest.raises(ConfigurationError, match="use_pending_measurements needs states"):
         tracking_problem(
             2, 2, duration_hours=6.0, communication=CommunicationModel(delay_minutes=5.0),
             tasking=TaskingModel(states="full"),

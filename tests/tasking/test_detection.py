@@ -1,4 +1,4 @@
-"""How likely looks detect targets, learned, against Gaussians and brute force."""
+"""Learned detection probabilities against Gaussians and brute force."""
 
 import dataclasses
 
@@ -15,18 +15,19 @@ from cislunar.observation.records import pointed_schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.planning.brightness import facet_margins, sphere_magnitudes
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel, pair_information
-from cislunar.tasking.simulation import TruthModel, draw_truth, initial_estimate
+from cislunar.tasking.truth import TruthModel, draw_truth
 
 MODEL = DetectionModel(
     brightness="sphere", prior_mag=0.8, flicker_mag=0.5, never_detected_bonus=4.0
 )
 
 
-def test_probability_before_any_look_is_that_of_two_gaussians():
+def test_probability_before_any_observation_is_that_of_two_gaussians():
     margin = np.array([[-3.0, -0.4, 0.0], [0.7, 2.5, np.nan]])
     expected = norm.cdf(margin / np.hypot(MODEL.prior_mag, MODEL.flicker_mag))
     expected[1, 2] = 0.0  # a target without an estimate
@@ -35,7 +36,7 @@ def test_probability_before_any_look_is_that_of_two_gaussians():
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def test_tabulated_chances_are_those_of_the_gaussian():
+def test_tabulated_probabilities_are_those_of_the_gaussian():
     margin = np.random.default_rng(3).normal(0.0, 3.0, (40, 12))
     margin[0] = -np.inf, np.inf, np.nan, -9.0, 9.0, *np.linspace(-8.4, 8.4, 7)
     learned = LearnedDetection(MODEL, 40)
@@ -45,12 +46,12 @@ def test_tabulated_chances_are_those_of_the_gaussian():
     assert found.min() >= 0.0 and found.max() <= 1.0
 
 
-def test_looks_are_learned_from_as_bayes_says():
+def test_learning_from_outcomes_follows_bayes():
     learned = LearnedDetection(MODEL, 2)
     margin = np.array([[0.6, 0.0], [1.1, 0.0]])
-    fate = np.array([FAINT, FAINT, DETECTED, DETECTED + 1, EXCLUDED, FAINT])
-    looks = np.zeros(6, dtype=int), np.array([0, 0, 0, 0, 0, 1])
-    learned.learn(*looks, fate, learned.detects(margin[..., None]))
+    outcome = np.array([FAINT, FAINT, DETECTED, DETECTED + 1, EXCLUDED, FAINT])
+    observations = np.zeros(6, dtype=int), np.array([0, 0, 0, 0, 0, 1])
+    learned.learn(*observations, outcome, learned.detects(margin[..., None]))
 
     def posterior(b):
         bright, dim = (norm.logcdf(sign * (0.6 - b) / 0.5) for sign in (1.0, -1.0))
@@ -63,11 +64,11 @@ def test_looks_are_learned_from_as_bayes_says():
     means, sigmas = learned.offset()
     assert means[0] == pytest.approx(mean, abs=1e-4)
     assert sigmas[0] == pytest.approx(np.sqrt(square - mean**2), abs=1e-4)
-    assert (means[1], sigmas[1]) == pytest.approx((0.0, 0.8), abs=1e-5)  # none looked at it
+    assert (means[1], sigmas[1]) == pytest.approx((0.0, 0.8), abs=1e-5)  # never observed
     assert learned.detected.tolist() == [True, False]
 
 
-def test_a_pair_is_worth_what_it_brings_on_average():
+def test_the_worth_of_a_pair_is_its_expected_information():
     learned = LearnedDetection(MODEL, 3)
     learned.detected[0] = True
     information, margin = np.array([[3.0, 3.0, 0.0]]), np.array([[0.0, 0.0, 9.0]])
@@ -75,12 +76,12 @@ def test_a_pair_is_worth_what_it_brings_on_average():
     np.testing.assert_allclose(worth, [[1.5, 3.5, 0.0]], atol=1e-9)
 
 
-def test_spheres_are_those_of_the_gate():
+def test_spheres_have_the_brightness_of_the_gate():
     scene, surfaces, epoch, _, loop = tracking_problem(4, 10, duration_hours=1.0)
     initial = initial_estimate(epoch, loop.initial.components())
     sensor = Sensor(limiting_magnitude=17.0)
     prediction = MultiplicativeUKF(scene, surfaces, sensor, initial).predict()
-    gated = TaskingModel(track_gate=False)
+    gated = TaskingModel(pointing_uncertainty_gate=False)
     free = dataclasses.replace(gated, detection=MODEL)
     known = scene, surfaces, sensor
     clear = pair_information(prediction, *known, free) > 0.0
@@ -92,7 +93,7 @@ def test_spheres_are_those_of_the_gate():
     assert 0 < bright.sum() < clear.sum()
 
 
-def test_facets_are_those_that_will_be_measured():
+def test_facet_margins_agree_with_measurements():
     scene, surfaces, epoch, ids, _ = tracking_problem(2, 4, duration_hours=1.0)
     initial = initial_estimate(epoch, np.full(12, 1e-9))
     given = scene, surfaces, Sensor(limiting_magnitude=99.0)
@@ -106,25 +107,25 @@ def test_facets_are_those_that_will_be_measured():
     motion = draw_truth(initial, scene, np.zeros(3), 0, ids)
     for o in range(2):
         for j in range(4):
-            looking = np.full((60, 2), -1)
-            looking[:, o] = j
-            schedule = pointed_schedule(looking, 4)
+            pointing = np.full((60, 2), -1)
+            pointing[:, o] = j
+            schedule = pointed_schedule(pointing, 4)
             states = motion.translation, motion.quaternion, np.zeros((4, 61, 1, 3))
-            found, fate = measure(1, schedule, *given, *states)
+            found, outcome = measure(1, schedule, *given, *states)
             for slot, steps in ((0, (7, 22)), (1, (37, 52))):
-                told = margin[slot, o, j].reshape(12, 2).T
-                for own, step in zip(told, steps, strict=True):
-                    if wanted[slot, o, j] and fate[step] == DETECTED:
+                planned = margin[slot, o, j].reshape(12, 2).T
+                for own, step in zip(planned, steps, strict=True):
+                    if wanted[slot, o, j] and outcome[step] == DETECTED:
                         np.testing.assert_allclose(99.0 - own, found.value[step, 0], atol=1e-4)
 
 
 def test_tasking_turns_away_from_a_target_that_is_never_seen():
     scene, surfaces, epoch, ids, plain = tracking_problem(1, 2, duration_hours=10.0)
-    believed = MultiplicativeUKF(
+    estimator = MultiplicativeUKF(
         scene, surfaces, plain.sensor, initial_estimate(epoch, plain.initial.components())
     )
     spheres = sphere_magnitudes(
-        believed.predict(), scene, radius_m=1.0, diffuse_reflection_coefficient=0.5
+        estimator.predict(), scene, radius_m=1.0, diffuse_reflection_coefficient=0.5
     )
     sensor = Sensor(limiting_magnitude=float(spheres.max()) + 0.7)
     plain = dataclasses.replace(plain, sensor=sensor)
@@ -132,12 +133,12 @@ def test_tasking_turns_away_from_a_target_that_is_never_seen():
     areas[surfaces.first[0] : surfaces.first[1]] *= 1e-9
     truth = TruthModel(surfaces._replace(areas=areas), sensor.noise, np.zeros(3), EARTH_MOON)
     learning = dataclasses.replace(plain, tasking=TaskingModel(detection=MODEL))
-    at_dark = []
+    at_undetectable = []
     for settings in (plain, learning):
         found = run_closed_loop(scene, surfaces, epoch, ids, [1], settings, truth=truth)
-        at_dark.append(np.sum(found.assignment == 0))
+        at_undetectable.append(np.sum(found.assignment == 0))
         assert not np.any(found.valid[:, :, 0])
-    assert at_dark[1] < at_dark[0]
+    assert at_undetectable[1] < at_undetectable[0]
     dim, seen = found.brightness_offset[0, -1]
     assert dim > max(0.5, seen) and found.brightness_offset_sigma.shape == (1, 10, 2)
     assert run_closed_loop(scene, surfaces, epoch, ids, [1], plain).brightness_offset is None

@@ -11,9 +11,9 @@ from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.observation.sightline import direction_angles
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
 from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.planning.assignment import assign
 from cislunar.tasking.planning.information import TaskingModel, pair_information
-from cislunar.tasking.simulation import initial_estimate
 from cislunar.visibility.counts import VisibilitySettings
 
 LENGTH_M = 384_400_000.0
@@ -72,7 +72,7 @@ def test_the_sum_over_pairs_is_the_log_det_of_the_joint_covariance(problem):
 
 def test_only_observable_pairs_gain(problem):
     scene, _, sensor, prediction = problem
-    model = TaskingModel(diffuse_reflection_coefficient=0.05, track_gate=False)
+    model = TaskingModel(diffuse_reflection_coefficient=0.05, pointing_uncertainty_gate=False)
     information = _information(problem, model)
     k = prediction.index
     sphere = VisibilitySettings(sensor.limiting_magnitude, 1.0, 0.05, ExclusionAngles())
@@ -104,14 +104,14 @@ def test_faint_spheres_gain_nothing(problem):
     limit = float(np.median(magnitude))
     loose = Sensor(limiting_magnitude=limit, exclusion=ExclusionAngles(0, 0, 0), occultation=False)
     information = pair_information(
-        prediction, scene, problem[1], loose, TaskingModel(track_gate=False)
+        prediction, scene, problem[1], loose, TaskingModel(pointing_uncertainty_gate=False)
     )
     np.testing.assert_array_equal(information > 0.0, magnitude < limit)
 
 
-def test_the_track_gate_drops_targets_the_field_of_view_would_miss(problem):
+def test_the_pointing_uncertainty_gate_excludes_targets_outside_the_field_of_view(problem):
     scene, _, sensor, prediction = problem
-    open_gate = TaskingModel(track_gate=False)
+    open_gate = TaskingModel(pointing_uncertainty_gate=False)
     covariance = prediction.covariance.copy()
     covariance[1] *= 1e4  # from about 32 km to 3200 km
     lost = _information(problem, open_gate, covariance=covariance)
@@ -146,7 +146,7 @@ def test_all_states_carry_more_information_than_the_translation(problem):
     assert np.all(repeated[seen] > translation[seen])
 
 
-def test_states_that_are_not_there_and_bad_settings_are_refused(problem):
+def test_missing_states_and_impossible_settings_are_refused(problem):
     scene, surfaces, sensor, prediction = problem
     bare = Prediction(prediction.index, prediction.translation, prediction.covariance)
     with pytest.raises(ConfigurationError, match="states"):

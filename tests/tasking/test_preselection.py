@@ -7,10 +7,10 @@ from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.planning import preselection
 from cislunar.tasking.planning.assignment import IDLE, assign
 from cislunar.tasking.planning.information import TaskingModel, information_bound, pair_information
-from cislunar.tasking.simulation import initial_estimate
 
 N_TARGETS = 600
 
@@ -22,8 +22,8 @@ def problem():
     return scene, surfaces, MultiplicativeUKF(scene, surfaces, Sensor(), initial).predict()
 
 
-def _spread(covariance, kind, rng):
-    """Covariances of targets followed well, never seen for long, or known along a line only."""
+def _covariances(covariance, kind, rng):
+    """Covariances of targets tracked well, unobserved for long, or known except along a line."""
     if kind == "epoch":
         return covariance
     if kind == "any":
@@ -47,9 +47,12 @@ def test_no_pair_gains_more_than_its_bound(problem, kind, gate):
     above = scene.observer_position[0, prediction.index]
     translation[:20, :3] = above + rng.uniform(-0.05, 0.05, (20, 1)) * [0.0, 0.0, 1.0]
     translation[:20, :3] += rng.normal(0.0, 1e-3, (20, 3))
-    covariance = _spread(prediction.covariance, kind, rng)
+    covariance = _covariances(prediction.covariance, kind, rng)
     prediction = prediction._replace(translation=translation, covariance=covariance)
-    model, sensor = TaskingModel(track_gate=gate, measurements=3), Sensor(limiting_magnitude=22.0)
+    model, sensor = (
+        TaskingModel(pointing_uncertainty_gate=gate, measurements=3),
+        Sensor(limiting_magnitude=22.0),
+    )
     gain = pair_information(prediction, scene, surfaces, sensor, model)
     bound = information_bound(prediction, scene, sensor, model)
     seen = gain > 0.0
@@ -64,7 +67,7 @@ def test_no_pair_gains_more_than_its_bound(problem, kind, gate):
 @pytest.mark.parametrize("kind", STATES)
 def test_few_pairs_give_the_assignment_of_all(problem, kind, monkeypatch):
     scene, surfaces, prediction = problem
-    covariance = _spread(prediction.covariance, kind, np.random.default_rng(2))
+    covariance = _covariances(prediction.covariance, kind, np.random.default_rng(2))
     covariance[3] = -1.0
     translation = prediction.translation.copy()
     translation[7] = np.nan
@@ -74,21 +77,21 @@ def test_few_pairs_give_the_assignment_of_all(problem, kind, monkeypatch):
     )
     computed = []
 
-    def count(*args, wanted, out):
-        computed.append(int(wanted.sum()))
-        return pair_information(*args, wanted=wanted, out=out)
+    def count(*args, selected, out):
+        computed.append(int(selected.sum()))
+        return pair_information(*args, selected=selected, out=out)
 
     monkeypatch.setattr(preselection, "pair_information", count)
-    ours = preselection.assign_preselected(*arguments)
-    theirs = assign(pair_information(*arguments))
-    np.testing.assert_array_equal(ours.target, theirs.target)
-    assert ours.information == theirs.information
+    found = preselection.assign_preselected(*arguments)
+    whole = assign(pair_information(*arguments))
+    np.testing.assert_array_equal(found.target, whole.target)
+    assert found.information == whole.information
     assert sum(computed) < 0.2 * 12 * N_TARGETS
 
 
 @pytest.mark.parametrize("shape", [(4, 60), (15, 200), (30, 40), (20, 9), (3, 1)])
 def test_assignments_by_bounds_are_those_of_the_matrix(shape):
-    """Competing, blind and idle observers, useless targets, and bounds far off or infinite."""
+    """Competing, blind and idle observers, useless targets, and loose or infinite bounds."""
     rng = np.random.default_rng(shape)
     for trial in range(20):
         common = rng.exponential(1.0, shape[1])
@@ -99,28 +102,28 @@ def test_assignments_by_bounds_are_those_of_the_matrix(shape):
         bound[rng.random(shape) < 0.1] = np.inf
         bound[(gain == 0.0) & (rng.random(shape) < 0.5)] = 0.0
 
-        def compute(wanted, out, gain=gain):
-            out[wanted] = gain[wanted]
+        def compute(selected, out, gain=gain):
+            out[selected] = gain[selected]
 
-        ours, theirs = preselection.assign_by_bounds(bound, compute), assign(gain)
-        np.testing.assert_array_equal(ours.target, theirs.target)
-        assert ours.information == theirs.information
+        found, whole = preselection.assign_by_bounds(bound, compute), assign(gain)
+        np.testing.assert_array_equal(found.target, whole.target)
+        assert found.information == whole.information
 
 
 def test_ties_are_settled_as_by_the_whole_matrix():
-    """Observers in one place, targets alike: all pairs are computed, and the choice is SciPy's."""
+    """With equal observers and targets all pairs are computed, and SciPy decides."""
     rng = np.random.default_rng(5)
     for _ in range(40):
         gain = rng.integers(0, 4, (6, 40)).astype(float)
         gain[3] = gain[1]
         known = np.zeros(gain.shape, dtype=bool)
 
-        def compute(wanted, out, gain=gain, known=known):
-            known |= wanted
-            out[wanted] = gain[wanted]
+        def compute(selected, out, gain=gain, known=known):
+            known |= selected
+            out[selected] = gain[selected]
 
-        ours, theirs = preselection.assign_by_bounds(1.5 * gain, compute), assign(gain)
-        np.testing.assert_array_equal(ours.target, theirs.target)
+        found, whole = preselection.assign_by_bounds(1.5 * gain, compute), assign(gain)
+        np.testing.assert_array_equal(found.target, whole.target)
         assert np.all(known[gain > 0.0])
 
 
@@ -130,7 +133,7 @@ def test_the_loop_is_the_same_whether_pairs_are_preselected(monkeypatch):
         monkeypatch.setattr(preselection, "FEWEST_PAIRS", fewest)
         problem = tracking_problem(5, 40, duration_hours=3.0)
         results.append(run_closed_loop(*problem[:4], [0], problem[4]))
-    ours, theirs = results
-    assert np.any(ours.assignment != IDLE)
-    for name in ("assignment", "information", "evaluations", "error", "fate"):
-        np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name), name)
+    few, whole = results
+    assert np.any(few.assignment != IDLE)
+    for name in ("assignment", "information", "evaluations", "error", "outcome"):
+        np.testing.assert_array_equal(getattr(few, name), getattr(whole, name), name)

@@ -1,4 +1,4 @@
-"""Schedules of slots, against brute force, single taskings and the filter's own predictions."""
+"""Schedules of slots, against brute force, single taskings and predictions of the filter."""
 
 import dataclasses
 from itertools import combinations, product
@@ -14,25 +14,25 @@ from cislunar.observation.sensor import Sensor
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.decision import _turning_steps, decide
 from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.planning.assignment import IDLE
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel, pair_information
-from cislunar.tasking.planning.looks import SlotLooks, slot_looks
 from cislunar.tasking.planning.packing import best_packing
-from cislunar.tasking.planning.schedule import chances, plan_schedule
+from cislunar.tasking.planning.schedule import detection_probabilities, plan_schedule
 from cislunar.tasking.planning.schedule_bound import schedule_bound
 from cislunar.tasking.planning.schedule_model import ScheduleModel
-from cislunar.tasking.simulation import initial_estimate
+from cislunar.tasking.planning.slot_observations import SlotObservations, slot_observations
 
 MODEL = DetectionModel(prior_mag=0.8, flicker_mag=0.5, never_detected_bonus=2.0)
 BRIGHT = Sensor(limiting_magnitude=22.0)
 
 
-def _random_looks(rng, n_slots, n_observers, n_targets):
+def _random_observations(rng, n_slots, n_observers, n_targets):
     shape = n_slots, n_observers, n_targets
     factor = rng.normal(size=(*shape, 6, 2)) * rng.choice([0.0, 1.0, 3.0], (*shape, 1, 1))
-    return SlotLooks(factor, rng.normal(0.0, 0.7, shape), np.zeros((*shape, 3)))
+    return SlotObservations(factor, rng.normal(0.0, 0.7, shape), np.zeros((*shape, 3)))
 
 
 def _learned(n_targets):
@@ -43,14 +43,14 @@ def _learned(n_targets):
     return learned
 
 
-def _chances(learned, looks):
-    return chances(learned, looks.margin[..., None])
+def _chances(learned, observations):
+    return detection_probabilities(learned, observations.margin[..., None])
 
 
-def _worth(looks, learned, schedule):
-    """The expectation over outcomes and brightness, spelled out; chances have their own test."""
-    total, each = 0.0, _chances(learned, looks).detects
-    for j in range(looks.margin.shape[2]):
+def _worth(observations, learned, schedule):
+    """The expectation over outcomes and brightness, term by term."""
+    total, each = 0.0, _chances(learned, observations).detects
+    for j in range(observations.margin.shape[2]):
         own = [tuple(at) for at in np.argwhere(schedule == j)]
         weight = np.exp(learned.log_weight[j])
         bonus = 0.0 if learned.detected[j] else MODEL.never_detected_bonus
@@ -61,18 +61,18 @@ def _worth(looks, learned, schedule):
                     p = each[at][j]
                     probability *= p if at in found else 1.0 - p
                     if at in found:
-                        matrix += looks.factor[at][j] @ looks.factor[at][j].T
+                        matrix += observations.factor[at][j] @ observations.factor[at][j].T
                 total += probability.sum() * (0.5 * np.linalg.slogdet(matrix)[1] + bonus)
     return total
 
 
-def _taskings(looks, slot, most):
-    """All taskings of a slot, of pairs that see something."""
-    n_observers, n_targets = looks.margin.shape[1:]
+def _taskings(observations, slot, most):
+    """All taskings of a slot by pairs with information."""
+    n_observers, n_targets = observations.margin.shape[1:]
     for target in product(range(-1, n_targets), repeat=n_observers):
         busy = [(o, j) for o, j in enumerate(target) if j != IDLE]
         crowd = np.bincount([j for _, j in busy], minlength=1).max()
-        if crowd <= most and all(looks.factor[slot, o, j].any() for o, j in busy):
+        if crowd <= most and all(observations.factor[slot, o, j].any() for o, j in busy):
             yield np.array(target)
 
 
@@ -80,30 +80,34 @@ def _taskings(looks, slot, most):
 def test_one_slot_is_the_best_of_all_taskings(most):
     learned = _learned(3)
     for seed in range(4):
-        looks = _random_looks(np.random.default_rng(seed), 1, 3, 3)
-        plan = plan_schedule(looks, _chances(learned, looks), observers_per_target=most)
-        assert plan.worth == pytest.approx(_worth(looks, learned, plan.target), rel=1e-9)
-        best = max(_worth(looks, learned, each[None]) for each in _taskings(looks, 0, most))
+        observations = _random_observations(np.random.default_rng(seed), 1, 3, 3)
+        plan = plan_schedule(
+            observations, _chances(learned, observations), observers_per_target=most
+        )
+        assert plan.worth == pytest.approx(_worth(observations, learned, plan.target), rel=1e-9)
+        best = max(
+            _worth(observations, learned, each[None]) for each in _taskings(observations, 0, most)
+        )
         assert plan.worth == pytest.approx(best, rel=1e-9)
         assert plan.gap < 1e-6
 
 
-def test_no_slot_of_several_can_be_chosen_better_and_hardly_all_together():
+def test_no_single_slot_can_be_improved_and_all_together_hardly():
     learned = _learned(3)
     for seed in range(3):
-        looks = _random_looks(np.random.default_rng(seed), 2, 2, 3)
-        plan = plan_schedule(looks, _chances(learned, looks))
-        assert plan.worth == pytest.approx(_worth(looks, learned, plan.target), rel=1e-9)
-        singles = [list(_taskings(looks, slot, 1)) for slot in range(2)]
+        observations = _random_observations(np.random.default_rng(seed), 2, 2, 3)
+        plan = plan_schedule(observations, _chances(learned, observations))
+        assert plan.worth == pytest.approx(_worth(observations, learned, plan.target), rel=1e-9)
+        singles = [list(_taskings(observations, slot, 1)) for slot in range(2)]
         for slot in range(2):
             for other in singles[slot]:
                 changed = plan.target.copy()
                 changed[slot] = other
-                assert _worth(looks, learned, changed) <= plan.worth + 1e-8
-        best = max(_worth(looks, learned, np.array(both)) for both in product(*singles))
+                assert _worth(observations, learned, changed) <= plan.worth + 1e-8
+        best = max(_worth(observations, learned, np.array(both)) for both in product(*singles))
         assert plan.worth > 0.95 * best
         for most, least in ((1, best), (2, plan.worth)):
-            given = looks, _chances(learned, looks), plan.target, plan.worth
+            given = observations, _chances(learned, observations), plan.target, plan.worth
             bound = schedule_bound(*given, observers_per_target=most, steps=60)
             assert bound >= least * (1.0 - 1e-12)
             assert most == 2 or bound < 1.05 * best
@@ -130,17 +134,19 @@ def problem():
     return tracking_problem(4, 8, duration_hours=3.0, sensor=BRIGHT)
 
 
-def test_looks_are_those_of_the_filter_s_prediction_at_each_slot(problem):
+def test_observations_agree_with_the_prediction_of_the_filter_at_each_slot(problem):
     scene, surfaces, epoch, _, loop = problem
     filt = MultiplicativeUKF(
         scene, surfaces, BRIGHT, initial_estimate(epoch, loop.initial.components())
     )
     model = TaskingModel()
-    looks = slot_looks(filt.predict(), np.array([0, 30]), scene, BRIGHT, model, EARTH_MOON)
+    observations = slot_observations(
+        filt.predict(), np.array([0, 30]), scene, BRIGHT, model, EARTH_MOON
+    )
     known = scene, surfaces, BRIGHT, model
     nothing = Measurements(*pointed_schedule(np.full((30, 4), IDLE), 8), *np.empty((2, 0, 3)))
     for slot, tolerance in ((0, 1e-9), (1, 1e-3)):
-        gram = np.einsum("ojia,ojib->ojab", looks.factor[slot], looks.factor[slot])
+        gram = np.einsum("ojia,ojib->ojab", observations.factor[slot], observations.factor[slot])
         found = 0.5 * np.linalg.slogdet(np.eye(2) + gram)[1]
         expected = pair_information(filt.predict(), *known)
         np.testing.assert_allclose(found, expected, rtol=tolerance, atol=1e-9)
@@ -148,7 +154,7 @@ def test_looks_are_those_of_the_filter_s_prediction_at_each_slot(problem):
         filt.advance(nothing)
 
 
-def test_one_slot_an_interval_is_no_slot(problem):
+def test_one_slot_per_interval_is_plain_tasking(problem):
     scene, surfaces, epoch, ids, loop = problem
     runs = []
     for detection in (None, MODEL):
@@ -165,7 +171,7 @@ def test_one_slot_an_interval_is_no_slot(problem):
         np.testing.assert_allclose(slotted.information, plain.information, rtol=1e-8)
 
 
-def test_looks_follow_the_schedule(problem):
+def test_observations_follow_the_schedule(problem):
     scene, surfaces, epoch, ids, loop = problem
     settings = dataclasses.replace(
         loop,
@@ -177,26 +183,28 @@ def test_looks_follow_the_schedule(problem):
     )
     found = run_closed_loop(scene, surfaces, epoch, ids, [3], settings)
     assert found.assignment.shape == (1, 2, 3, 4) and np.all(found.planning_gap < 1e-6)
-    looks = found.records.looks
-    when, slot = looks.step // 90, looks.step % 90 // 40
-    np.testing.assert_array_equal(found.assignment[0, when, slot, looks.observer], looks.target)
-    pairs = {*zip(looks.step.tolist(), looks.observer.tolist(), strict=True)}
-    assert len(pairs) == looks.step.size  # nobody looks at two targets at once
-    crowd = np.bincount(looks.step * 8 + looks.target)
+    observations = found.observations
+    when, slot = observations.step // 90, observations.step % 90 // 40
+    np.testing.assert_array_equal(
+        found.assignment[0, when, slot, observations.observer], observations.target
+    )
+    pairs = {*zip(observations.step.tolist(), observations.observer.tolist(), strict=True)}
+    assert len(pairs) == observations.step.size  # no observer has two targets at once
+    crowd = np.bincount(observations.step * 8 + observations.target)
     assert crowd.max() == 2
     seen = np.zeros((180, 4), dtype=bool)
-    seen[looks.step, looks.observer] = True
-    np.testing.assert_array_equal(np.isfinite(found.records.pointing[0, :, :, 0]), seen)
+    seen[observations.step, observations.observer] = True
+    np.testing.assert_array_equal(np.isfinite(found.pointing[0, :, :, 0]), seen)
     changes = np.argwhere(np.diff(found.assignment[0, 0], axis=0) != 0)
     assert changes.size and all(not seen[40 * (s + 1), o] for s, o in changes)
 
 
-def test_turning_takes_its_time():
+def test_slewing_takes_time():
     angles = np.deg2rad([0.0, 10.0, 90.0])
     direction = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=-1)[None, None]
     model = ScheduleModel(slew_deg_s=0.25, settle_s=30.0)
     found = _turning_steps(np.array([[1]]), np.array([0]), direction, model, 60.0)
-    # 70 s and 390 s after the last measurement: the first of it, or six of them, come too early
+    # slews of 70 s and 390 s: the first measurement, or the first six, are lost
     np.testing.assert_array_equal(found, [[[0, 1, 6]]])
     first = _turning_steps(np.array([[1]]), np.array([IDLE]), direction, model, 60.0)
     np.testing.assert_array_equal(first, 0)
@@ -220,7 +228,7 @@ def test_impossible_models_are_refused(key):
         ScheduleModel(**{key: 0})
 
 
-def test_of_a_horizon_the_first_interval_is_carried_out(problem):
+def test_the_first_interval_of_a_horizon_is_executed(problem):
     scene, surfaces, epoch, _, loop = problem
     filt = MultiplicativeUKF(
         scene, surfaces, BRIGHT, initial_estimate(epoch, loop.initial.components())
@@ -230,11 +238,15 @@ def test_of_a_horizon_the_first_interval_is_carried_out(problem):
     given = scene, surfaces, settings, EARTH_MOON, None, nowhere, np.random.default_rng(0)
     found = decide(filt.predict(), 60, *given)
     starts = np.array([0, 40, 60, 100, 120, 160])  # the run has three intervals
-    looks = slot_looks(filt.predict(), starts, scene, BRIGHT, TaskingModel(), EARTH_MOON)
-    plan = plan_schedule(looks, _chances(None, looks))
+    observations = slot_observations(
+        filt.predict(), starts, scene, BRIGHT, TaskingModel(), EARTH_MOON
+    )
+    plan = plan_schedule(observations, _chances(None, observations))
     np.testing.assert_array_equal(found.target, plan.target[:2])
-    np.testing.assert_array_equal(found.looking, np.repeat(plan.target[:2], [40, 20], axis=0))
-    of_two = SlotLooks(*(each[:2] for each in looks))
+    np.testing.assert_array_equal(
+        found.target_by_step, np.repeat(plan.target[:2], [40, 20], axis=0)
+    )
+    of_two = SlotObservations(*(each[:2] for each in observations))
     learned = _learned(8)
     learned.log_weight[:] = -1e9
     learned.log_weight[:, 0] = 0.0  # far brighter than the limit
@@ -244,5 +256,7 @@ def test_of_a_horizon_the_first_interval_is_carried_out(problem):
     assert found.information < plan.information
     result = run_closed_loop(scene, surfaces, epoch, problem.ids, (0,), settings)
     assert result.assignment.shape == (1, 3, 2, 4)
-    with pytest.raises(ConfigurationError, match="horizon_epochs = 0 must be at least 1"):
+    with pytest.raises(
+        ConfigurationError, match="horizon_epochs = 0 must be a whole number at least 1"
+    ):
         ScheduleModel(horizon_epochs=0)

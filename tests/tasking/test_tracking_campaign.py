@@ -1,8 +1,8 @@
 """Twenty observers on ten L2 and L3 halos track subsets of the 202 targets for a day.
 
-The satellite counts are those of scenario A of Paul & Fan; the members of the families are not
-given there and are taken along the families. What is asked of the results is what the paper
-claims and several seeds bear out.
+The satellite counts are those of scenario A of Paul & Fan. The paper does not give the members of
+the families, which are distributed along them. The assertions are claims of the paper that several
+seeds confirm.
 """
 
 import numpy as np
@@ -14,14 +14,15 @@ from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
 from cislunar.estimation.estimator import CHOLESKY_FAILURES
 from cislunar.estimation.kalman.mukf import mukf
 from cislunar.evaluation.metrics import INCONSISTENT, NEVER_OBSERVED
-from cislunar.observation.scene import make_scene, target_surfaces
+from cislunar.observation.scene import make_scene
+from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.orbits.families import observer_library
 from cislunar.orbits.tracked import tracked_targets
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.initial_conditions import epoch_states, monitored_targets
 from cislunar.tasking.settings import LoopSettings
-from cislunar.tasking.simulation import epoch_states, monitored_targets
 
 SATELLITES = {
     "Halo_L3_N": {1: 2, 4: 1},
@@ -76,7 +77,7 @@ ATTITUDE, POSITION = slice(0, 3), slice(6, 9)
 
 
 @pytest.mark.parametrize("n_targets", [20, 50, 100])
-def test_translation_is_tracked_whatever_the_load(by_target_count, n_targets):
+def test_translation_is_tracked_for_any_number_of_targets(by_target_count, n_targets):
     result = by_target_count[n_targets]
     observed = _observed(result)
     coverage = result.metrics.coverage[observed][:, 6:].mean(axis=0)
@@ -115,7 +116,7 @@ def test_position_error_grows_with_the_tasking_interval(campaign):
     assert errors[0] < errors[1]
 
 
-def test_without_magnitude_the_attitude_is_covered_and_useless(campaign):
+def test_without_magnitude_the_attitude_is_consistent_and_inaccurate(campaign):
     result = campaign(20, seeds=(0, 1), estimator=mukf(use_magnitude=False))
     final = np.rad2deg(np.sqrt(np.mean(result.sigma[:, -1, :, :3].astype(float) ** 2, axis=-1)))
     assert np.all((final > 34.0) & (final < 35.0))

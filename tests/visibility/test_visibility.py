@@ -13,9 +13,8 @@ from cislunar.architecture.coverage.tables import coverage_tables
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import equations_of_motion
 from cislunar.errors import ConfigurationError
-from cislunar.observation.eclipse import sunlit_share
 from cislunar.observation.sensor import ExclusionAngles
-from cislunar.observation.sightline import EARTH_RADIUS
+from cislunar.observation.sightline import EARTH_RADIUS, sunlit_share
 from cislunar.orbits.families import OrbitSet, family_members
 from cislunar.photometry.sphere import phase_function, sphere_magnitude
 from cislunar.visibility.counts import (
@@ -34,7 +33,7 @@ EARTH = np.array([-MU, 0.0, 0.0])
 
 
 def sun_at(times):
-    """A Sun that goes round in the ecliptic, 5 degrees off the Moon's plane, once a month."""
+    """A Sun that revolves once a month, in the ecliptic at 5 degrees to the Moon's plane."""
     angle = -2.0 * np.pi * np.asarray(times) / SYNODIC_MONTH
     return 389.0 * np.stack([np.cos(angle), np.sin(angle), 0.09 * np.sin(angle + 1.0)], axis=-1)
 
@@ -90,7 +89,7 @@ def test_other_settings(settings):
 
 @pytest.mark.parametrize("distance", [1e-12, 1e-9, 1e-7, 1e-6, 1e-4, 1e-2])
 def test_targets_next_to_the_satellite(distance):
-    # Single precision cannot tell such a target from the satellite; the decision must not care.
+    # Single precision cannot distinguish such a target from the satellite; the decision must.
     rng = np.random.default_rng(2)
     observer = np.array([[0.9, 0.13, -0.2], [1.1, -0.3, 0.05]])
     direction = rng.normal(size=(500, 3))
@@ -175,7 +174,7 @@ def test_observers_are_counted_by_satellite():
     np.testing.assert_array_equal(counts, expected)
 
 
-def test_the_shadows_take_away_what_is_too_faint_in_them():
+def test_targets_too_faint_in_shadow_are_not_observed():
     """Pair by pair, by the share of the Sun that is seen: counts, coverage and its tables."""
     settings = VisibilitySettings(angles=ExclusionAngles(0.0, 0.0, 0.0), eclipse=True)
     times, sun = np.zeros(1), sun_at([0.4])

@@ -1,4 +1,4 @@
-"""``import cislunar``: at once and without its rooms, yet with what notebooks begin with."""
+"""``import cislunar`` is fast, imports no package, and offers the names that notebooks need."""
 
 import inspect
 import subprocess
@@ -14,7 +14,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.visibility.counts import VisibilitySettings
 
 
-def test_import_waits_for_no_other_package():
+def test_import_loads_no_other_package():
     script = (
         "import sys; before = {*sys.modules}; import cislunar; from cislunar import __version__;"
         "print(*sorted({*sys.modules} - before))"
@@ -34,7 +34,7 @@ def test_names_are_few_and_listed():
 
 
 @pytest.mark.parametrize("name", cs.__all__)
-def test_each_name_is_the_function_of_its_room_and_help_can_be_read(name):
+def test_each_name_is_the_function_of_its_package_and_has_readable_help(name):
     function = getattr(cs, name)
     assert getattr(import_module(function.__module__), name) is function
     assert inspect.getdoc(function)
@@ -43,7 +43,7 @@ def test_each_name_is_the_function_of_its_room_and_help_can_be_read(name):
         assert unreadable not in signature
 
 
-def test_a_name_that_is_not_there_is_said_so():
+def test_an_unknown_name_is_reported():
     with pytest.raises(AttributeError, match="'cislunar' has no attribute 'halo'"):
         _ = cs.halo
 

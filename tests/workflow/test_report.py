@@ -1,4 +1,4 @@
-"""The report: every figure and table has a caption that speaks of the paper and of ours."""
+"""The report: every figure and table has a caption that refers to the paper and to the result."""
 
 import re
 
@@ -9,10 +9,10 @@ RULES = sorted((ROOT / "workflow/rules").glob("*.smk"))
 USERS = [ROOT / "Snakefile", *RULES]
 CAPTIONS = sorted((ROOT / "workflow/report").glob("*.rst"))
 SHOWN = re.compile(r'results\(\s*"((?:figures/[^"]+\.(?:png|html))|(?:tables/[^"]+\.csv))"')
-GATHERED = re.compile(r"tables/claims_\w+\.csv")
-"""Parts of a table that is in the report as a whole."""
+COLLECTED = re.compile(r"tables/claims_\w+\.csv")
+"""Parts of a table that the report contains as a whole."""
 LONG = {"tables/tracking.csv"}
-"""Too long to be shown."""
+"""Tables that are too long for the report."""
 
 
 def calls(text, name):
@@ -39,10 +39,10 @@ def inside(position, spans):
 @pytest.mark.parametrize("path", RULES, ids=lambda path: path.stem)
 def test_every_figure_and_table_is_in_the_report_with_a_caption(path):
     text = path.read_text(encoding="utf-8")
-    made, reported = outputs(text), list(calls(text, "report"))
+    spans, reported = outputs(text), list(calls(text, "report"))
     for match in SHOWN.finditer(text):
-        named = match[1] in LONG or GATHERED.fullmatch(match[1])
-        if inside(match.start(), made) and not named:
+        named = match[1] in LONG or COLLECTED.fullmatch(match[1])
+        if inside(match.start(), spans) and not named:
             assert inside(match.start(), reported), f"{match[1]} is not in the report"
     for start, stop in reported:
         call = text[start:stop]
@@ -52,17 +52,17 @@ def test_every_figure_and_table_is_in_the_report_with_a_caption(path):
         assert re.search(r'category="(Figures|Tables)"', call), f"no category: {call}"
 
 
-def test_some_output_was_looked_at():
-    """Guards the test above against a change of format that it would not see."""
+def test_outputs_are_found():
+    """A change of the format would make the test above pass without any output."""
     text = (ROOT / "workflow/rules/figures.smk").read_text(encoding="utf-8")
-    made = outputs(text)
-    found = [match[1] for match in SHOWN.finditer(text) if inside(match.start(), made)]
+    spans = outputs(text)
+    found = [match[1] for match in SHOWN.finditer(text) if inside(match.start(), spans)]
     assert "figures/fig02_orbit_library.png" in found
     assert "figures/orbits_3d.html" in found
 
 
 @pytest.mark.parametrize("path", CAPTIONS, ids=lambda path: path.stem)
-def test_caption_tells_what_the_paper_shows_and_what_is_shown_here(path):
+def test_caption_describes_the_paper_and_the_result(path):
     text = " ".join(path.read_text(encoding="utf-8").split())
     assert re.search(r"\bpaper(?:'s)?\b", text), "the caption does not speak of the paper"
     assert len(re.findall(r"[.?](?: |$)", text)) >= 2

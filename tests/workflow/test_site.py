@@ -1,4 +1,4 @@
-"""The site: built without a warning, whole without a network, and read by a browser."""
+"""The site: built without a warning, complete without a network, and shown by a browser."""
 
 import ast
 import importlib
@@ -16,7 +16,7 @@ import cislunar
 
 SOURCES = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "config", "docs")
 EXAMPLES = sorted((ROOT / "docs/examples").rglob("*.py"))
-# `python -m cislunar` has no public name of its own.
+# `python -m cislunar` has no public name.
 MODULES = sorted(
     each.name
     for each in pkgutil.walk_packages(cislunar.__path__, prefix="cislunar.")
@@ -26,21 +26,21 @@ MODULES = sorted(
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The folder of the site, made from a copy of the documents; a warning is an error there."""
+    """The folder of the site, built from a copy of the documents; a warning is an error."""
     folder = tmp_path_factory.mktemp("site")
     for name in SOURCES:
         if (ROOT / name).is_dir():
-            made = shutil.ignore_patterns("api", "gallery")
-            shutil.copytree(ROOT / name, folder / name, ignore=made)
+            built = shutil.ignore_patterns("api", "gallery")
+            shutil.copytree(ROOT / name, folder / name, ignore=built)
         else:
             shutil.copy(ROOT / name, folder)
-    said, code = run("sphinx", "-W", "--keep-going", "-q", "-c", "docs", ".", "out", cwd=folder)
-    assert code == 0, said[-3000:]
+    output, code = run("sphinx", "-W", "--keep-going", "-q", "-c", "docs", ".", "out", cwd=folder)
+    assert code == 0, output[-3000:]
     return folder / "out"
 
 
 class Page(HTMLParser):
-    """What a page refers to, and the places in it that can be referred to."""
+    """Links of a page, the files that it loads, and its anchors."""
 
     def __init__(self, path):
         super().__init__()
@@ -81,7 +81,7 @@ def test_no_link_is_broken_and_nothing_is_fetched(pages):
 
 
 def public(module):
-    """Functions and classes that a module defines for others, compiled ones too."""
+    """Public functions and classes of a module, including compiled functions."""
     for name, value in vars(module).items():
         function = getattr(value, "py_func", value)
         kind = inspect.isfunction(function) or inspect.isclass(function)
@@ -117,7 +117,7 @@ def test_example_has_a_caption_and_a_plot(path, site):
     assert [*(site / "_images").glob(f"sphx_glr_{path.stem}_001.png")]
 
 
-LOOK = """
+INSPECTION = """
 if (document.readyState !== "complete") await new Promise(done => addEventListener("load", done));
 if (window.MathJax && MathJax.startup) await MathJax.startup.promise;
 return {
@@ -143,7 +143,7 @@ return {
 def test_page_opens_in_a_browser(name, width, formulas, site):
     page = site / f"{name}.html"
     html = page.read_text(encoding="utf-8")
-    found, troubles = probe(html, page.parent, LOOK, width=width)
+    found, troubles = probe(html, page.parent, INSPECTION, width=width)
     assert not troubles
     assert not found["empty"]
     assert found["formulas"] >= formulas

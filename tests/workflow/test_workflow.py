@@ -1,4 +1,4 @@
-"""The campaign by its own command: dry runs, the small configuration, bad input, and style."""
+"""The campaign by its command: dry runs, the small configuration, bad input, and style."""
 
 import base64
 import csv
@@ -20,7 +20,7 @@ def fresh(tmp_path_factory):
 
 
 def digest(folder):
-    """A hash of every result by its path; logs and times aside."""
+    """A hash of every result by its path, without logs and benchmarks."""
     results = folder / "results"
     return {
         str(path.relative_to(results)): hashlib.sha256(path.read_bytes()).hexdigest()
@@ -43,13 +43,13 @@ def test_dry_run_of_the_full_campaign(fresh):
     assert not (fresh / "results").exists()
 
 
-@pytest.mark.parametrize("target", ["task1", "task2", "figures", "results/architecture/B/exact.nc"])
-def test_dry_run_of_a_part(fresh, target):
-    output, code = snakemake(fresh, "--dry-run", "--cores", "2", target)
+def test_dry_run_of_parts(fresh):
+    targets = "task1", "task2", "figures", "results/architecture/B/exact.nc"
+    output, code = snakemake(fresh, "--dry-run", "--cores", "2", *targets)
     assert code == 0, output[-3000:]
 
 
-def test_small_campaign_makes_every_kind_of_result(finished):
+def test_small_campaign_produces_every_kind_of_result(finished):
     results = finished / "results" / "quick"
     for name in (
         "ephemeris/sun.nc",
@@ -92,18 +92,18 @@ LONG_JOBS = {
     "task2/summary": "cells",
     "figures/orbit_library": "files of the figure",
 }
-"""Jobs that take more than a few seconds at full size, and what their progress counts."""
+"""Jobs that take more than a few seconds at full size, and the items of their progress."""
 
 
 @pytest.mark.parametrize("name, counted", LONG_JOBS.items())
-def test_small_campaign_tells_its_progress(finished, name, counted):
+def test_small_campaign_logs_its_progress(finished, name, counted):
     log = (finished / f"results/quick/logs/{name}.log").read_text(encoding="utf-8")
     line = rf"{counted}: (\d+) of \1 \(100 %\), \d+:\d\d elapsed, 0:00 left"
     assert re.search(line, log), log
     assert "done in" in log
 
 
-def test_small_campaign_keeps_its_times(finished):
+def test_small_campaign_records_its_times(finished):
     path = finished / "results/quick/benchmarks/visibility/A.tsv"
     with open(path, encoding="utf-8") as file:
         row = next(csv.DictReader(file, delimiter="\t"))
@@ -131,7 +131,7 @@ def test_report_is_one_file(finished, tmp_path):
     assert len(report) < 15e6
     if CHROMIUM is not None:
         assert probe(report, tmp_path, OPENED)[0] == "Figures"
-    # The interactive page is inside, byte for byte, with its own copy of plotly.js.
+    # The interactive page is included, byte for byte, with its copy of plotly.js.
     page = (finished / "results/quick/figures/orbits_3d.html").read_bytes()
     assert base64.b64encode(page).decode() in report
 
@@ -150,7 +150,7 @@ def refused(folder, tmp_path, change, *arguments):
 
 
 def broken_missions(tmp_path):
-    """The mission table with the Jacobi constant of one row taken out."""
+    """The mission table without the Jacobi constant of one row."""
     with open(ROOT / "config/missions.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     rows[4]["jacobi"] = ""
@@ -192,8 +192,8 @@ def test_mission_without_jacobi_constant_stops_at_once(finished, tmp_path):
     assert f"{table}, row 6, mission '{mission}': no Jacobi constant" in output
 
 
-def test_bad_input_leaves_nothing_to_repair(finished):
-    """After all refusals the campaign is as complete as before."""
+def test_bad_input_changes_no_result(finished):
+    """The campaign is still complete after all refused runs."""
     output, _ = snakemake(finished, "--dry-run", "--cores", "2", *QUICK)
     assert "Nothing to be done" in output
 

@@ -40,7 +40,7 @@ rule best_run:
     params:
         early_stop=ARCHITECTURE["early_stop"],
     message:
-        "Choosing the best of the {wildcards.method} runs (scenario {wildcards.scenario})"
+        "Selecting the best of the {wildcards.method} runs (scenario {wildcards.scenario})"
     script:
         "../scripts/best_run.py"
 
@@ -63,7 +63,7 @@ rule exact:
         certificate=ARCHITECTURE["certificate"],
         seed=config["seed"],
     message:
-        "Proving the best architecture optimal (scenario {wildcards.scenario})"
+        "Bounding J over all architectures (scenario {wildcards.scenario})"
     script:
         "../scripts/exact.py"
 
@@ -83,7 +83,7 @@ rule published:
         restarts=ARCHITECTURE["restarts"],
         seed=config["seed"],
     message:
-        "Choosing members for the published architecture (scenario {wildcards.scenario})"
+        "Selecting members of the published families (scenario {wildcards.scenario})"
     script:
         "../scripts/published.py"
 
@@ -100,7 +100,7 @@ rule own_architecture:
     conda:
         "../envs/cislunar.yaml"
     message:
-        "Measuring the observers {wildcards.observers} (scenario {wildcards.scenario})"
+        "Evaluating the observers {wildcards.observers} (scenario {wildcards.scenario})"
     script:
         "../scripts/own_architecture.py"
 
@@ -125,7 +125,7 @@ rule front:
         settings=settings_of("epoch_jd", "propagator", "visibility"),
         seed=config["seed"],
     message:
-        "Best J for each number of satellites (scenario {wildcards.scenario})"
+        "Searching the best J for each number of satellites (scenario {wildcards.scenario})"
     script:
         "../scripts/front.py"
 
@@ -136,7 +136,7 @@ rule design:
         targets=rules.static_targets.output[0],
         tracked=shared("orbits/tracked"),
         sun=shared("ephemeris/sun"),
-        mesh=lambda wildcards: goal_mesh(wildcards, DESIGNS[wildcards.design]),
+        mesh=lambda wildcards: objective_mesh(wildcards, DESIGNS[wildcards.design]),
     output:
         results("architecture/{scenario}/{design}.nc"),
     log:
@@ -149,10 +149,10 @@ rule design:
         mem_mb=2000,
     params:
         design=lambda wildcards: DESIGNS[wildcards.design],
-        settings=lambda wildcards: goal_settings(wildcards, DESIGNS[wildcards.design]),
+        settings=lambda wildcards: objective_settings(wildcards, DESIGNS[wildcards.design]),
         seed=config["seed"],
     message:
-        "Searching the design {wildcards.design} (scenario {wildcards.scenario})"
+        "Searching for the design {wildcards.design} (scenario {wildcards.scenario})"
     script:
         "../scripts/design.py"
 
@@ -163,7 +163,7 @@ rule objective_front:
         targets=rules.static_targets.output[0],
         tracked=shared("orbits/tracked"),
         sun=shared("ephemeris/sun"),
-        mesh=lambda wildcards: goal_mesh(wildcards, FRONTS[wildcards.front]),
+        mesh=lambda wildcards: objective_mesh(wildcards, FRONTS[wildcards.front]),
     output:
         results("architecture/{scenario}/fronts/{front}.nc"),
     log:
@@ -177,9 +177,9 @@ rule objective_front:
         mem_mb=2000,
     params:
         front=lambda wildcards: FRONTS[wildcards.front],
-        settings=lambda wildcards: goal_settings(wildcards, FRONTS[wildcards.front]),
+        settings=lambda wildcards: objective_settings(wildcards, FRONTS[wildcards.front]),
         seed=config["seed"],
     message:
-        "The best by number of satellites, {wildcards.front} (scenario {wildcards.scenario})"
+        "Searching the front {wildcards.front} by number of satellites (scenario {wildcards.scenario})"
     script:
         "../scripts/objective_front.py"

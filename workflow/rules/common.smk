@@ -1,4 +1,4 @@
-"""What every stage needs: the checked configuration, the results folder, the wildcards."""
+"""The checked configuration, the results folder and the wildcards, which every stage uses."""
 
 import os
 import re
@@ -13,9 +13,9 @@ from cislunar.campaign.settings.preflight import (
     check_inputs,
     check_orbits,
     check_request,
-    crowded_goals,
+    crowded_objectives,
 )
-from cislunar.campaign.settings.reading import with_types
+from cislunar.campaign.settings.reading import typed, with_types
 from cislunar.campaign.settings.scenarios import (
     in_study,
     information_of,
@@ -26,34 +26,30 @@ from cislunar.campaign.settings.scenarios import (
     tracked_count,
     tracked_epoch,
 )
-from cislunar.campaign.settings.cells import (
-    Cell,
-    cell_settings,
-    check_cell,
-    estimator_names,
-    body_files,
-)
-from cislunar.campaign.operation.handing_over import offer_worker
-from cislunar.campaign.operation.kernels import drop_stale_kernels
+from cislunar.campaign.settings.cell_settings import body_files, cell_settings
+from cislunar.campaign.settings.cell_tree import CellSettings
+from cislunar.campaign.settings.cells import Cell, check_cell, estimator_names
+from cislunar.runtime.worker_client import offer_worker
+from cislunar.runtime.kernels import drop_stale_kernels
 from cislunar.errors import CislunarError
 
 try:
     config.update(check_campaign(with_types(config)))
     check_inputs(config)
     config.update(in_study(config))
-    # with the variants, and with those and the scenarios of sweeps as well
+    # with the variants; and with the variants and the scenarios of sweeps
     CAMPAIGN = with_families({**config, "sweeps": {}})
     STUDY = with_families(config)
     if workflow.is_main_process:
         check_orbits(STUDY)
-        if crowded := crowded_goals(STUDY):
-            # it takes seconds to import, and few studies need it
-            from cislunar.campaign.architectures.goals import check_places
+        if crowded := crowded_objectives(STUDY):
+            # importing it takes seconds, and few studies need it
+            from cislunar.campaign.architectures.objectives import check_orbit_slots
 
-            check_places(STUDY, crowded)
+            check_orbit_slots(STUDY, crowded)
     TRACKED_COUNT = {name: tracked_count(STUDY, name) for name in STUDY["scenarios"]}
 except CislunarError as error:
-    # not an exception that Snakemake would wrap in lines of its own
+    # not an exception, to which Snakemake would add lines
     raise SystemExit(f"error: {error}\n(see config/README.md)") from None
 
 if workflow.is_main_process:
@@ -62,9 +58,9 @@ offer_worker(workflow.is_main_process)
 
 
 onstart:
-    # Snakemake (9.27) looks once more a second after each look for jobs that its rate limit lets it
-    # start, and each finished job begins another such chain: after some hundred jobs it does little
-    # else. A computer's own cores need no such limit.
+    # Snakemake (9.27) repeats its search for jobs that the rate limit allows one second after each
+    # search, and each finished job starts another such chain: after some hundred jobs it does little
+    # else. Jobs on the cores of one machine need no such limit.
     if workflow.local_exec:
         workflow.scheduler.job_rate_limiter = None
 
@@ -73,11 +69,11 @@ RESULTS = config["results"].rstrip("/")
 SCENARIOS = list(config["scenarios"])
 ARCHITECTURE = config["architecture"]
 TASK2 = CAMPAIGN["task2"]
-# Without any, all that rests on the candidate orbits is left out.
+# Without optimizers, everything that rests on the candidate orbits is omitted.
 OPTIMIZERS = ARCHITECTURE["optimizers"]
-# Without any scenario of the paper there is nothing to compare with it.
+# Without a scenario of the paper there is no comparison with it.
 OF_THE_PAPER = bool(OPTIMIZERS) and any(scenario in PUBLISHED for scenario in SCENARIOS)
-# Lowered to --cores by Snakemake, and known to commands that take no --cores, such as --report.
+# Reduced to --cores by Snakemake, and defined for commands without --cores, such as --report.
 ALL_CORES = os.cpu_count()
 SEARCHES = ["tpe", "random", "atpe"]
 OBSERVERS = config["observers"]
@@ -89,7 +85,7 @@ SAMPLED = [name for name in STUDY["scenarios"] if name not in OWN_STATIC]
 
 
 def any_of(names):
-    """A pattern for wildcards: one of some names, or nothing at all."""
+    """A pattern for wildcards: one of the given names; it matches nothing if there are none."""
     return "|".join(map(re.escape, names)) or "(?!)"
 
 
@@ -125,13 +121,13 @@ def settings(*keys):
 
 
 def settings_in(scenario, *keys):
-    """That slice as it holds for a scenario."""
+    """The slice of the configuration that applies to a scenario."""
     own = scenario_settings(STUDY, scenario)
     return {key: own.get(key, config[key]) for key in keys}
 
 
 def settings_of(*keys):
-    """That slice as it holds for the scenario of a job."""
+    """The slice of the configuration that applies to the scenario of a job."""
     return lambda wildcards: settings_in(wildcards.scenario, *keys)
 
 
@@ -148,29 +144,29 @@ def log_of(path):
 def benchmark_of(path):
     """The file with a job's time and memory; its path begins with the name of the rule.
 
-    The job writes it: Snakemake would measure the process that waits for the worker.
+    The job writes it, because Snakemake would measure the process that waits for the worker.
     """
     return f"{RESULTS}/benchmarks/{path}.tsv"
 
 
 def shared(name, scenario=None):
-    """A data set that scenarios with the same settings share; by default, for that of a job."""
+    """A data set that scenarios with the same settings share; by default that of a job's scenario."""
     if scenario is None:
         return lambda wildcards: shared(name, wildcards.scenario)
     return results(shared_dataset(STUDY, scenario, name))
 
 
-def among_bodies(scenario):
-    """Whether the architectures of a scenario are chosen among the bodies as they are."""
+def ephemeris_refined(scenario):
+    """Whether the architectures of a scenario are chosen in ephemeris dynamics."""
     own = settings_in(scenario, "visibility")["visibility"]
     return own.get("dynamics") == "ephemeris"
 
 
 def sky(scenario=None, architecture=""):
-    """Where the Sun is, and among the bodies as they are also observers; by default, of a job."""
+    """Positions of the Sun, in ephemeris dynamics also of observers; by default for a job."""
     if scenario is None:
         return lambda wildcards: sky(wildcards.scenario, wildcards.get("observers", ""))
-    if not among_bodies(scenario):
+    if not ephemeris_refined(scenario):
         return shared("ephemeris/sun", scenario)
     if architecture in OBSERVERS:
         return results(f"orbits/paths_{scenario}_{architecture}.nc")
@@ -178,39 +174,40 @@ def sky(scenario=None, architecture=""):
 
 
 def path_settings(wildcards):
-    """What the paths of observers among the bodies depend on."""
+    """Settings on which the trajectories of observers in ephemeris dynamics depend."""
     own = settings_in(wildcards.scenario, "epoch_jd", "visibility", "task2")
     return own | {"dynamics": own.pop("task2")["dynamics"]}
 
 
 def in_cr3bp(scenario, what):
-    """Refuse what is made in the CR3BP alone for a scenario that has its architectures elsewhere."""
-    if among_bodies(scenario):
+    """Refuse results of the CR3BP for a scenario whose architectures are chosen in ephemeris dynamics."""
+    if ephemeris_refined(scenario):
         raise SystemExit(
-            f"error: scenario {scenario} has visibility.dynamics = 'ephemeris', and {what} of the "
-            f"CR3BP alone; leave {scenario} out there, or set visibility.dynamics to 'cr3bp'"
+            f"error: scenario {scenario} has visibility.dynamics = 'ephemeris', but {what} "
+            f"available only in the CR3BP; omit {scenario} there, or set visibility.dynamics to "
+            "'cr3bp'"
         )
 
 
 def readings_settings(*keys):
-    """The configuration of the scenario that is rerun under each reading of the paper."""
+    """The configuration of the scenario that is repeated with each reading of the paper."""
     scenario = ARCHITECTURE["readings"]["scenario"]
     in_cr3bp(scenario, "architecture.readings is")
     return settings_in(scenario, *keys)
 
 
 def orbits_file(architecture):
-    """The orbits that an architecture refers to."""
+    """The file of orbits to which an architecture refers."""
     return results(orbits_of(architecture, architecture in OBSERVERS))
 
 
 def observer_orbits(wildcards):
-    """The orbits that the architecture of a job refers to."""
+    """The file of orbits to which the architecture of a job refers."""
     return orbits_file(wildcards.architecture)
 
 
 def optimizers_of(scenario):
-    """The optimizers of a scenario; the paper publishes architectures for its own alone."""
+    """The optimizers of a scenario; the paper publishes architectures only for its own scenarios."""
     return [o for o in OPTIMIZERS if o != "published" or scenario in PUBLISHED]
 
 
@@ -240,14 +237,14 @@ def tracking_settings(wildcards):
     cell = cell_of(wildcards)
     try:
         chosen = cell_settings(settings_in(cell.scenario, "task2")["task2"], cell.variant)
-        check_cell(cell, chosen, TRACKED_COUNT[cell.scenario])
+        check_cell(cell, typed(chosen, CellSettings), TRACKED_COUNT[cell.scenario])
     except CislunarError as error:
         raise SystemExit(f"error: {error}") from None
     return chosen
 
 
 def kept_realizations(wildcards):
-    """What the jobs of a cell's realizations leave, where these are jobs of their own."""
+    """Outputs of the realizations of a cell, where each realization is a job of its own."""
     if not TASK2["realization_jobs"]:
         return []
     count = tracking_settings(wildcards)["seeds"]
@@ -255,17 +252,17 @@ def kept_realizations(wildcards):
 
 
 def tracking_mesh(wildcards):
-    """Mesh file of the targets, if they have one."""
+    """Mesh files of the targets, if they have any."""
     return body_files(tracking_settings(wildcards))
 
 
 def tracking_bodies(wildcards):
-    """The bodies, if targets move among them as they are, or observers stand on the Earth."""
+    """Ephemerides of the bodies, for ephemeris dynamics or ground stations."""
     return bodies_for(wildcards.scenario, tracking_settings(wildcards))
 
 
 def bodies_for(scenario, chosen):
-    """The same for the settings of a cell."""
+    """Ephemerides of the bodies, if the settings of a cell require them."""
     among = chosen.get("dynamics", {}).get("truth") == "ephemeris"
     return shared("ephemeris/bodies", scenario) if among or chosen.get("stations") else []
 
@@ -275,29 +272,29 @@ def comparison_settings(wildcards):
     return cell_settings(settings_in(wildcards.scenario, "task2")["task2"])
 
 
-def goal_settings(wildcards, goal=None):
-    """What an architecture by an objective of its own depends on; `goal` is a design or a front."""
-    in_cr3bp(wildcards.scenario, "architecture.designs, objective_fronts and elsewhere are")
+def objective_settings(wildcards, entry=None):
+    """Settings on which an architecture by an objective depends; `entry` is a design or a front."""
+    in_cr3bp(wildcards.scenario, "architecture.designs, objective_fronts and generalization are")
     own = settings_in(wildcards.scenario, "epoch_jd", "propagator", "visibility")
     own |= {key: ARCHITECTURE[key] for key in ("slots", "max_satellites")}
-    if goal is None or goal["objective"] in ("information", "attitude"):
-        told = information_of(goal or {}, ARCHITECTURE)
-        own |= {"information": told, "cell": comparison_settings(wildcards)}
-    if goal is not None and goal.get("method") in ("tpe", "random"):
+    if entry is None or entry["objective"] in ("information", "attitude"):
+        information = information_of(entry or {}, ARCHITECTURE)
+        own |= {"information": information, "cell": comparison_settings(wildcards)}
+    if entry is not None and entry.get("method") in ("tpe", "random"):
         search = ("labels", "early_stop", "max_evaluations", "sampler")
         own |= {key: ARCHITECTURE[key] for key in search}
     return own
 
 
-def goal_mesh(wildcards, goal=None):
-    """Mesh file of the moving targets, if their brightness matters and they have one."""
-    if goal is not None and goal["objective"] not in ("information", "attitude"):
+def objective_mesh(wildcards, entry=None):
+    """Mesh files of the moving targets, if their brightness matters and they have any."""
+    if entry is not None and entry["objective"] not in ("information", "attitude"):
         return []
     return body_files(comparison_settings(wildcards))
 
 
 def fronts_of(scenario):
-    """The fronts by objective that are made for a scenario."""
+    """The fronts by objective of a scenario."""
     return [
         results(f"architecture/{scenario}/fronts/{name}.nc")
         for name, front in FRONTS.items()
@@ -311,11 +308,11 @@ def designs_of(scenario):
 
 
 def judged_architectures(scenario):
-    """Every architecture of a scenario that is judged by all objectives."""
+    """Every architecture of a scenario that is evaluated by all objectives."""
     return [*optimizers_of(scenario), *designs_of(scenario), *OBSERVERS]
 
 
-# What Snakemake and its jobs write on Ctrl-C, and no job that fails.
+# Texts that Snakemake and its jobs write on Ctrl-C, but not when a job fails.
 INTERRUPTED = ("on user request", "SIGINT", "exit status 130", "SIGTERM", "exit status 143")
 
 
@@ -323,15 +320,15 @@ onerror:
     said = "".join(Path(each).read_text(errors="replace") for each in log)
     if any(words in said for words in INTERRUPTED):
         print(
-            f"\nInterrupted. What had finished is kept in {RESULTS}, what was being made is not; the "
-            "messages above are of the jobs that were stopped. To go on from there:\n"
+            f"\nInterrupted. What had finished is kept in {RESULTS}; unfinished results are not. The "
+            "messages above come from the jobs that were stopped. To go on from there:\n"
             f"  {shlex.join(['snakemake', *sys.argv[1:]])}"
         )
     else:
         print(
-            "\nNot every job has finished. What has finished is kept. Mend what the messages above "
-            f"name (each job's own are in {RESULTS}/logs), then run the same command again: it makes "
-            "the rest."
+            "\nNot every job has finished. Finished results are kept. Correct what the messages above "
+            f"name (each job has a log in {RESULTS}/logs), then run the same command again: it makes "
+            "the remaining results."
         )
 
 
@@ -341,5 +338,5 @@ SWEEP_POINTS = {sweep: sweep_points(config, sweep) for sweep in SWEEPS}
 
 
 def swept_scenarios(wildcards):
-    """The scenarios a sweep adds, one for each value; none where it changes the tracking alone."""
+    """The scenarios that a sweep adds, one for each value; none if it changes only the tracking."""
     return [point.scenario for point in SWEEP_POINTS[wildcards.sweep] if not point.variant]

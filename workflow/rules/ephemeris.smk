@@ -9,7 +9,7 @@ rule ephemeris:
     params:
         settings=settings("epoch_jd", "ephemeris", "visibility"),
     message:
-        "Sampling the Sun and the rotating frame from SPICE"
+        "Sampling the Sun and the rotating frame from the ephemeris"
     script:
         "../scripts/ephemeris.py"
 
@@ -23,7 +23,7 @@ use rule ephemeris as ephemeris_of_scenario with:
     params:
         settings=settings_of("epoch_jd", "ephemeris", "visibility"),
     message:
-        "Sampling the Sun and the rotating frame from SPICE (scenario {wildcards.scenario})"
+        "Sampling the Sun and the rotating frame from the ephemeris (scenario {wildcards.scenario})"
 
 
 rule bodies:
@@ -37,7 +37,7 @@ rule bodies:
     params:
         settings=settings("epoch_jd", "ephemeris", "visibility"),
     message:
-        "Sampling Earth, Moon and Sun from SPICE"
+        "Sampling Earth, Moon and Sun from the ephemeris"
     script:
         "../scripts/bodies.py"
 
@@ -51,4 +51,4 @@ use rule bodies as bodies_of_scenario with:
     params:
         settings=settings_of("epoch_jd", "ephemeris", "visibility"),
     message:
-        "Sampling Earth, Moon and Sun from SPICE (scenario {wildcards.scenario})"
+        "Sampling Earth, Moon and Sun from the ephemeris (scenario {wildcards.scenario})"

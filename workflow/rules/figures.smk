@@ -107,7 +107,7 @@ use rule tpe_orbits_figure as exact_orbits_figure with:
         log_of("figures/exact_orbits"),
         times=benchmark_of("exact_orbits_figure"),
     message:
-        "Drawing the orbits of the best architecture known"
+        "Drawing the orbits of the best architectures known"
 
 
 rule satellite_front_figure:
@@ -152,7 +152,7 @@ rule objectives_figure:
     params:
         scenarios=JUDGED,
     message:
-        "Drawing the fronts by objective and the plane of coverage and information"
+        "Drawing the fronts by objective"
     script:
         "../scripts/figure_objectives.py"
 
@@ -180,7 +180,7 @@ rule convergence_figure:
     conda:
         "../envs/cislunar.yaml"
     message:
-        "Drawing J by number of evaluations"
+        "Drawing the convergence of the optimizers"
     script:
         "../scripts/figure_convergence.py"
 
@@ -226,7 +226,7 @@ rule orbits_page:
     params:
         scenarios=SCENARIOS,
     message:
-        "Drawing orbits, architectures and targets in space"
+        "Writing the interactive page of orbits"
     script:
         "../scripts/figure_orbits_page.py"
 

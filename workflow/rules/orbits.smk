@@ -27,7 +27,7 @@ rule own_observers:
     params:
         days=longest_horizon(STUDY),
     message:
-        "Finding the orbits of the observers in {input}"
+        "Reading the observers in {input}"
     script:
         "../scripts/own_observers.py"
 
@@ -88,7 +88,7 @@ rule refined_orbits:
             "duration_days": config["visibility"]["duration_days"],
         },
     message:
-        "Refining {wildcards.orbits} among Earth, Moon and Sun as they are"
+        "Refining the orbits of {wildcards.orbits} with Earth, Moon and Sun from the ephemeris"
     script:
         "../scripts/refined_orbits.py"
 
@@ -109,6 +109,6 @@ rule refined_orbits_table:
     params:
         uses=["observers", "targets"],
     message:
-        "Writing what refined orbits depart by, and what holding them would cost"
+        "Writing the table of ephemeris-refined orbits"
     script:
         "../scripts/refined_orbits_table.py"

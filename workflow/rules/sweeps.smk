@@ -41,7 +41,7 @@ rule sweep_table:
         ],
         seed=config["seed"],
     message:
-        "Writing what the values of the sweep {wildcards.sweep} give"
+        "Writing the table of the sweep {wildcards.sweep}"
     script:
         "../scripts/sweep_table.py"
 

@@ -1,7 +1,7 @@
-# Scenarios with architectures by other objectives than J.
+# Scenarios with architectures by objectives other than J.
 JUDGED = [scenario for scenario in SCENARIOS if designs_of(scenario) or fronts_of(scenario)]
 READ = ARCHITECTURE["readings"]["scenario"]
-ELSEWHERE = ARCHITECTURE["elsewhere"]["scenario"]
+GENERALIZATION = ARCHITECTURE["generalization"]["scenario"]
 LABELLED = ARCHITECTURE["label_comparison"]["scenario"]
 
 
@@ -34,7 +34,7 @@ rule architecture_table:
             for scenario in SCENARIOS
         },
     message:
-        "Writing table 2 beside the paper's, with the coverage of each architecture"
+        "Writing table 2 with the coverage of each architecture"
     script:
         "../scripts/architecture_table.py"
 
@@ -64,7 +64,7 @@ rule observers_table:
             for scenario in SCENARIOS
         },
     message:
-        "Writing what observers of one's own reach"
+        "Writing the table of your own observers"
     script:
         "../scripts/observers_table.py"
 
@@ -75,7 +75,7 @@ rule objectives_table:
         targets=rules.static_targets.output[0],
         tracked=shared("orbits/tracked"),
         sun=shared("ephemeris/sun"),
-        mesh=goal_mesh,
+        mesh=objective_mesh,
         fronts=lambda wildcards: fronts_of(wildcards.scenario),
         architectures=lambda wildcards: [
             results(f"architecture/{wildcards.scenario}/{name}.nc")
@@ -97,30 +97,30 @@ rule objectives_table:
         "../envs/cislunar.yaml"
     threads: ALL_CORES
     params:
-        settings=goal_settings,
+        settings=objective_settings,
         seed=config["seed"],
     message:
-        "Judging every architecture by every objective (scenario {wildcards.scenario})"
+        "Evaluating every architecture by every objective (scenario {wildcards.scenario})"
     script:
         "../scripts/objectives_table.py"
 
 
-rule elsewhere_table:
+rule generalization_table:
     input:
         orbits=rules.families.output[0],
         targets=rules.static_targets.output[0],
         tracked=shared("orbits/tracked"),
         sun=shared("ephemeris/sun"),
-        mesh=goal_mesh,
+        mesh=objective_mesh,
     output:
         report(
             results("tables/objectives_elsewhere_{scenario}.csv"),
-            caption="../report/objectives_elsewhere.rst",
+            caption="../report/objectives_generalization.rst",
             category="Tables",
         ),
     log:
         log_of("tables/objectives_elsewhere_{scenario}"),
-        times=benchmark_of("elsewhere_table/{scenario}"),
+        times=benchmark_of("generalization_table/{scenario}"),
     conda:
         "../envs/cislunar.yaml"
     threads: 1
@@ -128,14 +128,14 @@ rule elsewhere_table:
         mem_mb=2000,
     params:
         settings=lambda wildcards: {
-            **goal_settings(wildcards),
-            "elsewhere": ARCHITECTURE["elsewhere"],
+            **objective_settings(wildcards),
+            "generalization": ARCHITECTURE["generalization"],
         },
         seed=config["seed"],
     message:
-        "Judging architectures by targets they were not chosen on (scenario {wildcards.scenario})"
+        "Evaluating the generalization of architectures to other targets (scenario {wildcards.scenario})"
     script:
-        "../scripts/elsewhere_table.py"
+        "../scripts/generalization_table.py"
 
 
 rule label_comparison:
@@ -157,7 +157,7 @@ rule label_comparison:
     conda:
         "../envs/cislunar.yaml"
     message:
-        "Comparing the ways to label an orbit for TPE"
+        "Comparing the labels of orbits for TPE"
     script:
         "../scripts/label_comparison.py"
 
@@ -192,7 +192,7 @@ rule readings:
             "architecture",
         ),
     message:
-        "Rerunning scenario {params.scenario} under each reading of the paper"
+        "Repeating scenario {params.scenario} with each reading of the paper"
     script:
         "../scripts/readings.py"
 
@@ -209,7 +209,7 @@ rule architecture_claims:
     conda:
         "../envs/cislunar.yaml"
     message:
-        "Comparing the paper's numbers and claims on the architecture with ours"
+        "Comparing the numbers and claims on architectures with the paper"
     script:
         "../scripts/architecture_claims.py"
 
@@ -219,7 +219,7 @@ rule task1:
         rules.architecture_table.output if OPTIMIZERS else [],
         rules.observers_table.output if OBSERVERS else [],
         expand(results("tables/objectives_{scenario}.csv"), scenario=JUDGED),
-        expand(rules.elsewhere_table.output, scenario=ELSEWHERE or []),
+        expand(rules.generalization_table.output, scenario=GENERALIZATION or []),
         rules.label_comparison.output if OPTIMIZERS and LABELLED else [],
         rules.readings.output if OPTIMIZERS and READ else [],
         rules.architecture_claims.output if OF_THE_PAPER else [],

@@ -47,7 +47,7 @@ rule static_targets:
         seeding=lambda wildcards: settings_in(wildcards.scenario, "targets")["targets"]["seeding"],
         seed=config["seed"],
     message:
-        "Clustering the sampled points to {params.targets} targets (scenario {wildcards.scenario})"
+        "Clustering the sampled points into {params.targets} targets (scenario {wildcards.scenario})"
     script:
         "../scripts/static_targets.py"
 

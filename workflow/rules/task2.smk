@@ -1,4 +1,4 @@
-"""Sensor tasking and tracking: every cell, what they add up to, and TPE against exact tasking."""
+"""Sensor tasking and tracking: every cell, their statistics, and TPE against exact tasking."""
 
 from cislunar.campaign.tracking.model_errors import model_errors
 from cislunar.campaign.settings.cells import FEWEST_RANKED, campaign_cells, most_alike
@@ -9,8 +9,8 @@ CELL = "{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"
 WITH_ERRORS = [
     error for error in model_errors(TASK2) if TASK2["variants"]["cells"][error.variant]["targets"]
 ]
-# Long tables stay out of the report, which shows tables whole: they would be half of it.
-# Tables that compare cells; without two kinds of cells there is nothing to write in them.
+# Long tables are not in the report, which shows complete tables: they would be half of it.
+# Tables that compare cells are made only if there are two kinds of cells.
 COMPARING_TABLES = {}
 if any(cell.variant for cell in campaign_cells(TASK2)):
     COMPARING_TABLES["readings"] = results("tables/readings_tracking.csv")
@@ -18,7 +18,7 @@ if len(estimator_names(TASK2)) > 1:
     COMPARING_TABLES["estimators"] = results("tables/estimators.csv")
 
 
-# What every cell is run on.
+# Inputs of every cell.
 TRACKED = {
     "architecture": results("architecture/{scenario}/{architecture}.nc"),
     "orbits": observer_orbits,
@@ -29,7 +29,7 @@ TRACKED = {
 }
 
 
-# Long cells start first, so that no core is idle at the end: changed settings may search or take
+# Long cells start first, so that no core is idle at the end: variants may use longer searches or
 # more steps, and large cells take longer than small ones.
 rule tracking_cell_variant:
     input:
@@ -80,7 +80,7 @@ use rule tracking_cell_large as tracking_cell_small with:
     priority: 2
 
 
-# Each realization by itself, where `task2.realization_jobs` asks for it: the cell only gathers them.
+# With `task2.realization_jobs` each realization is a job, and the cell only collects them.
 use rule tracking_cell_variant as tracking_realization with:
     input:
         **TRACKED,
@@ -110,7 +110,7 @@ rule tracking_summary:
         settings=settings("task2"),
         seed=config["seed"],
     message:
-        "Summing up the realizations of every cell"
+        "Computing the statistics of every cell"
     script:
         "../scripts/tracking_summary.py"
 
@@ -126,7 +126,7 @@ rule tracking_tables:
     conda:
         "../envs/cislunar.yaml"
     message:
-        "Writing the statistics of every cell, and what each changed setting does"
+        "Writing the tables of tracking"
     script:
         "../scripts/tracking_tables.py"
 
@@ -147,7 +147,7 @@ rule pooled_table:
     params:
         pooled=config["task2"]["variants"]["pooled"],
     message:
-        "Pooling the realizations of days and targets"
+        "Pooling the realizations of all days and sets of targets"
     script:
         "../scripts/pooled_table.py"
 
@@ -167,7 +167,7 @@ rule objective_ranks:
     conda:
         "../envs/cislunar.yaml"
     message:
-        "Comparing what architectures are chosen for with how well they track"
+        "Ranking objectives by the tracking of their architectures"
     script:
         "../scripts/objective_ranks.py"
 
@@ -188,7 +188,7 @@ rule model_error_table:
     params:
         settings=settings("task2"),
     message:
-        "Writing what a truth unlike the estimators' belief costs"
+        "Writing the table of model errors"
     script:
         "../scripts/model_error.py"
 
@@ -255,7 +255,7 @@ rule tracking_claims:
     conda:
         "../envs/cislunar.yaml"
     message:
-        "Comparing the paper's claims on tasking and tracking with ours"
+        "Comparing the claims on tasking and tracking with the paper"
     script:
         "../scripts/tracking_claims.py"
 
@@ -275,7 +275,7 @@ rule paper_vs_ours:
     conda:
         "../envs/cislunar.yaml"
     message:
-        "Gathering the paper's numbers and claims beside ours"
+        "Collecting the comparisons with the paper"
     script:
         "../scripts/paper_vs_ours.py"
 
@@ -296,7 +296,7 @@ rule photometry_table:
         limiting_magnitude=TASK2["sensor"]["limiting_magnitude"],
         seed=config["seed"],
     message:
-        "Measuring what the readings of the photometric equations do"
+        "Computing the effects of the readings of the photometric equations"
     script:
         "../scripts/photometry_table.py"
 

@@ -1,6 +1,6 @@
-"""Figures of sensor tasking and tracking: the paper's, and both sweeps as a whole."""
+"""Figures of sensor tasking and tracking: those of the paper, and both sweeps."""
 
-from cislunar.campaign.tracking.model_errors import drawn_errors
+from cislunar.campaign.tracking.model_errors import plotted_errors
 from cislunar.figures.tracking.choice import (
     figure_architectures,
     high_load_cells,
@@ -11,8 +11,8 @@ from cislunar.figures.tracking.choice import (
     target_count_cells,
 )
 
-# The paper's figures are drawn for every architecture of the sweeps: the first one under the plain
-# name, the others with their name behind it.
+# The paper's figures are drawn for every architecture of the sweeps: the first one under the usual
+# file name, the others with the name of the architecture appended.
 SHOWN = {
     f"_{name}" if number else "": name for number, name in enumerate(figure_architectures(TASK2))
 }
@@ -22,9 +22,9 @@ SELECTED_CELL = {of: selected_cell(TASK2, name) for of, name in SHOWN.items()}
 LEARNED = learned_cell(TASK2)
 HIGH_LOAD = {of: high_load_cells(TASK2, name) for of, name in SHOWN.items()}
 
-# Cells may leave out the errors over time, and then there is nothing of single targets to draw.
+# Cells may omit the errors over time; figures of single targets are then omitted.
 ERRORS_KEPT = "errors" in TASK2["histories"]
-# Of one of many targets, with the shortest and the longest interval.
+# Cells with the shortest and the longest interval, for the errors of one of many targets.
 HIGH_LOAD_ENDS = {of: [cells[0], cells[-1]] if cells else [] for of, cells in HIGH_LOAD.items()}
 
 
@@ -77,7 +77,7 @@ rule selected_targets_figure:
         cell=lambda wildcards: list(map(tuple, SELECTED_CELL[wildcards.of])),
         errors="norms",
     message:
-        "Drawing the errors of a few targets"
+        "Drawing the error norms of a few targets"
     script:
         "../scripts/figure_selected_targets.py"
 
@@ -97,7 +97,7 @@ use rule selected_targets_figure as components_figure with:
         cell=lambda wildcards: list(map(tuple, SELECTED_CELL[wildcards.of])),
         errors="components",
     message:
-        "Drawing the errors of a few targets, component by component"
+        "Drawing the errors of a few targets by component"
 
 
 use rule target_counts_figure as intervals_figure with:
@@ -139,7 +139,7 @@ use rule target_counts_figure as high_load_figure with:
         along="high load",
         columns=lambda wildcards: [list(map(tuple, HIGH_LOAD[wildcards.of]))],
     message:
-        "Drawing every target by tasking interval, many targets"
+        "Drawing every target by tasking interval, more targets than observers"
 
 
 rule representative_target_figure:
@@ -160,7 +160,7 @@ rule representative_target_figure:
     params:
         cells=lambda wildcards: list(map(tuple, HIGH_LOAD_ENDS[wildcards.of])),
     message:
-        "Drawing the errors of one of many targets"
+        "Drawing the errors of one target for two tasking intervals"
     script:
         "../scripts/figure_representative_target.py"
 
@@ -262,7 +262,7 @@ rule tasking_figure:
     params:
         variants=tasking_variants(TASK2),
     message:
-        "Drawing the tasking methods"
+        "Drawing the comparison of tasking methods"
     script:
         "../scripts/figure_tasking_comparison.py"
 
@@ -304,7 +304,7 @@ rule pooled_figure:
     conda:
         "../envs/cislunar.yaml"
     message:
-        "Drawing what is known of all targets by number of satellites"
+        "Drawing the tracking of all targets by number of satellites"
     script:
         "../scripts/figure_pooled.py"
 
@@ -333,7 +333,7 @@ rule learned_figure:
     params:
         cell=[cell.path for cell in LEARNED],
     message:
-        "Drawing what light curves tell of bodies nobody has measured"
+        "Drawing the body parameters learned from light curves"
     script:
         "../scripts/figure_learned.py"
 
@@ -356,6 +356,6 @@ rule tracking_figures:
         rules.estimators_against_targets_figure.output if CELLS else [],
         (rules.estimators_against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else []),
         rules.tasking_figure.output if COMPARED["scenario"] else [],
-        rules.model_error_figure.output if drawn_errors(TASK2) else [],
+        rules.model_error_figure.output if plotted_errors(TASK2) else [],
         rules.learned_figure.output if LEARNED else [],
         rules.pooled_figure.output if config["task2"]["variants"]["pooled"] else [],

@@ -14,7 +14,7 @@ rule observer_paths:
         settings=settings("epoch_jd", "visibility") | {"dynamics": TASK2["dynamics"]},
         max_satellites=ARCHITECTURE["max_satellites"],
     message:
-        "Flying the candidate observers among Earth, Moon and Sun as they are"
+        "Propagating the candidate observers with Earth, Moon and Sun from the ephemeris"
     script:
         "../scripts/observer_paths.py"
 
@@ -46,7 +46,7 @@ use rule observer_paths_of_scenario as own_observer_paths with:
         settings=path_settings,
         max_satellites=1,
     message:
-        "Flying the observers {wildcards.observers} among Earth, Moon and Sun as they are"
+        "Propagating the observers {wildcards.observers} with the ephemeris"
 
 
 rule visibility:
@@ -67,7 +67,7 @@ rule visibility:
         settings=settings_of("epoch_jd", "propagator", "visibility"),
         max_satellites=ARCHITECTURE["max_satellites"],
     message:
-        "Counting observations for every orbit and satellite count (scenario {wildcards.scenario})"
+        "Counting observations for every orbit and number of satellites (scenario {wildcards.scenario})"
     script:
         "../scripts/visibility.py"
 

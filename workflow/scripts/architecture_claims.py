@@ -1,16 +1,19 @@
 """Makes tables/claims_architecture.csv: the paper's numbers and claims on the architecture."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
+import sys
 from collections import defaultdict
 from pathlib import Path
 
-from cislunar.campaign.claims.architecture import comparison_claims, cost_claims, library_claims
-from cislunar.campaign.claims.judges import claims_table
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_text
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_text
+
+sys.path.append(str(Path(snakemake.scriptdir).parents[1]))
+from workflow.documents.claims.architecture import comparison_claims, cost_claims, library_claims
+from workflow.documents.claims.judges import claims_table
 
 with job(snakemake.log):
     orbits = read_dataset(snakemake.input.orbits)

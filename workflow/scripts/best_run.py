@@ -1,13 +1,13 @@
-"""Makes architecture/{scenario}/{method}.nc: the best of several searches, and their spread."""
+"""Makes architecture/{scenario}/{method}.nc: the best of several searches, and all results."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.architectures.search_runs import best_run_dataset
 from cislunar.campaign.architectures.visibility import cost_function
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_dataset
 
 with job(snakemake.log):
     cost = cost_function(

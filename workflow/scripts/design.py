@@ -1,19 +1,21 @@
 """Makes architecture/{scenario}/{design}.nc: the best architecture by an objective of its own."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.architectures.designs import design_dataset
-from cislunar.campaign.architectures.goals import World
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_dataset
-from cislunar.campaign.data.progress import progress_log
+from cislunar.campaign.architectures.objectives import ArchitectureInputs
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_dataset
+from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log):
     found = design_dataset(
         snakemake.params.design,
-        World(*(read_dataset(snakemake.input[name]) for name in World._fields)),
+        ArchitectureInputs(
+            *(read_dataset(snakemake.input[name]) for name in ArchitectureInputs._fields)
+        ),
         snakemake.params.settings,
         scenario=snakemake.wildcards.scenario,
         name=snakemake.wildcards.design,

@@ -1,13 +1,13 @@
-"""Makes architecture/{scenario}/exact.nc: the best architecture, and the proof that it is."""
+"""Makes architecture/{scenario}/exact.nc: the best architecture found, and its certificate."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.architectures.exact import exact_dataset
 from cislunar.campaign.architectures.visibility import cost_function
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_dataset
 
 with job(snakemake.log, snakemake.threads):
     visibility = read_dataset(snakemake.input.visibility)

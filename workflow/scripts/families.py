@@ -1,13 +1,13 @@
 """Makes orbits/families.nc: the candidate observer orbits of all families."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.data.inputs import families_dataset
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import write_dataset
-from cislunar.campaign.data.progress import progress_log
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import write_dataset
+from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log):
     orbits = families_dataset(snakemake.params.settings, progress_log("families"))

@@ -1,16 +1,16 @@
-"""Makes figures/fig11_convergence: best J so far by evaluations, for every optimizer."""
+"""Makes figures/fig11_convergence: best J against evaluations, for every optimizer."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from collections import defaultdict
 from pathlib import Path
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.figures.search.optimizers import convergence_figure
 from cislunar.figures.style import save_figure
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset
 
 with job(snakemake.log):
     runs = defaultdict(lambda: defaultdict(list))

@@ -1,11 +1,9 @@
-"""Makes figures/fig05_target_counts, fig07_intervals, fig08_intervals_high_load: every target."""
+"""Makes figures/fig05_target_counts, fig07_intervals and fig08_intervals_high_load: heat maps."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.progress import each
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.summary import read_cell_metrics
 from cislunar.figures.style import save_figure
@@ -14,6 +12,8 @@ from cislunar.figures.tracking.heatmaps import (
     intervals_figure,
     target_counts_figure,
 )
+from cislunar.runtime.job import job
+from cislunar.runtime.progress import each
 
 with job(snakemake.log):
     files = each(snakemake.input, "cells")

@@ -1,14 +1,14 @@
 """Makes figures/objectives: fronts of every objective with bounds, and all architectures."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 import pandas as pd
 
-from cislunar.campaign.data.job import job
 from cislunar.figures.search.objectives import objectives_figure, tracking_errors
 from cislunar.figures.style import save_figure
+from cislunar.runtime.job import job
 
 with job(snakemake.log):
     tables = map(pd.read_csv, snakemake.input.tables)

@@ -1,15 +1,15 @@
 """Makes figures/orbits_3d.html: the interactive page of orbits, architectures and targets."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from collections import defaultdict
 from pathlib import Path
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_text
 from cislunar.figures.space.orbits_page import orbits_page
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log):
     architectures = defaultdict(dict)

@@ -1,14 +1,14 @@
-"""Makes figures/pooled: what is known of all targets against the number of satellites."""
+"""Makes figures/pooled: custody and errors against the number of satellites."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 import pandas as pd
 
-from cislunar.campaign.data.job import job
 from cislunar.figures.style import save_figure
 from cislunar.figures.tracking.pooled import pooled_figure
+from cislunar.runtime.job import job
 
 with job(snakemake.log):
     figure = pooled_figure(pd.read_csv(snakemake.input[0]))

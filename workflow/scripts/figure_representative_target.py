@@ -1,15 +1,15 @@
 """Makes figures/fig08_representative_target: one target's errors with two tasking intervals."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset
-from cislunar.campaign.data.progress import each
 from cislunar.campaign.settings.cells import Cell
 from cislunar.figures.style import save_figure
 from cislunar.figures.tracking.representative import representative_target_figure
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset
+from cislunar.runtime.progress import each
 
 with job(snakemake.log):
     found = zip(snakemake.params.cells, each(snakemake.input, "cells"), strict=True)

@@ -1,6 +1,6 @@
-"""Makes figures/fig10_satellite_front: J and its coverage by prescribed number of satellites."""
+"""Makes figures/fig10_satellite_front: J and coverage by number of satellites."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.figures.search.optimizers import satellite_front_figure
 from cislunar.figures.style import save_figure
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset
 
 with job(snakemake.log):
     fronts = {Path(path).parent.name: read_dataset(path) for path in snakemake.input.fronts}

@@ -1,13 +1,13 @@
-"""Makes figures/fig03_tpe_orbits, fig04_random_orbits, fig09_exact_orbits: the chosen orbits."""
+"""Makes figures/fig03_tpe_orbits, fig04_random_orbits and fig09_exact_orbits: observer orbits."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.figures.space.architectures import selected_orbits_figure
 from cislunar.figures.style import save_figure
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset
 
 with job(snakemake.log):
     scenarios = snakemake.params.scenarios

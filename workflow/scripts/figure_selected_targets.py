@@ -1,15 +1,15 @@
 """Makes figures/fig06_selected_targets and fig06_components: errors and bounds of a few targets."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.settings.cells import Cell
 from cislunar.figures.style import save_figure
 from cislunar.figures.tracking.errors import components_figure
 from cislunar.figures.tracking.norms import selected_targets_figure
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset
 
 with job(snakemake.log):
     (cell,) = snakemake.params.cell

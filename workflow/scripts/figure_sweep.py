@@ -1,14 +1,14 @@
 """Makes figures/sweep_{sweep}: a sweep over a key of a scenario."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 import pandas as pd
 
-from cislunar.campaign.data.job import job
 from cislunar.figures.search.sweep import sweep_figure
 from cislunar.figures.style import save_figure
+from cislunar.runtime.job import job
 
 with job(snakemake.log):
     figure = sweep_figure(pd.read_csv(snakemake.input[0]))

@@ -1,14 +1,14 @@
 """Makes architecture/{scenario}/front.nc: best J and its coverage by number of satellites."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.architectures.exact import front_dataset
 from cislunar.campaign.architectures.visibility import cost_function
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_dataset
-from cislunar.campaign.data.progress import progress_log
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_dataset
+from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log):
     visibility = read_dataset(snakemake.input.visibility)

@@ -1,6 +1,6 @@
-"""Makes tables/label_comparison.csv: J of TPE by the way orbits are labelled."""
+"""Makes tables/label_comparison.csv: J of TPE by the labels of the orbits."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_text
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log):
     rows = []

@@ -1,14 +1,14 @@
-"""Makes tables/objective_ranks.csv: whether objectives go with how well architectures track."""
+"""Makes tables/objective_ranks.csv: rank correlation of objectives with tracking performance."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 import pandas as pd
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import write_text
-from cislunar.campaign.tracking.objective_ranks import rank_rows
+from cislunar.campaign.tracking.tables import rank_rows
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import write_text
 
 with job(snakemake.log):
     read = snakemake.input

@@ -1,6 +1,6 @@
 """Makes tables/observers.csv: what observers of one's own reach, as in tables/architecture.csv."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
@@ -9,9 +9,9 @@ from pathlib import Path
 import pandas as pd
 
 from cislunar.campaign.architectures.table2 import architecture_rows
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_text
-from cislunar.campaign.data.progress import each
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_text
+from cislunar.runtime.progress import each
 
 with job(snakemake.log, snakemake.threads):
     read, settings = snakemake.input, snakemake.params.settings

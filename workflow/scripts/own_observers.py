@@ -1,13 +1,13 @@
 """Makes orbits/observers_{observers}.nc: the orbits of a table of observers."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import write_dataset
 from cislunar.campaign.data.own_targets import own_observers_dataset
-from cislunar.campaign.data.progress import progress_log
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import write_dataset
+from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log):
     orbits = own_observers_dataset(

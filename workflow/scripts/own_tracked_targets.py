@@ -1,12 +1,12 @@
-"""Makes orbits/tracked_{scenario}.nc: moving targets from a table, a catalogue or an OEM."""
+"""Makes orbits/tracked_{scenario}.nc: moving targets from a table, a catalog or an OEM."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import write_dataset
 from cislunar.campaign.data.own_targets import own_tracked_dataset
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import write_dataset
 
 with job(snakemake.log):
     write_dataset(

@@ -1,13 +1,13 @@
 """Makes tables/paper_vs_ours.csv: each number and claim of the paper beside ours."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 import pandas as pd
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import write_text
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import write_text
 
 with job(snakemake.log):
     claims = pd.concat([pd.read_csv(path, dtype=str) for path in snakemake.input])

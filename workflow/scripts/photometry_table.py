@@ -1,12 +1,12 @@
 """Makes tables/photometry.csv: what the readings of the photometric equations do."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import write_text
 from cislunar.campaign.readings.photometry import photometry_table
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import write_text
 
 with job(snakemake.log):
     params = snakemake.params

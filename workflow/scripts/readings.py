@@ -1,13 +1,13 @@
 """Makes tables/readings.csv: J under each reading of the paper."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_text
-from cislunar.campaign.data.progress import progress_log
 from cislunar.campaign.readings.architecture import readings_table
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_text
+from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log, snakemake.threads):
     table = readings_table(

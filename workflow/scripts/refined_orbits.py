@@ -1,13 +1,13 @@
-"""Makes orbits/refined_{orbits}.nc: orbits refined into paths among the bodies as they are."""
+"""Makes orbits/refined_{orbits}.nc: ephemeris-refined orbits."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_dataset
-from cislunar.campaign.data.progress import progress_log
 from cislunar.campaign.data.refined_orbits import refined_dataset
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_dataset
+from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log):
     refined = refined_dataset(

@@ -1,12 +1,12 @@
-"""Makes tables/refined_orbits.csv: departure and cost of holding of refined orbits by family."""
+"""Makes tables/refined_orbits.csv: refined orbits against reference tracking, by family."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_text
 from cislunar.campaign.data.refined_orbits import refined_rows
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_text
 
 with job(snakemake.log):
     read = zip(snakemake.params.uses, map(read_dataset, snakemake.input), strict=True)

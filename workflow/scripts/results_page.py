@@ -1,14 +1,19 @@
 """Makes tables/results.md: every number and claim of the paper beside ours, to be read."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
+import sys
+from pathlib import Path
+
 import pandas as pd
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_text
-from cislunar.campaign.documents.results_page import results_page, verdicts_svg
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_text
+
+sys.path.append(str(Path(snakemake.scriptdir).parents[1]))
+from workflow.documents.results_page import results_page, verdicts_svg
 
 with job(snakemake.log):
     tables = {

@@ -1,13 +1,14 @@
 """Makes architecture/{scenario}/runs/{method}_{labels}_{run}.nc: one Hyperopt search."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.campaign.kernels import kernel_set
+from cislunar.runtime.worker_client import in_worker
 
-in_worker("search")
+in_worker(kernel_set("search"))
 
 from cislunar.campaign.architectures.search_runs import search_run_dataset
 from cislunar.campaign.architectures.visibility import cost_function
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_dataset
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_dataset
 
 with job(snakemake.log):
     visibility = read_dataset(snakemake.input.visibility)

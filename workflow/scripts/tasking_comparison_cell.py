@@ -1,15 +1,16 @@
 """Makes task2/tasking/{scenario}_{architecture}_nt{n}.nc: tasking methods on one cell."""
 
-from cislunar.campaign.operation.handing_over import in_worker, tracking_kernels
+from cislunar.campaign.kernels import tracking_kernels
+from cislunar.runtime.worker_client import in_worker
 
 in_worker(tracking_kernels(snakemake.params.settings))
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import write_dataset
-from cislunar.campaign.data.progress import progress_log
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import read_inputs
 from cislunar.campaign.tracking.tasking_comparison import compared_dataset
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import write_dataset
+from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log):
     wildcards, params = snakemake.wildcards, snakemake.params

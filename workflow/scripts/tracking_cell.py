@@ -3,15 +3,16 @@
 With a realization among the wildcards that one alone, kept beside the file for its maker.
 """
 
-from cislunar.campaign.operation.handing_over import in_worker, tracking_kernels
+from cislunar.campaign.kernels import tracking_kernels
+from cislunar.runtime.worker_client import in_worker
 
 in_worker(tracking_kernels(snakemake.params.settings))
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.progress import progress_log
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import read_inputs
 from cislunar.campaign.tracking.dataset import write_cell
+from cislunar.runtime.job import job
+from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log, snakemake.threads):
     params, realization = snakemake.params, snakemake.wildcards.get("realization")

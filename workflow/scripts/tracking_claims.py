@@ -1,13 +1,18 @@
 """Makes tables/claims_tracking.csv: the paper's claims on tasking and tracking beside ours."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.claims.judges import claims_table
-from cislunar.campaign.claims.tracking import tasking_claims, tracking_claims
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_text
+import sys
+from pathlib import Path
+
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_text
+
+sys.path.append(str(Path(snakemake.scriptdir).parents[1]))
+from workflow.documents.claims.judges import claims_table
+from workflow.documents.claims.tracking import tasking_claims, tracking_claims
 
 with job(snakemake.log):
     summary = read_dataset(snakemake.input.summary)

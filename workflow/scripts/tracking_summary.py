@@ -1,14 +1,14 @@
 """Makes task2/summary.nc: statistics over the targets of every cell, seed by seed."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import write_dataset
-from cislunar.campaign.data.progress import each
 from cislunar.campaign.settings.cells import campaign_cells
 from cislunar.campaign.tracking.summary import read_cell_metrics, summary_dataset
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import write_dataset
+from cislunar.runtime.progress import each
 
 with job(snakemake.log):
     settings = snakemake.params.settings

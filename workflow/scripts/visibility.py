@@ -1,13 +1,13 @@
 """Makes visibility/{scenario}.nc: observations for every orbit, satellite count and target."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.architectures.visibility import visibility_dataset
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import read_dataset, write_dataset
-from cislunar.campaign.data.progress import progress_log
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_dataset
+from cislunar.runtime.progress import progress_log
 
 with job(snakemake.log, snakemake.threads):
     counts = visibility_dataset(

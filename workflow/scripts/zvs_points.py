@@ -1,12 +1,12 @@
 """Makes targets/zvs_points.nc: points within the zero-velocity surface of every mission."""
 
-from cislunar.campaign.operation.handing_over import in_worker
+from cislunar.runtime.worker_client import in_worker
 
 in_worker()
 
 from cislunar.campaign.data.inputs import zvs_points_dataset
-from cislunar.campaign.data.job import job
-from cislunar.campaign.data.netcdf import write_dataset
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import write_dataset
 
 with job(snakemake.log):
     points = zvs_points_dataset(snakemake.input[0], snakemake.params.settings)

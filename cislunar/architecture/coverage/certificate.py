@@ -1,12 +1,12 @@
-"""The largest coverage of N satellites: greedy, local search, bound on what is left to gain."""
+"""Largest coverage of N satellites: greedy choice, local search and upper bound."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.architecture.certified import (
     THOROUGH,
-    Certificate,
     Effort,
+    ObjectiveCertificate,
     certified_search,
     check_size,
 )
@@ -15,8 +15,8 @@ from cislunar.architecture.coverage.lagrangian import coverage_bound
 from cislunar.architecture.coverage.objective import CoverageObjective
 
 _LARGE = 10_000_000
-"""Words of tables beyond which a search takes seconds, a bound tens of them: those of 2000 targets
-hourly over 30 days from 1000 places have 22 million."""
+"""Size of tables, in words, above which a search takes seconds and a bound tens of seconds. Tables
+of 2000 targets, hourly over 30 days, from 1000 orbit slots have 22 million words."""
 
 _LITTLE = Effort(starts=6, worth=1 / 3)
 
@@ -24,10 +24,11 @@ _LITTLE = Effort(starts=6, worth=1 / 3)
 def greedy_coverage(
     objective: CoverageObjective, n_satellites: int, *, n_slots: int | None = None
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Architecture of a number of satellites, one greedy choice after the other.
+    """Greedy architecture of a number of satellites.
 
-    Places are added one by one, each where it covers most; then, in the paper's slots, satellites
-    to the places where they raise coverage most. The first of equal choices is taken.
+    Orbit slots are added one by one, each where it covers most; then, in slots with several
+    satellites, further satellites are added where they increase coverage most. Ties go to the first
+    choice.
 
     Parameters
     ----------
@@ -36,16 +37,11 @@ def greedy_coverage(
     n_satellites : int
         Number of satellites.
     n_slots : int, optional
-        Number of places; as many as satellites by default.
+        Number of orbit slots; by default one per satellite.
 
     Returns
     -------
     orbit, satellites : ndarray of int64, shape (slot,)
-
-    Raises
-    ------
-    ConfigurationError
-        If the places cannot hold the satellites.
     """
     n_slots = n_satellites if n_slots is None else n_slots
     check_size(objective, n_satellites, n_slots)
@@ -72,14 +68,15 @@ def certify_coverage(
     steps: int = 150,
     restarts: int = 0,
     rng: np.random.Generator | None = None,
-) -> Certificate:
-    """Search the architecture of largest coverage for a number of satellites, and bound the rest.
+) -> ObjectiveCertificate:
+    """Search for the architecture of largest coverage of a number of satellites, with an upper
+    bound.
 
-    Greedy is improved by `coordinate_search`, which replaces one satellite or moves satellites
-    between two orbits; the Lagrangian relaxation bounds the result, its choices are searched from
-    as well, and if they lead higher the bound is computed again from there. Over large tables only
-    the six of largest value are, and the bound only if they close a third of the gap. No result
-    depends on time.
+    `coordinate_search` improves the greedy choice by replacing one satellite or moving satellites
+    between two orbits. The Lagrangian relaxation bounds the result; the search restarts from its
+    choices, and if that increases the value, the bound is computed again from there. For large
+    tables only the six choices of largest value are used, and the bound is computed again only if
+    they close a third of the gap. No result depends on time.
 
     Parameters
     ----------
@@ -88,23 +85,14 @@ def certify_coverage(
     n_satellites : int
         Number of satellites, N.
     n_slots : int, optional
-        Number of distinct places: the paper's 10 in its slots. As many as satellites by default,
-        which is what free phases have.
+        Number of distinct orbit slots: 10 in the paper. By default one per satellite, as for free
+        phases.
     steps : int
-        Most subgradient steps of each bound.
+        Largest number of subgradient steps of each bound.
     restarts : int
         Further random starts of the search.
     rng : numpy.random.Generator, optional
         Source of the random starts.
-
-    Returns
-    -------
-    Certificate
-
-    Raises
-    ------
-    ConfigurationError
-        If the places cannot hold the satellites, or `steps` is below 1.
     """
     n_slots = n_satellites if n_slots is None else n_slots
     check_size(objective, n_satellites, n_slots, steps)

@@ -1,10 +1,10 @@
-"""The gaps between observations of static targets as an objective."""
+"""Gaps between observations of static targets as an objective."""
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.architecture.certified import Bound, Certificate, certified_search
+from cislunar.architecture.certified import Bound, ObjectiveCertificate, certified_search
 from cislunar.architecture.coverage.certificate import greedy_coverage
 from cislunar.architecture.coverage.objective import CoverageObjective
 from cislunar.architecture.coverage.tables import CoverageTables
@@ -12,14 +12,15 @@ from cislunar.architecture.objective import IMPROVES, Replacement, first_best
 from cislunar.errors import ConfigurationError
 
 GAP_MEASURES = ("longest", "mean", "wait")
-"""Of a target: its longest gap, the mean length of its gaps, the mean time to wait for a look."""
+"""Measures of a target: longest gap, mean length of its gaps, mean time to wait for an
+observation."""
 
 _ONE = np.uint64(1)
 
 
 @njit(cache=True)
 def _close(measure, length, state, j):
-    """Note that a gap of target j has ended."""
+    """Record that a gap of target j has ended."""
     if measure == 0:
         state[0, j] = max(state[0, j], length)
     else:
@@ -29,11 +30,9 @@ def _close(measure, length, state, j):
 
 @njit(cache=True)
 def _measured(seen, added, n_times, n_targets, measure, last, start, state):
-    """Sum over the targets of a measure in samples: of what is neither seen nor added (word,).
-
-    `last` and `start` (target,) are the last sample without an observer and the first of its gap,
-    `state` (2, target) what has been noted; all three are for work.
-    """
+    """Sum over the targets of a measure, in samples, given what is seen or added (word,). `last`
+    and `start` (target,) are the last sample without an observer and the first of its gap; `state`
+    (2, target) accumulates the measure. All three are scratch arrays."""
     last[:] = -2
     state[:] = 0
     size = n_times * n_targets
@@ -83,19 +82,20 @@ def _all_measured(seen, layers, candidate, n_times, n_targets, measure):
 
 
 class GapObjective(CoverageObjective):
-    """How short the gaps of the targets are, as a share of the horizon.
+    """Shortness of the gaps of the targets, as a share of the horizon.
 
     With g(j) the longest gap of target j, the mean length of its gaps, or the mean time from any
-    instant to its next look (`cislunar.architecture.coverage.measures.gaps`), and T the horizon,
+    time to its next observation (`cislunar.architecture.coverage.measures.gaps`), and T the
+    horizon,
 
         f = 1 - mean over j of g(j) / T,
 
     dimensionless, 0 to 1; (1 - f) T is the mean over the targets in hours.
 
-    Limits. The longest gap and the wait only shrink as satellites are added, but neither gain is
-    submodular: two satellites may close a gap together that each leaves as long as it was. The mean
-    length may even grow when a short gap is closed, so that its bound is the trivial one. Otherwise
-    as for coverage.
+    The longest gap and the wait never increase as satellites are added, but the improvement is not
+    submodular: two satellites together may close a gap that neither of them shortens. The mean
+    length may even increase when a short gap is closed, so that only the trivial bound holds for
+    it. For further limits see `CoverageObjective`.
 
     Parameters
     ----------
@@ -103,11 +103,6 @@ class GapObjective(CoverageObjective):
         Single coverage of samples: ``fold=1``, ``window="sample"``.
     measure : str
         One of `GAP_MEASURES`.
-
-    Raises
-    ------
-    ConfigurationError
-        If the measure is unknown, or the tables are of another kind.
     """
 
     def __init__(self, tables: CoverageTables, measure: str) -> None:
@@ -116,7 +111,7 @@ class GapObjective(CoverageObjective):
                 f"measure = {measure!r} is not known: use one of {list(GAP_MEASURES)}"
             )
         if tables.fold != 1:
-            raise ConfigurationError(f"fold = {tables.fold}: gaps are those of single coverage")
+            raise ConfigurationError(f"fold = {tables.fold}: gaps need single coverage, fold = 1")
         super().__init__(tables)
         self.measure = measure
 
@@ -127,13 +122,9 @@ class GapObjective(CoverageObjective):
         return 1.0 - found / self.tables.n_elements
 
     def value(self, orbit: ArrayLike, satellites: ArrayLike) -> float:
-        """1 - mean gap measure over the horizon of one architecture; 0 with a duplicate place.
-
-        Parameters and errors as for `CoverageObjective.value`.
-        """
-        orbit = np.asarray(orbit, dtype=np.int64)
-        satellites = np.asarray(satellites, dtype=np.int64)
-        self.check(orbit, satellites)
+        """1 - mean gap measure over the horizon of one architecture, as in
+        `CoverageObjective.value`; 0 with a duplicate orbit slot."""
+        orbit, satellites = self.checked(orbit, satellites)
         if np.unique(orbit).size < orbit.size:
             return 0.0
         seen = self._at_least(orbit, satellites)[0]
@@ -142,11 +133,11 @@ class GapObjective(CoverageObjective):
     def best_replacement(
         self, orbit: NDArray, satellites: NDArray, slot: int, lowest: int, highest: int, best: float
     ) -> Replacement:
-        """As in `Objective`; what the other slots cover is gathered once."""
+        """See `Objective`; the coverage of the other slots is computed once."""
         others = np.delete(orbit, slot)
-        place = np.setdiff1d(np.arange(self.n_orbits), others)
+        free = np.setdiff1d(np.arange(self.n_orbits), others)
         count = np.arange(lowest, highest + 1)
-        candidate = (place[:, None] * self.max_satellites + count - 1).ravel()
+        candidate = (free[:, None] * self.max_satellites + count - 1).ravel()
         seen = self._at_least(others, np.delete(satellites, slot))[0]
         found = self._values(seen, candidate)
         largest = first_best(found)
@@ -156,7 +147,7 @@ class GapObjective(CoverageObjective):
         return Replacement(i, n + 1, float(found[largest]), found.size)
 
     def ceiling(self) -> float:
-        """A value that no architecture exceeds: that of all candidates together, or 1."""
+        """Upper bound on all architectures: the value of all candidates together, or 1."""
         if self.measure == "mean":
             return 1.0
         every = np.bitwise_or.reduce(self.candidates[:, 0], axis=0)
@@ -170,27 +161,10 @@ def certify_gaps(
     n_slots: int | None = None,
     restarts: int = 0,
     rng: np.random.Generator | None = None,
-) -> Certificate:
-    """Search the architecture of the shortest gaps, from the greedy choice of largest coverage.
-
-    The bound is what all candidates together reach.
-
-    Parameters
-    ----------
-    objective : GapObjective
-        Gaps over its tables.
-    n_satellites, n_slots, restarts, rng
-        As for `cislunar.architecture.coverage.certificate.certify_coverage`.
-
-    Returns
-    -------
-    Certificate
-
-    Raises
-    ------
-    ConfigurationError
-        If the places cannot hold the satellites.
-    """
+) -> ObjectiveCertificate:
+    """Search for the architecture of the shortest gaps, from the greedy choice of largest coverage.
+    The bound is the value of all candidates together. For the arguments see
+    `cislunar.architecture.coverage.certificate.certify_coverage`."""
     return certified_search(
         objective,
         lambda: greedy_coverage(objective, n_satellites, n_slots=n_slots),

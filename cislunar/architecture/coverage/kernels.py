@@ -1,4 +1,4 @@
-"""Compiled arithmetic on sets held as bits: counting, gains, lazy greedy, weighted sums."""
+"""Operations on sets stored as bits: counting, gains, lazy greedy, weighted sums (compiled)."""
 
 import numpy as np
 from numba import njit
@@ -13,7 +13,7 @@ _H1 = np.uint64(0x0101010101010101)
 
 @njit(cache=True, inline="always")
 def _ones(x):
-    """Number of ones of a word."""
+    """Number of set bits of a word."""
     x -= (x >> np.uint64(1)) & _M1
     x = (x & _M2) + ((x >> np.uint64(2)) & _M2)
     x = (x + (x >> np.uint64(4))) & _M4
@@ -22,7 +22,7 @@ def _ones(x):
 
 @njit(cache=True)
 def count_ones(word):
-    """Ones of an array of words (word,)."""
+    """Number of set bits of an array of words (word,)."""
     total = 0
     for w in range(word.size):
         total += _ones(word[w])
@@ -32,7 +32,6 @@ def count_ones(word):
 @njit(cache=True)
 def add_layers(at_least, layer):
     """Add layers (layer, word), "seen by at least j", to a multiplicity (fold, word) in place.
-
     Layer j of both holds the elements counted at least j + 1 times; the sum saturates at the fold.
     """
     for j in range(layer.shape[0]):
@@ -44,17 +43,15 @@ def add_layers(at_least, layer):
 
 
 @njit(cache=True)
-def open_words(at_least, reachable):
-    """Words of a multiplicity (fold, word) with room for elements that are reachable (word,)."""
+def _open_words(at_least, reachable):
+    """Words of a multiplicity (fold, word) with reachable (word,) elements below the fold."""
     return np.flatnonzero(reachable & ~at_least[-1])
 
 
 @njit(cache=True)
 def _gain(at_least, layer, word):
-    """What layers (layer, word) add in some words to the sum of a multiplicity (fold, word).
-
-    A residual of at least j + 1 is a multiplicity below fold - j.
-    """
+    """Increase of the sum of a multiplicity (fold, word) by layers (layer, word), in some words. A
+    residual of at least j + 1 is a multiplicity below fold - j."""
     total = 0
     fold = at_least.shape[0]
     for j in range(layer.shape[0]):
@@ -67,11 +64,9 @@ def _gain(at_least, layer, word):
 
 @njit(cache=True)
 def gains(at_least, layers, candidate, reachable):
-    """Gain of each candidate, rows of ``layers`` (candidate, layer, word): int64.
-
-    ``reachable`` (word,) has the elements that any of them sees.
-    """
-    found, word = np.empty(candidate.size, dtype=np.int64), open_words(at_least, reachable)
+    """Gain of each candidate, rows of ``layers`` (candidate, layer, word): int64. ``reachable``
+    (word,) holds the elements that any candidate sees."""
+    found, word = np.empty(candidate.size, dtype=np.int64), _open_words(at_least, reachable)
     for c in range(candidate.size):
         found[c] = _gain(at_least, layers[candidate[c]], word)
     return found
@@ -90,13 +85,12 @@ def shared_ones(mask, layers, candidate):
 
 @njit(cache=True)
 def lazy_greedy(layers, candidate, number, fold, reachable):
-    """Pick ``number`` candidates one by one, each of the largest gain, the first among equals.
-
-    Gains only fall as more is covered, so that a stale gain bounds the present one and only the
-    largest bounds are evaluated anew. Returns positions in ``candidate`` in order, and evaluations.
-    """
+    """Pick ``number`` candidates one by one, each of the largest gain; ties go to the first. Gains
+    never increase as coverage grows. An outdated gain is therefore an upper bound, and only the
+    largest bounds are evaluated again. Returns positions in ``candidate`` in order, and
+    evaluations."""
     at_least = np.zeros((fold, layers.shape[2]), dtype=np.uint64)
-    bound, word = gains(at_least, layers, candidate, reachable), open_words(at_least, reachable)
+    bound, word = gains(at_least, layers, candidate, reachable), _open_words(at_least, reachable)
     evaluated = np.zeros(candidate.size, dtype=np.int64)
     picked = np.empty(number, dtype=np.int64)
     evaluations = candidate.size
@@ -110,7 +104,7 @@ def lazy_greedy(layers, candidate, number, fold, reachable):
             evaluations += 1
         picked[step] = best
         add_layers(at_least, layers[candidate[best]])
-        word = open_words(at_least, reachable)
+        word = _open_words(at_least, reachable)
         bound[best] = -1
         evaluated[best] = number
     return picked, evaluations
@@ -122,8 +116,7 @@ def weighted_sums(layers, candidate, weight):
 
     ``layers`` (candidate, layer, byte) are the bytes of the words. One table of the 256 partial
     sums of a byte serves all candidates, so that a byte costs one addition, and one without weight
-    none.
-    """
+    none."""
     total = np.zeros(candidate.size)
     n_bytes = weight.shape[0]
     table, byte = np.zeros((_TILE, 256)), np.empty(_TILE, dtype=np.int64)
@@ -152,7 +145,7 @@ def weighted_sums(layers, candidate, weight):
 
 @njit(cache=True)
 def times_seen(layers, candidate, n_bits):
-    """How many layers of some candidates (candidate, layer, word) hold each bit: int64."""
+    """Number of layers of some candidates (candidate, layer, word) that hold each bit: int64."""
     found = np.zeros(n_bits, dtype=np.int64)
     for c in candidate:
         for j in range(layers.shape[1]):
@@ -168,14 +161,14 @@ def times_seen(layers, candidate, n_bits):
 
 @njit(cache=True)
 def blend(mean, share, downhill):
-    """Mean of directions (element,) in place: a share of what it was, the rest the new one."""
+    """Weighted mean of directions (element,) in place, with weight ``share`` of the old one."""
     for e in range(mean.size):
         mean[e] = share * mean[e] + (1.0 - share) * downhill[e]
 
 
 @njit(cache=True)
 def inside(direction, multiplier, out):
-    """A direction without what leads out of the box 0 .. 1 of the multipliers, into `out`."""
+    """A direction without components that leave the box 0 .. 1 of the multipliers, into `out`."""
     for e in range(out.size):
         d, m = direction[e], multiplier[e]
         outward = m >= 1.0 if d > 0.0 else m <= 0.0
@@ -184,7 +177,7 @@ def inside(direction, multiplier, out):
 
 @njit(cache=True)
 def moved(multiplier, length, direction):
-    """Multipliers moved along a direction, kept in the box 0 .. 1."""
+    """Multipliers moved along a direction and clipped to the box 0 .. 1."""
     found = np.empty(multiplier.size)
     for e in range(found.size):
         found[e] = min(max(multiplier[e] + length * direction[e], 0.0), 1.0)

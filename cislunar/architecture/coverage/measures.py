@@ -1,6 +1,7 @@
-"""What J does not show: how much of the target set an architecture really watches.
+"""Measures of coverage that J does not include: which share of the target set is observed, and
+when.
 
-J counts an observation by two satellites twice and forgives a target that is never seen. These
+J counts an observation by two satellites twice and tolerates targets that are never seen. These
 measures count each target once.
 """
 
@@ -17,9 +18,7 @@ from cislunar.visibility.shade import lost_observations, shade_of
 
 def day_starts(times: ArrayLike) -> NDArray[np.intp]:
     """Index of the first time of each day, shape (day,), of nondimensional times since the epoch.
-
-    The last sample falls on the end of the last day and belongs to it.
-    """
+    The last sample lies at the end of the last day and belongs to it."""
     elapsed_days = np.asarray(times, dtype=float) * TIME_UNIT_S / SECONDS_PER_DAY
     n_days = max(1, int(np.ceil(elapsed_days[-1] - 1e-9)))
     day = np.minimum((elapsed_days + 1e-9).astype(int), n_days - 1)
@@ -37,7 +36,7 @@ class Coverage:
     target_days : float
         Share of (target, day) pairs in which the target is seen at least once.
     never_seen : int
-        Targets no satellite ever sees.
+        Number of targets that no satellite ever sees.
     observers_per_covered : float
         Mean number of satellites that see a target, over the covered (target, time) pairs.
     """
@@ -63,11 +62,11 @@ def architecture_tracks(
     Parameters
     ----------
     state, period, times, propagator, mu
-        As for `satellite_tracks`, one chosen orbit per slot.
+        See `satellite_tracks`; one chosen orbit per slot.
     satellites : array_like of int, shape (slot,)
         Satellites on each orbit, at phases j/n of the period.
     phase : array_like, shape (slot,) or ()
-        Fractions of the period by which the satellites of each slot are ahead of that.
+        Fractions of the period by which the satellites of each slot are ahead of these phases.
 
     Returns
     -------
@@ -93,7 +92,7 @@ def coverage(
     length: ArrayLike = 1.0,
     mu: float = MU,
 ) -> Coverage:
-    """Measure what a set of satellites sees of a static target set.
+    """Coverage of a static target set by a set of satellites.
 
     Parameters
     ----------
@@ -111,15 +110,11 @@ def coverage(
         Unit of length of the frame in units of l*.
     mu : float
         Mass ratio.
-
-    Returns
-    -------
-    Coverage
     """
     times = np.asarray(times, dtype=float)
-    places = (np.ascontiguousarray(each, dtype=float) for each in (track, target, sun_position))
+    positions = (np.ascontiguousarray(each, dtype=float) for each in (track, target, sun_position))
     faintness = settings.faintness_at(len(times), length)
-    given = *places, settings.angles.cosines, faintness, mu
+    given = *positions, settings.angles.cosines, faintness, mu
     observers = count_observers(*given)
     if settings.eclipse:
         shade = shade_of(given[1], given[2], mu, length)
@@ -138,22 +133,13 @@ def coverage(
 
 @dataclass(frozen=True)
 class Gaps:
-    """How long the targets wait, from samples at equal steps.
+    """Gaps between observations of the targets, from samples at equal steps.
 
-    A gap is a run of samples in which a target is not seen, each sample standing for one step. Runs
-    at the ends of the horizon count at the length they have there, so that a target that is never
-    seen has one gap, the horizon. Gaps are not objectives: one satellite may halve no gap of a
-    target and two together all of them, so that neither greedy nor its bound would mean anything.
-
-    Attributes
-    ----------
-    longest_h : ndarray, shape (target,)
-        Longest gap of each target, h; 0 for a target always seen.
-    mean_h : ndarray, shape (target,)
-        Mean length of the gaps of each target, h; 0 for a target always seen.
-    wait_h : ndarray, shape (target,)
-        Mean time from any instant to the next observation, or to the end of the horizon, h.
-    """
+    A gap is a run of samples in which a target is not seen, where each sample represents one step.
+    Runs at the ends of the horizon count with their length within it; the gap of a target that is
+    never seen is the horizon. All arrays have shape (target,) and unit h: the longest gap, the mean
+    length of the gaps (both 0 for a target always seen), and the mean time from any time to the
+    next observation or the end of the horizon."""
 
     longest_h: NDArray[np.float64]
     mean_h: NDArray[np.float64]
@@ -166,13 +152,9 @@ def gaps(seen: ArrayLike, step_hours: float) -> Gaps:
     Parameters
     ----------
     seen : array_like of bool, shape (time, target)
-        Whether each target is seen at times of equal step.
+        Whether each target is seen, at times of equal step.
     step_hours : float
         The step, h.
-
-    Returns
-    -------
-    Gaps
     """
     seen = np.asarray(seen, dtype=bool)
     n_times, n_targets = seen.shape

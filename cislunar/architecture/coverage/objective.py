@@ -19,31 +19,27 @@ class CoverageObjective(Objective):
         f = sum over e of min(c(e), k) / (k x number of elements),
 
     dimensionless, 0 to 1. k = 1 is union coverage: the share of target-hours, or of target-days,
-    seen by at least one satellite. For k > 1 an element seen by fewer counts in part; f is then the
-    mean over j = 1 .. k of the share seen by at least j. The share seen by at least k alone would
-    not be submodular: the first satellite would gain nothing.
+    seen by at least one satellite. For k > 1 an element seen by fewer satellites counts in part; f
+    is then the mean over j = 1 .. k of the share seen by at least j satellites. The share seen by
+    at least k would not be submodular, because the first satellite would gain nothing.
 
-    As a sum of concave functions of c, f is monotone and submodular in the set of satellites: what
-    a satellite adds only falls as others are added. That makes lazy greedy exact greedy, and greedy
-    at least 1 - 1/e of the best (Nemhauser, Wolsey & Fisher, 1978). In the paper's slots it holds
-    for adding orbits; another satellite on an orbit moves those before it.
+    As a sum of concave functions of c, f is monotone and submodular in the set of satellites: the
+    gain of a satellite never increases as others are added. Therefore lazy greedy equals greedy,
+    and greedy reaches at least 1 - 1/e of the optimum (Nemhauser, Wolsey & Fisher, 1978). With
+    several satellites per orbit this holds for adding orbits; a further satellite on an orbit
+    shifts the phases of the others.
 
-    The "orbits" of the interface are the places of the tables. At free phases a place carries one
-    satellite, so that N satellites are N places.
+    The "orbits" of the interface are the orbit slots of the tables. For free phases an orbit slot
+    has one satellite, so that N satellites occupy N orbit slots.
 
-    Limits. Targets stand still in the rotating frame and are spheres; every target and hour weighs
-    the same; one observation suffices, whoever else the satellite would have to look at. Coverage
-    is the objective of a search, not of custody.
+    Targets are spheres at rest in the rotating frame, all targets and hours have equal weight, and
+    one observation suffices, regardless of the other targets of the satellite. Coverage is the
+    objective of a search strategy, not of custody.
 
     Parameters
     ----------
     tables : CoverageTables
-        What every place and satellite count sees.
-
-    Raises
-    ------
-    ConfigurationError
-        If it is given anything else.
+        Elements seen from every orbit slot with every satellite count.
     """
 
     def __init__(self, tables: CoverageTables) -> None:
@@ -63,7 +59,7 @@ class CoverageObjective(Objective):
 
     @property
     def candidates(self) -> NDArray[np.uint64]:
-        """Layers of every (place, count): ndarray of shape (place * satellites, layer, word)."""
+        """Layers of every (orbit slot, count), shape (slot * satellites, layer, word)."""
         layers = self.tables.layers
         return layers.reshape(-1, *layers.shape[2:])
 
@@ -75,11 +71,10 @@ class CoverageObjective(Objective):
     def _gains_again(
         self, orbit: NDArray, others: NDArray, candidate: NDArray
     ) -> NDArray[np.int64]:
-        """Gains over all places but one, from those over all: few elements hang on the one.
-
-        `others` (word,) are the elements that have enough satellites without it. Where each place
-        carries one satellite, a candidate gains each element it sees that has not enough.
-        """
+        """Gains over all orbit slots but one, from the cached gains over all of them. `others`
+        (word,) are the elements that have enough satellites without that one. With one satellite
+        per orbit slot, a candidate gains each element that it sees and that has not enough
+        satellites."""
         if self._over is None or not np.array_equal(self._over[0], orbit):
             every = self._at_least(orbit, np.ones_like(orbit))
             all_of_them = np.arange(self.n_orbits)
@@ -97,42 +92,16 @@ class CoverageObjective(Objective):
         return found
 
     def value(self, orbit: ArrayLike, satellites: ArrayLike) -> float:
-        """Coverage of one architecture; 0 with a duplicate place.
-
-        Parameters
-        ----------
-        orbit, satellites : array_like of int, shape (slot,)
-            Places and satellites at each.
-
-        Raises
-        ------
-        ConfigurationError
-            If an index or a count is outside the tables.
-        """
-        orbit = np.asarray(orbit, dtype=np.int64)
-        satellites = np.asarray(satellites, dtype=np.int64)
-        self.check(orbit, satellites)
+        """Coverage of one architecture, shape (slot,) of orbit slots and satellites at each; 0 with
+        a duplicate orbit slot."""
+        orbit, satellites = self.checked(orbit, satellites)
         if np.unique(orbit).size < orbit.size:
             return 0.0
         return count_ones(self._at_least(orbit, satellites).ravel()) / self.scale
 
     def seen(self, orbit: ArrayLike, satellites: ArrayLike, times: int = 1) -> NDArray[np.bool_]:
-        """Which elements at least so many satellites see, up to the fold.
-
-        Parameters
-        ----------
-        orbit, satellites : array_like of int, shape (slot,)
-            The architecture.
-        times : int
-            Number of satellites, 1 .. fold.
-
-        Returns
-        -------
-        ndarray of bool, shape (time or day, target)
-        """
-        orbit = np.asarray(orbit, dtype=np.int64)
-        satellites = np.asarray(satellites, dtype=np.int64)
-        self.check(orbit, satellites)
+        """Elements that at least `times` (1 .. fold) satellites see, (time or day, target)."""
+        orbit, satellites = self.checked(orbit, satellites)
         words = self._at_least(orbit, satellites)[times - 1]
         bits = np.unpackbits(words.view(np.uint8), count=self.tables.n_elements, bitorder="little")
         return bits.astype(bool).reshape(self.tables.shape)
@@ -140,12 +109,12 @@ class CoverageObjective(Objective):
     def best_replacement(
         self, orbit: NDArray, satellites: NDArray, slot: int, lowest: int, highest: int, best: float
     ) -> Replacement:
-        """As in `Objective`; what the other slots cover is gathered once."""
+        """See `Objective`; the coverage of the other slots is computed once."""
         others = np.delete(orbit, slot)
         covered = self._at_least(others, np.delete(satellites, slot))
-        place = np.setdiff1d(np.arange(self.n_orbits), others)
+        free = np.setdiff1d(np.arange(self.n_orbits), others)
         count = np.arange(lowest, highest + 1)
-        candidate = (place[:, None] * self.max_satellites + count - 1).ravel()
+        candidate = (free[:, None] * self.max_satellites + count - 1).ravel()
         if self.max_satellites == 1:
             gain = self._gains_again(orbit, covered[-1], candidate)
         else:

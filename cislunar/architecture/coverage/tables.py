@@ -1,4 +1,4 @@
-"""Tables behind the coverage objectives: what each candidate sees of the targets, as bits."""
+"""Tables of the coverage objectives: the elements that each candidate sees, as bits."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.architecture.coverage.kernels import add_layers
 from cislunar.architecture.coverage.measures import day_starts
-from cislunar.architecture.places import free_places, places_at, steady_orbits
+from cislunar.architecture.orbit_slots import free_orbit_slots, orbit_slots_at, steady_orbits
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.families import OrbitSet
@@ -20,36 +20,20 @@ from cislunar.visibility.shade import lost_observations, shade_of
 _ORBITS_PER_BATCH = 8
 _WORD = 64
 
-WINDOWS = ("sample", "day")
-"""What counts as an element: a target at one time, or a target on one day."""
+_WINDOWS = ("sample", "day")
+"""Kinds of element: a target at one time, or a target on one day."""
 
 
 @dataclass(frozen=True)
 class CoverageTables:
-    """What every (place, satellite count) sees of the elements (target at a time or on a day).
+    """Elements (target at a time or on a day) seen from every (orbit slot, satellite count).
 
-    A place is an orbit that carries n satellites at the phases j/n (the paper's slots), or one
-    phase of an orbit, which carries one satellite (free phases).
-
-    Attributes
-    ----------
-    layers : ndarray of uint64, shape (place, satellites, layer, word)
-        Layer j holds, as bits, the elements that at least j + 1 of the satellites see. Element e is
-        bit ``e % 8`` of byte ``e // 8``; elements run over the targets of one time or day, then
-        over the next.
-    orbit : ndarray of int64, shape (place,)
-        Orbit of each place in the library the tables were made from.
-    phase : ndarray, shape (place,)
-        Fraction of the period by which its first satellite is ahead.
-    family : ndarray of str, shape (place,)
-        Family of the orbit; members of a family are consecutive and ordered along it.
-    stability_index : ndarray, shape (place,)
-        Stability index of the orbit, 1 = linearly stable.
-    fold : int
-        Satellites that must see an element for it to count in full.
-    shape : tuple of int
-        Windows (times or days) and targets; their product is the number of elements.
-    """
+    An orbit slot is an orbit with n satellites at the phases j/n (as in the paper), or one phase of
+    an orbit with one satellite (free phases); for the arrays `orbit` to `stability_index` see
+    `OrbitSlots`. `layers` (slot, satellites, layer, word) hold in layer j, as bits, the elements
+    that at least j + 1 of the satellites see. Element e is bit ``e % 8`` of byte ``e // 8``; the
+    target index varies fastest, then time or day, see `shape` (windows, targets). `fold` is the
+    number of satellites that must see an element for it to count fully."""
 
     layers: NDArray[np.uint64]
     orbit: NDArray[np.int64]
@@ -66,18 +50,18 @@ class CoverageTables:
 
     @property
     def max_satellites(self) -> int:
-        """Largest number of satellites of one place."""
+        """Largest number of satellites in one orbit slot."""
         return self.layers.shape[1]
 
 
 def as_words(bits: NDArray[np.uint8]) -> NDArray[np.uint64]:
-    """Rows of bytes (..., byte) filled up with zeros to words of 64 bits (..., word)."""
+    """Rows of bytes (..., byte), padded with zeros to words of 64 bits (..., word)."""
     padding = [(0, 0)] * (bits.ndim - 1) + [(0, -bits.shape[-1] % (_WORD // 8))]
     return np.pad(bits, padding).view(np.uint64)
 
 
 def _by_day(bits: NDArray[np.uint8], shape: tuple[int, int], starts: NDArray) -> NDArray[np.uint8]:
-    """Bits of (time, target) gathered into bits of (day, target), row by row."""
+    """Bits of (time, target) combined into bits of (day, target), row by row."""
     days = np.empty((*bits.shape[:-1], (len(starts) * shape[1] + 7) // 8), dtype=np.uint8)
     for row in np.ndindex(bits.shape[:-1]):
         seen = np.unpackbits(bits[row], count=shape[0] * shape[1], bitorder="little")
@@ -101,11 +85,11 @@ def coverage_tables(
     mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
 ) -> CoverageTables:
-    """Tabulate what satellites of every orbit see, in the paper's slots or at free phases.
+    """Tabulate the elements that satellites see, at phases j/n as in the paper or at free phases.
 
-    The table has one bit for each candidate, target and time: 9 kB a candidate for 100 targets
-    hourly over a month, 29 MB for the 3200 candidates of 100 orbits and 32 phases. The positions
-    of a few orbits at a time come on top.
+    The table has one bit for each candidate, target and time: 9 kB per candidate for 100 targets
+    hourly over a month, 29 MB for the 3200 candidates of 100 orbits and 32 phases. The positions of
+    a few orbits at a time need further memory.
 
     Parameters
     ----------
@@ -114,49 +98,40 @@ def coverage_tables(
     target : array_like, shape (target, 3)
         Static targets, nondimensional, rotating frame.
     times : array_like, shape (time,)
-        Nondimensional times since the epoch, of equal steps.
+        Nondimensional times since the epoch, at equal steps.
     sun_position : array_like, shape (time, 3)
         Sun at those times, nondimensional, rotating frame.
     settings : VisibilitySettings
         Photometry, exclusion and propagator.
     phases : int, optional
-        Satellites may stand at the phases 0, 1/phases, ... of a period, each on its own. Without
-        it n satellites on an orbit stand at j/n (Paul & Fan, section 3).
+        Number of phases 0, 1/phases, ... of a period, each with its own satellite. If omitted, n
+        satellites on an orbit are at the phases j/n (Paul & Fan, section 3).
     max_satellites : int
-        Largest number on one orbit in the paper's slots.
+        Largest number of satellites on one orbit, if `phases` is omitted.
     fold : int
-        Satellites that must see an element for it to count in full.
+        Number of satellites that must see an element for it to count fully.
     window : str
-        One of `WINDOWS`: "sample" for target-hours, "day" for target-days.
+        One of `_WINDOWS`: "sample" for target-hours, "day" for target-days.
     max_stability_index : float
-        Orbits of a larger stability index are left out.
+        Orbits with a larger stability index are excluded.
     mu : float
         Mass ratio.
     progress : callable, optional
         Called with (orbits done, orbits).
-
-    Returns
-    -------
-    CoverageTables
-
-    Raises
-    ------
-    ConfigurationError
-        If `phases` or `fold` is below 1, `window` is unknown, or no orbit is stable enough.
     """
     if phases is not None and phases < 1:
         raise ConfigurationError(f"phases = {phases} must be at least 1")
     if fold < 1:
         raise ConfigurationError(f"fold = {fold} must be at least 1")
-    if window not in WINDOWS:
-        raise ConfigurationError(f"window = {window!r} is not known: use one of {list(WINDOWS)}")
+    if window not in _WINDOWS:
+        raise ConfigurationError(f"window = {window!r} is not known: use one of {list(_WINDOWS)}")
     allowed = steady_orbits(orbits, max_stability_index)
     if phases is None:
         phase, members = distinct_phases(max_satellites)
-        places, counts, layer = 1, max_satellites, min(fold, max_satellites)
+        per_orbit, counts, layer = 1, max_satellites, min(fold, max_satellites)
     else:
         phase = np.arange(phases) / phases
-        places, counts, layer = phases, 1, 1
+        per_orbit, counts, layer = phases, 1, 1
     times = np.asarray(times, dtype=float)
     target = np.ascontiguousarray(target, dtype=float)
     sun = np.ascontiguousarray(sun_position, dtype=float)
@@ -164,7 +139,7 @@ def coverage_tables(
     starts = day_starts(times)
     n_windows = len(starts) if window == "day" else len(times)
     n_words = -(-n_windows * len(target) // _WORD)
-    layers = np.zeros((len(allowed) * places, counts, layer, n_words), dtype=np.uint64)
+    layers = np.zeros((len(allowed) * per_orbit, counts, layer, n_words), dtype=np.uint64)
     faintness = settings.faintness_at(len(times))
     shade = shade_of(target, sun, mu) if settings.eclipse else None
     for first in range(0, len(allowed), _ORBITS_PER_BATCH):
@@ -181,22 +156,19 @@ def coverage_tables(
             np.bitwise_and.at(bits, (slice(None), slice(None), at >> 3), ~lost)
         rows = as_words(_by_day(bits, shape, starts) if window == "day" else bits)
         for orbit in range(len(batch)):
-            place = (first + orbit) * places
+            slot = (first + orbit) * per_orbit
             if phases is not None:
-                layers[place : place + places, 0, 0] = rows[orbit]
+                layers[slot : slot + per_orbit, 0, 0] = rows[orbit]
                 continue
             for count, member in enumerate(members):
                 for row in member:
-                    add_layers(layers[place, count], rows[orbit, row : row + 1])
+                    add_layers(layers[slot, count], rows[orbit, row : row + 1])
         if progress is not None:
             progress(first + len(batch), len(allowed))
     if phases is None:
-        taken = places_at(orbits, allowed, np.zeros(allowed.size))
+        slots = orbit_slots_at(orbits, allowed, np.zeros(allowed.size))
     else:
-        taken = free_places(orbits, phases, max_stability_index)
+        slots = free_orbit_slots(orbits, phases, max_stability_index)
     return CoverageTables(
-        layers=layers,
-        fold=fold,
-        shape=(n_windows, len(target)),
-        **taken._asdict(),
+        layers=layers, fold=fold, shape=(n_windows, len(target)), **slots._asdict()
     )

@@ -1,21 +1,21 @@
-"""From how far bodies are bright enough to be measured, at attitudes drawn by chance."""
+"""Distances from which bodies in random attitude are bright enough to be measured."""
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
-from cislunar.observation.scene import TargetSurfaces, body_of
-from cislunar.observation.sightline import METRES
+from cislunar.observation.sightline import METERS
+from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 from cislunar.photometry.body_blocks import body_magnitude
 
-PHASE_ANGLES = 91
-"""Phase angles of the table, from 0 to 180 degrees."""
+_PHASE_ANGLES = 91
+"""Number of phase angles of the table, from 0 to 180 degrees."""
 
 
 @njit(cache=True, error_model="numpy")
 def _fill_reaches(surfaces, target, quaternion, limit, out):
-    """Squared reaches (angle, attitude) of one target, ascending in the attitude."""
+    """Squared reaches (angle, attitude) of one target, ascending along the attitudes."""
     body = body_of(surfaces, target)
     for a in range(out.shape[0]):
         angle = np.pi * a / (out.shape[0] - 1)
@@ -25,39 +25,34 @@ def _fill_reaches(surfaces, target, quaternion, limit, out):
                 (q[0], q[1], q[2], q[3]), (1.0, 0.0, 0.0), (np.cos(angle), np.sin(angle), 0.0),
                 1.0, body, surfaces.irradiance_4pi, surfaces.fresnel_sqrt,
             )  # fmt: skip
-            out[a, s] = 10.0 ** (0.4 * (limit - magnitude)) / METRES**2
+            out[a, s] = 10.0 ** (0.4 * (limit - magnitude)) / METERS**2
         out[a] = np.sort(out[a])
 
 
 def squared_reaches(
     surfaces: TargetSurfaces, limiting_magnitude: float, quaternion: ArrayLike
 ) -> NDArray[np.float64]:
-    """Squares of the distances from which bodies reach a magnitude, by phase angle and attitude.
+    """Squares of the distances at which bodies have a magnitude, by phase angle and attitude.
 
     Parameters
     ----------
     surfaces : TargetSurfaces
         Shapes and materials.
     limiting_magnitude : float
-        Of the sensor.
+        Limiting magnitude of the sensor, mag.
     quaternion : array_like, shape (attitude, 4)
         Attitudes, unit quaternions, relative to the plane of Sun, body and observer.
 
     Returns
     -------
     ndarray, shape (target, angle, attitude)
-        Squared nondimensional units of length, at `PHASE_ANGLES` angles, evenly from 0 to 180
+        Squared nondimensional units of length, at `_PHASE_ANGLES` angles, evenly from 0 to 180
         degrees, ascending along the attitudes; 0 where nothing is both lit and seen.
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no attitude.
     """
     attitudes = np.asarray(quaternion, dtype=float)
     if attitudes.ndim != 2 or attitudes.shape[0] < 1 or attitudes.shape[1] != 4:
         raise ConfigurationError(f"quaternion has shape {attitudes.shape}; (attitude, 4) is needed")
-    found = np.empty((surfaces.first.size - 1, PHASE_ANGLES, len(attitudes)))
+    found = np.empty((surfaces.first.size - 1, _PHASE_ANGLES, len(attitudes)))
     for target in range(len(found)):
         _fill_reaches(surfaces, target, attitudes, float(limiting_magnitude), found[target])
     return found
@@ -66,9 +61,8 @@ def squared_reaches(
 @njit(cache=True, error_model="numpy")
 def bright_share(dx, dy, dz, fx, fy, fz, reaches):
     """Share of the attitudes in which a body is bright enough, from its reaches (angle, attitude).
-
-    d is the way from the observer to it, f that from the Sun. At the nearest phase angle.
-    """
+    d is the vector from the observer to the body, f that from the Sun. The nearest tabulated phase
+    angle is used."""
     squared = dx * dx + dy * dy + dz * dz
     cosine = (dx * fx + dy * fy + dz * fz) / np.sqrt(squared * (fx * fx + fy * fy + fz * fz))
     angle = np.arccos(min(1.0, max(-1.0, cosine)))

@@ -1,21 +1,21 @@
-"""Compiled arithmetic on sums of 6 x 6 information matrices: log-determinants, gains, gradients.
+"""Sums of 6 x 6 information matrices: log-determinants, gains and gradients (compiled).
 
-Matrices are packed as in `cislunar.architecture.information.looks`. The first `nuisance` of the six
-states are known to nobody and asked by nobody: the pivots of an elimination that begins with them
-belong, after theirs, to the Schur complement, which is the information about the others alone.
-Sums run in one order whatever the machine.
+Matrices are packed as in `cislunar.architecture.information.observation_kernels`. The first
+`nuisance` of the six states have to be estimated but do not count. In an elimination that starts
+with them, the later pivots belong to the Schur complement, which is the information about the other
+states alone. Sums run in one order on every machine.
 """
 
 import numpy as np
 from numba import njit
 
-from cislunar.architecture.information.looks import PACKED
+from cislunar.architecture.information.observation_kernels import PACKED
 from cislunar.architecture.objective import IMPROVES
 
 
 @njit(cache=True, error_model="numpy")
 def _half_log_det(a, nuisance):
-    """Half the log-determinant of the Schur complement of a matrix (21,), which is spoilt."""
+    """Half the log-determinant of the Schur complement of a matrix (21,), which is overwritten."""
     product = 1.0
     for j in range(6):
         start = j * (j + 1) // 2
@@ -41,14 +41,14 @@ def item_values(base, nuisance, out):
 
 
 @njit(cache=True)
-def combined(matrix, place, weight):
-    """Identity plus a weighted sum of the matrices (place, item, 21) of some places."""
+def combined(matrix, slot, weight):
+    """Identity plus a weighted sum of the matrices (slot, item, 21) of some orbit slots."""
     base = np.zeros(matrix.shape[1:])
     for i in range(base.shape[0]):
         for a in range(6):
             base[i, a * (a + 3) // 2] = 1.0
-    for c in range(place.size):
-        own, w = matrix[place[c]], weight[c]
+    for c in range(slot.size):
+        own, w = matrix[slot[c]], weight[c]
         for i in range(base.shape[0]):
             for e in range(PACKED):
                 base[i, e] += w * own[i, e]
@@ -57,7 +57,7 @@ def combined(matrix, place, weight):
 
 @njit(cache=True, error_model="numpy")
 def _gain(base, values, own, nuisance, work):
-    """What matrices (item, 21) add to the half log-determinants `values` of a sum."""
+    """Increase of the half log-determinants `values` of a sum by matrices (item, 21)."""
     total = 0.0
     for i in range(values.size):
         trace = 0.0
@@ -72,36 +72,35 @@ def _gain(base, values, own, nuisance, work):
 
 
 @njit(cache=True, error_model="numpy")
-def gains(base, values, matrix, place, nuisance):
-    """Gain of each of some places over a sum (item, 21) with its `values` (item,): float64."""
-    found, work = np.empty(place.size), np.empty(PACKED)
-    for c in range(place.size):
-        found[c] = _gain(base, values, matrix[place[c]], nuisance, work)
+def gains(base, values, matrix, slot, nuisance):
+    """Gain of each of some orbit slots over a sum (item, 21) with its `values` (item,): float64."""
+    found, work = np.empty(slot.size), np.empty(PACKED)
+    for c in range(slot.size):
+        found[c] = _gain(base, values, matrix[slot[c]], nuisance, work)
     return found
 
 
 @njit(cache=True, error_model="numpy")
-def greedy_places(matrix, number, nuisance):
-    """Pick places one by one, each of the largest gain, the first of those equal to rounding.
-
-    Without nuisances gains only fall as places are added, so that a stale one bounds the present
-    one and only those that may still be largest are evaluated anew. Returns places and evaluations.
-    """
-    n_places, n_items = matrix.shape[:2]
-    everywhere = np.arange(n_places)
+def greedy_orbit_slots(matrix, number, nuisance):
+    """Pick orbit slots one by one, each of the largest gain; ties to rounding go to the first.
+    Without nuisance states, gains never increase as orbit slots are added. An outdated gain is
+    therefore an upper bound, and only those that may be largest are evaluated again. Returns slots
+    and evaluations."""
+    n_slots, n_items = matrix.shape[:2]
+    everywhere = np.arange(n_slots)
     base = combined(matrix, everywhere[:0], np.empty(0))
     values, work = np.zeros(n_items), np.empty(PACKED)
     gain = gains(base, values, matrix, everywhere, nuisance)
-    picked, evaluations = np.empty(number, np.int64), n_places
+    picked, evaluations = np.empty(number, np.int64), n_slots
     for step in range(number):
-        fresh = np.full(n_places, step == 0)
+        fresh = np.full(n_slots, step == 0)
         while True:
             best = np.argmax(gain)
             largest = gain[best]
             if fresh[best]:
-                # stale ones that may equal it to rounding
+                # outdated gains that may equal it to rounding
                 rival = -1
-                for c in range(n_places):
+                for c in range(n_slots):
                     if not fresh[c] and gain[c] * IMPROVES >= largest:
                         rival = c
                         break
@@ -111,7 +110,7 @@ def greedy_places(matrix, number, nuisance):
             gain[best] = _gain(base, values, matrix[best], nuisance, work)
             fresh[best] = True
             evaluations += 1
-        for c in range(n_places):
+        for c in range(n_slots):
             if gain[c] * IMPROVES >= largest:
                 best = c
                 break
@@ -120,9 +119,9 @@ def greedy_places(matrix, number, nuisance):
         item_values(base, nuisance, values)
         gain[best] = -np.inf
         if nuisance > 0:
-            for c in range(n_places):
+            for c in range(n_slots):
                 if gain[c] > -np.inf:
-                    gain[c] = np.inf  # says nothing: an earlier gain is no bound
+                    gain[c] = np.inf  # an earlier gain is no bound here
     return picked, evaluations
 
 
@@ -154,11 +153,9 @@ def _inverse(a, n, out):
 
 @njit(cache=True, error_model="numpy")
 def slopes(base, nuisance, out):
-    """Derivatives of the half log-determinants by the entries of a sum (item, 21), into `out`.
-
-    Half the inverse, less that of the block of the nuisances; an entry off the diagonal stands for
-    two of the matrix.
-    """
+    """Derivatives of the half log-determinants by the entries of a sum (item, 21), into `out`. Half
+    the inverse, minus that of the block of the nuisance states; an off-diagonal entry represents
+    two entries of the matrix."""
     whole, block = np.zeros((6, 6)), np.zeros((6, 6))
     for i in range(base.shape[0]):
         _inverse(base[i], 6, whole)
@@ -173,7 +170,7 @@ def slopes(base, nuisance, out):
 
 @njit(cache=True)
 def along(matrix, slope):
-    """Sum over items and entries of each place's matrices times a slope (item, 21): (place,)."""
+    """Sum over items and entries of each slot's matrices times a slope (item, 21): (slot,)."""
     found = np.empty(matrix.shape[0])
     for c in range(found.size):
         total = 0.0

@@ -1,28 +1,17 @@
 """Upper bound on the information of any architecture of N satellites, by concave relaxation.
 
-With x(c) in 0 .. 1 how much of a satellite flies at place c,
-
-    L(x, i) = 1/2 log det(I + sum over c of x(c) G(c, i))
-
-is concave (also the log-determinant of a Schur complement, which is operator concave and monotone),
-and is the information about item i where x is a choice. Where all states count the information f(i)
-is submodular, and over any set S of places another function of x lies above it for every choice,
-
-    A(x, i) = f(S, i) + sum over c of x(c) (f(S + c, i) - f(S, i))
-
-(Nemhauser, Wolsey & Fisher, 1978). Over no places it is the sharper one for items that few places
-see: of those a tenth of a satellite has the tenth, but nearly all of the logarithm. The least of
-these functions is concave, and so is a smooth one below it, the softmin; with its weights w, which
-add up to 1 for each item, a tangent lies above the mean information F of all choices y of N places:
+With x(c) in 0 .. 1 the fraction of a satellite in orbit slot c, and F the mean information of all
+choices y of N orbit slots (derivation: `docs/objectives.md`)::
 
     F(y) <= mean over i of sum over k of w(k, i) A(k, x, i) + g . (y - x)
-         <= the same at x - g . x + the N largest entries of g
+         <= the same at x - g . x + the N largest entries of g,
+    A(0, x, i) = 1/2 log det(I + sum over c of x(c) G(c, i)),
+    A(k, x, i) = f(S, i) + sum over c of x(c) (f(S + c, i) - f(S, i)),
 
-with A(0) = L and g the gradient: a bound whatever x and w are. Spectral projected gradients
-(Birgin, Martinez & Raydan, 2000) with an exact line search lead to the x where it is least over
-sum x = N.
-What is left between it and the best choice is the gap of integrality, which only branching would
-close.
+where g is the gradient, w are weights that add up to 1 for each item (of a softmin), and the
+functions k > 0 belong to sets S of orbit slots and need an information f without nuisance states
+(Nemhauser, Wolsey & Fisher, 1978). This is a bound for any x and w. Spectral projected gradients
+(Birgin, Martinez & Raydan, 2000) with an exact line search minimize it over x with sum x = N.
 """
 
 from collections.abc import Sequence
@@ -35,43 +24,43 @@ from cislunar.architecture.certified import Bound
 from cislunar.architecture.information.kernels import along, slopes
 from cislunar.architecture.information.objective import InformationObjective
 
-_ROUNDING = 1e-9  # relative; sums of 1e5 terms in double precision stay far within
-_CONVERGED = 1e-4  # share of the value by which the tangent still exceeds the smooth function
-_SOFTNESS = 0.3  # of the softmin, nat
-_HALVINGS = 12  # of the line search
-_BISECTIONS = 100  # of the projection: to the last bit
-_SPREAD = 0.1  # share of the start that is spread over all places
+_ROUNDING = 1e-9  # relative; larger than the rounding of sums of 1e5 terms
+_CONVERGED = 1e-4  # excess of the tangent over the smooth function, as a share of the value
+_SOFTNESS = 0.3  # scale of the softmin, nat
+_HALVINGS = 12  # halvings of the line search
+_BISECTIONS = 100  # bisections of the projection, to the last bit
+_SPREAD = 0.1  # share of the start that is distributed over all orbit slots
 
 
 class _Linear(NamedTuple):
-    """Linear functions above the information: of each item (item,), and by place (place, item)."""
+    """Linear functions above the information: constant (item,) and gain (slot, item)."""
 
     start: NDArray[np.float64]
     gain: NDArray[np.float64]
 
 
 class _Point(NamedTuple):
-    """Shares of places, the sums of matrices (item, 21), and the linear functions (k, item)."""
+    """Fractions of orbit slots, sums of matrices (item, 21), and linear functions (k, item)."""
 
     share: NDArray[np.float64]
     base: NDArray[np.float64]
     linear: NDArray[np.float64]
 
-    def along(self, way: float, change: "_Point") -> "_Point":
-        """A part of the way along a change."""
-        return _Point(*(here + way * by for here, by in zip(self, change, strict=True)))
+    def along(self, fraction: float, change: "_Point") -> "_Point":
+        """The point at a fraction of a change."""
+        return _Point(*(here + fraction * by for here, by in zip(self, change, strict=True)))
 
 
-def _projected(wanted: NDArray, number: int) -> NDArray[np.float64]:
+def _projected(point: NDArray, number: int) -> NDArray[np.float64]:
     """The nearest point with entries in 0 .. 1 that add up to a number."""
-    low, high = wanted.min() - 1.0, wanted.max()
+    low, high = point.min() - 1.0, point.max()
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        if np.clip(wanted - middle, 0.0, 1.0).sum() > number:
+        if np.clip(point - middle, 0.0, 1.0).sum() > number:
             low = middle
         else:
             high = middle
-    return np.clip(wanted - high, 0.0, 1.0)
+    return np.clip(point - high, 0.0, 1.0)
 
 
 class _Relaxation:
@@ -80,20 +69,20 @@ class _Relaxation:
     def __init__(self, objective: InformationObjective, sets: Sequence[NDArray]) -> None:
         self.objective = objective
         submodular = objective.tables.nuisance == 0
-        self.above = [self._over(np.sort(places)) for places in sets if submodular]
+        self.above = [self._over(np.sort(slots)) for slots in sets if submodular]
 
-    def _over(self, places: NDArray) -> _Linear:
-        """The linear functions over a set of places."""
+    def _over(self, slots: NDArray) -> _Linear:
+        """The linear function over a set of orbit slots."""
         objective = self.objective
-        base = objective.sums(places)
+        base = objective.sums(slots)
         start = objective.item_values(base)
         gain = np.array([objective.item_values(base + own) for own in objective.tables.matrix])
         gain -= start
-        gain[places] = 0.0
+        gain[slots] = 0.0
         return _Linear(start, gain)
 
     def point(self, share: NDArray, relative: bool = False) -> _Point:
-        """Sums and linear functions at some shares, or their change with a change of shares."""
+        """Sums and linear functions at given fractions, or their change with the fractions."""
         moved = np.flatnonzero(share)
         base = self.objective.sums(moved, share[moved])
         if relative:
@@ -102,7 +91,7 @@ class _Relaxation:
         return _Point(share, base, np.array(linear).reshape(len(linear), len(base)))
 
     def weights(self, at: _Point) -> tuple[NDArray, NDArray]:
-        """The functions (k, item), log-determinants first, and how much each counts."""
+        """Functions (k, item), log-determinants first, and their weights."""
         values = np.vstack([self.objective.item_values(at.base), at.linear])
         counts = np.exp((values.min(axis=0) - values) / _SOFTNESS)
         return values, counts / counts.sum(axis=0)
@@ -114,20 +103,20 @@ class _Relaxation:
         return found * weight[0][:, None]
 
     def gradient(self, at: _Point, weight: NDArray) -> NDArray[np.float64]:
-        """Derivatives of the mean over items by the shares."""
+        """Derivatives of the mean over items by the fractions."""
         found = along(self.objective.tables.matrix, self._slope(at, weight))
         for each, counts in zip(self.above, weight[1:], strict=True):
             found += each.gain @ counts
         return found / self.objective.n_items
 
     def _rises(self, at: _Point, change: _Point) -> bool:
-        """Whether the softmin rises along a change."""
+        """Whether the softmin increases along a change."""
         _, weight = self.weights(at)
         rise = np.sum(self._slope(at, weight) * change.base) + np.sum(weight[1:] * change.linear)
         return bool(rise >= 0.0)
 
-    def way(self, at: _Point, change: _Point) -> float:
-        """How far along a change the softmin rises, at most all the way."""
+    def step_length(self, at: _Point, change: _Point) -> float:
+        """Fraction of a change, at most 1, up to which the softmin increases."""
         if self._rises(at.along(1.0, change), change):
             return 1.0
         low, high = 0.0, 1.0
@@ -147,28 +136,14 @@ def information_bound(
     steps: int = 200,
     over: Sequence[NDArray] = (),
 ) -> Bound:
-    """Bound the information of all architectures of as many satellites as a known one.
+    """Bound the information of all architectures with as many satellites as a known one, the orbit
+    slots `orbit` (satellite,), where the steps start.
 
-    Steps, not a time, limit the effort; they end once the bound is within 1e-4 of what the
-    relaxation itself reaches, or the known value is proven.
-
-    Parameters
-    ----------
-    objective : InformationObjective
-        Information over its tables.
-    orbit : ndarray of int64, shape (satellite,)
-        The places of the best architecture known, where the steps begin.
-    steps : int
-        Most steps.
-    over : sequence of ndarray of int64
-        Further sets of places over which the information has a linear function above it, beside
-        none and those known. Each makes the bound sharper and a step longer.
-
-    Returns
-    -------
-    Bound
-        With the N places of the largest shares as a choice.
-    """
+    The effort is limited by the number of steps, not by time. The steps end when the bound is
+    within 1e-4 of the optimum of the relaxation, or when the known value is proven optimal. Each
+    set of orbit slots in `over` adds linear functions to those of the empty set and of `orbit`; it
+    makes the bound sharper and a step slower. The choice of the bound is the N orbit slots of the
+    largest fractions."""
     number = len(orbit)
     known = objective.value(orbit, np.ones_like(orbit))
     share = np.full(objective.n_orbits, _SPREAD * number / objective.n_orbits)
@@ -191,18 +166,18 @@ def information_bound(
         if length is None:
             length = 1.0 / np.max(np.abs(gradient))
         change = relaxation.point(_projected(at.share + length * gradient, number) - at.share, True)
-        way = relaxation.way(at, change)
-        if way == 0.0:  # too far to tell: the next steps begin shorter
+        fraction = relaxation.step_length(at, change)
+        if fraction == 0.0:  # below the resolution of the line search
             length *= 0.5**_HALVINGS
             continue
-        at = at.along(way, change)
+        at = at.along(fraction, change)
         at = at._replace(share=np.clip(at.share, 0.0, 1.0))
         values, weight = relaxation.weights(at)
         new = relaxation.gradient(at, weight)
         curvature = -(change.share @ (new - gradient))
         if curvature > 0.0:
-            length = way * (change.share @ change.share) / curvature
+            length = fraction * (change.share @ change.share) / curvature
         gradient = new
-    # the first of those equal to rounding
+    # the first of fractions equal to rounding
     choice = np.sort(np.argsort(-np.round(at.share, 9), kind="stable")[:number])
     return Bound(float(max(known, lowest)), taken, [(choice, np.ones_like(choice))])

@@ -1,8 +1,8 @@
-"""Tables behind the information objectives: what each place tells of every moving target.
+"""Tables of the information objectives: information about every moving target from each orbit slot.
 
 An item is a target in a window of some hours, for the attitude with one of its attitudes. The
-state at the start of the window is known as at the epoch of a run, and to begin with no better; a
-matrix of the tables is the Fisher information of the window's looks about that state, in units of
+initial uncertainty of the state at the start of each window is that at the epoch of a run. A matrix
+of the tables is the Fisher information of the window's observations about that state, in units of
 its initial uncertainty (whitened).
 """
 
@@ -13,18 +13,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.architecture.information.looks import PACKED, add_directions, add_magnitudes
-from cislunar.architecture.places import Places
+from cislunar.architecture.information.observation_kernels import (
+    PACKED,
+    add_directions,
+    add_magnitudes,
+)
+from cislunar.architecture.orbit_slots import OrbitSlots
 from cislunar.attitude.quaternion import normalize
 from cislunar.attitude.rigid_body import propagate_spherical, spherical_transition
 from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import CR3BP, primary_positions
 from cislunar.dynamics.propagation import advance_orbits, propagate_stm
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.spread import INITIAL_SPREAD, Spread
-from cislunar.observation.scene import TargetSurfaces
+from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, InitialSigma
 from cislunar.observation.sensor import Sensor
-from cislunar.observation.sightline import METRES
+from cislunar.observation.sightline import METERS
+from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.orbits.families import OrbitSet
 from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.visibility.counts import satellite_tracks
@@ -32,36 +36,31 @@ from cislunar.visibility.counts import satellite_tracks
 Array = NDArray[np.float64]
 
 HOUR = 3600.0 / TIME_UNIT_S
-"""An hour in the unit of time."""
+"""One hour, nondimensional."""
 
 
 @dataclass(frozen=True)
-class Looks:
-    """How targets are looked at, and what is known of them before.
+class ObservationSettings:
+    """Sensor, observation rate and initial uncertainty of the information objectives.
 
     Attributes
     ----------
     sensor : Sensor
         Noise and limits of the observers.
     radius_m, diffuse_reflection_coefficient : float
-        Of the sphere that stands in for a target when it is judged whether it is seen, as in
+        Radius (m) and C_d of the sphere by which it is decided whether a target is seen, as in
         tasking.
     per_hour : float
-        Looks that an observer takes in an hour, shared evenly among the targets it sees then.
-    initial : Spread
-        Uncertainty at the start of a window.
-
-    Raises
-    ------
-    ConfigurationError
-        If `per_hour` or a part of `initial` is not positive.
+        Observations of an observer per hour, shared evenly among the targets that it sees.
+    initial : InitialSigma
+        Standard deviations at the start of a window.
     """
 
     sensor: Sensor = field(default_factory=Sensor)
     radius_m: float = 1.0
     diffuse_reflection_coefficient: float = 0.5
     per_hour: float = 60.0
-    initial: Spread = INITIAL_SPREAD
+    initial: InitialSigma = PAPER_INITIAL_SIGMA
 
     def __post_init__(self) -> None:
         if not (self.per_hour > 0.0 and np.isfinite(self.per_hour)):
@@ -70,27 +69,18 @@ class Looks:
             raise ConfigurationError(f"initial = {self.initial} must be positive throughout")
 
     def view(self, mu: float) -> tuple:
-        """Limits, faintness and places of Earth and Moon, as the compiled kernels take them."""
+        """Limits, faintness and positions of Earth and Moon, for the compiled kernels."""
         faintness = faintness_per_squared_range(
             self.sensor.limiting_magnitude,
             radius_m=self.radius_m,
             diffuse_reflection_coefficient=self.diffuse_reflection_coefficient,
         )
-        return self.sensor.limits(), faintness * METRES**2, primary_positions(float(mu))
+        return self.sensor.limits(), faintness * METERS**2, primary_positions(float(mu))
 
 
 class Windows(NamedTuple):
-    """Windows of equal length, and the times in them at which is looked.
-
-    Attributes
-    ----------
-    start : ndarray, shape (window,)
-        Nondimensional, since the epoch.
-    times : ndarray, shape (window, sample)
-        Nondimensional, since the epoch: the middles of steps.
-    step_hours : float
-        Length of a step.
-    """
+    """Windows of equal length: `start` (window,) and middles of steps (window, sample),
+    nondimensional, since the epoch; length of a step, h."""
 
     start: Array
     times: Array
@@ -100,7 +90,7 @@ class Windows(NamedTuple):
 def windows_of(
     horizon_days: float, count: int, *, hours: float = 24.0, step_hours: float = 1.0
 ) -> Windows:
-    """Windows spread evenly over a horizon, the first at its beginning, the last at its end.
+    """Windows evenly distributed over a horizon, the first at its beginning, the last at its end.
 
     Parameters
     ----------
@@ -109,18 +99,9 @@ def windows_of(
     count : int
         Number of windows.
     hours : float
-        Length of each.
+        Length of each window, h.
     step_hours : float
-        Time between looks that stand for all of a step; it divides `hours`.
-
-    Returns
-    -------
-    Windows
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no window, one does not fit the horizon, or the step does not divide it.
+        Step between samples, h; it divides `hours`.
     """
     if count < 1:
         raise ConfigurationError(f"windows = {count} must be at least 1")
@@ -140,19 +121,19 @@ def windows_of(
 
 @dataclass(frozen=True)
 class InformationTables:
-    """What a satellite at every place tells of every item.
+    """Information about every item from a satellite in every orbit slot.
 
     Attributes
     ----------
-    matrix : ndarray, shape (place, item, 21)
-        Whitened Fisher information, dimensionless, the lower triangle row by row. Items run over
-        the attitudes of a target, the targets of a window, then over the next window.
+    matrix : ndarray, shape (slot, item, 21)
+        Whitened Fisher information, dimensionless, the lower triangle row by row. The attitude
+        index of an item varies fastest, then the target, then the window.
     nuisance : int
-        How many of the six states, from the first, have to be found but do not count.
+        Number of the first of the six states that have to be estimated but do not count.
     shape : tuple of int
         Windows, targets and attitudes; their product is the number of items.
-    orbit, phase, family, stability_index : ndarray, shape (place,)
-        The places, see `cislunar.architecture.places.Places`.
+    orbit, phase, family, stability_index : ndarray, shape (slot,)
+        The orbit slots, see `cislunar.architecture.orbit_slots.OrbitSlots`.
     """
 
     matrix: Array
@@ -165,15 +146,8 @@ class InformationTables:
 
 
 class MovingTargets(NamedTuple):
-    """Targets in every window.
-
-    Attributes
-    ----------
-    position : ndarray, shape (window, sample, target, 3)
-        Nondimensional, rotating frame.
-    motion : ndarray, shape (window, sample, target, 3, 6)
-        Its derivative by the state at the start of the window.
-    """
+    """Positions (window, sample, target, 3), nondimensional, rotating frame, and their derivatives
+    (window, sample, target, 3, 6) with respect to the state at the start of the window."""
 
     position: Array
     motion: Array
@@ -182,27 +156,23 @@ class MovingTargets(NamedTuple):
 def moving_targets(
     state: ArrayLike, period: ArrayLike, windows: Windows, mu: float = MU
 ) -> MovingTargets:
-    """Follow targets through every window.
+    """Propagate targets through every window.
 
     Parameters
     ----------
     state : array_like, shape (target, 6)
         At the epoch, nondimensional, rotating frame.
     period : array_like, shape (target,)
-        Nondimensional; 0 for a target that flies on freely.
+        Nondimensional; 0 for a target on an open trajectory.
     windows : Windows
-        Windows and times of looks.
+        Windows and sample times.
     mu : float
         Mass ratio.
-
-    Returns
-    -------
-    MovingTargets
 
     Raises
     ------
     ConvergenceError
-        If a target runs into the centre of a body.
+        If a target collides with the center of a body.
     """
     states, shape = np.asarray(state, dtype=float), (*windows.times.shape, len(state))
     position, motion = np.empty((*shape, 3)), np.empty((*shape, 3, 6))
@@ -215,7 +185,7 @@ def moving_targets(
 
 def _tables(
     orbits: OrbitSet,
-    places: Places,
+    slots: OrbitSlots,
     windows: Windows,
     shape: tuple[int, int, int],
     nuisance: int,
@@ -224,74 +194,71 @@ def _tables(
     mu: float,
     progress: Callable[[int, int], None] | None,
 ) -> InformationTables:
-    """Tables of all places; `add` takes window, track and the matrices (target, attitude, 21)."""
-    matrix = np.zeros((places.orbit.size, *shape, PACKED))
-    used = np.unique(places.orbit)
+    """Tables of all orbit slots; `add` takes window, track and matrices (target, attitude, 21)."""
+    matrix = np.zeros((slots.orbit.size, *shape, PACKED))
+    used = np.unique(slots.orbit)
     for number, orbit in enumerate(used, start=1):
-        own = np.flatnonzero(places.orbit == orbit)
+        own = np.flatnonzero(slots.orbit == orbit)
         tracks = satellite_tracks(
-            orbits.state[[orbit]], orbits.period[[orbit]], places.phase[own], windows.times.ravel(),
+            orbits.state[[orbit]], orbits.period[[orbit]], slots.phase[own], windows.times.ravel(),
             propagator=propagator, mu=mu,
         )[0].reshape(own.size, *windows.times.shape, 3)  # fmt: skip
-        for place, track in zip(own, tracks, strict=True):
+        for slot, track in zip(own, tracks, strict=True):
             for w in range(shape[0]):
-                add(w, track[w], matrix[place, w])
+                add(w, track[w], matrix[slot, w])
         if progress is not None:
             progress(number, used.size)
     items = matrix.reshape(len(matrix), -1, PACKED)
-    return InformationTables(items, nuisance, shape, **places._asdict())
+    return InformationTables(items, nuisance, shape, **slots._asdict())
 
 
 def orbit_information(
     orbits: OrbitSet,
-    places: Places,
+    slots: OrbitSlots,
     targets: MovingTargets,
     windows: Windows,
     sun_position: ArrayLike,
-    looks: Looks,
+    observations: ObservationSettings,
     *,
     reaches: ArrayLike | None = None,
     propagator: str = "dopri5",
     mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
 ) -> InformationTables:
-    """Tabulate what the directions tell of position and velocity of moving targets.
+    """Tabulate the information of directions about position and velocity of moving targets.
 
-    A table has 168 bytes for each place, target and window: 168 MB for 1000 places, 100 targets and
-    10 windows.
+    A table has 168 bytes for each orbit slot, target and window: 168 MB for 1000 orbit slots, 100
+    targets and 10 windows.
 
     Parameters
     ----------
     orbits : OrbitSet
         Orbits of the observers.
-    places : Places
-        Their places, see `cislunar.architecture.places`.
+    slots : OrbitSlots
+        Orbit slots, see `cislunar.architecture.orbit_slots`.
     targets : MovingTargets
-        From `moving_targets`, of the same windows.
+        From `moving_targets`, for the same windows.
     windows : Windows
-        Windows and times of looks.
+        Windows and sample times.
     sun_position : array_like, shape (window, sample, 3)
         Sun at those times, nondimensional, rotating frame.
-    looks : Looks
-        Sensor, looks in an hour, initial uncertainty.
+    observations : ObservationSettings
+        Sensor, observations per hour, initial uncertainty.
     reaches : array_like, shape (target, angle, attitude), optional
-        From `cislunar.architecture.information.brightness.squared_reaches`: a look then counts by
-        the share of attitudes in which the target is bright enough. Without it a look counts in
-        full wherever the sphere of `looks` is bright enough, as tasking judges.
+        From `cislunar.architecture.information.brightness.squared_reaches`: an observation is then
+        weighted by the share of attitudes in which the target is bright enough. If omitted, an
+        observation counts fully wherever the sphere of `observations` is bright enough, as in
+        tasking.
     propagator : str
-        Of the observers, see `cislunar.visibility.counts.satellite_tracks`.
+        Method for the observers, see `cislunar.visibility.counts.satellite_tracks`.
     mu : float
         Mass ratio.
     progress : callable, optional
         Called with (orbits done, orbits).
-
-    Returns
-    -------
-    InformationTables
     """
-    view, sun = looks.view(mu), np.ascontiguousarray(sun_position, dtype=float)
-    motion = np.ascontiguousarray(targets.motion * looks.initial.components()[6:])
-    worth = looks.per_hour * windows.step_hours / view[0].noise_variance[1]
+    view, sun = observations.view(mu), np.ascontiguousarray(sun_position, dtype=float)
+    motion = np.ascontiguousarray(targets.motion * observations.initial.components()[6:])
+    worth = observations.per_hour * windows.step_hours / view[0].noise_variance[1]
     bright = np.empty((0, 1, 1)) if reaches is None else np.ascontiguousarray(reaches, dtype=float)
 
     def add(window: int, track: Array, out: Array) -> None:
@@ -299,16 +266,16 @@ def orbit_information(
         add_directions(track, *own, view, bright, worth, out[:, 0])
 
     shape = (len(windows.start), targets.position.shape[2], 1)
-    return _tables(orbits, places, windows, shape, 0, add, propagator, mu, progress)
+    return _tables(orbits, slots, windows, shape, 0, add, propagator, mu, progress)
 
 
 def attitude_information(
     orbits: OrbitSet,
-    places: Places,
+    slots: OrbitSlots,
     targets: MovingTargets,
     windows: Windows,
     sun_position: ArrayLike,
-    looks: Looks,
+    observations: ObservationSettings,
     surfaces: TargetSurfaces,
     angular_velocity: ArrayLike,
     rng: np.random.Generator,
@@ -318,61 +285,52 @@ def attitude_information(
     mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
 ) -> InformationTables:
-    """Tabulate what the light curves tell of the attitude of moving targets.
+    """Tabulate the information of light curves about the attitude of moving targets.
 
-    The six states are angular velocity, which has to be found from the same light curve but does
-    not count, and attitude. Every target has in every window attitudes of its own, drawn uniformly
-    over all rotations. Memory as for `orbit_information`, times `attitudes`.
+    The six states are angular velocity, which has to be estimated from the same light curve but
+    does not count, and attitude. Each target has random attitudes in every window, uniform over all
+    rotations. Memory is that of `orbit_information`, times `attitudes`.
 
     Parameters
     ----------
-    orbits, places, targets, windows, sun_position, looks
-        As for `orbit_information`. The looks of a step have the brightness and slope of its middle.
+    orbits, slots, targets, windows, sun_position, observations, propagator, mu, progress
+        See `orbit_information`. All observations of a step have the brightness and slope of its
+        middle.
     surfaces : TargetSurfaces
-        Shapes and materials; the inertia is taken to be spherical.
+        Shapes and materials; the inertia is assumed to be spherical.
     angular_velocity : array_like, shape (3,)
-        Of all targets, body frame, rad/s.
+        Angular velocity of all targets, body frame, rad/s.
     rng : numpy.random.Generator
         Source of the attitudes.
     attitudes : int
-        Number of them for each target and window.
-    propagator, mu, progress
-        As for `orbit_information`.
-
-    Returns
-    -------
-    InformationTables
-
-    Raises
-    ------
-    ConfigurationError
-        If `attitudes` is below 1.
+        Number of attitudes per target and window.
     """
     if attitudes < 1:
         raise ConfigurationError(f"attitudes = {attitudes} must be at least 1")
-    view, sun = looks.view(mu), np.ascontiguousarray(sun_position, dtype=float)
+    view, sun = observations.view(mu), np.ascontiguousarray(sun_position, dtype=float)
     position = targets.position
     shape = (len(windows.start), position.shape[2], attitudes)
     quaternion = normalize(rng.standard_normal((*shape, 4)))
-    turning = _turning(windows, quaternion, np.asarray(angular_velocity, dtype=float), looks)
-    worth = looks.per_hour * windows.step_hours / view[0].noise_variance[0]
+    turning = _turning(windows, quaternion, np.asarray(angular_velocity, dtype=float), observations)
+    worth = observations.per_hour * windows.step_hours / view[0].noise_variance[0]
 
     def add(window: int, track: Array, out: Array) -> None:
         own = position[window], sun[window], view, tuple(each[window] for each in turning)
         add_magnitudes(track, *own, surfaces, view[0].limiting_magnitude, worth, out)
 
-    return _tables(orbits, places, windows, shape, 3, add, propagator, mu, progress)
+    return _tables(orbits, slots, windows, shape, 3, add, propagator, mu, progress)
 
 
-def _turning(windows: Windows, quaternion: Array, rate: Array, looks: Looks) -> tuple:
-    """Frame, attitudes and their growth in every window; see `looks.add_magnitudes`.
-
-    The inertial frame is the rotating one at the start of a window.
-    """
+def _turning(
+    windows: Windows, quaternion: Array, rate: Array, observations: ObservationSettings
+) -> tuple:
+    """Frames, attitudes and their derivatives in every window; see
+    `observation_kernels.add_magnitudes`. The inertial frame is the rotating one at the start of a
+    window."""
     shape = windows.times.shape
     frame, growth = np.zeros((*shape, 3, 3)), np.empty((*shape, 6, 6))
     attitude = np.empty((*shape, *quaternion.shape[1:]))
-    sigma = looks.initial.components()[:6]
+    sigma = observations.initial.components()[:6]
     transition = np.empty((6, 6))
     for w, start in enumerate(windows.start):
         for k, time in enumerate(windows.times[w]):

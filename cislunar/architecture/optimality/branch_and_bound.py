@@ -1,6 +1,6 @@
-"""Branch and bound over one level: every architecture of N satellites of value >= a threshold.
+"""Branch and bound over one level: all architectures of N satellites with value >= a threshold.
 
-The tree is spread, breadth first, into subtrees that are searched depth first and independently
+The tree is divided, breadth first, into subtrees. They are searched depth first and independently
 of one another against a fixed threshold, so that nodes and results do not depend on the threads.
 """
 
@@ -18,14 +18,13 @@ from cislunar.architecture.optimality.node import Stack, empty_stack, search
 
 _SUBTREES = 64
 _CHUNK = 200  # nodes between two reports of progress
-_FOUND = 256  # architectures a chunk can hand back
+_FOUND = 256  # largest number of architectures from a chunk
 
 
 @dataclass
-class LevelOutcome:
-    """Nodes bounded, architectures found (found, slot) with their values (found,), and an upper
-    bound on the value over what was not searched, 0 when everything was.
-    """
+class _LevelOutcome:
+    """Number of bounded nodes, architectures found (found, slot) with their values (found,), and an
+    upper bound on the value over nodes that were not searched, 0 if there are none."""
 
     nodes: int
     orbit: NDArray[np.int64]
@@ -36,7 +35,7 @@ class LevelOutcome:
 
 @dataclass
 class _Subtree:
-    """Nodes waiting, and what was found so far."""
+    """Waiting nodes, and the architectures found so far."""
 
     stack: Stack
     top: int
@@ -59,11 +58,11 @@ class _Subtree:
 
     @property
     def share(self) -> float:
-        """Share of the tree still to search."""
+        """Share of the tree that remains to be searched."""
         return float(self.stack.share[: self.top].sum())
 
     def row(self, at: int, relaxation: Any, rows: int) -> "_Subtree":
-        """A subtree of one waiting node, with room for ``rows``."""
+        """A subtree of one waiting node, with memory for ``rows`` nodes."""
         stack = empty_stack(relaxation, rows)
         for target, source in zip(stack, self.stack, strict=True):
             target[0] = source[at]
@@ -79,7 +78,7 @@ def _root(relaxation: Any) -> _Subtree:
 
 
 def _spread(relaxation: Any, threshold: float, most: float):
-    """Branch the largest shares until there are enough subtrees, or `most` nodes are spent."""
+    """Branch the largest shares until there are enough subtrees, or `most` nodes are bounded."""
     closed = []
     waiting = [(-1.0, 0, _root(relaxation))]
     serial = 1
@@ -96,7 +95,7 @@ def _spread(relaxation: Any, threshold: float, most: float):
 
 
 def _finish(tree: _Subtree, relaxation, threshold, most: float, stopped: Event) -> _Subtree:
-    """Search a subtree to its end, or until `most` nodes are spent or the search is stopped."""
+    """Search a subtree to its end, or until `most` nodes are bounded or the search is stopped."""
     # one row per branching on a path
     rows = relaxation.n_orbits + relaxation.n_slots * relaxation.counts + 128
     deep = tree.row(0, relaxation, rows)
@@ -115,22 +114,12 @@ def search_level(
     threads: int = 2,
     most_nodes: float = np.inf,
     progress: Callable[[float], None] | None = None,
-) -> LevelOutcome:
+) -> _LevelOutcome:
     """Find every architecture of a level with value >= threshold.
 
-    Parameters
-    ----------
-    relaxation : object
-        Relaxation of the level, as `cislunar.architecture.optimality.node` asks.
-    threshold : float
-        The value to reach.
-    threads : int
-        Subtrees searched at once.
-    most_nodes : float
-        Nodes to bound at most; every subtree may use an equal share of them.
-    progress : callable, optional
-        Called with the share of the tree searched, 0 .. 1.
-    """
+    `relaxation` has the interface of `cislunar.architecture.optimality.node`; `threads` subtrees
+    are searched concurrently, and each may use an equal share of `most_nodes`. `progress` is called
+    with the share of the tree searched, 0 .. 1."""
 
     stopped = Event()
     closed, waiting = _spread(relaxation, threshold, most_nodes)
@@ -155,7 +144,7 @@ def search_level(
     trees = closed + finished
     parts = [part for tree in trees for part in tree.found]
     slots = np.zeros((0, relaxation.n_slots), np.int64)
-    return LevelOutcome(
+    return _LevelOutcome(
         nodes=sum(tree.nodes for tree in trees),
         orbit=np.concatenate([slots] + [part[0] for part in parts]),
         satellites=np.concatenate([slots] + [part[1] for part in parts]),
@@ -165,7 +154,7 @@ def search_level(
 
 
 def _open_bound(relaxation: Any, threshold: float, trees: list[_Subtree]) -> float:
-    """Upper bound on the value over the nodes still waiting; 0 without any."""
+    """Upper bound on the value over the waiting nodes; 0 without any."""
     highest = 0.0
     for tree in trees:
         for at in range(tree.top):
@@ -176,7 +165,7 @@ def _open_bound(relaxation: Any, threshold: float, trees: list[_Subtree]) -> flo
 
 
 def _refuted(relaxation: Any, threshold: float, tree: _Subtree, at: int) -> bool:
-    # on a copy: fixings for a higher threshold do not hold for the lower one
+    # on a copy, because fixings for a higher threshold do not hold for a lower one
     copy = tree.row(at, relaxation, 2)
     copy.run(relaxation, threshold, 1)
     return copy.top == 0 and not copy.found

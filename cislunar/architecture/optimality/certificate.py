@@ -1,10 +1,10 @@
-"""Proof that an architecture has the largest value of all orbits and satellite counts.
+"""Proof that an architecture has the largest value over all orbits and satellite counts.
 
 The value is bounded level by level, one total number of satellites at a time. A level is refuted by
-its own bound, or searched by a branch and bound whose nodes are bounded by the objective's
-relaxation. Everything with value >= (1 - epsilon) x best is found on the way.
+its own bound, or searched by branch and bound with the objective's relaxation. All architectures
+with value >= (1 - epsilon) x best are found in the process.
 
-The proof is computer-assisted, in double precision: nodes are pruned against the threshold less
+The proof is computer-assisted, in double precision: nodes are pruned against the threshold minus
 one part in 1e9, not by interval arithmetic.
 """
 
@@ -22,37 +22,20 @@ from cislunar.errors import ConfigurationError
 
 _TOLERANCE = 1e-6  # least relative gap between the threshold and the best
 _ROUNDING = 1e-9
-_SAME_DIGITS = 9  # values that agree in so many digits count as equal
+_SAME_DIGITS = 9  # digits to which values count as equal
 _PROGRESS_STEPS = 1000
 
 
 @dataclass(frozen=True)
-class Certificate:
-    """What is proven about the largest value.
+class _CostCertificate:
+    """Proof of the largest value.
 
-    Attributes
-    ----------
-    proven : bool
-        True when no architecture beats `value` (to one part in 1e6) and the list is complete.
-    orbit, satellites : ndarray of int, shape (slot,)
-        Best architecture.
-    value : float
-        Its value.
-    bound : float
-        Upper bound on the value over all architectures.
-    gap : float
-        bound / value - 1.
-    epsilon : float
-        Relative distance from the best within which architectures are listed.
-    near_orbit, near_satellites : ndarray of int, shape (found, slot)
-        Architectures with value >= (1 - epsilon) best, best first.
-    near_value : ndarray, shape (found,)
-        Their values.
-    nodes : int
-        Nodes bounded over all levels.
-    seconds : float
-        Time of the whole proof.
-    """
+    `proven` is True if no architecture exceeds `value` by more than one part in 1e6 and the list is
+    complete. `orbit` and `satellites` (slot,) are the best architecture with its `value`; `bound`
+    is an upper bound over all architectures, and `gap` is bound / value - 1. Architectures with
+    value >= (1 - epsilon) best are listed in `near_orbit`, `near_satellites` (found, slot) and
+    `near_value` (found,), best first. `nodes` counts all levels; `seconds` is the time of the whole
+    proof."""
 
     proven: bool
     orbit: NDArray[np.int64]
@@ -77,7 +60,7 @@ class _Best:
     value: NDArray[np.float64]
 
     def add(self, orbit: NDArray, satellites: NDArray, value: NDArray) -> None:
-        """Merge, drop repeats, best first (ties, to rounding, by orbit and count)."""
+        """Merge, remove duplicates, sort best first (ties to rounding by orbit and count)."""
         orbit = np.concatenate([self.orbit, orbit])
         satellites = np.concatenate([self.satellites, satellites])
         value = np.concatenate([self.value, value])
@@ -88,7 +71,7 @@ class _Best:
         self.orbit, self.satellites, self.value = orbit[order], satellites[order], value[order]
 
     def threshold(self, margin: float) -> float:
-        """The value to reach; positive, so that a best of 0 is proven like any other."""
+        """Threshold for the search; positive, so that a best value of 0 can be proven as well."""
         return margin * (1.0 - _ROUNDING) * max(float(self.value[0]), 1e-300)
 
 
@@ -103,7 +86,7 @@ def certify(
     threads: int = 2,
     most_nodes: float = np.inf,
     progress: Callable[[int, int], None] | None = None,
-) -> Certificate:
+) -> _CostCertificate:
     """Prove the largest value over every choice of distinct orbits and satellite counts.
 
     Parameters
@@ -115,28 +98,19 @@ def certify(
     n_slots : int
         Number of distinct orbits (the paper: 10).
     incumbent : (orbit, satellites), optional
-        A good architecture to begin with.
+        A good initial architecture.
     epsilon : float
         Architectures with value >= (1 - epsilon) x best are listed. The list and the time grow
         quickly with it.
     restarts : int
         Restarts of the coordinate search.
     threads : int
-        Subtrees searched at once; the outcome does not depend on it.
+        Number of subtrees that are searched concurrently; the outcome does not depend on it.
     most_nodes : float
-        Nodes to bound at most; after them the bound reached is reported. The outcome does not
+        Largest number of nodes, after which the current bound is reported. The outcome does not
         depend on the speed of the machine.
     progress : callable, optional
         Called with (done, total) in thousandths of the tree of each level.
-
-    Returns
-    -------
-    Certificate
-
-    Raises
-    ------
-    ConfigurationError
-        If a setting is out of range.
     """
     if not 0.0 <= epsilon < 1.0:
         raise ConfigurationError(f"epsilon = {epsilon}: must lie in [0, 1)")
@@ -152,7 +126,7 @@ def certify(
     value = float(best.value[0])
     bound = max([value] + [each for each in bounds if each > margin * value])
     near = best.value >= (1.0 - epsilon) * value
-    return Certificate(
+    return _CostCertificate(
         proven=bound <= value,
         orbit=best.orbit[0],
         satellites=best.satellites[0],
@@ -169,22 +143,19 @@ def certify(
 
 
 def _search_levels(levels, best, margin, threads, most_nodes, progress) -> tuple[list[float], int]:
-    """Deal with every level that its bound leaves open: a bound on each, and the nodes it took.
-
-    Levels of many satellites are the quick ones and come first; what they leave of the nodes is
-    spent on the rest.
-    """
-    wanted = [level for level in reversed(levels) if level.bound >= best.threshold(margin)]
+    """Search every level that its bound does not refute: a bound on each level, and the nodes used.
+    Levels of many satellites are fast and come first; the other levels use the remaining nodes."""
+    open_levels = [level for level in reversed(levels) if level.bound >= best.threshold(margin)]
     bounds, nodes = [], 0
-    for done, level in enumerate(wanted):
+    for done, level in enumerate(open_levels):
         threshold = best.threshold(margin)
-        if level.bound < threshold:  # a better architecture was found since
+        if level.bound < threshold:  # refuted by a better architecture
             bounds.append(level.bound)
             continue
 
         def report(share: float, done: int = done) -> None:
             if progress is not None:
-                progress(int(_PROGRESS_STEPS * (done + share)), _PROGRESS_STEPS * len(wanted))
+                progress(int(_PROGRESS_STEPS * (done + share)), _PROGRESS_STEPS * len(open_levels))
 
         outcome = search_level(
             level.relaxation(),

@@ -1,4 +1,4 @@
-"""Bounds on J for each total number of satellites, and the relaxations for the tree."""
+"""Bounds on J for each total number of satellites, and the relaxations for branch and bound."""
 
 from functools import partial
 
@@ -14,11 +14,9 @@ from cislunar.architecture.optimality.target_groups import group_means, group_ta
 
 
 def cost_levels(arrays: CostArrays, n_slots: int, n_groups: int) -> list[Level]:
-    """Levels of J, two for each total number of satellites, bounded by four scalars each.
-
-    With n satellites on an orbit a target may count as seen less than once, so that the log-sum is
-    negative, and J takes its size: those architectures are the second level of a total.
-    """
+    """Levels of J, two for each total number of satellites, bounded by four scalars each. With n
+    satellites on an orbit a target may count as seen less than once, so that the log-sum is
+    negative; J takes its magnitude. Those architectures are the second level of a total."""
     pieces = _Pieces(arrays, n_slots, n_groups)
     levels = []
     for excess in range(n_slots * (arrays.observed.shape[1] - 1) + 1):
@@ -29,7 +27,7 @@ def cost_levels(arrays: CostArrays, n_slots: int, n_groups: int) -> list[Level]:
 
 
 class _Pieces:
-    """What the levels of one set of tables are cut from."""
+    """Precomputed arrays from which the levels of one set of tables are built."""
 
     def __init__(self, arrays: CostArrays, n_slots: int, n_groups: int):
         self.arrays = arrays
@@ -37,7 +35,7 @@ class _Pieces:
         counts = np.arange(1, arrays.observed.shape[1] + 1)
         self.stability = arrays.stability[:, None] * counts
         self.per_satellite = arrays.observed / counts
-        # orbits that cost the denominator least make up the good architectures
+        # good architectures consist of orbits with a small contribution to the denominator
         weight = (arrays.stability * arrays.distance[:, 0]) ** -2.0
         shares = n_slots * weight / weight.sum()
         label = group_targets(arrays.observations[:, 0], shares, n_groups)
@@ -45,7 +43,7 @@ class _Pieces:
         self.negative = _negative_log_sums(arrays.observations)
 
     def counts(self, excess: int) -> int:
-        """Different numbers of satellites an orbit may hold."""
+        """Number of different satellite counts of an orbit."""
         return min(self.stability.shape[1], excess + 1)
 
     def bounds(self, excess: int) -> tuple[float, float]:
@@ -66,7 +64,7 @@ class _Pieces:
         return seen, rarely
 
     def _most(self, score: NDArray, excess: int) -> float:
-        """Largest sum of a score over the architectures with so many excess satellites."""
+        """Largest sum of a score over the architectures with a number of excess satellites."""
         n, counts = score.shape
         slots = np.empty((2, self.n_slots), dtype=np.int64)
         best = best_choice(
@@ -93,7 +91,7 @@ class _Pieces:
             excess=excess,
             n_orbits=len(ratio),
             counts=k,
-            # a little wider than the ratios, so that rounding cannot put a sum outside the cone
+            # slightly wider than the ratios, so that rounding cannot move a sum out of the cone
             interval=(float(ratio.min() * (1.0 - 1e-9)), float(ratio.max() * (1.0 + 1e-9))),
             observed=np.ascontiguousarray(self.arrays.observed[:, :k]),
             stability=np.ascontiguousarray(stability),
@@ -107,11 +105,8 @@ class _Pieces:
 
 @njit(cache=True)
 def _negative_log_sums(observations):
-    """Bound on a negative log-sum by largest number of satellites on an orbit.
-
-    A target that is seen at all has at least the least non-zero observations per satellite that
-    any orbit gives it.
-    """
+    """Bound on a negative log-sum by largest number of satellites on an orbit. A target that is
+    seen at all has at least the least non-zero observations per satellite of any orbit."""
     n_orbits, counts, n_targets = observations.shape
     least = np.ones(n_targets)
     bound = np.zeros(counts)

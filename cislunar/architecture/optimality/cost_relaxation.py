@@ -5,12 +5,12 @@ satellite y of every target are linear in x. The question "is there an x with J 
 "is sqrt(v s) > sqrt(N c T) sqrt(S d)?", which is relaxed to a concave function H(x) > 0:
 
 * s <= sum over targets of the concave envelope of log10, and by Jensen's inequality the targets
-  may be lumped into groups at their mean;
+  may be combined into groups at their mean;
 * sqrt(v s) is concave, and sqrt(v s) <= (theta v + s / theta) / 2 for every theta > 0;
 * for r0 <= S/d <= r1 the chord (S + sqrt(r0 r1) d) / (sqrt r0 + sqrt r1) <= sqrt(S d).
 
-With theta and a tangent point y held, the bound is linear in x, so that its maximum over all
-choices of orbits and counts is exact: if it is <= 0, no architecture in the cone beats T.
+For fixed theta and tangent point y the bound is linear in x, so that its maximum over all choices
+of orbits and counts is exact: if it is <= 0, no architecture in the cone exceeds T.
 """
 
 from typing import NamedTuple
@@ -26,30 +26,20 @@ from cislunar.architecture.optimality.node import MAX_VERTICES, active_orbits
 from cislunar.compiled import implements
 
 _LOG10_E = np.log10(np.e)
-_MAX_CUTS = 40  # tangents tried before the bound is taken as it is
-_MAX_STEPS = 12  # exchanges between vertices before the next tangent
+_MAX_CUTS = 40  # largest number of tangents
+_MAX_STEPS = 12  # largest number of exchanges between vertices per tangent
 _WIDE_CONE = 0.4  # ln(r1/r0) above which the cone is halved before anything else
-_NARROW_CONE = 0.01  # and below which it is left alone
+_NARROW_CONE = 0.01  # ln(r1/r0) below which the cone is not split
 
 
 class CostRelaxation(NamedTuple):
-    """The linear pieces of J for one total number of satellites and one sign of the log-sum.
+    """Linear pieces of J for one total number of satellites and one sign of the log-sum.
 
-    Attributes
-    ----------
-    n_slots, excess, n_orbits, counts, interval
-        As `cislunar.architecture.optimality.node` asks; the parameter is S/d, its interval a cone.
-    observed, stability, distance : ndarray, shape (orbit, count)
-        v, S and d of each (orbit, excess satellites).
-    cover : ndarray, shape (orbit, count, group)
-        Mean observations per satellite over the targets of a group.
-    mass : ndarray, shape (group,)
-        Targets in each group.
-    constant : float
-        Added to the log-sum. With no groups it is the whole bound on |s|.
-    arrays : CostArrays
-        J itself.
-    """
+    `n_slots` to `interval` are described in `cislunar.architecture.optimality.node`; the parameter
+    is S/d, its interval a cone. `observed`, `stability` and `distance` (orbit, count) are v, S and
+    d by excess satellites; `cover` (orbit, count, group) are mean observations per satellite over
+    the targets of a group, and `mass` (group,) their number. `constant` is added to the log-sum;
+    with no groups it is the whole bound on |s|."""
 
     n_slots: int
     excess: int
@@ -70,8 +60,7 @@ class CostRelaxation(NamedTuple):
 @njit(cache=True, nogil=True)
 def _tangent(point, mass, constant, slope):
     """Log-sum bound, theta and log-sum of the tangent plane at y = 0, at a point (v, S, d, y of the
-    groups); ``slope`` is filled. theta = sqrt(s / v) makes the bound on sqrt(v s) tight there.
-    """
+    groups); ``slope`` is filled. theta = sqrt(s / v) makes the bound on sqrt(v s) tight there."""
     logs = constant
     offset = constant
     for g in range(mass.size):
@@ -87,7 +76,7 @@ def _tangent(point, mass, constant, slope):
 
 @njit(cache=True, nogil=True)
 def _scores(level, active, lowest, highest, theta, slope, price, ratio, score):
-    """Fill the score of every allowed (orbit, count): the linear bound's coefficient."""
+    """Fill the score of every allowed (orbit, count): the coefficient of the linear bound."""
     half = 0.5 / theta
     for a in range(active.size):
         i = active[a]
@@ -125,9 +114,7 @@ def _value(point, logs, price, ratio):
 @njit(cache=True, nogil=True)
 def _exchange(level, points, weight, n, price, ratio, slope, tolerance):
     """Move weight from the worst vertex to the best until the vertices agree within tolerance.
-
-    Returns H and the weighted mean point.
-    """
+    Returns H and the weighted mean point."""
     mean = np.zeros(points.shape[1])
     for k in range(n):
         mean += weight[k] * points[k]
@@ -173,7 +160,7 @@ def _exchange(level, points, weight, n, price, ratio, slope, tolerance):
 
 @njit(cache=True, nogil=True)
 def _newton_step(level, mean, move, theta, slope, rise):
-    """Maximiser of the quadratic model of H along a direction."""
+    """Maximizer of the quadratic model of H along a direction."""
     first, second = 0.0, 0.0
     for g in range(slope.size):
         first += slope[g] * move[3 + g]
@@ -198,13 +185,10 @@ def _root(level, threshold):
 
 @njit(cache=True, nogil=True)
 def _decompose(level, threshold, r0, r1, active, lowest, highest, forced, stack, top):
-    """Upper bound on H over the choices of a node, by simplicial decomposition.
-
-    ``active`` holds the orbits still allowed; ``lowest``, ``highest`` and ``forced`` are aligned
-    with it. The vertices in the stack's row are started from and updated. Returns the bound, the
-    scores (active, count) and the offset of the tangent that gave it, and the maximiser (v, S, d,
-    y of the groups).
-    """
+    """Upper bound on H over the choices of a node, by simplicial decomposition. ``active`` holds
+    the remaining orbits; ``lowest``, ``highest`` and ``forced`` are aligned with it. The vertices
+    in the stack's row are the initial ones and are updated. Returns the bound, the scores (active,
+    count) and the offset of its tangent, and the maximizer (v, S, d, y of the groups)."""
     orbits, extras, weight = stack.orbits[top], stack.extras[top], stack.weight[top]
     n = stack.vertices[top]
     # sqrt(N c T) sqrt(S d) >= price (S + ratio d) in the cone
@@ -247,7 +231,7 @@ def _decompose(level, threshold, r0, r1, active, lowest, highest, forced, stack,
 
 @njit(cache=True, nogil=True)
 def _typical_point(level, active, lowest):
-    """Point of S average orbits: a tangent point when nothing better is known."""
+    """Point of S average orbits, the initial tangent point."""
     mean = np.zeros(3 + level.mass.size)
     factor = level.n_slots / max(active.size, 1)
     for a in range(active.size):
@@ -260,7 +244,7 @@ def _typical_point(level, active, lowest):
 
 @njit(cache=True, nogil=True)
 def _add_vertex(orbits, extras, weight, points, n, active, position, extra):
-    """Append a vertex, in place of idle ones when the store is full; the new number of them."""
+    """Append a vertex, replacing unused ones if the store is full; returns their number."""
     kept = 0
     lightest = 0
     for k in range(n):
@@ -285,7 +269,7 @@ def _add_vertex(orbits, extras, weight, points, n, active, position, extra):
 
 @njit(cache=True, nogil=True)
 def _cone_split(level, threshold, r0, r1, mean, bound):
-    """Where to split the cone, or 0 when branching on the orbits does more."""
+    """Where to split the cone, or 0 if branching on the orbits is more effective."""
     width = np.log(r1 / r0)
     if width > _WIDE_CONE:
         return np.sqrt(r0 * r1)
@@ -304,7 +288,7 @@ def _cone_split(level, threshold, r0, r1, mean, bound):
 
 @implements(node.relax, CostRelaxation)
 def _relax(level, threshold, stack, top):
-    """Bound on H over a node, as `cislunar.architecture.optimality.node` asks."""
+    """Bound on H over a node; see `cislunar.architecture.optimality.node`."""
     r0, r1 = stack.interval[top]
     lowest, highest = stack.lowest[top], stack.highest[top]
     active = active_orbits(lowest, highest)

@@ -1,8 +1,8 @@
-"""Best choice of orbits and counts for a linear score: the oracle of the optimality certificate.
+"""Best choice of orbits and counts for a linear score: the subproblem of the optimality proof.
 
-Choose exactly S of the candidate orbits, one count for each, so that the excess satellites
-(count - 1) add up to E and the scores add up to the most. Without excess that is a matter of
-sorting; otherwise a knapsack over (orbits used, excess used), exact in O(orbits S E counts).
+Exactly S of the candidate orbits are chosen, with one count each, so that the excess satellites
+(count - 1) add up to E and the sum of the scores is largest. Without excess this is sorting;
+otherwise it is a knapsack over (orbits used, excess used), exact in O(orbits S E counts).
 """
 
 import numpy as np
@@ -13,12 +13,11 @@ NO_CHOICE = -1.0e300  # score of an impossible choice
 
 @njit(cache=True, nogil=True)
 def best_choice(score, lowest, highest, forced, n_slots, excess, position, extra):
-    """The best total score, or ``NO_CHOICE``; ``position`` and ``extra`` (slot,) are filled with
-    the orbits chosen, ascending, and their excess satellites.
+    """Best total score, or ``NO_CHOICE``; ``position`` and ``extra`` (slot,) are filled with the
+    chosen orbits, ascending, and their excess satellites.
 
     ``score`` (orbit, count) is that of an orbit with ``count`` excess satellites, ``lowest`` and
-    ``highest`` (orbit,) their range; orbits that are ``forced`` (orbit,) must be chosen.
-    """
+    ``highest`` (orbit,) their range; orbits that are ``forced`` (orbit,) must be chosen."""
     if excess == 0:
         return _best_without_excess(score, lowest, forced, n_slots, position, extra)
     table = _prefix_table(score, lowest, highest, forced, n_slots, excess)
@@ -44,7 +43,7 @@ def best_choice(score, lowest, highest, forced, n_slots, excess, position, extra
 
 @njit(cache=True, nogil=True)
 def _ranked(score, lowest, forced, n_slots):
-    """Forced orbits, their score, and the others' best scores and positions, descending."""
+    """Number and score of forced orbits; the others' best scores and positions, descending."""
     n = score.shape[0]
     total = 0.0
     n_forced = 0
@@ -52,16 +51,16 @@ def _ranked(score, lowest, forced, n_slots):
         if forced[i]:
             n_forced += 1
             total += score[i, 0] if lowest[i] == 0 else NO_CHOICE
-    wanted = n_slots - n_forced + 1  # one more than needed: the best left out
-    value = np.full(max(wanted, 1), NO_CHOICE)
-    where = np.full(max(wanted, 1), -1)
-    if wanted < 1:
+    needed = n_slots - n_forced + 1  # one more than needed: the best one not chosen
+    value = np.full(max(needed, 1), NO_CHOICE)
+    where = np.full(max(needed, 1), -1)
+    if needed < 1:
         return total, n_forced, value, where
     for i in range(n):
         s = score[i, 0]
-        if forced[i] or lowest[i] > 0 or s <= value[wanted - 1]:
+        if forced[i] or lowest[i] > 0 or s <= value[needed - 1]:
             continue
-        k = wanted - 1
+        k = needed - 1
         while k > 0 and value[k - 1] < s:
             value[k] = value[k - 1]
             where[k] = where[k - 1]
@@ -115,10 +114,8 @@ def _prefix_table(score, lowest, highest, forced, n_slots, excess):
 
 @njit(cache=True, nogil=True)
 def conditional_bests(score, lowest, highest, forced, n_slots, excess):
-    """Best score with each (orbit, count) in the choice, and with each orbit left out of it.
-
-    Arguments as in `best_choice`; ``NO_CHOICE`` or less where impossible.
-    """
+    """Best score with each (orbit, count) in the choice, and with each orbit excluded. For the
+    arguments see `best_choice`; ``NO_CHOICE`` or less where impossible."""
     n, counts = score.shape
     taken = np.full((n, counts), NO_CHOICE)
     left_out = np.full(n, NO_CHOICE)

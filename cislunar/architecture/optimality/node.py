@@ -1,22 +1,22 @@
-"""One node of the architecture branch and bound: bound, fix, branch.
+"""One node of the branch and bound over architectures: bound, fix, branch.
 
-A node is a set of architectures: for every orbit a range of excess satellites (empty = left out)
-and whether it must be chosen, and an interval of one parameter that the bound may need. Nodes live
-in the rows of a stack of arrays.
+A node is a set of architectures: for every orbit a range of excess satellites (empty = excluded)
+and whether it must be chosen, and an interval of one parameter that the bound may need. Nodes are
+rows of a stack of arrays.
 
-What is bounded is a relaxation of the objective, any object with
+The relaxation of the objective is any object with
 
 * ``n_slots``, ``excess``, ``n_orbits``, ``counts``, ``interval``: orbits to choose, satellites
-  beyond one per orbit to hand out, candidate orbits, different counts, root interval (two floats);
+  beyond one per orbit, candidate orbits, different counts, root interval (two floats);
 * ``relax(threshold, stack, top)``: bound, offset, score, split. An architecture of the node that
-  beats the threshold has offset + sum of its scores > 0, with the scores by (orbit not left out,
-  count); bound is the most that this sum can be, so that a bound <= 0 refutes the node. A split
-  inside the interval asks for two parts of it; 0 leaves the branching to the orbits. The
-  maximiser, as architectures with weights, goes into the row of the stack;
+  exceeds the threshold has offset + sum of its scores > 0, with the scores by (orbit not excluded,
+  count); bound is the maximum of this sum, so that a bound <= 0 refutes the node. A split inside
+  the interval requests to divide it there; 0 leaves the branching to the orbits. The maximizer, as
+  architectures with weights, is written into the row of the stack;
 * ``value(orbit, satellites)``: the objective itself.
 
-`search` is interpreted for such an object. A NamedTuple of the library is compiled with it when it
-says so (``compiled = True``) and implements `relax` and `value` (`cislunar.compiled`).
+`search` is interpreted for such an object. A NamedTuple with ``compiled = True`` that implements
+`relax` and `value` (`cislunar.compiled`) is compiled.
 """
 
 from typing import Any, NamedTuple
@@ -33,10 +33,9 @@ _CLOSED, _LEAF, _BRANCHED = 0, 1, 2
 
 class Stack(NamedTuple):
     """Nodes in rows: interval (node, 2) of the relaxation's parameter; range of excess satellites
-    (node, orbit), lowest > highest to leave an orbit out; orbits that must be chosen (node, orbit);
-    share of the tree, halved at each branching; and the architectures the relaxation starts from,
-    orbits and excess satellites (node, vertex, slot), weights (node, vertex) and their number.
-    """
+    (node, orbit), lowest > highest for an excluded orbit; orbits that must be chosen (node, orbit);
+    share of the tree, halved at each branching; and the initial architectures of the relaxation,
+    orbits and excess satellites (node, vertex, slot), weights (node, vertex) and their number."""
 
     interval: NDArray[np.float64]
     lowest: NDArray[np.int16]
@@ -50,7 +49,7 @@ class Stack(NamedTuple):
 
 
 def empty_stack(relaxation: Any, rows: int) -> Stack:
-    """Stack with room for ``rows`` nodes."""
+    """Stack with memory for ``rows`` nodes."""
     slots = (rows, MAX_VERTICES, relaxation.n_slots)
     return Stack(
         interval=np.zeros((rows, 2)),
@@ -66,18 +65,18 @@ def empty_stack(relaxation: Any, rows: int) -> Stack:
 
 
 def relax(relaxation, threshold, stack, top):
-    """Bound, offset, score and split of a node; implemented anew by compiled relaxations."""
+    """Bound, offset, score and split of a node; overloaded for compiled relaxations."""
     return relaxation.relax(threshold, stack, top)
 
 
 def value(relaxation, orbit, satellites):
-    """The objective; implemented anew by compiled relaxations."""
+    """Value of an architecture; overloaded for compiled relaxations."""
     return relaxation.value(orbit, satellites)
 
 
 @njit(cache=True, nogil=True)
 def active_orbits(lowest, highest):
-    """Indices of the orbits that are not left out."""
+    """Indices of the orbits that are not excluded."""
     count = 0
     for i in range(lowest.size):
         if lowest[i] <= highest[i]:
@@ -93,7 +92,7 @@ def active_orbits(lowest, highest):
 
 @njit(cache=True, nogil=True)
 def _fix(stack, top, n_slots, excess, offset, score):
-    """Drop counts and force orbits that the bound decides; False when nothing is left."""
+    """Drop counts and force orbits according to the bound; False if no architecture remains."""
     lowest, highest, forced = stack.lowest[top], stack.highest[top], stack.forced[top]
     active = active_orbits(lowest, highest)
     low, high, must = lowest[active], highest[active], forced[active]
@@ -130,7 +129,7 @@ def _copy(stack, source, target):
 
 @njit(cache=True, nogil=True)
 def _keep_feasible(stack, top):
-    """Drop the vertices a node no longer allows."""
+    """Drop the vertices that a node no longer permits."""
     kept, total = 0, 0.0
     n_forced = stack.forced[top].sum()
     for k in range(stack.vertices[top]):
@@ -154,7 +153,7 @@ def _keep_feasible(stack, top):
 
 @njit(cache=True, nogil=True)
 def _usage(stack, top, n_orbits):
-    """Weight of each orbit and its mean excess satellites in the maximiser."""
+    """Weight of each orbit and its mean excess satellites in the maximizer."""
     usage, excess = np.zeros(n_orbits), np.zeros(n_orbits)
     for k in range(stack.vertices[top]):
         weight = stack.weight[top, k]
@@ -166,12 +165,12 @@ def _usage(stack, top, n_orbits):
 
 @njit(cache=True, nogil=True)
 def _orbit_to_branch(stack, top, usage):
-    """The free orbit used most nearly by half, or -1."""
+    """The free orbit whose weight is nearest to one half, or -1."""
     best, chosen = -1.0, -1
     for i in range(usage.size):
         if stack.forced[top, i] or stack.lowest[top, i] > stack.highest[top, i]:
             continue
-        # among orbits used wholly or not at all, one that is used
+        # among orbits with weight 0 or 1, prefer weight 1
         fraction = min(usage[i], 1.0 - usage[i]) + 1e-9 * usage[i]
         if fraction > best:
             best, chosen = fraction, i
@@ -202,7 +201,7 @@ def _branch(stack, top, split):
         return
     usage, excess = _usage(stack, top, stack.lowest.shape[1])
     orbit = _orbit_to_branch(stack, top, usage)
-    # a fraction of an orbit is settled first, then the counts, then the rest of the orbits
+    # first orbits with fractional weight, then counts, then the remaining orbits
     if orbit < 0 or min(usage[orbit], 1.0 - usage[orbit]) < 1e-6:
         counted, at = _count_to_branch(stack, top, usage, excess)
         if counted >= 0:
@@ -216,7 +215,7 @@ def _branch(stack, top, split):
 
 @njit(cache=True, nogil=True)
 def _settle(stack, top, n_slots, excess, chosen, satellites):
-    """Whether the node is one architecture; then ``chosen`` and ``satellites`` hold it."""
+    """Whether the node is one architecture, then written into ``chosen`` and ``satellites``."""
     lowest, highest, forced = stack.lowest[top], stack.highest[top], stack.forced[top]
     if active_orbits(lowest, highest).size == n_slots:
         for i in range(lowest.size):
@@ -235,7 +234,7 @@ def _settle(stack, top, n_slots, excess, chosen, satellites):
 
 @njit(cache=True, nogil=True)
 def _advance(stack, top, n_slots, excess, offset, score, split, chosen, satellites):
-    """Fix what the bound decides, then close the node, find it settled, or branch."""
+    """Fix according to the bound, then close the node, recognize a leaf, or branch."""
     if not _fix(stack, top, n_slots, excess, offset, score):
         return _CLOSED
     if _settle(stack, top, n_slots, excess, chosen, satellites):
@@ -284,11 +283,9 @@ def search(
     budget: int,
     found: tuple[NDArray, NDArray, NDArray],
 ) -> tuple[int, int, int]:
-    """Depth-first search for value >= threshold through the ``top`` nodes on the stack.
-
-    It stops when the stack is empty, a budget of nodes spent, or ``found`` full, which is filled
-    with orbits (found, slot), satellites (found, slot) and values (found,). Returns the nodes left,
-    the nodes bounded and the number of architectures found.
-    """
+    """Depth-first search for value >= threshold through the ``top`` nodes on the stack. It stops
+    when the stack is empty, the budget of nodes is used, or ``found`` is full. ``found`` receives
+    orbits (found, slot), satellites (found, slot) and values (found,). Returns the number of
+    remaining nodes, of bounded nodes and of architectures found."""
     run = _search if getattr(relaxation, "compiled", False) else _search.py_func
     return run(relaxation, threshold, stack, top, budget, found)

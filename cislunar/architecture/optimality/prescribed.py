@@ -1,13 +1,19 @@
-"""The largest value of N satellites in slots, by search and branch and bound."""
+"""Largest value of N satellites on a number of orbits, by search and branch and bound."""
 
 import numpy as np
 
-from cislunar.architecture.certified import Bound, Certificate, Choice, certified_search, check_size
+from cislunar.architecture.certified import (
+    Bound,
+    Choice,
+    ObjectiveCertificate,
+    certified_search,
+    check_size,
+)
 from cislunar.architecture.coordinate_search import random_start
 from cislunar.architecture.objective import Objective
 from cislunar.architecture.optimality.branch_and_bound import search_level
 
-_BELOW = 1.0 - 1e-6  # of the value: what reaches it is found, so that the bound can be the value
+_BELOW = 1.0 - 1e-6  # threshold relative to the value, so that the bound can equal the value
 
 
 def certify_total(
@@ -18,12 +24,13 @@ def certify_total(
     nodes: int = 10_000,
     restarts: int = 10,
     rng: np.random.Generator | None = None,
-) -> Certificate:
-    """Search the architecture of largest value for a number of satellites, and bound the rest.
+) -> ObjectiveCertificate:
+    """Search for the architecture of largest value of a number of satellites, with an upper bound.
 
-    For an objective with `Objective.levels`, such as J. `coordinate_search` finds the architecture,
-    the tree of `cislunar.architecture.optimality.node` bounds all others of as many satellites, and
-    if it holds a better one the search goes on from there. No result depends on time.
+    The objective must have `Objective.levels`, like J. `coordinate_search` finds the architecture,
+    and the branch and bound of `cislunar.architecture.optimality.node` bounds all others with as
+    many satellites. If it finds a better one, the search continues from there. No result depends on
+    time.
 
     Parameters
     ----------
@@ -34,20 +41,11 @@ def certify_total(
     n_slots : int
         Number of distinct orbits (the paper: 10).
     nodes : int
-        Most nodes of each bound.
+        Largest number of nodes of each bound.
     restarts : int
-        Random starts of the search, beside the first.
+        Random starts of the search, besides the first.
     rng : numpy.random.Generator, optional
         Source of the starts.
-
-    Returns
-    -------
-    Certificate
-
-    Raises
-    ------
-    ConfigurationError
-        If the orbits cannot hold the satellites, or `nodes` is below 1.
     """
     check_size(objective, n_satellites, n_slots, nodes)
     rng = np.random.default_rng(0) if rng is None else rng

@@ -1,4 +1,5 @@
-"""Architectures by another objective than J: one of them, and fronts over their number."""
+"""Data sets of architectures by an objective other than J: designs, and fronts over their number of
+satellites."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -6,19 +7,25 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from cislunar.architecture.certified import Certificate, Choice
+from cislunar.architecture.certified import Choice, ObjectiveCertificate
 from cislunar.architecture.hyperopt_search import hyperopt_search
 from cislunar.architecture.objective import Objective
-from cislunar.campaign.architectures.goals import UNITS, World, certificate, objective_of, where
+from cislunar.campaign.architectures.objectives import (
+    UNITS,
+    ArchitectureInputs,
+    candidate_slots,
+    certificate,
+    objective_of,
+)
 from cislunar.campaign.architectures.search_runs import sampling_method
 from cislunar.campaign.architectures.variables import architecture_variables, dimensionless
 from cislunar.campaign.architectures.visibility import cost_function, visibility_dataset
-from cislunar.campaign.data.netcdf import variable
-from cislunar.campaign.data.progress import Progress, logger, progress_log
-from cislunar.campaign.data.provenance import provenance
-from cislunar.campaign.data.seeds import generator
 from cislunar.dynamics.propagation import propagate_periodic
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.netcdf import variable
+from cislunar.runtime.progress import Progress, logger, progress_log
+from cislunar.runtime.provenance import provenance
+from cislunar.runtime.seeds import generator
 
 _VALUES = {
     "value": "value of the objective",
@@ -27,29 +34,29 @@ _VALUES = {
 }
 
 
-def _certified(
+def _certificates(
     objective: Objective,
     numbers: Sequence[int],
     slots: int | None,
     rng: np.random.Generator,
     unit: str,
     halvings: int = 0,
-) -> list[Certificate]:
+) -> list[ObjectiveCertificate]:
     found, progress = [], progress_log("numbers of satellites")
-    told = "" if unit == "1" else f" {unit}"
+    suffix = "" if unit == "1" else f" {unit}"
     for done, number in enumerate(numbers, start=1):
         each = certificate(objective, number, slots, rng, halvings)
         logger.info(
             "%d satellites: %.6g%s, at most %.6g (%.2f %%), %.1f s",
-            number, each.value, told, each.bound, 100.0 * each.gap, each.seconds,
+            number, each.value, suffix, each.bound, 100.0 * each.gap, each.seconds,
         )  # fmt: skip
         found.append(each)
         progress(done, len(numbers))
     return found
 
 
-def _measured(
-    found: Sequence[Certificate], unit: str, dims: tuple[str, ...]
+def _certificate_variables(
+    found: Sequence[ObjectiveCertificate], unit: str, dims: tuple[str, ...]
 ) -> dict[str, xr.Variable]:
     """Value, start, bound and gap of certificates, along `dims` or of a single one."""
 
@@ -65,7 +72,7 @@ def _measured(
 
 def design_dataset(
     design: Mapping[str, Any],
-    world: World,
+    inputs: ArchitectureInputs,
     settings: Mapping[str, Any],
     *,
     scenario: str,
@@ -75,39 +82,48 @@ def design_dataset(
 ) -> xr.Dataset:
     """``architecture/{scenario}/{design}.nc``: the best architecture by an objective.
 
-    `design` is the configuration key ``architecture.designs.{name}``, `settings` as of
-    `goals.objective_of`. J takes each satellite with a phase of its own for one on an orbit of its
-    own. By other methods than `certified` there is no bound, and by chance there is no value; those
-    of `tpe` and `random` take the keys `labels`, `early_stop`, `max_evaluations` and `sampler` of
-    `settings`.
+    `design` is the configuration key ``architecture.designs.{name}``; for `settings` see
+    `cislunar.campaign.architectures.objectives.objective_of`. J counts each satellite with a phase
+    of its own as one on an orbit of its own. Methods other than `certified` give no bound, and
+    random choice gives no value; `tpe` and `random` use the keys `labels`, `early_stop`,
+    `max_evaluations` and `sampler` of `settings`.
     """
-    places, rng = where(design, world.orbits, settings), generator(seed, scenario, "design", name)
+    candidates, rng = (
+        candidate_slots(design, inputs.orbits, settings),
+        generator(seed, scenario, "design", name),
+    )
     number, method = design["satellites"], design["method"]
     kind = design["objective"] or method
     unit = UNITS.get(kind, "1")
     title = f"Scenario {scenario}, {number} satellites by {kind}"
-    attributes = provenance(title, settings={**settings, "design": _said(design)}, seed=seed)
+    attributes = provenance(
+        title, settings={**settings, "design": _recorded_settings(design)}, seed=seed
+    )
     attributes |= {"design": name, "objective": kind}
     if method == "chance":
-        measured, (place, satellites) = {}, places.by_chance(number, rng)
+        measured, (chosen_slots, satellites) = {}, candidates.random_choice(number, rng)
     else:
         objective = objective_of(
-            design, places, world, settings, scenario=scenario, seed=seed, progress=progress
+            design, candidates, inputs, settings, scenario=scenario, seed=seed, progress=progress
         )
         if method == "certified":
-            # coverage has no settings of how moving targets are looked at
+            # coverage has no settings for the observation of moving targets
             halvings = settings.get("information", {}).get("halvings", 0)
-            (best,) = _certified(objective, [number], places.slots, rng, unit, halvings)
+            (best,) = _certificates(objective, [number], candidates.slots, rng, unit, halvings)
             attributes["certificate_seconds"] = best.seconds
-            measured, place, satellites = _measured([best], unit, ()), best.orbit, best.satellites
+            measured, chosen_slots, satellites = (
+                _certificate_variables([best], unit, ()),
+                best.orbit,
+                best.satellites,
+            )
         else:
-            place, satellites = _searched(objective, design, settings, rng)
-            value = objective.value(place, satellites)
+            chosen_slots, satellites = _searched(objective, design, settings, rng)
+            value = objective.value(chosen_slots, satellites)
             measured = {"value": variable((), value, unit, _VALUES["value"])}
-    orbit, phase = places.at(place)
-    chosen = _from_phases(world.orbits.isel(orbit=orbit), phase)
+    orbit, phase = candidates.at(chosen_slots)
+    chosen = _from_phases(inputs.orbits.isel(orbit=orbit), phase)
     most = int(satellites.max())
-    visibility = visibility_dataset(chosen, world.targets, world.sun, settings, most)
+    visibility = visibility_dataset(chosen, inputs.targets, inputs.sun, settings, most)
     cost, slots = cost_function(visibility, chosen), np.arange(orbit.size)
     seen = visibility["observations"].values[slots, satellites - 1]
     found = architecture_variables(slots, satellites, cost)
@@ -119,9 +135,9 @@ def design_dataset(
     return xr.Dataset(found | measured, attrs=attributes)
 
 
-def _said(design: Mapping[str, Any]) -> dict[str, Any]:
-    """What is kept of a design beside its data: all but the keys that say nothing of their own."""
-    # how it looks at targets is among the settings
+def _recorded_settings(design: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a design for provenance: all keys except unused ones."""
+    # its observation of targets is among the settings
     unusual = {"information": None, "sampler": design.get("sampler")}
     return {key: value for key, value in design.items() if unusual.get(key, key) is not None}
 
@@ -132,10 +148,8 @@ def _searched(
     settings: Mapping[str, Any],
     rng: np.random.Generator,
 ) -> Choice:
-    """Places and satellites by a sampling search.
-
-    A `ConfigurationError` if it found no distinct places.
-    """
+    """Orbit slots and satellites by a sampling search; `ConfigurationError` if they are not
+    distinct."""
     budget = design["evaluations"] or settings["max_evaluations"]
     found = hyperopt_search(
         objective,
@@ -149,14 +163,14 @@ def _searched(
     )
     if np.unique(found.orbit).size < found.orbit.size:
         raise ConfigurationError(
-            f"design: {budget} evaluations found no architecture of distinct places; raise "
+            f"design: {budget} evaluations found no architecture of distinct orbit slots; raise "
             "evaluations"
         )
     return found.orbit, found.satellites
 
 
 def _from_phases(orbits: xr.Dataset, phase: np.ndarray) -> xr.Dataset:
-    """The same orbits, each from a later point."""
+    """The same orbits, each from the state at a phase."""
     period = orbits["period"].values
     later = [
         propagate_periodic(state, t, [p * t], method="dop853")[0]
@@ -167,7 +181,7 @@ def _from_phases(orbits: xr.Dataset, phase: np.ndarray) -> xr.Dataset:
 
 def objective_front_dataset(
     front: Mapping[str, Any],
-    world: World,
+    inputs: ArchitectureInputs,
     settings: Mapping[str, Any],
     *,
     scenario: str,
@@ -177,22 +191,23 @@ def objective_front_dataset(
 ) -> xr.Dataset:
     """``architecture/{scenario}/fronts/{front}.nc``: the best by number of satellites, and bounds.
 
-    `front` is the configuration key ``architecture.objective_fronts.{name}``, `settings` as of
-    `goals.objective_of`. Places of fewer satellites are filled up with orbit -1.
+    `front` is the configuration key ``architecture.objective_fronts.{name}``; for `settings` see
+    `cislunar.campaign.architectures.objectives.objective_of`. Slots of fewer satellites are filled
+    up with orbit -1.
     """
-    places = where(front, world.orbits, settings)
+    candidates = candidate_slots(front, inputs.orbits, settings)
     objective = objective_of(
-        front, places, world, settings, scenario=scenario, seed=seed, progress=progress
+        front, candidates, inputs, settings, scenario=scenario, seed=seed, progress=progress
     )
     unit, numbers = UNITS.get(front["objective"], "1"), sorted(front["satellites"])
     rng = generator(seed, scenario, "front", name)
-    found = _certified(objective, numbers, places.slots, rng, unit)
+    found = _certificates(objective, numbers, candidates.slots, rng, unit)
     shape = len(found), max(each.orbit.size for each in found)
     orbit, phase = np.full(shape, -1), np.full(shape, np.nan)
     satellites = np.zeros(shape, dtype=np.int64)
     for row, each in enumerate(found):
         own = row, slice(each.orbit.size)
-        orbit[own], phase[own] = places.at(each.orbit)
+        orbit[own], phase[own] = candidates.at(each.orbit)
         satellites[own] = each.satellites
     both = ("total", "slot")
     title = f"Scenario {scenario}, best by number of satellites: {front['objective']}"
@@ -200,7 +215,7 @@ def objective_front_dataset(
     attributes |= {"front": name, "objective": front["objective"]}
     attributes["certificate_seconds"] = [each.seconds for each in found]
     return xr.Dataset(
-        _measured(found, unit, ("total",))
+        _certificate_variables(found, unit, ("total",))
         | dimensionless(
             orbit=(both, orbit, "index into orbits/families.nc, -1 for none"),
             satellites=(both, satellites, "satellites on the orbit"),

@@ -1,4 +1,5 @@
-"""Data sets of the best architectures found: proven over all, and by number of satellites."""
+"""Data sets of the best architectures found: with a certificate over all, and by number of
+satellites."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -16,8 +17,8 @@ from cislunar.campaign.architectures.variables import (
     history_variables,
 )
 from cislunar.campaign.architectures.visibility import architecture_coverage
-from cislunar.campaign.data.progress import Progress, logger, progress_log
-from cislunar.campaign.data.seeds import generator
+from cislunar.runtime.progress import Progress, logger, progress_log
+from cislunar.runtime.seeds import generator
 
 
 def exact_dataset(
@@ -31,12 +32,12 @@ def exact_dataset(
     certificate: Mapping[str, float],
     threads: int = 1,
 ) -> xr.Dataset:
-    """``architecture/{scenario}/exact.nc``: the best architecture found, and the proof.
+    """``architecture/{scenario}/exact.nc``: the best architecture found, and its certificate.
 
-    The coordinate search finds it; the certificate proves that nothing beats it. `visibility` is
-    for its attributes, `restarts` the starts of the coordinate search, `certificate` the
-    configuration key `architecture.certificate`. The `threads` (subtrees searched at once) do not
-    change the outcome.
+    The coordinate search finds it; the certificate bounds all others. `visibility` provides
+    attributes, `restarts` is the number of starts of the coordinate search, `certificate` the
+    configuration key `architecture.certificate`. The number of `threads` (subtrees searched in
+    parallel) does not change the result.
     """
     rng = generator(seed, scenario, "exact")
     found = coordinate_search(
@@ -106,10 +107,10 @@ def front_dataset(
     settings: Mapping[str, Any],
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """``architecture/{scenario}/front.nc``: best J by number of satellites, what it covers.
+    """``architecture/{scenario}/front.nc``: best J by number of satellites, and its coverage.
 
     `front` is the configuration key `architecture.front`, `settings` has `propagator` and
-    `visibility`; `progress` counts totals of satellites.
+    `visibility`; `progress` counts numbers of satellites.
     """
     totals = list(range(front["fewest"], front["most"] + 1))
     found = satellite_front(
@@ -124,19 +125,16 @@ def front_dataset(
         architecture_coverage(each.orbit, each.satellites, orbits, targets, sun, settings)
         for each in found
     ]
-    slots_of_all = ("total", "slot")
+    orbit = np.array([each.orbit for each in found])
+    satellites = np.array([each.satellites for each in found])
+    observed = [c.union_coverage for c in covered]
+    slot = ("total", "slot")
     return xr.Dataset(
         dimensionless(
             J=("total", [each.value for each in found], "best J found"),
-            orbit=(slots_of_all, np.array([each.orbit for each in found]), "orbit index"),
-            satellites=(
-                slots_of_all,
-                np.array([each.satellites for each in found]),
-                "satellites on the orbit",
-            ),
-            union_coverage=(
-                "total", [c.union_coverage for c in covered], "share of target-hours seen"
-            ),
+            orbit=(slot, orbit, "orbit index"),
+            satellites=(slot, satellites, "satellites on the orbit"),
+            union_coverage=("total", observed, "share of target-hours seen"),
             target_days=("total", [c.target_days for c in covered], "share of target-days seen"),
             never_seen=("total", [c.never_seen for c in covered], "targets never seen"),
         ),
@@ -147,4 +145,4 @@ def front_dataset(
             {"slots": slots, "front": dict(front), **settings},
             seed,
         ),
-    )  # fmt: skip
+    )

@@ -1,4 +1,4 @@
-"""Every architecture under every objective: coverage, information and J side by side."""
+"""Table of every architecture under every objective: coverage, information and J."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -7,20 +7,18 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from cislunar.campaign.architectures.goals import World
-from cislunar.campaign.architectures.moving import Moving, orbit_set
+from cislunar.campaign.architectures.moving import MovingTargets, orbit_set
+from cislunar.campaign.architectures.objectives import ArchitectureInputs
 from cislunar.campaign.architectures.variables import phases_of
 from cislunar.campaign.architectures.visibility import architecture_coverage
 
 MEASURED = ("value", "greedy", "bound", "gap")
-"""What a certificate has of an architecture, by its own objective."""
+"""Values of a certificate, by the architecture's own objective."""
 
 
-class Flown(NamedTuple):
-    """An architecture, which front it is from if any, and its certificate.
-
-    `method` is that of a design, "" for others.
-    """
+class _EvaluatedArchitecture(NamedTuple):
+    """An architecture, its front if any, and its certificate; `method` is that of a design, else
+    ""."""
 
     front: str
     name: str
@@ -34,7 +32,7 @@ class Flown(NamedTuple):
     measured: Mapping[str, float]
 
 
-def single(name: str, architecture: xr.Dataset) -> Flown:
+def single_architecture(name: str, architecture: xr.Dataset) -> _EvaluatedArchitecture:
     """The architecture of ``architecture/{scenario}/{name}.nc``."""
     objective, method = architecture.attrs.get("objective", "J"), ""
     if "design" in architecture.attrs:
@@ -45,12 +43,12 @@ def single(name: str, architecture: xr.Dataset) -> Flown:
     orbit, satellites = architecture["orbit"].values, architecture["satellites"].values
     J = float(architecture["J"])
     shown = measured or ({"value": J} if objective == "J" else {})
-    return Flown(
+    return _EvaluatedArchitecture(
         "", name, objective, method, unit, orbit, satellites, phases_of(architecture), J, shown
     )
 
 
-def of_front(name: str, front: xr.Dataset) -> Iterator[Flown]:
+def front_architectures(name: str, front: xr.Dataset) -> Iterator[_EvaluatedArchitecture]:
     """The architectures of ``architecture/{scenario}/fronts/{name}.nc``."""
     for total in front["total"].values:
         own = front.sel(total=total)
@@ -58,24 +56,31 @@ def of_front(name: str, front: xr.Dataset) -> Iterator[Flown]:
         flown = (own[key].values[used] for key in ("orbit", "satellites", "phase"))
         measured = {key: float(own[key]) for key in MEASURED}
         unit, objective = own["value"].attrs["units"], front.attrs["objective"]
-        yield Flown(name, f"{name}-{total}", objective, "", unit, *flown, np.nan, measured)
+        yield _EvaluatedArchitecture(
+            name, f"{name}-{total}", objective, "", unit, *flown, np.nan, measured
+        )
 
 
 def objective_row(
-    scenario: str, flown: Flown, world: World, settings: Mapping[str, Any], moving: Moving
+    scenario: str,
+    flown: _EvaluatedArchitecture,
+    inputs: ArchitectureInputs,
+    settings: Mapping[str, Any],
+    moving: MovingTargets,
 ) -> dict[str, Any]:
-    """A row of ``tables/objectives.csv``; `settings` as of `goals.objective_of`.
+    """A row of ``tables/objectives.csv``; for `settings` see
+    `cislunar.campaign.architectures.objectives.objective_of`.
 
-    The architecture's own certificate, then what it reaches by the other objectives. `world.orbits`
-    are those it refers to.
+    It has the architecture's own certificate, then its values by the other objectives.
+    `inputs.orbits` are the orbits to which the architecture refers.
     """
-    ways = flown.orbit, flown.satellites
+    flown_on = flown.orbit, flown.satellites
     covered = architecture_coverage(
-        *ways, world.orbits, world.targets, world.sun, settings, flown.phase
+        *flown_on, inputs.orbits, inputs.targets, inputs.sun, settings, flown.phase
     )
-    orbits = orbit_set(world.orbits)
-    told = {
-        f"{kind}_nat": moving.value(kind, orbits, *ways, flown.phase)
+    orbits = orbit_set(inputs.orbits)
+    information = {
+        f"{kind}_nat": moving.value(kind, orbits, *flown_on, flown.phase)
         for kind in ("information", "attitude")
     }
     return {
@@ -91,5 +96,5 @@ def objective_row(
         "union_coverage": covered.union_coverage,
         "target_days": covered.target_days,
         "never_seen": covered.never_seen,
-        **told,
+        **information,
     }

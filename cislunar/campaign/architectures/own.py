@@ -1,4 +1,4 @@
-"""Data set of an architecture of one's own: observers of a table."""
+"""Data set of a user's architecture: the observers of a table."""
 
 import numpy as np
 import xarray as xr
@@ -17,7 +17,7 @@ def own_dataset(
 ) -> xr.Dataset:
     """``architecture/{scenario}/{name}.nc``: one satellite on each orbit of a table.
 
-    `visibility` and `cost` are those of these orbits. J is NaN where a path is not closed, as it
+    `visibility` and `cost` are those of these orbits. J is NaN if a path is not closed, since it
     has no stability index.
     """
     orbit = np.arange(cost.n_orbits)
@@ -25,7 +25,7 @@ def own_dataset(
     found["orbit"].attrs["long_name"] = f"index into {orbits_of(name, own=True)}"
     seen = visibility["observations"].values[:, 0]
     found |= dimensionless(
-        observations=(("slot", "target"), seen, "times the static target is observable"),
+        observations=(("slot", "target"), seen, "times the static target is observable")
     )
     title = f"Scenario {scenario}, observers {name}"
     return xr.Dataset(found, attrs=architecture_attributes(visibility, title, {"observers": name}))

@@ -10,9 +10,9 @@ from cislunar.campaign.architectures.variables import (
     dimensionless,
     history_variables,
 )
-from cislunar.campaign.data.progress import logger, progress_log
-from cislunar.campaign.data.seeds import generator
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.progress import logger, progress_log
+from cislunar.runtime.seeds import generator
 
 
 def published_dataset(
@@ -20,7 +20,7 @@ def published_dataset(
 ) -> xr.Dataset:
     """``architecture/{scenario}/published.nc``: the paper's families and counts, best members by J.
 
-    A `ConfigurationError` if the paper, which has A, B and C, has no such scenario.
+    Raises `ConfigurationError` for a scenario that the paper, which has A, B and C, does not have.
     """
     if scenario not in PUBLISHED:
         raise ConfigurationError(
@@ -35,14 +35,14 @@ def published_dataset(
         progress=progress_log("restarts"),
     )
     logger.info("J = %.4e with %d satellites", result.value, result.n_satellites)
-    by_chance = values_by_chance(
+    random_values = values_by_chance(
         cost, PUBLISHED[scenario], generator(seed, scenario, "published", "members by chance")
     )
     return xr.Dataset(
         architecture_variables(result.orbit, result.satellites, cost)
         | history_variables(result.history, result.satellites_history)
         | dimensionless(
-            chance_J=("draw", by_chance, "J of random members of the published families")
+            chance_J=("draw", random_values, "J of random members of the published families")
         ),
         attrs=architecture_attributes(
             visibility,

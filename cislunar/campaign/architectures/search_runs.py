@@ -14,12 +14,13 @@ from cislunar.campaign.architectures.variables import (
     dimensionless,
     history_variables,
 )
-from cislunar.campaign.data.progress import logger, progress_log
-from cislunar.campaign.data.seeds import generator
+from cislunar.runtime.progress import logger, progress_log
+from cislunar.runtime.seeds import generator
 
 
 def sampling_method(method: str, sampler: str) -> str:
-    """What `hyperopt_search` calls a method whose TPE is drawn for by "hyperopt" or "compiled"."""
+    """Name of a method in `hyperopt_search`, given the `sampler` of TPE, "hyperopt" or
+    "compiled"."""
     return "tpe-compiled" if (method, sampler) == ("tpe", "compiled") else method
 
 
@@ -39,8 +40,8 @@ def search_run_dataset(
 ) -> xr.Dataset:
     """``architecture/{scenario}/runs/{method}_{labels}_{run}.nc``: a search, every trial.
 
-    Random search runs to the full number of evaluations; its early stop is a prefix of that.
-    The `sampler` is who draws for TPE: "hyperopt" or "compiled".
+    Random search runs to the full number of evaluations; its early stop is a prefix of that. The
+    `sampler` of TPE is "hyperopt" or "compiled".
     """
     result = hyperopt_search(
         cost,
@@ -58,29 +59,24 @@ def search_run_dataset(
         "max_evaluations": max_evaluations, "early_stop": early_stop,
         "sampler": sampler,
     }  # fmt: skip
+    each_slot = ("evaluation", "slot")
     return xr.Dataset(
         architecture_variables(result.orbit, result.satellites, cost)
         | history_variables(result.history, result.satellites_history)
         | dimensionless(
-            trial_orbit=(
-                ("evaluation", "slot"),
-                result.orbit_trials.astype(np.int32),
-                "orbit of each slot in each evaluation",
-            ),
-            trial_satellites=(
-                ("evaluation", "slot"),
-                result.satellites_trials.astype(np.int16),
-                "satellites of each slot in each evaluation",
-            ),
+            trial_orbit=(each_slot, result.orbit_trials.astype(np.int32),
+                         "orbit of each slot in each evaluation"),
+            trial_satellites=(each_slot, result.satellites_trials.astype(np.int16),
+                              "satellites of each slot in each evaluation"),
         ),
         attrs=architecture_attributes(
             visibility, f"Scenario {scenario}, {method} search", settings, seed
         ),
-    )
+    )  # fmt: skip
 
 
 def _stopped(run: xr.Dataset, early_stop: int) -> tuple[int, int]:
-    """Evaluations an early stop allows, and the best of them."""
+    """Evaluations until an early stop, and the best of them."""
     history = run["J_history"].values
     allowed = stopping_evaluation(history, early_stop)
     return allowed, first_best(history[:allowed])
@@ -93,8 +89,8 @@ def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunc
     without improvement), ``full_*`` all its evaluations.
     """
 
-    def of_runs(name: str, where: Sequence[int]) -> np.ndarray:
-        return np.array([each[name].values[i] for each, i in zip(runs, where, strict=True)])
+    def of_runs(name: str, at: Sequence[int]) -> np.ndarray:
+        return np.array([each[name].values[i] for each, i in zip(runs, at, strict=True)])
 
     stops = [_stopped(run, early_stop) for run in runs]
     at_stop = [best for _, best in stops]
@@ -115,26 +111,17 @@ def best_run_dataset(runs: Sequence[xr.Dataset], early_stop: int, cost: CostFunc
     )
     data |= dimensionless(
         run_J=("run", reached, "J reached by each run under the early stop"),
-        run_orbit=(
-            ("run", "slot"), of_runs("trial_orbit", at_stop), "orbits of the best of each run"
-        ),
-        run_satellites=(
-            "run", of_runs("satellites_history", at_stop), "satellites of the best of each run"
-        ),
-        run_evaluations=(
-            "run", [allowed for allowed, _ in stops], "evaluations until the early stop"
-        ),
-        run_J_history=(
-            ("run", "run_evaluation"), histories, "J of each evaluation of each run"
-        ),
-        full_J=(
-            "run",
-            of_runs("J_history", full),
-            "J reached over all evaluations made, early stop or not",
-        ),
-        full_satellites=(
-            "run", of_runs("satellites_history", full), "satellites of that architecture"
-        ),
+        run_orbit=(("run", "slot"), of_runs("trial_orbit", at_stop),
+                   "orbits of the best of each run"),
+        run_satellites=("run", of_runs("satellites_history", at_stop),
+                        "satellites of the best of each run"),
+        run_evaluations=("run", [allowed for allowed, _ in stops],
+                         "evaluations until the early stop"),
+        run_J_history=(("run", "run_evaluation"), histories, "J of each evaluation of each run"),
+        full_J=("run", of_runs("J_history", full),
+                "J reached over all evaluations made, early stop or not"),
+        full_satellites=("run", of_runs("satellites_history", full),
+                         "satellites of that architecture"),
         full_evaluations=("run", [each.sizes["evaluation"] for each in runs], "evaluations made"),
     )  # fmt: skip
     title = f"{run.attrs['title']}, the best of {len(runs)}"

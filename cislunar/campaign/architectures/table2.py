@@ -1,4 +1,4 @@
-"""Table 2 of Paul & Fan beside our architectures, and those close to the optimum."""
+"""Table 2 of Paul & Fan beside this library's architectures, and near-optimal architectures."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -24,9 +24,9 @@ def architecture_rows(
 ) -> pd.DataFrame:
     """Rows of ``tables/architecture.csv`` for one architecture, one for each slot.
 
-    Family, member and satellites of each slot beside the paper's family and count, then what the
-    architecture reaches as a whole, repeated on each row. The slots of "published" are the paper's,
-    row by row; those of the other optimizers have no order to match. `settings` has the
+    Each row has family, member and satellites of a slot beside the paper's family and count, then
+    the values of the whole architecture, repeated on each row. The slots of "published" are the
+    paper's, row by row; those of other optimizers have no corresponding order. `settings` has the
     configuration keys `propagator` and `visibility`.
     """
     orbit = architecture["orbit"].values

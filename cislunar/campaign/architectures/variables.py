@@ -7,11 +7,11 @@ import numpy as np
 import xarray as xr
 
 from cislunar.architecture.cost import CostFunction
-from cislunar.campaign.data.netcdf import variable
-from cislunar.campaign.data.provenance import provenance
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.netcdf import variable
+from cislunar.runtime.provenance import provenance
 
-LAMBDA_MEANING = (
+_LAMBDA_MEANING = (
     "1 / satellites",
     "1 / sum of satellites x stability index",
     "cumulative observability",
@@ -33,7 +33,7 @@ def architecture_variables(
     orbit: np.ndarray, satellites: np.ndarray, cost: CostFunction
 ) -> dict[str, xr.Variable]:
     """Variables of one architecture: orbits and satellites of shape (slot,), J and its factors."""
-    factors = zip(cost.factors(orbit, satellites), LAMBDA_MEANING, strict=True)
+    factors = zip(cost.factors(orbit, satellites), _LAMBDA_MEANING, strict=True)
     return dimensionless(
         orbit=("slot", orbit, "index into orbits/families.nc"),
         satellites=("slot", satellites, "satellites on the orbit"),
@@ -43,10 +43,10 @@ def architecture_variables(
 
 
 def phases_of(architecture: xr.Dataset) -> np.ndarray:
-    """How far the satellites of each slot are ahead of the paper's, shares of the period (slot,).
+    """Phases of the satellites of each slot relative to the paper's, shares of the period (slot,).
 
-    The variable `phase`, which a file need not have: zeros without it. A `ConfigurationError` if
-    one is no share.
+    They are the optional variable `phase`, zero without it. Raises `ConfigurationError` if one is
+    not within [0, 1].
     """
     if "phase" not in architecture:
         return np.zeros(architecture["orbit"].shape)
@@ -60,7 +60,7 @@ def phases_of(architecture: xr.Dataset) -> np.ndarray:
 
 
 def history_variables(values: np.ndarray, satellites: np.ndarray) -> dict[str, xr.Variable]:
-    """Variables of how a search went: J and total satellites of shape (evaluation,)."""
+    """Variables of the course of a search: J and total satellites of shape (evaluation,)."""
     sizes = satellites.astype(np.int32)
     return dimensionless(
         J_history=("evaluation", values, "J of each evaluation"),
@@ -71,7 +71,8 @@ def history_variables(values: np.ndarray, satellites: np.ndarray) -> dict[str, x
 def architecture_attributes(
     visibility: xr.Dataset, title: str, settings: Mapping[str, Any], seed: int | None = None
 ) -> dict[str, Any]:
-    """Global attributes of an architecture's data set; those of the photometry are handed on."""
+    """Global attributes of an architecture's data set, with those of the photometry of
+    `visibility`."""
     kept = ("diffuse_reflection_coefficient", "visibility_magnitude", "n_steps")
     return provenance(title, settings=settings, seed=seed) | {
         key: visibility.attrs[key] for key in kept

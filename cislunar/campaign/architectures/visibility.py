@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike
 from cislunar.architecture.cost import CostFunction
 from cislunar.architecture.coverage.measures import Coverage, architecture_tracks, coverage
 from cislunar.architecture.tables import ArchitectureTables
+from cislunar.campaign.architectures.variables import dimensionless
 from cislunar.campaign.data.inputs import horizon, sun_at
-from cislunar.campaign.data.netcdf import variable
-from cislunar.campaign.data.progress import Progress, logger
-from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.library import visibility_settings
 from cislunar.campaign.settings.observing.sensors import own_sensors
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.progress import Progress, logger
+from cislunar.runtime.provenance import provenance
 from cislunar.visibility.counts import VisibilityCounts, VisibilitySettings, count_visibility
 
 
@@ -32,30 +32,30 @@ def visibility_dataset(
 ) -> xr.Dataset:
     """``visibility/{scenario}.nc``: observations by orbit and satellite count.
 
-    From ``orbits/families.nc``, ``targets/static_{scenario}.nc`` and ``ephemeris/sun.nc``, up to a
-    number of satellites on one orbit; observers of a table see as their own sensors do. Among the
-    bodies as they are `sun` is ``orbits/paths.nc`` of these orbits. `settings` has the
-    configuration keys `epoch_jd`, `propagator` and `visibility`; `progress` counts orbits.
+    The inputs are ``orbits/families.nc``, ``targets/static_{scenario}.nc`` and
+    ``ephemeris/sun.nc``, up to a number of satellites on one orbit; observers of a table have their
+    own sensors. In ephemeris dynamics `sun` is ``orbits/paths.nc`` of these orbits. `settings` has
+    the configuration keys `epoch_jd`, `propagator` and `visibility`; `progress` counts orbits.
     """
     chosen = visibility_settings(settings)
     times = horizon(settings)
-    place, length = _sky(sun, times)
+    place, length = _sun_and_unit(sun, times)
     tracks = sun["track"].values if "track" in sun else None
     seen = targets["position"].values, times, place
-    told: dict[str, Any] = {"max_satellites": max_satellites, "length": length}
+    given: dict[str, Any] = {"max_satellites": max_satellites, "length": length}
     found = []
     for first, last, own in _by_sensor(chosen, orbits):
         flown = orbits["state"].values[first:last], orbits["period"].values[first:last]
-        told["tracks"] = None if tracks is None else tracks[first:last]
-        found.append(count_visibility(*flown, *seen, own, **told, progress=progress))
+        given["tracks"] = None if tracks is None else tracks[first:last]
+        found.append(count_visibility(*flown, *seen, own, **given, progress=progress))
     counts = VisibilityCounts(
         np.concatenate([each.observations for each in found]),
         np.concatenate([each.distance for each in found]),
     )
     if not counts.observations.any():
         logger.warning(
-            "warning: no static target is ever seen from any orbit, so that J is 0 and there is "
-            "nothing to choose by; raise visibility.limiting_magnitude = %g or "
+            "warning: no static target is ever seen from any orbit, so that J is 0 for every "
+            "architecture; raise visibility.limiting_magnitude = %g or "
             "visibility.target_radius_m = %g, or lower visibility.exclusion_deg",
             chosen.limiting_magnitude,
             chosen.target_radius_m,
@@ -66,49 +66,40 @@ def visibility_dataset(
         visibility_magnitude=float(chosen.limiting_magnitude),
         n_steps=len(times),
     )
+    observed = "times the target is observable, summed over satellites and times"
+    distance = "Earth plus Moon distance summed over satellites and times, nondimensional"
+    count = np.arange(1, max_satellites + 1)
     return xr.Dataset(
-        {
-            "observations": variable(
-                ("orbit", "satellites", "target"),
-                counts.observations,
-                "1",
-                "times the target is observable, summed over satellites and times",
-            ),
-            "distance": variable(
-                ("orbit", "satellites"),
-                counts.distance,
-                "1",
-                "Earth plus Moon distance summed over satellites and times, nondimensional",
-            ),
-        },
-        coords={
-            "satellites": variable(
-                "satellites", np.arange(1, max_satellites + 1), "1", "satellites on the orbit"
-            )
-        },
+        dimensionless(
+            observations=(("orbit", "satellites", "target"), counts.observations, observed),
+            distance=(("orbit", "satellites"), counts.distance, distance),
+        ),
+        coords=dimensionless(satellites=("satellites", count, "satellites on the orbit")),
         attrs=attributes,
     )
 
 
-def _sky(sun: xr.Dataset, times: np.ndarray) -> tuple[np.ndarray, ArrayLike]:
+def _sun_and_unit(sun: xr.Dataset, times: np.ndarray) -> tuple[np.ndarray, ArrayLike]:
     """Sun (time, 3) in the rotating frame, and the frame's unit of length over l*."""
     if "track" in sun:
         return sun["sun_position"].values, sun["length"].values
     return sun_at(sun, times), 1.0
 
 
-def _flown(
+def _tracks_of(
     paths: xr.Dataset, orbit: np.ndarray, satellites: np.ndarray, phase: ArrayLike
 ) -> np.ndarray:
     """Tracks (satellite, time, 3) of an architecture in ``orbits/paths.nc``."""
     ahead = np.broadcast_to(np.asarray(phase, dtype=float), np.shape(orbit))
     rows = np.repeat(orbit, satellites)
-    wanted = np.concatenate([a + np.arange(n) / n for a, n in zip(ahead, satellites, strict=True)])
-    away = np.abs((wanted[:, None] - paths["phase"].values + 0.5) % 1.0 - 0.5)
+    requested = np.concatenate(
+        [a + np.arange(n) / n for a, n in zip(ahead, satellites, strict=True)]
+    )
+    away = np.abs((requested[:, None] - paths["phase"].values + 0.5) % 1.0 - 0.5)
     if np.any(away.min(axis=1) > 1e-9):
         raise ConfigurationError(
-            "an architecture has phases that orbits/paths.nc has not: those of satellites spread "
-            "evenly from the first"
+            "phases of an architecture are not in orbits/paths.nc, which has those of satellites "
+            "evenly spaced from the first; choose such phases"
         )
     return paths["track"].values[rows, np.argmin(away, axis=1)]
 
@@ -116,7 +107,7 @@ def _flown(
 def _by_sensor(
     chosen: VisibilitySettings, orbits: xr.Dataset
 ) -> Iterator[tuple[int, int, VisibilitySettings]]:
-    """Runs of orbits, first and last, whose observers see alike, as their own sensors have it."""
+    """Consecutive orbits, first and last, whose observers have the same sensor limits."""
     own = own_sensors(orbits, range(orbits.sizes["orbit"]))
     starts = [0, *(k for k in range(1, len(own)) if own[k] != own[k - 1]), len(own)]
     for first, last in pairwise(starts):
@@ -148,15 +139,15 @@ def architecture_coverage(
     settings: Mapping[str, Any],
     phase: ArrayLike = 0.0,
 ) -> Coverage:
-    """Union coverage of one architecture (slot,), data sets and settings as for visibility.
+    """Union coverage of one architecture (slot,), for data sets and settings as for visibility.
 
-    `phase` (slot,) as of `phases_of`.
+    For `phase` (slot,) see `phases_of`.
     """
     chosen = visibility_settings(settings)
     times = horizon(settings)
-    place, length = _sky(sun, times)
+    place, length = _sun_and_unit(sun, times)
     if "track" in sun:
-        track = _flown(sun, orbit, satellites, phase)
+        track = _tracks_of(sun, orbit, satellites, phase)
     else:
         track = architecture_tracks(
             orbits["state"].values[orbit],

@@ -1,1 +1,12 @@
-"""Data sets and tables on disk, where they come from, and the progress of making them."""
+"""Data sets of the campaign's inputs: ephemeris, orbits and targets."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "inputs": ["bodies_dataset", "body_table", "families_dataset", "horizon", "orbit_set_dataset",
+        "static_targets_dataset", "sun_at", "sun_dataset", "variables", "zvs_points_dataset"],
+    "own_targets": ["own_observers_dataset", "own_static_dataset", "own_tracked_dataset"],
+    "refined_orbits": ["observer_states", "paths_dataset", "refined_dataset", "refined_rows"],
+})
+# fmt: on

@@ -1,4 +1,4 @@
-"""Data sets the campaign starts from: ephemeris, orbit library, static targets."""
+"""Initial data sets of the campaign: ephemeris, orbit library, static targets."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,9 +7,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from cislunar.campaign.data.netcdf import variable
-from cislunar.campaign.data.progress import Progress, logger, progress_log
-from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.library import family_extent, sampling_settings
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.tree import Orbits, Targets, Visibility
@@ -18,6 +15,9 @@ from cislunar.ephemeris.bodies import COLUMNS, NODE_SPACING_S, BodyTable, tabula
 from cislunar.ephemeris.sampling import interpolate_sun, sample_ephemeris
 from cislunar.ephemeris.time_scales import utc_to_tdb
 from cislunar.orbits.families import OrbitSet, observer_library
+from cislunar.runtime.netcdf import variable
+from cislunar.runtime.progress import Progress, logger, progress_log
+from cislunar.runtime.provenance import provenance
 from cislunar.targets.clustering import cluster, distinct_points
 from cislunar.targets.missions import load_missions
 from cislunar.targets.sampling import sample_zero_velocity
@@ -27,8 +27,13 @@ AXES = ("x", "y", "z")
 COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
 
 
-def _label(dim: str, values, long_name: str) -> xr.Variable:
-    return variable(dim, list(values), "1", long_name)
+def variables(**described: tuple) -> dict[str, xr.Variable]:
+    """Variables by name, from dimensions, values, unit and meaning."""
+    return {name: variable(*each) for name, each in described.items()}
+
+
+def _label(dim: str, values, meaning: str) -> tuple:
+    return dim, list(values), "1", meaning
 
 
 def sun_dataset(settings: Mapping[str, Any]) -> xr.Dataset:
@@ -39,29 +44,21 @@ def sun_dataset(settings: Mapping[str, Any]) -> xr.Dataset:
         settings["ephemeris"]["step_minutes"],
         settings["ephemeris"]["kernel"],
     )
+    meaning = "Sun from the Earth-Moon barycenter, rotating frame, in units of length_unit_km"
     return xr.Dataset(
-        {
-            "sun_position": variable(
-                ("time", "axis"),
-                sampled.sun_position,
-                "1",
-                "Sun from the Earth-Moon barycenter, rotating frame, in units of length_unit_km",
-            ),
-            "moon_rotation": variable(
-                ("time", "axis", "axis_j2000"),
-                sampled.moon_rotation,
-                "1",
-                "rotation from J2000 to the rotating frame",
-            ),
-            "et": variable("time", sampled.et, "s", "TDB seconds past J2000"),
-        },
-        coords={
-            "time": variable("time", sampled.time_utc_jd, "d", "Julian date, UTC"),
-            "axis": _label("axis", AXES, "axis of the rotating frame"),
-            "axis_j2000": _label("axis_j2000", AXES, "axis of J2000"),
-        },
+        variables(
+            sun_position=(("time", "axis"), sampled.sun_position, "1", meaning),
+            moon_rotation=(("time", "axis", "axis_j2000"), sampled.moon_rotation, "1",
+                           "rotation from J2000 to the rotating frame"),
+            et=("time", sampled.et, "s", "TDB seconds past J2000"),
+        ),
+        coords=variables(
+            time=("time", sampled.time_utc_jd, "d", "Julian date, UTC"),
+            axis=_label("axis", AXES, "axis of the rotating frame"),
+            axis_j2000=_label("axis_j2000", AXES, "axis of J2000"),
+        ),
         attrs=provenance("Sun and rotating frame from SPICE", settings=settings),
-    )
+    )  # fmt: skip
 
 
 def bodies_dataset(settings: Mapping[str, Any]) -> xr.Dataset:
@@ -71,22 +68,20 @@ def bodies_dataset(settings: Mapping[str, Any]) -> xr.Dataset:
     table = tabulate_bodies(epoch, epoch + length, settings["ephemeris"]["kernel"])
     node = table.start + table.spacing * np.arange(len(table.coefficients))
     bodies = [f"{body}_{axis}" for body in COLUMNS for axis in AXES]
+    meaning = (
+        "coefficient of a power of the fraction of an interval: position, barycentric frame with "
+        "J2000 axes"
+    )
     return xr.Dataset(
-        {
-            "coefficient": variable(
-                ("interval", "power", "coordinate"),
-                table.coefficients,
-                "km",
-                "of the powers of the fraction of an interval: places about the Earth-Moon "
-                "barycenter, axes of J2000",
-            ),
-            "epoch_et": variable((), epoch, "s", "epoch, TDB seconds past J2000"),
-        },
-        coords={
-            "et": variable("interval", node, "s", "begin of an interval, TDB seconds past J2000"),
-            "power": variable("power", np.arange(4), "1", "power"),
-            "coordinate": _label("coordinate", bodies, "body and axis of J2000"),
-        },
+        variables(
+            coefficient=(("interval", "power", "coordinate"), table.coefficients, "km", meaning),
+            epoch_et=((), epoch, "s", "epoch, TDB seconds past J2000"),
+        ),
+        coords=variables(
+            et=("interval", node, "s", "start of an interval, TDB seconds past J2000"),
+            power=("power", np.arange(4), "1", "power"),
+            coordinate=_label("coordinate", bodies, "body and axis of J2000"),
+        ),
         attrs=provenance("Earth, Moon and Sun from SPICE", settings=settings),
     )
 
@@ -101,10 +96,7 @@ def body_table(bodies: xr.Dataset) -> BodyTable:
 
 
 def sun_at(sun: xr.Dataset, times: np.ndarray) -> np.ndarray:
-    """Sun at times since the epoch, shape (time, 3), in the rotating frame; all nondimensional.
-
-    Interpolated in ``ephemeris/sun.nc``.
-    """
+    """Sun at times since the epoch, shape (time, 3), in the rotating frame; all nondimensional."""
     elapsed = (sun["et"].values - sun["et"].values[0]) / sun.attrs["time_unit_s"]
     return interpolate_sun(times, elapsed, sun["sun_position"].values)
 
@@ -121,28 +113,21 @@ def orbit_set_dataset(
     orbits: OrbitSet, dim: str, title: str, settings: Mapping[str, Any]
 ) -> xr.Dataset:
     """A set of periodic orbits as a data set along `dim`; `settings` are for provenance."""
+    distance = "least distance to the center of the"
     return xr.Dataset(
-        {
-            "family": _label(dim, [str(name) for name in orbits.family], "orbit family"),
-            "state": variable(
-                (dim, "component"),
-                orbits.state,
-                "1",
-                "epoch state at y = 0, nondimensional, rotating frame",
-            ),
-            "period": variable(dim, orbits.period, "1", "period in units of time_unit_s"),
-            "jacobi": variable(dim, orbits.jacobi, "1", "Jacobi constant"),
-            "stability_index": variable(dim, orbits.stability_index, "1", "stability index"),
-            "perilune_km": variable(
-                dim, orbits.perilune_km, "km", "least distance to the center of the Moon"
-            ),
-            "perigee_km": variable(
-                dim, orbits.perigee_km, "km", "least distance to the center of the Earth"
-            ),
-        },
-        coords={"component": _label("component", COMPONENTS, "component of the state")},
+        variables(
+            family=_label(dim, [str(name) for name in orbits.family], "orbit family"),
+            state=((dim, "component"), orbits.state, "1",
+                   "epoch state at y = 0, nondimensional, rotating frame"),
+            period=(dim, orbits.period, "1", "period in units of time_unit_s"),
+            jacobi=(dim, orbits.jacobi, "1", "Jacobi constant"),
+            stability_index=(dim, orbits.stability_index, "1", "stability index"),
+            perilune_km=(dim, orbits.perilune_km, "km", f"{distance} Moon"),
+            perigee_km=(dim, orbits.perigee_km, "km", f"{distance} Earth"),
+        ),
+        coords=variables(component=_label("component", COMPONENTS, "component of the state")),
         attrs=provenance(title, settings=settings),
-    )
+    )  # fmt: skip
 
 
 def zvs_points_dataset(missions_path: str | Path, settings: Mapping[str, Any]) -> xr.Dataset:
@@ -155,15 +140,13 @@ def zvs_points_dataset(missions_path: str | Path, settings: Mapping[str, Any]) -
     )
     logger.info("%d points within the surfaces of %d missions", len(points.position), len(names))
     return xr.Dataset(
-        {
-            "position": variable(
-                ("point", "axis"), points.position, "1", "nondimensional, rotating frame"
-            ),
-            "mission": variable("point", points.mission, "1", "index into mission_name"),
-            "jacobi": variable("point", points.jacobi, "1", "Jacobi constant of the mission"),
-            "mission_name": _label("mission_index", names, "mission"),
-        },
-        coords={"axis": _label("axis", AXES, "axis of the rotating frame")},
+        variables(
+            position=(("point", "axis"), points.position, "1", "nondimensional, rotating frame"),
+            mission=("point", points.mission, "1", "index into mission_name"),
+            jacobi=("point", points.jacobi, "1", "Jacobi constant of the mission"),
+            mission_name=_label("mission_index", names, "mission"),
+        ),
+        coords=variables(axis=_label("axis", AXES, "axis of the rotating frame")),
         attrs=provenance("Points sampled within zero-velocity surfaces", settings=settings)
         | {"distinct_points": len(distinct_points(points.position)[0])},
     )
@@ -178,24 +161,19 @@ def static_targets_dataset(
     )
     logger.info("inertia %.6g", clusters.inertia)
     chosen = {"scenario": scenario, "targets": targets, "seeding": seeding}
+    inertia = "sum of squared distances of points to their target"
     return xr.Dataset(
-        {
-            "position": variable(
-                ("target", "axis"), clusters.center, "1", "nondimensional, rotating frame"
-            ),
-            "members": variable(
-                "target", clusters.members, "1", "number of sampled points in the cluster"
-            ),
-            "inertia": variable(
-                (), clusters.inertia, "1", "sum of squared distances of points to their target"
-            ),
-        },
-        coords={"axis": _label("axis", AXES, "axis of the rotating frame")},
+        variables(
+            position=(("target", "axis"), clusters.center, "1", "nondimensional, rotating frame"),
+            members=("target", clusters.members, "1", "number of sampled points in the cluster"),
+            inertia=((), clusters.inertia, "1", inertia),
+        ),
+        coords=variables(axis=_label("axis", AXES, "axis of the rotating frame")),
         attrs=provenance(f"Static targets of scenario {scenario}", settings=chosen, seed=seed),
     )
 
 
 def horizon(settings: Mapping[str, Any]) -> np.ndarray:
-    """Nondimensional evaluation times (time,) of the architecture optimisation."""
+    """Nondimensional evaluation times (time,) of the architecture optimization."""
     chosen = typed(settings["visibility"], Visibility)
     return observation_times(chosen.duration_days, chosen.step_hours)

@@ -1,4 +1,5 @@
-"""What each reading of the paper does to J: the chain of Task 1 rerun with one choice changed."""
+"""Effect of each reading of the paper on J: the chain of Task 1 repeated with one choice
+changed."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -16,12 +17,12 @@ from cislunar.campaign.data.inputs import (
     static_targets_dataset,
     zvs_points_dataset,
 )
-from cislunar.campaign.data.progress import Progress
-from cislunar.campaign.data.seeds import generator
 from cislunar.campaign.settings.families import nested
 from cislunar.campaign.settings.reading import merged
+from cislunar.runtime.progress import Progress
+from cislunar.runtime.seeds import generator
 
-READINGS: dict[str, dict[str, Any]] = {
+_READINGS: dict[str, dict[str, Any]] = {
     "as configured": {},
     "C_d = 0.5": {"visibility.diffuse_reflection_coefficient": 0.5},
     "C_d = 0.2": {"visibility.diffuse_reflection_coefficient": 0.2},
@@ -36,10 +37,10 @@ READINGS: dict[str, dict[str, Any]] = {
 """Changes to the configuration, by the name of the reading."""
 
 
-def random_best(
+def _random_best(
     objective: Objective, rng: np.random.Generator, *, n_slots: int, draws: int
 ) -> float:
-    """Largest value among so many uniformly random architectures."""
+    """Largest value of `draws` uniformly random architectures."""
     shape = (draws, n_slots)
     orbit = rng.integers(0, objective.n_orbits, shape)
     satellites = rng.integers(1, objective.max_satellites + 1, shape)
@@ -60,7 +61,7 @@ def readings_table(
     and best of the coordinate search with its satellites.
     """
     rows = []
-    for done, (name, changes) in enumerate(READINGS.items()):
+    for done, (name, changes) in enumerate(_READINGS.items()):
         setting = dict(config)
         for key, value in changes.items():
             setting = merged(setting, nested(key, value))
@@ -84,7 +85,7 @@ def readings_table(
             "reading": name,
             "changes": "; ".join(f"{key} = {value}" for key, value in changes.items()),
             "sampled_points": points.sizes["point"],
-            "J_random": random_best(cost, rng, n_slots=chosen["slots"], draws=draws),
+            "J_random": _random_best(cost, rng, n_slots=chosen["slots"], draws=draws),
             "random_draws": draws,
             "J_coordinate_search": best.value,
             "satellites_coordinate_search": best.n_satellites,
@@ -96,5 +97,5 @@ def readings_table(
             row["J_published"] = published.value
         rows.append(row)
         if progress is not None:
-            progress(done + 1, len(READINGS))
+            progress(done + 1, len(_READINGS))
     return pd.DataFrame(rows)

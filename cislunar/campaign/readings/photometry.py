@@ -1,4 +1,4 @@
-"""What each reading of the photometric equations does: ``tables/photometry.csv``."""
+"""Effect of each reading of the photometric equations: ``tables/photometry.csv``."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -14,10 +14,10 @@ from cislunar.photometry.sphere import returned_light, sphere_magnitude
 
 Array = NDArray[np.float64]
 
-PHASE_ANGLES_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
-INCIDENCES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
-SPHERES = (0.5, 1.0)
-"""Diffuse reflection coefficients of the spheres compared with."""
+_PHASE_ANGLES_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
+_INCIDENCES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
+_SPHERES = (0.5, 1.0)
+"""Diffuse reflection coefficients of the spheres for comparison."""
 
 RANGE = "range at the limiting magnitude"
 BRIGHTER = "brighter with the printed Fresnel term"
@@ -44,7 +44,7 @@ def photometry_table(
         *_fresnel(surface, attitude),
         *(
             (RETURNED, angle, "sqrt", returned_light(surface, np.deg2rad(angle)), "1")
-            for angle in INCIDENCES_DEG
+            for angle in _INCIDENCES_DEG
         ),
     ]
     return pd.DataFrame(rows, columns=["quantity", "angle_deg", "model", "value", "unit"])
@@ -63,11 +63,11 @@ def _ranges(surface: Material, attitude: Array, limit: float) -> Iterator[tuple]
     def in_thousand_km(magnitude: float) -> float:
         return _RANGE_M * 10.0 ** (0.2 * (limit - magnitude)) / 1e6
 
-    for phase in PHASE_ANGLES_DEG:
+    for phase in _PHASE_ANGLES_DEG:
         for law in IRRADIANCE_LAWS:
             seen = np.median(_magnitudes(surface, attitude, phase, irradiance=law))
             yield RANGE, phase, f"facets, {law}", in_thousand_km(float(seen)), "1000 km"
-        for coefficient in SPHERES:
+        for coefficient in _SPHERES:
             sphere = sphere_magnitude(
                 _RANGE_M, np.deg2rad(phase), diffuse_reflection_coefficient=coefficient
             )
@@ -75,7 +75,7 @@ def _ranges(surface: Material, attitude: Array, limit: float) -> Iterator[tuple]
 
 
 def _fresnel(surface: Material, attitude: Array) -> Iterator[tuple]:
-    for phase in PHASE_ANGLES_DEG:
+    for phase in _PHASE_ANGLES_DEG:
         root, printed = (
             _magnitudes(surface, attitude, phase, irradiance="4pi", fresnel=form)
             for form in ("sqrt", "printed")

@@ -1,1 +1,23 @@
-"""What a campaign is told: settings, scenarios, variants, sweeps, and what is refused."""
+"""The configuration of a campaign: settings, scenarios, variants, sweeps, and their checks."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "cell_settings": ["body_files", "true_settings"],
+    "cell_tree": ["CellSettings", "Dynamics"],
+    "cells": ["Cell", "FEWEST_RANKED", "campaign_cells", "check_cell", "estimator_names",
+        "grid_cells", "most_alike", "variant_cells"],
+    "checks": ["check_campaign"],
+    "families": ["SweepPoint", "nested", "sweep_points", "swept_cells", "with_families"],
+    "library": ["believed_surfaces", "estimator_factory", "family_extent", "loop_settings",
+        "observation_settings", "sampling_settings", "target_names", "truth_model",
+        "visibility_settings"],
+    "preflight": ["check_inputs", "check_orbits", "check_request", "crowded_objectives"],
+    "reading": ["merged", "typed", "with_types"],
+    "scenarios": ["in_study", "information_of", "longest_horizon", "orbits_of", "scenario_settings",
+        "shared_dataset", "tracked_count", "tracked_epoch"],
+    "schema": ["SCHEMA_FILE", "schema_text", "stated_keys"],
+    "tree": ["Campaign", "Orbits", "Targets", "Visibility"],
+})
+# fmt: on

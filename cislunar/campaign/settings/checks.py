@@ -1,19 +1,21 @@
-"""What ties the keys of a configuration to each other, and the whole check of a campaign."""
+"""The check of a whole configuration: each setting, and the settings that depend on each other."""
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from cislunar.campaign.settings.architecture_tree import Design, ObjectiveFront
+from cislunar.campaign.settings.cell_settings import cell_settings
 from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
-from cislunar.campaign.settings.cells import cell_settings, is_multiple, variant_place
+from cislunar.campaign.settings.cells import variant_place
 from cislunar.campaign.settings.families import (
     check_families,
     stated_variants,
     sweep_points,
     with_families,
 )
-from cislunar.campaign.settings.reading import checked, shown
+from cislunar.campaign.settings.reading import checked
 from cislunar.campaign.settings.scenarios import (
     OPTIMIZERS,
     in_study,
@@ -22,32 +24,34 @@ from cislunar.campaign.settings.scenarios import (
     tracked_count,
 )
 from cislunar.campaign.settings.tracking_checks import check_tracking
-from cislunar.campaign.settings.tree import Campaign, Scenario, Surroundings
+from cislunar.campaign.settings.tree import Campaign, Scenario, Surroundings, Visibility
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.settings_fields import is_multiple
+from cislunar.runtime.settings_words import shown
 
 _TAKEN = ("front", "fronts", "runs")
-"""What else is beside the architectures of a scenario."""
+"""Names of other folders beside the architectures of a scenario."""
 
 _MOST_OF_FRONT = 60
-"""Satellites, where the configuration does not say."""
+"""Satellites, where the configuration does not state them."""
 
 _SPECIAL = set("{}*?[]")
-"""Characters that Snakemake does not take as they stand in a file name."""
+"""Characters that have a meaning of their own for Snakemake in a file name."""
 
 
 def check_campaign(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Check a campaign's configuration: each key by itself, then what ties keys together.
+    """The configuration of a campaign with all defaults, checked.
 
-    Gives it with the defaults of what is left out. A `ConfigurationError` has a line for each fault
-    that names the key; an `InputFileError` if a scenario's table of moving targets is missing or
-    faulty.
+    Each key is checked by itself, then the keys that depend on each other. Raises
+    `ConfigurationError` with a line for each impossible value, which names the key, and
+    `InputFileError` if a scenario's table of moving targets is missing or faulty.
     """
     config = _with_front(checked(config, Campaign))
     study = in_study(config)
     _check_architectures(config)
     _check_scenarios(study)
     _check_optimization(study)
-    _check_goals(study)
+    _check_objectives(study)
     check_families(config, study)
     whole = with_families(study)
     _check_values(study, whole)
@@ -59,16 +63,12 @@ def check_campaign(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _with_copies(config: dict[str, Any]) -> dict[str, Any]:
-    """The configuration with every copy of a design as one of its own; nothing unusual unsaid."""
+    """The configuration with a design for every copy, and without omitted keys."""
     search, task2 = config["architecture"], config["task2"]
-    unsaid = {"max_station_keeping_m_s": None, "scenarios": None}
-
-    def said(goal: Mapping[str, Any]) -> dict[str, Any]:
-        return {k: v for k, v in goal.items() if k != "copies" and v != unsaid.get(k, ...)}
-
-    designs = {one: said(each) for name, each in search["designs"].items()
+    designs = {one: {k: v for k, v in Design.kept(each).items() if k != "copies"}
+               for name, each in search["designs"].items()
                for one in _copies(search["designs"], name)}  # fmt: skip
-    fronts = {name: said(front) for name, front in search["objective_fronts"].items()}
+    fronts = {name: ObjectiveFront.kept(each) for name, each in search["objective_fronts"].items()}
     tracked = {one: counts for name, counts in task2["other_architectures"].items()
                for one in _copies(search["designs"], name)}  # fmt: skip
     families = dict(task2["variants"]["families"])
@@ -78,9 +78,8 @@ def _with_copies(config: dict[str, Any]) -> dict[str, Any]:
             every = [one for each in further for one in _copies(search["designs"], each)]
             families[name] = family | {"other_architectures": every}
     variants = task2["variants"] | {"families": families}
-    plain = ("eclipse", False), ("dynamics", "cr3bp")
     return config | {
-        "visibility": {k: v for k, v in config["visibility"].items() if (k, v) not in plain},
+        "visibility": Visibility.kept(config["visibility"]),
         "architecture": search | {"designs": designs, "objective_fronts": fronts},
         "task2": task2 | {"other_architectures": tracked, "variants": variants},
     }
@@ -93,7 +92,7 @@ def _copies(designs: Mapping[str, Mapping[str, Any]], name: str) -> list[str]:
 
 
 def _with_front(config: dict[str, Any]) -> dict[str, Any]:
-    """The configuration with the totals of the front that `architecture` allows, if none are."""
+    """The configuration with the default totals of the front, within the limits of slots."""
     chosen = config["architecture"]
     fewest, most = chosen["slots"], chosen["slots"] * chosen["max_satellites"]
     usual = {"fewest": fewest, "most": max(fewest, min(most, _MOST_OF_FRONT))}
@@ -102,14 +101,14 @@ def _with_front(config: dict[str, Any]) -> dict[str, Any]:
 
 
 def _own(whole: Mapping[str, Any], scenario: str) -> dict[str, Any]:
-    """What holds for a scenario, without the keys of `task2` that set no cell."""
+    """Settings of a scenario, without the keys of `task2` that set no cell."""
     own = scenario_settings(whole, scenario) if scenario in whole["scenarios"] else whole
     own = {key: own[key] for key in Surroundings.model_fields}
     return own | {"task2": {key: own["task2"][key] for key in CellSettings.model_fields}}
 
 
 def _check_values(study: Mapping[str, Any], whole: Mapping[str, Any]) -> None:
-    """Check what families and sweeps change like the keys that they change."""
+    """Check the values of families and sweeps like the settings that they change."""
     for _, key, name, entry in stated_variants(study):
         own = _own(whole, variant_place(whole["task2"], name)[0])["task2"]
         try:
@@ -127,13 +126,12 @@ def _check_values(study: Mapping[str, Any], whole: Mapping[str, Any]) -> None:
                 checked(_own(whole, point.scenario), Surroundings, f"{place}.settings")
                 _check_scenarios(whole)
         except ConfigurationError as error:
-            raise ConfigurationError(
-                f"configuration key 'sweeps.{name}': {_first(error)}"
-            ) from None
+            fault = f"configuration key 'sweeps.{name}': {_first(error)}"
+            raise ConfigurationError(fault) from None
 
 
 def _first(error: ConfigurationError) -> str:
-    """The first line: all values have the same fault, or the first of the faulty ones will do."""
+    """The first line of a message."""
     return str(error).splitlines()[0]
 
 
@@ -158,7 +156,7 @@ def _check_scenarios(config: Mapping[str, Any]) -> None:
 
 
 def _check_optimization(config: Mapping[str, Any]) -> None:
-    """What ties the keys of `architecture` to each other and to the library."""
+    """Refuse settings of `architecture` that do not fit each other or the library of orbits."""
     architecture = config["architecture"]
     library = sum(config["orbits"]["members"].values())
     if architecture["slots"] > library:
@@ -166,7 +164,7 @@ def _check_optimization(config: Mapping[str, Any]) -> None:
             f"configuration key 'architecture.slots' = {architecture['slots']} exceeds the "
             f"{library} orbits of the library: lower it or raise orbits.members"
         )
-    for key in ("label_comparison", "readings", "elsewhere"):
+    for key in ("label_comparison", "readings", "generalization"):
         scenario = architecture[key]["scenario"]
         if scenario is not None and scenario not in config["scenarios"]:
             raise ConfigurationError(
@@ -182,67 +180,60 @@ def _check_optimization(config: Mapping[str, Any]) -> None:
         )
 
 
-def _check_goals(config: Mapping[str, Any]) -> None:
-    """What ties the designs and fronts by objective to places, scenarios and windows."""
+def _check_objectives(config: Mapping[str, Any]) -> None:
+    """Refuse designs and fronts that do not fit the orbit slots, scenarios and windows."""
     search = config["architecture"]
-    goals = {f"designs.{name}": each for name, each in search["designs"].items()}
-    goals |= {f"objective_fronts.{name}": each for name, each in search["objective_fronts"].items()}
+    objectives = {f"{kind}.{name}": each for kind in ("designs", "objective_fronts")
+                  for name, each in search[kind].items()}  # fmt: skip
     members = sum(config["orbits"]["members"].values())
-    for key, goal in goals.items():
+    for key, objective in objectives.items():
         place = f"configuration key 'architecture.{key}"
-        told, method = goal["objective"] in ("information", "attitude"), goal.get("method")
-        if (goal["objective"] is None) != (method == "chance"):
-            fault = "has none; leave it out" if method == "chance" else "needs one"
-            raise ConfigurationError(f"{place}.objective': a design by {method} {fault}")
-        if goal["objective"] == "J" and goal["phases"] is not None:
-            raise ConfigurationError(
-                f"{place}.phases' = {goal['phases']}: J is that of satellites in slots; set it to "
-                "null"
-            )
-        if method == "certified" and goal["copies"] > 1:
-            raise ConfigurationError(
-                f"{place}.copies' = {goal['copies']}: all would be the same; leave it out"
-            )
-        if told and goal["phases"] is None:
-            raise ConfigurationError(
-                f"{place}.phases' = null: {goal['objective']} is that of satellites at phases of "
-                "their own; give their number"
-            )
-        if method in ("tpe", "random") and goal["phases"] is None:
-            raise ConfigurationError(
-                f"{place}.phases' = null: {method} does not keep to a number of satellites "
-                "in slots; give a number of phases"
-            )
-        if goal["fold"] > 1 and goal["objective"] not in ("coverage", "target-days"):
-            raise ConfigurationError(
-                f"{place}.fold' = {goal['fold']}: {goal['objective']} has none; leave it out"
-            )
-        fewest, most = 1, members * (goal["phases"] or 1)
-        if goal["phases"] is None:
+        kind, phases = objective["objective"], objective["phases"]
+        method, fold = objective.get("method"), objective["fold"]
+        by_information = kind in ("information", "attitude")
+        lacking = "has none; leave it out" if method == "chance" else "needs one"
+        for wrong, setting, fault in (
+            ((kind is None) != (method == "chance"), "objective':",
+             f"a design by {method} {lacking}"),
+            (kind == "J" and phases is not None, f"phases' = {phases}:",
+             "J is defined for satellites in slots; set phases to null"),
+            (method == "certified" and objective.get("copies", 1) > 1,
+             f"copies' = {objective.get('copies')}:", "all would be the same; leave it out"),
+            (by_information and phases is None, "phases' = null:",
+             f"{kind} is defined for satellites at phases of their own; give their number"),
+            (method in ("tpe", "random") and phases is None, "phases' = null:",
+             f"{method} does not keep to a number of satellites in slots; give a number of phases"),
+            (fold > 1 and kind not in ("coverage", "target-days"), f"fold' = {fold}:",
+             f"{kind} has none; leave it out"),
+        ):  # fmt: skip
+            if wrong:
+                raise ConfigurationError(f"{place}.{setting} {fault}")
+        fewest, most = 1, members * (phases or 1)
+        if phases is None:
             fewest, most = search["slots"], search["slots"] * search["max_satellites"]
-        wanted = goal["satellites"]
-        for number in wanted if isinstance(wanted, list) else [wanted]:
+        numbers = objective["satellites"]
+        for number in numbers if isinstance(numbers, list) else [numbers]:
             if not fewest <= number <= most:
                 raise ConfigurationError(
                     f"{place}.satellites': {number} must lie in {fewest} .. {most}, which the "
-                    "places hold"
+                    "orbit slots hold"
                 )
-        scenarios = goal.get("scenarios")
+        scenarios = objective.get("scenarios")
         for scenario in () if scenarios is None else scenarios:
             if scenario not in config["scenarios"]:
                 raise ConfigurationError(
                     f"{place}.scenarios': {scenario!r} is none of {', '.join(config['scenarios'])}"
                 )
-        if told:
-            judged = config["scenarios"] if scenarios is None else scenarios
-            _check_windows(config, judged, information_of(goal, config["architecture"]))
+        if by_information:
+            evaluated = config["scenarios"] if scenarios is None else scenarios
+            _check_windows(config, evaluated, information_of(objective, config["architecture"]))
 
 
 def _check_windows(
-    config: Mapping[str, Any], scenarios: Iterable[str], wanted: Mapping[str, Any]
+    config: Mapping[str, Any], scenarios: Iterable[str], information: Mapping[str, Any]
 ) -> None:
-    """Whether windows fit the horizon, and there are as many moving targets as are asked for."""
-    hours, step = wanted["window_hours"], wanted["step_hours"]
+    """Refuse windows beyond the horizon, and more moving targets than a scenario has."""
+    hours, step = information["window_hours"], information["step_hours"]
     if not is_multiple(hours, step):
         raise ConfigurationError(
             f"configuration key 'architecture.information.step_hours' = {step} does not divide "
@@ -256,15 +247,15 @@ def _check_windows(
                 f"horizon of scenario {scenario}, visibility.duration_days = {days}"
             )
         available = tracked_count(config, scenario)
-        if wanted["targets"] > available:
+        if information["targets"] > available:
             raise ConfigurationError(
-                f"configuration key 'architecture.information.targets' = {wanted['targets']}: "
+                f"configuration key 'architecture.information.targets' = {information['targets']}: "
                 f"scenario {scenario} has {available} moving targets; lower it"
             )
 
 
 def _named_architectures(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Every key that names an architecture, and the name."""
+    """Keys that name an architecture, with the name."""
     task2 = config["task2"]
     for number, name in enumerate(task2["architectures"]):
         yield f"task2.architectures.{number}", name
@@ -282,7 +273,7 @@ def _named_architectures(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]
 
 
 def _check_architectures(config: Mapping[str, Any]) -> None:
-    """Refuse architectures that nothing makes, and two of one name."""
+    """Refuse architectures that are not defined, and two of one name."""
     designs = config["architecture"]["designs"]
     taken = [*OPTIMIZERS, *_TAKEN]
     for key, names in (("observers", config["observers"]), ("architecture.designs", designs)):
@@ -309,11 +300,11 @@ def _check_architectures(config: Mapping[str, Any]) -> None:
 
 
 def _check_writable(results: Path) -> None:
-    """Refuse a results folder that cannot be made or written to."""
+    """Refuse a results folder that cannot be created or written to."""
     if set(str(results)) & _SPECIAL:
         raise ConfigurationError(
             f"configuration key 'results' = {shown(str(results))}: choose a path without any of "
-            f"{' '.join(sorted(_SPECIAL))}, which Snakemake does not take as they stand"
+            f"{' '.join(sorted(_SPECIAL))}, which have a meaning of their own for Snakemake"
         )
     existing = results
     try:
@@ -321,9 +312,8 @@ def _check_writable(results: Path) -> None:
             existing = existing.parent
         usable = existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
     except OSError as error:
-        raise ConfigurationError(
-            f"configuration key 'results' = {shown(str(results))}: {error.strerror}"
-        ) from error
+        fault = f"configuration key 'results' = {shown(str(results))}: {error.strerror}"
+        raise ConfigurationError(fault) from error
     if not usable:
         raise ConfigurationError(
             f"configuration key 'results' = {str(results)!r}: {existing} is not a folder that can "

@@ -1,8 +1,8 @@
-"""Families of variants and of scenarios: what differs, and what each is called in the results.
+"""Families of variants and of scenarios: their changes, and their names in the results.
 
-A value of a key of a cell changes how an architecture tracks, and makes a variant of its cells. A
-value of any other key of a scenario changes what the architecture is optimized for, and makes a
-scenario of its own beside the one it is taken from.
+A value of a setting of a cell changes the tracking by an architecture, and makes a variant of its
+cells. A value of any other setting of a scenario changes the optimization of the architecture, and
+makes a further scenario.
 """
 
 import re
@@ -15,15 +15,14 @@ from cislunar.campaign.settings.reading import merged, with_types
 from cislunar.errors import ConfigurationError
 
 TRACKING = "settings.task2"
-"""Key of a scenario, or their beginning, whose sweep leaves the architecture as it is."""
-
+"""Key, or beginning of keys, of a scenario whose sweep does not change the architecture."""
 
 PLACE = ("scenario", "architecture", "other_architectures", "other_scenarios", "estimators")
-"""Keys of a family that say where its variants have cells."""
+"""Keys of a family that select the cells of its variants."""
 
 
 class SweepPoint(NamedTuple):
-    """A value of a sweep, and scenario and variant of its cells."""
+    """A value of a sweep with the scenario and the variant of its cells."""
 
     value: Any
     scenario: str
@@ -31,10 +30,8 @@ class SweepPoint(NamedTuple):
 
 
 class StatedVariant(NamedTuple):
-    """A variant with the configuration keys of its family and of its change.
-
-    `entry` is its `change` and `targets`, and what is stated of `PLACE`.
-    """
+    """A variant with the keys of its family and of its change; `entry` has its `change`, its
+    `targets` and those keys of `PLACE` that the family states."""
 
     family: str
     key: str
@@ -43,7 +40,7 @@ class StatedVariant(NamedTuple):
 
 
 def _named_values(name: str, family: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """Values of a family with the names of what they make."""
+    """Values of a family with the names of their variants or scenarios."""
     values = family["values"]
     if isinstance(values, Mapping):
         return list(values.items())
@@ -58,7 +55,7 @@ def _in_a_path(value: Any) -> str:
 
 
 def _within_cell(key: str) -> str | None:
-    """Key of a cell that a sweep's key stands for, empty for several at once; None for no such."""
+    """Setting of a cell that a sweep's key denotes; empty for several settings, None for none."""
     return key[len(TRACKING) + 1 :] if f"{key}.".startswith(f"{TRACKING}.") else None
 
 
@@ -70,26 +67,23 @@ def nested(key: str, value: Any) -> dict[str, Any]:
 
 
 def _cell_change(key: str, value: Any) -> dict[str, Any]:
-    """What a variant changes; values of the command line are texts as yet."""
+    """The change of a variant; values of the command line are still texts."""
     return with_types(nested(key, value), CellChange)
 
 
 def sweep_points(config: Mapping[str, Any], name: str) -> list[SweepPoint]:
     """The values of a sweep, in the order of the configuration."""
     sweep = config["sweeps"][name]
+    scenario, named = sweep["scenario"], _named_values(name, sweep)
     if _within_cell(sweep["key"]) is not None:
-        return [SweepPoint(v, sweep["scenario"], label) for label, v in _named_values(name, sweep)]
-    named = _named_values(name, sweep)
-    return [SweepPoint(value, f"{sweep['scenario']}-{label}", "") for label, value in named]
+        return [SweepPoint(value, scenario, label) for label, value in named]
+    return [SweepPoint(value, f"{scenario}-{label}", "") for label, value in named]
 
 
 def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
-    """The variants of all families and sweeps; those of sweeps have no cells but the sweep's own.
-
-    A `ConfigurationError` if a family combines variants that no family states by itself.
-    """
+    """The variants of all families and sweeps; variants of sweeps have cells in the sweep alone."""
     variants = config["task2"]["variants"]
-    # A file of one's own comes before those it adds to, so that families stand in any order.
+    # Families of a user's file come before those that they combine: any order is allowed.
     changes: dict[str, dict[str, Any]] = {}
     for name, family in variants["families"].items():
         alone = {key: value for key, value in family.items() if key != "combine"}
@@ -137,10 +131,10 @@ def _changes(
 
 
 def with_families(config: Mapping[str, Any]) -> dict[str, Any]:
-    """The configuration with every scenario and variant that its families and sweeps make.
+    """The configuration with the scenarios and variants of its families and sweeps.
 
     `task2.variants` has `scenario`, `architecture` and, in place of the families, `cells`: the
-    entry of each variant by its name, first those that `only` keeps, in its order.
+    entry of each variant by its name, first the variants in `only`, in its order.
     """
     scenarios, task2 = dict(config["scenarios"]), config["task2"]
     for name, sweep in config["sweeps"].items():
@@ -169,10 +163,8 @@ def swept_cells(config: Mapping[str, Any], name: str) -> list[Cell]:
 
 
 def check_families(config: Mapping[str, Any], left: Mapping[str, Any]) -> None:
-    """Refuse families that state nothing or one thing twice; their values are checked afterwards.
-
-    `left` is the configuration without the scenarios that are left out.
-    """
+    """Refuse families without values and names that occur twice; values are checked afterwards.
+    `left` is the configuration without the scenarios that are null."""
     variants = config["task2"]["variants"]
     for name, family in variants["families"].items():
         ways = [way for way in ("values", "changes", "combine") if way in family]
@@ -180,7 +172,7 @@ def check_families(config: Mapping[str, Any], left: Mapping[str, Any]) -> None:
         if not ways or several or ("key" in family) != ("values" in family):
             raise ConfigurationError(
                 f"configuration key 'task2.variants.families.{name}': give either key and values "
-                "or changes, or combine, beside them or alone"
+                "or changes, or combine, in addition to them or alone"
             )
     taken = set(config["scenarios"])
     for variant in stated_variants(config | {"sweeps": {}}):
@@ -201,7 +193,7 @@ def check_families(config: Mapping[str, Any], left: Mapping[str, Any]) -> None:
 
 
 def _check_sweep(config: Mapping[str, Any], name: str, taken: set[str]) -> None:
-    """Scenario, architecture, targets and names of a sweep."""
+    """Refuse a sweep with an unfit scenario or architecture, no targets, or a taken name."""
     place, sweep = f"configuration key 'sweeps.{name}", config["sweeps"][name]
     scenario, key, architecture = sweep["scenario"], sweep["key"], sweep["architecture"]
     if scenario not in config["scenarios"]:

@@ -1,7 +1,4 @@
-"""The settings as the library takes them: its own objects, made here and nowhere else.
-
-It needs the compiled library: jobs import it, the workflow does not.
-"""
+"""Objects of the library from the settings of a campaign, for jobs."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -9,30 +6,25 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from cislunar.architecture.information.tables import Looks
+from cislunar.architecture.information.tables import ObservationSettings
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.campaign.settings import cell_tree, tree
-from cislunar.campaign.settings.cells import SCHEDULE_KEYS, true_settings, wanted_body
+from cislunar.campaign.settings.cell_settings import true_settings
 from cislunar.campaign.settings.observing.sensors import exclusion, sensor
 from cislunar.campaign.settings.reading import typed
 from cislunar.estimation.estimator import EstimatorFactory
-from cislunar.estimation.fusion.catalogues import catalogues
+from cislunar.estimation.fusion.catalogs import catalogs
 from cislunar.estimation.registry import estimator_named
-from cislunar.estimation.spread import ProcessNoise, Spread
-from cislunar.evaluation.metrics import Custody
-from cislunar.observation.body_spread import BodySpread
-from cislunar.observation.made_bodies import equal_sphere_of, made_body
-from cislunar.observation.scene import TargetSurfaces, target_surfaces
-from cislunar.observation.wanted_bodies import bodies_of_targets
-from cislunar.orbits.extent import CATALOGUE_EXTENT, Extent
-from cislunar.photometry.materials import REFLECTION_LAWS, Material, PhotometryModel
+from cislunar.observation.body_factory import body_from_spec, equal_sphere_of
+from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.body_spec import bodies_of_targets
+from cislunar.observation.target_surfaces import TargetSurfaces, target_surfaces
+from cislunar.orbits.extent import CATALOG_EXTENT, Extent
+from cislunar.photometry.materials import REFLECTION_LAWS, PhotometryModel
 from cislunar.targets.sampling import SamplingSettings
 from cislunar.tasking.closed_loop import LoopSettings
-from cislunar.tasking.communication.model import CommunicationModel
-from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel
-from cislunar.tasking.planning.schedule_model import ScheduleModel
-from cislunar.tasking.simulation import TruthModel
+from cislunar.tasking.truth import TruthModel
 from cislunar.visibility.counts import VisibilitySettings
 
 
@@ -50,39 +42,39 @@ def visibility_settings(settings: Mapping[str, Any]) -> VisibilitySettings:
 
 
 def family_extent(orbits: tree.Orbits) -> Extent:
-    """How far families of observer orbits are followed."""
-    return Extent(**dict(orbits.keep_out)) if orbits.extent == "keep_out" else CATALOGUE_EXTENT
+    """Range in which families of observer orbits are followed."""
+    return Extent(**dict(orbits.keep_out)) if orbits.extent == "keep_out" else CATALOG_EXTENT
 
 
 def sampling_settings(targets: tree.Targets) -> SamplingSettings:
-    """How the region within a zero-velocity surface is sampled."""
+    """Settings of the sampling within a zero-velocity surface."""
     return SamplingSettings(**targets.model_dump(exclude={"missions", "seeding"}))
 
 
-def information_looks(cell: cell_tree.CellSettings) -> Looks:
-    """How moving targets are looked at when architectures are chosen by information."""
+def observation_settings(cell: cell_tree.CellSettings) -> ObservationSettings:
+    """Observation of moving targets in the selection of architectures by information."""
     model = _tasking_model(cell)
-    return Looks(
+    return ObservationSettings(
         sensor=sensor(cell.sensor),
         radius_m=model.radius_m,
         diffuse_reflection_coefficient=model.diffuse_reflection_coefficient,
         per_hour=3600.0 / cell.step_s,
-        initial=Spread(**dict(cell.initial_sigma)),
+        initial=cell.initial_sigma,
     )
 
 
 def _photometry(
     cell: cell_tree.CellSettings, reflection: str = REFLECTION_LAWS[0]
 ) -> PhotometryModel:
-    """The reading of the photometric equations; the physical law where none is chosen."""
+    """The reading of the photometric equations; the physical law if none is stated."""
     chosen = cell.photometry
     return PhotometryModel(chosen.irradiance or "1/r^2", chosen.fresnel, reflection)
 
 
 def _tasking_model(cell: cell_tree.CellSettings) -> TaskingModel:
-    """What tasking believes: the sphere that stands in for the body has its surface area."""
+    """The model that tasking assumes, a sphere with the surface area of the body."""
     chosen = cell.tasking
-    body = made_body(wanted_body(cell.body.model_dump()), Material(**dict(cell.material)))
+    body = body_from_spec(cell.body.spec(), cell.material)
     radius, coefficient = equal_sphere_of(body, _photometry(cell))
     if chosen.diffuse_reflection_coefficient is not None:
         coefficient = chosen.diffuse_reflection_coefficient
@@ -90,9 +82,9 @@ def _tasking_model(cell: cell_tree.CellSettings) -> TaskingModel:
         diffuse_reflection_coefficient=coefficient,
         radius_m=radius,
         states=chosen.states,
-        track_gate=chosen.track_gate,
-        measurements=chosen.credited_measurements,
-        detection=None if chosen.detection == "sphere" else DetectionModel(**dict(chosen.learned)),
+        pointing_uncertainty_gate=chosen.pointing_uncertainty_gate,
+        measurements=chosen.expected_measurements,
+        detection=None if chosen.detection == "sphere" else chosen.learned,
     )
 
 
@@ -101,45 +93,42 @@ def believed_surfaces(
     names: Sequence[Sequence[str]],
     reflection: str = REFLECTION_LAWS[0],
 ) -> TargetSurfaces:
-    """Shape, material and inertia of targets; `names` has what each may be called in a table."""
-    material = Material(**dict(cell.material))
-    wanted = bodies_of_targets(wanted_body(cell.body.model_dump()), cell.body.table, names)
-    made = {each: made_body(each, material) for each in dict.fromkeys(wanted)}
+    """Shape, material and inertia of targets; `names` has the names of each in a table."""
+    material = cell.material
+    specs = bodies_of_targets(cell.body.spec(), cell.body.table, names)
+    bodies = {each: body_from_spec(each, material) for each in dict.fromkeys(specs)}
     return target_surfaces(
-        [made[each] for each in wanted],
+        [bodies[each] for each in specs],
         material,
-        len(wanted),
+        len(specs),
         _photometry(cell, reflection),
-        inertia=np.array([inertia_matrix(each.inertia or 1.0) for each in wanted]),
+        inertia=np.array([inertia_matrix(each.inertia or 1.0) for each in specs]),
     )
 
 
 def target_names(tracked: xr.Dataset, rows: Iterable[int]) -> list[list[str]]:
-    """What targets may be called: by their rows in ``orbits/tracked.nc``, and by name."""
+    """Names of targets: their rows in ``orbits/tracked.nc``, and their own names."""
     own = tracked["name"].values if "name" in tracked else None
     return [[str(row)] + ([] if own is None else [str(own[row])]) for row in rows]
 
 
 def truth_model(cell: cell_tree.CellSettings, names: Sequence[Sequence[str]]) -> TruthModel:
-    """What the targets truly are, and the true noise, where `truth` says so."""
-    true = true_settings(cell.model_dump())
-    deg_h2 = np.array(true.pop("angular_acceleration_deg_h2"), dtype=float)
-    spread, reflection = BodySpread(**true.pop("spread")), true.pop("reflection")
-    truth = typed({**cell.model_dump(), **true}, cell_tree.CellSettings)
+    """True properties of the targets and true noise, as `truth` states them."""
+    deg_h2 = np.array(cell.truth.angular_acceleration_deg_h2, dtype=float)
+    true = true_settings(cell)
     return TruthModel(
-        believed_surfaces(truth, names, reflection),
-        sensor(truth.sensor).noise,
+        believed_surfaces(true, names, cell.truth.reflection),
+        sensor(true.sensor).noise,
         np.deg2rad(deg_h2) / 3600.0**2,
-        spread=spread,
+        parameter_sigma=BodyParameterPrior(**cell.truth.parameter_sigma.model_dump()),
     )
 
 
 def loop_settings(
     cell: cell_tree.CellSettings, interval_minutes: int, *, keep_information: bool = False
 ) -> LoopSettings:
-    """Settings of the closed loop; `keep_information` is of all pairs."""
-    tasking, links = cell.tasking, dict(cell.communication)
-    links |= dict(links.pop("contact"))
+    """Settings of the closed loop; `keep_information` keeps the information of all pairs."""
+    tasking = cell.tasking
     return LoopSettings(
         step_s=cell.step_s,
         interval_minutes=interval_minutes,
@@ -149,11 +138,11 @@ def loop_settings(
         early_stop=tasking.early_stop,
         sensor=sensor(cell.sensor),
         tasking=_tasking_model(cell),
-        schedule=ScheduleModel(**{key: getattr(tasking, key) for key in SCHEDULE_KEYS}),
-        communication=CommunicationModel(**links),
+        schedule=tasking,
+        communication=cell.communication,
         eclipse=cell.eclipse,
-        initial=Spread(**dict(cell.initial_sigma)),
-        custody=Custody(**dict(cell.custody)),
+        initial=cell.initial_sigma,
+        custody=cell.custody,
         record_every=round(60.0 * cell.record_minutes / cell.step_s),
         keep_information=keep_information,
         histories=tuple(cell.histories),
@@ -165,8 +154,8 @@ def estimator_factory(name: str, cell: cell_tree.CellSettings) -> EstimatorFacto
     """The estimator of a cell, by its name in the configuration key `task2.estimators`."""
     common = estimator_named(
         name,
-        process_noise=ProcessNoise(**dict(cell.process_noise)),
+        process_noise=cell.process_noise,
         splitting=cell.filter.splitting,
-        batch_settings=cell_tree.batch_settings(cell.batch),
+        batch_settings=cell.batch,
     )
-    return catalogues(common, cell.fusion)
+    return catalogs(common, cell.fusion)

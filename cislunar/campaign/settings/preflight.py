@@ -1,7 +1,7 @@
-"""What a campaign is refused for before any job starts.
+"""Checks of the files and packages of a campaign before any job starts.
 
-Snakemake removes the files of a job before it runs it, so a job that fails costs the user the
-result of an earlier one. Faults that can be found beforehand are found here.
+Snakemake removes the files of a job before the job runs, so a job that fails also destroys the
+result of an earlier one. Faults that can be detected beforehand are detected here.
 """
 
 import importlib.util
@@ -15,14 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from cislunar.architecture.published import PUBLISHED
-from cislunar.campaign.settings.cells import (
-    MOST_STEPS,
-    cell_settings,
-    true_settings,
-    variant_place,
-    wanted_body,
-)
+from cislunar.campaign.settings.cell_settings import cell_settings, true_settings
+from cislunar.campaign.settings.cell_tree import CellSettings
+from cislunar.campaign.settings.cells import variant_place
 from cislunar.campaign.settings.families import stated_variants, with_families
+from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.scenarios import (
     in_study,
     longest_horizon,
@@ -34,8 +31,9 @@ from cislunar.campaign.settings.scenarios import (
 )
 from cislunar.ephemeris.sampling import check_coverage
 from cislunar.errors import CislunarError, ConfigurationError
-from cislunar.observation.wanted_bodies import WantedBody, load_body_table
+from cislunar.observation.body_spec import BodySpec, load_body_table
 from cislunar.photometry.materials import Material
+from cislunar.runtime.settings_fields import MOST_STEPS
 from cislunar.targets.missions import load_missions
 from cislunar.targets.tables import (
     check_closed_targets,
@@ -45,16 +43,15 @@ from cislunar.targets.tables import (
 )
 
 _FEW = 60
-"""Satellites of a design that are taken to find places without asking the library of orbits."""
+"""Satellites of a design for which orbit slots are not counted beforehand."""
 
 
 def check_inputs(config: Mapping[str, Any]) -> None:
-    """Check the files and packages a checked configuration asks for, and what its optimizers need.
+    """Refuse a checked configuration whose files, packages or optimizers cannot be used.
 
-    An `InputFileError` if an ephemeris kernel is missing or does not cover the horizon, or a mesh
-    or a table of missions, targets or bodies is missing or faulty. A `ConfigurationError` if the
-    horizon is no whole number of steps, a scenario has more targets than sampled points, or an
-    optimizer cannot run.
+    An `InputFileError` if a kernel, mesh or table is missing or faulty, or a kernel does not cover
+    the horizon. A `ConfigurationError` if the horizon is no whole number of steps, a scenario has
+    more targets than sampled points, or an optimizer cannot run.
     """
     study = in_study(config)
     config = with_families(study)
@@ -80,11 +77,10 @@ def check_inputs(config: Mapping[str, Any]) -> None:
 def check_orbits(config: Mapping[str, Any]) -> None:
     """Check the tables of observers and moving targets of a study with its families.
 
-    An `InputFileError` if a table is missing or faulty, an orbit cannot be flown, or one with a
-    period is not closed. A table whose data set has been made since it was changed is not looked at
-    again.
+    An `InputFileError` if a table is missing or faulty, an orbit cannot be propagated, or an orbit
+    with a period is not closed. A table that is older than its data set is not checked again.
     """
-    # the library of orbits takes a second to import, and is wanted where there is a table
+    # the library of orbits takes a second to import, and is needed for a table alone
     results = Path(config["results"])
     for name, table in config["observers"].items():
         if not _made_since(table, results / orbits_of(name, own=True)):
@@ -99,31 +95,33 @@ def check_orbits(config: Mapping[str, Any]) -> None:
             check_closed_targets(table, load_target_states(table))
 
 
-def crowded_goals(config: Mapping[str, Any]) -> dict[str, int]:
-    """Designs and fronts with caps on their orbits that may leave too few places, as keys.
+def crowded_objectives(config: Mapping[str, Any]) -> dict[str, int]:
+    """Keys of designs and fronts whose limits on orbits may leave too few orbit slots.
 
-    With each stands how many places it asks for.
-
-    Which orbits are left only the library tells, which takes seconds to make: those of at most 60
-    satellites, on at most a fifth of all places, are taken to find theirs.
+    The values are the required numbers of orbit slots. The remaining orbits are known only from the
+    library, which takes seconds to compute: designs of at most 60 satellites, on at most a fifth of
+    all orbit slots, are assumed to fit.
     """
     search, members = config["architecture"], sum(config["orbits"]["members"].values())
     found = {}
     for kind in ("designs", "objective_fronts"):
-        for name, goal in search[kind].items():
-            capped = goal["max_stability_index"] or goal.get("max_station_keeping_m_s") is not None
-            if not capped or goal.get("scenarios") == []:
+        for name, objective in search[kind].items():
+            capped = (
+                objective["max_stability_index"]
+                or objective.get("max_station_keeping_m_s") is not None
+            )
+            if not capped or objective.get("scenarios") == []:
                 continue
-            places = members * goal["phases"] if goal["phases"] else members
-            wanted = goal["satellites"] if goal["phases"] else search["slots"]
-            most = max(wanted) if isinstance(wanted, list) else wanted
-            if most > min(_FEW, places / 5.0):
+            slots = members * (objective["phases"] or 1)
+            required = objective["satellites"] if objective["phases"] else search["slots"]
+            most = max(required) if isinstance(required, list) else required
+            if most > min(_FEW, slots / 5.0):
                 found[f"{kind}.{name}"] = most
     return found
 
 
 def _made_since(table: str, made: Path) -> bool:
-    """Whether a data set is newer than the table it was made from."""
+    """Whether a data set is newer than its table."""
     try:
         return made.stat().st_mtime > Path(table).stat().st_mtime
     except OSError:
@@ -143,7 +141,7 @@ def _check_horizon(key: str, visibility: Mapping[str, Any]) -> None:
 def _check_static_targets(
     config: Mapping[str, Any], scenario: str, sampling: Mapping[str, Any]
 ) -> None:
-    """Table of a scenario's static targets, or of the missions they are sampled for."""
+    """Refuse a faulty table of a scenario's static targets or missions."""
     entry = config["scenarios"][scenario]
     if "static_targets" in entry:
         load_target_positions(entry["static_targets"])
@@ -155,7 +153,7 @@ def _check_static_targets(
 
 
 def _check_ephemerides(config: Mapping[str, Any]) -> None:
-    """Kernel and span of every ephemeris, each once."""
+    """Refuse ephemeris kernels that are missing or do not cover the horizon."""
     distinct = {}
     for each in [config, *(scenario_settings(config, name) for name in config["scenarios"])]:
         span = each["epoch_jd"], each["visibility"]["duration_days"]
@@ -170,23 +168,24 @@ def _check_ephemerides(config: Mapping[str, Any]) -> None:
 
 
 def _check_bodies(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
-    """Every body, believed or true, by itself and with what a family changes, and every table."""
+    """Refuse faulty bodies and tables of bodies, assumed or true, of cells and variants."""
     task2 = config["task2"]
     scenarios = {"task2.": task2["variants"]["scenario"]}
-    cells = {"task2.": task2}
+    cells = {"task2.": cell_settings(task2)}
     for name in config["scenarios"]:
         place = f"scenarios.{name}.settings.task2."
-        scenarios[place], cells[place] = name, scenario_settings(config, name)["task2"]
+        scenarios[place] = name
+        cells[place] = cell_settings(scenario_settings(config, name)["task2"])
     for variant in stated_variants(study):
         place = f"{variant.key}: "
         scenarios[place] = name = variant_place(task2, variant.name)[0]
         own = scenario_settings(config, name)["task2"] if name in config["scenarios"] else task2
         cells[place] = cell_settings(own, variant.name)
     seen = set()
-    for place, cell in cells.items():
+    for place, settings in cells.items():
+        cell = typed(settings, CellSettings)
         for key, of in (("body", cell), ("truth.body", true_settings(cell))):
-            body, usual = wanted_body(of["body"]), Material(**of["material"])
-            table = of["body"].get("table")
+            body, usual, table = of.body.spec(), of.material, of.body.table
             bare = replace(body, materials=None)
             for aspect, each in (("shape", bare), ("materials", body)):
                 if (each, usual) not in seen:
@@ -198,8 +197,8 @@ def _check_bodies(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
                 seen.add(known)
 
 
-def _check_body(body: WantedBody, usual: Material) -> None:
-    """Refuse a body that cannot be made; its source is the key."""
+def _check_body(body: BodySpec, usual: Material) -> None:
+    """Refuse an impossible body; its source is the key."""
     try:
         replace(body, source=f"configuration key '{body.source}'").check(usual)
     except CislunarError as error:
@@ -209,7 +208,7 @@ def _check_body(body: WantedBody, usual: Material) -> None:
 def _check_table(
     table: str, key: str, config: Mapping[str, Any], scenario: str, usual: Material
 ) -> None:
-    """Bodies of a table, and whether the scenario has the targets."""
+    """Refuse a faulty table of bodies, and targets that the scenario does not have."""
     for target, body in load_body_table(table).items():
         body.check(usual)
         if scenario in config["scenarios"] and target not in tracked_names(config, scenario):
@@ -223,11 +222,11 @@ def _check_table(
 def _check_published(scenario: str, members: Mapping[str, int], max_satellites: int) -> None:
     """Refuse a library that cannot hold the published architecture."""
     slots = PUBLISHED.get(scenario, ())
-    for family, wanted in Counter(family for family, _ in slots).items():
-        if members.get(family, 0) < wanted:
+    for family, required in Counter(family for family, _ in slots).items():
+        if members.get(family, 0) < required:
             raise ConfigurationError(
                 f"configuration key 'orbits.members.{family}' = {members.get(family, 0)}: the "
-                f"published architecture of scenario {scenario} needs {wanted}; raise it or take "
+                f"published architecture of scenario {scenario} needs {required}; raise it or take "
                 "'published' out of architecture.optimizers"
             )
     most = max((count for _, count in slots), default=1)
@@ -242,11 +241,8 @@ def _check_published(scenario: str, members: Mapping[str, int], max_satellites: 
 def check_target_count(
     points: str | Path, scenario: str, count: int, targets: Mapping[str, Any]
 ) -> None:
-    """Refuse more static targets than sampled points, if the points are there already.
-
-    Points sampled under other settings, or from a mission table changed since, are to be made
-    anew: they say nothing, and the check is left to the clustering.
-    """
+    """Refuse more static targets than sampled points; points that will be sampled again, after a
+    change of settings or mission table, are left to the clustering."""
     points, missions = Path(points), Path(targets["missions"])
     if not points.is_file() or os.path.getmtime(missions) > os.path.getmtime(points):
         return
@@ -257,7 +253,7 @@ def check_target_count(
             made_with = json.loads(dataset.getncattr("settings"))["targets"]
             distinct = int(dataset.getncattr("distinct_points"))
     except (OSError, AttributeError, KeyError, ValueError):
-        return  # damaged, or no file of ours: the job that reads it says so
+        return  # damaged, or another file: the job that reads it reports it
     if {**made_with, "seeding": None} == {**targets, "seeding": None} and count > distinct:
         raise ConfigurationError(
             f"configuration key 'scenarios.{scenario}.targets' = {count}: only {distinct} distinct "
@@ -269,10 +265,10 @@ def check_target_count(
 def check_request(
     target: str, outputs: Iterable[str], known: Mapping[str, Collection[str]], made: bool
 ) -> None:
-    """Refuse a file that is asked for by a name that nothing makes.
+    """Refuse a requested file that no rule makes.
 
-    `outputs` are the names of files that rules make, with wildcards in braces; `known` are the
-    values of wildcards that this configuration has, and `made` says whether a rule takes the name.
+    `outputs` are the file names of the rules, with wildcards in braces, `known` the values of the
+    wildcards in this configuration; `made` is whether a rule makes the file.
     """
     wrong = []
     for output in outputs:

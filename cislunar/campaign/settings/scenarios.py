@@ -1,9 +1,8 @@
-"""The scenarios of a study: which take part, how each is set, and which files they share.
+"""The scenarios of a study: their settings, and the files that they share.
 
-A scenario is a set of static targets and all that is done with it. Its entry in the configuration
-key `scenarios` may set any key of `SECTIONS` otherwise than the campaign as a whole, and name
-tables of its own targets. Nothing here needs the compiled library, so that a configuration is
-checked at once.
+A scenario is a set of targets with its settings. Its entry in the configuration key `scenarios` may
+change any key of `SECTIONS` of the campaign, and name tables of its own targets. No function here
+needs compiled kernels, so that a configuration is checked at once.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -17,21 +16,21 @@ from cislunar.exchange.inertial import epoch_at
 from cislunar.targets.tables import TargetStates, is_message, load_target_states
 
 SECTIONS = tuple(Surroundings.model_fields)
-"""Keys of the configuration a scenario may set for itself; of `task2`, those of a cell."""
+"""Keys of the configuration that a scenario may change; of `task2`, the settings of a cell."""
 
 COMPARISONS = (
     ("architecture", "label_comparison"),
     ("architecture", "readings"),
-    ("architecture", "elsewhere"),
+    ("architecture", "generalization"),
     ("task2", "tasking_comparison"),
 )
-"""Parts of the configuration that rest on one scenario, and are left out without it."""
+"""Parts of the configuration that depend on one scenario, and are left out without it."""
 
 
 def in_study(config: Mapping[str, Any]) -> dict[str, Any]:
-    """The configuration without the scenarios that are set to null and all that refers to them.
+    """The configuration without the scenarios that are null, and without references to them.
 
-    Comparisons that rest on a scenario left out have null for it.
+    Comparisons that depend on such a scenario have null in its place.
     """
     absent = {None, *(name for name, entry in config["scenarios"].items() if entry is None)}
 
@@ -42,12 +41,9 @@ def in_study(config: Mapping[str, Any]) -> dict[str, Any]:
     result["scenarios"] = kept(config["scenarios"])
     task2 = result["task2"] = dict(config["task2"])
     task2["target_counts"] = kept(task2["target_counts"])
-    task2["intervals"] = task2["intervals"] | {
-        "target_counts": kept(task2["intervals"]["target_counts"])
-    }
-    task2["other_architectures"] = {
-        name: kept(counts) for name, counts in task2["other_architectures"].items()
-    }
+    intervals, others = task2["intervals"], task2["other_architectures"].items()
+    task2["intervals"] = intervals | {"target_counts": kept(intervals["target_counts"])}
+    task2["other_architectures"] = {name: kept(counts) for name, counts in others}
     usual = task2["variants"]["scenario"]
     families = task2["variants"]["families"].items()
     task2["variants"] = task2["variants"] | {
@@ -59,7 +55,7 @@ def in_study(config: Mapping[str, Any]) -> dict[str, Any]:
             result[section] = result[section] | {key: result[section][key] | {"scenario": None}}
     search = result["architecture"]
     result["architecture"] = search | {
-        key: {name: _left(goal, absent) for name, goal in search[key].items()}
+        key: {name: _left(objective, absent) for name, objective in search[key].items()}
         for key in ("designs", "objective_fronts")
     }
     result["sweeps"] = {
@@ -68,27 +64,27 @@ def in_study(config: Mapping[str, Any]) -> dict[str, Any]:
     return result
 
 
-def _left(goal: Mapping[str, Any], absent: Collection[str | None]) -> dict[str, Any]:
-    """A design or a front without the scenarios that are left out."""
-    named = goal.get("scenarios")
+def _left(objective: Mapping[str, Any], absent: Collection[str | None]) -> dict[str, Any]:
+    """A design or a front without the scenarios that are null."""
+    named = objective.get("scenarios")
     kept = {} if named is None else {"scenarios": [s for s in named if s not in absent]}
-    return {**goal, **kept}
+    return {**objective, **kept}
 
 
-def information_of(goal: Mapping[str, Any], architecture: Mapping[str, Any]) -> dict[str, Any]:
-    """How moving targets are looked at for a design or a front: `architecture.information`, with
-    what a design says otherwise."""
-    own = goal.get("information", {})
+def information_of(objective: Mapping[str, Any], architecture: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of the information for a design or a front: `architecture.information`, with the
+    changes of a design."""
+    own = objective.get("information", {})
     return architecture["information"] | {k: v for k, v in own.items() if v is not None}
 
 
 PHOTOMETRY = {"printed": ("4pi", 0.5), "physical": ("1/r^2", None)}
-"""Irradiance and C_d of tasking's sphere of the scenarios that leave them open; None: that of the
+"""Irradiance and C_d of tasking's sphere in scenarios that do not state them; None: C_d of the
 sphere as bright as the body's material."""
 
 
 def scenario_settings(config: Mapping[str, Any], scenario: str) -> dict[str, Any]:
-    """The keys `SECTIONS` of the configuration as they hold for a scenario."""
+    """The keys `SECTIONS` of the configuration with the changes of a scenario."""
     entry = config["scenarios"][scenario]
     own = merged({key: config[key] for key in SECTIONS}, entry.get("settings", {}))
     task2 = own["task2"]
@@ -107,10 +103,7 @@ OPTIMIZERS = get_args(Optimizer)
 
 
 def orbits_of(architecture: str, own: bool) -> str:
-    """Data set of the orbits an architecture refers to, relative to the results folder.
-
-    `own` is whether its observers are those of a table.
-    """
+    """Data set of the orbits of an architecture; `own`: its observers come from a table."""
     return f"orbits/observers_{architecture}.nc" if own else "orbits/families.nc"
 
 
@@ -129,7 +122,7 @@ def tracked_count(config: Mapping[str, Any], scenario: str) -> int:
 
 
 def tracked_names(config: Mapping[str, Any], scenario: str) -> set[str]:
-    """What the moving targets of a scenario may be called: by their numbers, and by name."""
+    """Names of the moving targets of a scenario: their numbers, and names in its table."""
     table = config["scenarios"][scenario].get("tracked")
     numbers = {str(number) for number in range(tracked_count(config, scenario))}
     return numbers | set(() if table is None else _tracked(config, scenario, table).name)
@@ -141,30 +134,29 @@ def _tracked(config: Mapping[str, Any], scenario: str, table: str) -> TargetStat
 
 
 def tracked_epoch(settings: Mapping[str, Any], table: str | None) -> tuple[float, str] | None:
-    """Epoch and kernel that a file of moving targets is read with; None for a table of states."""
+    """Epoch and kernel for reading a file of moving targets; None for a table of states."""
     if table is None or not is_message(table):
         return None
     return settings["epoch_jd"], settings["ephemeris"]["kernel"]
 
 
+def _span(settings: Mapping[str, Any]) -> tuple:
+    """Settings of the time that an ephemeris covers."""
+    return settings["epoch_jd"], settings["ephemeris"], settings["visibility"]["duration_days"]
+
+
 SHARED: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Any]] = {
-    "ephemeris/sun": lambda settings, _: (
-        settings["epoch_jd"], settings["ephemeris"], settings["visibility"]["duration_days"]
-    ),
-    "ephemeris/bodies": lambda settings, _: (
-        settings["epoch_jd"], settings["ephemeris"], settings["visibility"]["duration_days"]
-    ),
+    "ephemeris/sun": lambda settings, _: _span(settings),
+    "ephemeris/bodies": lambda settings, _: _span(settings),
     "orbits/paths": lambda settings, _: (
-        settings["epoch_jd"], settings["ephemeris"], settings["visibility"]["duration_days"],
-        settings["visibility"]["step_hours"], settings["task2"]["dynamics"],
+        *_span(settings), settings["visibility"]["step_hours"], settings["task2"]["dynamics"]
     ),
     "targets/zvs_points": lambda settings, _: settings["targets"] | {"seeding": None},
     "orbits/tracked": lambda settings, entry: (
         entry.get("tracked"), tracked_epoch(settings, entry.get("tracked"))
     ),
 }  # fmt: skip
-"""Data sets that scenarios with the same settings share, and what of the settings and of the
-scenario's entry decides that."""
+"""Data sets that scenarios share if this part of their settings and entries is the same."""
 
 
 def shared_dataset(config: Mapping[str, Any], scenario: str, name: str) -> str:
@@ -178,8 +170,8 @@ def shared_dataset(config: Mapping[str, Any], scenario: str, name: str) -> str:
     def of(other: str) -> Any:
         return decides(scenario_settings(config, other), config["scenarios"][other])
 
-    wanted = of(scenario)
-    if wanted == decides(config, {}):
+    own = of(scenario)
+    if own == decides(config, {}):
         return f"{name}.nc"
-    first = next(other for other in config["scenarios"] if of(other) == wanted)
+    first = next(other for other in config["scenarios"] if of(other) == own)
     return f"{name}_{first}.nc"

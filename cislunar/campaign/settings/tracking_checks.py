@@ -1,7 +1,8 @@
-"""What ties the keys of sensor tasking and tracking to each other and to the scenarios."""
+"""Checks of settings of tasking and tracking that depend on each other and on the scenarios."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -9,50 +10,38 @@ from numpy.typing import NDArray
 
 from cislunar.architecture.published import PUBLISHED
 from cislunar.attitude.inertia import inertia_matrix
-from cislunar.campaign.settings.cell_tree import CellSettings, Tasking
-from cislunar.campaign.settings.cells import (
-    MOST_STEPS,
-    SCHEDULE_KEYS,
-    campaign_cells,
-    cell_settings,
-    check_cell,
-    has_architecture,
-    in_mode,
-    is_multiple,
-    true_settings,
-    variant_place,
-    wanted_body,
-)
+from cislunar.campaign.settings import cells
+from cislunar.campaign.settings.cell_settings import cell_settings, true_settings
+from cislunar.campaign.settings.cell_tree import Body, CellSettings
 from cislunar.campaign.settings.families import StatedVariant, stated_variants, swept_cells
 from cislunar.campaign.settings.observing.sensors import observer_sensors
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.scenarios import scenario_settings, tracked_count
 from cislunar.errors import ConfigurationError
-from cislunar.observation.body_spread import BodySpread
-from cislunar.photometry.materials import Material, group_materials
+from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.body_spec import ICOSAHEDRON
+from cislunar.photometry.materials import group_materials
 from cislunar.photometry.spacecraft import MODELS
+from cislunar.runtime.settings_fields import is_multiple, require_multiple
 
 Array = NDArray[np.float64]
 
 
 def check_tracking(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
-    """Check what ties the keys of `task2` to each other and to the rest, variants included.
-
-    `study` is the configuration, `config` the same with what its families make. An `InputFileError`
-    if a scenario's table of moving targets is missing or faulty.
-    """
+    """Refuse settings of `task2` and its variants that do not fit each other or the scenarios.
+    `config` is `study` with the variants and scenarios of its families."""
     task2, scenarios = config["task2"], config["scenarios"]
-    _check_times("task2.", task2, config)
+    _check_cell("task2.", task2, config)
     for key, scenario, _ in _target_counts(config):
         _require_scenario(f"task2.{key}", scenario, scenarios)
     stated = list(stated_variants(study))
     _check_architectures(config, stated)
     settings = {name: scenario_settings(config, name) for name in scenarios}
     for name, own in settings.items():
-        _check_times(f"scenarios.{name}.settings.task2.", own["task2"], own)
+        _check_cell(f"scenarios.{name}.settings.task2.", own["task2"], own)
     for variant in stated:
-        own = settings[variant_place(task2, variant.name)[0]]
-        _check_times(f"{variant.key}: ", cell_settings(own["task2"], variant.name), own)
+        own = settings[cells.variant_place(task2, variant.name)[0]]
+        _check_cell(f"{variant.key}: ", own["task2"], own, variant.name)
     minutes = [("interval_minutes", task2["interval_minutes"])]
     for key, value in minutes + [("intervals.minutes", m) for m in task2["intervals"]["minutes"]]:
         if not is_multiple(60.0 * value, task2["step_s"]):
@@ -66,7 +55,7 @@ def check_tracking(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
 
 
 def _target_counts(config: Mapping[str, Any]) -> Iterator[tuple[str, str, list[int]]]:
-    """Every list of numbers of targets: its key within `task2`, and whose targets they are."""
+    """Lists of numbers of targets: key within `task2`, scenario and numbers."""
     task2 = config["task2"]
     by_scenario = {
         "target_counts": task2["target_counts"],
@@ -85,7 +74,7 @@ def _check_counts(config: Mapping[str, Any], stated: Iterable[StatedVariant]) ->
     available = {name: tracked_count(config, name) for name in config["scenarios"]}
     counts = [(f"task2.{key}", scenario, n) for key, scenario, n in _target_counts(config)]
     for variant in stated:
-        scenario, _ = variant_place(task2, variant.name)
+        scenario, _ = cells.variant_place(task2, variant.name)
         counts.append((f"{variant.family}.targets", scenario, variant.entry["targets"]))
         for other, n in variant.entry.get("other_scenarios", {}).items():
             key = f"{variant.family}.other_scenarios"
@@ -102,27 +91,33 @@ def _check_counts(config: Mapping[str, Any], stated: Iterable[StatedVariant]) ->
                 f"{available[scenario]} moving targets; lower it or add rows to its table"
             )
     swept = [cell for name in config["sweeps"] for cell in swept_cells(config, name)]
-    for cell in campaign_cells(task2) + swept:
-        own = cell_settings(scenario_settings(config, cell.scenario)["task2"], cell.variant)
-        check_cell(cell, own, available[cell.scenario])
+
+    @cache
+    def settings_of(scenario: str, variant: str) -> CellSettings:
+        own = scenario_settings(config, scenario)["task2"]
+        return typed(cell_settings(own, variant), CellSettings)
+
+    for cell in cells.campaign_cells(task2) + swept:
+        own = settings_of(cell.scenario, cell.variant)
+        cells.check_cell(cell, own, available[cell.scenario])
         slots = PUBLISHED.get(cell.scenario) if cell.architecture == "published" else None
-        if slots and own.get("sensors"):  # the observers of others are not known yet
-            observer_sensors(typed(own, CellSettings), sum(count for _, count in slots))
+        if slots and own.sensors:  # the observers of others are not known yet
+            observer_sensors(own, sum(count for _, count in slots))
 
 
 def _check_architectures(config: Mapping[str, Any], stated: Iterable[StatedVariant]) -> None:
-    """Scenario and architecture of the variants and of the comparison of tasking methods."""
+    """Refuse scenarios and architectures of variants and of the comparison that do not exist."""
     task2 = config["task2"]
     variants, compared = task2["variants"], task2["tasking_comparison"]
     places = {"task2.variants": (variants["scenario"], variants["architecture"])}
     places["task2.tasking_comparison"] = (compared["scenario"], compared["architecture"])
     for variant in stated:
-        places[variant.family] = variant_place(task2, variant.name)
+        places[variant.family] = cells.variant_place(task2, variant.name)
     for key, (scenario, architecture) in places.items():
         if scenario is None:
             continue
         _require_scenario(f"{key}.scenario", scenario, config["scenarios"])
-        if not has_architecture(scenario, architecture):
+        if not cells.has_architecture(scenario, architecture):
             raise ConfigurationError(
                 f"configuration key '{key}.architecture' = {architecture!r}: the paper has "
                 f"no architecture for scenario {scenario!r}"
@@ -137,125 +132,85 @@ def _require_scenario(key: str, scenario: str, scenarios: Mapping[str, Any]) -> 
         )
 
 
-def _check_times(place: str, settings: Mapping[str, Any], config: Mapping[str, Any]) -> None:
-    """Step, interval, duration, records and shape of a cell or variant."""
-    step, hours = settings["step_s"], settings["duration_hours"]
-    for key, unit_s in (("duration_hours", 3600.0), ("record_minutes", 60.0)):
-        if not is_multiple(unit_s * settings[key], step):
-            raise ConfigurationError(
-                f"configuration key '{place}{key}' = {settings[key]} is no multiple of step_s = "
-                f"{step} s, from one to {MOST_STEPS:,} steps"
-            )
-    if not is_multiple(60.0 * config["task2"]["interval_minutes"], step):
+def _check_cell(
+    place: str, task2: Mapping[str, Any], config: Mapping[str, Any], variant: str = ""
+) -> None:
+    """Refuse settings of a cell or a variant that do not fit each other or the scenario."""
+    settings = typed(cell_settings(task2, variant), CellSettings)
+    step, hours, minutes = settings.step_s, settings.duration_hours, task2["interval_minutes"]
+
+    def named(*section: str) -> Callable[[str], str]:
+        return lambda key: f"configuration key '{place}{'.'.join([*section, key])}'"
+
+    key = named()
+    require_multiple(key("duration_hours"), hours, 3600.0, step)
+    require_multiple(key("record_minutes"), settings.record_minutes, 60.0, step)
+    if not is_multiple(60.0 * minutes, step):
         raise ConfigurationError(
-            f"configuration key '{place}step_s' = {step} s does not divide "
-            f"'task2.interval_minutes' = {config['task2']['interval_minutes']}"
+            f"{key('step_s')} = {step} s does not divide 'task2.interval_minutes' = {minutes}"
         )
-    _check_schedule(f"{place}tasking", settings["tasking"], step)
-    if settings.get("eclipse") and settings["batch"].get("use_non_detections"):
+    tasking = settings.tasking
+    tasking.require_possible(step, tasking.method, tasking.states, named("tasking"))
+    settings.communication.require_possible(step, hours, tasking.states, named("communication"))
+    if settings.eclipse and settings.batch.use_non_detections:
         raise ConfigurationError(
-            f"configuration key '{place}batch.use_non_detections': a target in shadow is not seen "
-            "either, which the estimator would take for a faint attitude; leave out 'eclipse'"
+            f"{key('batch.use_non_detections')}: a target in shadow is not detected either, which "
+            "the estimator would take for a faint attitude; leave out 'eclipse'"
         )
-    _check_communication(place, settings)
     _check_fusion(place, settings)
-    days = config["visibility"]["duration_days"]
-    start = settings.get("start_day", 0)
+    days, start = config["visibility"]["duration_days"], settings.start_day
     if hours > 24.0 * (days - start):
         raise ConfigurationError(
-            f"configuration key '{place}duration_hours' = {hours} exceeds the ephemeris, which "
-            f"covers 'visibility.duration_days' = {days}"
+            f"{key('duration_hours')} = {hours} exceeds the ephemeris, which covers "
+            f"'visibility.duration_days' = {days}"
             + (f", from '{place}start_day' = {start} on" if start else "")
         )
-    material = settings["material"]
+    material = settings.material
     if not (
-        material["diffuse_weight"] * material["diffuse_albedo"]
-        or material["specular_weight"] * material["normal_reflectance"]
+        material.diffuse_weight * material.diffuse_albedo
+        or material.specular_weight * material.normal_reflectance
     ):
         raise ConfigurationError(
-            f"configuration key '{place}material' = {material} reflects nothing: raise "
+            f"{key('material')} = {material.model_dump()} reflects nothing: raise "
             "diffuse_weight and diffuse_albedo, or specular_weight and normal_reflectance"
         )
-    true = true_settings(settings)
-    for key, spread, of in (
-        ("batch.unknowns", settings["batch"].get("unknowns", {}), settings),
-        ("truth.spread", true["spread"], true),
+    true, sampled = true_settings(settings), settings.truth.parameter_sigma.model_dump()
+    for name, prior, of in (
+        ("batch.estimated_parameters", settings.batch.estimated_parameters, settings),
+        ("truth.parameter_sigma", BodyParameterPrior(**sampled), true),
     ):
         try:
-            BodySpread(**spread).require_possible(_materials(of))
+            prior.require_possible(_materials(of))
         except ConfigurationError as error:
-            raise ConfigurationError(f"configuration key '{place}{key}': {error}") from None
-    _check_body(f"{place}body", settings["body"])
-    _check_body(f"{place}truth.body", true["body"])
+            raise ConfigurationError(f"{key(name)}: {error}") from None
+    _check_body(f"{place}body", settings.body)
+    _check_body(f"{place}truth.body", true.body)
 
 
-def _check_schedule(place: str, tasking: Mapping[str, Any], step: float) -> None:
-    """Slots of a tasking interval, and what cannot be had with them."""
-    tasking = in_mode(tasking)
-    minutes = tasking.get("slot_minutes")
-    if minutes is not None and not is_multiple(60.0 * minutes, step):
-        raise ConfigurationError(
-            f"configuration key '{place}.slot_minutes' = {minutes} is no multiple of step_s = "
-            f"{step} s, from one step on"
-        )
-    usual = {key: Tasking.model_fields[key].default for key in SCHEDULE_KEYS}
-    asked = [key for key in SCHEDULE_KEYS if tasking.get(key, usual[key]) != usual[key]]
-    for key, needed in (("method", "exact"), ("states", "translation")):
-        if asked and tasking[key] != needed:
-            raise ConfigurationError(
-                f"configuration key '{place}.{key}' = {tasking[key]!r}: {', '.join(asked)} can "
-                f"be had with {needed!r} alone"
-            )
-
-
-def _check_communication(place: str, settings: Mapping[str, Any]) -> None:
-    """Delays within the run, updates that steps fit, and what cannot be had with late data."""
-    links = settings.get("communication", {})
-    key, delay = f"configuration key '{place}communication.", links.get("delay_minutes", 0)
-    minutes, step = links.get("update_minutes"), settings["step_s"]
-    if delay >= 60.0 * settings["duration_hours"]:
-        raise ConfigurationError(
-            f"{key}delay_minutes' = {delay} is as long as the run of duration_hours = "
-            f"{settings['duration_hours']}: nothing would ever be received; shorten it"
-        )
-    if minutes is not None and not is_multiple(60.0 * minutes, step):
-        raise ConfigurationError(
-            f"{key}update_minutes' = {minutes} is no multiple of step_s = {step} s, from one step "
-            "on"
-        )
-    late = delay > 0 or any(links.get("contact", {}).values())
-    if late and links.get("credit_under_way") and settings["tasking"]["states"] != "translation":
-        raise ConfigurationError(
-            f"{key}credit_under_way': tasking by 'full' states cannot count on looks under way; "
-            "set it to false, or 'tasking.states' to 'translation'"
-        )
-
-
-def _check_fusion(place: str, settings: Mapping[str, Any]) -> None:
-    """What catalogues of single observers cannot have."""
-    fusion = settings.get("fusion", "common")
-    if fusion == "common":
+def _check_fusion(place: str, settings: CellSettings) -> None:
+    """Refuse what catalogs of single observers do not support."""
+    if settings.fusion == "common":
         return
     for key, unfit in (
-        ("tasking.states", settings["tasking"]["states"] != "translation"),
-        ("batch.unknowns", any(settings["batch"].get("unknowns", {}).values())),
+        ("tasking.states", settings.tasking.states != "translation"),
+        ("batch.estimated_parameters", settings.batch.estimated_parameters),
     ):
         if unfit:
             raise ConfigurationError(
-                f"configuration key '{place}{key}': fusion = {fusion!r} hands on position and "
-                "velocity, and no more than attitude and rate besides; leave one of them out"
+                f"configuration key '{place}{key}': fusion = {settings.fusion!r} exchanges "
+                "position and velocity, and no more than attitude and rate besides; leave one of "
+                "them out"
             )
-    dynamics = settings.get("dynamics", {})
-    if dynamics.get("truth") == "ephemeris" and dynamics.get("filter") == "cr3bp":
+    if settings.dynamics.truth == "ephemeris" and settings.dynamics.filter == "cr3bp":
         raise ConfigurationError(
-            f"configuration key '{place}dynamics.filter': fusion = {fusion!r} needs a force model "
-            "that all targets share; set it to 'ephemeris'"
+            f"configuration key '{place}dynamics.filter': fusion = {settings.fusion!r} needs a "
+            "force model that all targets share; set it to 'ephemeris'"
         )
 
 
-def _materials(settings: Mapping[str, Any]) -> list[Array]:
-    """Materials of the body of all targets that no table tells of."""
-    usual, body = Material(**settings["material"]), wanted_body(settings["body"])
+def _materials(settings: CellSettings) -> list[Array]:
+    """Materials of the body of all targets that no table describes."""
+    usual, body = settings.material, settings.body.spec()
     if body.materials is not None:
         found = group_materials(body.source, body.materials, usual).values()
     else:
@@ -263,21 +218,21 @@ def _materials(settings: Mapping[str, Any]) -> list[Array]:
     return [material.as_array() for material in found]
 
 
-def _check_body(place: str, body: Mapping[str, Any]) -> None:
-    """Size and inertia of a body, believed or true."""
-    if body["shape"] == "icosahedron" and body["radius_m"] is None:
+def _check_body(place: str, body: Body) -> None:
+    """Refuse an icosahedron without a size, and an impossible inertia."""
+    if body.shape == ICOSAHEDRON and body.radius_m is None:
         raise ConfigurationError(
             f"configuration key '{place}.radius_m': an icosahedron has no size of its own; "
             "give the radius of the sphere of equal area"
         )
     try:
-        inertia_matrix(1.0 if body["inertia"] is None else body["inertia"])
+        inertia_matrix(1.0 if body.inertia is None else body.inertia)
     except ConfigurationError as error:
         raise ConfigurationError(f"configuration key '{place}.inertia': {error}") from None
 
 
 def _check_comparison(task2: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
-    """Epochs and budgets of the comparison of tasking methods, as its scenario is set."""
+    """Refuse epochs and budgets of the comparison of tasking methods that do not fit the run."""
     compared = task2["tasking_comparison"]
     if not compared["targets"]:
         raise ConfigurationError(

@@ -1,1 +1,25 @@
 """Cells of tasking and tracking: their data sets, statistics and tables."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "cell": ["read_inputs"],
+    "checkpoint": ["Checkpoint"],
+    "comparisons": ["certain", "paired", "pairs_interval", "slopes"],
+    "dataset": ["tracked_dataset", "write_cell"],
+    "ephemeris_inputs": ["CellEphemeris", "assumed_forces", "ephemeris_scene", "ephemeris_states",
+        "observer_tracks", "true_forces"],
+    "model_errors": ["NONE", "plotted_errors"],
+    "realizations": ["CELL", "PRACTICAL_UNITS", "cells_of", "select", "usual_interval",
+        "values_of"],
+    "records": ["cell_arcs", "frame_epoch"],
+    "statistics": ["Interval", "interval_of", "log_interval", "prediction_interval",
+        "share_interval", "t_interval", "within_bounds"],
+    "summary": ["read_cell_metrics", "summary_dataset"],
+    "sweep_table": ["architecture_values", "plotted_values", "sweep_rows"],
+    "tables": ["estimator_rows", "model_error_rows", "pooled_rows", "rank_rows", "reading_rows",
+        "tracking_rows"],
+    "tasking_comparison": ["compared_dataset", "concatenate_comparisons"],
+})
+# fmt: on

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from cislunar.architecture.coverage.measures import architecture_tracks
 from cislunar.campaign.architectures.variables import phases_of
 from cislunar.campaign.data.inputs import body_table, sun_at
-from cislunar.campaign.data.netcdf import read_dataset
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell, check_cell
 from cislunar.campaign.settings.library import (
@@ -21,38 +20,37 @@ from cislunar.campaign.settings.library import (
     target_names,
     truth_model,
 )
-from cislunar.campaign.settings.observing.sensors import (
-    observer_sensors,
-    own_sensors,
-    true_sensors,
-)
+from cislunar.campaign.settings.observing.sensors import observer_sensors, own_sensors, true_sensors
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.scenarios import orbits_of
-from cislunar.campaign.tracking.real_sky import (
-    Sky,
-    believed_forces,
-    grounded,
+from cislunar.campaign.tracking.ephemeris_inputs import (
+    CellEphemeris,
+    assumed_forces,
+    ephemeris_scene,
+    ephemeris_states,
+    ground_station_tracks,
     observer_tracks,
-    placed_targets,
-    real_scene,
     true_forces,
 )
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.propagation import advance_orbits
 from cislunar.errors import ConfigurationError
-from cislunar.observation.scene import Scene, TargetSurfaces, make_scene
+from cislunar.observation.scene import Scene, make_scene
 from cislunar.observation.sensor import Sensors
+from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime.netcdf import read_dataset
 from cislunar.tasking.closed_loop import ClosedLoop, LoopSettings
-from cislunar.tasking.simulation import TruthModel, epoch_states, monitored_targets
+from cislunar.tasking.initial_conditions import epoch_states, monitored_targets
+from cislunar.tasking.truth import TruthModel
 
 
 class CellInputs(NamedTuple):
-    """Data sets a cell is run on, by the names the workflow gives their files.
+    """Input data sets of a cell, by the names of their files in the workflow.
 
-    ``architecture/{scenario}/{architecture}.nc``, ``orbits/families.nc`` or its own observers,
-    ``orbits/tracked.nc`` and ``ephemeris/sun.nc``, the last two of the scenario, and its
-    ``ephemeris/bodies.nc`` where the targets move among the bodies as they are.
+    ``architecture/{scenario}/{architecture}.nc``, ``orbits/families.nc`` or the architecture's own
+    observers, ``orbits/tracked.nc`` and ``ephemeris/sun.nc``, the last two of the scenario, and its
+    ``ephemeris/bodies.nc`` for ephemeris dynamics and ground stations.
     """
 
     architecture: xr.Dataset
@@ -69,15 +67,14 @@ def read_inputs(files: Any) -> CellInputs:
 
 
 class Problem(NamedTuple):
-    """What a cell needs of the world.
+    """Inputs of the closed loop of a cell.
 
-    `surfaces` are as the estimator believes them, `truth` what they truly are, with the true noise.
-    `epoch_state`, shape (target, 6), holds the targets' mean states as the run begins,
-    nondimensional; `target_ids` their rows in ``orbits/tracked.nc``; `observer_slot` the slot of
-    the architecture each observer flies in; `forces` those the estimator believes in. Positions
-    are in the rotating frame, or among the bodies as they are, see
-    `cislunar.campaign.tracking.real_sky`. Observers on the ground come last, in slot -1; `sensor`
-    are the telescopes of all.
+    `surfaces` are the assumed bodies, `truth` the true ones with the true noise. `epoch_state`,
+    shape (target, 6), has the targets' mean states at the start of the run, nondimensional,
+    propagation frame (see `cislunar.observation.scene`). `target_ids` are the rows of the targets
+    in ``orbits/tracked.nc``; `observer_slot` is the slot of the architecture of each observer, -1
+    for observers on the ground, which come last; `forces` are the assumed forces; `sensor` has the
+    telescopes of all observers.
     """
 
     scene: Scene
@@ -91,8 +88,21 @@ class Problem(NamedTuple):
 
 
 def orbits_file(cell: Cell, orbits: xr.Dataset) -> str:
-    """Where the orbits of a cell's observers are from; those of a table have names."""
+    """File of the orbits of a cell's observers; those of a user's table have names."""
     return orbits_of(cell.architecture, own="name" in orbits)
+
+
+def target_labels(tracked: xr.Dataset, rows: NDArray[np.int64]) -> list[str]:
+    """Names of targets of ``orbits/tracked.nc`` in data sets, exports and figures.
+
+    A target has the id of the user's table; a target of the library has its orbit class and row,
+    such as ``Halo_L2_S 12``.
+    """
+    if "name" in tracked:
+        return tracked["name"].values[rows].astype(str).tolist()
+    return [
+        f"{family} {row}" for family, row in zip(tracked["family"].values[rows], rows, strict=True)
+    ]
 
 
 def realization_seeds(seed: int, count: int) -> list[int]:
@@ -121,7 +131,7 @@ def tracking_problem(
     flown = orbits["state"].values[orbit], orbits["period"].values[orbit]
     phase = phases_of(architecture)
     ids = monitored_targets(tracked.sizes["target"], cell.targets, settings.monitored_seed)
-    # All targets are placed, so that a target starts at the same point in every monitored set.
+    # All targets get a state, so that a target starts at the same point in every monitored set.
     periods, names = tracked["period"].values, target_names(tracked, ids.tolist())
     states = epoch_states(tracked["state"].values, periods, settings.monitored_seed)
     placed = advance_orbits(states[ids], periods[ids], start)
@@ -131,18 +141,22 @@ def tracking_problem(
     sensors = observer_sensors(settings, slots.size, own_sensors(orbits, orbit[slots]))
     truth = truth._replace(sensor=true_sensors(settings, sensors))
     if settings.dynamics.truth == "ephemeris":
-        sky = _sky(bodies, settings)
+        ephemeris = _cell_ephemeris(bodies, settings)
         ahead = [p + np.arange(n) / n for p, n in zip(phase, satellites, strict=True)]
-        tracks = observer_tracks(sky, settings.dynamics, *flown, ahead, loop.elapsed_s)
-        tracks = np.concatenate([tracks, grounded(sky, settings, loop, inertial=True)])
-        scene = real_scene(sky, tracks, loop)
-        placed, low_lunar = placed_targets(sky, placed)
-        truth = truth._replace(forces=true_forces(sky, settings.dynamics))
-        forces = believed_forces(sky, settings, loop, low_lunar)
+        tracks = observer_tracks(ephemeris, settings.dynamics, *flown, ahead, loop.elapsed_s)
+        tracks = np.concatenate(
+            [tracks, ground_station_tracks(ephemeris, settings, loop, inertial=True)]
+        )
+        scene = ephemeris_scene(ephemeris, tracks, loop)
+        placed, low_lunar = ephemeris_states(ephemeris, placed)
+        truth = truth._replace(forces=true_forces(ephemeris, settings.dynamics))
+        forces = assumed_forces(ephemeris, settings, loop, low_lunar)
     else:
         tracks = architecture_tracks(*flown, satellites, times, phase=phase, propagator=propagator)
         if settings.stations:
-            stations = grounded(_sky(bodies, settings), settings, loop, inertial=False)
+            stations = ground_station_tracks(
+                _cell_ephemeris(bodies, settings), settings, loop, inertial=False
+            )
             tracks = np.concatenate([tracks, stations])
         scene = make_scene(tracks, sun_at(sun, times), loop.step_s)
     return Problem(
@@ -157,15 +171,15 @@ def tracking_problem(
     )
 
 
-def _sky(bodies: xr.Dataset | None, settings: CellSettings) -> Sky:
-    """The bodies and times of a cell."""
+def _cell_ephemeris(bodies: xr.Dataset | None, settings: CellSettings) -> CellEphemeris:
+    """Ephemeris and times of a cell."""
     if bodies is None:
         raise ConfigurationError(
             "'task2.dynamics.truth' = 'ephemeris' and 'task2.stations' need ephemeris/bodies.nc: "
             "give it as `bodies`"
         )
     epoch = float(bodies["epoch_et"])
-    return Sky(body_table(bodies), epoch, epoch + settings.start_day * SECONDS_PER_DAY)
+    return CellEphemeris(body_table(bodies), epoch, epoch + settings.start_day * SECONDS_PER_DAY)
 
 
 def cell_loop(
@@ -177,13 +191,13 @@ def cell_loop(
     seed: int,
     keep_information: bool = False,
 ) -> tuple[ClosedLoop, Problem]:
-    """The closed loop of a cell with all its seeds, drawn from the `seed` of the campaign.
+    """The closed loop of a cell with all its realizations, from the `seed` of the campaign.
 
-    `settings` are those of `cell_settings`, `propagator` is that of the observers. A
+    `settings` are those of `cell_settings`, `propagator` is that of the observers. Raises
     `ConfigurationError` if the cell cannot be run.
     """
-    check_cell(cell, settings, inputs.tracked.sizes["target"])
     chosen = typed(settings, CellSettings)
+    check_cell(cell, chosen, inputs.tracked.sizes["target"])
     loop = loop_settings(chosen, cell.interval_minutes, keep_information=keep_information)
     problem = tracking_problem(cell, inputs, chosen, propagator, loop)
     run = ClosedLoop(

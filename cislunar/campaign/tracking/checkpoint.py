@@ -1,10 +1,10 @@
-"""What a run of a cell leaves on disk until it is done, so that a killed one goes on.
+"""Checkpoints of a run of a cell on disk, from which an interrupted run continues.
 
-A folder beside the result holds one for each realization, with the pieces of its histories and, in
-one file, how far it has come and by what it was made. Every file is written under a temporary name,
-to the disk, and then moved into place, the state after the pieces it counts: what breaks off leaves
-the last whole checkpoint.
-The files are pickles, which the same sources alone can read, and nobody should take from others.
+A folder beside the result has a folder for each realization, with the pieces of its histories and,
+in one file, its state and provenance. Every file is written under a temporary name, synchronized to
+the disk, and then moved into place, the state after its pieces, so that an interruption leaves the
+last complete checkpoint. The files are pickles: only the same sources can read them, and files of
+unknown origin must not be read.
 """
 
 import hashlib
@@ -21,37 +21,36 @@ from typing import IO, Any
 
 import numpy as np
 
-from cislunar.campaign.data.netcdf import whole_file
-from cislunar.campaign.data.progress import Progress, logger
 from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.runtime.netcdf import whole_file
+from cislunar.runtime.progress import Progress, logger
 from cislunar.tasking.closed_loop import ClosedLoop
 from cislunar.tasking.recording import Piece
 
 CHECKPOINT_S = 60.0
-"""Least time between checkpoints, s: what takes less is sooner made anew than kept."""
+"""Least time between checkpoints, s; a shorter computation is repeated sooner than stored."""
 
 _STATE = "state.pickle"
 
 
 def checkpoint_folder(path: str | Path) -> Path:
-    """Where checkpoints of a result lie."""
+    """Folder of the checkpoints of a result."""
     path = Path(path)
     return path.with_name(f"{path.name}.checkpoint")
 
 
 class Checkpoint:
-    """Runs a loop, realization by realization, and keeps in a folder what it takes to go on.
+    """Runs a loop, realization by realization, and stores checkpoints in a folder.
 
-    The folder appears with the first checkpoint; what comes after the last one is held in memory.
-    A realization may also be run by a process of its own: whoever runs the loop then takes it from
-    the folder.
+    The folder is created with the first checkpoint; later pieces are kept in memory. A process of
+    its own may run a realization; the process that runs the loop then reads it from the folder.
 
     Parameters
     ----------
     folder : Path
-        Only read if it is there.
+        Folder of the checkpoints.
     loop : ClosedLoop
-        At its beginning; its realizations are taken up where checkpoints left them.
+        At its start; its realizations continue from their checkpoints.
     made_by : mapping
         Provenance of the result (settings, seed, version), which checkpoints have to share.
     least_s : float
@@ -60,7 +59,7 @@ class Checkpoint:
     Raises
     ------
     ConfigurationError
-        If a checkpoint is of another run; the message names what differs.
+        If a checkpoint is of another run; the message names the difference.
     InputFileError
         If a checkpoint cannot be read.
     """
@@ -76,9 +75,9 @@ class Checkpoint:
         self._folder, self._loop, self._least_s = folder, loop, least_s
         made_by = {**made_by, "settings": json.loads(made_by.get("settings", "{}"))}
         made_by["its data sets"] = _digest(loop)
-        self._parts = [
-            _Part(folder / f"realization-{loop.numbers[0]:04d}", loop, made_by)
-            for loop in loop.apart()
+        self._realizations = [
+            _Realization(folder / f"realization-{loop.numbers[0]:04d}", loop, made_by)
+            for loop in loop.split_by_realization()
         ]
 
     def run(
@@ -88,58 +87,60 @@ class Checkpoint:
         pieces: int | None = None,
         realization: int | None = None,
     ) -> None:
-        """Run what is left of the loop, or so many pieces of it; or one realization, and keep it.
+        """Run the rest of the loop, or `pieces` pieces of it; or one realization, which is stored.
 
-        `progress` is called with (tasking epochs done, those of all that is to be run).
+        `progress` is called with (tasking epochs done, those of all that is run).
         """
-        parts = self._parts if realization is None else [self._parts[realization]]
-        total = sum(part.loop.lengths["epoch"] for part in parts)
-        if done := sum(part.loop.state.done for part in parts):
+        realizations = (
+            self._realizations if realization is None else [self._realizations[realization]]
+        )
+        total = sum(each.loop.lengths["epoch"] for each in realizations)
+        if done := sum(each.loop.state.done for each in realizations):
             logger.info("going on from a checkpoint: %d of %d tasking epochs are done", done, total)
         last = time.monotonic()
-        for _ in islice(_all_steps(parts, progress), pieces):
+        for _ in islice(_all_steps(realizations, progress), pieces):
             if time.monotonic() - last >= self._least_s:
                 self._save()
                 last = time.monotonic()
         if realization is not None:
             self._save()
         elif pieces is None:
-            self._loop.gather([part.loop for part in parts])
+            self._loop.collect_states([each.loop for each in realizations])
 
     def _save(self) -> None:
-        for part in self._parts:
-            part.save()
+        for each in self._realizations:
+            each.save()
 
     def pieces(self) -> Iterator[Piece]:
         """All pieces so far, one file at a time."""
-        for part in self._parts:
-            yield from part.pieces()
+        for each in self._realizations:
+            yield from each.pieces()
 
     def remove(self) -> None:
-        """The result is whole: nothing of this is needed any more."""
+        """Remove the folder after the result is complete."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
-class _Part:
-    """A realization: its loop, its folder, and what is not yet there."""
+class _Realization:
+    """A realization: its loop, its folder, and its unsaved pieces."""
 
     def __init__(self, folder: Path, loop: ClosedLoop, made_by: Mapping[str, Any]) -> None:
         self.loop, self._folder, self._made_by = loop, folder, made_by
         self._files = 0
-        self._held: list[Piece] = []
+        self._unsaved: list[Piece] = []
         if (folder / _STATE).is_file():
-            self._take_up()
+            self._restore()
 
     def _constants(self) -> dict[str, Any]:
-        """What every realization refers to and no checkpoint holds."""
-        world = self.loop.world
+        """Objects to which every realization refers and which no checkpoint stores."""
+        inputs = self.loop.inputs
         return {
-            "scene": world.scene,
-            "surfaces": world.surfaces,
-            "true surfaces": world.truth.surfaces,
+            "scene": inputs.scene,
+            "surfaces": inputs.surfaces,
+            "true surfaces": inputs.truth.surfaces,
         }
 
-    def _take_up(self) -> None:
+    def _restore(self) -> None:
         path = self._folder / _STATE
         try:
             with path.open("rb") as file:
@@ -150,33 +151,33 @@ class _Part:
                     self._files, self.loop.state = reader.load()
         except (OSError, EOFError, AttributeError, ImportError, pickle.UnpicklingError) as error:
             raise InputFileError(
-                f"checkpoint {self._folder} cannot be read ({error}); delete it, and what it holds "
-                "is made from its beginning"
+                f"checkpoint {self._folder} cannot be read ({error}); delete it to run the "
+                "realization again from its start"
             ) from error
         if differing is not None:
-            key, theirs, ours = differing
+            key, stored, current = differing
             raise ConfigurationError(
-                f"checkpoint {self._folder} was made with {key} = {theirs}, not {ours}: take that "
-                f"back to go on with it, or delete {self._folder.parent} to make the cell from its "
-                "beginning"
+                f"checkpoint {self._folder} was made with {key} = {stored}, not {current}: restore "
+                f"the former to continue, or delete {self._folder.parent} to run the cell again "
+                "from its start"
             )
 
     def steps(self, progress: Progress | None) -> Iterator[None]:
-        """Go on, piece by piece."""
+        """Run on, piece by piece."""
         for piece in self.loop.pieces(progress):
-            self._held.append(piece)
+            self._unsaved.append(piece)
             yield
 
     def save(self) -> None:
-        """Keep what is only held."""
-        if not self._held:
+        """Store the unsaved pieces."""
+        if not self._unsaved:
             return
         with _file_on_disk(self._pieces_file(self._files)) as file:
-            pickle.dump(self._held, file, protocol=5)
+            pickle.dump(self._unsaved, file, protocol=5)
         with _file_on_disk(self._folder / _STATE) as file:
             pickle.dump(self._made_by, file)
             _Writer(file, self._constants()).dump((self._files + 1, self.loop.state))
-        self._files, self._held = self._files + 1, []
+        self._files, self._unsaved = self._files + 1, []
 
     def _pieces_file(self, number: int) -> Path:
         return self._folder / f"pieces-{number:05d}.pickle"
@@ -186,23 +187,23 @@ class _Part:
         for number in range(self._files):
             with self._pieces_file(number).open("rb") as file:
                 yield from pickle.load(file)
-        yield from self._held
+        yield from self._unsaved
 
 
-def _all_steps(parts: Sequence[_Part], progress: Progress | None) -> Iterator[None]:
-    """The steps of all realizations, one after the other, with progress over all of them."""
-    before, total = 0, sum(part.loop.lengths["epoch"] for part in parts)
-    for part in parts:
+def _all_steps(realizations: Sequence[_Realization], progress: Progress | None) -> Iterator[None]:
+    """The steps of all realizations in turn, with progress over all of them."""
+    before, total = 0, sum(each.loop.lengths["epoch"] for each in realizations)
+    for each in realizations:
 
-        def told(done: int, _: int, before: int = before) -> None:
+        def report(done: int, _: int, before: int = before) -> None:
             progress(before + done, total)
 
-        yield from part.steps(told if progress else None)
-        before += part.loop.lengths["epoch"]
+        yield from each.steps(report if progress else None)
+        before += each.loop.lengths["epoch"]
 
 
 class _Writer(pickle.Pickler):
-    """Writes a state without what `constants` names."""
+    """Writes a state without the objects of `constants`."""
 
     def __init__(self, file: IO[bytes], constants: Mapping[str, Any]) -> None:
         super().__init__(file, protocol=5)
@@ -213,7 +214,7 @@ class _Writer(pickle.Pickler):
 
 
 class _Reader(pickle.Unpickler):
-    """Reads it, with those in place."""
+    """Reads a state and inserts the objects of `constants`."""
 
     def __init__(self, file: IO[bytes], constants: Mapping[str, Any]) -> None:
         super().__init__(file)
@@ -233,22 +234,28 @@ def _file_on_disk(path: Path) -> Iterator[IO[bytes]]:
 
 
 def _digest(loop: ClosedLoop) -> str:
-    """A short name of all numbers a loop begins with."""
-    world, found = loop.world, hashlib.sha256()
-    for part in (world.scene, world.surfaces, world.truth, world.truth.surfaces, world.initial):
-        for values in part:
+    """A short digest of all numbers with which a loop begins."""
+    inputs, found = loop.inputs, hashlib.sha256()
+    for each in (
+        inputs.scene,
+        inputs.surfaces,
+        inputs.truth,
+        inputs.truth.surfaces,
+        inputs.initial,
+    ):
+        for values in each:
             if isinstance(values, np.ndarray):
                 found.update(np.ascontiguousarray(values).data)
-    found.update(world.ids.data)
+    found.update(inputs.ids.data)
     return found.hexdigest()[:12]
 
 
 def _differing(
-    theirs: Mapping[str, Any], ours: Mapping[str, Any], within: str = ""
+    stored: Mapping[str, Any], current: Mapping[str, Any], within: str = ""
 ) -> tuple[str, Any, Any] | None:
-    """The first key whose values differ, dotted, with both; None if all are the same."""
-    for key in sorted({*theirs, *ours}):
-        left, right = theirs.get(key), ours.get(key)
+    """The first key whose values differ, dotted, with both values; None if all are equal."""
+    for key in sorted({*stored, *current}):
+        left, right = stored.get(key), current.get(key)
         if isinstance(left, Mapping) and isinstance(right, Mapping):
             found = _differing(left, right, f"{within}{key}.")
             if found is not None:

@@ -2,51 +2,64 @@
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from cislunar.campaign.data.inputs import orbit_set_dataset
-from cislunar.campaign.data.netcdf import Later, growing_dataset, variable
-from cislunar.campaign.data.progress import Progress
-from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking.cell import CellInputs, Problem, cell_loop, orbits_file
+from cislunar.campaign.tracking.cell import (
+    CellInputs,
+    Problem,
+    cell_loop,
+    orbits_file,
+    target_labels,
+)
 from cislunar.campaign.tracking.checkpoint import CHECKPOINT_S, Checkpoint, checkpoint_folder
 from cislunar.campaign.tracking.records import (
-    AMONG_BODIES,
-    ESTIMATED,
+    EPHEMERIS_FRAME,
     RECORD_COORDINATES,
     ROTATING,
-    Described,
-    look_values,
     observer_variables,
-    recorded_variables,
     start_day,
 )
 from cislunar.dynamics.cr3bp import CR3BP
-from cislunar.estimation.estimator import (
-    CHOLESKY_FAILURES,
-    FLOOR_HITS,
-    OUT_OF_FIELD,
-    UPDATES,
-)
+from cislunar.estimation.estimator import CHOLESKY_FAILURES, FLOOR_HITS, OUT_OF_FIELD, UPDATES
 from cislunar.evaluation.metrics import PARTS, STATUS_NAMES
 from cislunar.orbits.tracked import tracked_targets
+from cislunar.runtime.netcdf import Later, growing_dataset, variable
+from cislunar.runtime.progress import Progress
+from cislunar.runtime.provenance import provenance
 from cislunar.tasking.closed_loop import ClosedLoop
-from cislunar.tasking.fates import Names, counted, report_fates, report_unknowns
-from cislunar.tasking.realization import FATE_NAMES, USED
+from cislunar.tasking.detection_outcomes import (
+    SettingNames,
+    count_outcomes,
+    report_estimated_parameters,
+    report_outcomes,
+)
+from cislunar.tasking.histories import OBSERVATION_COLUMNS, kept_histories
+from cislunar.tasking.realization import OUTCOME_NAMES, USED
 from cislunar.tasking.recording import Piece, fill
+
+
+class _Described(NamedTuple):
+    """A variable of a cell without its values: dimensions, type, unit and description."""
+
+    dims: tuple[str, ...]
+    dtype: str
+    unit: str
+    meaning: str
+
 
 COMPONENTS = tuple(
     f"{part}_{axis}"
     for part in ("attitude", "angular_velocity", "position", "velocity")
     for axis in "xyz"
 )
-COMPONENT_UNITS = ("1",) * 3 + ("rad s-1",) * 3 + ("1",) * 6
-_KEYS = Names(
+_COMPONENT_UNITS = ("1",) * 3 + ("rad s-1",) * 3 + ("1",) * 6
+_KEYS = SettingNames(
     limit="task2.sensor.limiting_magnitude",
     body="task2.material and task2.body",
     irradiance="task2.photometry.irradiance",
@@ -72,9 +85,9 @@ def cell_dataset(
     seed: int,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """Run a cell and hold all of it; `write_cell` makes the same as a file, with less memory.
+    """Run a cell in memory; `write_cell` writes the same data set to a file, with less memory.
 
-    Arguments are those of `cell_loop`.
+    See `cell_loop` for the arguments.
     """
     loop, problem = cell_loop(cell, inputs, settings, propagator=propagator, seed=seed)
     pieces = list(loop.pieces(progress))
@@ -84,8 +97,8 @@ def cell_dataset(
         name: np.empty([sizes[dim] for dim in each.dims], each.dtype)
         for name, each in described.items()
     }
-    report_fates(_fill(whole, pieces, loop), loop.world, _KEYS)
-    _report_unknowns(whole, loop)
+    report_outcomes(_fill(whole, pieces, loop), loop.inputs, _KEYS)
+    _report_estimated_parameters(whole, loop)
     values = {name: (each.dims, whole[name], *each[2:]) for name, each in described.items()}
     return _dataset(cell, inputs, loop, problem, values, _provenance(cell, used, seed))
 
@@ -104,28 +117,29 @@ def write_cell(
 ) -> None:
     """Run a cell: ``task2/{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}.nc``.
 
-    Its histories are written a day or a realization at a time. A run that is killed goes on from
+    Its histories are written a day or a realization at a time. An interrupted run continues from
     its last `Checkpoint`.
 
     Parameters
     ----------
     cell, inputs, settings, propagator, seed
-        As of `cell_loop`.
+        See `cell_loop`.
     path : str or Path
-        The file to make; checkpoints lie in a folder beside it until it is whole.
+        The file to write; checkpoints are in a folder beside it until it is complete.
     progress : callable, optional
-        Called with (tasking epochs done, those of all seeds).
+        Called with (tasking epochs done, those of all realizations).
     checkpoint_s : float
         Least time between checkpoints, s.
     realization : int, optional
-        Run that one alone, and leave it as a checkpoint for whoever makes the file.
+        Run this realization alone, and store it as a checkpoint for the process that writes the
+        file.
 
     Raises
     ------
     ConfigurationError
         If the cell cannot be run, or there is a checkpoint of another one.
     InputFileError
-        If the disk is full, or a checkpoint cannot be read; the last whole checkpoint is kept.
+        If the disk is full, or a checkpoint cannot be read; the last complete checkpoint is kept.
     """
     loop, problem = cell_loop(cell, inputs, settings, propagator=propagator, seed=seed)
     used = {**settings, "propagator": propagator, **cell._asdict()}
@@ -139,18 +153,23 @@ def write_cell(
         name: Later(each.dims, each.dtype, _attributes(name, each.unit, each.meaning))
         for name, each in _histories(loop).items()
     }
-    with growing_dataset(rest, path, later, {"look": loop.state.looks}) as whole:
-        fates = _fill(whole, checkpoint.pieces(), loop)
-        _report_unknowns(whole, loop)
+    with growing_dataset(rest, path, later, {"observation": loop.state.observations}) as whole:
+        outcomes = _fill(whole, checkpoint.pieces(), loop)
+        _report_estimated_parameters(whole, loop)
     checkpoint.remove()
-    report_fates(fates, loop.world, _KEYS)
+    report_outcomes(outcomes, loop.inputs, _KEYS)
 
 
-def _report_unknowns(whole: Mapping[str, Any], loop: ClosedLoop) -> None:
-    """Warn of unknowns that light curves cannot carry, if there are any."""
-    if loop.unknowns:
+def _report_estimated_parameters(whole: Mapping[str, Any], loop: ClosedLoop) -> None:
+    """Warn of estimated parameters that light curves cannot determine, if there are any."""
+    if loop.estimated_parameters:
         updates = loop.ends()[2][..., UPDATES]
-        report_unknowns(whole["departure_sigma"], loop.unknowns, updates, "task2.batch.unknowns")
+        report_estimated_parameters(
+            whole["parameter_sigma"],
+            loop.estimated_parameters,
+            updates,
+            "task2.batch.estimated_parameters",
+        )
 
 
 def _provenance(cell: Cell, used: Mapping[str, Any], seed: int) -> dict[str, Any]:
@@ -170,8 +189,8 @@ def _dataset(
     histories: Mapping[str, tuple],
     attributes: Mapping[str, Any],
 ) -> xr.Dataset:
-    """Coordinates, histories as far as they are given, and what the run came to."""
-    settings, ids, slot = loop.world.settings, problem.target_ids, problem.observer_slot
+    """Coordinates, histories if given, and results of a run."""
+    settings, ids, slot = loop.inputs.settings, problem.target_ids, problem.observer_slot
     orbit_of = np.where(slot < 0, -1, inputs.architecture["orbit"].values[slot])
     since, days = "time since the epoch", start_day(attributes)
     since += f" and {days:g} days" if days else ""
@@ -181,20 +200,22 @@ def _dataset(
         "step": ("step", settings.elapsed_s[1:], "s", since),
         "epoch": ("epoch", settings.step_s * settings.epochs, "s", since),
         "component": ("component", list(COMPONENTS), "1", "component of the state"),
-        "component_unit": ("component", list(COMPONENT_UNITS), "1", "unit of the component"),
+        "component_unit": ("component", list(_COMPONENT_UNITS), "1", "unit of the component"),
         "part": ("part", list(PARTS), "1", "part of the state"),
         "target_id": ("target", ids, "1", "row of the target in orbits/tracked.nc"),
+        "target_name": ("target", target_labels(inputs.tracked, ids), "1",
+                        "name of the target: id in the user's table, or orbit class and row"),
         "family": ("target", list(inputs.tracked["family"].values[ids]), "1",
                    "orbit class of the target"),
         "observer_orbit": ("observer", orbit_of, "1",
                            f"row in {orbits_file(cell, inputs.orbits)}"),
         "observer_slot": ("observer", slot, "1", "slot of the architecture"),
     }  # fmt: skip
-    names = list(loop.unknowns)
+    names = list(loop.estimated_parameters)
     if names:
         units = ["degree h-2" if name.startswith("angular") else "1" for name in names]
-        coords["unknown"] = "unknown", names, "1", "what is estimated besides the motion"
-        coords["unknown_unit"] = "unknown", units, "1", "unit of the unknown"
+        coords["unknown"] = "unknown", names, "1", "estimated body parameter"
+        coords["unknown_unit"] = "unknown", units, "1", "unit of the parameter"
     described = {**histories, **_results(loop)}
     described |= observer_variables(settings.record, problem.scene, _frame(loop))
     coords |= {name: RECORD_COORDINATES[name] for name in _record_dims(loop)}
@@ -213,17 +234,14 @@ def _dataset(
 
 def _flags(names: tuple[str, ...]) -> dict[str, Any]:
     """Attributes that give the meaning of small integers."""
-    return {
-        "flag_values": np.arange(len(names), dtype=np.uint8),
-        "flag_meanings": " ".join(names),
-    }
+    return {"flag_values": np.arange(len(names), dtype=np.uint8), "flag_meanings": " ".join(names)}
 
 
-_DIVERGED = "; diverged: observed, and inconsistent with its covariance in the final hours"
+_INCONSISTENT = "; inconsistent: observed, but inconsistent with its covariance in the final hours"
 
 _FLAGS = {
-    "fate": _flags(FATE_NAMES),
-    "look_fate": _flags(FATE_NAMES),
+    "outcome": _flags(OUTCOME_NAMES),
+    "observation_outcome": _flags(OUTCOME_NAMES),
     "status": _flags(STATUS_NAMES),
     "status_rotation": _flags(STATUS_NAMES),
     "status_translation": _flags(STATUS_NAMES),
@@ -237,127 +255,85 @@ def _attributes(name: str, unit: str, meaning: str) -> dict[str, Any]:
 _COUNTED = {
     "updates": (UPDATES, "measurements used"),
     "out_of_field": (OUT_OF_FIELD, "measurements outside the field of view"),
-    "dark_sigma_points": (FLOOR_HITS, "sigma points without reflected light"),
+    "undetectable_sigma_points": (FLOOR_HITS, "undetectable sigma points"),
     "cholesky_failures": (CHOLESKY_FAILURES, "failed Cholesky factorizations"),
 }
 
-_SEVERAL, _OWN_UNIT = "see component_unit", "see unknown_unit"
-_HISTORY = ("seed", "time", "target", "component")
-_KEPT = {
-    "assignment": Described(
-        ("seed", "epoch", "observer"), "i2", "1",
-        "index of the target along dimension target, -1 for an idle observer"),
-    "information": Described(("seed", "epoch"), "f8", "nat", "mutual information of the tasking"),
-    "evaluations": Described(("seed", "epoch"), "i4", "1", "taskings tried"),
-    "valid": Described(("seed", "time", "target"), "i1", "1", "1 where a measurement was used"),
-    "fate": Described(("seed", "step", "target"), "u1", "1", "what became of the measurement"),
-    "error": Described(_HISTORY, "f4", _SEVERAL, "truth less estimate (attitude: GRP)"),
-    "sigma": Described(_HISTORY, "f4", _SEVERAL, "standard deviation"),
-    "bound": Described(
-        _HISTORY, "f4", _SEVERAL, "standard deviation of the posterior Cramer-Rao bound"),
-    "brightness_offset": Described(
-        ("seed", "epoch", "target"), "f4", "mag",
-        "magnitude of the target less the expected one, learned after the interval"),
-    "brightness_offset_sigma": Described(
-        ("seed", "epoch", "target"), "f4", "mag", "standard deviation of brightness_offset"),
-    "planning_gap": Described(
-        ("seed", "epoch"), "f8", "1",
-        "by how much the schedule may fall short: largest relative gap of the set packings, "
-        "or to the bound of all slots with task2.tasking.bound_steps"),
-    "departure_error": Described(
-        ("seed", "epoch", "target", "unknown"), "f4", _OWN_UNIT,
-        "truth less estimate of what is not known of the target, after the interval"),
-    "departure_sigma": Described(
-        ("seed", "epoch", "target", "unknown"), "f4", _OWN_UNIT,
-        "standard deviation of what is not known of the target"),
-    "searches": Described(
-        ("seed", "epoch", "target"), "i4", "1", "searches for the modes of the fits by then"),
-}  # fmt: skip
-"""Histories of a cell."""
-
-_OPTIONAL = {"errors": ("error", "sigma"), "bound": ("bound",)}
-"""Those that `task2.histories` may leave out."""
+_SEVERAL = "see component_unit"
 
 
-def _histories(loop: ClosedLoop) -> dict[str, Described]:
-    """What is kept of every realization."""
-    settings = loop.world.settings
-    left_out = {
-        name
-        for history, names in _OPTIONAL.items()
-        for name in names
-        if history not in settings.histories
-    }
-    if settings.tasking.detection is None:
-        left_out |= {"brightness_offset", "brightness_offset_sigma"}
-    if not settings.schedule.bounded:
-        left_out.add("planning_gap")
-    if not loop.unknowns:
-        left_out |= {"departure_error", "departure_sigma", "searches"}
-    usual = {name: each for name, each in _KEPT.items() if name not in left_out}
-    if settings.slots is not None:
-        usual["assignment"] = usual["assignment"]._replace(
-            dims=("seed", "epoch", "slot", "observer")
+def _histories(loop: ClosedLoop) -> dict[str, _Described]:
+    """The histories and observations of a cell as variables."""
+    settings, frame = loop.inputs.settings, _frame(loop)
+    found = {
+        name: _Described(
+            ("seed", each.along, *each.dims),
+            "i1" if each.dtype == "bool" else each.dtype,
+            each.unit,
+            each.long_name.format(frame=frame),
         )
-    return usual | recorded_variables(settings.record, _frame(loop))
+        for name, each in kept_histories(settings, bool(loop.estimated_parameters)).items()
+    }
+    found["valid"] = _Described(
+        ("seed", "time", "target"), "i1", "1", "1 where a measurement was used"
+    )
+    if "measurements" in settings.record:
+        found |= {
+            name: _Described(("observation",), *each[:3])
+            for name, each in OBSERVATION_COLUMNS.items()
+        }
+    return found
 
 
 def _frame(loop: ClosedLoop) -> str:
-    """What positions and velocities of a cell refer to."""
-    return ROTATING if isinstance(loop.world.truth.forces, CR3BP) else AMONG_BODIES
+    """Unit and frame of positions and velocities of a cell."""
+    return ROTATING if isinstance(loop.inputs.truth.forces, CR3BP) else EPHEMERIS_FRAME
 
 
 def _record_dims(loop: ClosedLoop) -> list[str]:
-    """Coordinates that what is recorded needs."""
-    record, scene = loop.world.settings.record, loop.world.scene
-    found = [each.dims for each in recorded_variables(record).values()]
+    """Coordinates of the recorded variables."""
+    record, scene = loop.inputs.settings.record, loop.inputs.scene
+    found = [each.dims for each in _histories(loop).values()]
     found += [dims for dims, *_ in observer_variables(record, scene).values()]
     return [name for name in RECORD_COORDINATES if any(name in dims for dims in found)]
 
 
 def _sizes(loop: ClosedLoop) -> dict[str, int]:
     """Lengths of the dimensions of the histories."""
-    world = loop.world
+    inputs = loop.inputs
     own = {name: len(RECORD_COORDINATES[name][1]) for name in _record_dims(loop)}
     return {
         **loop.lengths,
         **own,
         "seed": len(loop.seeds),
-        "target": world.ids.size,
-        "observer": world.scene.observer_position.shape[0],
-        "slot": world.settings.slots or 1,
+        "target": inputs.ids.size,
+        "observer": inputs.scene.observer_position.shape[0],
+        "slot": inputs.settings.slots or 1,
         "component": len(COMPONENTS),
-        "unknown": len(loop.unknowns),
-        "look": loop.state.looks,
+        "unknown": len(loop.estimated_parameters),
+        "observation": loop.state.observations,
     }
 
 
 def _fill(whole: Mapping[str, Any], pieces: Iterable[Piece], loop: ClosedLoop) -> NDArray[np.int64]:
-    """Put pieces into arrays, or variables of an open file, of the names above.
-
-    Gives the number of looks of each fate.
-    """
-    done, fates = 0, np.zeros(len(FATE_NAMES), dtype=np.int64)
+    """Put pieces into arrays, or variables of an open file; returns the number of each outcome."""
+    done, outcomes = 0, np.zeros(len(OUTCOME_NAMES), dtype=np.int64)
     for piece in pieces:
-        named = {
-            f"estimated_{name}" if name in ESTIMATED else name: each
-            for name, each in piece.kept.items()
-        }
-        steps = piece.places["step"]
-        recorded = loop.world.settings.recorded[piece.places["time"]] - steps.start
-        named["valid"] = "time", (named["fate"][1][recorded] == USED).astype(np.int8)
-        fates += counted(named["fate"][1])
-        fill(whole, piece._replace(kept=named))
-        if piece.looks is not None:
-            rows = slice(done, done + piece.looks.step.size)
-            for name, values in look_values(piece.looks).items():
-                whole[name][rows] = values
+        fill(whole, piece)
+        outcome, recorded = piece.kept["outcome"], piece.extent["time"]
+        steps = loop.inputs.settings.recorded[recorded] - piece.extent["step"].start
+        whole["valid"][piece.seed, recorded] = (outcome[steps] == USED).astype(np.int8)
+        outcomes += count_outcomes(outcome)
+        if piece.observations is not None:
+            rows = slice(done, done + piece.observations.step.size)
+            for name, column in OBSERVATION_COLUMNS.items():
+                whole[name][rows] = column.values(piece.observations)
             done = rows.stop
-    return fates
+    return outcomes
 
 
 def _results(loop: ClosedLoop) -> dict[str, tuple]:
-    """Dimensions, values, unit and meaning of what a run came to, per target."""
+    """Dimensions, values, unit and description of the results of a run, per target."""
     found, failed, counters = loop.ends()
     target, axes = ("seed", "target"), ("seed", "target", "component")
     described = {
@@ -369,13 +345,13 @@ def _results(loop: ClosedLoop) -> dict[str, tuple]:
             "1 where the last position and attitude are within task2.custody"),
         "anees": (axes, found.anees, "1", "average normalized estimation error squared"),
         "rmse": (axes, found.rmse, _SEVERAL, "root mean square error"),
-        "status": (target, found.status, "1", f"status of the target{_DIVERGED}"),
+        "status": (target, found.status, "1", f"status of the target{_INCONSISTENT}"),
         "status_rotation": (
             target, found.status_rotation, "1",
-            f"status of attitude and angular velocity{_DIVERGED}"),
+            f"status of attitude and angular velocity{_INCONSISTENT}"),
         "status_translation": (
             target, found.status_translation, "1",
-            f"status of position and velocity{_DIVERGED}"),
+            f"status of position and velocity{_INCONSISTENT}"),
         "final_attitude_error": (target, found.final_attitude_error_deg, "degree",
                                  "root mean square attitude error over the final hours"),
         "bound_ratio": ((*target, "part"), found.bound_ratio, "1",
@@ -386,5 +362,5 @@ def _results(loop: ClosedLoop) -> dict[str, tuple]:
     }  # fmt: skip
     for name, (index, meaning) in _COUNTED.items():
         described[name] = (target, counters[..., index].astype(np.int32), "1", meaning)
-    described["failed"] = (target, failed, "1", "0, or why the estimate came to an end")
+    described["failed"] = (target, failed, "1", "0, or the reason for which the estimate ended")
     return described

@@ -1,6 +1,6 @@
-"""The model errors of a campaign: variants whose truth is not what the estimators believe.
+"""The model errors of a campaign: variants whose truth differs from the assumed model.
 
-Nothing here needs the compiled library, so that the workflow knows them at once.
+This module does not need the compiled library, so that the workflow can import it quickly.
 """
 
 import json
@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cislunar.campaign.settings.cells import cell_settings, true_settings
+from cislunar.campaign.settings.cell_settings import cell_settings, true_settings
+from cislunar.campaign.settings.cell_tree import CellSettings
+from cislunar.campaign.settings.reading import typed
 
 NONE, SEVERAL = "none", "several"
 """Kinds of a cell without any error, and of a variant with more than one."""
@@ -18,14 +20,13 @@ TORQUE = "angular_acceleration_deg_h2"
 
 
 class ModelError(NamedTuple):
-    """How the truth of a variant departs from the belief.
+    """Difference of the truth of a variant from the assumed model.
 
     `error` is the first variant with the same truth. `kind` is a key within `task2.truth`, or
-    `SEVERAL`, or `NONE` where an estimator looks for errors that are not there. `size` says how
-    far, in `unit` (``%`` or ``degree``): true over believed value less one; for shape and inertia
-    the greatest change of a ratio of axes; for a torque what it turns a body ahead in a run; NaN if
-    it has no measure.
-    `also` are other settings the variant changes, such as a remedy.
+    `SEVERAL`, or `NONE` where an estimator estimates errors that do not exist. `size` is in `unit`
+    (``%`` or ``degree``): true over assumed value less one; for shape and inertia the largest
+    change of a ratio of axes; for a torque the additional rotation of a body in a run; NaN if it
+    has no measure. `also` are other settings that the variant changes, such as a remedy.
     """
 
     variant: str
@@ -45,28 +46,34 @@ def _leaves(change: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
             yield f"{prefix}{key}", value
 
 
-def _size(kind: str, settings: Mapping[str, Any]) -> tuple[float, str]:
+def _size(kind: str, settings: CellSettings) -> tuple[float, str]:
     """Size of one error and its unit."""
-    true = true_settings(settings)
     if kind == TORQUE:
-        return 0.5 * float(np.linalg.norm(true[kind])) * settings["duration_hours"] ** 2, "degree"
+        size = float(np.linalg.norm(settings.truth.angular_acceleration_deg_h2))
+        return 0.5 * size * settings.duration_hours**2, "degree"
     section, _, key = kind.partition(".")
-    if section in ("spread", "reflection"):  # each target has its own; another law has no size
+    if section in (
+        "parameter_sigma",
+        "reflection",
+    ):  # each target has its own; another law has no size
         return np.nan, "%"
-    wanted, believed = true[section][key], settings[section][key]
+    true = true_settings(settings)
+    true_value, assumed = (getattr(getattr(each, section), key) for each in (true, settings))
     if key == "inertia":
-        wanted, believed = ([1, 1, 1] if value is None else value for value in (wanted, believed))
-    if isinstance(wanted, str) or wanted is None or believed is None:
+        true_value, assumed = (
+            [1, 1, 1] if value is None else value for value in (true_value, assumed)
+        )
+    if isinstance(true_value, str) or true_value is None or assumed is None:
         return np.nan, "%"
-    ratio = np.array(wanted, dtype=float) / np.array(believed, dtype=float)
+    ratio = np.array(true_value, dtype=float) / np.array(assumed, dtype=float)
     change = ratio.max() / ratio.min() if ratio.ndim else ratio
     return round(100.0 * float(change - 1.0), 9), "%"
 
 
 def model_errors(task2: Mapping[str, Any]) -> list[ModelError]:
-    """The variants of `task2` whose truth departs from the belief, in its order.
+    """The variants of `task2` whose truth differs from the assumed model, in order.
 
-    And those that estimate departures, whatever the truth.
+    They include those that estimate body-parameter deviations, whatever the truth.
     """
     found: list[ModelError] = []
     first: dict[str, str] = {}
@@ -76,10 +83,10 @@ def model_errors(task2: Mapping[str, Any]) -> list[ModelError]:
         kinds = [key for key, _ in _leaves(truth)]
         also = "; ".join(f"{key} = {value}" for key, value in _leaves(change))
         if not kinds:
-            if change.get("batch", {}).get("unknowns"):
+            if change.get("batch", {}).get("estimated_parameters"):
                 found.append(ModelError(name, "", NONE, 0.0, "%", also))
             continue
-        settings = cell_settings(task2, name)
+        settings = typed(cell_settings(task2, name), CellSettings)
         several = len(kinds) > 1
         size, unit = (np.nan, "%") if several else _size(kinds[0], settings)
         error = first.setdefault(json.dumps(truth, sort_keys=True), name)
@@ -88,8 +95,8 @@ def model_errors(task2: Mapping[str, Any]) -> list[ModelError]:
     return found
 
 
-def drawn_errors(task2: Mapping[str, Any]) -> list[ModelError]:
-    """Errors that can be drawn: those with a size, cells and nothing else changed."""
+def plotted_errors(task2: Mapping[str, Any]) -> list[ModelError]:
+    """Errors for the figure: those with a size, cells, and no other change."""
     cells = task2["variants"]["cells"]
     return [
         error

@@ -1,7 +1,7 @@
 """The tidy table of realizations: a value for each cell, measure and seed.
 
 A measure is a quantity of ``task2/summary.nc`` with a part of the state and a unit. The seeds of a
-measure of a cell stand together, the measures of a cell too.
+measure of a cell are consecutive, and so are the measures of a cell.
 """
 
 from typing import Any
@@ -17,7 +17,7 @@ from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 Array = NDArray[np.float64]
 
 CELL = ["scenario", "architecture", "estimator", "variant", "targets", "interval_minutes"]
-"""What tells one cell from another."""
+"""Labels that identify a cell."""
 
 MEASURE = ["quantity", "part", "unit"]
 
@@ -98,6 +98,6 @@ def values_of(
 
 
 def usual_interval(frame: pd.DataFrame) -> int:
-    """Tasking interval most cells have, min."""
+    """The most frequent tasking interval, min."""
     values, counts = np.unique(frame["interval_minutes"], return_counts=True)
     return int(values[np.argmax(counts)])

@@ -1,24 +1,23 @@
-"""Statistics over realizations: means, differences and trends with confidence intervals.
+"""Means of realizations with confidence intervals.
 
-Realizations of truth and noise are independent, so intervals are Student's t at 95 %, as far as
-possible; of counts and shares of targets at least as wide as the exact ones of Poisson and binomial
-counts. They speak of the spread over realizations alone: geometry, targets and architecture stay as
-they are.
+Realizations of truth and noise are independent, so that intervals are Student's t at 95 %, limited
+to possible values. Those of counts and shares of targets are at least as wide as the exact
+intervals of Poisson and binomial counts. They describe the variation over realizations only:
+geometry, targets and architecture are fixed.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
-from scipy.stats import beta, chi2, norm
+from numpy.typing import ArrayLike
+from scipy.stats import beta, chi2
 from scipy.stats import t as student_t
 
 CONFIDENCE = 0.95
 
 
 class Interval(NamedTuple):
-    """A mean and its confidence interval from `count` finite values; NaN where they are too few."""
+    """A mean and its confidence interval from `count` finite values; NaN if there are too few."""
 
     mean: float
     low: float
@@ -37,17 +36,17 @@ class Interval(NamedTuple):
 
     @property
     def floor(self) -> float:
-        """The lower end; the value itself where there is one alone."""
+        """The lower end; the value itself if it is the only one."""
         return self.low if self.count > 1 else self.mean
 
     @property
     def ceiling(self) -> float:
-        """The upper end; the value itself where there is one alone."""
+        """The upper end; the value itself if it is the only one."""
         return self.high if self.count > 1 else self.mean
 
     @property
     def reach(self) -> float:
-        """How far it goes from zero."""
+        """Largest distance of the interval from zero."""
         return max(abs(self.low), abs(self.high))
 
     def __format__(self, form: str) -> str:
@@ -74,8 +73,8 @@ def t_interval(values: ArrayLike) -> Interval:
 def count_interval(values: ArrayLike) -> Interval:
     """Mean of counts with a 95 % confidence interval: Student's t, and no narrower than Poisson's.
 
-    The exact interval of the rate of a Poisson count (Garwood 1936) also holds where no realization
-    differs from the others: none in ten runs is a mean of 0 to 0.37.
+    The exact interval of the rate of a Poisson count (Garwood 1936) also applies if all
+    realizations are equal: none in ten runs is a mean of 0 to 0.37.
     """
     found = t_interval(values)
     if not found.count:
@@ -89,10 +88,11 @@ def count_interval(values: ArrayLike) -> Interval:
 
 
 def share_interval(values: ArrayLike, targets: int) -> Interval:
-    """Mean share of so many targets with a 95 % interval: Student's t, and no narrower than exact.
+    """Mean share of `targets` targets with a 95 % interval: Student's t, and no narrower than
+    exact.
 
     The exact interval of a binomial share (Clopper & Pearson 1934) of all targets of all
-    realizations also holds where none differs from the others: none of 20 in ten runs is 0 to .018.
+    realizations also applies if all realizations are equal: none of 20 in ten runs is 0 to 0.018.
     """
     found = t_interval(values)
     if not found.count:
@@ -103,34 +103,6 @@ def share_interval(values: ArrayLike, targets: int) -> Interval:
     high = beta.ppf(1.0 - tail, hits + 1.0, trials - hits) if hits < trials else 1.0
     low, high = np.fmin(low, found.low), np.fmax(high, found.high)
     return found._replace(low=max(0.0, float(low)), high=min(1.0, float(high)))
-
-
-def pairs_interval(first: ArrayLike, other: ArrayLike) -> Interval:
-    """Share of pairs of runs in which the first kind has more, with its 95 % interval.
-
-    Runs that are equal to 1e-9 count as half. The interval is of the chance that a further run of
-    the first kind has more than one of the other (Mann & Whitney's statistic). It is the score
-    interval of Newcombe (2006, Statistics in Medicine 25, 559, method 5), in which runs and not
-    pairs are independent; so it has a width even where all pairs agree. `count` is the number of
-    runs of the smaller kind.
-    """
-    first, other = np.asarray(first, dtype=float), np.asarray(other, dtype=float)
-    gain, least = first[:, None] - other, 1e-9 * np.abs(other)
-    share = float(np.mean((gain > least) + 0.5 * (np.abs(gain) <= least)))
-    if min(first.size, other.size) < 2:
-        return Interval(share, np.nan, np.nan, min(first.size, other.size))
-    z, more = norm.ppf(0.5 + 0.5 * CONFIDENCE), 0.5 * (first.size + other.size) - 1.0
-
-    def beyond(chance: float) -> float:
-        """How far the share is from a chance, squared, beyond z standard deviations."""
-        spread = 1.0 + more * ((1.0 - chance) / (2.0 - chance) + chance / (1.0 + chance))
-        variance = chance * (1.0 - chance) * spread / (first.size * other.size)
-        return (share - chance) ** 2 - z**2 * variance
-
-    least_width = 1e-12  # at 0 and 1 the share itself is a root
-    low = brentq(beyond, 0.0, share - least_width) if share > 0.0 else 0.0
-    high = brentq(beyond, share + least_width, 1.0) if share < 1.0 else 1.0
-    return Interval(share, float(low), float(high), min(first.size, other.size))
 
 
 COUNTS = (
@@ -145,7 +117,7 @@ COUNTS = (
 )
 """Quantities that count targets."""
 
-SHARES = (
+_SHARES = (
     "inconsistent_rotation_share",
     "inconsistent_translation_share",
     "translation_outside_share",
@@ -159,13 +131,10 @@ SPANS_DECADES = ("anees", "bound_ratio")
 
 
 def interval_of(quantity: str, values: ArrayLike, targets: int) -> Interval:
-    """Mean and 95 % confidence interval of a quantity of a cell, within what is possible.
-
-    `targets` is how many the cell has.
-    """
+    """Mean and 95 % confidence interval of a quantity of a cell with `targets` targets."""
     if quantity in COUNTS:
         return count_interval(values)
-    if quantity in SHARES:
+    if quantity in _SHARES:
         return share_interval(values, targets)
     if quantity.startswith(SPANS_DECADES):
         return log_interval(values)
@@ -173,7 +142,7 @@ def interval_of(quantity: str, values: ArrayLike, targets: int) -> Interval:
 
 
 def within_bounds(quantity: str, found: Interval) -> Interval:
-    """An interval of a quantity of a cell, cut to what is possible."""
+    """An interval of a quantity of a cell, limited to possible values."""
     is_share = "coverage" in quantity or quantity.endswith(("_share", "_fraction"))
     # a mean of shares of 1 may round to a little more
     highest = max(1.0, found.mean) if is_share else np.inf
@@ -183,7 +152,7 @@ def within_bounds(quantity: str, found: Interval) -> Interval:
 
 
 def prediction_interval(values: ArrayLike) -> Interval:
-    """Median, and where one more run lies with 95 % confidence (Student's t).
+    """Median, and the interval of one more run with 95 % confidence (Student's t).
 
     Unlike the range of the runs it does not widen with their number.
     """
@@ -196,70 +165,9 @@ def prediction_interval(values: ArrayLike) -> Interval:
     return Interval(median, found.mean - half, found.mean + half, found.count)
 
 
-def certain(difference: ArrayLike, low: ArrayLike, high: ArrayLike, count: ArrayLike):
-    """Which of many differences are not zero, at 5 % for all of them together (Holm 1979).
-
-    Each comes with its 95 % interval by Student's t and its number of realizations.
-    """
-    difference, low, high = (np.asarray(each, dtype=float) for each in (difference, low, high))
-    freedom = np.maximum(np.asarray(count, dtype=float) - 1.0, 1.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = 0.5 * (high - low) / student_t.ppf(0.5 + 0.5 * CONFIDENCE, freedom)
-        p = 2.0 * student_t.sf(np.abs(difference) / scale, freedom)
-    p = np.where(np.isfinite(p), p, 1.0)
-    order = np.argsort(p, kind="stable")
-    fails = p[order] > (1.0 - CONFIDENCE) / np.arange(p.size, 0, -1)
-    passed = np.zeros(p.size, dtype=bool)
-    passed[order[: int(np.argmax(fails)) if fails.any() else p.size]] = True
-    return passed
-
-
 def log_interval(values: ArrayLike) -> Interval:
     """Geometric mean and 95 % confidence interval of the positive values, for skewed quantities."""
     positive = np.asarray(values, dtype=float)
     positive = positive[np.isfinite(positive) & (positive > 0.0)]
     mean, low, high, count = t_interval(np.log(positive))
     return Interval(*(float(np.exp(value)) for value in (mean, low, high)), count)
-
-
-def slopes(x: ArrayLike, values: ArrayLike) -> NDArray[np.float64]:
-    """Least-squares slope of each realization against log2(x): the change per doubling of x.
-
-    Values, shape (seed, x), may be NaN; so is the slope of fewer than two.
-    """
-    octaves = np.log2(np.asarray(x, dtype=float))
-    found = []
-    for row in np.asarray(values, dtype=float):
-        valid = np.isfinite(row)
-        if np.unique(octaves[valid]).size < 2:
-            found.append(np.nan)
-            continue
-        offset = octaves[valid] - octaves[valid].mean()
-        # less the first value, so that equal values have no slope at all, not one of rounding
-        rise = row[valid] - row[valid][0]
-        found.append(float(offset @ rise / (offset @ offset)))
-    return np.array(found)
-
-
-class Paired(NamedTuple):
-    """Means and largest values of two samples over their common realizations (NaN without any).
-
-    `difference` is the other less the first, realization by realization.
-    """
-
-    first: float
-    other: float
-    first_largest: float
-    other_largest: float
-    difference: Interval
-
-
-def paired(first: ArrayLike, other: ArrayLike) -> Paired:
-    """Compare two samples over the realizations that are finite in both."""
-    first, other = np.asarray(first, dtype=float), np.asarray(other, dtype=float)
-    both = np.isfinite(first) & np.isfinite(other)
-    first, other = first[both], other[both]
-    difference = t_interval(other - first)
-    if not difference.count:
-        return Paired(np.nan, np.nan, np.nan, np.nan, difference)
-    return Paired(first.mean(), other.mean(), first.max(), other.max(), difference)

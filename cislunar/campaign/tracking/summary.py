@@ -1,7 +1,7 @@
 """Statistics over the targets of every cell, one value per realization: ``task2/summary.nc``.
 
 Averages are over the targets with at least one measurement used. A target that is never observed
-keeps the wide bounds it began with and is trivially within them; such targets are counted apart.
+keeps its wide initial bounds and is trivially within them; such targets are counted separately.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,24 +12,17 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.campaign.data.netcdf import read_dataset, variable
-from cislunar.campaign.data.provenance import provenance
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking.records import recorded_variables
 from cislunar.errors import InputFileError
-from cislunar.evaluation.metrics import (
-    FINAL_HOURS,
-    INCONSISTENT,
-    NEVER_OBSERVED,
-    PARTS,
-    TRACKED,
-)
-from cislunar.tasking.fates import LOOK_FATES, counted, fate_shares
-from cislunar.tasking.settings import RECORDABLE
+from cislunar.evaluation.metrics import FINAL_HOURS, INCONSISTENT, NEVER_OBSERVED, PARTS, TRACKED
+from cislunar.runtime.netcdf import read_dataset, variable
+from cislunar.runtime.provenance import provenance
+from cislunar.tasking.detection_outcomes import OBSERVATION_OUTCOMES, count_outcomes, outcome_shares
+from cislunar.tasking.histories import HISTORIES, OBSERVATION_COLUMNS
 
 Array = NDArray[np.float64]
 
-PART_UNITS = ("1", "rad s-1", "1", "1")
+_PART_UNITS = ("1", "rad s-1", "1", "1")
 """Units of the errors of the parts; those of the paper."""
 
 PER_PART = {
@@ -42,7 +35,7 @@ PER_PART = {
     "bound_ratio_90": "final-hours error over Cramer-Rao bound, 90th percentile over targets",
     "rmse_median": "root mean square error, median over targets and axes",
     "rmse_90": "root mean square error, 90th percentile over targets and axes",
-    "rmse_median_all": "root mean square error, median over all targets, seen or not, and axes",
+    "rmse_median_all": "root mean square error, median over all targets, observed or not, and axes",
     "rmse_geometric_all": "root mean square error, geometric mean over all targets and axes",
     "final_error_geometric_all": (
         "length of the error in the final hours, root mean square over the recorded times, "
@@ -51,9 +44,11 @@ PER_PART = {
 }
 """Quantities of every part, over observed targets."""
 
-ERRORS = ("rmse_median", "rmse_90", "rmse_median_all", "rmse_geometric_all")
-ERRORS += ("final_error_geometric_all",)
-"""Those of them that have the unit of the part's errors."""
+ERRORS = (
+    *("rmse_median", "rmse_90", "rmse_median_all", "rmse_geometric_all"),
+    "final_error_geometric_all",
+)
+"""Quantities of `PER_PART` that have the unit of the part's errors."""
 
 PER_CELL = {
     "final_attitude_error_median": ("degree", "attitude error of the final hours, median"),
@@ -67,49 +62,51 @@ PER_CELL = {
     "inconsistent_rotation_only": ("1", "targets with inconsistent rotation, tracked translation"),
     "inconsistent_rotation_share": ("1", "share of observed targets with inconsistent rotation"),
     "inconsistent_translation_share": (
-        "1",
-        "share of observed targets with inconsistent translation",
-    ),
+        "1", "share of observed targets with inconsistent translation"),
     "translation_outside_share": (
-        "1",
-        "share of observed targets whose translation is outside the band",
-    ),
-    "custody_share": ("1", "share of all targets held at the end, task2.custody"),
+        "1", "share of observed targets whose translation is outside the band"),
+    "custody_share": ("1", "share of all targets in custody at the end, task2.custody"),
     "tracked_share": ("1", "share of all targets tracked in all states"),
     "valid_fraction": ("1", "share of targets and steps with a measurement used"),
     "information": ("nat", "mutual information of a tasking, mean over epochs"),
     "out_of_field": ("1", "measurements outside the field of view"),
-    "dark_sigma_points": ("1", "sigma points without reflected light"),
+    "undetectable_sigma_points": ("1", "undetectable sigma points"),
     "cholesky_failures": ("1", "failed Cholesky factorizations"),
-    "failed": ("1", "targets whose estimate came to an end"),
-    **{name: ("1", f"share of the looks at tasked targets: {name[:-6]}") for name in LOOK_FATES},
-}
+    "failed": ("1", "targets whose estimate ended"),
+    **{
+        name: ("1", f"share of the observations of tasked targets: {name[:-6]}")
+        for name in OBSERVATION_OUTCOMES
+    },
+}  # fmt: skip
 """Quantities of a cell with their units."""
 
 WHERE_KEPT = {
-    "planning_gap": ("1", "by how much schedules may fall short of the best, largest over epochs"),
-    "never_visible": ("1", "targets that no observer could have found, task2.record: visibility"),
-    "missed": ("1", "targets never observed that an observer could have found"),
-}
-"""Quantities of cells that keep what they are made of, in a summary with any such cell."""
+    "planning_gap": (
+        "1", "relative amount by which schedules may fall short of the best, largest over epochs"),
+    "never_visible": (
+        "1", "targets that no observer could have detected, task2.record: visibility"),
+    "missed": ("1", "targets never observed that an observer could have detected"),
+}  # fmt: skip
+"""Quantities of cells that record the necessary histories, in a summary with any such cell."""
 
-BAND_COVERAGE, BAND_ANEES = 0.9, 3.0
+_BAND_COVERAGE, _BAND_ANEES = 0.9, 3.0
 """The translation of a target is outside the band if position or velocity is within 3 sigma for
-less than this share of the time, or has a larger ANEES, as means over the axes; or is lost."""
+less than this share of the time, or has a larger ANEES, as means over the axes, or if the
+translation is inconsistent."""
 
-LUNAR = "Polar_"
+_LUNAR = "Polar_"
 """Prefix of the orbit classes that are no periodic orbits: the low lunar polar trajectories."""
 
-_HISTORIES = ("error", "sigma", "bound", "valid", "assignment", "observer_position")
-_HISTORIES += tuple(name for name in recorded_variables(RECORDABLE) if name != "visible")
-_NEEDED = ("coverage", "custody", "fate", "status", "updates", "bound_ratio", "bound_attitude")
+_HISTORIES = ("valid", "assignment", "observer_position", *OBSERVATION_COLUMNS)
+_HISTORIES += tuple(name for name, each in HISTORIES.items() if each.along == "time")
+_NEEDED = ("coverage", "custody", "outcome", "status", "updates", "bound_ratio", "bound_attitude")
 _ID = ("scenario", "architecture", "estimator", "variant")
 
 
 def read_cell_metrics(path: str | Path) -> xr.Dataset:
-    """Read the metrics of a cell, with `looks` and `final_error` in place of its time histories.
+    """Read the metrics of a cell, with `observations` and `final_error` instead of its histories.
 
-    An `InputFileError` if it has none.
+    Raises `InputFileError` if it has none.
     """
     cell = read_dataset(path, without=_HISTORIES)
     lacking = [name for name in _NEEDED if name not in cell]
@@ -118,17 +115,17 @@ def read_cell_metrics(path: str | Path) -> xr.Dataset:
             f"data set {path} lacks {', '.join(lacking)}: it is no tracking cell, or one of an "
             "earlier version; delete it and run snakemake again"
         )
-    # counted at once: the fates of all cells together are too large to keep
-    cell = cell.drop_vars("fate").assign(looks=(("seed", "outcome"), _looks(cell)))
+    # counted here: the outcomes of all cells together are too large to keep
+    cell = cell.drop_vars("outcome").assign(
+        observations=(("seed", "outcome"), _observation_counts(cell))
+    )
     with xr.open_dataset(path, engine="netcdf4") as histories:
         return cell.assign(final_error=(("seed", "target", "part"), _final_error(histories)))
 
 
 def _final_error(cell: xr.Dataset) -> Array:
-    """Root mean square length of each part's error in the final hours, (seed, target, part).
-
-    Of the recorded times; NaN without them. Only those of the final hours are read.
-    """
+    """Root mean square length of each part's error at the recorded times of the final hours, shape
+    (seed, target, part); NaN without errors."""
     if "final_error" in cell:
         return cell["final_error"].values
     if "error" not in cell:
@@ -136,18 +133,18 @@ def _final_error(cell: xr.Dataset) -> Array:
     final = cell["time"].values > cell["time"].values[-1] - 3600.0 * FINAL_HOURS
     error = cell["error"].isel(time=final).transpose("seed", "target", "time", "component").values
     parts = np.square(error, dtype=float).reshape(*error.shape[:3], len(PARTS), -1).sum(axis=-1)
-    # of an estimate that has come to an end, what there is
+    # of an estimate that has ended, the finite values
     finite = np.isfinite(parts)
     count = finite.sum(axis=2)
     total = np.where(finite, parts, 0.0).sum(axis=2)
     return np.sqrt(np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0))
 
 
-def _looks(cell: xr.Dataset) -> NDArray[np.int64]:
-    """Number of looks of each fate, shape (seed, fate)."""
-    if "looks" in cell:
-        return cell["looks"].values
-    return np.array([counted(fate) for fate in cell["fate"].values])
+def _observation_counts(cell: xr.Dataset) -> NDArray[np.int64]:
+    """Number of observations of each outcome, shape (seed, outcome)."""
+    if "observations" in cell:
+        return cell["observations"].values
+    return np.array([count_outcomes(outcome) for outcome in cell["outcome"].values])
 
 
 def _over_targets(values: Array, counted: NDArray[np.bool_], reduce) -> Array:
@@ -161,7 +158,7 @@ def _percentile_90(values: Array) -> float:
 
 
 def _geometric_mean(values: Array) -> float:
-    """Of errors, which are positive; no large one outweighs all others."""
+    """Geometric mean of errors, which no large one dominates."""
     return np.exp(np.mean(np.log(values)))
 
 
@@ -183,17 +180,14 @@ _OF_TARGETS = {
 
 
 def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
-    """Statistics of a cell for each realization, without need of its time histories.
-
-    Those named in `PER_PART` have shape (seed, part), those in `PER_CELL` and, if the cell keeps
-    what they need, `WHERE_KEPT` (seed,).
-    """
+    """Statistics of a cell for each realization: those of `PER_PART`, shape (seed, part), of
+    `PER_CELL` and, if the cell has the necessary histories, `WHERE_KEPT`, shape (seed,)."""
     status = cell["status"].values
     observed = status != NEVER_OBSERVED
     seen = np.maximum(observed.sum(axis=1), 1)
     rotation = cell["status_rotation"].values == INCONSISTENT
     translation = cell["status_translation"].values == INCONSISTENT
-    periodic = observed & ~np.char.startswith(cell["family"].values.astype(str), LUNAR)
+    periodic = observed & ~np.char.startswith(cell["family"].values.astype(str), _LUNAR)
 
     def reduced(source: str, reduce, counted: NDArray[np.bool_]) -> Array:
         values = cell[source].values
@@ -207,9 +201,13 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         values = cell[name].values[..., 6:]
         return values.reshape(*values.shape[:2], 2, 3).mean(axis=-1)
 
-    outside = (of_translation("coverage") < BAND_COVERAGE).any(axis=-1)
-    outside |= (of_translation("anees") > BAND_ANEES).any(axis=-1)
+    outside = (of_translation("coverage") < _BAND_COVERAGE).any(axis=-1)
+    outside |= (of_translation("anees") > _BAND_ANEES).any(axis=-1)
     outside = observed & (outside | translation)
+    final = [
+        _over_targets(part, np.ones_like(observed), _geometric_mean)
+        for part in np.moveaxis(_final_error(cell), -1, 0)
+    ]
     found = {name: reduced(*how, observed) for name, how in _OF_TARGETS.items()}
     found |= {
         "anees_mean_periodic": reduced("anees", np.mean, periodic),
@@ -223,27 +221,21 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         "translation_outside_share": outside.sum(axis=1) / seen,
         "rmse_median_all": reduced("rmse", np.median, np.ones_like(observed)),
         "rmse_geometric_all": reduced("rmse", _geometric_mean, np.ones_like(observed)),
-        "final_error_geometric_all": np.stack(
-            [
-                _over_targets(part, np.ones_like(observed), _geometric_mean)
-                for part in np.moveaxis(_final_error(cell), -1, 0)
-            ],
-            axis=-1,
-        ),
+        "final_error_geometric_all": np.stack(final, axis=-1),
         "custody_share": cell["custody"].values.mean(axis=1),
         "tracked_share": (status == TRACKED).mean(axis=1),
         "valid_fraction": cell["updates"].values.mean(axis=1) / cell.sizes["step"],
         "information": cell["information"].values.mean(axis=1),
         "failed": (cell["failed"].values != 0).sum(axis=1),
     }
-    found |= fate_shares(_looks(cell))
+    found |= outcome_shares(_observation_counts(cell))
     if "planning_gap" in cell:
         found["planning_gap"] = cell["planning_gap"].values.max(axis=1)
     if "visible" in cell:
         visible = cell["visible"].values.any(axis=1)
         found["never_visible"] = (~visible).sum(axis=1)
         found["missed"] = (visible & ~observed).sum(axis=1)
-    for name in ("out_of_field", "dark_sigma_points", "cholesky_failures"):
+    for name in ("out_of_field", "undetectable_sigma_points", "cholesky_failures"):
         found[name] = cell[name].values.sum(axis=1)
     return {name: np.asarray(values, dtype=float) for name, values in found.items()}
 
@@ -279,21 +271,18 @@ def summary_dataset(
         if any(name in each for each in found)
     }
     labels = {key: [getattr(cell, key) for cell, _ in cells] for key in _ID}
+    intervals = [cell.interval_minutes for cell, _ in cells]
     numbers = {
         "observers": ([each.sizes["observer"] for _, each in cells], "1", "observers"),
         "targets": ([cell.targets for cell, _ in cells], "1", "monitored targets"),
-        "interval_minutes": (
-            [cell.interval_minutes for cell, _ in cells],
-            "min",
-            "time between tasking epochs",
-        ),
+        "interval_minutes": (intervals, "min", "time between tasking epochs"),
     }
     coords = {key: variable("cell", values, "1", key) for key, values in labels.items()}
     coords |= {key: variable("cell", *described) for key, described in numbers.items()}
     coords |= {
         "seed": variable("seed", np.arange(n_seeds), "1", "realization"),
         "part": variable("part", list(PARTS), "1", "part of the state"),
-        "part_unit": variable("part", list(PART_UNITS), "1", "unit of the errors of the part"),
+        "part_unit": variable("part", list(_PART_UNITS), "1", "unit of the errors of the part"),
     }
     attributes = provenance("Statistics of the tracking cells", settings=settings, seed=seed)
     return xr.Dataset(data, coords=coords, attrs=attributes)

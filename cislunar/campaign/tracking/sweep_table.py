@@ -17,7 +17,7 @@ COLUMNS = (
     *("observers", "targets", "interval_minutes", "quantity", "part", "unit"),
     *("mean", "low", "high", "smallest", "largest", "seeds"),
 )
-"""Columns of the table; those that a row has no use for are empty."""
+"""Columns of the table; unused ones are empty."""
 
 
 def architecture_values(
@@ -49,14 +49,14 @@ def sweep_rows(
     architectures: Sequence[Mapping[str, float]],
     summary: xr.Dataset | None,
 ) -> pd.DataFrame:
-    """Rows of ``tables/sweep_{name}.csv``: what architecture and tracking reach for every value.
+    """Rows of ``tables/sweep_{name}.csv``: results of architecture and tracking for every value.
 
     `sweep` is the configuration key `sweeps.{name}`; `architectures` are those of
-    `architecture_values`, one for each value, or none where all values share one; `summary`, of the
+    `architecture_values`, one for each value, or none if all values share one; `summary`, of the
     sweep's cells if it has any, gives every quantity as in ``tables/tracking.csv``.
     """
     points = [
-        # several keys at once go by the name that the value was given
+        # several keys at once are labeled by the name of the value
         point._replace(value=point.variant or point.scenario)
         if isinstance(point.value, Mapping)
         else point
@@ -79,8 +79,8 @@ def sweep_rows(
     if summary is not None:
         value_of = {(point.scenario, point.variant): point.value for point in points}
         tracked = tracking_rows(summary)
-        places = zip(tracked["scenario"], tracked["variant"], strict=True)
-        tracked["value"] = [value_of[place] for place in places]
+        cells = zip(tracked["scenario"], tracked["variant"], strict=True)
+        tracked["value"] = [value_of[place] for place in cells]
         table = tracked if table.empty else pd.concat([table, tracked], ignore_index=True)
     label = sweep.get("label", sweep["key"].removeprefix("settings."))
     table = table.assign(sweep=name, key=sweep["key"], label=label).reindex(columns=list(COLUMNS))

@@ -1,4 +1,5 @@
-"""Tables of tracking: every cell with confidence intervals, and what a changed setting does."""
+"""Tables of tracking: every cell with confidence intervals, effects of changed settings, and
+ranks."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -8,9 +9,11 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
+from cislunar.campaign.settings.cells import FEWEST_RANKED
+from cislunar.campaign.tracking.comparisons import Paired, paired, rank_correlation
 from cislunar.campaign.tracking.model_errors import NONE, ModelError
 from cislunar.campaign.tracking.realizations import CELL, MEASURE, by_measure, realizations, select
-from cislunar.campaign.tracking.statistics import SPANS_DECADES, Paired, interval_of, paired
+from cislunar.campaign.tracking.statistics import SPANS_DECADES, interval_of
 
 Array = NDArray[np.float64]
 
@@ -23,8 +26,8 @@ def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
 
     For every cell and quantity, with every part of the state and unit: mean over the realizations
     with its 95 % confidence interval (Student's t; of the logarithm for ANEES and error over bound,
-    which span decades; of counts and shares of targets no narrower than the exact ones) as far as
-    it is possible, smallest and largest. Quantity `rmse_*` appears in the paper's units and in
+    which span decades; of counts and shares of targets no narrower than the exact ones), limited to
+    possible values, smallest and largest. Quantity `rmse_*` appears in the paper's units and in
     practical ones.
     """
     heads, values = by_measure(realizations(summary))
@@ -43,7 +46,7 @@ def _statistics(quantity: str, targets: int, values: Array) -> tuple:
     return mean, low, high, *ends, seeds
 
 
-POOLED_QUANTITIES = (
+_POOLED_QUANTITIES = (
     ("custody_share", "", "1"),
     ("final_error_geometric_all", "position", "km"),
     ("final_error_geometric_all", "attitude", "degree"),
@@ -63,22 +66,22 @@ def pooled_rows(summary: xr.Dataset, pooled: Sequence[str]) -> pd.DataFrame:
 
     `pooled` is the configuration key `task2.variants.pooled`: realizations of these variants count
     as further ones of the usual cell, and those of each ``{variant}-{one of them}`` of its variant.
-    All are taken for independent.
+    All are treated as independent.
     """
     frame = realizations(summary).set_index(MEASURE, drop=False)
-    frame = frame.loc[frame.index.isin(POOLED_QUANTITIES)].reset_index(drop=True)
+    frame = frame.loc[frame.index.isin(_POOLED_QUANTITIES)].reset_index(drop=True)
     roots = {name: _root(name, pooled) for name in frame["variant"].unique()}
     frame = frame.assign(variant=frame["variant"].map(roots))
     heads, found = [], []
     for head, values in frame.groupby([*_PLACE, *MEASURE], sort=False)["value"]:
-        told = dict(zip([*_PLACE, *MEASURE], head, strict=True))
-        heads.append(told)
-        found.append(_statistics(told["quantity"], told["targets"], values.to_numpy(float)))
+        head_of = dict(zip([*_PLACE, *MEASURE], head, strict=True))
+        heads.append(head_of)
+        found.append(_statistics(head_of["quantity"], head_of["targets"], values.to_numpy(float)))
     return pd.DataFrame(heads).join(pd.DataFrame(found, columns=_STATISTICS))
 
 
 def _root(variant: str, pooled: Sequence[str]) -> str:
-    """A variant without the day or the targets that it may be called after."""
+    """A variant without the suffix of a pooled variant."""
     for name in pooled:
         if variant == name:
             return ""
@@ -92,9 +95,9 @@ def compared(
 ) -> tuple[pd.DataFrame, list[Paired]]:
     """Cells beside those that differ from them in one label alone, realization by realization.
 
-    Both are `realizations`; `differing` is the label of `CELL`, and cells without a usual one are
-    left out. Makes the rows of cell and measure, and a pair for each; of decimal logarithms for
-    `SPANS_DECADES`, whose quantity then says so.
+    Both are `realizations`; `differing` is the label of `CELL`; cells without a usual one are left
+    out. Returns the rows of cell and measure, and a pair for each; for `SPANS_DECADES` of decimal
+    logarithms, as the quantity then states.
     """
     keys = [key for key in (*CELL, *MEASURE, "seed") if key != differing]
     both = changed.merge(usual[[*keys, "value"]], on=keys, suffixes=("", "_usual"))
@@ -210,3 +213,55 @@ def _error_rows(
             "difference_high": each.difference.high,
             "seeds": each.difference.count,
         }
+
+
+OBJECTIVES = ("J", "union_coverage", "target_days", "information_nat", "attitude_nat")
+"""Columns of ``tables/objectives_{scenario}.csv``; more is better."""
+
+MEASURES = (
+    ("rmse_geometric_all", "position", "km", -1.0),
+    ("rmse_geometric_all", "attitude", "degree", -1.0),
+    ("rmse_median_all", "position", "km", -1.0),
+    ("rmse_median", "position", "km", -1.0),
+    ("rmse_median_all", "attitude", "degree", -1.0),
+    ("final_attitude_error_median", "", "degree", -1.0),
+    ("never_observed", "", "1", -1.0),
+    ("tracked_share", "", "1", 1.0),
+)
+"""Quantity, part and unit in ``tables/tracking.csv``, and the sign that makes more better."""
+
+_GROUP = ["scenario", "estimator", "variant", "targets", "interval_minutes", "observers"]
+
+
+def _filled(texts: pd.Series) -> pd.Series:
+    """A column of texts, empty where a table has no entry."""
+    return texts.astype(object).fillna("")
+
+
+def rank_rows(objectives: pd.DataFrame, tracking: pd.DataFrame) -> pd.DataFrame:
+    """Rows of ``tables/objective_ranks.csv``, from the tables of objectives and of tracking.
+
+    For every group of cells that differ only in their architecture and have the same number of
+    observers: rank correlation of each objective with tracking performance. Groups of fewer
+    architectures than `FEWEST_RANKED` are left out.
+    """
+    named = objectives[_filled(objectives["front"]) == ""]
+    both = tracking.assign(**{key: _filled(tracking[key]) for key in ("variant", "part")})
+    both = both.merge(named[["scenario", "architecture", *OBJECTIVES]], how="inner")
+    rows = []
+    for group, cells in both.groupby(_GROUP, sort=False):
+        for quantity, part, unit, sign in MEASURES:
+            labels = {"quantity": quantity, "part": part, "unit": unit}
+            own = cells[(cells[list(labels)] == list(labels.values())).all(axis=1)]
+            if own["architecture"].nunique() < FEWEST_RANKED:
+                continue
+            for objective in OBJECTIVES:
+                found = rank_correlation(own[objective], sign * own["mean"])
+                row = dict(zip(_GROUP, group, strict=True)) | {"objective": objective} | labels
+                rows.append(
+                    row
+                    | {"correlation": found.mean, "low": found.low, "high": found.high}
+                    | {"architectures": found.count}
+                )
+    columns = [*_GROUP, "objective", "quantity", "part", "unit"]
+    return pd.DataFrame(rows, columns=[*columns, "correlation", "low", "high", "architectures"])

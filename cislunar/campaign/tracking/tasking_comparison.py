@@ -1,7 +1,7 @@
 """Tasking methods on the same problems: information against evaluations and time.
 
-The problems are those a run with exact tasking meets: the information of all pairs at its epochs.
-Every budget is a search of its own with its own clock; searches of one run share their random
+The problems are those of a run with exact tasking: the information of all pairs at its epochs.
+Every budget is a separate search with its own clock; searches of one run share their random
 numbers, so that a larger budget continues the smaller one.
 """
 
@@ -13,19 +13,19 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.campaign.data.netcdf import variable
-from cislunar.campaign.data.progress import Progress
-from cislunar.campaign.data.provenance import provenance
-from cislunar.campaign.data.seeds import generator
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import CellInputs, cell_loop
+from cislunar.runtime.netcdf import variable
+from cislunar.runtime.progress import Progress
+from cislunar.runtime.provenance import provenance
+from cislunar.runtime.seeds import generator
 from cislunar.tasking.planning.assignment import assign
-from cislunar.tasking.recording import gathered
+from cislunar.tasking.recording import collect
 
 Array = NDArray[np.float64]
 
 SEARCHES = ("tpe", "random")
-DIRECT = ("exact", "greedy")
+_DIRECT = ("exact", "greedy")
 
 _TIMED_CALLS = 20
 
@@ -38,9 +38,9 @@ def _timed(information: Array, method: str, **budget: Any) -> tuple[Any, float]:
 
 def _direct(pairs: Sequence[Array]) -> dict[str, Array]:
     """Information and time of the methods that do not search, shape (method, epoch)."""
-    information = np.empty((len(DIRECT), len(pairs)))
+    information = np.empty((len(_DIRECT), len(pairs)))
     elapsed = np.empty_like(information)
-    for m, method in enumerate(DIRECT):
+    for m, method in enumerate(_DIRECT):
         for e, matrix in enumerate(pairs):
             timed = [_timed(matrix, method) for _ in range(_TIMED_CALLS)]
             information[m, e] = timed[0][0].information
@@ -60,13 +60,14 @@ def compared_dataset(
 ) -> xr.Dataset:
     """Compare the tasking methods: ``task2/tasking/{scenario}_{architecture}_nt{n}.nc``.
 
-    Arguments are those of `cell_loop`, and the configuration key `task2.tasking_comparison`.
+    See `cell_loop` for the arguments; `comparison` is the configuration key
+    `task2.tasking_comparison`.
     """
     first = {**settings, "seeds": 1, "tasking": {**settings["tasking"], "method": "exact"}}
     loop, problem = cell_loop(
         cell, inputs, first, propagator=propagator, seed=seed, keep_information=True
     )
-    kept, _ = gathered(loop.pieces(), 1, loop.lengths)
+    kept, _ = collect(loop.pieces(), 1, loop.lengths)
     epochs = list(comparison["epochs"])
     pairs = [kept["pair_information"][0, epoch] for epoch in epochs]
     dims = ("search", "epoch", "run", "budget")
@@ -81,7 +82,7 @@ def compared_dataset(
     found = _search_all(pairs, cell, comparison, seed, progress) | _direct(pairs)
     coords = {
         "search": variable("search", list(SEARCHES), "1", "method that searches"),
-        "direct": variable("direct", list(DIRECT), "1", "method that does not search"),
+        "direct": variable("direct", list(_DIRECT), "1", "method that does not search"),
         "epoch": variable("epoch", epochs, "1", "tasking epoch"),
         "budget": variable("budget", sorted(comparison["evaluations"]), "1", "evaluations allowed"),
         "observers": variable((), len(problem.observer_slot), "1", "observers"),
@@ -103,7 +104,7 @@ def _search_all(
     seed: int,
     progress: Progress | None,
 ) -> dict[str, Array]:
-    """All searches: what they reach, when, and the course of the longest one."""
+    """All searches: information, time, and the course of the longest one."""
     budgets, runs = sorted(comparison["evaluations"]), comparison["runs"]
     allowed = {"tpe": comparison["tpe_evaluations"], "random": budgets[-1]}
     called = {"tpe": "tpe-compiled"} if comparison["sampler"] == "compiled" else {}
@@ -114,8 +115,8 @@ def _search_all(
         "evaluations": np.zeros(shape, dtype=np.int32),
         "history": np.full((*shape[:3], budgets[-1]), np.nan),
     }
-    places = [at for at in np.ndindex(shape) if budgets[at[3]] <= allowed[SEARCHES[at[0]]]]
-    for done, at in enumerate(places, start=1):
+    cases = [at for at in np.ndindex(shape) if budgets[at[3]] <= allowed[SEARCHES[at[0]]]]
+    for done, at in enumerate(cases, start=1):
         method, (_, e, r, b) = SEARCHES[at[0]], at
         reached, found["elapsed"][at] = _timed(
             pairs[e],
@@ -128,11 +129,11 @@ def _search_all(
         found["evaluations"][at] = reached.history.size
         found["history"][at[:3]][: reached.history.size] = reached.history
         if progress is not None:
-            progress(done, len(places))
+            progress(done, len(cases))
     return found
 
 
-def gather(compared: Sequence[xr.Dataset]) -> xr.Dataset:
+def concatenate_comparisons(compared: Sequence[xr.Dataset]) -> xr.Dataset:
     """All compared cells along a dimension `cell`: ``task2/tasking_comparison.nc``."""
     whole = xr.concat(list(compared), dim="cell", combine_attrs="drop_conflicts", join="exact")
     # The cells differ in their number of targets, which is a variable of its own.

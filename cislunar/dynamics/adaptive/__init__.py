@@ -1,1 +1,10 @@
-"""Integrators whose steps adapt to a tolerance: of one trajectory, and of many side by side."""
+"""Adaptive integrators of a single trajectory and of many trajectories in parallel lanes."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "lanes": ["Jobs", "integrate_many"],
+    "runge_kutta": ["DOP853", "DOPRI5", "MAX_STEPS", "OK", "STEP_UNDERFLOW", "integrate"],
+})
+# fmt: on

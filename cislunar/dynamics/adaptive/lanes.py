@@ -1,16 +1,16 @@
-"""Many trajectories integrated side by side, each with its own steps, compiled.
+"""Adaptive integration of many trajectories in the lanes of vector arithmetic (compiled).
 
-A trajectory alone leaves most of a processor idle: each stage waits for the one before, and
-its numbers are too few to fill vector registers. Here `LANES` trajectories take their stages
-together, one in each lane of vector arithmetic; when one ends, the next takes its lane. Time,
-step and error belong to a lane, and nothing is ever summed across lanes. Every operation is that of
-`cislunar.dynamics.adaptive.runge_kutta.integrate`, in its order and without contraction, so that a
-trajectory comes out the same, bit for bit, whatever its neighbours, the number of lanes and the
+A single trajectory uses little of a processor, because each stage depends on the previous one and
+its six components do not fill vector registers. Here `LANES` trajectories are integrated together,
+one per lane; when one ends, the next takes its lane. Each lane has its own time, step and error,
+and nothing is summed across lanes. Every operation is that of
+`cislunar.dynamics.adaptive.runge_kutta.integrate`, in the same order and without contraction.
+Therefore the result is bit-identical, whatever the other trajectories, the number of lanes and the
 width of the registers.
 
-All numbers lie in one table: component c of lane i is entry ``c * LANES + i`` of a row, numbers of
-a lane alone are its first entries. Rows are addressed by index, without views of them: only then
-do the loops become vector code.
+All numbers are in one table: component c of lane i is entry ``c * LANES + i`` of a row, and rows
+with one number per lane use the first entries. Rows are addressed by index rather than by views,
+because only then does the compiler vectorize the loops.
 """
 
 from typing import NamedTuple
@@ -44,7 +44,7 @@ from cislunar.dynamics.tableau import (
 )
 
 LANES = 16
-WIDTH = 6 * LANES
+_WIDTH = 6 * LANES
 _STATE, _NEW, _WORK, _STEP, _ERROR, _ERROR3 = range(6)
 _TIME, _STAGE_TIME, _ELAPSED, _SIZE, _LEFT, _NORM = range(6, 12)
 _SLOPES, _DENSE = 12, 28
@@ -53,14 +53,14 @@ _JOB, _DONE, _TRIED, _REJECTED = range(4)
 
 
 def _padded(rows: list, columns: int = 16) -> NDArray[np.float64]:
-    """Rows of weights, filled up with zeros."""
+    """Rows of weights, padded with zeros."""
     out = np.zeros((len(rows), columns))
     for row, weights in zip(out, rows, strict=True):
         row[: len(weights)] = weights
     return out
 
 
-# By method, so that the code of a stage is compiled once: both pairs, and weights of slopes.
+# Indexed by method, so that the code of a stage is compiled once.
 _A = np.stack([_padded([*pair[0], *np.zeros((16 - len(pair[0]), 1))]) for pair in (PAIR5, PAIR8)])
 _NODES = _padded([pair[1] for pair in (PAIR5, PAIR8)])
 _FIRST = _padded([pair[2] for pair in (PAIR5, PAIR8)]).astype(np.int64)
@@ -71,22 +71,23 @@ _DENSE_ROW, _DENSE_SLOPES, _DENSE_BEFORE = (1, 7), (STAGES5 + 1, 16), (0, 3)
 
 
 class Jobs(NamedTuple):
-    """Trajectories to integrate, n of them.
+    """Trajectories to integrate, n of them, nondimensional.
 
     Attributes
     ----------
     state : ndarray, shape (n, 6)
-        Where each begins.
+        Initial states, propagation frame.
     start : ndarray, shape (n,)
-        When, since the epoch.
+        Initial times since the epoch.
     direction : ndarray, shape (n,)
         1 forward in time, -1 backward.
     first : ndarray of int, shape (n + 1,)
-        Where the times of each begin in `times`.
+        Index in `times` of the first time of each trajectory.
     times : ndarray, shape (m,)
-        Wanted times of all, passed since the start: none is negative, those of each rise.
+        Output times of all trajectories, elapsed since the start: nonnegative, and increasing for
+        each trajectory.
     place : ndarray of int, shape (m,)
-        Row of the result for each of them.
+        Row of the result for each output time.
     """
 
     state: NDArray[np.float64]
@@ -99,22 +100,22 @@ class Jobs(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def _stages(method, forces, begin, end, w, out):
-    """Slopes from stage `begin` to `end` - 1, each at a point left in row `out`."""
+    """Slopes from stage `begin` to `end` - 1; the last stage's point remains in row `out`."""
     for s in range(begin, end):
         c = _A[method, s, 0]
-        for k in range(WIDTH):
+        for k in range(_WIDTH):
             w[out, k] = w[_STATE, k] + w[_STEP, k] * c * w[_SLOPES, k]
         j = _FIRST[method, s]
         while j + 1 < s:  # two at a time, for fewer stores
             c, d = _A[method, s, j], _A[method, s, j + 1]
             row = _SLOPES + j
-            for k in range(WIDTH):
+            for k in range(_WIDTH):
                 h = w[_STEP, k]
                 w[out, k] = (w[out, k] + h * c * w[row, k]) + h * d * w[row + 1, k]
             j += 2
         if j < s:
             c = _A[method, s, j]
-            for k in range(WIDTH):
+            for k in range(_WIDTH):
                 w[out, k] += w[_STEP, k] * c * w[_SLOPES + j, k]
         for i in range(LANES):
             w[_STAGE_TIME, i] = w[_TIME, i] + _NODES[method, s] * w[_STEP, i]
@@ -138,28 +139,28 @@ def _stages(method, forces, begin, end, w, out):
 
 @njit(cache=True, error_model="numpy")
 def _weigh(row, rows, count, w, out):
-    """Rows from `out` on: the first slopes, weighed by the rows of `_WEIGHTS` from `row` on."""
+    """Sums of the first slopes, weighted by `_WEIGHTS` from `row` on, into rows from `out` on."""
     for p in range(rows):
-        for k in range(WIDTH):
+        for k in range(_WIDTH):
             w[out + p, k] = 0.0
         for j in range(0, count - 1, 2):
             c, d = _WEIGHTS[row + p, j], _WEIGHTS[row + p, j + 1]
-            for k in range(WIDTH):
+            for k in range(_WIDTH):
                 w[out + p, k] = (w[out + p, k] + c * w[_SLOPES + j, k]) + d * w[_SLOPES + j + 1, k]
         if count % 2:
             c = _WEIGHTS[row + p, count - 1]
-            for k in range(WIDTH):
+            for k in range(_WIDTH):
                 w[out + p, k] += c * w[_SLOPES + count - 1, k]
 
 
 @njit(cache=True, error_model="numpy")
 def _step(method, forces, rtol, atol, w):
-    """All stages of a step, and the norm of its error in each lane."""
+    """All stages of a step, and the error norm of each lane."""
     _stages(method, forces, 1, _STAGES[method] + 1, w, _NEW)
     _weigh(_ERROR_ROW[method], _ERROR_ROWS[method], _ERROR_SLOPES[method], w, _ERROR)
-    for k in range(WIDTH):
+    for k in range(_WIDTH):
         scale = atol + rtol * max(abs(w[_STATE, k]), abs(w[_NEW, k]))
-        # as in the integrator of one trajectory, to the last bit
+        # bit-identical to the integrator of one trajectory
         scale = w[_STEP, k] / scale if method == DOPRI5 else 1.0 / scale
         w[_ERROR, k] *= scale
         w[_ERROR3, k] *= scale
@@ -177,10 +178,10 @@ def _step(method, forces, rtol, atol, w):
 
 @njit(cache=True, error_model="numpy")
 def _prepare_dense(method, forces, w):
-    """Coefficients of the continuous extensions of a step, of all lanes."""
+    """Coefficients of the continuous extension of a step, for all lanes."""
     if method != DOPRI5:
         _stages(method, forces, STAGES8 + 1, 16, w, _WORK)
-        for k in range(WIDTH):
+        for k in range(_WIDTH):
             h, slope, delta = w[_STEP, k], w[_SLOPES, k], w[_NEW, k] - w[_STATE, k]
             w[_DENSE, k] = delta
             w[_DENSE + 1, k] = h * slope - delta
@@ -188,13 +189,13 @@ def _prepare_dense(method, forces, w):
     first = _DENSE + _DENSE_BEFORE[method]
     _weigh(_DENSE_ROW[method], 4, _DENSE_SLOPES[method], w, first)
     for p in range(4):
-        for k in range(WIDTH):
+        for k in range(_WIDTH):
             w[first + p, k] *= w[_STEP, k]
 
 
 @njit(cache=True, error_model="numpy")
 def _load(job, i, method, forces, jobs, rtol, atol, w, lanes, out):
-    """Put a job into lane i, unless it wants no more than its start."""
+    """Load a job into lane i, unless its only output time is its start."""
     first, last = jobs.first[job], jobs.first[job + 1]
     y = jobs.state[job]
     while first < last and jobs.times[first] == 0.0:
@@ -219,7 +220,7 @@ def _load(job, i, method, forces, jobs, rtol, atol, w, lanes, out):
 
 @njit(cache=True, error_model="numpy")
 def _propose(jobs, w, lanes, status, reached):
-    """The step each lane takes next, none if it is idle or gives up; how many are busy."""
+    """Set the next step of each lane, zero if idle or failed; returns the number of busy lanes."""
     busy = 0
     for i in range(LANES):
         job = lanes[_JOB, i]
@@ -231,7 +232,7 @@ def _propose(jobs, w, lanes, status, reached):
             w[_LEFT, i] = left
             w[_SIZE, i] = h
             w[_TIME, i] = jobs.start[job] + t * direction
-            # Written so that a NaN (a step into the centre of a primary) also counts as underflow.
+            # Written so that a NaN (a step into the center of a primary) also counts as underflow.
             if not h > 4e-16 * max(t, 1e-3) or lanes[_TRIED, i] == MAX_STEPS:
                 status[job] = TOO_MANY_STEPS if lanes[_TRIED, i] == MAX_STEPS else STEP_UNDERFLOW
                 reached[job] = t * direction
@@ -246,8 +247,8 @@ def _propose(jobs, w, lanes, status, reached):
 
 
 @njit(cache=True, error_model="numpy")
-def _wants_more_than_ends(jobs, w, lanes):
-    """Whether a lane wants a time within the step that it has just made."""
+def _has_outputs_within(jobs, w, lanes):
+    """Whether a lane has an output time within the step just taken."""
     for i in range(LANES):
         if lanes[_JOB, i] >= 0 and w[_NORM, i] < 1.0:
             h = w[_SIZE, i]
@@ -263,7 +264,7 @@ def _wants_more_than_ends(jobs, w, lanes):
 @njit(cache=True, error_model="numpy")
 def _evaluate(method, fraction, i, w, row, out):
     """Continuous extension of lane i at a fraction of its step, into a row of `out`."""
-    for k in range(i, WIDTH, LANES):
+    for k in range(i, _WIDTH, LANES):
         y, a, b = w[_STATE, k], w[_DENSE, k], w[_DENSE + 1, k]
         c, d = w[_DENSE + 2, k], w[_DENSE + 3, k]
         if method == DOPRI5:
@@ -275,7 +276,7 @@ def _evaluate(method, fraction, i, w, row, out):
 
 @njit(cache=True, error_model="numpy")
 def _settle(method, jobs, w, lanes, out):
-    """Accept the steps with the times they pass, or try shorter ones next."""
+    """Accept steps and write their outputs, or reduce the next step."""
     exponent = -0.2 if method == DOPRI5 else -0.125
     end_slopes = _SLOPES + (STAGES5 if method == DOPRI5 else STAGES8)
     for i in range(LANES):
@@ -290,12 +291,12 @@ def _settle(method, jobs, w, lanes, out):
         t, end = w[_ELAPSED, i], jobs.times[last - 1]
         t_new = end if h == w[_LEFT, i] else t + h
         while done < last and t_new >= jobs.times[done]:
-            wanted, row = jobs.times[done], jobs.place[done]
-            if wanted == t_new:
+            output, row = jobs.times[done], jobs.place[done]
+            if output == t_new:
                 for c in range(6):
                     out[row, c] = w[_NEW, c * LANES + i]
             else:
-                _evaluate(method, (wanted - t) / h, i, w, row, out)
+                _evaluate(method, (output - t) / h, i, w, row, out)
             done += 1
         lanes[_DONE, i] = done
         if done == last:
@@ -312,16 +313,14 @@ def _settle(method, jobs, w, lanes, out):
 
 @njit(cache=True, error_model="numpy")
 def integrate_many(method, forces, jobs, rtol, atol, out, status, reached):
-    """Integrate every job from its start to the last of its times (compiled).
-
-    `out`, shape (rows, 6), receives the states, `status` and `reached`, shape (n,), how each job
-    ended, as the integrator of one trajectory returns it; `reached` is set where a job failed.
-    """
-    w, lanes = np.zeros((_ROWS, WIDTH)), np.zeros((4, LANES), np.int64)
+    """Integrate every job from its start to the last of its times (compiled). `out`, shape (rows,
+    6), receives the states. `status` and `reached`, shape (n,), receive the status codes of
+    `cislunar.dynamics.adaptive.runge_kutta` and, for failed jobs, the elapsed time reached."""
+    w, lanes = np.zeros((_ROWS, _WIDTH)), np.zeros((4, LANES), np.int64)
     status[:] = OK
     if jobs.start.size == 0:
         return
-    for i in range(LANES):  # an idle lane rests at the first start, wherever that is
+    for i in range(LANES):  # idle lanes evaluate the first start, which is a valid state
         lanes[_JOB, i] = -1
         w[_TIME, i] = jobs.start[0]
         for c in range(6):
@@ -338,6 +337,6 @@ def integrate_many(method, forces, jobs, rtol, atol, out, status, reached):
                 return
             continue
         _step(method, forces, rtol, atol, w)
-        if _wants_more_than_ends(jobs, w, lanes):
+        if _has_outputs_within(jobs, w, lanes):
             _prepare_dense(method, forces, w)
         _settle(method, jobs, w, lanes, out)

@@ -1,10 +1,10 @@
-"""Adaptive Runge-Kutta kernels with dense output, compiled.
+"""Adaptive Runge-Kutta kernels with dense output (compiled).
 
-The pairs are those of `cislunar.dynamics.tableau`; step-size control follows Hairer, Norsett &
+For the pairs see `cislunar.dynamics.tableau`; the step-size control follows Hairer, Norsett &
 Wanner, "Solving Ordinary Differential Equations I", section II.4.
 
-A vector of 6 entries is a state; one of 42 is a state followed by the state transition matrix
-(STM), row by row, whose variational equations are integrated along with it.
+A vector of 6 entries is a state. A vector of 42 entries is a state followed by its state transition
+matrix (STM) in row order, whose variational equations are integrated as well.
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ MAX_STEPS = 2_000_000
 
 @njit(cache=True, error_model="numpy")
 def derivative(forces, t, y, dy):
-    """Time derivative of a state (6) or of a state and its STM (42), written into `dy`."""
+    """Write the time derivative of a state (6), or of a state and its STM (42), into `dy`."""
     field = at(forces, t)
     dy[0] = y[3]
     dy[1] = y[4]
@@ -55,13 +55,11 @@ def derivative(forces, t, y, dy):
 
 @njit(cache=True, error_model="numpy")
 def _stage(forces, t, y, h, slopes, row, first, count, work):
-    """Slope at time t of y + h sum_j row[j] slopes[j], into slopes[count].
-
-    Coefficients from 1 to `first` - 1 are zero and skipped.
-    """
+    """Slope at time t of y + h sum_j row[j] slopes[j], into slopes[count]. Coefficients from 1 to
+    `first` - 1 are zero and skipped."""
     n = y.size
     if n == 6:
-        # Six running sums in registers: a state alone is what campaigns propagate most.
+        # Six running sums in registers, for the most frequent case.
         y0, y1, y2, y3, y4, y5 = y[0], y[1], y[2], y[3], y[4], y[5]
         for j in range(count):
             if 0 < j < first:
@@ -90,7 +88,7 @@ def _stage(forces, t, y, h, slopes, row, first, count, work):
 
 @njit(cache=True, error_model="numpy")
 def _step(method, forces, t, y, h, slopes, y_new):
-    """All stages of a step; slopes[0] must hold f(y), the row after the last receives f(y_new)."""
+    """All stages of a step; slopes[0] holds f(y), the row after the last stage gets f(y_new)."""
     if method == DOPRI5:
         for s in range(1, STAGES5 + 1):
             _stage(forces, t + C5[s] * h, y, h, slopes, A5[s], FIRST5[s], s, y_new)
@@ -101,7 +99,7 @@ def _step(method, forces, t, y, h, slopes, y_new):
 
 @njit(cache=True, error_model="numpy")
 def _error_norm(method, y, y_new, h, slopes, rtol, atol):
-    """Error of a step against the tolerances; it is acceptable below 1."""
+    """Error norm of a step relative to the tolerances; acceptable below 1."""
     n = y.size
     if method == DOPRI5:
         total = 0.0
@@ -159,13 +157,13 @@ def _prepare_dense(method, forces, t, y, y_new, h, slopes, dense, work):
 
 @njit(cache=True, error_model="numpy")
 def extended5(fraction, y, a, b, c, d):
-    """Continuous extension of Dormand-Prince 5 for one component, by its coefficients."""
+    """Continuous extension of Dormand-Prince 5(4) for one component."""
     return y + (((d * fraction + c) * fraction + b) * fraction + a) * fraction
 
 
 @njit(cache=True, error_model="numpy")
 def extended8(fraction, y, a, b, c, d, e, f, g):
-    """Continuous extension of DOP853 for one component, by its coefficients."""
+    """Continuous extension of DOP853 for one component."""
     rest = 1.0 - fraction
     value = ((g * fraction + f) * rest + e) * fraction
     return y + ((((value + d) * rest + c) * fraction + b) * rest + a) * fraction
@@ -212,38 +210,37 @@ def initial_step(method, forces, t, y, slope, span, rtol, atol, work, work_slope
 
 
 @njit(cache=True, error_model="numpy")
-def _close_in(method, y, dense, centre, point):
-    """Bisect a step for the least distance to a primary; `point` is left there."""
+def _close_in(method, y, dense, center, point):
+    """Bisect a step for the least distance to a primary; `point` receives the state there."""
     low = 0.0
     high = 1.0
     for _ in range(45):
         middle = 0.5 * (low + high)
         _evaluate_dense(method, y, dense, middle, point)
-        if _radial_rate(point, centre) < 0.0:
+        if _radial_rate(point, center) < 0.0:
             low = middle
         else:
             high = middle
 
 
 @njit(cache=True, error_model="numpy")
-def _radial_rate(y, centre):
-    return (y[0] - centre) * y[3] + y[1] * y[4] + y[2] * y[5]
+def _radial_rate(y, center):
+    return (y[0] - center) * y[3] + y[1] * y[4] + y[2] * y[5]
 
 
 @njit(cache=True, error_model="numpy")
-def _distance(y, centre):
-    return np.sqrt((y[0] - centre) ** 2 + y[1] * y[1] + y[2] * y[2])
+def _distance(y, center):
+    return np.sqrt((y[0] - center) ** 2 + y[1] * y[1] + y[2] * y[2])
 
 
 @njit(cache=True, error_model="numpy")
-def integrate(method, forces, start, y0, times, rtol, atol, out, centres, closest):
-    """Integrate from `start` and evaluate the continuous extension at the wanted times (compiled).
+def integrate(method, forces, start, y0, times, rtol, atol, out, centers, closest):
+    """Integrate from `start` and evaluate the continuous extension at output times (compiled).
 
-    `y0` has 6 or 42 entries. `times` count from `start`, monotone and all of one sign (or zero);
-    the last is where the integration ends. `out`, shape (m, n), receives the solution, and
-    `closest` the least distances to `centres`, places on the x axis (forward integration only).
-    Returns the status and the time reached.
-    """
+    `y0` has 6 or 42 entries. `times` are elapsed since `start`, monotone and of one sign (or zero);
+    the integration ends at the last. `out`, shape (m, n), receives the solution. `closest` receives
+    the least distances to `centers`, points on the x axis (forward integration only). Returns the
+    status and the elapsed time reached."""
     n = y0.size
     last = STAGES8 if method == DOP853 else STAGES5
     exponent = -0.125 if method == DOP853 else -0.2
@@ -253,8 +250,8 @@ def integrate(method, forces, start, y0, times, rtol, atol, out, centres, closes
     slopes = np.empty((16, n))
     dense = np.empty((7, n))
     derivative(forces, start, y, slopes[0])
-    for k in range(centres.size):
-        closest[k] = _distance(y, centres[k])
+    for k in range(centers.size):
+        closest[k] = _distance(y, centers[k])
     m = times.size
     done = 0
     while done < m and times[done] == 0.0:
@@ -270,7 +267,7 @@ def integrate(method, forces, start, y0, times, rtol, atol, out, centres, closes
     for _ in range(MAX_STEPS):
         remaining = abs(end - t)
         h = min(h, remaining)
-        # Written so that a NaN (a step into the centre of a primary) also counts as underflow.
+        # Written so that a NaN (a step into the center of a primary) also counts as underflow.
         if not h > 4e-16 * max(abs(t), 1e-3):
             return STEP_UNDERFLOW, t
         step = h * direction
@@ -281,9 +278,9 @@ def integrate(method, forces, start, y0, times, rtol, atol, out, centres, closes
             rejected = True
             continue
         t_new = end if h == remaining else t + step
-        wanted = done < m and (t_new - times[done]) * direction >= 0.0
+        has_output = done < m and (t_new - times[done]) * direction >= 0.0
         ready = False
-        if wanted and times[done] != t_new:
+        if has_output and times[done] != t_new:
             _prepare_dense(method, forces, start + t, y, y_new, step, slopes, dense, work)
             ready = True
         while done < m and (t_new - times[done]) * direction >= 0.0:
@@ -292,15 +289,15 @@ def integrate(method, forces, start, y0, times, rtol, atol, out, centres, closes
             else:
                 _evaluate_dense(method, y, dense, (times[done] - t) / step, out[done])
             done += 1
-        for k in range(centres.size):
-            centre = centres[k]
-            closest[k] = min(closest[k], _distance(y_new, centre))
-            if _radial_rate(y, centre) < 0.0 and _radial_rate(y_new, centre) > 0.0:
+        for k in range(centers.size):
+            center = centers[k]
+            closest[k] = min(closest[k], _distance(y_new, center))
+            if _radial_rate(y, center) < 0.0 and _radial_rate(y_new, center) > 0.0:
                 if not ready:
                     _prepare_dense(method, forces, start + t, y, y_new, step, slopes, dense, work)
                     ready = True
-                _close_in(method, y, dense, centre, work)
-                closest[k] = min(closest[k], _distance(work, centre))
+                _close_in(method, y, dense, center, work)
+                closest[k] = min(closest[k], _distance(work, center))
         if done == m:
             return OK, t_new
         factor = 10.0 if error == 0.0 else min(10.0, max(0.2, 0.9 * error**exponent))

@@ -1,1 +1,10 @@
-"""Estimates of observers that each keep a catalogue of their own, and what they say together."""
+"""Estimators of single observers, each with a catalog of its own, and the fusion of their
+estimates."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "methods": ["FUSIONS"],
+})
+# fmt: on

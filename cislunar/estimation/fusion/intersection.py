@@ -1,13 +1,14 @@
-"""Covariance intersection of several estimates whose errors are correlated nobody knows how.
+"""Covariance intersection of estimates with unknown correlations.
 
 Estimates x_i with covariances P_i of one state fuse (Julier & Uhlmann 1997) to
 
     P^-1 = sum w_i P_i^-1,   P^-1 x = sum w_i P_i^-1 x_i,   w_i >= 0,  sum w_i = 1,
 
-which is never overconfident if none of them is, whatever their correlations. The weights are those
-of the smallest det P. To maximise log det sum w_i J_i is the D-optimal design of experiments, and
-its multiplicative iteration w_i <- w_i tr(P J_i) / n rises from step to step (Titterington 1976);
-at the optimum no tr(P J_i) exceeds n. All is done in units of the root of the best estimate.
+which is never overconfident if none of the estimates is, whatever their correlations. The weights
+minimize det P. The maximization of log det sum w_i J_i is the D-optimal design of experiments; its
+multiplicative iteration w_i <- w_i tr(P J_i) / n increases from step to step (Titterington 1976),
+and at the optimum no tr(P J_i) exceeds n. All is computed in units of the root of the best
+estimate.
 """
 
 import numpy as np
@@ -20,14 +21,14 @@ from cislunar.estimation.triangular import cholesky, solve_lower, solve_transpos
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-2
-"""Relative excess of tr(P J_i) over n at which the weights are taken."""
+"""Relative excess of tr(P J_i) over n at which the iteration ends."""
 
-MOST_ITERATIONS = 200
+_MOST_ITERATIONS = 200
 
 
 @njit(cache=True, error_model="numpy")
 def best_of(covariance, informed):
-    """Index of the least determinant among covariances (estimate, n, n); -1 for none."""
+    """Index of the covariance (estimate, n, n) with the smallest determinant; -1 for none."""
     best, least = -1, np.inf
     for i in range(informed.size):
         if not informed[i]:
@@ -43,11 +44,9 @@ def best_of(covariance, informed):
 
 @njit(cache=True, error_model="numpy")
 def intersect(mean, covariance, informed, weight, fused, spread):
-    """Fuse estimates (estimate, n), covariances (estimate, n, n), of those that are informed.
-
-    `weight` (estimate,) is where to begin and what was found; `fused` (n,) and `spread` (n, n)
-    receive the result. False, with NaN there, if there is none to fuse.
-    """
+    """Fuse the informed estimates (estimate, n) with covariances (estimate, n, n). `weight`
+    (estimate,) has the initial and receives the final weights; `fused` (n,) and `spread` (n, n)
+    receive the result. Returns False, with NaN there, if there is none to fuse."""
     count, n = mean.shape
     best = best_of(covariance, informed)
     fused[:], spread[:, :] = np.nan, np.nan
@@ -72,7 +71,7 @@ def intersect(mean, covariance, informed, weight, fused, spread):
         weight[i] = max(weight[i], 1e-6)
     weight /= np.sum(weight)
     total, inverse = np.empty((n, n)), np.empty((n, n))
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(_MOST_ITERATIONS):
         total[:, :] = 0.0
         for i in range(count):
             if usable[i]:
@@ -115,20 +114,12 @@ def covariance_intersection(mean: ArrayLike, covariance: ArrayLike) -> tuple[Arr
 
     Parameters
     ----------
-    mean : array_like, shape (estimate, n)
-    covariance : array_like, shape (estimate, n, n)
+    mean, covariance : array_like, shapes (estimate, n) and (estimate, n, n)
 
     Returns
     -------
-    mean : ndarray, shape (n,)
-    covariance : ndarray, shape (n, n)
-        Its log det is within 0.01 n of the smallest.
-    weight : ndarray, shape (estimate,)
-
-    Raises
-    ------
-    ConfigurationError
-        If there are none, their shapes disagree, or a covariance is not positive definite.
+    mean, covariance, weight : ndarray, shapes (n,), (n, n) and (estimate,)
+        The log det of the covariance is within 0.01 n of the smallest.
 
     Examples
     --------

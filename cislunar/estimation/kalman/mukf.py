@@ -3,13 +3,13 @@
 Assumptions and limitations
 ---------------------------
 - Targets are torque-free rigid bodies. For spherical inertia, as in the paper, the angular velocity
-  is constant and the attitude follows in closed form; any other (`TargetSurfaces.inertia`) is
-  integrated for every sigma point.
-- The covariance's root is its lower Cholesky factor in the paper's order of the states; the paper
-  does not say which root it takes, and another gives other, equally valid sigma points.
-- The mean attitude error is injected after the prediction, not only after the update (a difference
-  of third order in the spread).
-- An estimate ends when its mean position lies inside the Earth or the Moon (unless orbits are
+  is constant and the attitude follows in closed form; otherwise (`TargetSurfaces.inertia`) the
+  attitude of every sigma point is integrated.
+- The covariance's root is its lower Cholesky factor in the paper's order of the states. The paper
+  does not specify the root; another root gives other, equally valid sigma points.
+- The mean attitude error is injected after the prediction as well as after the update (a difference
+  of third order in the standard deviations).
+- An estimate ends when its mean position is inside the Earth or the Moon (unless Gaussians are
   split).
 """
 
@@ -27,47 +27,42 @@ from cislunar.estimation.estimator import (
     Rotation,
     empty_estimates,
 )
+from cislunar.estimation.initial_sigma import ProcessNoise
+from cislunar.estimation.kalman.gaussian_mixture import GaussianMixture, no_mixture
 from cislunar.estimation.kalman.mukf_kernels import SIZE, FilterState, advance, predict_all
-from cislunar.estimation.kalman.parts import Parts, no_parts
 from cislunar.estimation.kalman.workspace import filter_constants
-from cislunar.estimation.spread import ProcessNoise
-from cislunar.observation.body_spread import BodySpread
+from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.records import Measurements
-from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
-from cislunar.threads import share_out
+from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime.threads import share_out
 
 
 class MultiplicativeUKF:
     """Error-state multiplicative unscented Kalman filter of many targets (Paul & Fan, eq. 21).
 
-    An `Estimator`. A target whose estimate becomes not finite, loses definiteness or runs into a
-    primary is marked in `failed` and returns NaN from then on; nothing is raised.
+    An `Estimator`. A target whose estimate becomes not finite, loses definiteness or enters a
+    primary is marked in `failed`, and its estimates are NaN from then on; nothing is raised.
 
     Parameters
     ----------
     scene : Scene
-        Observers, Sun and frames; index 0 is the epoch of the initial estimate.
+        Observers, Sun and frames; index 0 is the time of the initial estimate.
     surfaces : TargetSurfaces
-        Shapes, materials and inertia.
+        Assumed shapes, materials and inertia.
     sensor : Sensor or sequence of Sensor
         Noise and field of view.
     initial : InitialEstimate
-        Estimates at the epoch.
     process_noise : ProcessNoise
         Standard deviations that accumulate in `PROCESS_NOISE_PERIOD_S`; none by default.
     use_magnitude : bool
-        False filters on the angles alone.
+        Whether the update uses the magnitude as well as the angles.
     splitting : bool
-        Whether an orbit's Gaussian is split where it has bent, see
-        `cislunar.estimation.kalman.parts`.
+        Whether an orbit estimate becomes a Gaussian mixture where it is nonlinear, see
+        `cislunar.estimation.kalman.gaussian_mixture`.
     forces : NamedTuple
-        Force model, see `cislunar.dynamics.forces`.
-
-    Raises
-    ------
-    ConfigurationError
-        If an initial standard deviation is not positive, or an inertia impossible.
+        Assumed force model, see `cislunar.dynamics.forces`.
     """
 
     def __init__(
@@ -97,29 +92,29 @@ class MultiplicativeUKF:
             np.zeros(n_targets, dtype=np.uint8),
             np.zeros((n_targets, N_COUNTERS), dtype=np.int64),
         )
-        self._parts = no_parts(n_targets, splitting)
+        self._mixture = no_mixture(n_targets, splitting)
         self._index = 0
 
     @property
     def failed(self) -> NDArray[np.uint8]:
-        """Per target, 0 or why its estimate came to an end."""
+        """See `Estimator.failed`."""
         return self._state.failed
 
     @property
     def counters(self) -> NDArray[np.int64]:
-        """Counts per target: updates, out of field, dark sigma points, Cholesky failures."""
+        """See `Estimator.counters`."""
         return self._state.counters
 
     @property
-    def unknowns(self) -> BodySpread:
-        """Nothing but the motion is estimated."""
-        return BodySpread()
+    def estimated_parameters(self) -> BodyParameterPrior:
+        """No body parameters."""
+        return BodyParameterPrior()
 
     def predict(self) -> Prediction:
-        """Estimates at the next measurement time; the filter itself does not move on."""
+        """See `Estimator.predict`."""
         ahead = FilterState(*(part.copy() for part in self._state))
-        parts = Parts(*(part.copy() for part in self._parts))
-        predict_all(self._index, self._scene, self._bodies, self._constants, ahead, parts)
+        mixture = GaussianMixture(*(part.copy() for part in self._mixture))
+        predict_all(self._index, self._scene, self._bodies, self._constants, ahead, mixture)
         lower = ahead.root[:, 6:]
         covariance = lower @ np.swapaxes(lower, 1, 2)
         rotation = Rotation(ahead.quaternion, ahead.omega, ahead.root[:, :6, :6])
@@ -128,10 +123,10 @@ class MultiplicativeUKF:
         )
 
     def advance(self, measurements: Measurements, *, covariance: bool = False) -> Estimates:
-        """Work through the next steps; see `Estimator.advance`."""
+        """See `Estimator.advance`."""
         out = empty_estimates(measurements, covariance)
-        world = (self._scene, self._surfaces, self._bodies, self._constants)
-        given = (self._index + 1, *world, measurements, self._state, self._parts, out)
+        model = (self._scene, self._surfaces, self._bodies, self._constants)
+        given = (self._index + 1, *model, measurements, self._state, self._mixture, out)
         share_out(lambda start, stop: advance((start, stop), *given), len(self._state.failed))
         self._index += measurements.offset.shape[1] - 1
         return out
@@ -143,17 +138,7 @@ def mukf(
     use_magnitude: bool = True,
     splitting: bool = False,
 ) -> EstimatorFactory:
-    """Factory of the paper's filter for the tasking loop.
-
-    Parameters
-    ----------
-    process_noise, use_magnitude, splitting
-        As in `MultiplicativeUKF`.
-
-    Returns
-    -------
-    EstimatorFactory
-    """
+    """Factory of the paper's filter for the tasking loop; see `MultiplicativeUKF`."""
 
     def make(scene, surfaces, sensor, initial, rng, forces):
         del rng  # the filter draws nothing

@@ -1,18 +1,16 @@
-"""Update of an orbit that is a mixture of Gaussians by the direction of a look, compiled.
-
-See `cislunar.estimation.kalman.parts`.
-"""
+"""Update of an orbit that is a Gaussian mixture by the measured angles, compiled; see
+`cislunar.estimation.kalman.gaussian_mixture`."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.compiled import allocating, borrowing, put
+from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
 from cislunar.estimation.estimator import HEALTHY
 from cislunar.estimation.expected import expected_directions
-from cislunar.estimation.kalman.parts import (
-    MOST_PARTS,
+from cislunar.estimation.kalman.gaussian_mixture import (
+    MAX_COMPONENTS,
     carry_points,
     definite_root,
     keep_single,
@@ -46,16 +44,16 @@ from cislunar.observation.sightline import direction_angles, wrap_angle
 Array = NDArray[np.float64]
 
 _LEAST_SCORE = 10.0
-"""A part this much less likely than the whole, by its logarithm, is given up."""
+"""Difference of log-likelihood to the whole mixture below which a component is dropped."""
 
 _OVERLAP = 0.1
-"""Share of the spread between parts, summed over the axes, below which they are merged."""
+"""Variance between components, summed over the axes, below which they are merged."""
 
 NO_LIMITS = (np.inf, np.inf)
 
 
-class SplitWork(NamedTuple):
-    """Scratch of one target's mixture: that of its filter, and parts still to be looked at."""
+class _SplitWork(NamedTuple):
+    """Scratch of one target's mixture: that of its filter, and components yet to be processed."""
 
     filter: Workspace
     weight: Array
@@ -65,11 +63,11 @@ class SplitWork(NamedTuple):
     points: Array
 
 
-@allocating
+@njit_alloc
 def make_split_work(most):
-    """Scratch for mixtures of so many parts, none for a filter that does not split."""
+    """Scratch for mixtures of this many components, none for a filter that does not split."""
     size = 2 * most
-    return SplitWork(
+    return _SplitWork(
         make_workspace(SIZE, 2),
         np.empty(size),
         np.empty(size),
@@ -79,9 +77,9 @@ def make_split_work(most):
     )
 
 
-@borrowing
+@njit_noalloc
 def _log_likelihood(work):
-    """Of the innovation, from the moments in the work."""
+    """Log-likelihood of the innovation, from the moments in the work."""
     a, b, c = work.even[0, 0], work.even[0, 1], work.even[1, 1]
     for i in range(SIZE):
         a += work.cross[i, 0] * work.cross[i, 0]
@@ -93,14 +91,12 @@ def _log_likelihood(work):
     return -0.5 * (distance + np.log(determinant))
 
 
-@borrowing
-def _look(points, look, constants, work):
-    """Moments of the angles expected at sigma points, into the work; the log likelihood.
-
-    A look is right ascension and declination, their variances (2,), and the place (3,) and axes
-    (3, 3) of the observer, of whose field of view `half_field` is half.
-    """
-    right_ascension, declination, variance, observer, axes = look
+@njit_noalloc
+def _observe(points, observation, constants, work):
+    """Moments of the angles expected at sigma points, into the work; returns the log-likelihood. An
+    observation is right ascension and declination, their variances (2,), and the position (3,) and
+    axes (3, 3) of the observer."""
+    right_ascension, declination, variance, observer, axes = observation
     ra0, dec0 = expected_directions(points, observer, axes, work.expected)
     innovation_moments(
         work.expected,
@@ -115,10 +111,11 @@ def _look(points, look, constants, work):
     return _log_likelihood(work)
 
 
-@allocating
-def _with_noise(look, place, n_steps, scene, constants):
-    """A look whose variances hold what process noise of a gap does to the angles of a place."""
-    right_ascension, declination, variance, observer, axes = look
+@njit_alloc
+def _with_noise(observation, place, n_steps, scene, constants):
+    """An observation whose variances include the effect of the process noise of a gap on the
+    angles."""
+    right_ascension, declination, variance, observer, axes = observation
     dx, dy, dz = place[0] - observer[0], place[1] - observer[1], place[2] - observer[2]
     distance2 = dx * dx + dy * dy + dz * dz
     across2 = distance2 * np.cos(direction_angles(dx, dy, dz, axes)[1]) ** 2
@@ -129,7 +126,7 @@ def _with_noise(look, place, n_steps, scene, constants):
     return right_ascension, declination, wider, observer, axes
 
 
-@borrowing
+@njit_noalloc
 def _steepest(work, variance):
     """Axis along which the predicted angles have the largest second difference."""
     axis, largest = 0, -1.0
@@ -143,65 +140,64 @@ def _steepest(work, variance):
     return axis
 
 
-@borrowing
-def _wait(stack, at, weight, mean, root, look, constants):
-    """Let a part wait at a place of the stack, its points there, with its score by a direction."""
+@njit_noalloc
+def _wait(stack, at, weight, mean, root, observation, constants):
+    """Put a component, whose points are there, onto the stack, with its score by a direction."""
     stack.weight[at] = weight
-    put(stack.mean[at], mean)
-    put(stack.root[at], root)
-    stack.score[at] = weight + _look(stack.points[at], look, constants, stack.filter)
+    copy_into(stack.mean[at], mean)
+    copy_into(stack.root[at], root)
+    stack.score[at] = weight + _observe(stack.points[at], observation, constants, stack.filter)
 
 
-@borrowing
+@njit_noalloc
 def _leave(stack, at, last):
-    """Take a part off the stack: the last one moves to its place."""
+    """Remove a component from the stack: the last one moves to its index."""
     stack.weight[at], stack.score[at] = stack.weight[last], stack.score[last]
-    put(stack.mean[at], stack.mean[last])
-    put(stack.root[at], stack.root[last])
-    put(stack.points[at], stack.points[last])
+    copy_into(stack.mean[at], stack.mean[last])
+    copy_into(stack.root[at], stack.root[last])
+    copy_into(stack.points[at], stack.points[last])
 
 
-@borrowing
-def _take(parts, j, count, points, look, n_steps, scene, constants, work):
-    """Update the Gaussian of sigma points as part number `count` of target j; whether it could.
-
-    They are those of a Gaussian so many steps before, whose noise is added.
-    """
+@njit_noalloc
+def _take(mixture, j, count, points, observation, n_steps, scene, constants, work):
+    """Update the Gaussian of sigma points as component number `count` of target j; whether this was
+    possible. The points are those of a Gaussian `n_steps` steps earlier, whose process noise is
+    added."""
     weights = constants.orbit_weights
     point_moments(points, weights, work)
     add_orbit_noise(work.covariance, n_steps, scene.step, constants)
     if not definite_root(work.covariance):
         return False
-    mean, root = parts.mean[j, count], parts.root[j, count]
-    put(mean, work.shift)
-    put(root, work.covariance)
-    return update_translation(mean, root, *look, NO_LIMITS, 0.0, weights, work) == ACCEPTED
+    mean, root = mixture.mean[j, count], mixture.root[j, count]
+    copy_into(mean, work.shift)
+    copy_into(root, work.covariance)
+    return update_translation(mean, root, *observation, NO_LIMITS, 0.0, weights, work) == ACCEPTED
 
 
-@allocating
-def update_parts(parts, j, translation, root, look, half_field, k, scene, constants, stack):
-    """Use one direction of a mixture at time k: ACCEPTED, OUTSIDE_FIELD or FAILED_UPDATE.
-
-    `half_field` is half the observer's field of view, `translation` and `root` are those of the
-    mixture's moments, before and after. The most likely part comes first, so that it is the
-    unlikely ones that stay whole where there is no more room.
-    """
+@njit_alloc
+def update_mixture(
+    mixture, j, translation, root, observation, half_field, k, scene, constants, stack
+):
+    """Update a mixture by one direction at time k: ACCEPTED, OUTSIDE_FIELD or FAILED_UPDATE.
+    `half_field` is half the observer's field of view; `translation` and `root` are the mixture's
+    moments, before and after. The most likely component is processed first, so that unlikely
+    components stay whole if the number of components is exhausted."""
     work, weights = stack.filter, constants.orbit_weights
-    right_ascension, declination, _, observer, axes = look
+    right_ascension, declination, _, observer, axes = observation
     sigma_points(translation, root, weights.spread, work.bundle)
     ra0, dec0 = expected_directions(work.bundle, observer, axes, work.expected)
     off_ra, off_dec = wrap_angle(right_ascension - ra0), declination - dec0
     if not in_field(off_ra, off_dec, dec0, half_field):
         return OUTSIDE_FIELD
-    waiting, since = parts.count[j], parts.since[j]
-    noisy = _with_noise(look, translation, k - since, scene, constants)
+    waiting, since = mixture.count[j], mixture.since[j]
+    noisy = _with_noise(observation, translation, k - since, scene, constants)
     for m in range(waiting):
-        stack.points[m] = parts.points[j, m]
-        log_weight = np.log(parts.weight[j, m])
-        _wait(stack, m, log_weight, parts.mean[j, m], parts.root[j, m], noisy, constants)
+        stack.points[m] = mixture.points[j, m]
+        log_weight = np.log(mixture.weight[j, m])
+        _wait(stack, m, log_weight, mixture.mean[j, m], mixture.root[j, m], noisy, constants)
     best = np.max(stack.score[:waiting])
     least = best + np.log(np.sum(np.exp(stack.score[:waiting] - best))) - _LEAST_SCORE
-    count, scores = 0, np.empty(MOST_PARTS)
+    count, scores = 0, np.empty(MAX_COMPONENTS)
     means, narrow, log_weights = (
         np.empty((3, SIZE)),
         np.empty((SIZE, SIZE)),
@@ -213,8 +209,8 @@ def update_parts(parts, j, translation, root, look, half_field, k, scene, consta
         if not score > least:
             break
         points = stack.points[at]
-        _look(points, noisy, constants, work)
-        room = count + waiting + 2 <= MOST_PARTS
+        _observe(points, noisy, constants, work)
+        room = count + waiting + 2 <= MAX_COMPONENTS
         if room and is_curved(work.even, work.cross, noisy[2], 0.0, constants.curvature):
             split(stack.mean[at], stack.root[at], _steepest(work, noisy[2]), means, narrow)
             log_weight = stack.weight[at]
@@ -226,73 +222,82 @@ def update_parts(parts, j, translation, root, look, half_field, k, scene, consta
                 _wait(stack, new, weight, means[i], narrow, noisy, constants)
             waiting += 2
             continue
-        if _take(parts, j, count, points, look, k - since, scene, constants, work):
+        if _take(mixture, j, count, points, observation, k - since, scene, constants, work):
             scores[count] = score
             count += 1
         waiting -= 1
         _leave(stack, at, waiting)
     if count == 0:
         return FAILED_UPDATE
-    _weigh(parts, j, scores[:count], weights.spread)
-    parts.since[j], parts.idle[j] = k, 0
-    between = merge(parts, j, k, translation, root, scene, constants, work)
+    _weigh(mixture, j, scores[:count], weights.spread)
+    mixture.since[j], mixture.steps_since_update[j] = k, 0
+    between = merge(mixture, j, k, translation, root, scene, constants, work)
     if between < 0.0:
         return FAILED_UPDATE
     if between < _OVERLAP:
-        parts.count[j], parts.since[j] = 0, -1
+        mixture.count[j], mixture.since[j] = 0, -1
     return ACCEPTED
 
 
-@borrowing
-def _weigh(parts, j, score, spread):
-    """Weights of updated parts from the logarithms; those that count for nothing are left out."""
+@njit_noalloc
+def _weigh(mixture, j, score, spread):
+    """Normalize the weights of updated components from their logarithms, and drop negligible
+    ones."""
     best, count = np.max(score), 0
     for m in range(score.shape[0]):
         if score[m] < best - _LEAST_SCORE:
             continue
-        parts.weight[j, count] = np.exp(score[m] - best)
-        put(parts.mean[j, count], parts.mean[j, m])
-        put(parts.root[j, count], parts.root[j, m])
-        sigma_points(parts.mean[j, count], parts.root[j, count], spread, parts.points[j, count])
+        mixture.weight[j, count] = np.exp(score[m] - best)
+        copy_into(mixture.mean[j, count], mixture.mean[j, m])
+        copy_into(mixture.root[j, count], mixture.root[j, m])
+        sigma_points(
+            mixture.mean[j, count], mixture.root[j, count], spread, mixture.points[j, count]
+        )
         count += 1
-    total = np.sum(parts.weight[j, :count])
+    total = np.sum(mixture.weight[j, :count])
     for m in range(count):
-        parts.weight[j, m] /= total
-    parts.count[j] = count
+        mixture.weight[j, m] /= total
+    mixture.count[j] = count
 
 
-@allocating
-def open_if_curved(parts, j, translation, rows, look, k, scene, constants, work):
-    """Open a single Gaussian at time k, if its own sigma points say that it has to be split."""
-    if parts.since[j] < 0 and not keep_single(parts, j, translation, rows, k, work):
+@njit_alloc
+def open_if_curved(mixture, j, translation, rows, observation, k, scene, constants, work):
+    """Convert a single Gaussian into a mixture at time k if its own sigma points require a
+    split."""
+    if mixture.since[j] < 0 and not keep_single(mixture, j, translation, rows, k, work):
         return False
-    noisy = _with_noise(look, translation, k - parts.since[j], scene, constants)
-    open_single(parts, j, k, scene, constants, work)
-    _look(parts.points[j, 0], noisy, constants, work)
+    noisy = _with_noise(observation, translation, k - mixture.since[j], scene, constants)
+    open_single(mixture, j, k, scene, constants, work)
+    _observe(mixture.points[j, 0], noisy, constants, work)
     curved = is_curved(work.even, work.cross, noisy[2], 0.0, constants.curvature)
     given = k, scene, constants, work
-    if curved and moments(parts, j, translation, rows, *given) == HEALTHY:
+    if curved and moments(mixture, j, translation, rows, *given) == HEALTHY:
         return True
-    parts.count[j] = 0
+    mixture.count[j] = 0
     return False
 
 
-@borrowing
-def use_direction(parts, j, translation, root, look, half_field, k, scene, constants, stack):
-    """Use one direction of target j at time k; its outcome, as of `update_translation`.
-
-    A look is right ascension and declination, their variances (2,), and the place (3,) and axes
-    (3, 3) of the observer, of whose field of view `half_field` is half.
-    """
+@njit_noalloc
+def use_direction(
+    mixture, j, translation, root, observation, half_field, k, scene, constants, stack
+):
+    """Update target j by one direction at time k; the outcomes are those of `update_translation`.
+    An observation is as in `_observe`; `half_field` is half the observer's field of view."""
     work, weights = stack.filter, constants.orbit_weights
-    if parts.count[j] == 0:
-        limits, strain = (half_field, constants.curvature), parts.strain[j]
-        outcome = update_translation(translation, root, *look, limits, strain, weights, work)
-        given = look, k, scene, constants, work
-        if outcome == CURVED and not open_if_curved(parts, j, translation, root, *given):
-            outcome = update_translation(translation, root, *look, NO_LIMITS, 0.0, weights, work)
+    if mixture.count[j] == 0:
+        limits, nonlinearity = (half_field, constants.curvature), mixture.nonlinearity[j]
+        outcome = update_translation(
+            translation, root, *observation, limits, nonlinearity, weights, work
+        )
+        given = observation, k, scene, constants, work
+        if outcome == CURVED and not open_if_curved(mixture, j, translation, root, *given):
+            outcome = update_translation(
+                translation, root, *observation, NO_LIMITS, 0.0, weights, work
+            )
         if outcome == ACCEPTED:
-            updated(parts, j)
+            updated(mixture, j)
         if outcome != CURVED:
             return outcome
-    return update_parts(parts, j, translation, root, look, half_field, k, scene, constants, stack)
+    return update_mixture(
+        mixture, j, translation, root, observation, half_field, k, scene, constants, stack
+    )

@@ -1,13 +1,13 @@
 """Compiled steps of an unscented filter for position and velocity from angles alone.
 
-The translation half of the paper's filter (Paul & Fan, section 2.4): six states, thirteen sigma
-points, right ascension and declination. The magnitude says next to nothing about the orbit, so
-that leaving it to the attitude's estimator changes the orbit by less than its noise.
+The filter is the translation part of the paper's filter (Paul & Fan, section 2.4): six states,
+thirteen sigma points, right ascension and declination. The magnitude contains almost no information
+on the orbit; without it the orbit changes by less than its uncertainty.
 """
 
 import numpy as np
 
-from cislunar.compiled import borrowing
+from cislunar.compiled import njit_noalloc
 from cislunar.dynamics.bundle import step_cloud
 from cislunar.dynamics.forces import of_state
 from cislunar.estimation.estimator import HEALTHY
@@ -28,13 +28,13 @@ from cislunar.observation.sightline import wrap_angle
 
 SIZE = 6
 
-# What became of a direction.
+# Outcomes of an update.
 ACCEPTED, OUTSIDE_FIELD, FAILED_UPDATE, CURVED = range(4)
 
 
-@borrowing
+@njit_noalloc
 def predict_translation(translation, root, j, k, scene, constants, work):
-    """Carry mean (6,) and root (6, 6) of target j over the step from time k; their health."""
+    """Propagate mean (6,) and root (6, 6) of target j over the step from time k; their health."""
     weights, bundle, differences = constants.weights, work.bundle, work.differences
     sigma_points(translation, root, weights.spread, bundle)
     forces = of_state(constants.forces, j)
@@ -51,24 +51,25 @@ def predict_translation(translation, root, j, k, scene, constants, work):
     return health if health != HEALTHY else take_covariance(work.covariance, root)
 
 
-@borrowing
-def is_curved(even, cross, variance, strain, limit):
-    """Whether the second-order part of predicted angles exceeds so many noise variances.
-
-    `even` (2, 2) and `cross` (n, 2) are those of `innovation_moments`. `strain` bounds the shift of
-    the mean by what has curved the flow before, in standard deviations; twice the square of a
-    shift of the angles is the second-order part it stands for.
-    """
+@njit_noalloc
+def is_curved(even, cross, variance, nonlinearity, limit):
+    """Whether the second-order part of predicted angles exceeds `limit` noise variances. `even` (2,
+    2) and `cross` (n, 2) are those of `innovation_moments`. `nonlinearity` bounds the shift of the
+    mean by earlier curvature of the flow, in standard deviations; it contributes twice the square
+    of the corresponding shift of the angles."""
     for a in range(2):
         linear = 0.0
         for i in range(cross.shape[0]):
             linear += cross[i, a] * cross[i, a]
-        if even[a, a] - variance[a] + 2.0 * strain * strain * linear > limit * variance[a]:
+        if (
+            even[a, a] - variance[a] + 2.0 * nonlinearity * nonlinearity * linear
+            > limit * variance[a]
+        ):
             return True
     return False
 
 
-@borrowing
+@njit_noalloc
 def update_translation(
     translation,
     root,
@@ -78,17 +79,15 @@ def update_translation(
     observer,
     axes,
     limits,
-    strain,
+    nonlinearity,
     weights,
     work,
 ):
-    """Use one direction of one target: ACCEPTED, OUTSIDE_FIELD, CURVED, or FAILED_UPDATE.
-
-    `variance` (2,) is that of the two angles, `observer` (3,) its place and `axes` the rotation
-    from the rotating frame to its body. `limits` are half the field of view and the curvature
-    `is_curved` takes with the strain. It failed if it is not finite. Only an accepted direction
-    changes the estimate.
-    """
+    """Update one target by one direction: ACCEPTED, OUTSIDE_FIELD, CURVED, or FAILED_UPDATE.
+    `variance` (2,) is that of the two angles, `observer` (3,) its position and `axes` the rotation
+    from the propagation frame to its body frame. `limits` are half the field of view and the limit
+    of `is_curved`. The update fails if it is not finite. Only an accepted direction changes the
+    estimate."""
     half_field, curvature = limits
     sigma_points(translation, root, weights.spread, work.bundle)
     ra0, dec0 = expected_directions(work.bundle, observer, axes, work.expected)
@@ -96,7 +95,7 @@ def update_translation(
     if not in_field(off_ra, off_dec, dec0, half_field):
         return OUTSIDE_FIELD
     innovation_moments(work.expected, variance, weights, work.expected_shift, work.cross, work.even)
-    if curvature < np.inf and is_curved(work.even, work.cross, variance, strain, curvature):
+    if curvature < np.inf and is_curved(work.even, work.cross, variance, nonlinearity, curvature):
         return CURVED
     work.innovation[0] = off_ra - work.expected_shift[0]
     work.innovation[1] = off_dec - work.expected_shift[1]

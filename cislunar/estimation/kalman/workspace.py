@@ -1,4 +1,4 @@
-"""What the kernels of the unscented filters share: constants, scratch arrays, health, the field."""
+"""Shared parts of the unscented filters: constants, scratch arrays, health and field of view."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.compiled import allocating, borrowing, put
+from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.estimation.estimator import (
     HEALTHY,
@@ -14,7 +14,7 @@ from cislunar.estimation.estimator import (
     LOST_DEFINITENESS,
     NOT_FINITE,
 )
-from cislunar.estimation.spread import ProcessNoise
+from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.triangular import cholesky
 from cislunar.estimation.unscented import UnscentedWeights, unscented_weights
 from cislunar.observation.scene import Scene
@@ -26,28 +26,13 @@ Array = NDArray[np.float64]
 
 
 class FilterConstants(NamedTuple):
-    """Numbers the kernels of a filter need.
-
-    Attributes
-    ----------
-    forces : NamedTuple
-        Force model, see `cislunar.dynamics.forces`.
-    process_variance : ndarray, shape (n,)
-        Added to the covariance's diagonal at each step.
-    process_covariance : float
-        Added to that of position and velocity on the same axis.
-    half_field : ndarray, shape (observer,)
-        Half the fields of view, rad.
-    use_magnitude : bool
-        False leaves the magnitude out of the update.
-    weights : UnscentedWeights
-        For n states.
-    orbit_weights : UnscentedWeights
-        For position and velocity alone.
-    curvature : float
-        Second-order part of predicted angles, noise variances, beyond which an orbit's Gaussian is
-        split; inf for never.
-    """
+    """Constants of a filter of n states.
+    `forces`: force model, see `cislunar.dynamics.forces`. Added to the covariance at each step:
+    `process_variance` (n,) to the diagonal, `process_covariance` to that of position and velocity
+    on the same axis. `half_field` (observer,): half the fields of view, rad. `use_magnitude`:
+    whether the update uses the magnitude. `weights`, `orbit_weights`: for n states, and for
+    position and velocity. `curvature`: second-order part of predicted angles, in noise variances,
+    from which an orbit's Gaussian is split; inf for never."""
 
     forces: tuple
     process_variance: Array
@@ -101,9 +86,9 @@ class Workspace(NamedTuple):
     correction: Array
 
 
-@allocating
+@njit_alloc
 def make_workspace(size, measured):
-    """Scratch arrays for so many states and components of a measurement."""
+    """Scratch arrays for `size` states and `measured` components of a measurement."""
     outer = 2 * size
     return Workspace(
         np.empty((6, outer + 1)),
@@ -122,12 +107,10 @@ def make_workspace(size, measured):
     )
 
 
-@borrowing
+@njit_noalloc
 def translation_condition(translation, primaries, constants):
-    """Whether a translation (6,) is usable: HEALTHY, NOT_FINITE or INSIDE_PRIMARY.
-
-    Where estimates are split, a mean inside the Moon is that of a spread bent about it.
-    """
+    """Health of a translation (6,): HEALTHY, NOT_FINITE or INSIDE_PRIMARY. If Gaussians are split,
+    a mean inside the Moon may be that of a distribution curved around it."""
     if not np.isfinite(np.sum(translation)):
         return NOT_FINITE
     if constants.curvature < np.inf:
@@ -138,7 +121,7 @@ def translation_condition(translation, primaries, constants):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def add_process_noise(covariance, constants):
-    """Add what a step of process noise does to a covariance (n, n), to its lower triangle."""
+    """Add the process noise of a step to a covariance (n, n), in its lower triangle."""
     n = covariance.shape[0]
     for c in range(n):
         covariance[c, c] += constants.process_variance[c]
@@ -146,12 +129,10 @@ def add_process_noise(covariance, constants):
         covariance[c, c - 3] += constants.process_covariance
 
 
-@borrowing
+@njit_noalloc
 def noise_of_gap(n_steps, dt, constants):
-    """Variance of position, covariance with velocity, variance of velocity on each axis.
-
-    What so many steps of process noise add up to in free motion.
-    """
+    """Variance of position, covariance with velocity and variance of velocity on each axis. They
+    are the accumulated process noise of `n_steps` steps of free motion."""
     position, velocity = constants.process_variance[-6], constants.process_variance[-1]
     both = constants.process_covariance
     once, squared = n_steps * (n_steps - 1) / 2.0, (n_steps - 1) * n_steps * (2 * n_steps - 1) / 6.0
@@ -162,9 +143,9 @@ def noise_of_gap(n_steps, dt, constants):
     )
 
 
-@borrowing
+@njit_noalloc
 def add_orbit_noise(covariance, n_steps, dt, constants):
-    """Add the noise of a gap to a covariance (6, 6) of the orbit, to its lower triangle."""
+    """Add the noise of a gap to a covariance (6, 6) of the orbit, in its lower triangle."""
     position, both, velocity = noise_of_gap(n_steps, dt, constants)
     for c in range(3):
         covariance[c, c] += position
@@ -172,27 +153,28 @@ def add_orbit_noise(covariance, n_steps, dt, constants):
         covariance[c + 3, c + 3] += velocity
 
 
-@borrowing
+@njit_noalloc
 def take_covariance(covariance, root):
-    """Put the Cholesky factor of a covariance, which is spoilt, into `root`; returns the health."""
+    """Put the Cholesky factor of a covariance, which is overwritten, into `root`; returns the
+    health."""
     if not cholesky(covariance):
-        total = 0.0  # of the lower triangle: what is above it means nothing
+        total = 0.0  # of the lower triangle, the only valid one
         for c in range(covariance.shape[0]):
             for d in range(c + 1):
                 total += covariance[c, d]
         return LOST_DEFINITENESS if np.isfinite(total) else NOT_FINITE
-    put(root, covariance)
+    copy_into(root, covariance)
     return HEALTHY
 
 
-@borrowing
+@njit_noalloc
 def in_field(off_ra, off_dec, declination, half_field):
     """Whether a direction lies in the field of view about the expected one."""
-    # Right ascension is compared on the sky: at the pole of the body frame it means nothing.
+    # Right ascension is scaled to an arc: it is not defined at the pole of the body frame.
     return abs(off_ra) * np.cos(declination) <= half_field and abs(off_dec) <= half_field
 
 
-@borrowing
+@njit_noalloc
 def deviations(root, sigma):
     """Standard deviations (n,) of a covariance given by its lower Cholesky factor (n, n)."""
     for c in range(sigma.shape[0]):
@@ -202,7 +184,7 @@ def deviations(root, sigma):
         sigma[c] = np.sqrt(total)
 
 
-@borrowing
+@njit_noalloc
 def covariance_of(rows, covariance):
     """Covariance (n, n) of some states, given their rows (n, m) of a Cholesky factor."""
     for c in range(rows.shape[0]):
@@ -214,9 +196,9 @@ def covariance_of(rows, covariance):
             covariance[d, c] = total
 
 
-@borrowing
+@njit_noalloc
 def leave_out(out, j, i):
-    """Put NaN for step i of target j, whose estimate has come to an end, into the estimates."""
+    """Put NaN into the estimates of target j at step i, whose estimate has ended."""
     out.quaternion[j, i, :] = np.nan
     out.angular_velocity[j, i, :] = np.nan
     out.translation[j, i, :] = np.nan

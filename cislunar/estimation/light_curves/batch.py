@@ -1,16 +1,13 @@
-"""Orbit by an unscented filter on angles, attitude by least squares on the whole light curve.
+"""Batch estimator: orbit by a filter on angles, attitude by least squares on light curves.
 
-The attitude of a torque-free body is six constants, so nothing need be filtered: the light curve
-gathered so far is fitted anew, from several starts, whenever it has grown by a share. The modes
-found make a mixture of Gaussians whose mean and spread are the estimate (docs/attitude.md derives
-the method). The orbit is the translation half of the paper's filter.
+docs/attitude.md derives the method. The orbit filter is the translation part of the paper's filter.
 
 Assumptions and limitations
 ---------------------------
-- No process noise on the attitude, and no torque but one constant in the body frame. A window with
-  a fading memory forgets old data, which helps against slow departures.
-- Lines of sight are taken from the translational estimate at the time of each measurement and are
-  not improved afterwards.
+- The attitude has no process noise and no torque except one that is constant in the body frame. A
+  window with a fading memory discounts old data, which helps against slow deviations.
+- Lines of sight are those of the translational estimate at the time of each measurement and are not
+  improved afterwards.
 """
 
 import numpy as np
@@ -29,7 +26,8 @@ from cislunar.estimation.estimator import (
     Rotation,
     empty_estimates,
 )
-from cislunar.estimation.kalman.parts import Parts, no_parts
+from cislunar.estimation.initial_sigma import ProcessNoise
+from cislunar.estimation.kalman.gaussian_mixture import GaussianMixture, no_mixture
 from cislunar.estimation.kalman.translation_filter import SIZE
 from cislunar.estimation.kalman.workspace import filter_constants
 from cislunar.estimation.light_curves.batch_kernels import (
@@ -42,12 +40,12 @@ from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettin
 from cislunar.estimation.light_curves.hypotheses import Hypotheses, mixture_points, prior_hypotheses
 from cislunar.estimation.light_curves.light_curve import Anchor, LightCurveModel
 from cislunar.estimation.light_curves.row_blocks import COLUMNS, ROTATION
-from cislunar.estimation.spread import ProcessNoise
-from cislunar.observation.body_spread import HOUR, BodySpread
+from cislunar.observation.body_parameters import HOUR, BodyParameterPrior
 from cislunar.observation.records import Measurements
-from cislunar.observation.scene import Scene, TargetSurfaces, body_of
+from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensor, Sensors, sensor_limits, sensors_of
-from cislunar.threads import share_out
+from cislunar.observation.target_surfaces import TargetSurfaces, body_of
+from cislunar.runtime.threads import share_out
 
 Array = NDArray[np.float64]
 
@@ -55,36 +53,25 @@ Array = NDArray[np.float64]
 class BatchEstimator:
     """Angles-only unscented filter for the orbit, multi-start least squares for the attitude.
 
-    An `Estimator`. A target whose translation becomes not finite, loses definiteness or runs into
-    a primary is marked in `failed` and returns NaN from then on; nothing is raised.
+    An `Estimator`. A target whose translation becomes not finite, loses definiteness or enters a
+    primary is marked in `failed`, and its estimates are NaN from then on; nothing is raised.
 
     Parameters
     ----------
-    scene : Scene
-        Observers, Sun and frames; index 0 is the epoch of the initial estimate.
-    surfaces : TargetSurfaces
-        Shapes and materials.
-    sensor : Sensor or sequence of Sensor
-        Noise and limits.
-    initial : InitialEstimate
-        Estimates at the epoch.
+    scene, surfaces, sensor, initial, splitting, forces
+        See `cislunar.estimation.kalman.mukf.MultiplicativeUKF`.
     rng : numpy.random.Generator
-        Of the starts; every target has a stream of its own.
+        Random starts; every target has a stream of its own.
     settings : BatchSettings, optional
         Multi-start with eight modes, if omitted.
     process_noise : ProcessNoise, optional
-        Of the translation; none if omitted.
-    splitting : bool
-        Whether an orbit's Gaussian is split where it has bent, see
-        `cislunar.estimation.kalman.parts`.
-    forces : NamedTuple
-        Force model, see `cislunar.dynamics.forces`.
+        Of the translation alone; none if omitted.
 
     Raises
     ------
     ConfigurationError
-        If an initial standard deviation is not positive, there is process noise on attitude or
-        angular velocity, or a target's light does not depend on what is to be estimated.
+        If there is process noise on attitude or angular velocity, or the light of a target does not
+        depend on an estimated parameter.
     """
 
     def __init__(
@@ -108,14 +95,14 @@ class BatchEstimator:
                 "memory_hours instead"
             )
         settings = BatchSettings() if settings is None else settings
-        self._scene, self._unknowns = scene, settings.unknowns
+        self._scene, self._estimated_parameters = scene, settings.estimated_parameters
         filtering = process_noise, forces, splitting
         first = sensors_of(sensor, scene.observer_position.shape[0])[0]
         self._constants = _batch_constants(settings, scene, sensor, *filtering)
         self._translation = np.array(initial.translation, dtype=float)
         n_targets = self._translation.shape[0]
         self._root = np.tile(np.diag(initial.sigma[6:]), (n_targets, 1, 1))
-        self._parts = no_parts(n_targets, splitting)
+        self._mixture = no_mixture(n_targets, splitting)
         bodies = rigid_bodies(surfaces.inertia)
         self._models = [
             _light_curve_model(j, surfaces, bodies, first, initial, settings)
@@ -136,27 +123,23 @@ class BatchEstimator:
 
     @property
     def failed(self) -> NDArray[np.uint8]:
-        """Per target, 0 or why its estimate came to an end."""
+        """See `Estimator.failed`."""
         return self._state.condition.astype(np.uint8)
 
     @property
     def counters(self) -> NDArray[np.int64]:
-        """Counts per target: updates, out of field, dark sigma points, Cholesky failures."""
+        """See `Estimator.counters`."""
         return self._counters
 
     @property
-    def unknowns(self) -> BodySpread:
-        """What is estimated of the targets besides their motion."""
-        return self._unknowns
+    def estimated_parameters(self) -> BodyParameterPrior:
+        """See `Estimator.estimated_parameters`."""
+        return self._estimated_parameters
 
     def learned(self) -> tuple[Array, Array]:
-        """What the light curves tell of the unknowns, all rows so far used.
-
-        Returns
-        -------
-        mean, sigma : ndarray, shape (target, n)
-            In the order and units of `BodySpread.named`, NaN for targets whose estimate has failed.
-        """
+        """Mean and standard deviation of the body-parameter deviations from all rows used so far,
+        (target, n) each, in the order and units of `BodyParameterPrior.named`; NaN for failed
+        estimates."""
         size = max(model.sigma.size for model in self._models) - ROTATION
         mean, sigma = np.full((2, len(self._models), size), np.nan)
         for j, (modes, model) in enumerate(zip(self._hypotheses, self._models, strict=True)):
@@ -175,43 +158,29 @@ class BatchEstimator:
 
     @property
     def searches(self) -> NDArray[np.int64]:
-        """Per target, searches for modes so far."""
+        """Per target, number of searches for modes so far."""
         return np.array([modes.count[1] for modes in self._hypotheses])
 
     @property
     def rows_held(self) -> NDArray[np.int64]:
-        """Per target, measurements (and non-detections) of its light curve that are kept."""
+        """Per target, number of rows (measurements and non-detections) of its light curve that are
+        kept."""
         return self._state.rows.copy()
 
     def light_curve(self, j: int) -> tuple[Array, LightCurveModel, Anchor]:
-        """What the attitude of target j is fitted to.
-
-        Parameters
-        ----------
-        j : int
-            Index of the target.
-
-        Returns
-        -------
-        data : ndarray, shape (n, COLUMNS)
-            The rows kept, as in `cislunar.estimation.light_curves.light_curve.cost`.
-        model : LightCurveModel
-        anchor : Anchor
-            What its best mode knows beyond them.
-        """
+        """Rows of target j that are kept (n, COLUMNS), see
+        `cislunar.estimation.light_curves.light_curve.cost`; the model that is fitted to them; and
+        the information of the best mode from data no longer kept."""
         modes = self._hypotheses[j]
         anchor = Anchor(modes.anchor_mean[0], modes.anchor_information[0], modes.anchor_offset[0])
         return self._data[j][: self._state.rows[j]].copy(), self._models[j], anchor
 
     def predict(self) -> Prediction:
-        """Estimates at the next measurement time; the estimator itself does not move on.
-
-        The joint root is that of the mixture's second moments, without correlation between
-        rotation and translation.
-        """
+        """See `Estimator.predict`. The joint root is that of the mixture's second moments, without
+        correlation between rotation and translation."""
         n_targets = self._translation.shape[0]
         translation, root = self._translation.copy(), self._root.copy()
-        parts = Parts(*(part.copy() for part in self._parts))
+        mixture = GaussianMixture(*(part.copy() for part in self._mixture))
         mean, joint = np.empty((n_targets, 4)), np.zeros((n_targets, 12, 12))
         rate = np.full((n_targets, 3), np.nan)
         for j in range(n_targets):
@@ -225,7 +194,7 @@ class BatchEstimator:
                 self._scene,
                 self._constants,
                 self._models[j],
-                parts,
+                mixture,
                 translation[j],
                 root[j],
                 points,
@@ -239,10 +208,10 @@ class BatchEstimator:
         return Prediction(self._index + 1, translation, covariance, mean, joint, rotation)
 
     def advance(self, measurements: Measurements, *, covariance: bool = False) -> Estimates:
-        """Work through the next steps; see `Estimator.advance`."""
+        """See `Estimator.advance`."""
         out = empty_estimates(measurements, covariance)
-        looks = measurements.offset[:, -1] - measurements.offset[:, 0]
-        for j, count in enumerate(looks):
+        observations = measurements.offset[:, -1] - measurements.offset[:, 0]
+        for j, count in enumerate(observations):
             self._make_room(j, int(count))
 
         def work(start: int, stop: int) -> None:
@@ -254,7 +223,7 @@ class BatchEstimator:
                     self._constants,
                     self._models[j],
                     measurements,
-                    self._parts,
+                    self._mixture,
                     self._translation,
                     self._root,
                     self._hypotheses[j],
@@ -266,29 +235,27 @@ class BatchEstimator:
                     out,
                 )
 
-        share_out(work, looks.size)
+        share_out(work, observations.size)
         self._index += measurements.offset.shape[1] - 1
         return out
 
     def _make_room(self, j: int, rows: int) -> None:
-        """Room for more data of a target; doubled, so that copying stays cheap."""
-        held, needed = self._data[j].shape[0], int(self._state.rows[j]) + rows
-        if needed > held:
-            grown = np.empty((max(needed, 2 * held), COLUMNS))
-            grown[:held] = self._data[j]
+        """Enlarge the data array of a target; it doubles, so that copies are rare."""
+        capacity, needed = self._data[j].shape[0], int(self._state.rows[j]) + rows
+        if needed > capacity:
+            grown = np.empty((max(needed, 2 * capacity), COLUMNS))
+            grown[:capacity] = self._data[j]
             self._data[j] = grown
 
 
 def _points_per_mode(model: LightCurveModel) -> int:
-    """Two for each unknown on which attitudes at other times depend."""
+    """Two points for each parameter on which attitudes at other times depend."""
     return 2 * (ROTATION + model.rotation_kinds.size)
 
 
 def _prior_points(hypotheses: Hypotheses, model: LightCurveModel) -> tuple[Array, ...]:
-    """Attitude, rate, weight and departures of the mixture's points at the epoch.
-
-    With room for all modes.
-    """
+    """Attitude, rate, weight and rotation deviations of the mixture's points at the epoch, for all
+    modes."""
     room = hypotheses.u.shape[0] * _points_per_mode(model)
     sizes = ((room, 4), (room, 3), (room,), (room, model.rotation_kinds.size))
     points = tuple(np.zeros(size) for size in sizes)
@@ -328,9 +295,9 @@ def _light_curve_model(
     settings: BatchSettings,
 ) -> LightCurveModel:
     body = body_of(surfaces, j)
-    turning, of_rotation = settings.unknowns.rotation_kinds()
-    kinds, of_surface = settings.unknowns.surface_kinds(body.areas.size)
-    settings.unknowns.require_possible(body.materials)
+    turning, of_rotation = settings.estimated_parameters.rotation_kinds()
+    kinds, of_surface = settings.estimated_parameters.surface_kinds(body.areas.size)
+    settings.estimated_parameters.require_possible(body.materials)
     return LightCurveModel(
         np.array(initial.quaternion[j], dtype=float),
         np.array(initial.angular_velocity[j], dtype=float),
@@ -354,24 +321,8 @@ def batch(
     process_noise: ProcessNoise | None = None,
     splitting: bool = False,
 ) -> EstimatorFactory:
-    """Factory of the batch estimator for the tasking loop.
-
-    Parameters
-    ----------
-    settings : BatchSettings or str
-        Settings, or the name of one of the `PRESETS`.
-    process_noise, splitting
-        As in `BatchEstimator`.
-
-    Returns
-    -------
-    EstimatorFactory
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no such preset.
-    """
+    """Factory of the batch estimator for the tasking loop; see `BatchEstimator`. `settings` may be
+    the name of one of the `PRESETS`."""
     if isinstance(settings, str):
         if settings not in PRESETS:
             raise ConfigurationError(
@@ -392,5 +343,5 @@ def batch(
             forces=forces,
         )
 
-    make.unknowns = settings.unknowns
+    make.estimated_parameters = settings.estimated_parameters
     return make

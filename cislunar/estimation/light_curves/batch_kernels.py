@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.compiled import allocating, borrowing, put
+from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
 from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
     HEALTHY,
@@ -14,7 +14,7 @@ from cislunar.estimation.estimator import (
     OUT_OF_FIELD,
     UPDATES,
 )
-from cislunar.estimation.kalman.parts import step_orbit
+from cislunar.estimation.kalman.gaussian_mixture import step_orbit
 from cislunar.estimation.kalman.splitting import make_split_work, use_direction
 from cislunar.estimation.kalman.translation_filter import ACCEPTED, OUTSIDE_FIELD, SIZE
 from cislunar.estimation.kalman.workspace import (
@@ -44,28 +44,17 @@ from cislunar.estimation.light_curves.row_blocks import (
 )
 from cislunar.estimation.triangular import cholesky
 from cislunar.observation.sensor import SensorLimits, extinction, limits_of
-from cislunar.observation.sightline import METRES, in_clear_view, lit_directions
+from cislunar.observation.sightline import METERS, in_clear_view, lit_directions
 
-FEWEST_FRESH = 4
-"""New rows below which a light curve is not fitted between tasking epochs."""
+_FEWEST_FRESH = 4
+"""Number of new rows below which a light curve is not fitted between tasking epochs."""
 
 
 class BatchConstants(NamedTuple):
-    """Numbers the kernels of the batch estimator need.
-
-    Attributes
-    ----------
-    translation : FilterConstants
-        Of the filter of the orbit.
-    limits : SensorLimits
-        Of all observers.
-    search : SearchSettings
-    growth : float
-        Share by which a light curve grows before it is fitted within an interval; 0 for never.
-    window_s, memory_s : float
-        Age at which data are condensed, and time in which they fade by e; inf for never.
-    use_non_detections : bool
-    """
+    """Constants of the batch estimator: of the orbit filter (`translation`), of the sensors and of
+    the search. A light curve is fitted within an interval when it has grown by the share `growth`
+    (0 for never). Data are condensed at the age `window_s` and fade by e in `memory_s` (inf for
+    never)."""
 
     translation: FilterConstants
     limits: SensorLimits
@@ -77,17 +66,9 @@ class BatchConstants(NamedTuple):
 
 
 class FitState(NamedTuple):
-    """What is counted for each target; arrays of ints, shape (target,).
-
-    Attributes
-    ----------
-    condition
-        HEALTHY, or why its estimate came to an end.
-    points
-        Of its mixture.
-    rows, fitted
-        Of its light curve, now and at the last fit.
-    """
+    """State of the fit of each target, arrays of int (target,): `condition` is HEALTHY or the
+    reason for which its estimate ended, `points` the number of points of its mixture, `rows` and
+    `fitted` the numbers of rows of its light curve, now and at the last fit."""
 
     condition: NDArray[np.int64]
     points: NDArray[np.int64]
@@ -95,12 +76,10 @@ class FitState(NamedTuple):
     fitted: NDArray[np.int64]
 
 
-@borrowing
+@njit_noalloc
 def _fill_row(row, elapsed, magnitude, seen, weight, translation, observer, sun, to_inertial):
-    """One row of a light curve, with the geometry of the estimated place.
-
-    The magnitude of a target that was not seen is the limit.
-    """
+    """Write one row of a light curve, with the geometry of the estimated position. The magnitude of
+    a non-detection is the limit."""
     light, view, distance, _ = lit_directions(
         translation[0] - observer[0],
         translation[1] - observer[1],
@@ -114,30 +93,31 @@ def _fill_row(row, elapsed, magnitude, seen, weight, translation, observer, sun,
     to_light, to_observer = row[SUN], row[VIEW]
     to_light[0], to_light[1], to_light[2] = light
     to_observer[0], to_observer[1], to_observer[2] = view
-    row[RANGE] = distance * METRES
+    row[RANGE] = distance * METERS
 
 
-@borrowing
+@njit_noalloc
 def _carry_points(points, count, elapsed, model):
-    """Carry the first points of a mixture over so many seconds."""
-    quaternion, omega, _, departures = points
-    step_points(quaternion[:count], omega[:count], departures[:count], elapsed, model)
+    """Propagate the first points of a mixture over `elapsed` seconds."""
+    quaternion, omega, _, deviations = points
+    step_points(quaternion[:count], omega[:count], deviations[:count], elapsed, model)
 
 
-@borrowing
+@njit_noalloc
 def _refit(hypotheses, data, model, settings, rng, elapsed, points):
-    """Fit a light curve and lay out the mixture's points at a time; returns their number."""
+    """Fit a light curve and compute the mixture's points at a time; returns their number."""
     search_until_clear(hypotheses, data, model, settings, rng)
     count = mixture_points(hypotheses, model, *points)
     _carry_points(points, count, elapsed, model)
     return count
 
 
-@borrowing
+@njit_noalloc
 def _use(
-    records, row, j, k, scene, constants, parts, translation, root, data, rows, counters, work
+    records, row, j, k, scene, constants, mixture, translation, root, data, rows, counters, work
 ):
-    """Use one record at time k: whether the direction was, and the rows of the light curve now."""
+    """Use one record at time k: whether the direction was used, and the rows of the light curve
+    now."""
     magnitude, ra, dec = records.value[row]
     observer, sun = records.observer[row], scene.sun_position[k]
     place, limits = scene.observer_position[observer, k], limits_of(constants.limits, observer)
@@ -146,13 +126,13 @@ def _use(
     used = False
     if detected:
         axes = scene.observer_axes[k]
-        look = ra, dec, variance[1:], place, axes
+        observation = ra, dec, variance[1:], place, axes
         outcome = use_direction(
-            parts,
+            mixture,
             j,
             translation,
             root,
-            look,
+            observation,
             limits.half_field,
             k,
             scene,
@@ -184,9 +164,9 @@ def _use(
     return used, rows
 
 
-@borrowing
-def _advance(j, first, scene, constants, model, records, parts, own, state, out, scratch):
-    """See `advance_target`; `own` is what is target j's alone."""
+@njit_noalloc
+def _advance(j, first, scene, constants, model, records, mixture, own, state, out, scratch):
+    """See `advance_target`; `own` has the arrays of target j."""
     translation, root, counters, hypotheses, points, data, rng = own
     quaternion, omega, weight, _ = points
     work, differences = scratch
@@ -196,7 +176,7 @@ def _advance(j, first, scene, constants, model, records, parts, own, state, out,
         k = first + i
         if state.condition[j] == HEALTHY:
             state.condition[j] = step_orbit(
-                parts, j, translation, root, k - 1, scene, constants.translation, work.filter
+                mixture, j, translation, root, k - 1, scene, constants.translation, work.filter
             )
             if state.condition[j] == LOST_DEFINITENESS:
                 counters[CHOLESKY_FAILURES] += 1
@@ -206,11 +186,11 @@ def _advance(j, first, scene, constants, model, records, parts, own, state, out,
             continue
         _carry_points(points, state.points[j], scene.step_s, model)
         for row in range(offset[i], offset[i + 1]):
-            given = parts, translation, root, data, state.rows[j], counters, work
+            given = mixture, translation, root, data, state.rows[j], counters, work
             out.used[row], state.rows[j] = _use(records, row, j, k, scene, constants, *given)
         fresh = state.rows[j] - state.fitted[j]
         grown = constants.growth > 0.0 and fresh >= max(
-            constants.growth * state.fitted[j], FEWEST_FRESH
+            constants.growth * state.fitted[j], _FEWEST_FRESH
         )
         if fresh > 0 and (i == n_steps - 1 or grown):
             state.points[j] = _refit(
@@ -221,7 +201,7 @@ def _advance(j, first, scene, constants, model, records, parts, own, state, out,
         mean_q, mean_omega = out.quaternion[j, i], out.angular_velocity[j, i]
         mixture_moments(quaternion[:n], omega[:n], weight[:n], mean_q, mean_omega, differences)
         weighted_deviations(differences[:n], weight[:n], sigma[:ROTATION])
-        put(out.translation[j, i], translation)
+        copy_into(out.translation[j, i], translation)
         deviations(root, sigma[ROTATION:])
         if i < out.covariance.shape[1]:
             covariance_of(root, out.covariance[j, i])
@@ -229,7 +209,7 @@ def _advance(j, first, scene, constants, model, records, parts, own, state, out,
         memory = np.exp(-n_steps * scene.step_s / constants.memory_s)
         end = (first + n_steps - 1) * scene.step_s
         _forget(hypotheses, data, model, state, j, end - constants.window_s, memory)
-        if memory < 1.0:  # what is known has faded, whether or not there are new data
+        if memory < 1.0:  # the information has faded, whether or not there are new data
             state.points[j] = _refit(
                 hypotheses, data[: state.rows[j]], model, settings, rng, end, points
             )
@@ -243,7 +223,7 @@ def advance_target(
     constants,
     model,
     records,
-    parts,
+    mixture,
     translation,
     root,
     hypotheses,
@@ -254,16 +234,14 @@ def advance_target(
     rng,
     out,
 ):
-    """Carry target j through an interval that begins at time `first`.
-
-    `model`, `hypotheses`, `points`, `data` and `rng` are its own, the other arrays those of all.
-    """
-    scratch = make_split_work(parts.weight.shape[1]), np.empty((points[2].shape[0], ROTATION))
+    """Process an interval that begins at time `first` for target j. `model`, `hypotheses`,
+    `points`, `data` and `rng` are those of the target, the other arrays those of all targets."""
+    scratch = make_split_work(mixture.weight.shape[1]), np.empty((points[2].shape[0], ROTATION))
     own = translation[j], root[j], counters[j], hypotheses, points, data, rng
-    _advance(j, first, scene, constants, model, records, parts, own, state, out, scratch)
+    _advance(j, first, scene, constants, model, records, mixture, own, state, out, scratch)
 
 
-@borrowing
+@njit_noalloc
 def _forget(hypotheses, data, model, state, j, before, memory):
     """Condense the rows of target j older than a time."""
     old = 0
@@ -273,21 +251,19 @@ def _forget(hypotheses, data, model, state, j, before, memory):
         return
     condense(hypotheses, data[:old], model, memory)
     for i in range(old, state.rows[j]):
-        put(data[i - old], data[i])
+        copy_into(data[i - old], data[i])
     state.rows[j] -= old
     state.fitted[j] -= old
 
 
-@allocating
+@njit_alloc
 def predict_target(
-    j, k, scene, constants, model, parts, translation, root, points, count, mean, rate, joint
+    j, k, scene, constants, model, mixture, translation, root, points, count, mean, rate, joint
 ):
-    """Carry copies of target j's estimate over the step from time k.
-
-    Fills mean attitude and rate, and the joint root.
-    """
+    """Propagate copies of target j's estimate over the step from time k. Outputs are mean attitude
+    and rate, and the joint root."""
     work = make_workspace(SIZE, 2)
-    health = step_orbit(parts, j, translation, root, k, scene, constants.translation, work)
+    health = step_orbit(mixture, j, translation, root, k, scene, constants.translation, work)
     joint[:, :] = 0.0
     if health != HEALTHY:
         translation[:] = np.nan
@@ -301,13 +277,13 @@ def predict_target(
         for a in range(ROTATION):
             for b in range(ROTATION):
                 covariance[a, b] += weight[i] * differences[i, a] * differences[i, b]
-    # on the scale of the deviations, so that rounding cannot make it indefinite
+    # relative to the deviations, so that rounding cannot make it indefinite
     for a in range(ROTATION):
         covariance[a, a] *= 1.0 + 1e-12
     joint[6:, 6:] = root
     if cholesky(covariance):
         joint[:6, :6] = covariance
-    else:  # the points lie in fewer dimensions: take their spread along each axis
+    else:  # the points lie in fewer dimensions: take their deviation along each axis
         for a in range(ROTATION):
             for i in range(weight.shape[0]):
                 joint[a, a] += weight[i] * differences[i, a] ** 2

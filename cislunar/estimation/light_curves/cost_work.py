@@ -5,30 +5,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.attitude.departures import make_track
-from cislunar.compiled import allocating
+from cislunar.attitude.parameter_deviations import make_track
+from cislunar.compiled import njit_alloc
 from cislunar.estimation.light_curves.row_blocks import sum_rows, work_rows
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
 
 Array = NDArray[np.float64]
 
 
-class CostWork(NamedTuple):
+class _CostWork(NamedTuple):
     """Scratch of the cost, reused from call to call.
-
-    Attributes
-    ----------
-    start, omega : ndarray, shapes (4,) and (3,)
-        Attitude and angular velocity at the epoch.
-    body : tuple of ndarray, shapes (3, 3), (3, 3) and (3,)
-        Inertia, its inverse and the forced acceleration.
-    amounts : ndarray, shape (n,)
-        Departures.
-    track, times : ndarray
-        As of `cislunar.attitude.departures.start_track`.
-    block, rows, products : ndarray
-        A block's magnitudes, its other rows, and sums of products of derivatives.
-    """
+    `start` (4,), `omega` (3,): attitude and angular velocity at the epoch. `body`: inertia, its
+    inverse and the forced acceleration. `amounts` (n,): rotation deviations. `track`, `times`: see
+    `cislunar.attitude.parameter_deviations.start_track`. `block`, `rows`, `products`: magnitudes of
+    a block, its other rows, and sums of products of derivatives."""
 
     start: Array
     omega: Array
@@ -41,18 +31,18 @@ class CostWork(NamedTuple):
     products: Array
 
 
-@allocating
-def make_cost_work(unknowns):
-    """Scratch for so many unknowns."""
+@njit_alloc
+def make_cost_work(size):
+    """Scratch for this number of estimated parameters."""
     track, times = make_track()
-    return CostWork(
+    return _CostWork(
         np.empty(4),
         np.empty(3),
         (np.empty((3, 3)), np.empty((3, 3)), np.empty(3)),
-        np.empty(unknowns),
+        np.empty(size),
         track,
         times,
         np.empty((BLOCK_ROWS, LANES)),
-        np.empty((work_rows(unknowns), LANES)),
-        np.empty((sum_rows(unknowns), LANES)),
+        np.empty((work_rows(size), LANES)),
+        np.empty((sum_rows(size), LANES)),
     )

@@ -1,10 +1,8 @@
-"""The few modes of a light curve's posterior, and how they are found, kept and weighed.
+"""The modes of a light curve's posterior: how they are found, kept and weighted (docs/attitude.md).
 
-A light curve over a wide prior has several minima of its cost. A `Hypotheses` holds those worth
-keeping, each with its Gauss-Newton information H, so that the posterior is a mixture of Gaussians
-N(u_j, H_j^-1) with Laplace's weights (Tierney & Kadane 1986)
-
-    log w_j = -cost(u_j) - log(det H_j) / 2 + constant.
+A `Hypotheses` has the best minima of the cost, each with its Gauss-Newton information H. The
+posterior is a mixture of Gaussians N(u_j, H_j^-1) with Laplace's weights (Tierney & Kadane 1986)
+log w_j = -cost(u_j) - log(det H_j) / 2 + constant.
 """
 
 from typing import NamedTuple
@@ -12,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.compiled import allocating, borrowing, put
+from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
 from cislunar.estimation.light_curves.cost_work import make_cost_work
 from cislunar.estimation.light_curves.levenberg_marquardt import (
     INITIAL_DAMPING,
@@ -23,40 +21,30 @@ from cislunar.estimation.light_curves.levenberg_marquardt import (
 from cislunar.estimation.light_curves.light_curve import (
     Anchor,
     anchor_cost,
-    carried_unknowns,
     cost_and_derivatives,
     cost_with,
     initial_state,
+    propagated_parameters,
 )
 from cislunar.estimation.light_curves.row_blocks import ROTATION
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 
 Array = NDArray[np.float64]
 
-FIRST_ROWS = 20
-"""Rows below which a light curve tells so little that all starts come from the prior."""
+_FIRST_ROWS = 20
+"""Number of rows below which all starts come from the prior."""
 
-SCREENING_ROWS = 96
-"""Rows of a light curve that starts are tried on before all are."""
+_SCREENING_ROWS = 96
+"""Number of rows of a light curve on which starts are screened."""
 
 
 class Hypotheses(NamedTuple):
     """Modes of one target, best first; only the first ``count[0]`` are live.
-
-    Attributes
-    ----------
-    u : ndarray, shape (mode, n)
-        Their places.
-    root : ndarray, shape (mode, n, n)
-        Lower Cholesky factors of their information H.
-    weight : ndarray, shape (mode,)
-        Summing to 1 over the live ones.
-    anchor_mean, anchor_information, anchor_offset : ndarray
-        Of shapes (mode, n), (mode, n, n) and (mode, 1): what each knows of data no longer kept,
-        see `cislunar.estimation.light_curves.light_curve.Anchor`.
-    count : ndarray of int, shape (2,)
-        Live modes, and searches made.
-    """
+    `u` (mode, n): parameters, in prior standard deviations. `root` (mode, n, n): lower Cholesky
+    factors of their information H. `weight` (mode,): sum to 1 over the live modes. `anchor_mean`
+    (mode, n), `anchor_information` (mode, n, n), `anchor_offset` (mode, 1): information of data no
+    longer kept, see `cislunar.estimation.light_curves.light_curve.Anchor`. `count`: numbers of live
+    modes and of searches."""
 
     u: Array
     root: Array
@@ -67,33 +55,33 @@ class Hypotheses(NamedTuple):
     count: NDArray[np.int64]
 
 
-def prior_hypotheses(modes: int, unknowns: int = ROTATION) -> Hypotheses:
-    """The prior N(0, I) as the only mode, with room for so many."""
-    identity = np.tile(np.eye(unknowns), (modes, 1, 1))
+def prior_hypotheses(modes: int, size: int = ROTATION) -> Hypotheses:
+    """The prior N(0, I) as the only mode, with memory for `modes` modes."""
+    identity = np.tile(np.eye(size), (modes, 1, 1))
     weight = np.zeros(modes)
     weight[0] = 1.0
     return Hypotheses(
-        np.zeros((modes, unknowns)),
+        np.zeros((modes, size)),
         identity.copy(),
         weight,
-        np.zeros((modes, unknowns)),
+        np.zeros((modes, size)),
         identity.copy(),
         np.zeros((modes, 1)),
         np.array([1, 0]),
     )
 
 
-@allocating
+@njit_alloc
 def anchor_of(hypotheses, j):
-    """What a mode knows of data no longer kept."""
+    """Anchor of a mode, which represents data no longer kept."""
     return Anchor(
         hypotheses.anchor_mean[j], hypotheses.anchor_information[j], hypotheses.anchor_offset[j]
     )
 
 
-@borrowing
+@njit_noalloc
 def _draw_mode(hypotheses, rng):
-    """A live mode at random by weight."""
+    """Draw a live mode by weight."""
     left = rng.random()
     for j in range(hypotheses.count[0] - 1):
         left -= hypotheses.weight[j]
@@ -102,12 +90,10 @@ def _draw_mode(hypotheses, rng):
     return hypotheses.count[0] - 1
 
 
-@allocating
+@njit_alloc
 def _draw(hypotheses, settings, from_anchor, rng, root, u):
-    """Draw a point around a mode, or from what the mode began with; returns the mode.
-
-    Only the rotation is: the other unknowns are drawn from the mode as it is.
-    """
+    """Draw a point around a mode, or from its anchor; returns the mode. From the anchor only the
+    rotation is drawn: the other parameters come from around the mode."""
     j = _draw_mode(hypotheses, rng)
     for i in range(u.shape[0]):
         u[i] = rng.standard_normal()
@@ -129,21 +115,19 @@ def _draw(hypotheses, settings, from_anchor, rng, root, u):
     return j
 
 
-@allocating
+@njit_alloc
 def _lowest_of_pool(hypotheses, data, model, settings, starts, from_anchor, rng, points, origins):
-    """The `starts` draws of lowest cost out of a random pool, into `points` and `origins`.
-
-    Draws within the merging distance of a live mode are passed over: they lead nowhere new. Returns
-    the number of points found.
-    """
+    """The `starts` draws of lowest cost from a random pool, into `points` and `origins`; their
+    number. Draws within the merging distance of a live mode are skipped, since they converge to
+    that mode."""
     costs = np.full(starts, np.inf)
-    unknowns = hypotheses.u.shape[1]
-    u, root = np.empty(unknowns), np.empty((unknowns, unknowns))
-    work, filled = make_cost_work(unknowns), 0
-    draws = settings.pool if data.shape[0] < FIRST_ROWS else settings.pool // 2
+    size = hypotheses.u.shape[1]
+    u, root = np.empty(size), np.empty((size, size))
+    work, filled = make_cost_work(size), 0
+    draws = settings.pool if data.shape[0] < _FIRST_ROWS else settings.pool // 2
     for _ in range(draws):
         j = _draw(hypotheses, settings, from_anchor, rng, root, u)
-        if _is_known(u, hypotheses, settings.merge_distance):
+        if _near_live_mode(u, hypotheses, settings.merge_distance):
             continue
         anchor = anchor_of(hypotheses, j)
         value = cost_with(work, u, data, anchor, model, costs[starts - 1])
@@ -162,8 +146,8 @@ def _lowest_of_pool(hypotheses, data, model, settings, starts, from_anchor, rng,
     return filled
 
 
-@borrowing
-def _is_known(u, hypotheses, merge_distance):
+@njit_noalloc
+def _near_live_mode(u, hypotheses, merge_distance):
     """Whether a point lies within the merging distance of a live mode."""
     for j in range(hypotheses.count[0]):
         if squared_distance(u, hypotheses.u[j], hypotheses.root[j]) < merge_distance:
@@ -171,27 +155,25 @@ def _is_known(u, hypotheses, merge_distance):
     return False
 
 
-@borrowing
+@njit_noalloc
 def _pool(hypotheses, data, model, settings, starts, rng, points, origins):
-    """Starts out of a random pool, half from the prior and half from around the live modes.
-
-    A light curve still short takes all of them from the prior. Returns the number of starts.
-    """
-    near = 0 if data.shape[0] < FIRST_ROWS else starts // 2
+    """Starts from a random pool, half from the prior and half from around the live modes; their
+    number. For a short light curve all come from the prior."""
+    near = 0 if data.shape[0] < _FIRST_ROWS else starts // 2
     drawn = 0
-    for from_anchor, wanted in ((True, starts - near), (False, near)):
-        if wanted > 0:
+    for from_anchor, number in ((True, starts - near), (False, near)):
+        if number > 0:
             out = points[drawn:], origins[drawn:]
             drawn += _lowest_of_pool(
-                hypotheses, data, model, settings, wanted, from_anchor, rng, *out
+                hypotheses, data, model, settings, number, from_anchor, rng, *out
             )
     return drawn
 
 
-@borrowing
+@njit_noalloc
 def _log_weight(value, information, root):
-    """Laplace's log weight of a minimum; -inf if it is none. `root` receives H's factor."""
-    put(root, information)
+    """Laplace's log weight of a minimum; -inf if it is none. `root` receives the factor of H."""
+    copy_into(root, information)
     if not (np.isfinite(value) and cholesky(root)):
         return -np.inf
     log_det = 0.0
@@ -200,7 +182,7 @@ def _log_weight(value, information, root):
     return -value - log_det
 
 
-@allocating
+@njit_alloc
 def _select(hypotheses, settings, found, roots, log_weights, origins):
     """Replace the live modes by the best of the minima found."""
     order = np.argsort(-log_weights, kind="mergesort")  # stable
@@ -234,10 +216,10 @@ def _select(hypotheses, settings, found, roots, log_weights, origins):
     hypotheses.count[0] = kept
 
 
-@allocating
+@njit_alloc
 def _thinned(data):
-    """Every so many rows of a long light curve, enough to find basins in."""
-    every = max(1, data.shape[0] // SCREENING_ROWS)
+    """A thinned light curve, long enough to find basins of attraction."""
+    every = max(1, data.shape[0] // _SCREENING_ROWS)
     if every == 1:
         return data
     thin = np.empty(((data.shape[0] + every - 1) // every, data.shape[1]))
@@ -246,29 +228,26 @@ def _thinned(data):
     return thin
 
 
-@allocating
+@njit_alloc
 def search(hypotheses, data, model, settings, rng):
-    """Find the modes of the posterior given the whole light curve, starting from the live ones.
-
-    Live modes are refined; so are the points of lowest cost out of a random pool, half from the
-    prior and half from around the live modes (all from the prior while the light curve is short),
-    on a thinned light curve first; what is found is sorted by weight, merged and thinned.
-    """
-    live, unknowns = hypotheses.count[0], hypotheses.u.shape[1]
-    starts = settings.first_starts if data.shape[0] < FIRST_ROWS else settings.starts
-    found, origins = np.empty((live + starts, unknowns)), np.empty(live + starts, np.int64)
+    """Find the modes of the posterior given the whole light curve. The live modes are refined, and
+    so are the points of lowest cost from a random pool, first on a thinned light curve. The minima
+    are sorted by weight and merged, and the best are kept."""
+    live, size = hypotheses.count[0], hypotheses.u.shape[1]
+    starts = settings.first_starts if data.shape[0] < _FIRST_ROWS else settings.starts
+    found, origins = np.empty((live + starts, size)), np.empty(live + starts, np.int64)
     thin, total = _thinned(data), live
     if starts > 0:
         total += _pool(hypotheses, thin, model, settings, starts, rng, found[live:], origins[live:])
-    roots, log_weights = np.empty((total, unknowns, unknowns)), np.empty(total)
-    information, distance = np.empty((unknowns, unknowns)), settings.merge_distance
-    kept, u = 0, np.empty(unknowns)
+    roots, log_weights = np.empty((total, size, size)), np.empty(total)
+    information, distance = np.empty((size, size)), settings.merge_distance
+    kept, u = 0, np.empty(size)
     for i in range(total):
         origin = i if i < live else origins[i]
         u[:] = hypotheses.u[i] if i < live else found[i]
         anchor = anchor_of(hypotheses, origin)
         iterations = settings.warm_iterations if i < live else settings.iterations
-        damping = WARM_DAMPING if i < live and unknowns > ROTATION else INITIAL_DAMPING
+        damping = WARM_DAMPING if i < live and size > ROTATION else INITIAL_DAMPING
         heeded = kept if i >= live else 0
         known = (found[:heeded], roots[:heeded], distance)
         value = 0.0
@@ -287,23 +266,22 @@ def search(hypotheses, data, model, settings, rng):
     hypotheses.count[1] += 1
 
 
-@allocating
+@njit_alloc
 def condense(hypotheses, data, model, memory):
-    """Put part of a light curve (n, COLUMNS) into the anchors, so that it need not be kept.
-
-    Around each live mode the data's cost is replaced by its second-order expansion. What an anchor
-    holds beyond the prior N(0, I) then fades by the factor `memory`, its cost at the mode kept.
-    """
-    unknowns = hypotheses.u.shape[1]
-    gradient, root = np.empty(unknowns), np.empty((unknowns, unknowns))
-    information = np.empty((unknowns, unknowns))
+    """Condense part of a light curve (n, COLUMNS) into the anchors, so that its rows can be
+    dropped. Around each live mode the cost of the data is replaced by its second-order expansion.
+    The information of an anchor beyond the prior N(0, I) then fades by the factor `memory`, with
+    its cost at the mode unchanged."""
+    size = hypotheses.u.shape[1]
+    gradient, root = np.empty(size), np.empty((size, size))
+    information = np.empty((size, size))
     for j in range(hypotheses.count[0]):
         u, anchor = hypotheses.u[j], anchor_of(hypotheses, j)
         value = cost_and_derivatives(u, data, anchor, model, gradient, information)
         # the minimum of the expansion of anchor and data about u
         root[:, :] = information
         if not (np.isfinite(value) and cholesky(root)):
-            hypotheses.anchor_offset[j, 0] = np.inf  # it cannot answer for the data let go
+            hypotheses.anchor_offset[j, 0] = np.inf  # it does not represent the dropped data
             continue
         step = -gradient
         solve_lower(root, step)
@@ -312,7 +290,7 @@ def condense(hypotheses, data, model, memory):
         # with Lambda = I + m (H - I) and Lambda mean' = m H mean; m = 1 changes nothing
         pull = memory * (information @ mean)
         anchor.information[:, :] = memory * information
-        for i in range(unknowns):
+        for i in range(size):
             anchor.information[i, i] += 1.0 - memory
         root[:, :] = anchor.information
         cholesky(root)
@@ -322,52 +300,48 @@ def condense(hypotheses, data, model, memory):
         anchor.offset[0] += value - anchor_cost(u, anchor)
 
 
-@allocating
-def _carried_root(root, carried, reach):
-    """Root of the covariance of the first unknowns of a mode, times `reach`, (carried, carried).
-
-    `root` is the factor L of the information H. It is L^-T where there are no others, else the
-    Cholesky factor of their block of H^-1.
-    """
-    unknowns = root.shape[0]
-    inverse, column = np.empty((unknowns, unknowns)), np.empty(unknowns)
-    for i in range(unknowns):
+@njit_alloc
+def _carried_root(root, carried, scale):
+    """Root of the covariance of the first `carried` parameters of a mode, times `scale`. `root` is
+    the factor L of the information H. The result is L^-T if there are no other parameters, else the
+    Cholesky factor of the block of H^-1."""
+    size = root.shape[0]
+    inverse, column = np.empty((size, size)), np.empty(size)
+    for i in range(size):
         column[:] = 0.0
-        column[i] = reach
+        column[i] = scale
         solve_transposed(root, column)
         inverse[:, i] = column
-    if carried == unknowns:
+    if carried == size:
         return inverse
     covariance = np.zeros((carried, carried))
     for a in range(carried):
         for b in range(a + 1):
-            for i in range(unknowns):
+            for i in range(size):
                 covariance[a, b] += inverse[a, i] * inverse[b, i]
     cholesky(covariance)
     return covariance
 
 
-@allocating
-def mixture_points(hypotheses, model, quaternion, omega, weight, departures):
-    """Equally weighted points of every live mode with its mean and covariance; their number.
-
-    The points ``u_j +- sqrt(c) L_j e_i`` of the c unknowns on which attitudes at other times
-    depend, ``L_j L_j^T`` their covariance in H_j^-1, as attitude (2 c mode, 4), rate (2 c mode, 3)
-    and departures of the rotation (2 c mode, c - 6) at the epoch. The surface is integrated out.
-    """
-    carried = carried_unknowns(model)
+@njit_alloc
+def mixture_points(hypotheses, model, quaternion, omega, weight, deviations):
+    """Equally weighted points of every live mode with its mean and covariance; their number. They
+    are ``u_j +- sqrt(c) L_j e_i`` for the c parameters on which attitudes at other times depend,
+    with ``L_j L_j^T`` their covariance in H_j^-1. Outputs at the epoch are attitude (2 c mode, 4),
+    rate (2 c mode, 3) and rotation deviations (2 c mode, c - 6)."""
+    carried = propagated_parameters(model)
     from_u = np.empty(carried)
-    reach = np.sqrt(float(carried))
+    scale = np.sqrt(float(carried))
     number = 0
     for j in range(hypotheses.count[0]):
-        columns = _carried_root(hypotheses.root[j], carried, reach)
+        columns = _carried_root(hypotheses.root[j], carried, scale)
         for i in range(carried):
             for sign in (1.0, -1.0):
                 for c in range(carried):
                     from_u[c] = hypotheses.u[j, c] + sign * columns[c, i]
                 initial_state(from_u, model, quaternion[number], omega[number])
                 for c in range(ROTATION, carried):
-                    departures[number, c - ROTATION] = model.sigma[c] * from_u[c]
+                    deviations[number, c - ROTATION] = model.sigma[c] * from_u[c]
                 weight[number] = hypotheses.weight[j] / (2 * carried)
                 number += 1
     return number

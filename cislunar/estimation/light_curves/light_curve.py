@@ -1,25 +1,18 @@
-"""Likelihood of a whole light curve given the initial attitude and rate of a torque-free body.
+"""Likelihood of a light curve given the initial attitude and rate of a torque-free body.
 
-The attitude of a torque-free body is a function of six constants: a small turn p0 (GRP) of the
-nominal attitude at the epoch and a change of the angular velocity there. In units of the prior's
-standard deviations they form the vector ``u``, with N(0, I) before any measurement, and
+docs/attitude.md derives the cost: with ``u`` the deviations of initial attitude (GRP) and angular
+velocity in prior standard deviations,
 
     cost(u) = |u|^2 / 2 + sum_k w_k (m_k - h_k(u))^2 / (2 R),
 
-R / w_k the variance of measurement k and h_k the magnitude of the facet model at ``q(t_k; u)``.
-Lines of sight and ranges are those of the translational estimate at the time of each measurement;
-what their error does to the magnitude is far below the noise.
+with R / w_k the variance of measurement k and h_k the expected magnitude. If R is known as from nu
+measurements only (``nu R / R_true`` is chi squared with nu degrees of freedom), it is integrated
+out: with n detections and S the sum over w_k (m_k - h_k)^2 the misfit becomes ``(nu + n) / 2 ln(1 +
+S / (nu R))``, and ``(nu R + S) / (nu + n)`` replaces R in the derivatives.
 
-Where R itself is known as from nu measurements alone (``nu R / R_true`` is chi squared with nu
-degrees of freedom), it is integrated out: with n detections and S the sum over w_k (m_k - h_k)^2
-the misfit becomes ``(nu + n) / 2 ln(1 + S / (nu R))``, Student's t in place of the Gaussian, and
-``(nu R + S) / (nu + n)`` takes the place of R in the derivatives.
-
-Further unknowns may follow the six: how the body's rotation (`cislunar.attitude.departures`) and
-then its surface (`cislunar.photometry.departures`) depart from what is believed, each in units of
-its prior standard deviation too.
-
-The prior may be replaced by an `Anchor`, the Gaussian that stands for data no longer kept.
+Body-parameter deviations may follow the six constants: first those of the rotation
+(`cislunar.attitude.parameter_deviations`), then those of the surface
+(`cislunar.photometry.parameter_deviations`). An `Anchor` may replace the prior.
 """
 
 import math
@@ -29,16 +22,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.attitude.departures import (
+from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
+from cislunar.attitude.parameter_deviations import (
     COLUMNS,
     TURN_IF_KNOWN,
     TURN_PER_STEP,
     begin_track,
-    departed_rotation,
+    perturbed_rotation,
 )
-from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
-from cislunar.compiled import allocating, borrowing
+from cislunar.compiled import njit_alloc, njit_noalloc
 from cislunar.estimation.light_curves.cost_work import make_cost_work
 from cislunar.estimation.light_curves.row_blocks import (
     CURVATURE,
@@ -50,57 +43,42 @@ from cislunar.estimation.light_curves.row_blocks import (
     add_products,
     fill_block,
     fold,
+    parameter_rows,
     pull_back,
     pull_back_matrix,
     read_attitude,
-    rows_of_unknowns,
     turn_evenly,
 )
 from cislunar.photometry.bodies import Body
 from cislunar.photometry.body_blocks import (
-    body_magnitude_departures,
+    body_magnitude_deviations,
     body_magnitude_gradients,
     body_magnitudes,
 )
-from cislunar.photometry.departures import departed_body, departure_rows
 from cislunar.photometry.facet_blocks import LANES
 from cislunar.photometry.facet_blocks import MAGNITUDE as EXPECTED
-from cislunar.photometry.materials import FACET, STRETCH
+from cislunar.photometry.materials import AXIS_SCALE, FACET
+from cislunar.photometry.parameter_deviations import deviation_rows, perturbed_body
 
 Array = NDArray[np.float64]
 
 OTHER_CAUSES = 1e-3
-"""Chance that a target in clear view is not seen for another reason than its faintness; bounds what
-one row misjudged can do."""
+"""Probability that a target in clear view is not detected for a reason other than its faintness; it
+bounds the effect of one misjudged row."""
 
 _LOG_SQRT_2PI = 0.5 * math.log(2.0 * math.pi)
 _SQRT_HALF = math.sqrt(0.5)
 
 
 class LightCurveModel(NamedTuple):
-    """What the cost of one target needs besides its data.
-
-    Attributes
-    ----------
-    quaternion, omega : ndarray, shapes (4,) and (3,)
-        Nominal attitude (inertial to body) and angular velocity (rad/s, body frame) at the epoch.
-    sigma : ndarray, shape (n,)
-        Prior standard deviations: attitude error (GRP), angular velocity (rad/s), departures.
-    rotation_kinds, surface_kinds : ndarray of int
-        Departures of rotation and surface that are estimated, n - 6 together.
-    inertia, inverse_inertia : ndarray, shape (3, 3)
-        Any unit.
-    even : bool
-        Whether the angular velocity is constant, whatever the unknowns.
-    surface : Body
-        Shape and material.
-    irradiance_4pi, fresnel_sqrt : bool
-        Readings of the reflection model, see `cislunar.photometry.materials.PhotometryModel`.
-    noise_variance : float
-        R, mag^2, of a row of weight 1.
-    noise_freedom : float
-        Degrees of freedom of what is known of R beforehand; 0 if R is known.
-    """
+    """Model of one target's light curve.
+    `quaternion` (4,) inertial to body frame, `omega` (3,) rad/s, body frame: nominal motion at the
+    epoch. `sigma` (n,): prior standard deviations of attitude error (GRP), angular velocity (rad/s)
+    and body parameters. `rotation_kinds`, `surface_kinds`: estimated deviations, n - 6 together.
+    `inertia`, `inverse_inertia` (3, 3): assumed, any unit; `even`: whether the angular velocity is
+    constant, whatever the parameters. `surface`: assumed `Body`. `irradiance_4pi`, `fresnel_sqrt`:
+    see `cislunar.photometry.materials.PhotometryModel`. `noise_variance`: R, mag^2, of a row of
+    weight 1; `noise_freedom`: degrees of freedom of the prior knowledge of R, 0 if R is known."""
 
     quaternion: Array
     omega: Array
@@ -118,23 +96,18 @@ class LightCurveModel(NamedTuple):
 
 
 class Anchor(NamedTuple):
-    """The quadratic ``offset + (u - mean)^T information (u - mean) / 2`` the cost begins with.
-
-    Attributes
-    ----------
-    mean : ndarray, shape (n,)
-    information : ndarray, shape (n, n)
-    offset : ndarray, shape (1,)
-    """
+    """The quadratic ``offset + (u - mean)^T information (u - mean) / 2`` with which the cost
+    begins; shapes (n,), (n, n) and (1,)."""
 
     mean: Array
     information: Array
     offset: Array
 
 
-@borrowing
+@njit_noalloc
 def initial_state(u, model, quaternion, omega):
-    """Attitude ``dq(p0) (x) q`` (4,) and angular velocity (3,) at the epoch, given the unknowns."""
+    """Attitude ``dq(p0) (x) q`` (4,) and angular velocity (3,) at the epoch, given the
+    parameters."""
     sigma, q = model.sigma, model.quaternion
     d1, d2, d3, d4 = quaternion_from_grp_components(
         sigma[0] * u[0], sigma[1] * u[1], sigma[2] * u[2], GRP_A, GRP_F
@@ -146,7 +119,7 @@ def initial_state(u, model, quaternion, omega):
         omega[c] = model.omega[c] + sigma[3 + c] * u[3 + c]
 
 
-@borrowing
+@njit_noalloc
 def anchor_cost(u, anchor):
     """Value of an anchor's quadratic."""
     total = 0.0
@@ -156,11 +129,10 @@ def anchor_cost(u, anchor):
     return anchor.offset[0] + 0.5 * total
 
 
-@borrowing
+@njit_noalloc
 def fainter_than_limit(z):
-    """Cost of a non-detection, and its first two derivatives by z = (h - limit) / noise.
-
-    It is -log(e + (1 - e) Phi(z)) with e = `OTHER_CAUSES`; the curvature is not below zero.
+    """Cost of a non-detection, and its first two derivatives with respect to z = (h - limit) /
+    noise. It is -log(e + (1 - e) Phi(z)) with e = `OTHER_CAUSES`; the curvature is not below zero.
     """
     density = (1.0 - OTHER_CAUSES) * math.exp(-0.5 * z * z - _LOG_SQRT_2PI)
     chance = OTHER_CAUSES + (1.0 - OTHER_CAUSES) * 0.5 * math.erfc(-z * _SQRT_HALF)
@@ -169,90 +141,88 @@ def fainter_than_limit(z):
 
 
 @njit(cache=True, inline="always")
-def carried_unknowns(model):
-    """Number of unknowns, the first ones, on which the attitude at other times depends."""
+def propagated_parameters(model):
+    """Number of parameters, the first ones, on which the attitude at other times depends."""
     return ROTATION + model.rotation_kinds.shape[0]
 
 
-@borrowing
+@njit_noalloc
 def _set_motion(u, model, with_columns, work):
-    """Motion and body at the epoch, given the unknowns, into the work."""
+    """Motion and body at the epoch, given the parameters, into the work."""
     initial_state(u, model, work.start, work.omega)
-    carried = carried_unknowns(model)
+    carried = propagated_parameters(model)
     for c in range(ROTATION, carried):
         work.amounts[c] = model.sigma[c] * u[c]
-    amounts, believed = work.amounts[ROTATION:carried], (model.inertia, model.inverse_inertia)
-    departed_rotation(model.rotation_kinds, amounts, *believed, work.body)
+    amounts, assumed_inertia = (
+        work.amounts[ROTATION:carried],
+        (model.inertia, model.inverse_inertia),
+    )
+    perturbed_rotation(model.rotation_kinds, amounts, *assumed_inertia, work.body)
     if not model.even:
         begin_track(work.track, work.times, work.start, work.omega, work.body, with_columns)
 
 
-@allocating
+@njit_alloc
 def _surface(u, model):
-    """Shape and material of a body whose surface departs, given the unknowns."""
-    carried = carried_unknowns(model)
-    return departed_body(model.surface_kinds, model.sigma[carried:] * u[carried:], model.surface)
+    """Shape and material of a body with surface deviations, given the parameters."""
+    carried = propagated_parameters(model)
+    return perturbed_body(model.surface_kinds, model.sigma[carried:] * u[carried:], model.surface)
 
 
-@borrowing
-def _magnitudes_and_departures(block, shares, work, rows, surface, model):
-    """Magnitudes of a block, their derivatives by a turn, and those by departures of surface."""
+@njit_noalloc
+def _magnitudes_and_deviations(block, shares, work, rows, surface, model):
+    """Magnitudes of a block, and their derivatives with respect to attitude and surface
+    deviations."""
     readings = model.irradiance_4pi, model.fresnel_sqrt
-    kinds, stretched = model.surface_kinds, False
+    kinds, scaled = model.surface_kinds, False
     for kind in kinds:
-        stretched |= STRETCH <= kind < FACET
-    body_magnitude_departures(block, shares, stretched, rows, surface, *readings)
-    first = carried_unknowns(model)
-    out = rows_of_unknowns(work, first)
-    departure_rows(block, shares, rows, kinds, model.sigma[first:], surface, readings[1], out)
+        scaled |= AXIS_SCALE <= kind < FACET
+    body_magnitude_deviations(block, shares, scaled, rows, surface, *readings)
+    first = propagated_parameters(model)
+    out = parameter_rows(work, first)
+    deviation_rows(block, shares, rows, kinds, model.sigma[first:], surface, readings[1], out)
 
 
-@allocating
+@njit_alloc
 def cost(u, data, anchor, model, stop_above):
     """Negative logarithm of the posterior, up to a constant (compiled).
 
     Parameters
     ----------
     u : ndarray, shape (n,)
-        Unknowns.
+        Estimated parameters, in prior standard deviations.
     data : ndarray, shape (n, COLUMNS)
-        The light curve: time since the epoch (s), magnitude (of a non-detection that which the
-        target is known to be fainter than), directions to Sun and observer
-        (inertial frame), range (m), 1 for a detection or 0 for a non-detection, and the model's
-        noise variance over that of the row; by rising time.
+        The light curve, in the order of time: time since the epoch (s), magnitude (for a
+        non-detection the limit), directions to Sun and observer (inertial frame), range (m), 1 for
+        a detection or 0 for a non-detection, and the model's noise variance over that of the row.
     anchor : Anchor
         Prior.
     model : LightCurveModel
     stop_above : float
-        The sum is given up once it exceeds this.
-
-    Returns
-    -------
-    float
-        The cost, or a lower bound of it above `stop_above`.
+        The summation stops once it exceeds this value; the result is then a lower bound.
     """
     return cost_with(make_cost_work(u.shape[0]), u, data, anchor, model, stop_above)
 
 
-@borrowing
+@njit_noalloc
 def cost_with(work, u, data, anchor, model, stop_above):
-    """As `cost`, which makes the scratch that is given here."""
+    """`cost` with given scratch."""
     _set_motion(u, model, False, work)
     total = anchor_cost(u, anchor)
     if model.surface_kinds.shape[0] > 0:
-        return _sum_of_departed_rows(total, u, data, model, stop_above, work)
+        return _sum_of_perturbed_rows(total, u, data, model, stop_above, work)
     return _sum_of_rows(total, data, model, model.surface, stop_above, work)
 
 
-@allocating
-def _sum_of_departed_rows(total, u, data, model, stop_above, work):
-    """`_sum_of_rows` of a body whose surface departs."""
+@njit_alloc
+def _sum_of_perturbed_rows(total, u, data, model, stop_above, work):
+    """`_sum_of_rows` for a body with surface deviations."""
     return _sum_of_rows(total, data, model, _surface(u, model), stop_above, work)
 
 
-@borrowing
+@njit_noalloc
 def _sum_of_rows(total, data, model, surface, stop_above, work):
-    """Cost of the rows added to that of the anchor, the motion given in the work; see `cost`."""
+    """Cost of the rows added to that of the anchor, given the motion in the work; see `cost`."""
     block, track, times = work.block, work.track, work.times
     squares, seen, even = 0.0, 0, model.even
     turn = TURN_IF_KNOWN if model.rotation_kinds.shape[0] == 0 else TURN_PER_STEP
@@ -279,9 +249,9 @@ def _sum_of_rows(total, data, model, surface, stop_above, work):
     return total + _misfit(squares, seen, model)
 
 
-@borrowing
+@njit_noalloc
 def _misfit(squares, seen, model):
-    """Misfit of the detections; never falls as data come in."""
+    """Misfit of the detections; it never falls as data are added."""
     freedom = model.noise_freedom
     if freedom > 0.0:
         return 0.5 * (freedom + seen) * np.log(1.0 + squares / (freedom * model.noise_variance))
@@ -290,60 +260,56 @@ def _misfit(squares, seen, model):
 
 @njit(cache=True, inline="always")
 def _trust(squares, seen, model):
-    """Assumed noise variance over the one expected in view of the residuals; 1 if it is known."""
+    """Assumed noise variance over that expected from the residuals; 1 if the variance is known."""
     freedom, assumed = model.noise_freedom, model.noise_variance
     return (freedom + seen) * assumed / (freedom * assumed + squares) if freedom > 0.0 else 1.0
 
 
-@allocating
+@njit_alloc
 def cost_and_derivatives(u, data, anchor, model, gradient, information):
-    """Cost, its gradient (n,), and the Gauss-Newton approximation of its Hessian (n, n).
-
-    The latter is ``Lambda + sum_k w_k a_k a_k^T / R``, a_k the gradient of h_k; see `cost`.
-    """
+    """Cost, its gradient (n,), and the Gauss-Newton approximation of its Hessian (n, n), ``Lambda +
+    sum_k w_k a_k a_k^T / R``, with a_k the gradient of h_k; see `cost`."""
     work = make_cost_work(u.shape[0])
     return derivatives_with(work, u, data, anchor, model, gradient, information)
 
 
-@allocating
+@njit_alloc
 def derivatives_with(work, u, data, anchor, model, gradient, information):
-    """As `cost_and_derivatives`, which makes the scratch that is given here."""
+    """`cost_and_derivatives` with given scratch."""
     _set_motion(u, model, True, work)
-    unknowns, total = u.shape[0], anchor_cost(u, anchor)
+    size, total = u.shape[0], anchor_cost(u, anchor)
     if model.surface_kinds.shape[0] > 0:
-        total, squares, seen = _products_of_departed(total, u, data, model, work)
+        total, squares, seen = _products_of_perturbed(total, u, data, model, work)
     else:
         no_shares = work.block[:0]
         total, squares, seen = _sum_of_products(total, data, model, model.surface, no_shares, work)
-    curvatures, slopes = fold(work.products, pull_back_matrix(u, work.start, model.sigma), unknowns)
+    curvatures, slopes = fold(work.products, pull_back_matrix(u, work.start, model.sigma), size)
     trust = _trust(squares, seen, model)
-    for i in range(unknowns):
+    for i in range(size):
         gradient[i] = trust * slopes[i]
-        for j in range(unknowns):
+        for j in range(size):
             gradient[i] += anchor.information[i, j] * (u[j] - anchor.mean[j])
             information[i, j] = anchor.information[i, j] + trust * curvatures[i, j]
     return total + _misfit(squares, seen, model)
 
 
-@allocating
-def _products_of_departed(total, u, data, model, work):
-    """`_sum_of_products` of a body whose surface departs."""
+@njit_alloc
+def _products_of_perturbed(total, u, data, model, work):
+    """`_sum_of_products` for a body with surface deviations."""
     surface = _surface(u, model)
     with_shares = np.any(model.surface_kinds >= FACET)
     shares = np.empty((surface.areas.shape[0] if with_shares else 0, LANES))
     return _sum_of_products(total, data, model, surface, shares, work)
 
 
-@borrowing
+@njit_noalloc
 def _sum_of_products(total, data, model, surface, shares, work):
-    """As `_sum_of_rows`, and the products of the derivatives; the misfit is returned in its parts.
-
-    They are the cost without the detections, the sum of their squares, and their number.
-    """
+    """Add the rows as `_sum_of_rows` does, and the products of the derivatives. Returns the cost
+    without the detections, the sum of their squares, and their number."""
     block, w, track, times = work.block, work.rows, work.track, work.times
     work.products[:, :] = 0.0
     squares, seen, even = 0.0, 0, model.even
-    kinds, carried = model.rotation_kinds, carried_unknowns(model)
+    kinds, carried = model.rotation_kinds, propagated_parameters(model)
     turn = TURN_IF_KNOWN if kinds.shape[0] == 0 else TURN_PER_STEP
     inverse_variance = 1.0 / model.noise_variance
     inverse_noise = np.sqrt(inverse_variance)
@@ -355,7 +321,7 @@ def _sum_of_products(total, data, model, surface, shares, work):
         else:
             read_attitude(block, w, rows, track, times, COLUMNS, work.body, turn)
         if model.surface_kinds.shape[0] > 0:
-            _magnitudes_and_departures(block, shares, w, rows, surface, model)
+            _magnitudes_and_deviations(block, shares, w, rows, surface, model)
         else:
             readings = model.irradiance_4pi, model.fresnel_sqrt
             body_magnitude_gradients(block, rows, surface, *readings)

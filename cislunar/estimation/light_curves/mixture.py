@@ -1,31 +1,29 @@
-"""Mean and spread of an attitude given as weighted points, step by step."""
+"""Mean and deviations of an attitude given as weighted points."""
 
 import numpy as np
 
-from cislunar.attitude.departures import departed_rotation
+from cislunar.attitude.attitude_integrator import carry_rotation
 from cislunar.attitude.grp import (
     GRP_A,
     GRP_F,
     grp_from_quaternion_components,
     quaternion_from_grp_components,
 )
+from cislunar.attitude.parameter_deviations import perturbed_rotation
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
-from cislunar.attitude.short_steps import carry_rotation
-from cislunar.compiled import allocating, borrowing, put
+from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
 
-RECENTERINGS = 2
-"""Times the reference of the mean attitude is moved to the mean error about it."""
+_RECENTERINGS = 2
+"""Number of times the reference of the mean attitude is moved to the mean error about it."""
 
 
-@borrowing
-def step_points(quaternion, omega, departures, dt, model):
-    """Carry attitudes (n, 4) and rates (n, 3) of one body over dt seconds, in place.
-
-    `departures` (n, m) are the amounts by which the rotation departs at each point, of the kinds
-    of the `LightCurveModel`. Exact for a body that turns evenly.
-    """
+@njit_noalloc
+def step_points(quaternion, omega, deviations, dt, model):
+    """Propagate attitudes (n, 4) and rates (n, 3) of one body over dt seconds, in place.
+    `deviations` (n, m) are the rotation deviations of each point, of the kinds of the
+    `LightCurveModel`. The step is exact for a constant angular velocity."""
     if not model.even:
-        _step_uneven_points(quaternion, omega, departures, dt, model)
+        _step_uneven_points(quaternion, omega, deviations, dt, model)
         return
     for i in range(quaternion.shape[0]):
         q, w = quaternion[i], omega[i]
@@ -33,31 +31,29 @@ def step_points(quaternion, omega, departures, dt, model):
         q[0], q[1], q[2], q[3] = multiply_components(t1, t2, t3, t4, q[0], q[1], q[2], q[3])
 
 
-@allocating
-def _step_uneven_points(quaternion, omega, departures, dt, model):
-    """`step_points` of a body that does not turn evenly."""
+@njit_alloc
+def _step_uneven_points(quaternion, omega, deviations, dt, model):
+    """`step_points` for a body whose angular velocity changes."""
     body = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for i in range(quaternion.shape[0]):
-        if i == 0 or departures.shape[1] > 0:
-            kinds, believed = model.rotation_kinds, (model.inertia, model.inverse_inertia)
-            departed_rotation(kinds, departures[i], *believed, body)
+        if i == 0 or deviations.shape[1] > 0:
+            kinds, assumed_inertia = model.rotation_kinds, (model.inertia, model.inverse_inertia)
+            perturbed_rotation(kinds, deviations[i], *assumed_inertia, body)
         carry_rotation(quaternion[i], omega[i], dt, body)
 
 
-@borrowing
+@njit_noalloc
 def mixture_moments(quaternion, omega, weight, mean_quaternion, mean_omega, differences):
-    """Mean attitude (4,) and rate (3,) of weighted points, and what the points differ from them.
-
-    The mean attitude is the one about which the mean GRP error vanishes; `differences` (n, 6)
-    receives the GRP of ``q_i (x) q_mean^-1`` and ``omega_i - omega_mean``.
-    """
+    """Mean attitude (4,), about which the mean GRP error vanishes, and mean rate (3,) of weighted
+    points. `differences` (n, 6) receives the GRP of ``q_i (x) q_mean^-1`` and ``omega_i -
+    omega_mean``."""
     n = quaternion.shape[0]
     heaviest = 0
     for i in range(n):
         if weight[i] > weight[heaviest]:
             heaviest = i
-    put(mean_quaternion, quaternion[heaviest])
-    for repeat in range(RECENTERINGS + 1):
+    copy_into(mean_quaternion, quaternion[heaviest])
+    for repeat in range(_RECENTERINGS + 1):
         m = mean_quaternion
         p1, p2, p3 = 0.0, 0.0, 0.0
         for i in range(n):
@@ -68,7 +64,7 @@ def mixture_moments(quaternion, omega, weight, mean_quaternion, mean_omega, diff
             p1 += weight[i] * x
             p2 += weight[i] * y
             p3 += weight[i] * z
-        if repeat == RECENTERINGS:
+        if repeat == _RECENTERINGS:
             break
         d1, d2, d3, d4 = quaternion_from_grp_components(p1, p2, p3, GRP_A, GRP_F)
         d1, d2, d3, d4 = multiply_components(d1, d2, d3, d4, m[0], m[1], m[2], m[3])
@@ -83,7 +79,7 @@ def mixture_moments(quaternion, omega, weight, mean_quaternion, mean_omega, diff
             differences[i, 3 + c] = omega[i, c] - mean_omega[c]
 
 
-@borrowing
+@njit_noalloc
 def weighted_deviations(differences, weight, sigma):
     """Root of the second moment of each component of the differences (n, 6), into `sigma` (6,)."""
     for c in range(sigma.shape[0]):

@@ -1,28 +1,31 @@
 """Rows of a light curve in blocks: attitudes, and sums of derivatives (compiled).
 
-Rows are worked through `LANES` at a time, a quantity to a row of the arrays, so that each loop
-runs along them (`cislunar.photometry.facet_blocks` does the same for the magnitudes). Sums over
-all rows are kept lane by lane and folded at the end in one fixed order.
-
-The derivatives are summed with respect to a small turn of the initial attitude in the inertial
-frame and to the initial angular velocity. What leads from there to the unknowns is the same for
-all rows and applied to the sums. Unknowns beyond those six come after them, already in their units.
+Rows are processed `LANES` at a time, with each quantity in a row of the arrays. Sums over all rows
+are kept lane by lane and added at the end in one fixed order. Derivatives are summed with respect
+to a small rotation of the initial attitude in the inertial frame and to the initial angular
+velocity; the map from there to the estimated parameters is applied to the sums. Further parameters
+follow these six, already in their units.
 """
 
 import numpy as np
 from numba import njit
 
-from cislunar.attitude.departures import FIRST_DEPARTURE, ends_of, extend_track, weigh_ends
 from cislunar.attitude.grp import GRP_A, GRP_F, pull_back_to_grp
+from cislunar.attitude.parameter_deviations import (
+    FIRST_DEVIATION,
+    ends_of,
+    extend_track,
+    weigh_ends,
+)
 from cislunar.attitude.quaternion import multiply_components, rotate_components
-from cislunar.compiled import allocating, borrowing
+from cislunar.compiled import njit_alloc, njit_noalloc
 from cislunar.elementary import sine_and_cosine
 from cislunar.photometry import facet_blocks
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, QUATERNION, TURN
 
 ROTATION = 6
-"""Attitude error (GRP) and angular velocity at the epoch, in prior standard deviations: the first
-unknowns, and often all."""
+"""Number of parameters of the rotation: attitude error (GRP) and angular velocity at the epoch, in
+prior standard deviations. They come first and are often all."""
 
 # Columns of a light curve.
 TIME, MAGNITUDE, SUN, VIEW, RANGE, SEEN, WEIGHT = 0, 1, slice(2, 5), slice(5, 8), 8, 9, 10
@@ -34,7 +37,7 @@ _GEOMETRY = 2
 MISFIT_SLOPE, CURVATURE = 0, 1
 """Of a row: derivative of its cost by the magnitude, and the second."""
 _ELAPSED, _LAG, _REST, _TURNS, _DERIVATIVE = 2, 3, 4, 5, 29
-"""There is room for the turns by the rate and by five departures of the rotation."""
+"""There are rows for the rotations by the rate and by five rotation deviations."""
 _WEIGHTS = _DERIVATIVE
 """Of the ends of a track's step, before there are derivatives."""
 _MOTION_ROWS = _DERIVATIVE + ROTATION
@@ -42,15 +45,15 @@ _ROTATION_SUMS = ROTATION * (ROTATION + 1) // 2 + ROTATION
 
 
 @njit(cache=True, inline="always")
-def work_rows(unknowns):
-    """Rows of a block's work: the derivatives by the unknowns come last."""
-    return _DERIVATIVE + unknowns
+def work_rows(size):
+    """Rows of a block's work, of which the derivatives by the parameters are the last."""
+    return _DERIVATIVE + size
 
 
 @njit(cache=True, inline="always")
-def sum_rows(unknowns):
-    """Products of the derivatives in pairs, and the derivatives by slope."""
-    return unknowns * (unknowns + 1) // 2 + unknowns
+def sum_rows(size):
+    """Number of products of pairs of derivatives, and of derivatives times slope."""
+    return size * (size + 1) // 2 + size
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -60,20 +63,21 @@ def _motion_rows(work):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def rows_of_unknowns(work, first):
-    """Rows of the derivatives by the unknowns from number `first` on."""
+def parameter_rows(work, first):
+    """Rows of the derivatives by the parameters from number `first` on."""
     return work[_DERIVATIVE + first :]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _axis(omega):
-    """Angular velocity as its length, the inverse of that and a unit vector; zeros for none."""
+    """Angular velocity as its length, the inverse of the length and a unit vector; zeros for
+    none."""
     rate = np.sqrt(omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
     inverse = 1.0 / rate if rate > 0.0 else 0.0
     return rate, inverse, omega[0] * inverse, omega[1] * inverse, omega[2] * inverse
 
 
-@borrowing
+@njit_noalloc
 def fill_block(block, work, data, first, count):
     """Directions, ranges and times of the rows from `first` on."""
     b = block.reshape((BLOCK_ROWS, LANES))
@@ -84,7 +88,7 @@ def fill_block(block, work, data, first, count):
             b[facet_blocks.SUN + c, k] = data[first + k, _GEOMETRY + c]
 
 
-@borrowing
+@njit_noalloc
 def turn_evenly(block, work, count, start, omega):
     """Attitudes of a body of constant angular velocity, and the factors of `pull_back`."""
     b = block.reshape((BLOCK_ROWS, LANES))
@@ -113,13 +117,11 @@ def _interpolate(rows, row, w, first, end, ends):
         )
 
 
-@borrowing
+@njit_noalloc
 def read_attitude(block, work, count, track, times, columns, body, turn):
-    """Attitudes of a body that does not turn evenly, from a track that is extended.
-
-    So many first `columns` of its turns are kept for `pull_back`; its steps turn by `turn`. See
-    `cislunar.attitude.departures`.
-    """
+    """Attitudes of a body whose angular velocity changes, from a track that is extended. The first
+    `columns` of its rotation derivatives are kept for `pull_back`; its steps rotate by `turn`. See
+    `cislunar.attitude.parameter_deviations`."""
     b = block.reshape((BLOCK_ROWS, LANES))
     w = _motion_rows(work)
     first = 0
@@ -146,17 +148,12 @@ def read_attitude(block, work, count, track, times, columns, body, turn):
         b[QUATERNION + 2, k], b[QUATERNION + 3, k] = scale * q3, scale * q4
 
 
-@borrowing
+@njit_noalloc
 def pull_back(block, work, count, omega, even, kinds, sigma):
-    """Carry the magnitudes' derivatives by a turn back to the epoch.
-
-    Those by departures of the rotation, of these `kinds`, go by `sigma` of each; there are none
-    where the body turns evenly.
-
-    With phi = omega t, n its direction and g the derivative at t, that by omega is
-    ``t g + (1 - cos|phi|)/|omega| n x g + (t - sin|phi|/|omega|) n x (n x g)`` for a spherical body
-    (`cislunar.attitude.rigid_body.pull_back_gradient`), that by the turn ``A(q)^T g``.
-    """
+    """Carry the magnitudes' derivatives by attitude back to the epoch. With phi = omega t, its
+    direction n and the derivative g at t, that by omega is ``t g + (1 - cos|phi|)/|omega| n x g +
+    (t - sin|phi|/|omega|) n x (n x g)`` for a spherical body, and that by the attitude ``A(q)^T
+    g``. Derivatives by rotation deviations of the `kinds` are in units of `sigma`."""
     b = block.reshape((BLOCK_ROWS, LANES))
     w = _motion_rows(work)
     _, _, nx, ny, nz = _axis(omega)
@@ -178,7 +175,7 @@ def pull_back(block, work, count, omega, even, kinds, sigma):
     for c in range(3 + kinds.shape[0]):
         scale, column = 1.0, c
         if c >= 3:
-            scale, column = sigma[c - 3], FIRST_DEPARTURE + kinds[c - 3]
+            scale, column = sigma[c - 3], FIRST_DEVIATION + kinds[c - 3]
         for k in range(count):
             whole[_DERIVATIVE + 3 + c, k] = scale * (
                 whole[_TURNS + 3 * column, k] * w[_DERIVATIVE, k]
@@ -188,11 +185,11 @@ def pull_back(block, work, count, omega, even, kinds, sigma):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _add_products(w, s, count, unknowns):
-    """`add_products` for so many unknowns."""
-    by_slope = unknowns * (unknowns + 1) // 2
+def _add_products(w, s, count, size):
+    """`add_products` for this number of parameters."""
+    by_slope = size * (size + 1) // 2
     pair = 0
-    for i in range(unknowns):
+    for i in range(size):
         for j in range(i + 1):
             for k in range(count):
                 s[pair, k] += w[CURVATURE, k] * w[_DERIVATIVE + i, k] * w[_DERIVATIVE + j, k]
@@ -201,20 +198,21 @@ def _add_products(w, s, count, unknowns):
             s[by_slope + i, k] += w[MISFIT_SLOPE, k] * w[_DERIVATIVE + i, k]
 
 
-@borrowing
+@njit_noalloc
 def add_products(work, count, sums):
     """Add a block's products of derivatives to the sums (`sum_rows`, LANES), lane by lane."""
-    unknowns = work.shape[0] - _DERIVATIVE
-    if unknowns == ROTATION:  # the usual number, with all shapes known to the compiler
+    size = work.shape[0] - _DERIVATIVE
+    if size == ROTATION:  # the common case, with all shapes known to the compiler
         s = sums.reshape((_ROTATION_SUMS, LANES))
         _add_products(_motion_rows(work), s, count, ROTATION)
     else:
-        _add_products(work, sums, count, unknowns)
+        _add_products(work, sums, count, size)
 
 
-@allocating
+@njit_alloc
 def pull_back_matrix(u, start, sigma):
-    """Matrix (6, 6) from derivatives by turn (inertial) and rate at the epoch to the unknowns'."""
+    """Matrix (6, 6) from derivatives by attitude (inertial) and rate at the epoch to the
+    parameters'."""
     matrix, turn = np.zeros((ROTATION, ROTATION)), np.empty(3)
     p = sigma[:3] * u[:3]
     for i in range(3):
@@ -228,35 +226,33 @@ def pull_back_matrix(u, start, sigma):
     return matrix
 
 
-@allocating
-def fold(sums, matrix, unknowns):
-    """Sums over all lanes in the unknowns: of products (n, n) and by slope (n,).
-
-    `matrix`, shape (6, 6), leads to the unknowns of the rotation; the others stay.
-    """
+@njit_alloc
+def fold(sums, matrix, size):
+    """Sums over all lanes for the parameters: products (n, n) and by slope (n,). `matrix`, shape
+    (6, 6), applies to the parameters of the rotation; the others stay."""
     width = LANES // 2
     while width > 0:
         for row in range(sums.shape[0]):
             for k in range(width):
                 sums[row, k] += sums[row, width + k]
         width //= 2
-    first = unknowns * (unknowns + 1) // 2
-    whole, half = np.empty((unknowns, unknowns)), np.zeros((unknowns, unknowns))
-    products = np.zeros((unknowns, unknowns))
-    by_slope = np.zeros(unknowns)
-    for i in range(unknowns):
+    first = size * (size + 1) // 2
+    whole, half = np.empty((size, size)), np.zeros((size, size))
+    products = np.zeros((size, size))
+    by_slope = np.zeros(size)
+    for i in range(size):
         for j in range(i + 1):
             whole[i, j] = whole[j, i] = sums[i * (i + 1) // 2 + j, 0]
-    for i in range(unknowns):
+    for i in range(size):
         if i >= ROTATION:
             by_slope[i] = sums[first + i, 0]
             half[i] = whole[i]
             continue
         for k in range(ROTATION):
             by_slope[i] += matrix[i, k] * sums[first + k, 0]
-            for j in range(unknowns):
+            for j in range(size):
                 half[i, j] += matrix[i, k] * whole[k, j]
-    for i in range(unknowns):
+    for i in range(size):
         for j in range(i + 1):
             if j >= ROTATION:
                 products[i, j] = half[i, j]

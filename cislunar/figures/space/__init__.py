@@ -1,1 +1,11 @@
 """Figures of orbits, architectures and targets in space."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "architectures": ["selected_orbits_figure"],
+    "facet": ["facet_geometry_figure"],
+    "library": ["family_map_figure", "orbit_library_figure"],
+})
+# fmt: on

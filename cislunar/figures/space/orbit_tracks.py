@@ -1,4 +1,4 @@
-"""Curves of orbits, and tracks of satellites and moving targets."""
+"""Curves of orbits, and tracks of satellites and moving targets, in the rotating frame."""
 
 import numpy as np
 import xarray as xr
@@ -13,16 +13,16 @@ _SECONDS_PER_HOUR = SECONDS_PER_DAY / 24.0
 
 
 def evenly_seen(curve: ArrayLike, samples: int) -> Array:
-    """Places along a curve (n, 3) as fractional row numbers, denser where it bends.
+    """Positions along a curve (n, 3) as fractional row numbers, closer where it bends.
 
-    Half of the samples are spread over its length, half over the angle it turns through, so that
-    a close pass by a body keeps its shape.
+    Half of the samples are distributed by length and half by the angle of the bends, so that a
+    close pass of a body keeps its shape.
     """
     steps = np.diff(np.asarray(curve, dtype=float), axis=0)
     length = np.linalg.norm(steps, axis=1)
     unit = steps / np.maximum(length, np.finfo(float).tiny)[:, None]
     turn = np.arccos(np.clip(np.sum(unit[1:] * unit[:-1], axis=1), -1.0, 1.0))
-    # The turn at a point is shared by the two steps that meet there.
+    # the angle at a point is divided between the two steps that meet there
     bend = np.zeros(len(length))
     bend[1:] += 0.5 * turn
     bend[:-1] += 0.5 * turn
@@ -42,7 +42,7 @@ def orbit_curve(orbits: xr.Dataset, index: int, samples: int = 241) -> Array:
 
 
 def orbit_track_km(orbits: xr.Dataset, index: int, samples: int) -> Array:
-    """One period of an orbit in few points, each exact, the last the first; (samples, 3), km."""
+    """One period of an orbit in few exact points, closed, shape (samples, 3), km."""
     times = np.linspace(-0.5, 0.5, 1025) * float(orbits["period"].values[index])
     fine = _positions(orbits, index, times)
     at = np.interp(evenly_seen(fine, samples), np.arange(len(times)), times)
@@ -56,8 +56,8 @@ def satellite_tracks(
 ) -> Array:
     """Satellites of the orbit in a row of ``orbits/families.nc``, equally spaced in time.
 
-    At `hours` since the epoch, shape (...); gives (..., satellites, 3), rotating frame,
-    nondimensional. All are ahead by `phase`, a share of the period.
+    Positions at `hours` since the epoch, shape (...), have shape (..., satellites, 3) and are
+    nondimensional. All satellites are ahead by `phase`, a share of the period.
     """
     period = float(orbits["period"].values[index])
     phases = phase * period + np.arange(satellites) * period / satellites
@@ -68,13 +68,13 @@ def satellite_tracks(
 def target_tracks_km(tracked: xr.Dataset, hours: ArrayLike) -> Array:
     """Moving targets at ascending times since the epoch, shape (n_times, n_targets, 3), km."""
     times, forces = _nondimensional(tracked, hours), CR3BP(float(tracked.attrs["mu"]))
-    # Some are not periodic, so all are propagated.
+    # some are not periodic, so all are propagated
     tracks = propagate_many(tracked["state"].values, times, forces=forces)[..., :3]
     return np.moveaxis(tracks, 0, 1) * float(tracked.attrs["length_unit_km"])
 
 
 def _positions(orbits: xr.Dataset, index: int, times: Array) -> Array:
-    """Positions on an orbit at some times, shape (n_times, 3), nondimensional."""
+    """Positions on an orbit at given times, shape (n_times, 3), nondimensional."""
     state, period = orbits["state"].values[index], float(orbits["period"].values[index])
     return propagate_periodic(state, period, times, mu=float(orbits.attrs["mu"]))[:, :3]
 

@@ -1,15 +1,15 @@
-"""A page in three dimensions: orbit library, architectures, static and moving targets.
+"""Interactive page in three dimensions: orbit library, architectures, static and moving targets.
 
-The page needs nothing but a browser with WebGL: plotly.js is within it, compressed. Axes are those
-of the rotating frame in kilometers, at equal scales; Earth and Moon have their true size. The time
-slider moves the targets and the satellites through one day from the epoch.
+The page needs only a browser with WebGL, since it contains plotly.js, compressed. Its axes are
+those of the rotating frame in kilometers, at equal scales; Earth and Moon have their true size. The
+time slider moves targets and satellites through one day from the epoch.
 """
 
 import base64
 import gzip
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
@@ -20,12 +20,8 @@ from plotly.offline import get_plotlyjs
 from cislunar.campaign.architectures.variables import phases_of
 from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, SECONDS_PER_DAY
 from cislunar.figures.axes import Array
+from cislunar.figures.space import orbit_tracks
 from cislunar.figures.space.earth_moon import bodies, thousands
-from cislunar.figures.space.orbit_tracks import (
-    orbit_track_km,
-    satellite_tracks,
-    target_tracks_km,
-)
 from cislunar.figures.space.orbits_page_layout import PageParts, page_layout
 from cislunar.figures.style import BLUE, FAMILY_STYLE, YELLOW, optimizer_style, style_or_gray
 
@@ -56,9 +52,11 @@ _HOVER_ORBIT = (
     "<br>perilune %{customdata[4]:,.0f} km from the center of the Moon<extra></extra>"
 )
 
+_HOVER_POSITION = "<br>x, y, z = %{x:,.0f}, %{y:,.0f}, %{z:,.0f} km<extra></extra>"
+
 
 class _Layer(NamedTuple):
-    """Traces that are switched together, and what moves in them."""
+    """Traces that are shown together, and the tracks of those that move."""
 
     traces: list[go.Scatter3d]
     moving: dict[int, Array]
@@ -73,8 +71,9 @@ def orbits_page(
 ) -> str:
     """HTML of the interactive page of orbits, architectures and targets.
 
-    From ``orbits/families.nc``, ``orbits/tracked.nc``, ``targets/static_{scenario}.nc`` by scenario
-    and ``architecture/{scenario}/{optimizer}.nc`` by both; the same data give the same text.
+    The data are ``orbits/families.nc``, ``orbits/tracked.nc``, ``targets/static_{scenario}.nc`` by
+    scenario and ``architecture/{scenario}/{optimizer}.nc`` by both. The same data give the same
+    text.
     """
     layers = {
         "bodies": _Layer(_body_traces(orbits), {}),
@@ -99,17 +98,9 @@ def orbits_page(
         name: (indices[name], indices[f"targets {scenario}"])
         for name, scenario in scenario_of.items()
     }
-    figure.update_layout(
-        page_layout(
-            PageParts(
-                choices=choices,
-                library=indices["library"],
-                hours=FRAME_HOURS,
-                moon_km=(1.0 - float(orbits.attrs["mu"])) * float(orbits.attrs["length_unit_km"]),
-                bounds_km=_bounds(traces),
-            )
-        )
-    )
+    moon_km = (1.0 - float(orbits.attrs["mu"])) * float(orbits.attrs["length_unit_km"])
+    parts = PageParts(choices, indices["library"], FRAME_HOURS, moon_km, _bounds(traces))
+    figure.update_layout(page_layout(parts))
     for number in [each for both in list(choices.values())[:1] for part in both for each in part]:
         figure.data[number].visible = True
     return _page(figure)
@@ -123,57 +114,42 @@ def _bounds(traces: Sequence[go.Scatter3d | go.Surface]) -> Array:
 
 
 def _xyz(points: Array) -> dict[str, np.ndarray]:
-    """Coordinates of points, to 8 km: a power of two, so that they pack well."""
+    """Coordinates of points, rounded to 8 km: a power of two, so that they compress well."""
     coarse = (8.0 * np.round(points / 8.0)).astype(np.float32)
     return {axis: coarse[..., k] for k, axis in enumerate("xyz")}
 
 
 def _joined(tracks: Sequence[Array]) -> Array:
-    """Tracks one behind the other, with a gap after each."""
+    """Tracks in one array, with a gap after each."""
     gap = np.full((1, 3), np.nan)
     return np.concatenate([part for track in tracks for part in (track, gap)])
 
 
 def _body_traces(orbits: xr.Dataset) -> list[go.Surface | go.Scatter3d]:
     """Earth and Moon in true size, and their names."""
-    unit = float(orbits.attrs["length_unit_km"])
+    unit, placed = float(orbits.attrs["length_unit_km"]), bodies(float(orbits.attrs["mu"]))
     across, down = np.linspace(0.0, 2.0 * np.pi, 41), np.linspace(0.0, np.pi, 21)
-    sphere = np.stack(
-        (
-            np.outer(np.cos(across), np.sin(down)),
-            np.outer(np.sin(across), np.sin(down)),
-            np.outer(np.ones_like(across), np.cos(down)),
-        ),
-        axis=-1,
-    )
-    traces, places = [], []
-    for (name, (place, color)), radius in zip(
-        bodies(float(orbits.attrs["mu"])).items(), (EARTH_RADIUS_KM, MOON_RADIUS_KM), strict=True
-    ):
-        traces.append(
-            go.Surface(
-                **_xyz(place * unit + radius * sphere),
-                name=name,
-                colorscale=[(0.0, color), (1.0, color)],
-                showscale=False,
-                hovertemplate=f"{name}, radius {thousands(radius)} km<extra></extra>",
-            )
+    planes = np.outer(np.cos(across), np.sin(down)), np.outer(np.sin(across), np.sin(down))
+    sphere = np.stack((*planes, np.outer(np.ones_like(across), np.cos(down))), axis=-1)
+    radii = (EARTH_RADIUS_KM, MOON_RADIUS_KM)
+    traces = [
+        go.Surface(
+            **_xyz(place * unit + radius * sphere), name=name, showscale=False,
+            colorscale=[(0.0, color), (1.0, color)],
+            hovertemplate=f"{name}, radius {thousands(radius)} km<extra></extra>",
         )
-        places.append(place * unit)
-    labels = go.Scatter3d(
-        **_xyz(np.array(places)),
-        mode="text",
-        text=[trace.name for trace in traces],
-        textposition="bottom center",
-        textfont={"size": 13},
-        hoverinfo="skip",
+        for (name, (place, color)), radius in zip(placed.items(), radii, strict=True)
+    ]  # fmt: skip
+    names = go.Scatter3d(
+        **_xyz(np.array([place * unit for place, _ in placed.values()])), mode="text",
+        text=list(placed), textposition="bottom center", textfont={"size": 13}, hoverinfo="skip",
         showlegend=False,
-    )
-    return [*traces, labels]
+    )  # fmt: skip
+    return [*traces, names]
 
 
 def _orbit_data(orbits: xr.Dataset, index: int) -> list[float]:
-    """What is told of an orbit: row, stability index, period in days, Jacobi constant, perilune."""
+    """Data of an orbit: row, stability index, period in days, Jacobi constant, perilune in km."""
     days = float(orbits["period"].values[index]) * float(orbits.attrs["time_unit_s"])
     return [
         index,
@@ -184,8 +160,8 @@ def _orbit_data(orbits: xr.Dataset, index: int) -> list[float]:
     ]
 
 
-def _told(orbits: xr.Dataset, members: Sequence[int], samples: int) -> np.ndarray:
-    """The data of each orbit once for each point of its track and the gap behind it."""
+def _hover_data(orbits: xr.Dataset, members: Sequence[int], samples: int) -> np.ndarray:
+    """Data of each orbit, once for each point of its track and for the gap after it."""
     data = np.array([_orbit_data(orbits, index) for index in members], dtype=np.float32)
     return np.repeat(data, samples + 1, axis=0)
 
@@ -197,19 +173,15 @@ def _library_traces(orbits: xr.Dataset) -> list[go.Scatter3d]:
     for name in dict.fromkeys(family.tolist()):
         members = np.flatnonzero(family == name).tolist()
         label = _family_label(name)
-        tracks = [orbit_track_km(orbits, index, LIBRARY_SAMPLES) for index in members]
-        orbit = go.Scatter3d(
-            **_xyz(_joined(tracks)),
-            mode="lines",
-            name=f"{label} ({len(members)})",
-            legendgroup=name,
-            legendgrouptitle=None if traces else {"text": "Orbit library"},
-            line={"color": style_or_gray(FAMILY_STYLE, name).color, "width": 1.5},
-            opacity=0.8,
-            customdata=_told(orbits, members, LIBRARY_SAMPLES),
+        tracks = [orbit_tracks.orbit_track_km(orbits, index, LIBRARY_SAMPLES) for index in members]
+        color = style_or_gray(FAMILY_STYLE, name, label).color
+        traces.append(go.Scatter3d(
+            **_xyz(_joined(tracks)), mode="lines", name=f"{label} ({len(members)})",
+            legendgroup=name, legendgrouptitle=None if traces else {"text": "Orbit library"},
+            line={"color": color, "width": 1.5}, opacity=0.8,
+            customdata=_hover_data(orbits, members, LIBRARY_SAMPLES),
             hovertemplate=_HOVER_ORBIT.replace("%{text}", label),
-        )
-        traces.append(orbit)
+        ))  # fmt: skip
     return traces
 
 
@@ -218,95 +190,72 @@ def _family_label(family: str) -> str:
 
 
 def _moving_layer(tracked: xr.Dataset) -> _Layer:
-    """The moving targets with their paths over the day."""
+    """Moving targets with their paths over the day."""
     names = tracked["family"].values.astype(str)
-    track = target_tracks_km(tracked, FRAME_HOURS)
-    paths = target_tracks_km(tracked, PATH_HOURS)
+    track = orbit_tracks.target_tracks_km(tracked, FRAME_HOURS)
+    paths = orbit_tracks.target_tracks_km(tracked, PATH_HOURS)
     path = go.Scatter3d(
-        **_xyz(_joined(list(np.swapaxes(paths, 0, 1)))),
-        mode="lines",
-        name="their paths over the day",
-        line={"color": "#444444", "width": 1},
-        opacity=0.6,
-        hoverinfo="skip",
-        legendgroup="paths",
-        visible="legendonly",
-    )
+        **_xyz(_joined(list(np.swapaxes(paths, 0, 1)))), mode="lines",
+        name="paths of moving targets", line={"color": "#444444", "width": 1}, opacity=0.6,
+        hoverinfo="skip", legendgroup="paths", visible="legendonly",
+    )  # fmt: skip
     points = go.Scatter3d(
-        **_xyz(track[0]),
-        mode="markers",
-        name=f"moving targets ({len(names)})",
-        legendgrouptitle={"text": "Targets"},
+        **_xyz(track[0]), mode="markers", name=f"moving targets ({len(names)})",
+        legendgrouptitle={"text": "Targets"}, legendgroup="moving targets",
         marker={"color": "#111111", "size": 3, "symbol": "diamond"},
         text=[f"{name}, moving target {k}" for k, name in enumerate(names.tolist())],
-        hovertemplate="%{text}<br>x, y, z = %{x:,.0f}, %{y:,.0f}, %{z:,.0f} km<extra></extra>",
-        legendgroup="moving targets",
-    )
+        hovertemplate=f"%{{text}}{_HOVER_POSITION}",
+    )  # fmt: skip
     return _Layer([points, path], {0: track})
 
 
 def _static_layer(scenario: str, targets: xr.Dataset, orbits: xr.Dataset) -> _Layer:
-    """The static targets of one scenario."""
+    """Static targets of one scenario."""
     points = targets["position"].values * float(orbits.attrs["length_unit_km"])
     trace = go.Scatter3d(
-        **_xyz(points),
-        mode="markers",
-        name=f"static targets of {scenario} ({thousands(len(points))})",
-        legendgroup=f"static targets {scenario}",
+        **_xyz(points), mode="markers", legendgroup=f"static targets {scenario}", opacity=0.6,
+        name=f"static targets of {scenario} ({thousands(len(points))})", visible=False,
         marker={"color": "#5B7C99", "size": 2 if len(points) < 1000 else 1.2},
-        opacity=0.6,
-        hovertemplate=(
-            f"static target of scenario {scenario}"
-            "<br>x, y, z = %{x:,.0f}, %{y:,.0f}, %{z:,.0f} km<extra></extra>"
-        ),
-        visible=False,
-    )
+        hovertemplate=f"static target of scenario {scenario}{_HOVER_POSITION}",
+    )  # fmt: skip
     return _Layer([trace], {})
 
 
 def _architecture_layer(name: str, orbits: xr.Dataset, architecture: xr.Dataset) -> _Layer:
-    """Chosen orbits and their satellites, in colors that no family has."""
+    """Orbits and satellites of an architecture, in colors that no family has."""
     counts = architecture["satellites"].values.tolist()
     chosen = list(zip(architecture["orbit"].values.tolist(), counts, strict=True))
     members = [orbit for orbit, _ in chosen]
     families = orbits["family"].values.astype(str)[members]
+    curves = [orbit_tracks.orbit_track_km(orbits, index, CHOSEN_SAMPLES) for index in members]
+    given = {"legendgroup": f"architecture {name}", "visible": False}
     lines = go.Scatter3d(
-        **_xyz(_joined([orbit_track_km(orbits, index, CHOSEN_SAMPLES) for index in members])),
-        mode="lines",
-        name="chosen orbits",
-        legendgroup=f"architecture {name}",
-        legendgrouptitle={"text": f"Scenario {name}"},
+        **_xyz(_joined(curves)), mode="lines", name="orbits of the architecture",
         line={"color": BLUE, "width": 6},
-        customdata=_told(orbits, members, CHOSEN_SAMPLES),
-        text=np.repeat([_family_label(f) for f in families], CHOSEN_SAMPLES + 1).tolist(),
-        hovertemplate=_HOVER_ORBIT,
-        visible=False,
-    )
+        legendgrouptitle={"text": f"Scenario {name}"}, hovertemplate=_HOVER_ORBIT,
+        customdata=_hover_data(orbits, members, CHOSEN_SAMPLES),
+        text=np.repeat([_family_label(f) for f in families], CHOSEN_SAMPLES + 1).tolist(), **given,
+    )  # fmt: skip
     tracks = [
-        satellite_tracks(orbits, orbit, count, FRAME_HOURS, phase)
+        orbit_tracks.satellite_tracks(orbits, orbit, count, FRAME_HOURS, phase)
         for (orbit, count), phase in zip(chosen, phases_of(architecture), strict=True)
     ]
     track = np.concatenate(tracks, axis=1) * float(orbits.attrs["length_unit_km"])
-    told = [
+    texts = [
         f"satellite {k + 1} of {count} on orbit {orbit}, {_family_label(family)}"
         for (orbit, count), family in zip(chosen, families, strict=True)
         for k in range(count)
     ]
     satellites = go.Scatter3d(
-        **_xyz(track[0]),
-        mode="markers",
-        name=f"satellites ({len(told)})",
-        legendgroup=f"architecture {name}",
+        **_xyz(track[0]), mode="markers", name=f"satellites ({len(texts)})", text=texts,
         marker={"color": YELLOW, "size": 6, "line": {"color": "black", "width": 2}},
-        text=told,
-        hovertemplate="%{text}<extra></extra>",
-        visible=False,
-    )
+        hovertemplate="%{text}<extra></extra>", **given,
+    )  # fmt: skip
     return _Layer([lines, satellites], {1: track})
 
 
 def _frames(moving: Mapping[int, Array]) -> list[go.Frame]:
-    """Positions of everything that moves, a frame for each time."""
+    """A frame for each time, with the positions of everything that moves."""
     return [
         go.Frame(
             name=f"{hour:.1f}",
@@ -318,16 +267,11 @@ def _frames(moving: Mapping[int, Array]) -> list[go.Frame]:
 
 
 def _page(figure: go.Figure) -> str:
-    config: dict[str, Any] = {"responsive": True, "displaylogo": False, "scrollZoom": True}
     plot = to_html(
-        figure,
-        config=config,
-        auto_play=False,
-        include_plotlyjs=False,
-        full_html=False,
-        default_height="100vh",
+        figure, config={"responsive": True, "displaylogo": False, "scrollZoom": True},
+        auto_play=False, include_plotlyjs=False, full_html=False, default_height="100vh",
         div_id=DIV_ID,
-    )
+    )  # fmt: skip
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         "<title>Cislunar orbits, architectures and targets</title>\n"
@@ -337,7 +281,7 @@ def _page(figure: go.Figure) -> str:
 
 
 def _packed(plot: str) -> str:
-    """The plot with its scripts and plotly.js compressed, a third of their size."""
+    """The plot, with its scripts and plotly.js compressed to a third of their size."""
     text = "\n".join([get_plotlyjs(), *_SCRIPT.findall(plot)])
     packed = base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
     return _SCRIPT.sub("", plot) + _UNPACK % packed

@@ -1,4 +1,4 @@
-"""Axes, color bar, menus and time slider of the page of orbits."""
+"""Axes, menus and time slider of the interactive page of orbits."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -8,15 +8,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM
 
+_MENUS_PX = 0, 230, 430
+"""Places of the menus."""
+_BUTTONS_PX = 150
+"""Width of the buttons beside the time slider, which begins behind them."""
 _WHITE = "rgba(255, 255, 255, 0.85)"
 
 
 class PageParts(NamedTuple):
-    """What the controls of the page act on.
+    """The parts of the page on which its controls act.
 
-    `choices` gives for each architecture the numbers of its traces and of its targets', `library`
-    those of the orbits; `hours` are the slider's, since the epoch. `moon_km` is the x of the Moon,
-    `bounds_km`, shape (3, 2), the least and greatest coordinates of everything shown.
+    `choices` holds for each architecture the numbers of its traces and those of the traces of its
+    targets; `library` holds the numbers of the traces of orbits. `hours` are the times of the
+    slider since the epoch. `moon_km` is the x coordinate of the Moon, `bounds_km`, shape (3, 2),
+    the least and greatest coordinates of everything shown.
     """
 
     choices: Mapping[str, tuple[Sequence[int], Sequence[int]]]
@@ -27,12 +32,12 @@ class PageParts(NamedTuple):
 
 
 def page_layout(parts: PageParts) -> dict[str, Any]:
-    """Layout of the page, for ``plotly.graph_objects.Layout``."""
+    """Layout of the page, as arguments of ``plotly.graph_objects.Layout``."""
     menus = [_view_menu(parts), _library_menu(parts.library), _play_buttons()]
     if parts.choices:
         menus.insert(0, _architecture_menu(parts.choices))
-    for menu, x in zip(menus[:-1], (0.0, 0.24, 0.44), strict=False):
-        menu.update(x=x, xanchor="left", y=1.0, yanchor="top", bgcolor=_WHITE)
+    for menu, left in zip(menus[:-1], _MENUS_PX, strict=False):
+        menu.update(x=0.0, xanchor="left", y=1.0, yanchor="top", bgcolor=_WHITE, pad={"l": left})
     return {
         "scene": _scene(parts.bounds_km),
         "legend": {
@@ -54,27 +59,20 @@ def _scene(bounds_km: NDArray[np.float64]) -> dict[str, Any]:
         "zerolinecolor": "#BBBBBB", "showspikes": False, "nticks": 6,
     }  # fmt: skip
     box = _box(bounds_km)
+    titled = {
+        f"{x}axis": {**axis, "title": {"text": f"{x}, km, rotating frame"},
+                     "range": box[f"scene.{x}axis.range"]}
+        for x in "xyz"
+    }  # fmt: skip
+    eye, center = {"x": 0.65, "y": -1.65, "z": 0.8}, {"x": 0, "y": 0, "z": -0.15}
     return {
-        **{
-            f"{x}axis": {
-                **axis,
-                "title": {"text": f"{x}, km, rotating frame"},
-                "range": box[f"scene.{x}axis.range"],
-            }
-            for x in "xyz"
-        },
-        "aspectmode": "manual",
-        "aspectratio": box["scene.aspectratio"],
-        "camera": {
-            "eye": {"x": 0.65, "y": -1.65, "z": 0.8},
-            "center": {"x": 0, "y": 0, "z": -0.15},
-        },
-        "dragmode": "orbit",
-    }
+        **titled, "aspectmode": "manual", "aspectratio": box["scene.aspectratio"],
+        "camera": {"eye": eye, "center": center}, "dragmode": "orbit",
+    }  # fmt: skip
 
 
 def _architecture_menu(choices: Mapping[str, tuple]) -> dict[str, Any]:
-    """One architecture at a time, with the static targets of its scenario."""
+    """Menu that shows one architecture with the static targets of its scenario."""
     every = sorted({number for both in choices.values() for part in both for number in part})
 
     def button(label: str, shown: Sequence[int]) -> dict[str, Any]:
@@ -89,7 +87,7 @@ def _architecture_menu(choices: Mapping[str, tuple]) -> dict[str, Any]:
 
 
 def _box(bounds_km: NDArray[np.float64]) -> dict[str, Any]:
-    """Ranges of the axes, with the ratio that gives them equal scales."""
+    """Ranges of the axes, with the aspect ratio that gives equal scales."""
     extent = np.diff(bounds_km, axis=1)[:, 0]
     ratio = extent / np.cbrt(np.prod(extent))
     return {
@@ -99,7 +97,7 @@ def _box(bounds_km: NDArray[np.float64]) -> dict[str, Any]:
 
 
 def _view_menu(parts: PageParts) -> dict[str, Any]:
-    """Everything, or a cube around a place."""
+    """Menu of views: everything, or a cube around a place."""
 
     def cube(x_km: float, half_km: float) -> dict[str, Any]:
         center = np.array([x_km, 0.0, 0.0])
@@ -112,33 +110,25 @@ def _view_menu(parts: PageParts) -> dict[str, Any]:
         "low lunar orbits": cube(parts.moon_km, 15_000.0),
         "Earth": cube(parts.moon_km - LENGTH_UNIT_KM, 50_000.0),
     }
-    return {
-        "buttons": [
-            {"label": f"View: {name}", "method": "relayout", "args": [change]}
-            for name, change in views.items()
-        ],
-        "name": "view",
-    }
+    buttons = [
+        {"label": f"View: {name}", "method": "relayout", "args": [change]}
+        for name, change in views.items()
+    ]
+    return {"buttons": buttons, "name": "view"}
 
 
 def _library_menu(library: Sequence[int]) -> dict[str, Any]:
     states = {"Library: shown": True, "Library: by family": "legendonly", "Library: hidden": False}
-    return {
-        "buttons": [
-            {"label": label, "method": "restyle", "args": [{"visible": state}, list(library)]}
-            for label, state in states.items()
-        ],
-        "name": "library",
-    }
+    buttons = [
+        {"label": label, "method": "restyle", "args": [{"visible": state}, list(library)]}
+        for label, state in states.items()
+    ]
+    return {"buttons": buttons, "name": "library"}
 
 
 def _animation(duration_ms: int) -> dict[str, Any]:
-    return {
-        "mode": "immediate",
-        "frame": {"duration": duration_ms, "redraw": True},
-        "transition": {"duration": 0},
-        "fromcurrent": True,
-    }
+    frame, still = {"duration": duration_ms, "redraw": True}, {"duration": 0}
+    return {"mode": "immediate", "frame": frame, "transition": still, "fromcurrent": True}
 
 
 def _play_buttons() -> dict[str, Any]:
@@ -146,22 +136,19 @@ def _play_buttons() -> dict[str, Any]:
         "type": "buttons", "direction": "left", "showactive": False, "name": "play",
         "x": 0.0, "xanchor": "left", "y": -0.01, "yanchor": "top", "pad": {"r": 8},
         "buttons": [
-            {"label": "Play", "method": "animate",
-             "args": [None, _animation(120)]},
-            {"label": "Pause", "method": "animate",
-             "args": [[None], _animation(0)]},
+            {"label": "Play", "method": "animate", "args": [None, _animation(120)]},
+            {"label": "Pause", "method": "animate", "args": [[None], _animation(0)]},
         ],
     }  # fmt: skip
 
 
 def _slider(hours: ArrayLike) -> dict[str, Any]:
     return {
-        "x": 0.09, "xanchor": "left", "len": 0.9, "y": 0.0, "yanchor": "top",
+        "x": 0.0, "xanchor": "left", "len": 1.0, "y": 0.0, "yanchor": "top",
         "currentvalue": {"prefix": "time since the epoch: ", "suffix": " h", "xanchor": "left"},
-        "pad": {"t": 0, "b": 0},
+        "pad": {"t": 0, "b": 0, "l": _BUTTONS_PX},
         "steps": [
-            {"label": f"{hour:.1f}", "method": "animate",
-             "args": [[f"{hour:.1f}"], _animation(0)]}
+            {"label": f"{hour:.1f}", "method": "animate", "args": [[f"{hour:.1f}"], _animation(0)]}
             for hour in hours
         ],
     }  # fmt: skip

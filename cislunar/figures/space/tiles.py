@@ -1,4 +1,4 @@
-"""Tiles: orbits seen from the eye of the views in space, without axes but with a scale bar."""
+"""Tiles: orbits in the viewing direction of the views in space, with a scale bar, without axes."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,10 +15,10 @@ _SHORTEST, _MARGIN = 0.2, 1.12
 
 
 class TileOrbit(NamedTuple):
-    """An orbit of a tile: one period (samples, 3), its look, its satellites (count, 3)."""
+    """An orbit of a tile: one period (samples, 3), its style, and satellites (count, 3)."""
 
     curve: Array
-    look: SeriesStyle
+    series: SeriesStyle
     satellites: Array = np.empty((0, 3))
 
 
@@ -32,11 +32,10 @@ def draw_tile(
     satellites: bool = True,
     whole: bool = False,
 ) -> None:
-    """Draw orbits over their shadows on the plane of the primaries, with lines of a width.
+    """Draw orbits over their projections on the plane of the primaries, with lines of a width.
 
-    Scales are equal, and the bar below has a round length. Orbits that stay around the Moon fill
-    the tile with it unless it shows the `whole` system; others with the Earth, too, and a line to
-    the Moon.
+    Scales are equal, and the scale bar has a round length. A tile shows the Moon, and the Earth as
+    well if an orbit is not around the Moon or if the `whole` system is to be shown.
     """
     axes.set_axis_off()
     around_moon = not whole and all(stays_around_moon(each.curve, mu) for each in orbits)
@@ -44,11 +43,10 @@ def draw_tile(
     for each in orbits:
         axes.plot(*projected(each.curve * (1.0, 1.0, 0.0)).T, color=_SHADOW, lw=width, zorder=1)
     for each in orbits:
-        look = each.look
-        axes.plot(*projected(each.curve).T, color=look.color, linewidth=width, zorder=2)
+        series = each.series
+        axes.plot(*projected(each.curve).T, color=series.color, linewidth=width, zorder=2)
         if satellites:
-            marks = {"linestyle": "none", "color": look.color} | look.marker_kwargs(3.2)
-            axes.plot(*projected(each.satellites).T, zorder=5, **marks)
+            axes.plot(*projected(each.satellites).T, zorder=5, **series.point_kwargs(3.2))
     line = projected([place for place, _ in shown.values()])
     axes.plot(*line.T, color=GRAY, linewidth=0.5, linestyle=DOTTED, zorder=1.5)
     for place, color in shown.values():
@@ -61,12 +59,12 @@ def draw_tile(
 
 
 def _fit(axes: Axes, points: Array, length_unit_km: float) -> None:
-    """Limits around all points with the axes' own proportions, and a bar below."""
+    """Set limits around all points with the proportions of the axes; draw the scale bar below."""
     box = axes.get_position()
     page = axes.get_figure().get_size_inches()
     shape = np.array([box.width * page[0], box.height * page[1]])
     low, high = points.min(axis=0), points.max(axis=0)
-    # The lowest part is the bar's.
+    # the lowest part is for the scale bar
     scale = max(np.max((high - low) / (shape * (1.0, 0.8))) * _MARGIN, _SHORTEST / shape[0])
     middle = 0.5 * (low + high) - (0.0, 0.1 * scale * shape[1])
     ends = np.column_stack((middle - 0.5 * scale * shape, middle + 0.5 * scale * shape))
@@ -80,6 +78,6 @@ def _fit(axes: Axes, points: Array, length_unit_km: float) -> None:
 
 
 def _round_below(value: float) -> float:
-    """1, 2 or 5 times a power of ten, at most a value."""
+    """Greatest of 1, 2 or 5 times a power of ten that is not above a value."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(power * max(digit for digit in (1.0, 2.0, 5.0) if digit * power <= value))

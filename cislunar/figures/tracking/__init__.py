@@ -1,1 +1,19 @@
 """Figures of tasking and tracking."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "choice": ["figure_architectures", "high_load_cells", "interval_cells", "learned_cell",
+        "selected_cell", "target_count_cells", "tasking_variants"],
+    "errors": ["components_figure"],
+    "heatmaps": ["high_load_figure", "intervals_figure", "target_counts_figure"],
+    "learned": ["learned_figure"],
+    "model_error": ["model_error_figure"],
+    "norms": ["selected_targets_figure"],
+    "pooled": ["pooled_figure"],
+    "representative": ["representative_target_figure"],
+    "tasking": ["tasking_figure"],
+    "trends": ["against_interval_figure", "against_targets_figure"],
+})
+# fmt: on

@@ -1,8 +1,8 @@
-"""Which tracking cells the figures show, from the configuration.
+"""The tracking cells that figures show, from the configuration.
 
-The paper shows a few of its cells; those that the configuration has are taken, and the nearest
-thing to them where it has none. Nothing here needs matplotlib or the compiled library, so that a
-workflow can ask at once.
+They are the cells that the paper shows, as far as the configuration has them, and similar cells
+otherwise. Nothing here needs matplotlib or the compiled library, so that a workflow can read
+them at once.
 """
 
 from collections.abc import Mapping
@@ -11,19 +11,19 @@ from typing import Any
 from cislunar.campaign.settings.cells import Cell, grid_cells, variant_cells
 
 PREFERRED_ARCHITECTURE = "tpe"
-"""The paper tracks with the architectures of its own optimizer."""
+"""Architecture of the paper's tracking figures."""
 
 PAPER_COUNTS = (20, 30, 50, 100)
 """Numbers of targets in the paper's figure 5."""
 
 
 def figure_architectures(task2: Mapping[str, Any]) -> list[str]:
-    """Architectures that figures of single cells are drawn for, the preferred one first."""
+    """Architectures with figures of single cells, the preferred one first."""
     return sorted(task2["architectures"], key=lambda name: name != PREFERRED_ARCHITECTURE)
 
 
 def _cells(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
-    """Cells of the sweeps of an architecture with the first estimator."""
+    """Cells of an architecture in the sweeps, with the first estimator."""
     estimator = task2["estimators"][0]
     return [
         cell
@@ -33,7 +33,7 @@ def _cells(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
 
 
 def _by_targets(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
-    """Sweep over the number of targets in the first scenario, in rising order."""
+    """Cells by rising number of targets in the first scenario."""
     cells = [c for c in _cells(task2, architecture) if c.interval_minutes == _usual(task2)]
     scenario = next((s for s in task2["target_counts"] if any(c.scenario == s for c in cells)), "")
     counts = set(task2["target_counts"].get(scenario, ()))
@@ -46,10 +46,10 @@ def _usual(task2: Mapping[str, Any]) -> int:
 
 
 def target_count_cells(task2: Mapping[str, Any], architecture: str) -> list[list[Cell]]:
-    """Cells of the heat maps in one group, rising in the number of targets; none gives no group.
+    """Cells of the heat maps in one group by rising number of targets; no group without cells.
 
-    The paper's; without any of them, up to three of the fewest and the most. `task2` is the
-    configuration key.
+    They are the paper's; if there are none, the three with the fewest targets and the one with the
+    most. `task2` is the configuration key.
     """
     cells = _by_targets(task2, architecture)
     chosen = [c for c in cells if c.targets in PAPER_COUNTS] or [*cells[:3], *cells[3:][-1:]]
@@ -57,12 +57,12 @@ def target_count_cells(task2: Mapping[str, Any], architecture: str) -> list[list
 
 
 def selected_cell(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
-    """The cell whose targets are shown, if any: the fewest targets of the first scenario."""
+    """The cell whose targets are shown, if any: that with the fewest targets, first scenario."""
     return _by_targets(task2, architecture)[:1]
 
 
 def _by_interval(task2: Mapping[str, Any], architecture: str) -> dict[str, dict[int, list[Cell]]]:
-    """Cells of the interval sweep, by scenario and number of targets, in rising order."""
+    """Cells of the interval sweep by scenario, number of targets and rising interval."""
     minutes = set(task2["intervals"]["minutes"])
     found: dict[str, dict[int, list[Cell]]] = {}
     for scenario, counts in task2["intervals"]["target_counts"].items():
@@ -80,15 +80,15 @@ def _by_interval(task2: Mapping[str, Any], architecture: str) -> dict[str, dict[
 
 
 def interval_cells(task2: Mapping[str, Any], architecture: str) -> list[list[Cell]]:
-    """Cells of the heat maps by interval: of each scenario those with its fewest targets."""
+    """Cells of the heat maps by interval: those with the fewest targets of each scenario."""
     return [found[min(found)] for found in _by_interval(task2, architecture).values()]
 
 
 def high_load_cells(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
-    """Cells of the interval sweep with many targets for the observers, rising in the interval.
+    """Cells of the interval sweep with many targets for the observers, by rising interval.
 
-    Of the first scenario with several numbers of targets (of the first scenario, if none has),
-    those with the most.
+    They have the most targets of the first scenario with several numbers of targets, or of the
+    first scenario if none has several.
     """
     found = _by_interval(task2, architecture)
     several = [cells for cells in found.values() if len(cells) > 1]
@@ -97,9 +97,9 @@ def high_load_cells(task2: Mapping[str, Any], architecture: str) -> list[Cell]:
 
 
 def tasking_variants(task2: Mapping[str, Any]) -> dict[str, str]:
-    """Method by variant (empty: the usual settings) of how targets are assigned.
+    """Tasking method by variant with cells (empty: the usual settings).
 
-    Only those with cells; `task2` is the configuration key.
+    `task2` is the configuration key.
     """
     changed = {
         cell.variant: task2["variants"]["cells"][cell.variant]["change"]["tasking"]["method"]
@@ -110,18 +110,19 @@ def tasking_variants(task2: Mapping[str, Any]) -> dict[str, str]:
 
 
 def learned_cell(task2: Mapping[str, Any]) -> list[Cell]:
-    """The cell that shows what is learned of bodies, if any has unknowns: the one with the most.
+    """The cell that shows what is learned about body parameters, if any cell estimates them.
 
-    The first of those, with most drawn at random.
+    It is the first with the most kinds of estimated parameters, and among those with the most kinds
+    that are drawn at random.
     """
     entries = task2["variants"]["cells"]
 
-    def unknowns(cell: Cell) -> tuple[int, int]:
+    def kinds(cell: Cell) -> tuple[int, int]:
         change = entries[cell.variant]["change"]
-        estimated = change.get("batch", {}).get("unknowns", {})
-        drawn = change.get("truth", {}).get("spread", {})
+        estimated = change.get("batch", {}).get("estimated_parameters", {})
+        drawn = change.get("truth", {}).get("parameter_sigma", {})
         return sum(map(bool, estimated.values())), sum(map(bool, drawn.values()))
 
     found = [cell for cell in variant_cells(task2) if cell.estimator == "batch"]
-    found = [cell for cell in found if unknowns(cell)[0]]
-    return [max(found, key=unknowns)] if found else []
+    found = [cell for cell in found if kinds(cell)[0]]
+    return [max(found, key=kinds)] if found else []

@@ -1,6 +1,6 @@
 """Estimation errors of single targets with their 3-sigma and Cramer-Rao bounds, over time."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,66 +13,52 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.errors import ConfigurationError
+from cislunar.evaluation.custody import attitude_angle_deg
 from cislunar.evaluation.metrics import BOUND_SIGMAS, INCONSISTENT, NEVER_OBSERVED, TRACKED
-from cislunar.figures.axes import Array, Grid, fixed_ticks, legend_below, place, title_above
-from cislunar.figures.labels import (
-    AXES,
-    PARTS,
-    REALIZATION,
-    architecture_text,
-    capitalized,
-    interval_text,
-    observers_text,
-    realization_text,
-    shown,
-    target_text,
-)
-from cislunar.figures.style import (
-    BLACK,
-    DASHED,
-    PAGE_WIDTH_IN,
-    SKY,
-    SOLID,
-    VERMILION,
-    house_style,
-    new_figure,
-    panel_letter,
-)
+from cislunar.figures import axes as layout
+from cislunar.figures import labels, style
+from cislunar.figures.axes import Array
+from cislunar.figures.labels import PARTS
 
 SELECTED = 4
-"""Targets shown of a cell."""
+"""Number of targets that are drawn of a cell."""
 
 MEASURED = "#6E6E6E"
-"""Bar along the times with a measurement."""
+"""Color of the bar along the times with a measurement."""
 
 _SECONDS_PER_HOUR = 3600.0
 _PANEL_IN = 0.6
+_LABEL_IN = 0.076
+"""Least distance between two labels of a vertical axis."""
+_LINEAR_PART = 0.65
+"""Length of the linear part of an axis on either side of zero, in decades."""
+SCALE_NOTE = "Vertical axes are linear between the gray lines and logarithmic beyond them."
 
 
-class Look(NamedTuple):
-    """How the error of one run is drawn; without a band, its bounds are lines alone."""
+class ErrorStyle(NamedTuple):
+    """Style of the error of one run; without a band, its bounds are lines only."""
 
     line: str
     band: str | None
-    dashes: str | tuple = SOLID
+    dashes: str | tuple = style.SOLID
 
 
-LEAST = {"color": VERMILION, "linewidth": 0.8, "linestyle": DASHED}
-"""Dashed, so that bounds of a filter that coincide with it show between the dashes."""
+LEAST = {"color": style.VERMILION, "linewidth": 0.8, "linestyle": style.DASHED}
+"""Style of the Cramer-Rao bound: dashed, so that coinciding bounds of a filter show between."""
 
-SINGLE = Look(BLACK, SKY)
+SINGLE = ErrorStyle(style.BLACK, style.SKY)
 
 
 def selected_targets(cell: xr.Dataset, number: int = SELECTED) -> dict[int, str]:
-    """Index of a few targets that show what happens in a cell, to why each is shown.
+    """Indices of a few targets that show what happens in a cell, with the reason for each.
 
-    The best and the median tracked target by the final attitude error, one of inconsistent
-    rotation (with tracked translation, if there is one), one never observed; the rest are the
-    poorest of the tracked ones.
+    They are the tracked targets with the best and the median final attitude error, one of
+    inconsistent rotation (with tracked translation, if there is one) and one never observed; the
+    rest are the tracked targets with the poorest attitudes.
     """
-    status = shown(cell, "status")
-    translation = shown(cell, "status_translation")
-    final = shown(cell, "final_attitude_error")
+    status = labels.shown(cell, "status")
+    translation = labels.shown(cell, "status_translation")
+    final = labels.shown(cell, "final_attitude_error")
     tracked = np.flatnonzero(status == TRACKED)
     tracked = tracked[np.argsort(final[tracked], kind="stable")]
     chosen: dict[int, str] = {}
@@ -94,17 +80,17 @@ def selected_targets(cell: xr.Dataset, number: int = SELECTED) -> dict[int, str]
 
 
 def representative_target(first: xr.Dataset, second: xr.Dataset) -> int | None:
-    """The target whose ratio of attitude errors is the median of those tracked in both cells.
+    """The target with the median ratio of attitude errors among those tracked in both cells.
 
     None if there is none. The cells have the same targets.
     """
-    both = (shown(first, "status") == TRACKED) & (shown(second, "status") == TRACKED)
+    both = (labels.shown(first, "status") == TRACKED) & (labels.shown(second, "status") == TRACKED)
     candidates = np.flatnonzero(both)
     if candidates.size == 0:
         return None
     attitude = PARTS[0].columns
     errors = [
-        np.sqrt((shown(cell, "rmse")[candidates, attitude] ** 2).sum(axis=1))
+        np.sqrt((labels.shown(cell, "rmse")[candidates, attitude] ** 2).sum(axis=1))
         for cell in (first, second)
     ]
     order = np.argsort(errors[1] / errors[0], kind="stable")
@@ -112,53 +98,69 @@ def representative_target(first: xr.Dataset, second: xr.Dataset) -> int | None:
 
 
 class Scale(NamedTuple):
-    """Vertical axis of a part of the state, linear about zero and logarithmic beyond."""
+    """Vertical axis of a part of the state, linear about zero and logarithmic beyond `linear`."""
 
     linear: float
     reach: float
 
     def apply(self, axes: Axes) -> None:
-        """Set the axis: ticks at zero and at the outermost decades."""
-        axes.set_yscale("symlog", linthresh=self.linear, linscale=0.6)
+        """Set the axis: plain numbers at zero and at the decades that fit."""
+        axes.set_yscale("symlog", linthresh=self.linear, linscale=0.9 * _LINEAR_PART)
         axes.set_ylim(-self.reach, self.reach)
-        top = int(np.floor(np.log10(0.6 * self.reach)))
-        decades = 10.0 ** np.arange(int(np.ceil(np.log10(self.linear))), top)
-        power = rf"10^{{{top}}}"
-        names = [f"$-{power}$", "0", f"${power}$"]
-        fixed_ticks(axes.yaxis, [-(10.0**top), 0.0, 10.0**top], names)
+        height_in = axes.get_position().height * axes.get_figure().get_size_inches()[1]
+        lowest = int(np.floor(np.log10(self.linear) + 1e-9))
+        top = int(np.floor(np.log10(0.75 * self.reach)))
+        unit = 0.5 * height_in / (_LINEAR_PART + np.log10(self.reach / self.linear))
+        every = max(1, int(np.ceil(_LABEL_IN / unit)))
+        first = (_LINEAR_PART + lowest - np.log10(self.linear)) * unit
+        labeled = list(range(top, lowest - 1, -every))
+        if len(labeled) > 1 and first + (labeled[-1] - lowest) * unit < _LABEL_IN:
+            labeled = labeled[:-1]
+        ends = np.array([10.0**k for k in labeled[::-1]])
+        ticks = [*-ends[::-1], 0.0, *ends]
+        names = [f"{tick:g}".replace("-", "\N{MINUS SIGN}") for tick in ticks]
+        layout.fixed_ticks(axes.yaxis, ticks, names)
+        decades = 10.0 ** np.arange(lowest, top + 1)
         axes.yaxis.set_minor_locator(FixedLocator([*-decades, *decades]))
+        for side in (-self.linear, self.linear):
+            axes.axhline(side, color="#BBBBBB", linewidth=0.4, zorder=1)
 
 
 def part_scale(errors: Sequence[Array], sigmas: Sequence[Array]) -> Scale:
-    """Axis that holds errors and deviations (time, component), narrow ones in its linear range."""
+    """Axis that holds errors and deviations (time, component), narrow ones in its linear range.
+
+    The linear range ends at a power of ten.
+    """
     bounds = BOUND_SIGMAS * np.concatenate([each.ravel() for each in sigmas])
     values = np.abs(np.concatenate([each.ravel() for each in errors]))
     bounds, values = bounds[np.isfinite(bounds)], values[np.isfinite(values)]
-    reach = max(np.max(bounds, initial=0.0), np.max(values, initial=0.0)) or 1.0
+    reach = 1.8 * (max(np.max(bounds, initial=0.0), np.max(values, initial=0.0)) or 1.0)
     narrow = np.percentile(bounds, 5.0) if bounds.size else reach
-    return Scale(float(min(narrow, 0.3 * reach)), float(1.8 * reach))
+    power = np.ceil(np.log10(narrow)) if narrow > 0.0 else -np.inf
+    power = min(power, np.floor(np.log10(0.3 * reach)))
+    return Scale(float(10.0 ** max(power, np.log10(reach) - 6.0)), float(reach))
 
 
-def _draw_error(axes: Axes, hours: Array, error: Array, sigma: Array, look: Look = SINGLE) -> None:
-    """One component of the error of a target, over its bounds."""
+def draw_error(
+    axes: Axes,
+    hours: Array,
+    error: Array,
+    sigma: Array,
+    series: ErrorStyle = SINGLE,
+) -> None:
+    """Draw one component of the error of a target, over its bounds."""
     bound = BOUND_SIGMAS * sigma
-    if look.band is not None:
-        axes.fill_between(hours, -bound, bound, color=look.band, alpha=0.4, linewidth=0, zorder=2)
+    if series.band is not None:
+        axes.fill_between(hours, -bound, bound, color=series.band, alpha=0.4, linewidth=0, zorder=2)
     for side in (-bound, bound):
-        axes.plot(hours, side, color=look.line, linewidth=0.6, linestyle=look.dashes, zorder=3)
-    axes.plot(hours, error, color=look.line, linewidth=0.9, linestyle=look.dashes, zorder=4)
-
-
-def _draw_least(axes: Axes, hours: Array, least: Array) -> None:
-    """Three times the Cramer-Rao bound of one component, either side of zero."""
-    for side in (-BOUND_SIGMAS, BOUND_SIGMAS):
-        axes.plot(hours, side * least, **LEAST, zorder=3.5)
+        axes.plot(hours, side, color=series.line, linewidth=0.6, linestyle=series.dashes, zorder=3)
+    axes.plot(hours, error, color=series.line, linewidth=0.9, linestyle=series.dashes, zorder=4)
 
 
 def mark_measurements(axes: Axes, cell: xr.Dataset, target: int) -> None:
-    """A bar along the times at which a measurement of a target was used."""
-    names = cell["fate"].attrs["flag_meanings"].split()
-    used = shown(cell, "fate")[:, target] == names.index("used")
+    """Draw a bar along the times at which a measurement of a target was used."""
+    names = cell["outcome"].attrs["flag_meanings"].split()
+    used = labels.shown(cell, "outcome")[:, target] == names.index("used")
     ends = np.concatenate([[0.0], cell["step"].values / _SECONDS_PER_HOUR])
     axes.stairs(
         0.07 * used, ends, fill=True, color=MEASURED, linewidth=0, zorder=5,
@@ -168,54 +170,72 @@ def mark_measurements(axes: Axes, cell: xr.Dataset, target: int) -> None:
 
 
 def time_axis(axes: Axes, *, labeled: bool) -> None:
-    """Hours, labelled below the lowest panel alone."""
+    """Set a horizontal axis in hours, with labels if it is that of the lowest panel."""
     axes.xaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 3, 6, 10], integer=True))
-    axes.tick_params(length=2, pad=1.5, labelsize=6.5, which="major", labelbottom=labeled)
+    axes.tick_params(length=2, pad=1.5, labelsize=6.2, which="major", labelbottom=labeled)
     axes.tick_params(length=1.2, which="minor")
     axes.grid(False)
     if labeled:
         axes.set_xlabel("time, h", labelpad=1.5)
 
 
-def histories(cell: xr.Dataset, target: int) -> tuple[Array, Array, Array]:
-    """Hours, errors and standard deviations of a target, starting where records start.
+def label_errors(axes: Axes, part: labels.Part, left: float, fontsize: float = 7.0) -> None:
+    """Label the vertical axis of the error of a part of the state, `left` of the panel."""
+    axes.set_ylabel(f"{part.name} error,\n{part.unit}", fontsize=fontsize)
+    axes.yaxis.set_label_coords(left, 0.5)
 
-    A `ConfigurationError` if the cell was made without the history that figures show.
+
+def _practical(values: Array) -> Array:
+    """Components (..., 12) in practical units, as those of a small error."""
+    return values * np.repeat([part.factor for part in PARTS], 3)
+
+
+def histories(cell: xr.Dataset, target: int) -> tuple[Array, Array, Array]:
+    """Hours, errors and standard deviations of a target from the first record on, practical units.
+
+    An error of the attitude is its rotation vector, in degrees. A `ConfigurationError` if the cell
+    was made without the history that figures show.
     """
     if "error" not in cell:
         raise ConfigurationError(
             "the cell holds no errors: add errors to 'task2.histories' and make it again"
         )
-    some = cell.isel(seed=REALIZATION, target=target)
-    return (
-        cell["time"].values / _SECONDS_PER_HOUR,
-        some["error"].values.astype(float),
-        some["sigma"].values.astype(float),
-    )
+    some = cell.isel(seed=labels.REALIZATION, target=target)
+    error = some["error"].values.astype(float)
+    practical, attitude = _practical(error), error[:, PARTS[0].columns]
+    length = np.linalg.norm(attitude, axis=1)
+    angle = attitude_angle_deg(attitude) / np.where(length > 0.0, length, 1.0)
+    practical[:, PARTS[0].columns] = attitude * angle[:, None]
+    hours = cell["time"].values / _SECONDS_PER_HOUR
+    return hours, practical, _practical(some["sigma"].values.astype(float))
 
 
 def least_errors(cell: xr.Dataset, target: int) -> Array:
-    """Cramer-Rao bound of a target, shape (time, component); no times if the cell has none."""
+    """Cramer-Rao bound of a target in practical units, shape (time, component).
+
+    Without times if the cell has none.
+    """
     if "bound" not in cell:
         return np.empty((0, 12))
-    return cell["bound"].isel(seed=REALIZATION, target=target).values.astype(float)
+    own = cell["bound"].isel(seed=labels.REALIZATION, target=target)
+    return _practical(own.values.astype(float))
 
 
 def heading(data: xr.Dataset, target: int, number: int, why: str) -> str:
-    """Title of a column: its letter, why its target is shown, and the target."""
-    return f"{panel_letter(number)} {why}\n{target_text(data, target)}"
+    """Title of a column: its letter, the reason for the target, and the target."""
+    return f"{style.panel_letter(number)} {why}\n{labels.target_text(data, target)}"
 
 
-@house_style()
+@style.house_style()
 def components_figure(cell: Cell, data: xr.Dataset) -> Figure:
-    """Errors and bounds of a few targets: a column for each, a row for each component."""
+    """Draw errors and bounds of a few targets: a column for each, a row for each component."""
     chosen = selected_targets(data)
-    left_in, right_in, gap_in, head_in, foot_in = 0.78, 0.2, 0.14, 0.8, 0.66
+    left_in, right_in, gap_in, head_in, foot_in = 0.78, 0.2, 0.14, 0.8, 0.78
     rows_in = 12 * _PANEL_IN + 11 * 0.06 + 3 * 0.08
-    figure = new_figure(head_in + rows_in + foot_in)
+    figure = style.new_figure(head_in + rows_in + foot_in)
     width, height = figure.get_size_inches()
-    each = (PAGE_WIDTH_IN - left_in - right_in - gap_in * (SELECTED - 1)) / SELECTED
-    title_above(figure, cell_title(cell, data))
+    each = (style.PAGE_WIDTH_IN - left_in - right_in - gap_in * (SELECTED - 1)) / SELECTED
+    layout.title_above(figure, cell_title(cell, data))
     found = {target: histories(data, target) for target in chosen}
     least = {target: least_errors(data, target) for target in chosen}
     ranges = [
@@ -233,81 +253,44 @@ def components_figure(cell: Cell, data: xr.Dataset) -> Figure:
         for component in range(12):
             part, axis = divmod(component, 3)
             bottom = height - head_in - (component + 1) * _PANEL_IN - component * 0.06 - part * 0.08
-            axes = place(figure, left, bottom, each, _PANEL_IN)
+            axes = layout.place(figure, left, bottom, each, _PANEL_IN)
             mark_measurements(axes, data, target)
-            _draw_error(axes, hours, error[:, component], sigma[:, component])
+            draw_error(axes, hours, error[:, component], sigma[:, component])
             if least[target].size:
-                _draw_least(axes, hours, least[target][:, component])
+                for side in (-BOUND_SIGMAS, BOUND_SIGMAS):
+                    axes.plot(hours, side * least[target][:, component], **LEAST, zorder=3.5)
             ranges[part].apply(axes)
             time_axis(axes, labeled=component == 11)
             axes.tick_params(labelleft=column == 0)
             if column == 0 and axis == 1:
-                axes.set_ylabel(f"{PARTS[part].name} error,\n{PARTS[part].unit}", fontsize=7.0)
-                axes.yaxis.set_label_coords(-0.26, 0.5)
+                label_errors(axes, PARTS[part], -0.26)
             if column == len(chosen) - 1:
-                axes.text(1.04, 0.5, AXES[axis], transform=axes.transAxes, va="center", fontsize=7)
+                beside = {"transform": axes.transAxes, "va": "center", "fontsize": 7}
+                axes.text(1.04, 0.5, labels.AXES[axis], **beside)
     within = "within \N{PLUS-MINUS SIGN}3\N{GREEK SMALL LETTER SIGMA}"
-    targets_legend(figure, "error, truth less estimate", within, bound="bound" in data)
+    top = layout.note_below(figure, SCALE_NOTE)
+    targets_legend(figure, "error, truth minus estimate", within, bound="bound" in data, foot=top)
     return figure
 
 
 def cell_title(cell: Cell, data: xr.Dataset) -> str:
     """Title of a figure of targets of one cell."""
     return (
-        f"{capitalized(observers_text(cell, data))} ({architecture_text(cell)}),\n$n_T$ = "
-        f"{cell.targets}, tasking every {interval_text(cell.interval_minutes)}; "
-        f"{realization_text(data)}"
+        f"{labels.observers_text(cell, data)},\n{cell.targets} targets, tasking every "
+        f"{labels.interval_text(cell.interval_minutes)}; {labels.realization_text(data)}"
     )
 
 
-def targets_legend(figure: Figure, error: str, within: str, *, bound: bool) -> None:
-    """What is drawn of every target, in one row below."""
+def targets_legend(
+    figure: Figure, error: str, within: str, *, bound: bool, foot: float = 0.07
+) -> None:
+    """Draw the legend of what is drawn of every target, in one row `foot` above the lower edge."""
     handles = [
-        Line2D([], [], color=BLACK, linewidth=0.9, label=error),
-        Patch(facecolor=SKY, alpha=0.4, edgecolor=BLACK, linewidth=0.5,
-              label=within),
+        Line2D([], [], color=style.BLACK, linewidth=0.9, label=error),
+        Patch(facecolor=style.SKY, alpha=0.4, edgecolor=style.BLACK, linewidth=0.5, label=within),
         Patch(facecolor=MEASURED, label="measurements used"),
     ]  # fmt: skip
     if bound:
         label = "3 \N{MULTIPLICATION SIGN} Cramér-Rao bound"
         handles.insert(2, Line2D([], [], **LEAST, label=label))
-    legend_below(figure, handles, 0.07)
-
-
-class Compared(NamedTuple):
-    """A target in one of two cells: what tells the cell from the other, its data set, its look."""
-
-    label: str
-    data: xr.Dataset
-    look: Look
-
-
-def draw_comparison(
-    figure: Figure, compared: Sequence[Compared], target: int, box: Mapping[str, float]
-) -> None:
-    """Errors of a target in two cells: a row for each part of the state, a column for each axis.
-
-    `box` is `left`, `bottom`, `width` and `height` of all panels, inches.
-    """
-    gap, between = 0.2, 0.1
-    each, tall = (box["width"] - 2 * gap) / 3, (box["height"] - 3 * between) / 4
-    grid = Grid(4, 3, each, tall, box["left"], box["bottom"], gap, between)
-    found = [histories(item.data, target) for item in compared]
-    for row, part in enumerate(PARTS):
-        scale = part_scale(
-            [e[:, part.columns] for _, e, _ in found], [s[:, part.columns] for _, _, s in found]
-        )
-        for axis in range(3):
-            axes = grid.place(figure, row, axis)
-            component = part.columns.start + axis
-            for item, (hours, error, sigma) in zip(compared, found, strict=True):
-                _draw_error(axes, hours, error[:, component], sigma[:, component], item.look)
-                axes.set_xlim(0.0, hours[-1])
-            scale.apply(axes)
-            time_axis(axes, labeled=row == 3)
-            axes.tick_params(labelleft=axis == 0)
-            if row == 0:
-                axes.set_title(AXES[axis], fontsize=7.5, pad=2.5)
-            if axis == 0:
-                axes.set_ylabel(f"{part.name} error,\n{part.unit}", fontsize=6.5)
-                axes.yaxis.set_label_coords(-0.17, 0.5)
+    layout.legend_below(figure, handles, foot)

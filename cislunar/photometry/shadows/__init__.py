@@ -1,1 +1,11 @@
-"""Shadows that the facets of a body cast on each other, precomputed over all directions."""
+"""Shadows that the facets of a body cast on each other, tabulated over all directions."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "blocks": ["add_edges", "find_corners", "gather", "resolve_edges", "settle"],
+    "concatenated": ["joined_shadows"],
+    "table": ["STEPS", "Shadows", "no_shadows", "shadow_table"],
+})
+# fmt: on

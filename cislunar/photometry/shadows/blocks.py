@@ -1,8 +1,8 @@
-"""Free shares of facets in a block of geometries at a time, and what they change by (compiled).
+"""Lit and seen shares of facets for a block of geometries, with derivatives (compiled).
 
-A block is that of `cislunar.photometry.facet_blocks`. Most facets are in most geometries free, or
-dark, at all corners of the table about: two words tell that of 64 facets. What is left, at the
-edges of shadows, is taken one by one.
+For blocks see `cislunar.photometry.facet_blocks`. In most geometries most facets are entirely free
+or entirely dark at the table directions around; two words of bits say so for 64 facets. The
+remaining cases, at the edges of shadows, are computed one by one.
 """
 
 from typing import NamedTuple
@@ -12,11 +12,11 @@ from numba import njit, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from cislunar.compiled import allocating, borrowing
+from cislunar.compiled import njit_alloc, njit_noalloc
 from cislunar.photometry.facet_blocks import (
+    BY_AXIS_SCALE,
     BY_LIT,
     BY_SEEN,
-    BY_STRETCH,
     FREE,
     LANES,
     LIT,
@@ -40,22 +40,21 @@ def _count_bits(typing_context, word):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _common_bits(masks, one, other):
-    """Number of points that two masks share."""
+    """Number of sample points that two masks share."""
     count = np.uint64(0)
     for k in range(WORDS):
         count += _count_bits(masks[one, k] & masks[other, k])
     return np.int64(count)
 
 
-@borrowing
+@njit_noalloc
 def lit_and_seen(sun, sun_weights, view, view_weights, masks, shares):
-    """Share of a facet's area that neither the Sun's light nor the observer's sight misses.
-
-    `sun` and `view` are the rows of `masks` at the three corners about each direction, with the
-    weights of `table_corners`; the arrays are those of `Shadows`, one by one since a kernel counts
-    references to those it takes from a tuple. After the share come the second and third corner's
-    share less the first's, a pair for each direction; see `table_slopes`.
-    """
+    """Share of a facet's area that is both lit by the Sun and seen by the observer. `sun` and
+    `view` are the rows of `masks` at the three table directions around each direction, with the
+    weights of `table_corners`. The arrays of `Shadows` are passed one by one, because a kernel
+    counts references to arrays that it takes from a tuple. The share is followed, for each
+    direction, by a pair: the shares at the second and third table direction minus that at the
+    first; see `_table_slopes`."""
     (s0, s1, s2), (a0, a1, a2) = sun, sun_weights
     (v0, v1, v2), (b0, b1, b2) = view, view_weights
     sun_alike, view_alike = s0 == s1 and s0 == s2, v0 == v1 and v0 == v2
@@ -84,18 +83,16 @@ def lit_and_seen(sun, sun_weights, view, view_weights, masks, shares):
     return a0 * p0 + a1 * p1 + a2 * p2, (p1 - p0, p2 - p0), (q1 - q0, q2 - q0)
 
 
-@borrowing
-def table_slopes(x, y, z, steps, second, third):
-    """Gradient by a direction of what is interpolated in the table, homogeneous of degree 0.
-
-    `second` and `third` are its values at the second and third of `table_corners` less that at the
-    first.
-    """
+@njit_noalloc
+def _table_slopes(x, y, z, steps, second, third):
+    """Gradient of a quantity interpolated in the table by a direction, homogeneous of degree 0.
+    `second` and `third` are its values at the second and third of `table_corners` minus that at the
+    first."""
     norm = abs(x) + abs(y) + abs(z)
     scale = steps * (1.0 - 1e-12) / norm
     a, b = abs(x) * scale, abs(y) * scale
     if (a - int(a)) + (b - int(b)) > 1.0:
-        second, third = -second, -third  # the first corner is the far one, and they lead back
+        second, third = -second, -third  # the first corner is the far one
     scale /= norm
     common = scale * (second * abs(x) + third * abs(y))
     sx, sy, sz = np.sign(x), np.sign(y), np.sign(z)
@@ -104,14 +101,12 @@ def table_slopes(x, y, z, steps, second, third):
     return gx, gy, -common * sz
 
 
-class Sight(NamedTuple):
-    """Where the directions of a block are in the table of shadows; rows 0 Sun, 1 observer.
-
-    Of each lane the corners about the direction (2, LANES, 3), their weights, and the triangle
-    (2, LANES); of the 64 facets at hand the bits of those that are free, or at the edge of a
-    shadow (LANES,); and of the facet at hand the lanes where it is at the edge, and what its free
-    share there changes by with the directions (LANES, 6).
-    """
+class _Sight(NamedTuple):
+    """Positions of a block's directions in the shadow table; rows 0 Sun, 1 observer. For each lane:
+    the table directions around the direction (2, LANES, 3), their weights, and the triangle (2,
+    LANES). For the current 64 facets: bits of those that are free, and of those at the edge of a
+    shadow (LANES,). For the current facet: the lanes where it is at an edge, and the derivatives of
+    its free share by the directions (LANES, 6)."""
 
     corners: NDArray[np.int64]
     weights: NDArray[np.float64]
@@ -122,9 +117,9 @@ class Sight(NamedTuple):
     slopes: NDArray[np.float64]
 
 
-@allocating
+@njit_alloc
 def find_corners(b, count, lengths, steps):
-    """The `Sight` of a block."""
+    """The `_Sight` of a block."""
     corners, weights = np.empty((2, LANES, 3), np.int64), np.empty((2, LANES, 3))
     triangles = np.empty((2, LANES), np.int64)
     if steps > 0:
@@ -139,12 +134,12 @@ def find_corners(b, count, lengths, steps):
                 weights[d, k, 0], weights[d, k, 1], weights[d, k, 2] = shares
     words = np.empty(LANES, np.uint64), np.empty(LANES, np.uint64)
     edges, slopes = np.empty(LANES, np.int64), np.empty((LANES, 6))
-    return Sight(corners, weights, triangles, words[0], words[1], edges, slopes)
+    return _Sight(corners, weights, triangles, words[0], words[1], edges, slopes)
 
 
-@borrowing
+@njit_noalloc
 def gather(count, word, sight, settled):
-    """Of 64 facets in each geometry, which are free as a whole, and which at an edge of shadow."""
+    """Determine which of 64 facets are entirely free, and which are at an edge of shadow."""
     for k in range(count):
         sun, view = settled[sight.triangles[0, k]], settled[sight.triangles[1, k]]
         sight.clear[k] = sun[0, word] & view[0, word]
@@ -153,10 +148,8 @@ def gather(count, word, sight, settled):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def settle(b, count, bit, sight):
-    """Free shares of a facet where they are 0 or 1 all about; how many geometries are left.
-
-    Those go into the edges of `sight`. Returns -1 if the facet is dark in all.
-    """
+    """Set the free share of a facet where it is 0 or 1; returns the number of remaining geometries.
+    The remaining geometries are listed in `sight.edges`. Returns -1 if the facet is dark in all."""
     clear, mixed = sight.clear, sight.mixed
     left, free = 0, 0
     for k in range(count):
@@ -174,9 +167,9 @@ def settle(b, count, bit, sight):
     return left if left + free > 0 else -1
 
 
-@borrowing
+@njit_noalloc
 def resolve_edges(b, left, column, shadows, lengths, sight, with_slopes):
-    """Free shares of a facet at the edges of shadows, and what they change by."""
+    """Free shares of a facet at the edges of shadows, and their derivatives."""
     lookup, masks, shares = shadows.lookup, shadows.masks, shadows.shares
     corners, weights = sight.corners, sight.weights
     for n in range(left):
@@ -201,7 +194,7 @@ def resolve_edges(b, left, column, shadows, lengths, sight, with_slopes):
         if with_slopes:
             for d in range(2):
                 row, (second, third) = (SUN, by_sun) if d == 0 else (VIEW, by_view)
-                gx, gy, gz = table_slopes(
+                gx, gy, gz = _table_slopes(
                     b[row, k] / lengths[0], b[row + 1, k] / lengths[1], b[row + 2, k] / lengths[2],
                     shadows.steps, second, third,
                 )  # fmt: skip
@@ -210,9 +203,9 @@ def resolve_edges(b, left, column, shadows, lengths, sight, with_slopes):
                 sight.slopes[n, 3 * d + 2] = gz / lengths[2]
 
 
-@borrowing
-def add_edges(b, left, sight, stretched):
-    """Add what the sums change by as the edges of shadows move over a facet."""
+@njit_noalloc
+def add_edges(b, left, sight, scaled):
+    """Add the change of the sums as the edges of shadows move over a facet."""
     for n in range(left):
         k = sight.edges[n]
         own = b[OWN_IN_FULL, k]
@@ -220,5 +213,5 @@ def add_edges(b, left, sight, stretched):
             by_sun, by_view = own * sight.slopes[n, c], own * sight.slopes[n, 3 + c]
             b[BY_LIT + c, k] += by_sun
             b[BY_SEEN + c, k] += by_view
-            if stretched:
-                b[BY_STRETCH + c, k] -= by_sun * b[SUN + c, k] + by_view * b[VIEW + c, k]
+            if scaled:
+                b[BY_AXIS_SCALE + c, k] -= by_sun * b[SUN + c, k] + by_view * b[VIEW + c, k]

@@ -1,14 +1,14 @@
-"""Shadows that the facets of a body cast on each other, tabulated once over all directions.
+"""Shadows that the facets of a body cast on each other, tabulated over all directions.
 
-Whether a point of the surface is lit depends on the direction to the Sun alone, whether it is seen
-on that to the observer alone; how much of a facet is both lit and seen depends on the two together.
-So each facet that anything can shadow carries `SAMPLES` fixed points, and a table over directions
-holds, as bits, which of them are free. The share lit and seen is the number of bits that the mask
-of the Sun and that of the observer have in common.
+Whether a point of the surface is lit depends only on the direction to the Sun, and whether it is
+seen only on the direction to the observer. The area that is both lit and seen depends on the two
+together. Therefore each facet that another one can shadow has `SAMPLES` fixed points, and a table
+over directions has a mask of the points that are free. The lit and seen share is the number of bits
+that the masks of Sun and observer have in common.
 
-Directions are the vertices of an octahedron whose faces are cut in `steps` squared triangles,
-pushed onto the sphere. The share is interpolated linearly between the three vertices about each of
-the two directions, so that it is continuous, and exact where the mask does not change.
+The directions are the vertices of an octahedron whose faces are divided into `steps` squared
+triangles, projected onto the sphere. The share is interpolated linearly between the three vertices
+around each direction. It is continuous, and exact where the mask does not change.
 """
 
 from typing import NamedTuple
@@ -24,26 +24,26 @@ from cislunar.photometry.shapes import facets_from_triangles
 Array = NDArray[np.float64]
 
 WORDS = 4
-"""64-bit words of a mask."""
+"""64-bit words per mask."""
 
 SAMPLES = 64 * WORDS
-"""Points of a facet."""
+"""Sample points per facet."""
 
 STEPS = 32
 """Steps of the table from pole to equator, 2.8 degrees on average."""
 
 DARK, CLEAR = 0, 1
-"""Masks without and with all bits."""
+"""Masks without bits, and with all bits."""
 
-PLASTIC = 1.32471795724474602596
-"""Root of x^3 = x + 1: its powers spread points evenly over the plane (the R2 sequence)."""
+_PLASTIC = 1.32471795724474602596
+"""Root of x^3 = x + 1; its powers distribute points evenly over the plane (the R2 sequence)."""
 
-GRAZING = 1e-3
-"""Directions below a facet's horizon are lifted to this sine: what is there counts only as the far
-end of the interpolation across the horizon."""
+_GRAZING = 1e-3
+"""Directions below a facet's horizon are raised to this sine; they serve only as the far end of the
+interpolation across the horizon."""
 
 LONGEST = 2.5
-"""Greatest distance of neighbors in the table, times `steps`, rad."""
+"""Greatest distance between neighboring directions of the table, times `steps`, rad."""
 
 
 class Shadows(NamedTuple):
@@ -54,7 +54,7 @@ class Shadows(NamedTuple):
     steps : int
         Steps of the table from pole to equator; 0 if no facet can shadow another.
     column : ndarray of int, shape (F,)
-        Column of a facet in `lookup`; -1 for one that nothing can shadow.
+        Column of a facet in `lookup`; -1 for a facet that nothing can shadow.
     lookup : ndarray of int, shape ((2 steps + 1)^2, C)
         Row of `masks` for a direction and a facet.
     masks : ndarray of uint64, shape (M, WORDS)
@@ -62,8 +62,8 @@ class Shadows(NamedTuple):
     shares : ndarray, shape (M,)
         Share of free points of each mask.
     settled : ndarray of uint64, shape (16 steps^2, 2, ceil(C / 64))
-        A bit of each column, for each triangle of the table: whether the facet is clear at all
-        three corners, and whether it is dark at all three.
+        For each triangle of the table, one bit per column: whether the facet is clear at all three
+        corners, and whether it is dark at all three.
     """
 
     steps: int
@@ -76,10 +76,8 @@ class Shadows(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def table_corners(x, y, z, steps):
-    """Rows of `Shadows.lookup` for the three table directions about a direction, and weights.
-
-    Last comes the triangle's row of `Shadows.settled`.
-    """
+    """Rows of `Shadows.lookup` for the three table directions around a direction, and their
+    weights. The last returned value is the triangle's row of `Shadows.settled`."""
     scale = steps * (1.0 - 1e-12) / (abs(x) + abs(y) + abs(z))  # the outermost edge stays inside
     a, b = abs(x) * scale, abs(y) * scale
     i, j = int(a), int(b)
@@ -113,18 +111,8 @@ def _table_row(i, j, x, y, z, steps):
 
 
 def table_directions(steps: int) -> Array:
-    """Unit vectors of the table's rows.
-
-    Parameters
-    ----------
-    steps : int
-        Steps of the table from pole to equator.
-
-    Returns
-    -------
-    ndarray, shape ((2 steps + 1)^2, 3)
-        Those on the rim of the folded octahedron appear twice.
-    """
+    """Unit vectors of the rows of a table, shape ((2 steps + 1)^2, 3). Directions on the rim of the
+    unfolded octahedron occur twice."""
     axis = np.arange(-steps, steps + 1) / max(steps, 1)
     x, y = (a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))
     z = 1.0 - abs(x) - abs(y)
@@ -135,41 +123,19 @@ def table_directions(steps: int) -> Array:
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def sample_points(n_facets: int) -> Array:
-    """Points spread evenly over each facet, no two facets alike.
-
-    Parameters
-    ----------
-    n_facets : int
-        F.
-
-    Returns
-    -------
-    ndarray, shape (F, SAMPLES, 2)
-        Coordinates along the two edges from a facet's first vertex.
-    """
-    step = np.array([1.0 / PLASTIC, 1.0 / PLASTIC**2])
+def _sample_points(n_facets: int) -> Array:
+    """Evenly distributed points on F facets, different for each facet: coordinates along the two
+    edges from a facet's first vertex, shape (F, SAMPLES, 2)."""
+    step = np.array([1.0 / _PLASTIC, 1.0 / _PLASTIC**2])
     start = np.arange(n_facets)[:, None, None] * np.array([np.sqrt(2.0), np.sqrt(3.0)])
     points = (start + np.arange(1, SAMPLES + 1)[:, None] * step) % 1.0
     return np.where(points.sum(axis=-1, keepdims=True) > 1.0, 1.0 - points, points)
 
 
 def shadowing_pairs(mesh: Mesh) -> NDArray[np.bool_]:
-    """Which facet can shadow which.
-
-    Light on its way out of a closed body leaves it through the back of a facet. So j can shadow i
-    only if j rises above the plane of i and i reaches below that of j. No two facets of a convex
-    body do.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Closed, facing outward.
-
-    Returns
-    -------
-    ndarray of bool, shape (F, F)
-        Entry [i, j]: facet j can shadow facet i.
+    """Which facet j can shadow which facet i of a closed mesh, entry [i, j] of (F, F). A ray that
+    leaves a closed body passes through the back of a facet. Facet j can therefore shadow i only if
+    j rises above the plane of i and i reaches below that of j. No two facets of a convex body can.
     """
     normals = facets_from_triangles(mesh.vertices, mesh.triangles).normals
     corners = mesh.vertices[mesh.triangles]
@@ -181,18 +147,7 @@ def shadowing_pairs(mesh: Mesh) -> NDArray[np.bool_]:
 
 
 def no_shadows(n_facets: int) -> Shadows:
-    """Table of a body whose facets do not shadow each other.
-
-    Parameters
-    ----------
-    n_facets : int
-        F.
-
-    Returns
-    -------
-    Shadows
-        Of one row, without columns.
-    """
+    """Table of one row, without columns, for F facets that do not shadow each other."""
     masks = np.array([[0] * WORDS, [~np.uint64(0)] * WORDS], dtype=np.uint64)
     column = np.full(n_facets, -1, dtype=np.int64)
     shares, settled = np.array([0.0, 1.0]), np.zeros((0, 2, 0), np.uint64)
@@ -212,12 +167,7 @@ def shadow_table(mesh: Mesh, steps: int = STEPS) -> Shadows:
     Returns
     -------
     Shadows
-        Without columns, and of one row, if no facet can shadow another, as on a convex body.
-
-    Raises
-    ------
-    ConfigurationError
-        If `steps` is not positive.
+        Without columns, and of one row, if no facet can shadow another.
     """
     if not steps > 0:
         raise ConfigurationError(f"shadow table steps = {steps} must be positive")
@@ -229,13 +179,13 @@ def shadow_table(mesh: Mesh, steps: int = STEPS) -> Shadows:
     column[shadowed] = np.arange(shadowed.size)
     normals = facets_from_triangles(mesh.vertices, mesh.triangles).normals
     corners = mesh.vertices[mesh.triangles]
-    directions, points = table_directions(steps), sample_points(len(pairs))
+    directions, points = table_directions(steps), _sample_points(len(pairs))
     lookup = np.zeros((len(directions), shadowed.size), dtype=np.int32)
     masks = [no_shadows(0).masks]
     found = 2
     for i in shadowed:
         edges = corners[i, 1:] - corners[i, 0]
-        # Rows that give the coordinates along the two edges, and the height above the plane.
+        # Its rows give the coordinates along the two edges, and the height above the plane.
         frame = np.linalg.inv(np.column_stack([*edges, normals[i]]))
         occluders = np.nonzero(pairs[i])[0]
         polygons = [_part_above((corners[j] - corners[i, 0]) @ frame.T) for j in occluders]
@@ -287,7 +237,7 @@ def _settled(lookup, steps):
 
 
 def _part_above(triangle: Array) -> Array:
-    """What of a triangle, (3, 3), has a positive last coordinate: 3 or 4 corners."""
+    """Corners of the part of a triangle, (3, 3), with positive last coordinate: 3 or 4."""
     kept = []
     for here, there in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
         if here[2] > 0.0:
@@ -299,21 +249,19 @@ def _part_above(triangle: Array) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def _free_points(directions, rising, polygons, sizes, points, lowest):
-    """Masks (rows, WORDS) of the points of a facet that no occluder hides.
-
-    `directions` (rows, 3), `polygons` (J, 4, 3) with `sizes` corners and `points` (SAMPLES, 2) are
-    in the coordinates of the facet; `rising` (rows, J) is the cosine between a direction and an
-    occluder's normal: only the back of an occluder counts. Directions with a third coordinate
-    below `lowest` are left out.
+    """Masks (rows, WORDS) of the points of a facet that no occluder hides. `directions` (rows, 3),
+    `polygons` (J, 4, 3) with `sizes` corners and `points` (SAMPLES, 2) are in the coordinates of
+    the facet. `rising` (rows, J) is the cosine between a direction and an occluder's normal; only
+    the back of an occluder counts. Directions with a third coordinate below `lowest` are skipped.
     """
     result = np.zeros((directions.shape[0], WORDS), np.uint64)
     shadow = np.empty((4, 2))
-    free = np.empty(SAMPLES, np.int64)  # the points not yet hidden come first
+    free = np.empty(SAMPLES, np.int64)  # the visible points come first
     for row in range(directions.shape[0]):
         rise = directions[row, 2]
         if rise < lowest:
-            continue  # no neighbor of a direction that reaches the facet
-        rise = max(rise, GRAZING)
+            continue  # not used in any interpolation
+        rise = max(rise, _GRAZING)
         slope_u, slope_v = directions[row, 0] / rise, directions[row, 1] / rise
         left = SAMPLES
         free[:] = np.arange(SAMPLES)

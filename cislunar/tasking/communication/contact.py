@@ -1,9 +1,9 @@
-"""When observers can speak to the Earth, and when their measurements arrive there.
+"""Contacts of observers with the Earth, and the arrival of their measurements.
 
 Assumptions and limitations
 ---------------------------
-- Stations stand all around the Earth: its centre in view is contact.
-- An observer sends everything it holds at the first step of a contact.
+- Ground stations surround the Earth: its center in view is contact.
+- An observer sends all stored measurements at the first step of a contact.
 - A station on the ground is always in contact.
 """
 
@@ -15,50 +15,35 @@ from cislunar.observation.sightline import EARTH_RADIUS, MOON_RADIUS
 from cislunar.tasking.communication.model import CommunicationModel
 
 _GRAZING = 1e-9
-"""By which a line of sight may fall short of clear, so that one that grazes is so everywhere."""
+"""Tolerance of a grazing line of sight, so that it counts as clear on every platform."""
 
 
 def contacts(model: CommunicationModel, scene: Scene) -> NDArray[np.bool_]:
-    """Whether each observer is in contact with the Earth.
-
-    Parameters
-    ----------
-    model : CommunicationModel
-    scene : Scene
-
-    Returns
-    -------
-    ndarray of bool, shape (observer, time)
-    """
+    """Whether each observer is in contact with the Earth, shape (observer, time)."""
     place, earth, moon = scene.observer_position, scene.primaries[:, 0], scene.primaries[:, 1]
     found = np.ones(place.shape[:2], dtype=bool)
-    if model.moon:
+    if model.contact.moon:
         down, aside = earth - place, moon - place
         nearest = np.sum(down * aside, axis=-1) / np.sum(down**2, axis=-1)
         miss = aside - np.clip(nearest, 0.0, 1.0)[..., None] * down
         found &= np.sum(miss**2, axis=-1) >= (1.0 - _GRAZING) * MOON_RADIUS**2
-    if model.sun_deg > 0.0:
+    if model.contact.sun_deg > 0.0:
         way, light = place - earth, scene.sun_position - earth
         lengths = np.linalg.norm(way, axis=-1) * np.linalg.norm(light, axis=-1)
-        limit = np.cos(np.deg2rad(model.sun_deg)) + _GRAZING
+        limit = np.cos(np.deg2rad(model.contact.sun_deg)) + _GRAZING
         found &= np.sum(way * light, axis=-1) <= limit * lengths
-    at_home = np.linalg.norm(place - earth, axis=-1) < 1.01 * EARTH_RADIUS
-    return found | at_home
+    on_ground = np.linalg.norm(place - earth, axis=-1) < 1.01 * EARTH_RADIUS
+    return found | on_ground
 
 
 def arrivals(model: CommunicationModel, scene: Scene) -> NDArray[np.int64]:
-    """When what is measured reaches the common estimate.
-
-    Parameters
-    ----------
-    model : CommunicationModel
-    scene : Scene
+    """Step from which on measurements can be used in the common estimate.
 
     Returns
     -------
     ndarray of int, shape (observer, step)
-        Step at which a measurement of each step, both counted from 0 at the first measurement, can
-        be used; the number of steps or more for one that comes after the end.
+        For a measurement of each step, both counted from 0 at the first measurement; the number of
+        steps or more for a measurement that arrives after the end.
     """
     in_contact = contacts(model, scene)[:, 1:]
     n_steps = in_contact.shape[1]

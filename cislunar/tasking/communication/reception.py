@@ -1,10 +1,6 @@
-"""Measurements that reach the common estimate late, taken in exactly by going back.
-
-A run is cut into spans, no longer than a tasking interval. Before a span of which anything is still
-under way, all that estimator and bound carry is kept. Once something of it has come, they go back
-to that epoch and work through the spans since then anew, with all that has been received by now.
-What they know then is what they would know had it come in time, bit for bit, the random numbers of
-the estimator included; and at every step the estimates are those of what had been taken in by then.
+"""Late measurements, processed exactly by returning to their epoch (docs/tasking.md). A run is
+divided into spans that are no longer than a tasking interval. The state after late measurements
+equals, bit for bit, that with measurements in time, including the random numbers of the estimator.
 """
 
 from __future__ import annotations
@@ -21,24 +17,22 @@ from cislunar.estimation.estimator import Estimates
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.tasking.decision import Decision
 from cislunar.tasking.planning.detection import LearnedDetection
-from cislunar.tasking.planning.under_way import PlannedLooks
-from cislunar.tasking.simulation import Truth
+from cislunar.tasking.planning.pending import PlannedObservations
+from cislunar.tasking.truth import Truth
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 
 Work = Callable[[Truth, Measurements, Flags], tuple[Estimates, Array]]
-"""Lets estimator and bound work through the steps of measurements. It gives the estimates, and the
-bound at those of the steps, shape (step,), at which it is wanted."""
+"""Processes the steps of measurements with estimator and bound. It returns the estimates, and the
+bound at the selected steps, shape (step,)."""
 
 
 @dataclass
 class _Span:
-    """Steps from `first` on, what was measured in them, and what was known before.
-
-    By row of the measurements: `arrival`, the step from which on it can be used, and whether it has
-    been `given` to the estimator.
+    """Steps from `first` on, their measurements, and the states before. By row of the measurements:
+    `arrival`, the step from which on it can be used, and whether it was `given` to the estimator.
     """
 
     first: int
@@ -50,7 +44,8 @@ class _Span:
 
 
 class _Interval(NamedTuple):
-    """What was decided at an epoch and what its looks found, by row; some of it is `learned`."""
+    """A decision at an epoch and the outcomes of its observations, by row; `learned` marks the
+    outcomes that have been used."""
 
     first: int
     decision: Decision
@@ -63,24 +58,18 @@ class _Interval(NamedTuple):
 
 
 class Reception:
-    """What of one realization's measurements has been received, and what is under way.
+    """Received and pending measurements of one realization.
 
     Parameters
     ----------
     arrival : ndarray of int, shape (observer, step)
-        As of `cislunar.tasking.communication.contact.arrivals`.
+        See `cislunar.tasking.communication.contact.arrivals`.
     span_steps : int
-        Steps after which the estimate takes in what has come late.
-    carried : sequence of objects
-        Estimator and bound: what their attributes hold is kept and put back.
-    shared : sequence of objects
-        What these refer to and never change: scene, surfaces, forces.
+        Steps after which the estimate uses late measurements.
+    carried, shared : sequence of objects
+        Estimator and bound, whose attributes are stored and restored; constant objects to which
+        these refer.
     n_targets : int
-
-    Attributes
-    ----------
-    observed : ndarray of bool, shape (target,)
-        Whether a measurement of each target has been used so far.
     """
 
     def __init__(
@@ -98,45 +87,30 @@ class Reception:
         self.observed = np.zeros(n_targets, dtype=bool)
 
     def receive(self, now: int, work: Work) -> None:
-        """Take in what has arrived before the step `now`, to which all steps have been done."""
+        """Process measurements that have arrived before the present step `now`."""
         late = [np.any((span.arrival < now) & ~span.given) for span in self._spans]
         if any(late):
             oldest = late.index(True)
             self._put_back(self._spans[oldest].before)
             for span in self._spans[oldest:]:
                 span.given |= span.arrival < now
-                self._work_through(span, work, np.zeros(span.motion.noise.shape[1] - 1, bool))
+                self._process(span, work, np.zeros(span.motion.noise.shape[1] - 1, bool))
         while self._spans and self._spans[0].given.all():
             del self._spans[0]
 
     def advance(
-        self, first: int, motion: Truth, measurements: Measurements, wanted: Flags, work: Work
+        self, first: int, motion: Truth, measurements: Measurements, selected: Flags, work: Work
     ) -> tuple[Estimates, Array]:
-        """Work through the steps from `first` on, with what is received meanwhile.
-
-        Parameters
-        ----------
-        first : int
-            The first step.
-        motion : Truth
-            From the time before it on.
-        measurements : Measurements
-            All looks, those that found nothing too.
-        wanted : ndarray of bool, shape (step,)
-            Where the bound is wanted.
-        work : callable
-
-        Returns
-        -------
-        estimates : Estimates
-            At each step by what had been taken in; what is under way counts as `used`.
-        bound : ndarray, shape (target, step, 12)
-        """
+        """Process the steps from `first` on, with the measurements received meanwhile. `motion` is
+        the truth from the time before it on; `measurements` has all observations, including those
+        that detected nothing; `selected` (step,) marks the steps at which the bound is computed.
+        Returns the estimates at each step from the measurements received by then (pending
+        measurements count as `used`) and the bound (target, step, 12)."""
         _, step = rows_of(measurements)
         arrival = self._arrival[measurements.observer, first + step]
-        used, parts = np.ones(step.size, dtype=bool), []
-        for start in range(0, wanted.size, self._span_steps):
-            stop = min(start + self._span_steps, wanted.size)
+        used, results = np.ones(step.size, dtype=bool), []
+        for start in range(0, selected.size, self._span_steps):
+            stop = min(start + self._span_steps, selected.size)
             if start > 0:
                 self.receive(first + start, work)
             rows = (step >= start) & (step < stop)
@@ -145,40 +119,40 @@ class Reception:
             given = arrival[rows] <= first + step[rows]
             moved = Truth(*(each[:, start : stop + 1] for each in motion))
             span = _Span(first + start, moved, own, arrival[rows], given)
-            parts.append(self._work_through(span, work, wanted[start:stop]))
-            used[np.flatnonzero(rows)[given]] = parts[-1][0].used
+            results.append(self._process(span, work, selected[start:stop]))
+            used[np.flatnonzero(rows)[given]] = results[-1][0].used
             if self._spans or not given.all():
                 self._spans.append(span)
-        several, least = zip(*parts, strict=True)
+        several, least = zip(*results, strict=True)
         *histories, _ = zip(*several, strict=True)
-        joined = (np.concatenate(history, axis=1) for history in histories)
-        return Estimates(*joined, used), np.concatenate(least, axis=1)
+        concatenated = (np.concatenate(history, axis=1) for history in histories)
+        return Estimates(*concatenated, used), np.concatenate(least, axis=1)
 
-    def _work_through(self, span: _Span, work: Work, wanted: Flags) -> tuple[Estimates, Array]:
-        """Go through a span with what has been received of it; its beginning is kept if needed."""
+    def _process(self, span: _Span, work: Work, selected: Flags) -> tuple[Estimates, Array]:
+        """Process a span with its received measurements; its initial state is stored if needed."""
         in_time = span.arrival < self._arrival.shape[1]
         span.before = self._stored() if np.any(in_time & ~span.given) else None
         received = span.measurements.where(span.given)
-        estimates, least = work(span.motion, received, wanted)
+        estimates, least = work(span.motion, received, selected)
         self.observed[rows_of(received)[0][estimates.used]] = True
         return estimates, least
 
     def _stored(self) -> list[dict[str, Any]]:
-        """A copy of what estimator and bound carry."""
+        """A copy of the states of estimator and bound."""
         return self._copied([vars(each) for each in self._carried])
 
-    def _copied(self, held: list[dict[str, Any]]) -> list[dict[str, Any]]:
-        return copy.deepcopy(held, {id(each): each for each in self._shared})
+    def _copied(self, stored: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        return copy.deepcopy(stored, {id(each): each for each in self._shared})
 
-    def _put_back(self, held: list[dict[str, Any]]) -> None:
-        for each, attributes in zip(self._carried, self._copied(held), strict=True):
+    def _put_back(self, stored: list[dict[str, Any]]) -> None:
+        for each, attributes in zip(self._carried, self._copied(stored), strict=True):
             vars(each).clear()
             vars(each).update(attributes)
 
     def note(
         self, first: int, decision: Decision, measurements: Measurements, found: NDArray[np.uint8]
     ) -> None:
-        """Remember what was decided at the epoch before the step `first`, and what came of it."""
+        """Record a decision at the epoch before the step `first`, and its detection outcomes."""
         target, step = rows_of(measurements)
         observer = measurements.observer
         arrival, learned = self._arrival[observer, first + step], np.zeros(step.size, dtype=bool)
@@ -187,31 +161,29 @@ class Reception:
         )
 
     def learn(self, now: int, detection: LearnedDetection | None) -> None:
-        """Let detection learn from what has arrived before the step `now`.
-
-        The looks of an observer in an interval are one trial, of which nothing is said before its
-        end has come.
-        """
+        """Update the learned detection with outcomes that have arrived before the step `now`. The
+        observations of an observer in an interval are one trial, which counts when the last outcome
+        has arrived."""
         for each in self._intervals:
-            held_back = each.observer[each.arrival >= now]
-            ready = ~each.learned & ~np.isin(each.observer, held_back)
+            outstanding = each.observer[each.arrival >= now]
+            ready = ~each.learned & ~np.isin(each.observer, outstanding)
             if detection is not None and ready.any():
                 rows = (each.target, each.step, each.observer, each.found)
                 each.decision.learn(detection, *(column[ready] for column in rows))
             each.learned[ready] = True
         self._intervals = [each for each in self._intervals if not each.learned.all()]
 
-    def under_way(self, now: int, detection: LearnedDetection | None) -> PlannedLooks:
-        """Looks taken before the step `now` of which nothing has been received."""
-        parts = []
+    def pending(self, now: int, detection: LearnedDetection | None) -> PlannedObservations:
+        """Observations made before the step `now` of which nothing has been received."""
+        results = []
         for each in self._intervals:
             rows = each.arrival >= now
             target, observer = each.target[rows], each.observer[rows]
-            chance = np.ones(target.size)
+            probability = np.ones(target.size)
             if detection is not None:
                 detects = each.decision.detects_at(target, each.step[rows], observer)
-                chance = detection.chance(target, detects)
-            parts.append((each.first + each.step[rows] + 1, target, observer, chance))
-        if not parts:
-            return PlannedLooks(*np.empty((3, 0), dtype=np.int64), np.empty(0))
-        return PlannedLooks(*map(np.concatenate, zip(*parts, strict=True)))
+                probability = detection.probability_at(target, detects)
+            results.append((each.first + each.step[rows] + 1, target, observer, probability))
+        if not results:
+            return PlannedObservations(*np.empty((3, 0), dtype=np.int64), np.empty(0))
+        return PlannedObservations(*map(np.concatenate, zip(*results, strict=True)))

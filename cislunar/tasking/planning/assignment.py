@@ -1,10 +1,9 @@
-"""One-to-one assignment of observers to targets that maximises the information (section 4).
+"""One-to-one assignment of observers to targets that maximizes the information (section 4).
 
-The information of a tasking is the sum over its pairs, which makes the best tasking a linear
-assignment problem, solved exactly in microseconds. The paper searches instead with Hyperopt's
-tree-structured Parzen estimator over one continuous weight per target: the targets with the K
-largest weights go to the observers in that order. Both are here, the latter also with a compiled
-sampler of the same algorithm, and two plain baselines.
+The information of a tasking is the sum over its pairs, so that the best tasking is a linear
+assignment problem, which is solved exactly in microseconds. The paper searches instead with
+Hyperopt's tree-structured Parzen estimator over one continuous weight per target: the targets with
+the K largest weights are assigned to the observers in that order.
 """
 
 from __future__ import annotations
@@ -36,17 +35,9 @@ EARLY_STOP = 700
 
 @dataclass(frozen=True)
 class Assignment:
-    """A tasking.
-
-    Attributes
-    ----------
-    target : ndarray of int, shape (observer,)
-        Target each observer looks at, or `IDLE`.
-    information : float
-        Sum of the information of the pairs, nats.
-    history : ndarray, shape (evaluation,)
-        Best information after each evaluation; one entry for the methods that do not search.
-    """
+    """A tasking: `target` (observer,) is the target of each observer, or `IDLE`; `information` the
+    sum over the pairs, nats; `history` (evaluation,) the best information after each evaluation, a
+    single entry for the methods that do not search."""
 
     target: NDArray[np.int64]
     information: float
@@ -65,7 +56,7 @@ def _greedy(information: Array) -> NDArray[np.int64]:
     """Take the best remaining pair until no pair is left."""
     target = np.full(information.shape[0], IDLE, dtype=np.int64)
     taken = np.zeros(information.shape[1], dtype=bool)
-    # A stable sort settles ties by observer, then target, on every platform.
+    # A stable sort breaks ties by observer, then target, on every platform.
     for flat in np.argsort(-information, axis=None, kind="stable"):
         observer, column = divmod(int(flat), information.shape[1])
         if target[observer] == IDLE and not taken[column]:
@@ -91,10 +82,6 @@ def total_information(information: ArrayLike, target: ArrayLike) -> float:
         Of every pair.
     target : array_like of int, shape (observer,)
         Target of each observer, or `IDLE`.
-
-    Returns
-    -------
-    float
     """
     matrix, chosen = np.asarray(information, dtype=float), np.asarray(target)
     observers = np.flatnonzero(chosen != IDLE)
@@ -117,7 +104,7 @@ def _compiled_tpe(
     n_targets = information.shape[1]
     zeros = np.zeros(n_targets)
     search = ParzenSearch(zeros, zeros + 1.0, zeros, rng)
-    return _best_of(information, search.suggest, max_evaluations, early_stop, told=search.tell)
+    return _best_of(information, search.suggest, max_evaluations, early_stop, report=search.tell)
 
 
 def _best_of(
@@ -125,17 +112,18 @@ def _best_of(
     suggest: Callable[[], Array],
     max_evaluations: int,
     early_stop: int,
-    told: Callable[[Array, float], None] | None = None,
+    report: Callable[[Array, float], None] | None = None,
 ) -> tuple[NDArray[np.int64], Array]:
-    """Best tasking by suggested weights, whose losses are told; and the course of the search."""
+    """Best tasking by suggested weights, and the course of the search; `report` receives the
+    losses."""
     n_observers = information.shape[0]
     best, best_value, last_progress, history = None, -np.inf, 0, []
     for evaluation in range(max_evaluations):
         weights = suggest()
         target = _top(weights, n_observers)
         value = total_information(information, target)
-        if told is not None:
-            told(weights, -value)
+        if report is not None:
+            report(weights, -value)
         if value > best_value:
             best, best_value, last_progress = target, value, evaluation
         history.append(best_value)
@@ -196,33 +184,25 @@ def assign(
 ) -> Assignment:
     """Assign observers to targets, one to one.
 
-    Where there are more observers than targets, those left over are idle, and so is an observer
-    whose target would bring no information. Information is rounded to `INFORMATION_DECIMALS`, so
-    that no tasking hangs on the last digits; ties fall by the order of observers and targets.
+    Surplus observers are idle, and so is an observer whose target has no information. Information
+    is rounded to `INFORMATION_DECIMALS`, so that no tasking depends on the last digits; ties are
+    broken by the order of observers and targets.
 
     Parameters
     ----------
     information : array_like, shape (observer, target)
         Information of every pair, nats, not negative.
     method : {"exact", "tpe", "tpe-compiled", "greedy", "random"}
-        `exact` is optimal. `tpe` is the paper's, by Hyperopt, `tpe-compiled` the same algorithm by
-        `cislunar.parzen`; `random` tries random taskings; all three keep the best one.
+        `exact` is optimal. `tpe` is the paper's method by Hyperopt, `tpe-compiled` the same
+        algorithm by `cislunar.parzen`; `random` evaluates random taskings. These three return the
+        best tasking found.
     rng : numpy.random.Generator, optional
-        Needed by the three that search.
+        Required by the three methods that search.
     max_evaluations : int
-        Taskings that these try at most; 1 makes `random` a single random tasking.
+        Largest number of taskings that a search evaluates; 1 makes `random` a single random
+        tasking.
     early_stop : int
-        Taskings without progress after which they end.
-
-    Returns
-    -------
-    Assignment
-
-    Raises
-    ------
-    ConfigurationError
-        If the method is unknown, its generator is missing, a budget is below one, or the
-        information is not a matrix of finite numbers.
+        Number of taskings without progress after which a search ends.
     """
     matrix = np.asarray(information, dtype=float)
     if matrix.ndim != 2 or not np.all(np.isfinite(matrix)):

@@ -1,15 +1,13 @@
-"""What tasking expects targets' magnitudes to be: those of spheres, or of their facets.
+"""Magnitudes of targets that tasking expects: those of spheres, or of their facets.
 
-A sphere stands for a target in the paper. The facets of the target itself are brighter or fainter,
-by their attitude, of which the estimator knows something: an attitude and an angular velocity with
-a covariance. Their magnitudes are taken at the points of a cubature of third degree, at some times
-of the looks to come, for which each point turns by itself as the body does without torque.
+In the paper a sphere stands for a target. The facets of the target itself are brighter or fainter,
+depending on the estimated attitude, see docs/tasking.md.
 
 Assumptions and limitations
 ---------------------------
-- Where the attitude is all but unknown the points stand for anything it may be; of an estimate with
-  several modes they know the mean and the spread.
-- Shape, material and inertia are those the estimator begins with.
+- The cubature points represent an almost unknown attitude, too. For an estimate with several
+  modes they have its mean and covariance only.
+- Shape, material and inertia are the assumed ones.
 """
 
 import numpy as np
@@ -17,14 +15,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.attitude import grp
+from cislunar.attitude.attitude_propagation import propagate_attitudes
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.quaternion import compose
-from cislunar.attitude.turning import turn_bodies
-from cislunar.compiled import borrowing
+from cislunar.compiled import njit_noalloc
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.estimation.estimator import Prediction, Rotation
-from cislunar.observation.eclipse import dimming
-from cislunar.observation.scene import Scene, TargetSurfaces, body_of
+from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import (
     SensorLimits,
     Sensors,
@@ -32,7 +29,8 @@ from cislunar.observation.sensor import (
     limits_of,
     sensor_limits,
 )
-from cislunar.observation.sightline import METRES, lit_directions
+from cislunar.observation.sightline import METERS, dimming, lit_directions
+from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 from cislunar.photometry.body_blocks import body_magnitudes
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
@@ -50,34 +48,22 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _SAMPLE_S = 900.0
-"""Longest time one attitude stands for, s."""
+"""Longest time that one attitude represents, s."""
 
 _TURN_TOLERANCE = 1e-6
-"""Of attitudes that are integrated, whose brightness is known no better."""
+"""Tolerance of integrated attitudes, whose brightness is known no better."""
 
 
 def sphere_magnitudes(
     prediction: Prediction, scene: Scene, *, radius_m: float, diffuse_reflection_coefficient: float
 ) -> Array:
-    """Magnitude of the sphere that stands for a target, to every observer.
-
-    Parameters
-    ----------
-    prediction : Prediction
-        Estimates at the time of the look.
-    scene : Scene
-    radius_m, diffuse_reflection_coefficient : float
-        As of `cislunar.photometry.sphere.sphere_magnitude`.
-
-    Returns
-    -------
-    ndarray, shape (observer, target)
-        Infinite for an unlit sphere, NaN for a target without an estimate.
+    """Magnitude of the sphere that stands for a target, (observer, target): infinite if it is
+    unlit, NaN for a target without an estimate. See `cislunar.photometry.sphere.sphere_magnitude`.
     """
     place = prediction.translation[:, :3]
     way = place - scene.observer_position[:, prediction.index, None]
     return sphere_magnitude(
-        np.linalg.norm(way, axis=-1) * METRES,
+        np.linalg.norm(way, axis=-1) * METERS,
         phase_angle(way, place - scene.sun_position[prediction.index]),
         radius_m=radius_m,
         diffuse_reflection_coefficient=diffuse_reflection_coefficient,
@@ -92,20 +78,9 @@ def sphere_margins(
     *,
     eclipse: bool = False,
 ) -> Array:
-    """By how much the spheres that stand for targets are brighter than the sensor's limit.
-
-    Parameters
-    ----------
-    prediction, scene, sensor, model
-        As for `cislunar.tasking.planning.information.pair_information`.
-    eclipse : bool
-        Whether the shadows of Earth and Moon dim targets.
-
-    Returns
-    -------
-    ndarray, shape (observer, target)
-        mag.
-    """
+    """Limiting magnitude less the magnitude of the sphere, mag, shape (observer, target). See
+    `cislunar.tasking.planning.information.pair_information` for the arguments; with `eclipse` the
+    shadows of Earth and Moon dim targets."""
     limits = sensor_limits(sensor, scene.observer_position.shape[0])
     magnitude = sphere_magnitudes(
         prediction,
@@ -119,7 +94,8 @@ def sphere_margins(
 def _faintest(
     index: int, translation: Array, scene: Scene, limits: SensorLimits, eclipse: bool
 ) -> Array:
-    """Faintest magnitudes seen, but for air and shadow, at a time; (observer, target)."""
+    """Faintest detectable magnitudes, corrected for air and shadow, at a time; (observer,
+    target)."""
     seen = np.repeat(limits.limiting_magnitude[:, None], translation.shape[0], axis=1)
     earth = scene.primaries[index, 0]
     for o in np.flatnonzero(limits.ground):
@@ -137,7 +113,7 @@ def facet_margins(
     prediction: Prediction,
     starts: NDArray[np.int64],
     stop: int,
-    wanted: Flags,
+    selected: Flags,
     scene: Scene,
     surfaces: TargetSurfaces,
     sensor: Sensors,
@@ -145,7 +121,7 @@ def facet_margins(
     *,
     eclipse: bool = False,
 ) -> Array:
-    """By how much targets are brighter than the sensor's limit, as far as their attitude is known.
+    """Limiting magnitude less the magnitude of the targets' facets at the expected attitudes.
 
     Parameters
     ----------
@@ -154,11 +130,11 @@ def facet_margins(
     starts : ndarray of int, shape (slot,)
         Steps of the slots' first measurements, counted from there.
     stop : int
-        The step at which the last one ends.
-    wanted : ndarray of bool, shape (slot, observer, target)
-        Pairs to tell of; others have NaN.
+        The step at which the last slot ends.
+    selected : ndarray of bool, shape (slot, observer, target)
+        Pairs to evaluate; other pairs have NaN.
     scene, surfaces, sensor, forces
-        As of `cislunar.tasking.closed_loop.run_closed_loop`.
+        See `cislunar.tasking.closed_loop.run_closed_loop`.
     eclipse : bool
         Whether the shadows of Earth and Moon dim targets.
 
@@ -181,24 +157,24 @@ def facet_margins(
     )
     place, index = np.ascontiguousarray(path[:, steps].swapaxes(0, 1)), prediction.index + steps
     turned = _turned(prediction.rotation, steps * scene.step_s, surfaces)
-    shape = steps.size, *wanted.shape[1:], turned.shape[1] // steps.size
+    shape = steps.size, *selected.shape[1:], turned.shape[1] // steps.size
     margin = np.full(shape, np.nan)
     attitude = turned.reshape(place.shape[1], shape[-1], steps.size, 4).transpose(2, 0, 1, 3)
     _facet_magnitudes(
-        index, place, np.ascontiguousarray(attitude), np.repeat(wanted, count, axis=0),
+        index, place, np.ascontiguousarray(attitude), np.repeat(selected, count, axis=0),
         scene, surfaces, margin,
     )  # fmt: skip
-    limits = sensor_limits(sensor, wanted.shape[1])
+    limits = sensor_limits(sensor, selected.shape[1])
     for i, k in enumerate(index):
         margin[i] = _faintest(k, place[i], scene, limits, eclipse)[..., None] - margin[i]
     by_slot = margin.reshape(starts.size, count, *shape[1:])
-    return np.moveaxis(by_slot, 1, -1).reshape(*wanted.shape, -1)
+    return np.moveaxis(by_slot, 1, -1).reshape(*selected.shape, -1)
 
 
 def _turned(rotation: Rotation, elapsed_s: Array, surfaces: TargetSurfaces) -> Array:
-    """Attitudes at the points of a cubature at some times, shape (target, point * time, 4)."""
+    """Attitudes at the points of a cubature at several times, shape (target, point * time, 4)."""
     n_targets = rotation.quaternion.shape[0]
-    # columns of the root, out by sqrt(6), both ways
+    # columns of the root times sqrt(6), of either sign
     away = np.sqrt(6.0) * np.swapaxes(rotation.root, 1, 2)
     away = _finite(np.concatenate([away, -away], axis=1))
     n_points = away.shape[1]
@@ -211,7 +187,7 @@ def _turned(rotation: Rotation, elapsed_s: Array, surfaces: TargetSurfaces) -> A
     turned = np.empty((n_targets * n_points, times.size, 4))
     forced = np.zeros((n_targets * n_points, 3))
     given = times, bodies, forced, _TURN_TOLERANCE
-    turn_bodies(*given, quaternion, rate, turned, np.empty((*turned.shape[:2], 3)))
+    propagate_attitudes(*given, quaternion, rate, turned, np.empty((*turned.shape[:2], 3)))
     return turned[:, 1:].reshape(n_targets, -1, 4)
 
 
@@ -221,14 +197,11 @@ def _finite(values: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def _facet_magnitudes(index, place, quaternion, wanted, scene, surfaces, out):
-    """Magnitudes (time, observer, target, point) of wanted pairs, into `out`.
-
-    `place` (time, target, 6), `quaternion` (time, target, point, 4), `wanted` (time, observer,
-    target).
-    """
+def _facet_magnitudes(index, place, quaternion, selected, scene, surfaces, out):
+    """Magnitudes (time, observer, target, point) of the selected pairs, into `out`. `place` (time,
+    target, 6), `quaternion` (time, target, point, 4), `selected` (time, observer, target)."""
     block, at = np.empty((BLOCK_ROWS, LANES)), np.empty((LANES, 2), np.int64)
-    n_observers, n_points = wanted.shape[1], quaternion.shape[2]
+    n_observers, n_points = selected.shape[1], quaternion.shape[2]
     for i in range(index.size):
         k = index[i]
         sun, to_inertial = scene.sun_position[k], scene.frame_axes[k]
@@ -236,7 +209,7 @@ def _facet_magnitudes(index, place, quaternion, wanted, scene, surfaces, out):
             x, y, z = place[i, j, 0], place[i, j, 1], place[i, j, 2]
             count = 0
             for o in range(n_observers):
-                if not wanted[i, o, j]:
+                if not selected[i, o, j]:
                     continue
                 light, view, distance, _ = lit_directions(
                     x - scene.observer_position[o, k, 0],
@@ -252,7 +225,7 @@ def _facet_magnitudes(index, place, quaternion, wanted, scene, surfaces, out):
                         block[QUATERNION + c, count] = quaternion[i, j, p, c]
                     block[SUN, count], block[SUN + 1, count], block[SUN + 2, count] = light
                     block[VIEW, count], block[VIEW + 1, count], block[VIEW + 2, count] = view
-                    block[RANGE, count] = distance * METRES
+                    block[RANGE, count] = distance * METERS
                     at[count, 0], at[count, 1] = o, p
                     count += 1
                     if count == LANES:
@@ -262,9 +235,9 @@ def _facet_magnitudes(index, place, quaternion, wanted, scene, surfaces, out):
                 _settle(block, at, count, i, j, surfaces, out)
 
 
-@borrowing
+@njit_noalloc
 def _settle(block, at, count, i, j, surfaces, out):
-    """Magnitudes of target j in a block's geometries, to where they belong."""
+    """Magnitudes of target j for the geometries of a block, into `out`."""
     body_magnitudes(
         block, count, body_of(surfaces, j), surfaces.irradiance_4pi, surfaces.fresnel_sqrt
     )

@@ -1,9 +1,7 @@
-"""Mutual information of every (observer, target) pair (Paul & Fan, section 4).
-
-At a tasking epoch the estimates are carried to the next measurement time. The information of a
-pair is (1/2) log(det P- / det P+) for one measurement of that target by that observer. The joint
-covariance of the targets is block diagonal, so a tasking's information is the sum over its pairs.
-"""
+"""Mutual information of every (observer, target) pair (Paul & Fan, section 4): (1/2) log(det P- /
+det P+) for one measurement of that target by that observer at the next measurement time. The joint
+covariance of the targets is block diagonal, so that a tasking's information is the sum over its
+pairs."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.compiled import borrowing
+from cislunar.compiled import njit_noalloc
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.expected import expected_directions, expected_measurements
@@ -24,7 +22,7 @@ from cislunar.estimation.unscented import (
     sigma_points,
     unscented_weights,
 )
-from cislunar.observation.scene import Scene, TargetSurfaces
+from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import (
     SensorLimits,
     Sensors,
@@ -33,7 +31,8 @@ from cislunar.observation.sensor import (
     noise_variance_at,
     sensor_limits,
 )
-from cislunar.observation.sightline import METRES, in_clear_view, sphere_brighter, sphere_margin
+from cislunar.observation.sightline import METERS, in_clear_view, sphere_brighter, sphere_margin
+from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
 from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.tasking.planning.detection_model import DetectionModel
@@ -46,39 +45,33 @@ STATES = ("translation", "full")
 
 @dataclass(frozen=True)
 class TaskingModel:
-    """What the tasking step believes about the targets.
+    """Assumptions of the tasking step on the targets.
 
     Attributes
     ----------
     diffuse_reflection_coefficient : float
-        C_d of the sphere that stands in for a target when its visibility is judged.
+        C_d of the sphere that stands for a target when its visibility is evaluated.
     radius_m : float
-        Radius of that sphere; 1 m has the area 4 pi m^2 of the targets' shape.
+        Radius of that sphere, m; 1 m gives the area 4 pi m^2 of the targets' shape.
     states : {"translation", "full"}
         States whose information counts: position and velocity, as in the paper, by the two angles
-        (the magnitude, 0.1 mag for 5 per cent of the range, would add next to nothing), or all
-        twelve by angles and magnitude.
-    track_gate : bool
-        Give no information to a target whose predicted direction is uncertain by more than half
-        the field of view: the telescope would not find it, and its covariance, however large,
-        would attract one. Not in the paper.
+        (the magnitude, with 0.1 mag for 5 % of the range, would add almost nothing), or all twelve
+        by angles and magnitude.
+    pointing_uncertainty_gate : bool
+        Whether a target has no information if its predicted direction is uncertain by more than
+        half the field of view, so that the telescope would not find it. Not in the paper.
     measurements : int
-        Number of measurements, each as informative as the first, a pair is credited with; more
-        than one divides the noise variance.
+        Number of expected measurements of a pair, each as informative as the first; more than one
+        divides the noise variance.
     detection : DetectionModel or None
-        How likely a look detects its target is learned from what looks found, which the sphere's
-        magnitude then begins from but does not decide; None: the sphere decides, as in the paper.
-
-    Raises
-    ------
-    ConfigurationError
-        If a value is impossible.
+        Model of the learned probability of detection, for which the sphere's magnitude is only the
+        expectation; None: the sphere decides, as in the paper.
     """
 
     diffuse_reflection_coefficient: float = 0.5
     radius_m: float = 1.0
     states: str = "translation"
-    track_gate: bool = True
+    pointing_uncertainty_gate: bool = True
     measurements: int = 1
     detection: DetectionModel | None = None
 
@@ -99,11 +92,9 @@ class TaskingModel:
 _WEIGHTS = unscented_weights(6), unscented_weights(12)
 
 
-class _Belief(NamedTuple):
-    """What the kernel needs of `TaskingModel` and sensors.
-
-    `limits` and `faintness` are of all observers, or of the one of `belief_of_one`; variances are
-    divided by `measurements`.
+class _TaskingConstants(NamedTuple):
+    """Constants of `TaskingModel` and sensors for the kernels. `limits` and `faintness` are those
+    of all observers, or of one (`constants_of_observer`); variances are divided by `measurements`.
     """
 
     limits: SensorLimits
@@ -116,8 +107,8 @@ class _Belief(NamedTuple):
     twelve: UnscentedWeights
 
 
-def belief_of(model: TaskingModel, sensor: Sensors, n_observers: int) -> _Belief:
-    """What kernels of tasking need of sensors and model."""
+def tasking_constants(model: TaskingModel, sensor: Sensors, n_observers: int) -> _TaskingConstants:
+    """Constants of sensors and model for the kernels of tasking."""
     limits = sensor_limits(sensor, n_observers)
     faintness = [
         faintness_per_squared_range(
@@ -127,40 +118,38 @@ def belief_of(model: TaskingModel, sensor: Sensors, n_observers: int) -> _Belief
         )
         for limit in limits.limiting_magnitude
     ]
-    return _Belief(
+    return _TaskingConstants(
         limits,
-        np.array(faintness) * METRES**2,
+        np.array(faintness) * METERS**2,
         float(model.measurements),
         model.detection is None,
-        model.track_gate,
+        model.pointing_uncertainty_gate,
         model.states == "full",
         *_WEIGHTS,
     )
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def belief_of_one(belief, o):
-    """What holds for one observer, out of what holds for all."""
-    return _Belief(
-        limits_of(belief.limits, o),
-        belief.faintness[o],
-        belief.measurements,
-        belief.sphere,
-        belief.gate,
-        belief.full,
-        belief.six,
-        belief.twelve,
+def constants_of_observer(constants, o):
+    """Constants of one observer, from those of all."""
+    return _TaskingConstants(
+        limits_of(constants.limits, o),
+        constants.faintness[o],
+        constants.measurements,
+        constants.sphere,
+        constants.gate,
+        constants.full,
+        constants.six,
+        constants.twelve,
     )
 
 
-@borrowing
-def observable(observer, place, sun, primaries, belief, variance):
-    """Whether a place is in clear view, and the sphere that stands for a target bright enough.
-
-    `belief` is that of the observer; the variances (3,) of its measurements of the sphere go into
-    `variance`.
-    """
-    limits = belief.limits
+@njit_noalloc
+def observable(observer, place, sun, primaries, constants, variance):
+    """Whether a position is in clear view, and the sphere that stands for a target bright enough.
+    `constants` are those of the observer; `variance` (3,) receives the variances of its measurement
+    of the sphere."""
+    limits = constants.limits
     ox, oy, oz = observer[0], observer[1], observer[2]
     x, y, z = place[0], place[1], place[2]
     dx, dy, dz = x - ox, y - oy, z - oz
@@ -169,23 +158,23 @@ def observable(observer, place, sun, primaries, belief, variance):
     fx, fy, fz = x - sun[0], y - sun[1], z - sun[2]
     magnitude = limits.limiting_magnitude
     if limits.ground or limits.photons[0] > 0.0:
-        margin = sphere_margin(dx, dy, dz, fx, fy, fz, belief.faintness)
+        margin = sphere_margin(dx, dy, dz, fx, fy, fz, constants.faintness)
         margin -= extinction(ox, oy, oz, dx, dy, dz, primaries[0], limits)
         # fainter than the limit nothing is measured
         magnitude -= max(0.0, margin)
-        if belief.sphere and not margin > 0.0:
+        if constants.sphere and not margin > 0.0:
             return False
-    elif belief.sphere and not sphere_brighter(dx, dy, dz, fx, fy, fz, belief.faintness):
+    elif constants.sphere and not sphere_brighter(dx, dy, dz, fx, fy, fz, constants.faintness):
         return False
     noise_variance_at(limits, magnitude, variance)
     for i in range(3):
-        variance[i] /= belief.measurements
+        variance[i] /= constants.measurements
     return True
 
 
-@borrowing
+@njit_noalloc
 def _direction_sigma(cross, even, noise_variance, declination):
-    """Largest standard deviation of the predicted direction on the sky, rad."""
+    """Largest standard deviation of the predicted direction, rad."""
     scale = np.cos(declination)
     a = even[0, 0] - noise_variance[0]
     b = even[0, 1]
@@ -199,33 +188,31 @@ def _direction_sigma(cross, even, noise_variance, declination):
     return np.sqrt(0.5 * (a + c) + np.sqrt(0.25 * (a - c) ** 2 + b * b))
 
 
-@borrowing
-def expect_look(points, observer, sky, belief, variance, expected, shift, cross, even):
-    """Moments U and S of the directions of a look into `cross` and `even`, if it can be made.
-
-    It can if the first of the sigma points `points` (6, n) is `observable` from `observer` and,
-    where that is asked, the direction is known well enough to be found. `sky` are the axes of
-    right ascension and declination, the place of the Sun, and those of Earth and Moon; `belief` and
-    `variance` are as of `observable`.
-    """
-    axes, sun, primaries = sky
-    if not observable(observer, points[:3, 0], sun, primaries, belief, variance):
+@njit_noalloc
+def expect_observation(
+    points, observer, geometry, constants, variance, expected, shift, cross, even
+):
+    """Moments U and S of the direction of an observation into `cross` and `even`; whether it is
+    possible: the first of the sigma points `points` (6, n) is `observable` from `observer` and
+    passes the pointing-uncertainty gate, if there is one. `geometry` has the axes of right
+    ascension and declination, the position of the Sun, and those of Earth and Moon."""
+    axes, sun, primaries = geometry
+    if not observable(observer, points[:3, 0], sun, primaries, constants, variance):
         return False
     _, declination = expected_directions(points, observer, axes, expected)
-    innovation_moments(expected, variance[1:], belief.six, shift, cross, even)
+    innovation_moments(expected, variance[1:], constants.six, shift, cross, even)
     sigma = _direction_sigma(cross, even, variance[1:], declination)
-    return not belief.gate or sigma <= belief.limits.half_field
+    return not constants.gate or sigma <= constants.limits.half_field
 
 
 @njit(cache=True, error_model="numpy")
-def _sigma_points(translation, covariance, joint_root, belief, wanted, points, all_points):
-    """Sigma points of the targets wanted by any observer; false for those without an estimate.
-
-    The root being triangular with the position first, only three columns of it shift the place.
-    """
+def _sigma_points(translation, covariance, joint_root, constants, selected, points, all_points):
+    """Sigma points of the targets selected by any observer; False for those without an estimate.
+    The root is triangular with the position first, so that only three of its columns shift the
+    position."""
     root, usable = np.empty((6, 6)), np.zeros(translation.shape[0], np.bool_)
-    for o in range(wanted.shape[0]):
-        usable |= wanted[o]
+    for o in range(selected.shape[0]):
+        usable |= selected[o]
     for j in range(translation.shape[0]):
         if not usable[j]:
             continue
@@ -233,48 +220,48 @@ def _sigma_points(translation, covariance, joint_root, belief, wanted, points, a
         usable[j] = np.isfinite(np.sum(translation[j])) and cholesky(root)
         if not usable[j]:
             continue
-        sigma_points(translation[j, :3], root[:3, :3], belief.six.spread, points[j])
-        if belief.full:
-            sigma_points(translation[j], joint_root[j, 6:], belief.twelve.spread, all_points[j])
+        sigma_points(translation[j, :3], root[:3, :3], constants.six.spread, points[j])
+        if constants.full:
+            sigma_points(translation[j], joint_root[j, 6:], constants.twelve.spread, all_points[j])
     return usable
 
 
 @njit(cache=True, error_model="numpy")
-def _fill(prediction, joint, scene, surfaces, belief, wanted, out):
-    """Information of the wanted pairs, others left as they are; see `pair_information`.
-
-    `joint` is mean attitudes (target, 4) and joint roots (target, 12, 12), if all states count.
-    """
+def _fill(prediction, joint, scene, surfaces, constants, selected, out):
+    """Information of the selected pairs, others left as they are; see `pair_information`. `joint`
+    has mean attitudes (target, 4) and joint roots (target, 12, 12), if all states count."""
     index, translation, covariance = prediction
     quaternion, joint_root = joint
     n_targets = translation.shape[0]
     points = np.empty((n_targets, 3, 7))
-    all_points = np.empty((n_targets if belief.full else 0, 6, 25))
-    usable = _sigma_points(translation, covariance, joint_root, belief, wanted, points, all_points)
+    all_points = np.empty((n_targets if constants.full else 0, 6, 25))
+    usable = _sigma_points(
+        translation, covariance, joint_root, constants, selected, points, all_points
+    )
     expected, shift = np.empty((6, 2)), np.empty(2)
     cross, even = np.empty((3, 2)), np.empty((2, 2))
     all_expected, all_shift = np.empty((24, 3)), np.empty(3)
     all_cross, all_even = np.empty((12, 3)), np.empty((3, 3))
     block = np.empty((BLOCK_ROWS, LANES))
     sun, axes, variance = scene.sun_position[index], scene.observer_axes[index], np.empty(3)
-    sky = axes, sun, scene.primaries[index]
+    geometry = axes, sun, scene.primaries[index]
     for o in range(out.shape[0]):
-        observer, own = scene.observer_position[o, index], belief_of_one(belief, o)
+        observer, own = scene.observer_position[o, index], constants_of_observer(constants, o)
         for j in range(n_targets):
-            if not wanted[o, j]:
+            if not selected[o, j]:
                 continue
             out[o, j] = 0.0
             if not usable[j]:
                 continue
-            look = points[j], observer, sky, own, variance
-            if not expect_look(*look, expected, shift, cross, even):
+            observation = points[j], observer, geometry, own, variance
+            if not expect_observation(*observation, expected, shift, cross, even):
                 continue
-            if belief.full:
+            if constants.full:
                 expected_measurements(
                     all_points[j],
                     quaternion[j],
                     joint_root[j],
-                    belief.twelve.spread,
+                    constants.twelve.spread,
                     observer,
                     axes,
                     sun,
@@ -285,7 +272,7 @@ def _fill(prediction, joint, scene, surfaces, belief, wanted, out):
                     all_expected,
                 )
                 innovation_moments(
-                    all_expected, variance, belief.twelve, all_shift, all_cross, all_even
+                    all_expected, variance, constants.twelve, all_shift, all_cross, all_even
                 )
                 gain = information_gain(all_cross, all_even)
             else:
@@ -301,36 +288,31 @@ def pair_information(
     sensor: Sensors,
     model: TaskingModel,
     *,
-    wanted: NDArray[np.bool_] | None = None,
+    selected: NDArray[np.bool_] | None = None,
     out: Array | None = None,
 ) -> Array:
-    """Mutual information of every pair, nats.
+    """Mutual information of every pair, nats, ndarray of shape (observer, target).
 
     A target is observable if the sphere of `model` at its estimated position is brighter than the
-    sensor's limit and clear of the bright bodies; the information of any other pair is zero. Where
-    detection is learned, being clear is enough.
+    sensor's limit and clear of the bright bodies; the information of any other pair is zero. If
+    detection is learned, the brightness is not required.
 
     Parameters
     ----------
     prediction : Prediction
-        Estimates at the next measurement time.
+        Estimates at the next measurement time; with a joint root if ``model.states`` is "full".
     scene, surfaces, sensor
-        As for the filter. The surfaces matter to ``states="full"`` only.
+        As for the estimator. The surfaces matter to ``states="full"`` only.
     model : TaskingModel
-        Settings.
-    wanted : ndarray of bool, shape (observer, target), optional
+    selected : ndarray of bool, shape (observer, target), optional
         The pairs to compute; all, if omitted.
     out : ndarray, shape (observer, target), optional
-        Where to put them; pairs not wanted keep what is there, which is zero if omitted.
-
-    Returns
-    -------
-    ndarray, shape (observer, target)
+        Output array, in which other pairs are left as they are; zeros if omitted.
 
     Raises
     ------
     ConfigurationError
-        If the information of all states is wanted of an estimator that does not provide them.
+        If ``model.states`` is "full" and the estimator has no joint Gaussian estimate.
     """
     full = model.states == "full"
     if full and (prediction.root is None or prediction.quaternion is None):
@@ -343,15 +325,15 @@ def pair_information(
         joint = prediction.quaternion, prediction.root
     shape = scene.observer_position.shape[0], n_targets
     out = np.zeros(shape) if out is None else out
-    wanted = np.ones(shape, dtype=bool) if wanted is None else wanted
+    selected = np.ones(shape, dtype=bool) if selected is None else selected
     translation = prediction.index, *_translation(prediction)
-    belief = belief_of(model, sensor, shape[0])
-    _fill(translation, joint, scene, surfaces, belief, wanted, out)
+    constants = tasking_constants(model, sensor, shape[0])
+    _fill(translation, joint, scene, surfaces, constants, selected, out)
     return out
 
 
 def _translation(prediction: Prediction) -> tuple[Array, Array]:
-    """Mean and covariance of position and velocity as the kernels take them."""
+    """Mean and covariance of position and velocity as contiguous arrays."""
     return (
         np.ascontiguousarray(prediction.translation),
         np.ascontiguousarray(prediction.covariance),
@@ -361,30 +343,22 @@ def _translation(prediction: Prediction) -> tuple[Array, Array]:
 def information_bound(
     prediction: Prediction, scene: Scene, sensor: Sensors, model: TaskingModel
 ) -> Array:
-    """Upper bound of the information of position and velocity of every pair, nats.
-
-    Far cheaper than `pair_information`: no sigma points are sent through the measurement. See
-    `cislunar.tasking.planning.information_bound`.
-
-    Parameters
-    ----------
-    prediction, scene, sensor, model
-        As for `pair_information`, with ``model.states == "translation"``.
-
-    Returns
-    -------
-    ndarray, shape (observer, target)
-        Infinite where nothing can be said, zero of a target without an estimate.
-    """
+    """Upper bound of `pair_information` for ``model.states == "translation"``, nats (observer,
+    target): infinite where there is no bound, zero for a target without an estimate. See
+    `cislunar.tasking.planning.information_bound`."""
     out = np.empty((scene.observer_position.shape[0], prediction.translation.shape[0]))
-    belief = belief_of(model, sensor, out.shape[0])
-    limits = belief.limits
+    constants = tasking_constants(model, sensor, out.shape[0])
+    limits = constants.limits
     bound_all(
         (prediction.index, *_translation(prediction)),
         scene,
-        (limits.noise_variance[:, 1:] / belief.measurements, limits.cosines, belief.faintness),
-        belief.six,
-        limits.half_field if belief.gate else np.full(out.shape[0], np.inf),
+        (
+            limits.noise_variance[:, 1:] / constants.measurements,
+            limits.cosines,
+            constants.faintness,
+        ),
+        constants.six,
+        limits.half_field if constants.gate else np.full(out.shape[0], np.inf),
         out,
     )
     return out

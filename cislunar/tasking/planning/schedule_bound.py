@@ -1,58 +1,60 @@
-"""What no schedule of an interval can exceed: prices on the observers' slots.
+"""Upper bound of the value of all schedules of an interval, from prices of the observers' slots.
 
-Let each slot of an observer have a price p >= 0. Without the rule that an observer looks at one
-target at a time, every target j may take the looks A that are worth most to it less what they cost,
+Let each slot of an observer have a price p >= 0. Without the constraint that an observer observes
+one target at a time, every target j may take the observations A with the largest value less price,
 and the sum
 
     L(p) = sum of all p + sum_j max_A (F_j(A) - p(A))
 
-is at least the worth of every schedule (Lagrangian relaxation; F_j as of
-`cislunar.tasking.planning.schedule`). L is convex; from the worth of the schedule's own looks as
-prices a subgradient with Polyak's step goes towards its least value, which the schedule's worth may
-fall short of.
+is at least the value of every schedule (Lagrangian relaxation; F_j as in
+`cislunar.tasking.planning.schedule`). L is convex. The initial prices are the values of the
+schedule's own observations; a subgradient method with Polyak's step lowers L from there.
 
-F_j being submodular, a look that alone is worth no more than its price is in no best A. What is
-left is tried out in full; of a target with more than `MOST_CANDIDATES` such looks each slot counts
-by its best ones alone, which only raises L.
+F_j is submodular. An observation whose value alone is below its price is therefore in no best A.
+The others are enumerated; for a target with more than `_MOST_CANDIDATES` of them each slot counts
+by its best observations alone, which can only increase L.
 """
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.tasking.planning.looks import SlotLooks
-from cislunar.tasking.planning.schedule import Chances, worth_of_looks
+from cislunar.tasking.planning.schedule import DetectionProbabilities, worth_of_observations
+from cislunar.tasking.planning.slot_observations import SlotObservations
 
 Array = NDArray[np.float64]
 
-MOST_CANDIDATES = 12
+_MOST_CANDIDATES = 12
 
 
 @njit(cache=True, error_model="numpy")
-def _alone(factor, share, chances, visible, out):
-    """Worth of every look (slot, observer, target) alone, into `out`."""
-    look = np.empty((1, 2), np.int64)
+def _alone(factor, share, detection_probabilities, visible, out):
+    """Value of every observation (slot, observer, target) alone, into `out`."""
+    observation = np.empty((1, 2), np.int64)
     for s in range(out.shape[0]):
         for o in range(out.shape[1]):
             for j in range(out.shape[2]):
                 out[s, o, j] = 0.0
                 if visible[s, o, j]:
-                    look[0, 0], look[0, 1] = s, o
-                    out[s, o, j] = worth_of_looks(factor, share, chances, j, look, 1)
+                    observation[0, 0], observation[0, 1] = s, o
+                    out[s, o, j] = worth_of_observations(
+                        factor, share, detection_probabilities, j, observation, 1
+                    )
 
 
 @njit(cache=True, error_model="numpy")
-def _best_looks(factor, share, chances, alone, price, most, j, chosen):
-    """max_A (F_j(A) - p(A)) at most; the looks A (slot, observer) are marked in `chosen`."""
+def _best_observations(factor, share, detection_probabilities, alone, price, most, j, chosen):
+    """Upper bound of max_A (F_j(A) - p(A)); marks the observations A (slot, observer) in
+    `chosen`."""
     n_slots, n_observers = price.shape
-    looks, count = np.empty((n_slots * n_observers, 2), np.int64), 0
+    observations, count = np.empty((n_slots * n_observers, 2), np.int64), 0
     for s in range(n_slots):
         for o in range(n_observers):
             if alone[s, o, j] > price[s, o]:
-                looks[count, 0], looks[count, 1] = s, o
+                observations[count, 0], observations[count, 1] = s, o
                 count += 1
     chosen[:, :] = False
-    if count > MOST_CANDIDATES:
+    if count > _MOST_CANDIDATES:
         total = 0.0
         for s in range(n_slots):
             for _ in range(most):
@@ -70,7 +72,7 @@ def _best_looks(factor, share, chances, alone, price, most, j, chosen):
         n, cost, alike, bound = 0, 0.0, 0, 0.0
         for i in range(count):
             if mask >> i & 1:
-                s, o = looks[i]
+                s, o = observations[i]
                 alike = alike + 1 if n > 0 and some[n - 1, 0] == s else 1
                 if alike > most:
                     break
@@ -80,55 +82,57 @@ def _best_looks(factor, share, chances, alone, price, most, j, chosen):
                 n += 1
         if alike > most or bound - cost <= best:
             continue
-        value = worth_of_looks(factor, share, chances, j, some, n) - cost
+        value = worth_of_observations(factor, share, detection_probabilities, j, some, n) - cost
         if value > best:
             best, at = value, mask
     for i in range(count):
         if at >> i & 1:
-            chosen[looks[i, 0], looks[i, 1]] = True
+            chosen[observations[i, 0], observations[i, 1]] = True
     return best
 
 
 @njit(cache=True, error_model="numpy")
-def _own_worth(factor, share, chances, target, price):
-    """What each look of a schedule adds to the others of its target, into `price`."""
-    looks, some = np.empty((target.size, 2), np.int64), np.empty((target.size, 2), np.int64)
+def _own_worth(factor, share, detection_probabilities, target, price):
+    """Value that each observation of a schedule adds to the others of its target, into `price`."""
+    observations, some = np.empty((target.size, 2), np.int64), np.empty((target.size, 2), np.int64)
     price[:, :] = 0.0
     for j in range(factor.shape[2]):
         count = 0
         for s in range(target.shape[0]):
             for o in range(target.shape[1]):
                 if target[s, o] == j:
-                    looks[count, 0], looks[count, 1] = s, o
+                    observations[count, 0], observations[count, 1] = s, o
                     count += 1
         if count == 0:
             continue
-        whole = worth_of_looks(factor, share, chances, j, looks, count)
+        whole = worth_of_observations(
+            factor, share, detection_probabilities, j, observations, count
+        )
         for left in range(count):
             n = 0
             for i in range(count):
                 if i != left:
-                    some[n] = looks[i]
+                    some[n] = observations[i]
                     n += 1
-            rest = worth_of_looks(factor, share, chances, j, some, n)
-            price[looks[left, 0], looks[left, 1]] = max(0.0, whole - rest)
+            rest = worth_of_observations(factor, share, detection_probabilities, j, some, n)
+            price[observations[left, 0], observations[left, 1]] = max(0.0, whole - rest)
 
 
 @njit(cache=True, error_model="numpy")
-def _least_bound(factor, chances, visible, target, worth, most, steps):
-    """Least L met with in so many steps."""
+def _least_bound(factor, detection_probabilities, visible, target, worth, most, steps):
+    """Least L found in this number of steps."""
     share, alone = np.ones(factor.shape[:3]), np.empty(factor.shape[:3])
-    _alone(factor, share, chances, visible, alone)
+    _alone(factor, share, detection_probabilities, visible, alone)
     price = np.empty(target.shape)
-    _own_worth(factor, share, chances, target, price)
+    _own_worth(factor, share, detection_probabilities, target, price)
     chosen, used = np.empty(target.shape, np.bool_), np.empty(target.shape)
     least = np.inf
     for _ in range(steps):
         bound = np.sum(price)
         used[:, :] = 0.0
         for j in range(factor.shape[2]):
-            given = factor, share, chances, alone, price, most, j, chosen
-            bound += _best_looks(*given)
+            given = factor, share, detection_probabilities, alone, price, most, j, chosen
+            bound += _best_observations(*given)
             used += chosen
         least = min(least, bound)
         away = used - 1.0
@@ -144,34 +148,18 @@ def _least_bound(factor, chances, visible, target, worth, most, steps):
 
 
 def schedule_bound(
-    looks: SlotLooks,
-    known: Chances,
+    observations: SlotObservations,
+    known: DetectionProbabilities,
     target: NDArray[np.int64],
     worth: float,
     *,
     observers_per_target: int = 1,
     steps: int = 30,
 ) -> float:
-    """Upper bound of the worth of every schedule of an interval, nats.
-
-    Where turning takes time it is that of schedules that turn at once.
-
-    Parameters
-    ----------
-    looks, known, observers_per_target
-        As of `cislunar.tasking.planning.schedule.plan_schedule`.
-    target : ndarray of int, shape (slot, observer)
-        A schedule, whose looks give the first prices.
-    worth : float
-        What it is worth.
-    steps : int
-        Of the prices.
-
-    Returns
-    -------
-    float
-    """
-    factor = looks.factor
+    """Upper bound of the value of every schedule of an interval, nats, found in `steps` steps of
+    the subgradient method from the prices of a schedule `target` (slot, observer) of value `worth`.
+    If turning takes time, the bound is that of schedules without turning times."""
+    factor = observations.factor
     visible = np.any(factor != 0.0, axis=(3, 4))
     given = factor, known, visible, np.ascontiguousarray(target), float(worth)
     return float(max(worth, _least_bound(*given, observers_per_target, steps)))

@@ -1,71 +1,75 @@
 """How the observers may be scheduled between two tasking epochs."""
 
-from dataclasses import dataclass
-
-import numpy as np
+from collections.abc import Callable
 
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.settings_fields import (
+    NotNegative,
+    Positive,
+    Section,
+    require_multiple,
+    setting,
+    whole,
+)
 
 
-@dataclass(frozen=True)
-class ScheduleModel:
-    """Slots of a tasking interval, observers at a target, and turning from one to another.
+class ScheduleModel(Section):
+    """Slots of a tasking interval, observers per target, and slewing between targets."""
 
-    Attributes
-    ----------
-    slot_minutes : float or None
-        Time an observer stays at a target before it may turn to another, the last slot of an
-        interval being maybe shorter; None: the interval, as in the paper.
-    observers_per_target : int
-        Observers that may look at a target at the same time; 1 in the paper.
-    slew_deg_s : float or None
-        Rate of turning to another target, deg/s; None: at once.
-    settle_s : float
-        Time after turning until the first look, s.
-    horizon_epochs : int
-        Tasking intervals that are planned together at an epoch; the first is carried out.
-    bound_steps : int
-        Steps of the prices by which the best joint choice of all slots is bounded; 0: it is not.
+    # fmt: off
 
-    Raises
-    ------
-    ConfigurationError
-        If a value is impossible.
-    """
+    slot_minutes: Positive | None = setting(
+        "time that an observer stays at a target before it may slew to another, a multiple of "
+        "`step_s`; the last slot of an interval may be shorter; null: the tasking interval", "min",
+        "the interval", default=None)
+    observers_per_target: whole(ge=1, le=4) = setting(
+        "maximum number of observers that observe a target at the same time", "1", "1", default=1)
+    slew_deg_s: Positive | None = setting(
+        "rate at which an observer slews to another target; null: at once", "deg/s", "at once",
+        default=None)
+    settle_s: NotNegative = setting(
+        "time between the end of a slew and the first observation", "s", "0", default=0)
+    horizon_epochs: whole(ge=1, le=24) = setting(
+        "number of tasking intervals that are planned together at an epoch; the first is carried "
+        "out", "1", "1", default=1)
+    bound_steps: whole(ge=0) = setting(
+        "number of price steps that bound the best joint choice of all slots (`planning_gap` in a "
+        "cell's file; 30 steps take some tenths of a second per epoch); 0: no bound", "1",
+        "not in the paper", default=0)
 
-    slot_minutes: float | None = None
-    observers_per_target: int = 1
-    slew_deg_s: float | None = None
-    settle_s: float = 0.0
-    horizon_epochs: int = 1
-    bound_steps: int = 0
+    # fmt: on
 
-    def __post_init__(self) -> None:
-        for key in ("slot_minutes", "slew_deg_s"):
-            value = getattr(self, key)
-            if value is not None and not (value > 0.0 and np.isfinite(value)):
-                raise ConfigurationError(f"{key} = {value} must be positive, or left out")
-        for key, least in (("observers_per_target", 1), ("horizon_epochs", 1), ("bound_steps", 0)):
-            if getattr(self, key) < least:
-                raise ConfigurationError(f"{key} = {getattr(self, key)} must be at least {least}")
-        if not (self.settle_s >= 0.0 and np.isfinite(self.settle_s)):
-            raise ConfigurationError(f"settle_s = {self.settle_s} must not be negative")
+    def require_possible(
+        self, step_s: float, method: str, states: str, named: Callable[[str], str] = str
+    ) -> None:
+        """Refuse slots that are no multiple of the step (s), and schedules that need another method
+        of assignment or other states, see `cislunar.tasking.settings.LoopSettings`; `named` gives
+        the name of a key in messages."""
+        if self.slot_minutes is not None:
+            require_multiple(named("slot_minutes"), self.slot_minutes, 60.0, step_s)
+        usual = ScheduleModel()
+        changed = [key for key in ScheduleModel.model_fields
+                   if getattr(self, key) != getattr(usual, key)]  # fmt: skip
+        for key, value, needed in (("method", method, "exact"), ("states", states, "translation")):
+            if changed and value != needed:
+                raise ConfigurationError(
+                    f"{named(key)} = {value!r}: {', '.join(changed)} can be had with {needed!r} "
+                    "alone"
+                )
 
     @property
     def turning(self) -> bool:
-        """Whether turning to another target takes time."""
+        """Whether slewing to another target takes time."""
         return self.slew_deg_s is not None or self.settle_s > 0.0
 
     @property
     def bounded(self) -> bool:
-        """Whether it is said how far a schedule may be from the best."""
+        """Whether the best joint choice of all slots is bounded."""
         return self.observers_per_target > 1 or self.bound_steps > 0
 
     @property
     def plain(self) -> bool:
-        """Whether each observer has one target from epoch to epoch, and each target one of them.
-
-        And nothing is thought of beyond.
-        """
+        """Whether an observer keeps a target for one interval, which is planned by itself. Each
+        target then has at most one observer, and slewing takes no time."""
         alone = self.observers_per_target == self.horizon_epochs == 1
         return self.slot_minutes is None and alone and not self.turning

@@ -1,11 +1,12 @@
 """
-A closed loop of one's own
-==========================
+Tasking and tracking in a closed loop
+=====================================
 
-Two telescopes, four targets, twelve hours: who looks where is decided every hour, and a filter
-makes of the looks where the targets are and how they are turned.
+How are observers tasked and targets tracked in one simulation? Two telescopes observe four targets
+for twelve hours. Every hour each telescope is assigned a target, and a filter estimates orbit and
+attitude of the targets from the measurements.
 
-How attitude is estimated: :doc:`/docs/attitude`. The bound: :doc:`/docs/bound`.
+The estimation of attitude is described in :doc:`/docs/attitude`, the bound in :doc:`/docs/bound`.
 """
 
 import matplotlib.pyplot as plt
@@ -17,8 +18,8 @@ from cislunar.photometry.materials import Material
 from cislunar.tasking.settings import LoopSettings
 
 # %%
-# The settings come first, for they say at which times everything must be known: a measurement each
-# minute, a decision each hour. What is not given is the paper's.
+# The settings determine the times at which observers and Sun are needed: a measurement each minute
+# and a tasking each hour. Settings that are not given have the values of the paper.
 
 settings = LoopSettings(duration_hours=12.0, interval_minutes=60.0)
 times = settings.elapsed_s / TIME_UNIT_S
@@ -26,8 +27,8 @@ times = settings.elapsed_s / TIME_UNIT_S
 # %%
 # Observers
 # ---------
-# One on the near-rectilinear halo of 6.56 days beyond the Moon, one on a halo before it. The Sun
-# comes from the planetary ephemeris.
+# One observer is on the near-rectilinear L2 halo orbit with a period of 6.56 days, the other on an
+# L1 halo orbit. The Sun comes from the DE421 ephemeris.
 
 days = 86_400.0 / TIME_UNIT_S
 observers = [
@@ -44,10 +45,10 @@ scene = cs.make_scene(tracks, sun.sun_position, settings.step_s)
 # %%
 # Targets
 # -------
-# Four places of one L2 halo, a quarter of a period apart. Each is an icosahedron of 2 m radius; any
-# convex shape and any material will do. Light falls with 1/r^2; the law that the paper prints,
-# which makes targets 2.75 mag fainter, is `cislunar.photometry.materials.PRINTED`, a fourth
-# argument.
+# The four targets are on one L2 halo orbit, a quarter of a period apart. Each is an icosahedron of
+# 2 m radius; other shapes and materials are possible. The irradiance decreases with 1/r^2. The law
+# that the paper prints, which makes targets 2.75 mag fainter, is selected by the fourth argument
+# `cislunar.photometry.materials.PRINTED`.
 
 halo = cs.periodic_orbits("Halo_L2_S", jacobi=3.05)
 start = cs.propagate(halo.state[0], halo.period[0] * np.arange(4) / 4)
@@ -56,16 +57,16 @@ surfaces = cs.target_surfaces(cs.icosahedron(2.0), Material(), n_targets=4)
 # %%
 # The loop
 # --------
-# The seed is that of truth and noise; several seeds make a sample of runs.
+# Each seed gives one realization of truth and noise; several seeds give several realizations.
 
 result = cs.run_closed_loop(scene, surfaces, start, np.arange(4), seeds=[1], settings=settings)
-print("looks used of each target:", result.valid[0].sum(axis=0))
-print("first taskings, target of each observer:", *result.assignment[0, :4].tolist())
+print("measurements used of each target:", result.valid[0].sum(axis=0))
+print("target of each observer in the first four intervals:", *result.assignment[0, :4].tolist())
 
 # %%
-# What came of it
-# ---------------
-# Errors, three standard deviations and the Cramér-Rao bound have one layout: three components each
+# Errors and bound
+# ----------------
+# Errors, standard deviations and the Cramér-Rao bound have the same layout: three components each
 # of attitude, angular velocity, position and velocity.
 
 hours = result.elapsed_s / 3600.0
@@ -83,9 +84,9 @@ for panel, (label, (part, unit)) in zip(panels, parts.items(), strict=True):
     panel.set_ylabel(f"error of {label}")
     panel.grid(alpha=0.3)
 panels[0].legend(ncols=4, fontsize="small")
-panels[1].set_xlabel("hours since the epoch")
-figure.suptitle("Errors (solid) and what no unbiased estimator can beat (dotted)")
+panels[1].set_xlabel("time since the epoch, h")
+figure.suptitle("Error (solid) and Cramér-Rao bound (dotted) of four targets")
 
 # %%
-# A target that nobody sees keeps the error it began with. ``estimator="batch"`` takes the other
-# estimator; ``settings.record`` keeps truth, estimates and looks.
+# A target that is never observed keeps its initial error. ``estimator="batch"`` selects the batch
+# estimator; ``settings.record`` keeps truth, estimates and observations.

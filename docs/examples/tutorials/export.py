@@ -1,9 +1,9 @@
 """
-Exporting to another tool
-=========================
+Export a trajectory to another tool
+===================================
 
-A path of the library as a CCSDS Orbit Ephemeris Message, which GMAT, Orekit and STK read, and back.
-How the campaign's cells go out the same way: :doc:`/docs/tutorials/exchange`.
+How does a trajectory reach GMAT, Orekit or STK? It is written as a CCSDS Orbit Ephemeris Message
+and read back. :doc:`/docs/tutorials/exchange` does the same for cells of the campaign.
 """
 
 import tempfile
@@ -13,21 +13,21 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import cislunar as cs
-from cislunar.constants import EPOCH_JD, TIME_UNIT_S
+from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.exchange.arcs import COMMENTS, arc, rotating_arc
 from cislunar.exchange.inertial import epoch_at
 from cislunar.exchange.oem import oem_text, read_oem
 
 # %%
-# A halo for one period, each ten minutes, in the rotating frame of the circular problem.
+# The trajectory is one period of a halo orbit in the Earth-Moon rotating frame, every ten minutes.
 
 halo = cs.periodic_orbits("Halo_L2_S", jacobi=3.05)
 times_s = np.arange(0.0, halo.period[0] * TIME_UNIT_S, 600.0)
 path = cs.propagate(halo.state[0], times_s / TIME_UNIT_S)
 
 # %%
-# No message can name that frame, so the states are turned into the axes of the ICRF at an epoch,
-# about the Earth (or the Moon, or the barycenter), in km and km/s.
+# A message cannot name that frame. The states are therefore rotated into the axes of the ICRF at an
+# epoch, with the Earth (or the Moon, or the barycenter) as center, in km and km/s.
 
 epoch = epoch_at(EPOCH_JD)
 station = arc("STATION", path, times_s, epoch, object_id="2030-001A", center="EARTH")
@@ -35,26 +35,27 @@ message = oem_text([station], created="2030-01-01T00:00:00", comments=COMMENTS)
 print("\n".join(line[:88] for line in message.splitlines()[:24]))
 
 # %%
-# What is read back is what was written.
+# Reading the message returns the states that were written.
 
 with tempfile.TemporaryDirectory() as folder:
     file = Path(folder) / "station.oem"
     file.write_text(message)
     back = read_oem(file)[0]
 elapsed_s, state = rotating_arc(back, epoch)
-print(f"largest difference: {np.abs(state - path).max():.1e} of the unit of length or speed")
+print(f"largest difference: {np.abs(state - path).max():.1e} (nondimensional)")
 
 # %%
-# The same path in both frames:
+# The same trajectory in both frames:
 
 figure, (rotating, inertial) = plt.subplots(1, 2, figsize=(8.0, 3.8), layout="constrained")
-rotating.plot(path[:, 0], path[:, 1])
-rotating.plot(0.98785, 0.0, "o", color="gray", label="Moon")
-rotating.set(title="rotating frame", xlabel="x, nondimensional", ylabel="y, nondimensional")
+unit = LENGTH_UNIT_KM / 1e3
+rotating.plot(unit * path[:, 0], unit * path[:, 1])
+rotating.plot(unit * (1.0 - MU), 0.0, "o", color="gray", label="Moon")
+rotating.set(title="Earth-Moon rotating frame", xlabel="x, 1000 km", ylabel="y, 1000 km")
 rotating.legend()
 inertial.plot(*station.state[:, :2].T / 1e3)
 inertial.plot(0.0, 0.0, "o", color="tab:blue", label="Earth")
-inertial.set(title="axes of the ICRF, about the Earth", xlabel="x, 1000 km", ylabel="y, 1000 km")
+inertial.set(title="ICRF axes, Earth at the center", xlabel="x, 1000 km", ylabel="y, 1000 km")
 inertial.legend()
 for panel in (rotating, inertial):
     panel.set_aspect("equal", adjustable="datalim")

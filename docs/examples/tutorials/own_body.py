@@ -1,9 +1,9 @@
 """
-A body of one's own
-===================
+Bodies of your own shape and material
+=====================================
 
-The shape and the surfaces of a target decide how bright it is at which attitude. A mesh comes from
-an OBJ or STL file, or from a few dimensions.
+How does a target get its own shape and surfaces? They determine its brightness as a function of
+attitude. A mesh comes from an OBJ or STL file, or from a few dimensions.
 """
 
 import tempfile
@@ -19,10 +19,10 @@ from cislunar.photometry.mesh_files import load_mesh
 from cislunar.photometry.spacecraft import box_with_wings
 
 # %%
-# A file
-# ------
-# A box of 2 m by 1 m by 1 m, as another program would write it: triangles that face outward and
-# close. What is wrong with a file is said with its line.
+# A mesh file
+# -----------
+# A box of 2 m by 1 m by 1 m as another program would write it: triangles that face outward and form
+# a closed surface. An error in a file is reported with its line number.
 
 box = """\
 v -1 -0.5 -0.5
@@ -52,13 +52,13 @@ with tempfile.TemporaryDirectory() as folder:
     path = Path(folder) / "box.obj"
     path.write_text(box)
     mesh = load_mesh(path)
-print(len(mesh.triangles), "triangles of the groups", sorted(set(mesh.groups)))
+print(len(mesh.triangles), "triangles in the groups", sorted(set(mesh.groups)))
 
 # %%
 # Surfaces
 # --------
-# A material for each group: weights of diffuse and specular reflection, albedo, roughness and
-# reflectance. Facets that stand in each other's light are found by the mesh.
+# Each group has a material: weights of diffuse and specular reflection, albedo, roughness and
+# reflectance. Shadows that facets cast on each other follow from the mesh.
 
 plain = build_body(mesh, {"foil": FOIL, "cells": PANEL})
 winged = build_body(box_with_wings(), {"bus": FOIL, "cells": PANEL, "wing": PAINT})
@@ -66,8 +66,9 @@ winged = build_body(box_with_wings(), {"bus": FOIL, "cells": PANEL, "wing": PAIN
 # %%
 # Light curves
 # ------------
-# One turn about the z axis at a range of 50 000 km, lit from x, seen at a phase angle of 53
-# degrees.
+# The bodies make one rotation about the z axis at a range of 50 000 km, with the Sun along x and a
+# phase angle of 53 degrees. Glints occur where a facet normal bisects the directions to Sun and
+# observer.
 
 turn = np.linspace(0.0, 2.0 * np.pi, 721)
 attitude = np.column_stack((0 * turn, 0 * turn, np.sin(turn / 2), np.cos(turn / 2)))
@@ -79,18 +80,18 @@ for name, body in (("box, foil and cells", plain), ("box with wings", winged)):
     panel.plot(np.degrees(turn), magnitude, label=name)
 panel.invert_yaxis()
 panel.set(
-    xlabel="turn, degrees",
+    xlabel="angle of rotation, degrees",
     ylabel="magnitude",
-    title="Glints where a face halves the angle of Sun and observer",
+    title="Light curves of one rotation, phase angle 53 degrees",
 )
 panel.grid(alpha=0.3)
 panel.legend()
 
 # %%
-# Into the loop
-# -------------
-# Truth, filter, fits and bound take such bodies as they take the icosahedron, one for all targets
-# or one for each:
+# Bodies in a closed loop
+# -----------------------
+# Truth, estimators and bound use these bodies in the same way as the icosahedron, one body for all
+# targets or one for each:
 
 surfaces = cs.target_surfaces([winged, plain, plain], Material(), n_targets=3)
-print(surfaces.areas.size, "facets of 3 targets,", surfaces.areas.sum() / 3, "m2 each")
+print(surfaces.areas.size, "facets of 3 targets,", surfaces.areas.sum() / 3, "m2 on average")

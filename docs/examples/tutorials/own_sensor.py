@@ -1,9 +1,10 @@
 """
-A sensor of one's own
-=====================
+Compare sensors
+===============
 
-A telescope is a limiting magnitude, noises, a field of view and the angles it keeps from Sun, Moon
-and Earth. What a better one would see is known before any filter runs.
+Which sensor detects a target more often? A sensor is defined by its limiting magnitude, its noise,
+its field of view and its exclusion angles from Sun, Moon and Earth. Its detection outcomes can be
+computed before any filter runs.
 """
 
 import matplotlib.pyplot as plt
@@ -15,7 +16,7 @@ from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
 from cislunar.observation.sensor import ExclusionAngles, Sensor
 
 # %%
-# Two telescopes: that of the paper, and a smaller one with a better baffle.
+# Two sensors: that of the paper, and a smaller telescope with a better baffle.
 
 paper = Sensor()
 small = Sensor(
@@ -28,7 +29,8 @@ print(paper)
 print(small)
 
 # %%
-# Observer and target for a month: a near-rectilinear halo looks at a larger one.
+# For a month, an observer on a near-rectilinear halo orbit observes a target on a larger halo orbit
+# every hour.
 
 days = 86_400.0 / TIME_UNIT_S
 sky = cs.sample_ephemeris(epoch_jd=2460584.5, duration_days=30.0, step_minutes=60.0)
@@ -41,32 +43,34 @@ observer, target = (
 )
 
 # %%
-# Each look has a fate: too faint, too near to a bright body, behind one, or detected.
+# Each observation has a detection outcome: detected, too faint, excluded (within an exclusion angle
+# of Sun, Moon or Earth) or occulted.
 
-looks = {
+observations = {
     name: cs.sightings(observer, target, sky.sun_position, sensor, radius_m=0.3)
-    for name, sensor in (("that of the paper", paper), ("small, well baffled", small))
+    for name, sensor in (("sensor of the paper", paper), ("small sensor", small))
 }
-fates = {"detected": DETECTED, "too faint": FAINT, "excluded": EXCLUDED, "occulted": OCCULTED}
-for name, seen in looks.items():
-    shares = ", ".join(f"{word} {np.mean(seen.fate == fate):.2f}" for word, fate in fates.items())
+outcomes = {"detected": DETECTED, "too faint": FAINT, "excluded": EXCLUDED, "occulted": OCCULTED}
+for name, seen in observations.items():
+    shares = ", ".join(
+        f"{word} {np.mean(seen.outcome == outcome):.2f}" for word, outcome in outcomes.items()
+    )
     print(f"{name}: {shares}")
 
 # %%
-# The magnitude is the same for both; what they make of it is not.
+# The magnitude is the same for both sensors, the detection outcome is not.
 
 elapsed_days = sky.time / days
 figure, panels = plt.subplots(2, 1, sharex=True, figsize=(7.0, 5.0), layout="constrained")
-for panel, (name, seen), sensor in zip(panels, looks.items(), (paper, small), strict=True):
-    for word, fate in fates.items():
-        chosen = seen.fate == fate
+for panel, (name, seen), sensor in zip(panels, observations.items(), (paper, small), strict=True):
+    for word, outcome in outcomes.items():
+        chosen = seen.outcome == outcome
         panel.plot(elapsed_days[chosen], seen.magnitude[chosen], ".", markersize=4, label=word)
     panel.axhline(sensor.limiting_magnitude, color="gray", linestyle="--")
     panel.set(title=name, ylabel="magnitude", ylim=(21.0, 14.0))
 panels[0].legend(ncols=4, fontsize="small")
-panels[1].set_xlabel("days since the epoch")
-figure.suptitle("A sphere of 0.3 m radius; dashed, the faintest that is seen")
+panels[1].set_xlabel("time since the epoch, days")
+figure.suptitle("Detection outcomes for a sphere of 0.3 m radius (dashed: limiting magnitude)")
 
 # %%
-# The same object goes into a closed loop, ``LoopSettings(sensor=small)``, where its noises count
-# too.
+# ``LoopSettings(sensor=small)`` uses the same sensor in a closed loop, where its noise matters too.

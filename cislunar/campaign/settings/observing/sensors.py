@@ -1,6 +1,7 @@
-"""The telescopes of a cell's observers as the library takes them.
+"""The telescopes of a cell's observers as objects of the library.
 
-Each observer has that of `sensor`, changed by what its own table says, then by its group.
+Each observer has the telescope `sensor`, changed by its row in a table of observers, then by its
+group.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +15,7 @@ from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.observing import sensor_tree
 from cislunar.campaign.settings.reading import merged, typed
 from cislunar.errors import ConfigurationError
-from cislunar.observation.sensor import Atmosphere, ExclusionAngles, PhotonNoise, Sensor, Sensors
+from cislunar.observation.sensor import Atmosphere, ExclusionAngles, Sensor, Sensors
 from cislunar.orbits.observers import SENSOR_COLUMNS
 
 
@@ -26,12 +27,7 @@ def exclusion(angles: sensor_tree.Exclusion) -> ExclusionAngles:
 def sensor(chosen: sensor_tree.Sensor) -> Sensor:
     """The telescope of all observers."""
     given = dict(chosen)
-    photons = given.pop("photon_noise")
-    return Sensor(
-        exclusion=exclusion(given.pop("exclusion_deg")),
-        photon_noise=None if photons is None else PhotonNoise(**dict(photons)),
-        **given,
-    )
+    return Sensor(exclusion=exclusion(given.pop("exclusion_deg")), **given)
 
 
 def observer_sensors(
@@ -39,8 +35,8 @@ def observer_sensors(
 ) -> Sensors:
     """The telescope of all observers, or of each, those on the ground last.
 
-    `own` has what the table of the flying observers says of each. A `ConfigurationError` if a group
-    names an observer that there is not, or one twice.
+    `own` has the changes by the table of the observers in orbit. A `ConfigurationError` if a group
+    names an observer that does not exist, or that another group names.
     """
     if not cell.sensors and not cell.stations and not any(own):
         return sensor(cell.sensor)
@@ -59,13 +55,13 @@ def observer_sensors(
             chosen[observer] = merged(chosen[observer], group.sensor.model_dump())
     found = [sensor(typed(each, sensor_tree.Sensor)) for each in chosen]
     for number, site in enumerate(cell.stations.values(), start=n_flying):
-        air = Atmosphere(site.min_elevation_deg, site.extinction_mag, site.sun_below_deg)
-        found[number] = replace(found[number], atmosphere=air)
+        air = {key: getattr(site, key) for key in Atmosphere.model_fields}
+        found[number] = replace(found[number], atmosphere=Atmosphere(**air))
     return tuple(found)
 
 
 def own_sensors(orbits: xr.Dataset, rows: Sequence[int]) -> list[dict[str, Any]]:
-    """What the table of ``orbits/observers_{architecture}.nc`` says of some of its sensors."""
+    """Changes of sensors that rows of ``orbits/observers_{architecture}.nc`` state."""
     columns = [column for column in SENSOR_COLUMNS if f"sensor_{column}" in orbits]
     found: list[dict[str, Any]] = []
     for row in rows:
@@ -81,9 +77,9 @@ def own_sensors(orbits: xr.Dataset, rows: Sequence[int]) -> list[dict[str, Any]]
 
 
 def true_sensors(cell: CellSettings, believed: Sensors) -> Sensors | None:
-    """What telescopes truly are, where noise depends on observer or magnitude; None: it does not.
+    """True telescopes if noise depends on observer or magnitude; None if it does not.
 
-    Constant noise is that of ``truth.sensor`` where it says so, for all of them.
+    The constant noise is that of ``truth.sensor`` where stated, for all telescopes.
     """
     if isinstance(believed, Sensor) and believed.plain:
         return None

@@ -1,1 +1,0 @@
-"""Numbers of a finished campaign in README and docs."""

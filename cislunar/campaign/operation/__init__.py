@@ -1,1 +1,0 @@
-"""Running a campaign: damaged results, times, resources."""

@@ -1,0 +1,119 @@
+"""Inputs of a cell in ephemeris dynamics: its scene, initial states and force models.
+
+All states of such a cell are nondimensional, in the barycentric frame with J2000 axes, its
+propagation frame (see `cislunar.observation.scene`).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.campaign.data.refined_orbits import observer_states
+from cislunar.campaign.settings.cell_tree import CellSettings, Dynamics
+from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.dynamics.ephemeris_forces import EphemerisForces, ephemeris_forces
+from cislunar.dynamics.instantaneous_frame_cr3bp import inertial_states, instantaneous_frame_cr3bp
+from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
+from cislunar.ephemeris.sampling import rotating_frame
+from cislunar.observation.ground import station_positions, station_tracks
+from cislunar.observation.scene import Scene, make_scene
+from cislunar.tasking.settings import LoopSettings
+
+Array = NDArray[np.float64]
+
+
+class CellEphemeris(NamedTuple):
+    """Ephemeris table, and TDB seconds past J2000 of the campaign's epoch and of a run's start."""
+
+    table: BodyTable
+    epoch: float
+    start: float
+
+
+def true_forces(ephemeris: CellEphemeris, dynamics: Dynamics) -> EphemerisForces:
+    """True force model of the targets."""
+    return _ephemeris(ephemeris, dynamics, 1.0)
+
+
+def assumed_forces(
+    ephemeris: CellEphemeris, settings: CellSettings, loop: LoopSettings, low_lunar: ArrayLike
+) -> tuple:
+    """Force model that the estimator assumes; `low_lunar` tells which targets are in low lunar
+    orbits."""
+    dynamics = settings.dynamics
+    if dynamics.filter == "ephemeris":
+        return _ephemeris(ephemeris, dynamics, dynamics.srp.believed_factor)
+    return instantaneous_frame_cr3bp(
+        ephemeris.table, ephemeris.start, loop.step_s, loop.n_steps, low_lunar
+    )
+
+
+def _ephemeris(ephemeris: CellEphemeris, dynamics: Dynamics, factor: float) -> EphemerisForces:
+    area = dynamics.srp.area_to_mass * factor
+    return ephemeris_forces(
+        ephemeris.table,
+        ephemeris.start,
+        area_to_mass=area or None,
+        reflectivity=dynamics.srp.reflectivity,
+        figure=dynamics.lunar_harmonics,
+    )
+
+
+def ephemeris_states(ephemeris: CellEphemeris, state: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
+    """CR3BP states (target, 6) in the barycentric frame with J2000 axes, and which orbits are low
+    lunar."""
+    return inertial_states(state, ephemeris.table, ephemeris.start)
+
+
+def observer_tracks(
+    ephemeris: CellEphemeris,
+    dynamics: Dynamics,
+    state: ArrayLike,
+    period: ArrayLike,
+    ahead: list[Array],
+    elapsed_s: Array,
+) -> Array:
+    """Positions (satellite, time, 3) of observers, barycentric frame with J2000 axes.
+
+    Satellites are ordered by orbit; `ahead` has the phases of the satellites of each orbit, as
+    fractions of the period. See `observer_states`.
+    """
+    forces = true_forces(ephemeris._replace(start=ephemeris.epoch), dynamics)
+    times = ephemeris.start - ephemeris.epoch + elapsed_s
+    flown = enumerate(zip(np.asarray(state), np.asarray(period), ahead, strict=True), start=1)
+    return np.array(
+        [
+            observer_states(forces, dynamics, s, p, phase, times, f"the orbit of slot {slot}")
+            for slot, (s, p, phases) in flown
+            for phase in phases
+        ]
+    )[..., :3]
+
+
+def ground_station_tracks(
+    ephemeris: CellEphemeris, settings: CellSettings, loop: LoopSettings, *, inertial: bool
+) -> Array:
+    """Positions (station, time, 3) of the stations, in the rotating frame or with `inertial` in
+    J2000 axes."""
+    sites = settings.stations.values()
+    if not sites:
+        return np.empty((0, loop.n_steps + 1, 3))
+    coordinates = zip(*((s.latitude_deg, s.longitude_deg, s.height_m) for s in sites), strict=True)
+    times = ephemeris.start + loop.elapsed_s
+    return station_tracks(
+        station_positions(*coordinates), ephemeris.table, times, inertial=inertial
+    )
+
+
+def ephemeris_scene(ephemeris: CellEphemeris, tracks: Array, loop: LoopSettings) -> Scene:
+    """The scene for positions of observers (observer, time, 3), barycentric frame with J2000
+    axes."""
+    position, velocity, _ = read_table(ephemeris.table, ephemeris.start + loop.elapsed_s)
+    earth, moon = COLUMNS["earth"], COLUMNS["moon"]
+    start = rotating_frame(
+        position[0, moon] - position[0, earth], velocity[0, moon] - velocity[0, earth]
+    )
+    primaries = np.stack([position[:, earth], position[:, moon]], axis=1) / LENGTH_UNIT_KM
+    sun = position[:, COLUMNS["sun"]] / LENGTH_UNIT_KM
+    return make_scene(tracks, sun, loop.step_s, axes=start, primaries=primaries)

@@ -1,0 +1,110 @@
+"""Finds results that are damaged although Snakemake considers them complete.
+
+Snakemake judges a result by its date alone and does not notice a file that was truncated by hand,
+by a copy or by a faulty disk. ``python -m cislunar.campaign.verify results`` reads every result to
+its end and lists those that cannot be used; with ``--delete`` it removes them.
+"""
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from cislunar.errors import CislunarError, InputFileError
+from cislunar.runtime.netcdf import read_dataset
+from cislunar.runtime.progress import each
+
+_WRITING_S = 600.0
+
+
+def _check_dataset(path: Path) -> None:
+    if not read_dataset(path).variables:
+        raise InputFileError("holds no variable")
+
+
+def _check_table(path: Path) -> None:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InputFileError(f"is no text in UTF-8 ({error})") from error
+    if not text.endswith("\n"):
+        raise InputFileError("is empty or does not end with its last line")
+
+
+def _check_end(path: Path) -> None:
+    end, kind = (b"IEND\xaeB`\x82", "PNG") if path.suffix == ".png" else (b"%%EOF", "PDF")
+    content = path.read_bytes()
+    if not (content if kind == "PNG" else content.rstrip()).endswith(end):
+        raise InputFileError(f"does not end as a {kind} file does")
+
+
+_CHECKS: dict[str, Callable[[Path], None]] = {
+    ".nc": _check_dataset, ".csv": _check_table, ".png": _check_end, ".pdf": _check_end
+}  # fmt: skip
+"""Check of a result by the suffix of its name."""
+
+
+def damaged_results(folder: str | Path) -> Iterator[tuple[Path, str]]:
+    """Read every result below a folder to its end; yields those that cannot be used, with the
+    reason.
+
+    Raises `InputFileError` if there is no such folder.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputFileError(f"results folder {folder}: no such folder")
+    for path in each(sorted(folder.rglob("*")), "files"):
+        check = _CHECKS.get(path.suffix)
+        if check is None or not path.is_file():
+            continue
+        try:
+            check(path)
+        except (CislunarError, OSError) as error:
+            yield path, str(error).removeprefix(f"data set {path} ")
+
+
+def _leftovers(folder: str | Path) -> list[Path]:
+    """Temporary files of jobs that were killed while writing, unchanged for ten minutes."""
+    now = time.time()
+    found = Path(folder).rglob(".*.part")
+    return sorted(path for path in found if now - path.stat().st_mtime > _WRITING_S)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command: returns 0 if every result can be used, 1 if not, 2 without such a folder."""
+    parser = argparse.ArgumentParser(
+        prog="python -m cislunar.campaign.verify", description=__doc__.splitlines()[0]
+    )
+    parser.add_argument("folder", nargs="?", default="results", help="results folder")
+    parser.add_argument("--delete", action="store_true", help="remove what is damaged")
+    chosen = parser.parse_args(arguments)
+    try:
+        damaged = list(damaged_results(chosen.folder))
+    except InputFileError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    for path, reason in damaged:
+        print(f"{path}: {reason}")
+    remains = _leftovers(chosen.folder)
+    for path in remains:
+        print(f"{path}: left by a job that was killed while it wrote")
+    if chosen.delete:
+        for path in [*(path for path, _ in damaged), *remains]:
+            path.unlink(missing_ok=True)
+    print(_summary(damaged, chosen.delete))
+    return 1 if damaged else 0
+
+
+def _summary(damaged: list[tuple[Path, str]], deleted: bool) -> str:
+    if not damaged:
+        return "every result can be used"
+    names = " ".join(str(path) for path, _ in damaged)
+    if deleted:
+        options = "with --configfile or --config as before"
+        return f"removed; make anew, {options}: snakemake --cores 2 -- {names}"
+    return "damaged; remove them with --delete, then make them anew with snakemake"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

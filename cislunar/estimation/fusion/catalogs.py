@@ -1,0 +1,270 @@
+"""A catalog for every observer, made from its own measurements alone (docs/tasking.md).
+
+Assumptions and limitations
+---------------------------
+- Estimates are fused at every step and at each tasking epoch. Observers receive nothing back.
+- The estimate of an observer without a used measurement of a target is that of the start. It counts
+  only if no observer has used one.
+- Force models per target, which a filter with the instantaneous-frame CR3BP has for low lunar
+  orbits, are not supported.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.estimator import (
+    HEALTHY,
+    NOT_FINITE,
+    Estimates,
+    Estimator,
+    EstimatorFactory,
+    InitialEstimate,
+    Prediction,
+)
+from cislunar.estimation.fusion.intersection import best_of, intersect
+from cislunar.estimation.fusion.methods import FUSIONS
+from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.records import Measurements, rows_of
+from cislunar.observation.scene import Scene
+from cislunar.observation.sensor import Sensor
+from cislunar.observation.target_surfaces import TargetSurfaces
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True, error_model="numpy")
+def _fuse(mean, covariance, since, several, fused, spread):
+    """Fuse all targets at all steps into `fused` (target, step, 6) and `spread`. `mean` and
+    `covariance` have the dimensions (observer, target, step, ...); `since` (observer, target) is
+    the step from which on an observer is informed."""
+    n_observers, n_targets, n_steps = mean.shape[:3]
+    informed = np.empty(n_observers, np.bool_)
+    for j in range(n_targets):
+        weight = np.full(n_observers, 1.0 / n_observers)
+        for i in range(n_steps):
+            for o in range(n_observers):
+                informed[o] = since[o, j] <= i
+            if not np.any(informed):
+                informed[0] = True
+            means, covariances = mean[:, j, i].copy(), covariance[:, j, i].copy()
+            best = best_of(covariances, informed)
+            if best < 0:
+                fused[j, i], spread[j, i] = np.nan, np.nan
+            elif several:
+                intersect(means, covariances, informed, weight, fused[j, i], spread[j, i])
+            else:
+                fused[j, i], spread[j, i] = means[best], covariances[best]
+
+
+class _Group(NamedTuple):
+    """An observer's estimator of the targets that it first observed in one interval."""
+
+    observer: int
+    targets: NDArray[np.int64]
+    estimator: Estimator
+
+
+class _Catalogs:
+    """An `Estimator` made of the estimators of single observers: `make` returns an estimator of
+    some of the targets, shape (target,), at the start. A target enters an observer's catalog with
+    the first observation; before, an estimator without any measurements has the same estimate."""
+
+    def __init__(
+        self,
+        make: Callable[[NDArray[np.int64]], Estimator],
+        n_observers: int,
+        n_targets: int,
+        fusion: str,
+    ) -> None:
+        self._make, self._several = make, fusion == "covariance-intersection"
+        self._blind, self._steps = make(np.arange(n_targets)), 0
+        self._groups: list[_Group] = []
+        self._observed, self._informed = np.zeros((2, n_observers, n_targets), dtype=bool)
+
+    @property
+    def failed(self) -> NDArray[np.uint8]:
+        """Per target, 0 or, if no observer has an estimate, the reason."""
+        left = self._blind.failed.copy()
+        left[self._informed.any(axis=0)] = NOT_FINITE
+        for group in self._groups:
+            good = group.estimator.failed == HEALTHY
+            left[group.targets[good]] = HEALTHY
+        return left
+
+    @property
+    def counters(self) -> NDArray[np.int64]:
+        """Counts per target, of all observers together; see `Estimator.counters`."""
+        total = self._blind.counters.copy()
+        for group in self._groups:
+            total[group.targets] += group.estimator.counters
+        return total
+
+    @property
+    def estimated_parameters(self) -> BodyParameterPrior:
+        """No body parameters."""
+        return BodyParameterPrior()
+
+    def predict(self) -> Prediction:
+        """See `Estimator.predict`."""
+        blind = self._blind.predict()
+        known = [(group, group.estimator.predict()) for group in self._groups]
+        mean, covariance = (
+            self._by_observer(getattr(blind, name), known, name)[:, :, None]
+            for name in ("translation", "covariance")
+        )
+        fused, spread = self._fused(mean, covariance, np.where(self._informed, 0, 1))
+        return Prediction(blind.index, fused[:, 0], spread[:, 0])
+
+    def advance(self, measurements: Measurements, *, covariance: bool = False) -> Estimates:
+        """See `Estimator.advance`."""
+        target, step = rows_of(measurements)
+        observer, n_steps = measurements.observer, measurements.offset.shape[1] - 1
+        self._open(target, observer)
+        used = np.zeros(step.size, dtype=bool)
+        blind = self._blind.advance(measurements.where(used), covariance=True)
+        known = []
+        for group in self._groups:
+            rows = (observer == group.observer) & np.isin(target, group.targets)
+            own = measurements.where(rows)
+            own = own._replace(offset=np.ascontiguousarray(own.offset[group.targets]))
+            known.append((group, group.estimator.advance(own, covariance=True)))
+            used[rows] = known[-1][1].used
+        since = np.where(self._informed, 0, n_steps)
+        np.minimum.at(since, (observer[used], target[used]), step[used])
+        self._informed |= since < n_steps
+        self._steps += n_steps
+        each = {
+            name: self._by_observer(getattr(blind, name), known, name)
+            for name in ("quaternion", "angular_velocity", "translation", "sigma", "covariance")
+        }
+        fused, spread = self._fused(each["translation"], each["covariance"], since)
+        unsure = np.prod(each["sigma"][..., :3], axis=-1)
+        counts = _informed_at(since, n_steps) & np.isfinite(unsure)
+        who = np.argmin(np.where(counts, unsure, np.inf), axis=0)[None, ..., None]
+        quaternion, rate, sigma = (
+            np.take_along_axis(each[name], who, axis=0)[0]
+            for name in ("quaternion", "angular_velocity", "sigma")
+        )
+        sigma[..., 6:] = np.sqrt(np.diagonal(spread, axis1=-2, axis2=-1))
+        kept = spread if covariance else spread[:, :0]
+        return Estimates(quaternion, rate, fused, sigma, kept, used)
+
+    def _open(self, target: NDArray[np.int64], observer: NDArray[np.int64]) -> None:
+        """Add estimators of targets that observers observe for the first time."""
+        observed_now = np.zeros_like(self._observed)
+        observed_now[observer, target] = True
+        for o, new in enumerate(observed_now & ~self._observed):
+            if new.any():
+                targets = np.flatnonzero(new)
+                own = self._make(targets)
+                own.advance(_nothing(targets.size, self._steps))
+                self._groups.append(_Group(o, targets, own))
+        self._observed |= observed_now
+
+    def _by_observer(self, blind: Array, known: Sequence[tuple], name: str) -> Array:
+        """Values (observer, target, ...): those of `known` where there are any, else `blind`."""
+        out = np.repeat(blind[None], self._observed.shape[0], axis=0)
+        for group, estimates in known:
+            out[group.observer, group.targets] = getattr(estimates, name)
+        return out
+
+    def _fused(
+        self, mean: Array, covariance: Array, since: NDArray[np.int64]
+    ) -> tuple[Array, Array]:
+        """Mean (target, step, 6) and covariance of the fused estimates."""
+        shape = mean.shape[1:3]
+        fused, spread = np.empty((*shape, 6)), np.empty((*shape, 6, 6))
+        _fuse(mean, covariance, since, self._several, fused, spread)
+        return fused, spread
+
+
+def _nothing(n_targets: int, n_steps: int) -> Measurements:
+    """No measurements at `n_steps` steps."""
+    offset = np.zeros((n_targets, n_steps + 1), dtype=np.int64)
+    return Measurements(offset, np.empty(0, dtype=np.int64), *np.empty((2, 0, 3)))
+
+
+def _informed_at(since: NDArray[np.int64], n_steps: int) -> NDArray[np.bool_]:
+    """Whether an observer counts (observer, target, step): it is informed, or the first if none
+    is."""
+    informed = since[..., None] <= np.arange(n_steps)
+    informed[0] |= ~informed.any(axis=0)
+    return informed
+
+
+def catalogs(factory: EstimatorFactory, fusion: str) -> EstimatorFactory:
+    """Factory of estimators with a catalog for every observer.
+
+    Parameters
+    ----------
+    factory : EstimatorFactory
+        Factory of the observers' estimators; without `estimated_parameters`.
+    fusion : {"common", "alone", "covariance-intersection"}
+        Fused estimate: that of the best observer, or the covariance intersection of all. "common"
+        returns `factory`: one estimator of all measurements.
+    """
+    if fusion not in FUSIONS:
+        raise ConfigurationError(f"fusion = {fusion!r} is unknown: use one of {list(FUSIONS)}")
+    if fusion == "common":
+        return factory
+    if getattr(factory, "estimated_parameters", BodyParameterPrior()):
+        raise ConfigurationError(
+            f"fusion = {fusion!r}: body parameters are estimated with fusion = 'common' only"
+        )
+
+    def make(scene, surfaces, sensor, initial, rng, forces):
+        some = partial(_of_some, factory, scene, surfaces, sensor, initial, rng, forces)
+        counts = scene.observer_position.shape[0], initial.translation.shape[0]
+        return _Catalogs(some, *counts, fusion)
+
+    return make
+
+
+def _of_some(
+    factory: EstimatorFactory,
+    scene: Scene,
+    surfaces: TargetSurfaces,
+    sensor: Sensor,
+    initial: InitialEstimate,
+    rng: np.random.Generator,
+    forces: tuple,
+    targets: NDArray[np.int64],
+) -> Estimator:
+    """Make an estimator of some of the targets."""
+    own = _surfaces_of(surfaces, targets)
+    motion = (each[targets] for each in initial[:3])
+    at_epoch = InitialEstimate(*motion, initial.sigma)
+    return factory(scene, own, sensor, at_epoch, rng.spawn(1)[0], forces)
+
+
+def _surfaces_of(surfaces: TargetSurfaces, targets: NDArray[np.int64]) -> TargetSurfaces:
+    """Surfaces of some of the targets, in the order of `targets`, shape (target,)."""
+    facets, first = _ranges(surfaces.first, targets)
+    materials, first_material = _ranges(surfaces.first_material, targets)
+    return surfaces._replace(
+        areas=surfaces.areas[facets],
+        normals=surfaces.normals[facets],
+        first=first,
+        material=surfaces.material[materials],
+        inertia=surfaces.inertia[targets],
+        first_material=first_material,
+        rows=surfaces.rows[facets],
+        shadows=surfaces.shadows._replace(column=surfaces.shadows.column[facets]),
+        lengths=surfaces.lengths[targets],
+        composite=surfaces.composite[targets],
+        phong=surfaces.phong[targets],
+    )
+
+
+def _ranges(first: NDArray[np.int64], targets: NDArray[np.int64]) -> tuple[NDArray, NDArray]:
+    """Indices of the rows that some of the targets own, and the first of each target among these
+    rows."""
+    own = [np.arange(first[j], first[j + 1]) for j in targets]
+    starts = np.cumsum([0, *(each.size for each in own)]).astype(np.int64)
+    return np.concatenate(own), starts

@@ -1,0 +1,56 @@
+"""Custody: how well a target has to be known at the end of a run. Nothing here needs compiled
+kernels."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.runtime.settings_fields import Positive, Section, setting
+
+Array = NDArray[np.float64]
+
+
+class Custody(Section):
+    """Largest errors at the end of a run with which a target counts as in custody."""
+
+    position_km: Positive = setting(
+        "largest position error at the end of a run with which a target counts as held",
+        "km",
+        "not in the paper",
+        default=10,
+    )
+    attitude_deg: Positive = setting(
+        "largest attitude error at the end of a run with which a target counts as held",
+        "deg",
+        "not in the paper",
+        default=5,
+    )
+
+    def holds(self, error: Array) -> NDArray[np.bool_]:
+        """Whether errors of states (..., 12) are within the limits, (...); NaN, of a failed
+        estimate, is not."""
+        away_km = LENGTH_UNIT_KM * np.sqrt((error[..., 6:9] ** 2).sum(axis=-1))
+        near = away_km <= self.position_km
+        return near & (attitude_angle_deg(error) <= self.attitude_deg)
+
+
+def attitude_angle_deg(error: Array, a: float = 0.5) -> Array:
+    """Rotation angle of attitude errors given as GRP vectors.
+
+    Parameters
+    ----------
+    error : ndarray, shape (..., >= 3)
+        Attitude errors in the first three components, with f = 2 (a + 1).
+    a : float
+        Parameter of the GRP.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Degrees in [0, 180].
+    """
+    f = 2.0 * (a + 1.0)
+    squared = np.sum(error[..., :3] ** 2, axis=-1)
+    scalar = (-a * squared + f * np.sqrt(f * f + (1.0 - a * a) * squared)) / (f * f + squared)
+    # |rho| = (a + q4) |p| / f; the arctangent keeps its precision at small angles.
+    return np.rad2deg(2.0 * np.arctan2((a + scalar) / f * np.sqrt(squared), scalar))

@@ -1,0 +1,200 @@
+"""Bodies as settings and tables specify them; nothing here needs compiled kernels.
+
+A table of bodies is comma-separated, UTF-8, a target to a row:
+
+===================  =========================================================================
+column               contents
+===================  =========================================================================
+``target``           name of the target, or its number among the scenario's targets, from 0
+``shape``            as the key ``task2.body.shape``; a file is relative to the working folder
+``radius_m``         optional; empty keeps the size of the shape
+``meters_per_unit``  optional; 1 if empty
+``materials``        optional; see `cislunar.photometry.materials.group_materials`
+``inertia_x``        optional, with ``inertia_y`` and ``inertia_z``: principal moments along the
+                     body axes, any unit; empty keeps those of the settings
+===================  =========================================================================
+
+Other columns are ignored. Targets that are not in the table keep the body of the settings.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+from pathlib import Path
+
+from cislunar.attitude.inertia import inertia_matrix
+from cislunar.errors import CislunarError, InputFileError
+from cislunar.exchange.csv_lines import listed
+from cislunar.exchange.table_rows import named_rows, row_names
+from cislunar.photometry.materials import Material, group_materials, material_rows
+from cislunar.photometry.mesh_files import load_mesh
+from cislunar.photometry.meshes import Mesh
+from cislunar.photometry.shapes import facets_from_triangles, icosahedron_mesh
+from cislunar.photometry.spacecraft import MODELS
+
+ICOSAHEDRON = "icosahedron"
+
+_SMALLEST_M, _LARGEST_M = 0.01, 200.0
+"""Radii of bodies, of equal area; a mesh beyond is in another unit."""
+
+
+@dataclass(frozen=True)
+class BodySpec:
+    """Specification of a body.
+
+    Attributes
+    ----------
+    shape : str
+        ``icosahedron``, one of `cislunar.photometry.spacecraft.MODELS`, or a mesh file.
+    radius_m : float or None
+        The shape is scaled to the surface area of this sphere, m; None keeps its size.
+    meters_per_unit : float
+        Length of a mesh file's unit, m.
+    axis_scale : tuple of 3 float
+        Factors along the body axes, before it is scaled.
+    materials : str or None
+        See `cislunar.photometry.materials.group_materials`; None: the materials of a model, and
+        the usual material for any other shape.
+    inertia : tuple of 3 float or None
+        Principal moments along the body axes, any unit; None for a spherical body, or in a table
+        for the inertia of the settings.
+    source : str
+        Where it is specified, for messages.
+    """
+
+    shape: str = ICOSAHEDRON
+    radius_m: float | None = 1.0
+    meters_per_unit: float = 1.0
+    axis_scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    materials: str | None = None
+    inertia: tuple[float, float, float] | None = None
+    source: str = "body"
+
+    def mesh(self) -> Mesh:
+        """The mesh in its own size, checked; see `cislunar.photometry.mesh_files.load_mesh`."""
+        if self.shape == ICOSAHEDRON:
+            vertices, triangles = icosahedron_mesh()
+            return Mesh(ICOSAHEDRON, vertices, triangles, ("",) * len(triangles))
+        if self.shape in MODELS:
+            return MODELS[self.shape][0]()
+        return load_mesh(self.shape, meters_per_unit=self.meters_per_unit)
+
+    def surfaces(self, mesh: Mesh, usual: Material) -> dict[str, Material]:
+        """Material of each facet group; `usual` is that of a group without one."""
+        if self.materials is not None:
+            return group_materials(self.source, self.materials, usual)
+        if self.shape in MODELS:
+            return MODELS[self.shape][1]
+        return dict.fromkeys(mesh.groups, usual)
+
+    def check(self, usual: Material) -> None:
+        """Raise InputFileError, with a message that begins with the source, if the body cannot be
+        built: a faulty mesh, a facet without material, or an implausible size."""
+        try:
+            mesh = self.mesh()
+            material_rows(mesh.source, mesh.groups, self.surfaces(mesh, usual))
+        except CislunarError as error:
+            place = "" if str(error).startswith(self.source) else f"{self.source}: "
+            raise InputFileError(f"{place}{error}") from None
+        facets = facets_from_triangles(mesh.vertices, mesh.triangles)
+        radius = self.radius_m or facets.equivalent_radius
+        if not _SMALLEST_M <= radius <= _LARGEST_M:
+            raise InputFileError(
+                f"{self.source}: {self.shape} is as large as a sphere of {radius:.3g} m; "
+                f"{_SMALLEST_M:g} to {_LARGEST_M:g} m can be meant: correct meters_per_unit or "
+                "radius_m"
+            )
+
+
+def load_body_table(path: str | Path) -> dict[str, BodySpec]:
+    """Read a table of bodies.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    dict of str to BodySpec
+        By the targets' names or numbers.
+
+    Raises
+    ------
+    InputFileError
+        If the table is faulty; the message names the file and the row as an editor numbers it.
+    """
+    header, rows = named_rows(path, "target", "target")
+    if "shape" not in header:
+        raise InputFileError(f"{path}, row 1: no column shape; the header has {listed(header)}")
+    names = row_names(rows, "target", "target")
+    return {name: _body_of_row(*each) for name, each in zip(names, rows, strict=True)}
+
+
+def _number(place: str, column: str, text: str) -> float | None:
+    """A positive number of a row; None if the field is empty."""
+    try:
+        value = float(text) if text else None
+    except ValueError:
+        value = 0.0
+    if value is not None and not (value > 0.0 and isfinite(value)):
+        raise InputFileError(f"{place}: {column} = {text!r} must be a number above 0")
+    return value
+
+
+def _inertia_of_row(place: str, row: dict[str, str]) -> tuple[float, float, float] | None:
+    """Principal moments of a row; None if the row has none."""
+    columns = ("inertia_x", "inertia_y", "inertia_z")
+    x, y, z = (_number(place, column, row.get(column, "")) for column in columns)
+    if x is None or y is None or z is None:
+        if (x, y, z) != (None, None, None):
+            raise InputFileError(f"{place}: give all of {', '.join(columns)}, or none")
+        return None
+    try:
+        inertia_matrix([x, y, z])
+    except CislunarError as error:
+        raise InputFileError(f"{place}: {error}") from None
+    return x, y, z
+
+
+def _body_of_row(place: str, row: dict[str, str]) -> BodySpec:
+    shape = row["shape"]
+    if not (shape in (ICOSAHEDRON, *MODELS) or Path(shape).suffix.lower() in (".obj", ".stl")):
+        raise InputFileError(
+            f"{place}: shape {shape!r} is none of {', '.join((ICOSAHEDRON, *MODELS))}, nor a file "
+            "ending in .obj or .stl"
+        )
+    radius_m, meters_per_unit = (
+        _number(place, column, row.get(column, "")) for column in ("radius_m", "meters_per_unit")
+    )
+    if shape == ICOSAHEDRON and radius_m is None:
+        raise InputFileError(f"{place}: an icosahedron has no size of its own; give radius_m")
+    return BodySpec(
+        shape,
+        radius_m,
+        meters_per_unit or 1.0,
+        materials=row.get("materials") or None,
+        inertia=_inertia_of_row(place, row),
+        source=place,
+    )
+
+
+def bodies_of_targets(
+    usual: BodySpec, table: str | Path | None, names: Sequence[Sequence[str]]
+) -> list[BodySpec]:
+    """The body of each target.
+
+    Parameters
+    ----------
+    usual : BodySpec
+        Body of a target that is not in the table, and inertia of a target without one in the table.
+    table : str, Path or None
+        See `load_body_table`.
+    names : sequence of sequence of str
+        Possible names of each target.
+    """
+    known = {} if table is None else load_body_table(table)
+    known = {
+        name: body if body.inertia else replace(body, inertia=usual.inertia)
+        for name, body in known.items()
+    }
+    return [next((known[name] for name in each if name in known), usual) for each in names]

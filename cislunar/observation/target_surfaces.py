@@ -1,0 +1,150 @@
+"""Shapes, materials and inertia of the targets, in the layout of the compiled kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.attitude.inertia import inertia_matrix
+from cislunar.errors import ConfigurationError
+from cislunar.photometry.bodies import Body, plain_body
+from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.shadows.concatenated import joined_shadows
+from cislunar.photometry.shadows.table import Shadows
+from cislunar.photometry.shapes import Facets
+
+Array = NDArray[np.float64]
+
+
+class TargetSurfaces(NamedTuple):
+    """Shapes, materials and inertia of the targets, in the layout of the compiled kernels.
+
+    They are either the true ones or those that estimator and scheduler assume.
+
+    Attributes
+    ----------
+    areas, normals : ndarray, shapes (facet,) and (facet, 3)
+        Facet areas, m^2, and outward unit normals, body frame, of all targets one after the other.
+    first, first_material : ndarray of int, shape (target + 1,)
+        Target j owns the facets ``first[j] : first[j + 1]``, and likewise the materials.
+    material : ndarray, shape (row, 5)
+        Materials of all targets one after the other, see
+        `cislunar.photometry.materials.Material.as_array`.
+    irradiance_4pi, fresnel_sqrt : bool
+        Readings of the reflection model, see `PhotometryModel`.
+    inertia : ndarray, shape (target, 3, 3)
+        Inertia matrices, body frame, in any unit: only ratios matter to torque-free motion.
+    rows : ndarray of int, shape (facet,)
+        Row of each facet among its target's materials.
+    shadows : Shadows
+        Shadows of all targets in one table.
+    lengths : ndarray, shape (target, 3)
+        Axis scales.
+    composite, phong : ndarray of bool, shape (target,)
+        See `cislunar.photometry.bodies.Body`.
+    """
+
+    areas: Array
+    normals: Array
+    first: NDArray[np.int64]
+    material: Array
+    irradiance_4pi: bool
+    fresnel_sqrt: bool
+    inertia: Array
+    first_material: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    shadows: Shadows
+    lengths: Array
+    composite: NDArray[np.bool_]
+    phong: NDArray[np.bool_]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def body_of(surfaces, j):
+    """The `Body` of target j; its arrays are views."""
+    facets = slice(surfaces.first[j], surfaces.first[j + 1])
+    shared = surfaces.shadows
+    return Body(
+        surfaces.areas[facets],
+        surfaces.normals[facets],
+        surfaces.rows[facets],
+        surfaces.material[surfaces.first_material[j] : surfaces.first_material[j + 1]],
+        Shadows(
+            shared.steps,
+            shared.column[facets],
+            shared.lookup,
+            shared.masks,
+            shared.shares,
+            shared.settled,
+        ),
+        surfaces.lengths[j],
+        surfaces.composite[j],
+        surfaces.phong[j],
+    )
+
+
+def target_surfaces(
+    facets: Facets | Body | Sequence[Facets | Body],
+    material: Material | Sequence[Material],
+    n_targets: int,
+    model: PhotometryModel | None = None,
+    *,
+    inertia: ArrayLike = 1.0,
+) -> TargetSurfaces:
+    """Lay out shapes, materials and inertia for the compiled kernels.
+
+    Parameters
+    ----------
+    facets : Facets, Body or sequence of them
+        One shape for all targets, or one for each; a `Body` has its own materials.
+    material : Material or sequence of Material
+        One surface for all targets, or one for each.
+    n_targets : int
+        Number of targets.
+    model : PhotometryModel, optional
+        Reading of the reflection model. If omitted, light spreads as 1/r^2. The law as printed in
+        the paper, `cislunar.photometry.materials.PRINTED`, makes targets 2.75 mag fainter.
+    inertia : array_like, shape (), (3,), (3, 3) or (target, 3, 3)
+        One for all targets (see `cislunar.attitude.inertia.inertia_matrix`), or a matrix for each;
+        spherical if omitted.
+    """
+    shapes = [facets] * n_targets if isinstance(facets, Facets | Body) else list(facets)
+    surfaces = [material] * n_targets if isinstance(material, Material) else list(material)
+    given = np.asarray(inertia, dtype=float)
+    inertias = list(given) if given.ndim == 3 else [given] * n_targets
+    for key, entries in (("facets", shapes), ("material", surfaces), ("inertia", inertias)):
+        if len(entries) != n_targets:
+            raise ConfigurationError(
+                f"{key}: {len(entries)} entries given for {n_targets} targets; give one for all, "
+                "or one for each"
+            )
+    model = PhotometryModel() if model is None else model
+    bodies = [
+        shape if isinstance(shape, Body) else plain_body(shape, surface)
+        for shape, surface in zip(shapes, surfaces, strict=True)
+    ]
+    phong = np.array([model.phong or body.phong for body in bodies])
+    return TargetSurfaces(
+        np.concatenate([body.areas for body in bodies]),
+        np.ascontiguousarray(np.concatenate([body.normals for body in bodies])),
+        _starts([body.areas.size for body in bodies]),
+        np.concatenate([body.materials for body in bodies]),
+        model.irradiance_4pi,
+        model.fresnel_sqrt,
+        np.array([inertia_matrix(each) for each in inertias]),
+        _starts([len(body.materials) for body in bodies]),
+        np.concatenate([body.rows for body in bodies]),
+        joined_shadows([body.shadows for body in bodies]),
+        np.array([body.lengths for body in bodies]),
+        np.array([body.composite for body in bodies]) | phong,
+        phong,
+    )
+
+
+def _starts(counts: list[int]) -> NDArray[np.int64]:
+    """First index of each of several blocks of these lengths, and the end of the last one."""
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

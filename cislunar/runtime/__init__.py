@@ -1,0 +1,21 @@
+"""Services that every stage shares: progress, compilation, jobs, data-set files, provenance."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "compilation": ["announced"],
+    "kernels": ["KernelSet", "compile_kernels", "drop_stale_kernels"],
+    "netcdf": ["Later", "growing_dataset", "read_dataset", "variable", "whole_file",
+        "write_dataset", "write_text"],
+    "progress": ["Progress", "each", "logger", "on_terminal", "progress_log"],
+    "seeds": ["generator"],
+    "settings_fields": ["Angle", "Count", "Flag", "MOST_STEPS", "NotNegative", "Number", "Partial",
+        "Positive", "Section", "Text", "Three", "ThreePositive", "is_multiple", "number", "partial",
+        "require_multiple", "setting", "several", "whole"],
+    "settings_words": ["allowed", "faults", "inner", "pattern", "schema_of", "shown", "types",
+        "unreadable"],
+    "threads": ["allow_threads", "share_out"],
+    "worker_client": ["in_worker", "offer_worker"],
+})
+# fmt: on

@@ -1,0 +1,220 @@
+"""The histories of a run: every quantity that it keeps at its epochs, steps or recorded times.
+
+Each history is declared once, in `HISTORIES`. `cislunar.tasking.closed_loop.LoopResult` has each as
+an attribute, and the data set of a cell as a variable of the same name. `OBSERVATION_COLUMNS` does
+the same for single observations.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.tasking.settings import LoopSettings
+
+Array = NDArray[np.float64]
+
+
+class History(NamedTuple):
+    """A quantity that a run keeps of every realization.
+    `along`: time axis, "epoch" (tasking epochs), "step" (measurement times) or "time" (recorded
+    times); `dims`: dimensions after realization and time; `dtype`: NumPy type; `unit`: "1" if there
+    is none; `long_name`: description, in which ``{frame}`` stands for the unit and frame of
+    positions and velocities; `kept`: whether a run keeps the quantity, given its `LoopSettings` and
+    whether its estimator estimates body parameters."""
+
+    along: str
+    dims: tuple[str, ...]
+    dtype: str
+    unit: str
+    long_name: str
+    kept: Callable[[LoopSettings, bool], bool]
+
+
+def _always(_settings: LoopSettings, _estimated: bool) -> bool:
+    return True
+
+
+def _in_histories(name: str) -> Callable[[LoopSettings, bool], bool]:
+    return lambda settings, _: name in settings.histories
+
+
+def _in_record(name: str) -> Callable[[LoopSettings, bool], bool]:
+    return lambda settings, _: name in settings.record
+
+
+def _learned(settings: LoopSettings, _estimated: bool) -> bool:
+    return settings.tasking.detection is not None
+
+
+def _estimated(_settings: LoopSettings, estimated: bool) -> bool:
+    return estimated
+
+
+_STATE, _PARAMETER = ("target", "component"), ("target", "unknown")
+_STATE_UNIT, _PARAMETER_UNIT = "see component_unit", "see unknown_unit"
+_FRAME = "{frame}"
+
+
+def _motion(word: str, record: str) -> dict[str, History]:
+    """Histories of the true or estimated motion."""
+    kept = _in_record(record)
+    return {
+        f"{word}_translation": History(
+            "time", ("target", "translation"), "f8", "1",
+            f"{word} position and velocity, {_FRAME}", kept),
+        f"{word}_quaternion": History(
+            "time", ("target", "quaternion"), "f8", "1",
+            f"{word} attitude, inertial frame to body frame", kept),
+        f"{word}_angular_velocity": History(
+            "time", ("target", "body_axis"), "f8", "rad s-1",
+            f"{word} angular velocity, body frame", kept),
+    }  # fmt: skip
+
+
+HISTORIES = {
+    "assignment": History(
+        "epoch", ("observer",), "i2", "1",
+        "index of the target along dimension target, -1 for an idle observer", _always),
+    "information": History(
+        "epoch", (), "f8", "nat", "mutual information of the tasking", _always),
+    "evaluations": History("epoch", (), "i4", "1", "taskings evaluated", _always),
+    "outcome": History(
+        "step", ("target",), "u1", "1",
+        "detection outcome; of several observations the furthest in the order of the flags",
+        _always),
+    "error": History(
+        "time", _STATE, "f4", _STATE_UNIT, "truth less estimate (attitude: GRP)",
+        _in_histories("errors")),
+    "sigma": History(
+        "time", _STATE, "f4", _STATE_UNIT, "standard deviation of the estimate",
+        _in_histories("errors")),
+    "bound": History(
+        "time", _STATE, "f4", _STATE_UNIT,
+        "standard deviation of the posterior Cramer-Rao bound", _in_histories("bound")),
+    "pair_information": History(
+        "epoch", ("observer", "target"), "f8", "nat", "mutual information of every pair",
+        lambda settings, _: settings.keep_information),
+    "brightness_offset": History(
+        "epoch", ("target",), "f4", "mag",
+        "magnitude of the target less the expected magnitude, learned after the interval",
+        _learned),
+    "brightness_offset_sigma": History(
+        "epoch", ("target",), "f4", "mag", "standard deviation of brightness_offset", _learned),
+    "planning_gap": History(
+        "epoch", (), "f8", "1",
+        "relative amount by which the schedule may fall short of the best: largest gap of the set "
+        "packings, or the gap to the bound of all slots with task2.tasking.bound_steps",
+        lambda settings, _: settings.schedule.bounded),
+    "parameter_error": History(
+        "epoch", _PARAMETER, "f4", _PARAMETER_UNIT,
+        "truth less estimate of the body-parameter deviations, after the interval", _estimated),
+    "parameter_sigma": History(
+        "epoch", _PARAMETER, "f4", _PARAMETER_UNIT,
+        "standard deviation of the estimated body-parameter deviations", _estimated),
+    "searches": History(
+        "epoch", ("target",), "i4", "1", "searches for the modes of the fits up to the epoch",
+        _estimated),
+    **_motion("true", "truth"),
+    **_motion("estimated", "estimates"),
+    "covariance": History(
+        "time", ("target", "translation", "translation_2"), "f8", "1",
+        f"covariance of the estimated position and velocity, {_FRAME}", _in_record("covariance")),
+    "pointing": History(
+        "time", ("observer", "angle"), "f8", "rad",
+        "direction of the target's estimated position, observer's body frame; NaN for an observer "
+        "that is idle or turns", _in_record("pointing")),
+    "visible": History(
+        "epoch", ("target",), "bool", "1",
+        "1 where any observer could have detected the target in the interval, at its true "
+        "brightness and without noise", _in_record("visibility")),
+}  # fmt: skip
+"""Histories by name."""
+
+
+def kept_histories(settings: LoopSettings, estimated: bool) -> dict[str, History]:
+    """The histories that a run keeps, with the dimension of the slots if intervals have slots.
+
+    Parameters
+    ----------
+    settings : LoopSettings
+    estimated : bool
+        Whether the estimator estimates body parameters.
+    """
+    found = {name: each for name, each in HISTORIES.items() if each.kept(settings, estimated)}
+    if settings.slots is not None:
+        found["assignment"] = found["assignment"]._replace(dims=("slot", "observer"))
+    return found
+
+
+def histories_text() -> str:
+    """The histories as numpydoc attributes."""
+    lines = []
+    for name, each in HISTORIES.items():
+        unit = "" if each.unit == "1" else f" [{each.unit}]"
+        shape = ", ".join(("seed", each.along, *each.dims))
+        meaning = each.long_name.format(frame="nondimensional, propagation frame")
+        lines.append(
+            f"    {name} : ndarray of {each.dtype}, shape ({shape})\n        {meaning}{unit}"
+        )
+    return "\n".join(lines)
+
+
+class ObservationLog(NamedTuple):
+    """All observations of a run, by seed, interval, target and step; arrays, shape (row, ...).
+
+    Attributes
+    ----------
+    seed, step, target, observer : ndarray of int
+        Indices; step 0 is the first measurement time.
+    value, variance : ndarray, shape (row, 3)
+        See `cislunar.observation.records.Measurements`; NaN where nothing was detected.
+    outcome : ndarray of uint8
+        Index into `cislunar.tasking.realization.OUTCOME_NAMES`.
+    """
+
+    seed: NDArray[np.int64]
+    step: NDArray[np.int64]
+    target: NDArray[np.int64]
+    observer: NDArray[np.int64]
+    value: Array
+    variance: Array
+    outcome: NDArray[np.uint8]
+
+
+class _ObservationColumn(NamedTuple):
+    """A variable of the observations in a data set: type, unit, description and values."""
+
+    dtype: str
+    unit: str
+    long_name: str
+    values: Callable[[ObservationLog], NDArray]
+
+
+OBSERVATION_COLUMNS = {
+    "observation_seed": _ObservationColumn(
+        "i8", "1", "index of the realization", lambda log: log.seed),
+    "observation_step": _ObservationColumn(
+        "i8", "1", "index along dimension step", lambda log: log.step),
+    "observation_target": _ObservationColumn(
+        "i8", "1", "index of the target along dimension target", lambda log: log.target),
+    "observation_observer": _ObservationColumn(
+        "i8", "1", "index of the observer", lambda log: log.observer),
+    "observation_outcome": _ObservationColumn(
+        "u1", "1", "detection outcome of the observation", lambda log: log.outcome),
+    "observation_magnitude": _ObservationColumn(
+        "f8", "mag", "measured magnitude, NaN if nothing was detected",
+        lambda log: log.value[:, 0]),
+    "observation_right_ascension": _ObservationColumn(
+        "f8", "rad", "measured right ascension, observer's body frame",
+        lambda log: log.value[:, 1]),
+    "observation_declination": _ObservationColumn(
+        "f8", "rad", "measured declination, observer's body frame", lambda log: log.value[:, 2]),
+    "observation_magnitude_variance": _ObservationColumn(
+        "f8", "mag2", "variance of the measured magnitude", lambda log: log.variance[:, 0]),
+    "observation_angle_variance": _ObservationColumn(
+        "f8", "rad2", "variance of right ascension and of declination",
+        lambda log: log.variance[:, 1]),
+}  # fmt: skip
+"""Variables of `ObservationLog` by name."""

@@ -1,0 +1,97 @@
+"""Random streams of a realization, the monitored targets, and the estimate at the epoch.
+
+Every random draw belongs to a seed and a target. Cells that share a seed therefore share the
+truth and the measurement errors of their common targets, whatever else differs between them.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import MU
+from cislunar.dynamics.cr3bp import CR3BP
+from cislunar.dynamics.propagation import propagate
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.estimator import InitialEstimate
+
+Array = NDArray[np.float64]
+
+_INITIAL_QUATERNION = (0.0, 0.0, 0.0, 1.0)
+INITIAL_RATE_DEG_H = (-44.723808, -6.6573, -8.514216)
+"""Mean attitude and angular velocity of the targets at the epoch (Paul & Fan, table 3)."""
+
+# Independent streams of random numbers; the first entry of a generator's seed.
+_PHASE, _SELECTION, INITIAL_ERROR, MEASUREMENT, TASKING, ESTIMATOR, BODY = range(7)
+
+
+def stream(*key: int) -> np.random.Generator:
+    """Generator of the stream with this key: a purpose, then seed and indices."""
+    return np.random.default_rng([int(part) for part in key])
+
+
+def monitored_targets(n_available: int, n_targets: int, seed: int) -> NDArray[np.int64]:
+    """Choose the monitored targets; a larger set has the smaller ones (Paul & Fan, section 5.2).
+
+    Parameters
+    ----------
+    n_available, n_targets, seed : int
+        Number of targets to choose from, number to choose, and seed of the choice.
+
+    Returns
+    -------
+    ndarray of int, shape (n_targets,)
+        Indices into the available targets. Smaller sets are the first entries of larger ones.
+    """
+    if not 1 <= n_targets <= n_available:
+        raise ConfigurationError(f"n_T = {n_targets} must lie between 1 and {n_available}")
+    return stream(_SELECTION, seed).permutation(n_available)[:n_targets]
+
+
+def epoch_states(state: ArrayLike, period: ArrayLike, seed: int, mu: float = MU) -> Array:
+    """Mean states of targets at the epoch: a random fraction of the period past y = 0.
+
+    Parameters
+    ----------
+    state : array_like, shape (target, 6)
+        States on y = 0, nondimensional, rotating frame.
+    period : array_like, shape (target,)
+        Periods, nondimensional.
+    seed : int
+        Seed of the fractions, one for each target.
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    ndarray, shape (target, 6)
+        Nondimensional, rotating frame.
+    """
+    states, periods = np.asarray(state, dtype=float), np.asarray(period, dtype=float)
+    fractions = [stream(_PHASE, seed, j).random() for j in range(periods.size)]
+    times = fractions * periods
+    return np.array(
+        [
+            propagate(one, [time], forces=CR3BP(mu), method="dop853")[0]
+            for one, time in zip(states, times, strict=True)
+        ]
+    )
+
+
+def initial_estimate(translation: ArrayLike, sigma: ArrayLike) -> InitialEstimate:
+    """Initial estimate with the paper's attitude and angular velocity for all targets.
+
+    Parameters
+    ----------
+    translation : array_like, shape (target, 6)
+        Mean states at the start of the run, nondimensional, propagation frame.
+    sigma : array_like, shape (12,)
+        Standard deviations, see `InitialEstimate`.
+    """
+    states = np.array(translation, dtype=float)
+    rate = np.deg2rad(INITIAL_RATE_DEG_H) / 3600.0
+    n_targets = states.shape[0]
+    return InitialEstimate(
+        np.tile(np.array(_INITIAL_QUATERNION), (n_targets, 1)),
+        np.tile(rate, (n_targets, 1)),
+        states,
+        np.array(sigma, dtype=float),
+    )

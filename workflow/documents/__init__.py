@@ -1,0 +1,1 @@
+"""Pages and tables of the repository's documents, generated from the campaign's results."""

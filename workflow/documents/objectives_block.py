@@ -1,0 +1,208 @@
+"""The tables of the objectives of architectures, from the study ``config/objectives.yaml``."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from cislunar.campaign.tracking.statistics import Interval, log_interval
+from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.figures.labels import ARCHITECTURES, ESTIMATORS
+from cislunar.runtime.netcdf import read_dataset
+
+from .columns import Tables, with_text
+from .labels import OBJECTIVES
+from .markdown import DASH, markdown_table
+from .studies import read_study
+
+STUDY = "objectives"
+"""Name of the study's table in ``docs/tables``."""
+
+_COMPARED_WITH = {
+    10: ("A", "exact"),
+    20: ("A", "published"),
+    33: ("B", "published"),
+    43: ("C", "published"),
+}
+"""Scenario and architecture that others with as many satellites are compared with."""
+
+_DAYS = {
+    "A": ("", "day10", "day20"),
+    "B": ("", "day10-b", "day20-b"),
+    "C": ("", "day10-c", "day20-c"),
+}
+"""Variants of the three days."""
+
+_UNITS = {
+    "information": "orbit information (nat)",
+    "attitude": "attitude information (nat)",
+    "coverage": "coverage (share of target-hours)",
+}
+_RANKED = {"position": "km", "attitude": "degree"}
+_POSITION, _ATTITUDE = 2, 0
+_COLUMNS = ["kind", "estimator", "variant", "observers", "name", "quantity", "mean", "low", "high"]
+
+
+def study_table(results: str | Path) -> pd.DataFrame:
+    """The quantities shown of a finished study, from its folder of results."""
+    names = ("objective_ranks", "objectives_A", "objectives_elsewhere_A")
+    ranks, designs, others = (read_study(STUDY, results, name) for name in names)
+    rows = [
+        *_tracking_rows(read_dataset(Path(results) / "task2/summary.nc")),
+        *_rank_rows(ranks),
+        *_design_rows(designs),
+        *_generalization_rows(others),
+    ]
+    return pd.DataFrame(rows, columns=_COLUMNS)
+
+
+def _tracking_rows(summary: xr.Dataset) -> Iterator[tuple]:
+    """Of each architecture: means over days and realizations, and ratios to those compared with."""
+    keys = ("scenario", "architecture", "estimator", "variant")
+    place = {cell: k for k, cell in enumerate(zip(*(summary[k].values for k in keys), strict=True))}
+
+    def days(name: str, scenario: str, architecture: str, estimator: str) -> np.ndarray:
+        cells = [place[scenario, architecture, estimator, day] for day in _DAYS[scenario]]
+        return summary[name].values[cells].reshape(-1, *summary[name].shape[2:])
+
+    for n, compared in _COMPARED_WITH.items():
+        named = [compared[1], *(f"{stem}-{n}" for stem in ARCHITECTURES)]
+        for estimator in ("mukf", "batch"):
+            for name in named:
+                own = compared if name == compared[1] else ("A", name)
+                if (*own, estimator, "") not in place:
+                    continue
+                head = ("tracking", estimator, "", n, name)
+                error = days("rmse_geometric_all", *own, estimator)
+                other = days("rmse_geometric_all", *compared, estimator)
+                seen = days("rmse_median", *own, estimator)[:, _POSITION]
+                final = days("final_attitude_error_median", *own, estimator)
+                never = days("never_observed", *own, estimator).mean()
+                yield *head, "never_observed", never, np.nan, np.nan
+                for quantity, values in (
+                    ("position_all_km", LENGTH_UNIT_KM * error[:, _POSITION]),
+                    ("position_observed_km", LENGTH_UNIT_KM * seen),
+                    ("attitude_observed_deg", final),
+                    ("position_ratio", error[:, _POSITION] / other[:, _POSITION]),
+                    ("attitude_ratio", error[:, _ATTITUDE] / other[:, _ATTITUDE]),
+                ):
+                    yield *head, quantity, *log_interval(values)[:3]
+
+
+def _rank_rows(ranks: pd.DataFrame) -> Iterator[tuple]:
+    """Rank correlation of each objective with errors of all targets, by day and estimator."""
+    chosen = ranks[(ranks["quantity"] == "rmse_geometric_all") & (ranks["scenario"] == "A")]
+    for row in chosen.itertuples():
+        if _RANKED.get(row.part) == row.unit:
+            day = row.variant if isinstance(row.variant, str) else ""
+            head = ("rank", row.estimator, day, row.observers, row.objective, row.part)
+            yield *head, row.correlation, row.low, row.high
+
+
+def _design_rows(designs: pd.DataFrame) -> Iterator[tuple]:
+    """Objective and bound of each design, the bound as the upper end; a gap where one is known."""
+    for row in designs[designs["front"].isna()].itertuples():
+        head = ("design", "", "", row.satellites, row.architecture, row.objective)
+        yield *head, row.value, np.nan, row.bound
+
+
+def _generalization_rows(others: pd.DataFrame) -> Iterator[tuple]:
+    """Information about other targets, by what the architecture was chosen on."""
+    for row in others.itertuples():
+        head = ("generalization", "", f"{row.targets_by} {row.targets_of}", row.satellites)
+        yield *head, row.chosen_on, "information", row.information_nat, np.nan, np.nan
+
+
+def _of(tables: Tables, kind: str) -> pd.DataFrame:
+    table = with_text(tables[STUDY])
+    return table[table["kind"] == kind]
+
+
+_MEANS = {
+    "Targets of 50 never observed": ("never_observed", ".1f"),
+    "Position RMSE, all targets (km)": ("position_all_km", ".2f"),
+    "Position RMSE, observed targets (km)": ("position_observed_km", ".2f"),
+    "Final attitude error, observed targets (deg)": ("attitude_observed_deg", ".2f"),
+}
+"""Columns by the paper's filter: quantity and format."""
+
+_RATIOS = {
+    f"Ratio of {part} RMSE, {name}": (estimator, f"{part}_ratio")
+    for estimator, name in ESTIMATORS.items()
+    for part in _RANKED
+}
+
+
+def _tracking(tables: Tables) -> dict[str, str]:
+    """Architectures by number of satellites, with errors by the filter and ratios by both."""
+    table = _of(tables, "tracking").set_index(["estimator", "observers", "name", "quantity"])
+    rows = []
+    for n, name in dict.fromkeys((n, name) for _, n, name, _ in table.index):
+        line = [n, ARCHITECTURES[name.removesuffix(f"-{n}")]]
+        for quantity, form in _MEANS.values():
+            key = ("mukf", n, name, quantity)
+            line.append(f"{table.loc[key, 'mean']:{form}}" if key in table.index else DASH)
+        for estimator, quantity in _RATIOS.values():
+            key = (estimator, n, name, quantity)
+            ends = table.loc[key, ["mean", "low", "high"]] if key in table.index else None
+            line.append(DASH if ends is None else f"{Interval(*ends, 2):.2f}")
+        rows.append(line)
+    return {"table": markdown_table(["Satellites", "Chosen by", *_MEANS, *_RATIOS], rows)}
+
+
+def _ranks(tables: Tables) -> dict[str, str]:
+    """Rank correlations: ranges over days and estimators."""
+    groups = _of(tables, "rank").groupby(["name", "observers", "quantity"])
+    rows = []
+    for objective, title in OBJECTIVES.items():
+        for n in sorted({n for name, n, _ in groups.groups if name == objective}):
+            of_parts = [groups.get_group((objective, n, part)) for part in _RANKED]
+            ranges = [
+                f"{own['mean'].min():.2f} to {own['mean'].max():.2f} "
+                f"[{own['low'].min():.2f}, {own['high'].max():.2f}]"
+                for own in of_parts
+            ]
+            rows.append([title, n, *ranges])
+    header = ["Objective", "Satellites", *(f"Correlation, {part} RMSE" for part in _RANKED)]
+    return {"table": markdown_table(header, rows)}
+
+
+def _designs(tables: Tables) -> dict[str, str]:
+    """Value, bound and gap of the designs that have a bound."""
+    rows = [
+        [f"`{row.name}`", row.observers, _UNITS.get(row.quantity, row.quantity),
+         f"{row.mean:.4g}", f"{row.high:.4g}", f"{100.0 * (row.high / row.mean - 1.0):.2f}"]
+        for row in _of(tables, "design").dropna(subset=["high"]).itertuples(index=False)
+    ]  # fmt: skip
+    header = ["Design", "Satellites", "Objective", "Value found", "Upper bound", "Gap (%)"]
+    return {"table": markdown_table(header, rows)}
+
+
+def _generalization(tables: Tables) -> dict[str, str]:
+    """Information about other sets and single classes of targets, by the set chosen on."""
+    groups = _of(tables, "generalization").groupby(["variant", "observers"], sort=False)
+    rows = []
+    for (targets, n), own in groups:
+        found = own.set_index("name")["mean"]
+        chosen = [
+            f"{found[on]:.2f}" if on in found else DASH
+            for on in ("these", "the campaign's", "others")
+        ]
+        rows.append([targets.replace("seed", "set"), n, *chosen])
+    header = ["Targets", "Satellites"] + [
+        f"Chosen on {on} (nat)"
+        for on in ("these targets", "the campaign's targets", "all classes but this")
+    ]
+    return {"table": markdown_table(header, rows)}
+
+
+OBJECTIVE_BLOCKS = {
+    f"{STUDY}-tracking": _tracking,
+    f"{STUDY}-ranks": _ranks,
+    f"{STUDY}-designs": _designs,
+    f"{STUDY}-generalization": _generalization,
+    f"{STUDY}-elsewhere": _generalization,
+}
+"""What makes the values of each block, by the block's name; the last is an older name."""
