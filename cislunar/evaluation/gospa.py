@@ -1,0 +1,186 @@
+"""Errors of a set of tracks against a set of targets (GOSPA), and what a catalog is worth.
+
+The generalized optimal subpattern assignment metric with alpha = 2 (Rahmathullah, Garcia-Fernandez
+& Svensson 2017, 20th International Conference on Information Fusion) is
+
+    d = [ min over assignments of ( sum of d_i^p + c^p / 2 (missed + false) ) ]^(1/p),           (1)
+
+d_i being the distance of an assigned pair, at most c. Unlike OSPA it counts every missed target and
+every false track, and divides by no number of targets.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+from cislunar.errors import ConfigurationError
+
+
+class Gospa(NamedTuple):
+    """A GOSPA distance and its parts.
+
+    Attributes
+    ----------
+    distance : float
+        Equation (1), in the unit of the positions.
+    localization, missed, false : float
+        Parts of the p-th power of the distance, which add to it.
+    n_missed, n_false : int
+        Targets without a track, tracks without a target.
+    target, track : ndarray of int, shape (pair,)
+        The assigned pairs.
+    """
+
+    distance: float
+    localization: float
+    missed: float
+    false: float
+    n_missed: int
+    n_false: int
+    target: NDArray[np.int64]
+    track: NDArray[np.int64]
+
+
+def gospa(targets: ArrayLike, tracks: ArrayLike, cutoff: float, order: float = 2.0) -> Gospa:
+    """Generalized optimal subpattern assignment metric with alpha = 2.
+
+    Parameters
+    ----------
+    targets, tracks : array_like, shapes (n, dimension) and (m, dimension)
+        True and estimated positions in one frame and unit; either may be empty.
+    cutoff : float
+        Distance c from which a track is none of a target's, in the same unit.
+    order : float
+        p, at least 1.
+
+    Returns
+    -------
+    Gospa
+
+    Raises
+    ------
+    ConfigurationError
+        If the cutoff or the order is impossible, or a position is not finite.
+    """
+    if not (cutoff > 0.0 and np.isfinite(cutoff)):
+        raise ConfigurationError(f"cutoff = {cutoff} must be positive and finite")
+    if not order >= 1.0:
+        raise ConfigurationError(f"order = {order} must be at least 1")
+    true, found = (np.asarray(each, dtype=float) for each in (targets, tracks))
+    if not (np.all(np.isfinite(true)) and np.all(np.isfinite(found))):
+        raise ConfigurationError("a position is not finite: leave ended tracks out")
+    n, m = true.shape[0], found.shape[0]
+    pairs = np.zeros((2, 0), dtype=np.int64)
+    power = np.zeros(0)
+    if n and m:
+        cost = np.minimum(cdist(true, found), cutoff) ** order
+        pairs = np.array(linear_sum_assignment(cost))
+        # a pair at the cutoff costs as much as a missed target and a false track
+        pairs = pairs[:, cost[tuple(pairs)] < cutoff**order]
+        power = cost[tuple(pairs)]
+    half = 0.5 * cutoff**order
+    n_missed, n_false = n - pairs.shape[1], m - pairs.shape[1]
+    parts = float(power.sum()), half * n_missed, half * n_false
+    return Gospa(sum(parts) ** (1.0 / order), *parts, n_missed, n_false, *pairs)
+
+
+class CatalogQuality(NamedTuple):
+    """What a catalog is worth over a run.
+
+    Attributes
+    ----------
+    completeness : float
+        Share of the targets that have a confirmed track at the end.
+    purity : float
+        Share of the detections in confirmed tracks that are of the target that most are of.
+    wrong_associations : int
+        Detections in confirmed tracks of another target, or of none.
+    false_tracks : int
+        Confirmed tracks most of whose detections are false alarms.
+    fragments : float
+        Confirmed tracks for each target that has one.
+    switches : int
+        Changes of the target from one detection of a track to the next, false alarms left out.
+    latency : float
+        Median time from the first detection of a target to the confirmation of its first track, in
+        the unit of the times; NaN without any.
+    """
+
+    completeness: float
+    purity: float
+    wrong_associations: int
+    false_tracks: int
+    fragments: float
+    switches: int
+    latency: float
+
+
+FALSE_ALARM = -1
+"""Origin of a detection that is of no target."""
+
+
+def catalog_quality(
+    track: Sequence[int],
+    origin: Sequence[int],
+    time: Sequence[float],
+    confirmed: Sequence[int],
+    confirmed_at: Sequence[float],
+    n_targets: int,
+    first_detection: ArrayLike,
+) -> CatalogQuality:
+    """Completeness, purity, fragmentation and latency of a catalog.
+
+    Parameters
+    ----------
+    track, origin : sequence of int, shape (row,)
+        Of every detection that a track has taken: the track, and the target that the detection is
+        of, or `FALSE_ALARM`.
+    time : sequence of float, shape (row,)
+        Of the detections.
+    confirmed : sequence of int, shape (n,)
+        Confirmed tracks.
+    confirmed_at : sequence of float, shape (n,)
+        Times of their confirmation.
+    n_targets : int
+        Targets in the truth, with those never detected.
+    first_detection : array_like, shape (n_targets,)
+        Time of the first detection of each target, infinite without any.
+
+    Returns
+    -------
+    CatalogQuality
+    """
+    track, origin, time = (np.asarray(each) for each in (track, origin, time))
+    first = np.asarray(first_detection, dtype=float)
+    of_target: dict[int, list[float]] = {}
+    right = total = wrong = false_tracks = switches = 0
+    for own, at in zip(confirmed, confirmed_at, strict=True):
+        rows = np.flatnonzero(track == own)
+        rows = rows[np.argsort(time[rows], kind="stable")]
+        found = origin[rows]
+        names, counts = np.unique(found, return_counts=True)
+        main = int(names[np.argmax(counts)]) if found.size else FALSE_ALARM
+        right += int(counts.max(initial=0)) if main != FALSE_ALARM else 0
+        total += found.size
+        real = found[found != FALSE_ALARM]
+        switches += int(np.count_nonzero(np.diff(real)))
+        if main == FALSE_ALARM:
+            false_tracks += 1
+            wrong += found.size
+            continue
+        wrong += int(np.count_nonzero(found != main))
+        of_target.setdefault(main, []).append(float(at))
+    delays = [min(at) - first[target] for target, at in of_target.items()]
+    return CatalogQuality(
+        completeness=len(of_target) / n_targets if n_targets else np.nan,
+        purity=right / total if total else np.nan,
+        wrong_associations=wrong,
+        false_tracks=false_tracks,
+        fragments=float(np.mean([len(at) for at in of_target.values()])) if of_target else np.nan,
+        switches=switches,
+        latency=float(np.median(delays)) if delays else np.nan,
+    )

@@ -1,0 +1,73 @@
+"""GOSPA against the definition by enumeration, and the parts of a catalog's quality."""
+
+from itertools import combinations, permutations
+
+import numpy as np
+import pytest
+
+from cislunar.errors import ConfigurationError
+from cislunar.evaluation.gospa import FALSE_ALARM, catalog_quality, gospa
+
+
+def by_definition(true, found, c, p):
+    """The least cost over all partial assignments (Rahmathullah et al. 2017, proposition 1)."""
+    best = np.inf
+    for size in range(min(len(true), len(found)) + 1):
+        for some in combinations(range(len(true)), size):
+            for others in permutations(range(len(found)), size):
+                pairs = sum(
+                    min(np.linalg.norm(true[i] - found[j]), c) ** p
+                    for i, j in zip(some, others, strict=True)
+                )
+                unassigned = len(true) + len(found) - 2 * size
+                best = min(best, pairs + c**p / 2.0 * unassigned)
+    return best ** (1.0 / p)
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("order", [1.0, 2.0])
+def test_gospa_is_the_least_cost_of_all_assignments(seed, order):
+    rng = np.random.default_rng(seed)
+    true = rng.normal(size=(rng.integers(0, 5), 3))
+    found = rng.normal(size=(rng.integers(0, 5), 3))
+    made = gospa(true, found, 1.3, order)
+    assert made.distance == pytest.approx(by_definition(true, found, 1.3, order), rel=1e-12)
+    whole = made.localization + made.missed + made.false
+    assert made.distance**order == pytest.approx(whole, rel=1e-12)
+    assert made.n_missed == len(true) - made.target.size
+    assert made.n_false == len(found) - made.track.size
+
+
+def test_every_missed_target_counts():
+    """Which OSPA hides, since it divides by the number of targets."""
+    true = np.zeros((10, 3)) + np.arange(10)[:, None] * 100.0
+    costs = [gospa(true, true[:n], 10.0).distance for n in range(11)]
+    np.testing.assert_allclose(costs, np.sqrt(50.0 * np.arange(10, -1, -1)))
+
+
+def test_parts_of_a_catalog():
+    found = catalog_quality(
+        track=[1, 1, 1, 2, 2, 3, 3, 4, 4],
+        origin=[0, 0, 1, 0, 0, FALSE_ALARM, FALSE_ALARM, 2, 0],
+        time=[1, 2, 3, 4, 5, 1, 2, 1, 2],
+        confirmed=[1, 2, 3],
+        confirmed_at=[2.0, 5.0, 2.0],
+        n_targets=4,
+        first_detection=[0.5, 3.0, 1.0, np.inf],
+    )
+    assert found.completeness == 0.25
+    assert found.purity == pytest.approx(4 / 7)
+    assert found.wrong_associations == 3
+    assert (found.false_tracks, found.fragments, found.switches) == (1, 2.0, 1)
+    assert found.latency == 1.5
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [({"cutoff": 0.0}, "cutoff = 0"), ({"order": 0.5}, "order = 0.5"),
+     ({"targets": [[np.nan, 0.0]]}, "not finite")],
+)  # fmt: skip
+def test_impossible_arguments_are_one_line(change, words):
+    given = {"targets": [[0.0, 0.0]], "tracks": [[1.0, 0.0]], "cutoff": 1.0} | change
+    with pytest.raises(ConfigurationError, match=words):
+        gospa(**given)
