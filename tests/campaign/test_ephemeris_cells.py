@@ -236,5 +236,5 @@ def test_static_targets_are_seen_from_refined_orbits(inputs, eclipse):
     covered = architecture_coverage(*ways, orbits, static, paths, settings)
     both = expected[2, 0] | expected[2, 1] | expected[0, 0]
     assert covered.union_coverage == both.mean()
-    with pytest.raises(ConfigurationError, match="an architecture has phases that"):
+    with pytest.raises(ConfigurationError, match="phases of an architecture are not in"):
         architecture_coverage(*ways, orbits, static, paths, settings, 0.3)

@@ -406,7 +406,7 @@ def test_bad_input_is_refused(forces, starts, tmp_path):
         propagate(state / UNITS, [30.0 * 86_400.0 / TIME_UNIT_S], forces=forces)
     with pytest.raises(ConfigurationError, match="table of bodies covers"):
         propagate_bundle(state[None] / UNITS, 1.0, 10, forces=forces)
-    with pytest.raises(ConfigurationError, match="CR3BP does not act in inertial axes"):
+    with pytest.raises(ConfigurationError, match="CR3BP is not an ephemeris force model"):
         propagate_utc(state, FIRST, "2024-10-02", forces=EARTH_MOON)
     with pytest.raises(ConfigurationError, match="area_to_mass = -1"):
         forces_between(FIRST, "2024-10-02", area_to_mass=-1.0)
