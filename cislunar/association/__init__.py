@@ -1,12 +1,18 @@
-"""Association of detections with tracks: gates, likelihoods, and three interchangeable methods."""
+"""Association of detections with tracks: candidates, gates, likelihoods, and interchangeable
+methods."""
 
 import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "candidates": ["Expectation", "find_candidates"],
     "likelihood": ["gate_threshold", "gaussian_log_likelihood", "log_ratio"],
+    "methods": ["ASSOCIATORS", "AssociationModel", "associate"],
     "multiple_frames": ["associate_frames"],
-    "probabilistic": ["joint_probabilities"],
+    "nearest_neighbor": ["nearest_neighbor"],
+    "probabilistic": ["equivalent_direction", "joint_probabilities", "marginals"],
+    "tracks": ["CONFIRMED", "DELETED", "LOST", "STATUS_NAMES", "TENTATIVE", "TrackStatus",
+        "known_tracks"],
     "window": ["Association", "Window"],
 })
 # fmt: on

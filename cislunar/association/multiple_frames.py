@@ -10,31 +10,20 @@ A track in clutter takes detections of a window only if enough of its exposures 
 is detected in most exposures, false alarms lie in the gate of one.
 """
 
-from typing import NamedTuple
-
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
 from cislunar.association.likelihood import gate_threshold
-from cislunar.association.window import (
-    Association,
-    Window,
-    association,
-    clusters,
-    innovation,
-    updated,
-)
+from cislunar.association.window import Association, Window, clusters, decided
+from cislunar.compiled import njit_noalloc
 
+Indices = NDArray[np.int64]
 
-class _Hypothesis(NamedTuple):
-    """A history of one track: its score, its pairs, and the track's state after them."""
-
-    score: float
-    pairs: tuple[int, ...]
-    shift: NDArray
-    covariance: NDArray
+_DROP = 20.0
+"""Logarithm of the likelihood ratio to the best history of a track from which one is dropped."""
 
 
 def associate_frames(
@@ -58,88 +47,169 @@ def associate_frames(
     Association
         The best of all compatible sets of hypotheses.
     """
-    gate = gate_threshold(gate_probability, 2)
-    hypotheses: list[tuple[int, _Hypothesis]] = []
-    for track in np.unique(window.track).tolist():
-        own = _histories(window, track, gate, confirmations / span, most)
-        hypotheses += [(track, each) for each in own]
-    chosen = _packed(window, hypotheses)
-    return association(
-        [
-            (int(window.exposure[p]), track, int(window.detection[p]), 1.0)
-            for track, found in chosen
-            for p in found.pairs
-        ]
-    )
+    n_tracks, n = window.covariance.shape[:2]
+    rows = np.lexsort((window.exposure, window.track))
+    chances = np.lexsort((window.seen[:, 0], window.seen[:, 1]))
+    edges = np.arange(n_tracks + 1)
+    begins = np.searchsorted(window.track[rows], edges)
+    chance_begins = np.searchsorted(window.seen[chances, 1], edges)
+    length = int(np.diff(chance_begins).max(initial=0))
+    room = most * np.count_nonzero(np.diff(begins))
+    track, score = np.empty(room, dtype=np.int64), np.empty(room)
+    pairs = np.full((room, length), -1)
+    beam = [
+        (np.empty(most), np.empty((most, length), dtype=np.int64), np.empty((most, n)),
+         np.empty((most, n, n)))
+        for _ in range(2)
+    ]  # fmt: skip
+    model = gate_threshold(gate_probability, 2), confirmations / span
+    data = window.exposure, window.residual, window.design, window.noise, window.log_weight
+    place = rows, begins, chances, chance_begins
+    count = _find_histories(window.covariance, data, window.seen, window.log_miss, place, model,
+                            tuple(beam), (track, score, pairs))  # fmt: skip
+    chosen = _packed(window, track[:count], score[:count], pairs[:count])
+    taken = pairs[chosen]
+    return decided(window, taken[taken >= 0])
 
 
-def _histories(
-    window: Window, track: int, gate: float, share: float, most: int
-) -> list[_Hypothesis]:
-    """Hypotheses of a track that beat the one without any detection, best first."""
-    mine = np.flatnonzero(window.track == track)
-    chances = window.seen[:, 1] == track
-    exposures = window.seen[chances, 0]
-    beam = [_Hypothesis(0.0, (), np.zeros(window.covariance.shape[1]), window.covariance[track])]
-    for exposure, miss in zip(exposures, window.log_miss[chances], strict=True):
-        pairs = mine[window.exposure[mine] == exposure]
-        grown = [each._replace(score=each.score + miss) for each in beam]
-        for each in beam:
-            for p in pairs.tolist():
-                given = window.design[p], window.noise[p], each.shift, each.covariance
-                nu, s = innovation(window.residual[p], *given)
-                white = np.linalg.solve(np.linalg.cholesky(s), nu)
-                squared = float(white @ white)
-                if squared > gate:
-                    continue
-                log_density = -0.5 * (squared + np.log(np.linalg.det(2.0 * np.pi * s)))
-                score = each.score + float(window.log_weight[p]) + log_density
-                state = updated(nu, s, window.design[p], each.shift, each.covariance)
-                grown.append(_Hypothesis(score, (*each.pairs, p), *state))
-        beam = sorted(grown, key=lambda one: (-one.score, one.pairs))[:most]
-    nothing = float(window.log_miss[chances].sum())
-    needed = np.ceil(share * exposures.size - 1e-9)
-    return [
-        each._replace(score=each.score - nothing)
-        for each in beam
-        if each.pairs and len(each.pairs) >= needed and each.score > nothing
-    ]
+@njit_noalloc
+def _likelihood(data, p, shift, covariance, nu, s):
+    """Squared distance and log-likelihood ratio of pair p; innovation and its covariance (a, b, c)
+    go into `nu` and `s`."""
+    _, residual, design, noise, log_weight = data
+    for i in range(2):
+        nu[i] = residual[p, i]
+        for c in range(shift.size):
+            nu[i] -= design[p, i, c] * shift[c]
+    s[0], s[1], s[2] = noise[p, 0], 0.0, noise[p, 1]
+    for c in range(shift.size):
+        for d in range(shift.size):
+            left = covariance[c, d]
+            s[0] += design[p, 0, c] * left * design[p, 0, d]
+            s[1] += design[p, 0, c] * left * design[p, 1, d]
+            s[2] += design[p, 1, c] * left * design[p, 1, d]
+    determinant = s[0] * s[2] - s[1] * s[1]
+    squared = s[2] * nu[0] ** 2 - 2.0 * s[1] * nu[0] * nu[1] + s[0] * nu[1] ** 2
+    squared /= determinant
+    return squared, log_weight[p] - 0.5 * (squared + np.log(determinant)) - np.log(2.0 * np.pi)
 
 
-def _packed(
-    window: Window, hypotheses: list[tuple[int, _Hypothesis]]
-) -> list[tuple[int, _Hypothesis]]:
-    """The compatible hypotheses of the largest sum of scores; a track may have none."""
-    links = [
-        (number, track, int(window.detection[p]))
-        for number, (track, each) in enumerate(hypotheses)
-        for p in each.pairs
-    ]
-    if not links:
-        return []
-    number, track, detection = (np.array(column) for column in zip(*links, strict=True))
-    found = []
-    for rows, tracks in clusters(track, detection):
-        own = np.unique(number[rows])
-        if len(tracks) == 1:
-            # no other track wants these detections, and the best comes first
-            found.append(hypotheses[own[0]])
+@njit_noalloc
+def _update(design, nu, s, shift, covariance, gain):
+    """Kalman update of a shift and a covariance, in place; `gain` (2, n, 2) is scratch."""
+    determinant, n = s[0] * s[2] - s[1] * s[1], shift.size
+    for c in range(n):
+        u = v = 0.0
+        for d in range(n):
+            u += covariance[c, d] * design[0, d]
+            v += covariance[c, d] * design[1, d]
+        gain[0, c, 0], gain[0, c, 1] = u, v
+        gain[1, c, 0] = (u * s[2] - v * s[1]) / determinant
+        gain[1, c, 1] = (v * s[0] - u * s[1]) / determinant
+    for c in range(n):
+        shift[c] += gain[1, c, 0] * nu[0] + gain[1, c, 1] * nu[1]
+        for d in range(c + 1):
+            less = gain[1, c, 0] * gain[0, d, 0] + gain[1, c, 1] * gain[0, d, 1]
+            covariance[c, d] -= less
+            covariance[d, c] = covariance[c, d]
+
+
+@njit(cache=True, error_model="numpy")
+def _find_histories(start, data, seen, log_miss, place, model, beams, out):
+    """Hypotheses of all tracks that beat the one without any detection, best first; returns their
+    number."""
+    rows, begins, chances, chance_begins = place
+    gate, share = model
+    track, score, pairs = out
+    most, n = beams[0][0].size, start.shape[1]
+    nu, s, gain, count = np.empty(2), np.empty(3), np.empty((2, n, 2)), 0
+    room = most * (1 + rows.size)
+    grown = np.empty(room), np.empty((room, 2), dtype=np.int64)
+    for j in range(start.shape[0]):
+        if begins[j] == begins[j + 1]:
             continue
-        found += [hypotheses[own[k]] for k in _set_packing([hypotheses[k] for k in own], window)]
-    return found
+        old, new, live, at, nothing = 0, 1, 1, begins[j], 0.0
+        beams[0][0][0] = 0.0
+        beams[0][2][0, :] = 0.0
+        beams[0][3][0, :, :] = start[j]
+        first, last = chance_begins[j], chance_begins[j + 1]
+        for i in range(first, last):
+            exposure, miss = seen[chances[i], 0], log_miss[chances[i]]
+            nothing += miss
+            end = at
+            while end < begins[j + 1] and data[0][rows[end]] == exposure:
+                end += 1
+            scores, taken, shift, covariance = beams[old]
+            options = 0
+            for h in range(live):
+                grown[0][options] = scores[h] + miss
+                grown[1][options, 0], grown[1][options, 1] = h, -1
+                options += 1
+                for q in range(at, end):
+                    squared, ratio = _likelihood(data, rows[q], shift[h], covariance[h], nu, s)
+                    if squared <= gate:
+                        grown[0][options] = scores[h] + ratio
+                        grown[1][options, 0], grown[1][options, 1] = h, rows[q]
+                        options += 1
+            at = end
+            later_scores, later_taken, later_shift, later_covariance = beams[new]
+            best, live = np.max(grown[0][:options]), 0
+            while live < min(most, options):
+                top = np.argmax(grown[0][:options])
+                if not grown[0][top] > best - _DROP:
+                    break
+                h, p = grown[1][top]
+                later_scores[live] = grown[0][top]
+                later_taken[live, : i - first] = taken[h, : i - first]
+                later_taken[live, i - first] = p
+                later_shift[live] = shift[h]
+                later_covariance[live] = covariance[h]
+                if p >= 0:
+                    _likelihood(data, p, shift[h], covariance[h], nu, s)
+                    own = later_shift[live], later_covariance[live]
+                    _update(data[2][p], nu, s, *own, gain)
+                grown[0][top] = -np.inf
+                live += 1
+            old, new = new, old
+        needed = np.ceil(share * (last - first) - 1e-9)
+        for h in range(live):
+            taken = beams[old][1][h, : last - first]
+            found = np.sum(taken >= 0)
+            if found > 0 and found >= needed and beams[old][0][h] > nothing:
+                track[count], score[count] = j, beams[old][0][h] - nothing
+                pairs[count, : last - first] = taken
+                count += 1
+    return count
 
 
-def _set_packing(hypotheses: list[tuple[int, _Hypothesis]], window: Window) -> NDArray[np.int64]:
-    """Indices of the best compatible hypotheses of a cluster, proven by HiGHS."""
+def _packed(window: Window, track: Indices, score: NDArray, pairs: Indices) -> list[int] | Indices:
+    """The compatible hypotheses of the largest sum of scores; a track may have none."""
+    number, column = np.nonzero(pairs >= 0)
+    detection = window.detection[pairs[number, column]]
+    wanted = np.unique(np.column_stack([detection, track[number]]), axis=0)
+    _, inverse, counts = np.unique(wanted[:, 0], return_inverse=True, return_counts=True)
+    rivals = np.unique(wanted[counts[inverse] > 1, 1])
+    # without rivals the best history of a track, its first one, is in the best set
+    names, first = np.unique(track, return_index=True)
+    chosen = first[~np.isin(names, rivals)].tolist()
+    among = np.flatnonzero(np.isin(track[number], rivals))
+    for rows, _ in clusters(track[number[among]], detection[among]):
+        own = np.unique(number[among[rows]])
+        sets = [window.detection[pairs[k][pairs[k] >= 0]] for k in own]
+        chosen += own[_set_packing(track[own], sets, score[own])].tolist()
+    return chosen
+
+
+def _set_packing(track: Indices, sets: list[Indices], score: NDArray) -> Indices:
+    """Indices of the best compatible hypotheses of a cluster, proven by HiGHS. A hypothesis has a
+    track and a set of detections."""
     items: dict[tuple[str, int], int] = {}
     entries = []
-    for k, (track, each) in enumerate(hypotheses):
-        used = [("track", track)]
-        used += [("detection", int(window.detection[p])) for p in each.pairs]
+    for k, (own, detections) in enumerate(zip(track.tolist(), sets, strict=True)):
+        used = [("track", own), *(("detection", int(d)) for d in detections)]
         entries += [(items.setdefault(item, len(items)), k) for item in used]
     row, column = np.array(entries).T
-    matrix = csr_array((np.ones(row.size), (row, column)), shape=(len(items), len(hypotheses)))
-    score = np.array([each.score for _, each in hypotheses])
+    matrix = csr_array((np.ones(row.size), (row, column)), shape=(len(items), score.size))
     found = milp(
         -score,
         constraints=LinearConstraint(matrix, -np.inf, 1.0),

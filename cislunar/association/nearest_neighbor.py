@@ -7,16 +7,19 @@ from cislunar.association.likelihood import gate_threshold
 from cislunar.association.window import (
     Association,
     Window,
-    association,
+    batches,
     clusters,
-    exposure_pairs,
+    decided,
     innovations,
+    lone,
     updated,
 )
 
 
 def nearest_neighbor(window: Window, gate_probability: float) -> Association:
     """Assign detections to tracks, one exposure after the other.
+
+    Exposures without a track in common are worked through together.
 
     Parameters
     ----------
@@ -32,21 +35,26 @@ def nearest_neighbor(window: Window, gate_probability: float) -> Association:
     """
     gate = gate_threshold(gate_probability, 2)
     shift, covariance = window.start()
-    rows = []
-    for rows_here in exposure_pairs(window):
-        nu, s, squared, ratio = innovations(window, rows_here, shift, covariance)
-        gain = ratio - window.miss(rows_here)
+    miss, rows = window.misses(), []
+    for here in batches(window):
+        nu, s, squared, ratio = innovations(window, here, shift, covariance)
+        gain = ratio - miss[here]
         kept = np.flatnonzero((squared <= gate) & (gain > 0.0))
-        track, detection = window.track[rows_here[kept]], window.detection[rows_here[kept]]
-        for own, _ in clusters(track, detection):
-            for row in _assigned(track[own], detection[own], gain[kept[own]]):
-                at = kept[own[row]]
-                pair = rows_here[at]
-                t = int(window.track[pair])
-                rows.append((int(window.exposure[pair]), t, int(window.detection[pair]), 1.0))
-                given = nu[at], s[at], window.design[pair], shift[t], covariance[t]
-                shift[t], covariance[t] = updated(*given)
-    return association(rows)
+        track, detection = window.track[here[kept]], window.detection[here[kept]]
+        alone = lone(track, detection)
+        taken = [kept[alone]]
+        shared = kept[~alone]
+        for own, _ in clusters(track[~alone], detection[~alone]):
+            at = shared[own]
+            pairs = here[at]
+            taken.append(at[_assigned(window.track[pairs], window.detection[pairs], gain[at])])
+        at = np.concatenate(taken)
+        pair = here[at]
+        t = window.track[pair]
+        given = nu[at], s[at], window.design[pair], shift[t], covariance[t]
+        shift[t], covariance[t] = updated(*given)
+        rows.append(pair)
+    return decided(window, np.concatenate([[], *rows]))
 
 
 def _assigned(track: np.ndarray, detection: np.ndarray, gain: np.ndarray) -> np.ndarray:

@@ -15,10 +15,11 @@ from cislunar.association.likelihood import gate_threshold
 from cislunar.association.window import (
     Association,
     Window,
-    association,
+    batches,
     clusters,
-    exposure_pairs,
+    decided,
     innovations,
+    lone,
 )
 
 _LEAST_WEIGHT = 1e-6
@@ -41,29 +42,85 @@ def joint_probabilities(window: Window, gate_probability: float) -> Association:
     """
     gate = gate_threshold(gate_probability, 2)
     shift, covariance = window.start()
-    rows = []
-    for here in exposure_pairs(window):
+    miss, rows = window.misses(), []
+    for here in batches(window):
         nu, s, squared, ratio = innovations(window, here, shift, covariance)
-        gain = ratio - window.miss(here)
+        gain = ratio - miss[here]
         kept = np.flatnonzero(squared <= gate)
         track, detection = window.track[here[kept]], window.detection[here[kept]]
-        for own, tracks in clusters(track, detection):
-            pairs = kept[own]
-            weight = marginals(track[own], detection[own], gain[pairs])
-            for t in tracks:
-                mine = (track[own] == t) & (weight > _LEAST_WEIGHT)
-                if not mine.any():
-                    continue
-                at, w = pairs[mine], weight[mine]
-                pair = here[at]
-                rows += [
-                    (int(window.exposure[p]), t, int(window.detection[p]), float(each))
-                    for p, each in zip(pair, w, strict=True)
-                ]
-                shift[t], covariance[t] = _combined(
-                    nu[at], s[at], window.design[pair], w, shift[t], covariance[t]
-                )
-    return association(rows)
+        weight = np.exp(gain[kept] - np.logaddexp(0.0, gain[kept]))
+        alone = lone(track, detection)
+        shared = np.flatnonzero(~alone)
+        for own, _ in clusters(track[shared], detection[shared]):
+            mine = shared[own]
+            weight[mine] = marginals(track[mine], detection[mine], gain[kept[mine]])
+        rows.append(_weighted(window, here[kept], nu[kept], s[kept], weight, shift, covariance))
+    columns = [np.concatenate(column) for column in zip(*rows, strict=True)] if rows else [[]]
+    found = decided(window, columns[0])
+    if not rows:
+        return found
+    order = np.argsort(columns[0])
+    weight, offset, noise = (column[order] for column in columns[1:])
+    return found._replace(weight=weight, offset=offset, noise=noise)
+
+
+def _weighted(window, pairs, nu, s, weight, shift, covariance):
+    """Update tracks by weighted pairs; rows of the association that does the same: pair, weight,
+    offset and noise."""
+    kept = np.flatnonzero(weight > _LEAST_WEIGHT)
+    # of each track the most probable pair comes first
+    kept = kept[np.lexsort((-weight[kept], window.track[pairs[kept]]))]
+    t, first, own = np.unique(window.track[pairs[kept]], return_index=True, return_inverse=True)
+    best = kept[first]
+    w, mean, second = np.zeros(t.size), np.zeros((t.size, 2)), np.zeros((t.size, 2, 2))
+    np.add.at(w, own, weight[kept])
+    np.add.at(mean, own, weight[kept, None] * nu[kept])
+    outer = nu[kept, :, None] * nu[kept, None]
+    np.add.at(second, own, weight[kept, None, None] * outer)
+    effective = w[:, None, None] * s[best] - (second - mean[:, :, None] * mean[:, None])
+    design = window.design[pairs[best]]
+    gain = np.linalg.solve(s[best], design @ covariance[t]).swapaxes(1, 2)
+    reduced = covariance[t] - gain @ effective @ gain.swapaxes(1, 2)
+    shift[t] += (gain @ mean[..., None])[..., 0]
+    covariance[t] = 0.5 * (reduced + reduced.swapaxes(1, 2))
+    able, innovation, noise = equivalent_direction(
+        mean, effective, s[best], window.noise[pairs[best]]
+    )
+    return pairs[best][able], w[able], innovation - nu[best][able], noise
+
+
+def equivalent_direction(
+    mean: NDArray, effective: NDArray, s: NDArray, noise: NDArray
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Innovations and variances with which an ordinary update does what a probabilistic one does.
+
+    With innovations nu_i of covariance S and weights w_i, the probabilistic update has the gain of
+    S and the mean innovation, and takes K E K^T from the covariance, where E = sum(w) S less the
+    spread of the innovations. So does an update by the innovation S E^-1 sum(w nu) with the
+    covariance S E^-1 S. Its noise is made diagonal by adding the moduli beside the diagonal, which
+    only enlarges it.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (track, 2)
+        Sum of the weighted innovations.
+    effective, s : ndarray, shape (track, 2, 2)
+        E and S.
+    noise : ndarray, shape (track, 2)
+        Variance of a detection, a part of S.
+
+    Returns
+    -------
+    able : ndarray of bool, shape (track,)
+        False if the spread exceeds what the detections tell, so that the covariance would grow.
+    innovation, variance : ndarray, shape (number of true values in `able`, 2)
+    """
+    least = 1e-6 * np.linalg.det(s)
+    able = (effective[:, 0, 0] > 0.0) & (np.linalg.det(effective) > least)
+    factor = np.linalg.solve(effective[able], s[able]).swapaxes(1, 2)  # both are symmetric
+    extra = factor @ s[able] - s[able]
+    variance = noise[able] + np.diagonal(extra, axis1=1, axis2=2) + np.abs(extra[:, :1, 1])
+    return able, (factor @ mean[able][..., None])[..., 0], variance
 
 
 def marginals(track: Sequence[int], detection: Sequence[int], gain: NDArray) -> NDArray[np.float64]:
@@ -110,12 +167,3 @@ def marginals(track: Sequence[int], detection: Sequence[int], gain: NDArray) -> 
             before[used] = total
         backward = before
     return out / backward[0]
-
-
-def _combined(nu, s, design, weight, shift, covariance):
-    """Shift and covariance of a track after the update by weighted innovations."""
-    mean = weight @ nu
-    gain = np.linalg.solve(s[0], design[0] @ covariance).T
-    scatter = np.einsum("p,pi,pj->ij", weight, nu, nu) - np.outer(mean, mean)
-    reduced = covariance - gain @ (weight.sum() * s[0] - scatter) @ gain.T
-    return shift + gain @ mean, 0.5 * (reduced + reduced.T)

@@ -5,9 +5,11 @@ by x with covariance P, and the direction in exposure k by H_k x. Every method w
 so that it sees the innovation after the detections it has accepted before.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.association.likelihood import gaussian_log_likelihood
@@ -57,11 +59,13 @@ class Window(NamedTuple):
         """Shifts (track, n) and covariances (track, n, n) before the first exposure."""
         return np.zeros(self.covariance.shape[:2]), self.covariance.copy()
 
-    def miss(self, pairs: Indices) -> Array:
-        """Log-probability that the tracks of pairs of one exposure were missed, shape (pair,)."""
-        here = self.seen[:, 0] == self.exposure[pairs[0]]
-        value = dict(zip(self.seen[here, 1].tolist(), self.log_miss[here].tolist(), strict=True))
-        return np.array([value[t] for t in self.track[pairs].tolist()])
+    def misses(self) -> Array:
+        """Log-probability of every pair that its exposure misses its track, shape (pair,)."""
+        n_tracks = self.covariance.shape[0]
+        keys = self.seen @ np.array([n_tracks, 1])
+        order = np.argsort(keys)
+        rows = np.searchsorted(keys, self.exposure * n_tracks + self.track, sorter=order)
+        return self.log_miss[order[rows]]
 
 
 class Association(NamedTuple):
@@ -70,36 +74,68 @@ class Association(NamedTuple):
     Attributes
     ----------
     exposure, track, detection : ndarray of int, shape (row,)
+        A track has at most one row of an exposure. Of several detections with weights it is the
+        most probable one.
     weight : ndarray, shape (row,)
-        Probability of the pair; 1 where a method decides.
+        Probability that one of the track's detections is of it; 1 where a method decides.
+    offset : ndarray, shape (row, 2)
+        Direction by which the track is to be updated less that of the detection, rad.
+    noise : ndarray, shape (row, 2)
+        Variance of that direction, rad^2.
     """
 
     exposure: Indices
     track: Indices
     detection: Indices
     weight: Array
+    offset: Array
+    noise: Array
 
 
-def association(rows: list[tuple[int, int, int, float]]) -> Association:
-    """Rows as arrays, in the order of exposure, track and detection."""
-    ordered = sorted(rows)
-    exposure, track, detection = (
-        np.array([row[i] for row in ordered], dtype=np.int64) for i in range(3)
+def decided(window: Window, pairs: Sequence[int]) -> Association:
+    """The association that takes these pairs of a window as they are."""
+    rows = np.sort(np.asarray(pairs, dtype=np.int64))
+    return Association(
+        window.exposure[rows],
+        window.track[rows],
+        window.detection[rows],
+        np.ones(rows.size),
+        np.zeros((rows.size, 2)),
+        window.noise[rows],
     )
-    return Association(exposure, track, detection, np.array([row[3] for row in ordered]))
 
 
-def innovation(
-    residual: Array, design: Array, noise: Array, shift: Array, covariance: Array
-) -> tuple[Array, Array]:
-    """Innovation (2,) and its covariance (2, 2) of a pair after a shift of the track's state."""
-    return residual - design @ shift, design @ covariance @ design.T + np.diag(noise)
+@njit(cache=True)
+def _mark_batches(exposure, track, last, out):
+    """Number of the batch of each pair; `last` (track,) begins with -1."""
+    batch, begin = 0, 0
+    while begin < exposure.size:
+        end = begin
+        while end < exposure.size and exposure[end] == exposure[begin]:
+            if last[track[end]] == batch:
+                batch += 1
+            end += 1
+        for row in range(begin, end):
+            last[track[row]] = out[row] = batch
+        begin = end
 
 
-def exposure_pairs(window: Window) -> list[Indices]:
-    """Rows of the pairs of each exposure that has some."""
-    ends = np.flatnonzero(np.diff(window.exposure)) + 1
-    return [rows for rows in np.split(np.arange(window.exposure.size), ends) if rows.size]
+def batches(window: Window) -> list[Indices]:
+    """Rows of the pairs of consecutive exposures that have no track in common."""
+    number = np.empty(window.exposure.size, dtype=np.int64)
+    last = np.full(window.covariance.shape[0], -1)
+    _mark_batches(window.exposure, window.track, last, number)
+    ends = np.flatnonzero(np.diff(number)) + 1
+    return [rows for rows in np.split(np.arange(number.size), ends) if rows.size]
+
+
+def lone(track: Indices, detection: Indices) -> NDArray[np.bool_]:
+    """Which pairs share neither track nor detection with another, ndarray of bool, (pair,)."""
+    found = np.ones(track.size, dtype=bool)
+    for column in (track, detection):
+        _, inverse, counts = np.unique(column, return_inverse=True, return_counts=True)
+        found &= counts[inverse] == 1
+    return found
 
 
 def innovations(
@@ -117,10 +153,11 @@ def innovations(
 def updated(
     nu: Array, s: Array, design: Array, shift: Array, covariance: Array
 ) -> tuple[Array, Array]:
-    """Shift and covariance of a track after the Kalman update by an innovation."""
-    gain = np.linalg.solve(s, design @ covariance).T
-    reduced = covariance - gain @ s @ gain.T
-    return shift + gain @ nu, 0.5 * (reduced + reduced.T)
+    """Shifts (..., n) and covariances (..., n, n) of tracks after Kalman updates by innovations."""
+    gain = np.linalg.solve(s, design @ covariance).swapaxes(-1, -2)
+    reduced = covariance - gain @ s @ gain.swapaxes(-1, -2)
+    moved = shift + (gain @ nu[..., None])[..., 0]
+    return moved, 0.5 * (reduced + reduced.swapaxes(-1, -2))
 
 
 def clusters(track: Indices, detection: Indices) -> list[tuple[list[int], list[int]]]:

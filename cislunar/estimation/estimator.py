@@ -99,6 +99,22 @@ class Prediction(NamedTuple):
     rotation: Rotation | None = None
 
 
+class OrbitEstimates(NamedTuple):
+    """Orbits of all tracks at the time of the last processed step.
+
+    Attributes
+    ----------
+    index : int
+        Index of that time in the scene.
+    translation, covariance : ndarray, shapes (target, 6) and (target, 6, 6)
+        Position and velocity, nondimensional, propagation frame; NaN for a failed estimate.
+    """
+
+    index: int
+    translation: Array
+    covariance: Array
+
+
 class Estimates(NamedTuple):
     """Estimates at the steps of an interval, after the updates.
 
@@ -164,11 +180,18 @@ class Estimator(Protocol):
         """Estimates at the next measurement time; the estimator itself does not advance."""
         ...
 
-    def advance(self, measurements: Measurements, *, covariance: bool = False) -> Estimates:
+    def orbits(self) -> OrbitEstimates:
+        """Orbits at the time of the last processed step."""
+        ...
+
+    def advance(
+        self, measurements: Measurements, *, covariance: bool = False, final: bool = True
+    ) -> Estimates:
         """Process the next steps, which are those of the measurements' offsets.
 
         The measurements include observations that detected nothing (NaN). `covariance` requests the
-        covariance of the translation at every step.
+        covariance of the translation at every step. `final` states whether an interval ends with
+        these steps.
         """
         ...
 

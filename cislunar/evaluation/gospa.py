@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
+from cislunar.detection.exposures import FALSE_ALARM
 from cislunar.errors import ConfigurationError
 
 
@@ -117,10 +118,6 @@ class CatalogQuality(NamedTuple):
     fragments: float
     switches: int
     latency: float
-
-
-FALSE_ALARM = -1
-"""Origin of a detection that is of no target."""
 
 
 def catalog_quality(

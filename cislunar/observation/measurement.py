@@ -104,7 +104,7 @@ def _arriving(scene, surfaces, own, observer, j, k, state, attitude, dimmed):
 
 
 @njit_noalloc
-def _observe(scene, surfaces, own, true, standard, observer, j, k, motion, noise, dimmed, out):
+def observe(scene, surfaces, own, true, standard, observer, j, k, motion, noise, dimmed, out):
     """Detection outcome of one observation of target j at time k; `out` receives value and
     variance. `own` are the limits of the observer, `true` those of its true sensor. If `standard`,
     errors are in standard deviations of the true sensor's noise."""
@@ -151,7 +151,7 @@ def _measure(
             k, start = first + i, observations.offset[j, i]
             for row in range(start, observations.offset[j, i + 1]):
                 o = observations.observer[row]
-                outcome[row] = _observe(
+                outcome[row] = observe(
                     scene,
                     surfaces,
                     limits_of(limits, o),

@@ -103,6 +103,29 @@ def schedule(
     return Schedule(_offsets(targets, steps, n_targets, n_steps), observers)
 
 
+def arranged(
+    target: NDArray[np.int64],
+    step: NDArray[np.int64],
+    observer: NDArray[np.int64],
+    value: Array,
+    variance: Array,
+    n_targets: int,
+    n_steps: int,
+) -> tuple[Measurements, NDArray[np.int64]]:
+    """Lay out measurements given one by one, and the order (row,) in which they now are.
+
+    Parameters
+    ----------
+    target, step, observer : ndarray of int, shape (row,)
+    value, variance : ndarray, shape (row, 3)
+        See `Measurements`.
+    n_targets, n_steps : int
+    """
+    order = np.lexsort((observer, step, target))
+    offset = _offsets(target[order], step[order], n_targets, n_steps)
+    return Measurements(offset, observer[order], value[order], variance[order]), order
+
+
 def constant_schedule(target: ArrayLike, n_targets: int, n_steps: int) -> Schedule:
     """Schedule in which every observer observes its target at every step.
 

@@ -48,6 +48,10 @@ def _learned(settings: LoopSettings, _estimated: bool) -> bool:
     return settings.tasking.detection is not None
 
 
+def _associated(settings: LoopSettings, _estimated: bool) -> bool:
+    return settings.association is not None
+
+
 def _estimated(_settings: LoopSettings, estimated: bool) -> bool:
     return estimated
 
@@ -125,6 +129,25 @@ HISTORIES = {
         "time", ("observer", "angle"), "f8", "rad",
         "direction of the target's estimated position, observer's body frame; NaN for an observer "
         "that is idle or turns", _in_record("pointing")),
+    "associations": History(
+        "epoch", ("target",), "i4", "1",
+        "detections that the track has taken in the interval", _associated),
+    "wrong_associations": History(
+        "epoch", ("target",), "i4", "1",
+        "detections of another target, or false alarms, that the track has taken in the interval",
+        _associated),
+    "existence": History(
+        "epoch", ("target",), "f4", "1",
+        "probability that the track is of an object, after the interval", _associated),
+    "track_status": History(
+        "epoch", ("target",), "u1", "1",
+        "status of the track after the interval: 0 tentative, 1 confirmed, 2 lost, 3 deleted",
+        _associated),
+    "gospa": History(
+        "epoch", ("gospa_part",), "f8", "see gospa_part",
+        "GOSPA metric (p = 2, alpha = 2) of the positions of tracks against those of targets, "
+        "after the interval: distance (km), and its parts localization, missed and false (km^2)",
+        _associated),
     "visible": History(
         "epoch", ("target",), "bool", "1",
         "1 where any observer could have detected the target in the interval, at its true "

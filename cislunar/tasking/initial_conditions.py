@@ -20,7 +20,7 @@ INITIAL_RATE_DEG_H = (-44.723808, -6.6573, -8.514216)
 """Mean attitude and angular velocity of the targets at the epoch (Paul & Fan, table 3)."""
 
 # Independent streams of random numbers; the first entry of a generator's seed.
-_PHASE, _SELECTION, INITIAL_ERROR, MEASUREMENT, TASKING, ESTIMATOR, BODY = range(7)
+_PHASE, _SELECTION, INITIAL_ERROR, MEASUREMENT, TASKING, ESTIMATOR, BODY, ALARM, LOSS = range(9)
 
 
 def stream(*key: int) -> np.random.Generator:

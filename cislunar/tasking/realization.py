@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cislunar.association.tracks import TrackStatus, known_tracks
 from cislunar.estimation.estimator import (
     Estimates,
     Estimator,
@@ -38,6 +39,7 @@ from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.tasking.communication.contact import arrivals
 from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.decision import Decision, decide
+from cislunar.tasking.field_observations import associate_interval, observe_field
 from cislunar.tasking.histories import kept_histories
 from cislunar.tasking.initial_conditions import ESTIMATOR, TASKING, stream
 from cislunar.tasking.planning.assignment import IDLE
@@ -88,6 +90,7 @@ class Realization(NamedTuple):
     detection: LearnedDetection | None
     pointing: NDArray[np.int64]
     reception: Reception | None
+    tracks: TrackStatus | None
 
     @property
     def end(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:
@@ -108,7 +111,11 @@ def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Reali
         forces=truth.forces,
         inertia=truth.surfaces.inertia,
         angular_acceleration=truth.angular_acceleration,
-        observations=settings.schedule.observers_per_target,
+        observations=(
+            settings.schedule.observers_per_target
+            if settings.association is None
+            else scene.observer_position.shape[0]
+        ),
     )
     variance = truth.noise**2
     if truth.sensor is not None:
@@ -143,7 +150,7 @@ def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Reali
         )
     return Realization(
         number, seed, truth, variance, motion, estimator, bound, evaluation, detection, pointing,
-        reception,
+        reception, None if settings.association is None else known_tracks(inputs.ids.size),
     )  # fmt: skip
 
 
@@ -151,14 +158,33 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
     """Assign the observers at an epoch and simulate the interval that follows."""
     settings, start = inputs.settings, int(inputs.settings.epochs[number])
     n_steps = min(settings.steps_per_interval, settings.n_steps - start)
+    prediction = _predicted(inputs, own, start)
     tasking = decide(
-        _predicted(inputs, own, start), n_steps, inputs.scene, inputs.surfaces, settings,
+        prediction, n_steps, inputs.scene, inputs.surfaces, settings,
         inputs.forces, own.detection, own.pointing, stream(TASKING, own.seed, number),
     )  # fmt: skip
     for target in tasking.target:
         own.pointing[:] = np.where(target == IDLE, own.pointing, target)
-    motion, measurements, outcome, visible = _observed(inputs, own, start, tasking)
-    estimates, error, least = _judged(inputs, own, start, motion, measurements, outcome)
+    motion, dimmed, visible = _moved(inputs, own, start, n_steps)
+    selected = own.evaluation.final(n_steps)
+    selected[settings.recorded_within(start, n_steps)] = True
+    if settings.association is None:
+        measurements, outcome = _observed(inputs, own, start, tasking, motion, dimmed)
+        estimates, least, observed = _judged(
+            inputs, own, start, motion, measurements, outcome, selected
+        )
+        commanded, of_tracks = np.ones(outcome.size, dtype=bool), {}
+    else:
+        field = observe_field(inputs, own, start, tasking, prediction, motion, dimmed)
+        found = associate_interval(inputs, own, start, n_steps, field)
+        measurements, outcome, estimates, commanded = found[:4]
+        least = _bounded(own, motion, measurements.where(estimates.used & found.right), selected)
+        observed = found.counts[:, 0] > 0
+        of_tracks = found.histories(motion, own.tracks, settings.association.gospa_cutoff_km)
+    outcome[estimates.used & (outcome == DETECTED)] = USED
+    _report(own, start, tasking, measurements, outcome, commanded, dimmed)
+    error = estimation_errors(1, motion, estimates)
+    own.evaluation.update(error, estimates.sigma, observed, least)
     names = kept_histories(settings, bool(own.estimator.estimated_parameters))
     some = settings.recorded_within(start, n_steps)
     values = {
@@ -173,6 +199,7 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
         "pair_information": [tasking.pairs],
         "visible": [visible],
         **_learned(inputs, own),
+        **of_tracks,
         **recorded_motion(
             names, start, tasking.target_by_step, motion, estimates, settings, inputs.scene
         ),
@@ -214,42 +241,74 @@ def _in_slots(target: NDArray[np.int64], settings: LoopSettings) -> NDArray[np.i
     return np.pad(target, ((0, missing), (0, 0)), constant_values=IDLE)
 
 
-def _observed(
-    inputs: SimulationInputs, own: Realization, start: int, tasking: Decision
-) -> tuple[Truth, Measurements, NDArray[np.uint8], NDArray[np.bool_] | None]:
-    """Truth and measurements of the steps from `start` on, with their detection outcomes. The last
-    value states which targets any observer could have detected, if that is recorded."""
-    target_by_step, scene = tasking.target_by_step, inputs.scene
-    motion = own.motion.advance(target_by_step.shape[0])
+def _moved(
+    inputs: SimulationInputs, own: Realization, start: int, n_steps: int
+) -> tuple[Truth, Array, NDArray[np.bool_] | None]:
+    """True motion from the time before the step `start` on, and its dimming by shadows (target,
+    time). The last value states which targets any observer could have detected, if that is
+    recorded."""
+    scene, sensor = inputs.scene, inputs.settings.sensor
+    motion = own.motion.advance(n_steps)
     dimmed = np.zeros(motion.noise.shape[:2])
     if inputs.settings.eclipse:
-        here = slice(start, start + target_by_step.shape[0] + 1)
+        here = slice(start, start + n_steps + 1)
         given = scene.sun_position[here], scene.primaries[here]
         dimmed = dimming(motion.translation[..., :3], *given)
-    # index 0 of the scene is the start of the run, without a measurement
-    first, lit = start + 1, {"origin": start, "dimmed": dimmed}
-    true = scene, own.truth.surfaces, inputs.settings.sensor, motion.translation, motion.quaternion
-    measurements, outcome = measure(
-        first,
-        pointed_schedule(target_by_step, inputs.ids.size),
-        *true,
+    visible = None
+    if "visibility" in inputs.settings.record:
+        true = scene, own.truth.surfaces, sensor, motion.translation, motion.quaternion
+        # index 0 of the scene is the start of the run, without a measurement
+        visible = detectable_targets(start + 1, *true, origin=start, dimmed=dimmed)
+    return motion, dimmed, visible
+
+
+def _observed(
+    inputs: SimulationInputs,
+    own: Realization,
+    start: int,
+    tasking: Decision,
+    motion: Truth,
+    dimmed: Array,
+) -> tuple[Measurements, NDArray[np.uint8]]:
+    """Measurements of the tasked targets from the step `start` on, and detection outcomes."""
+    return measure(
+        start + 1,
+        pointed_schedule(tasking.target_by_step, inputs.ids.size),
+        inputs.scene,
+        own.truth.surfaces,
+        inputs.settings.sensor,
+        motion.translation,
+        motion.quaternion,
         motion.noise,
+        origin=start,
         true=own.truth.sensor,
-        **lit,
+        dimmed=dimmed,
     )
-    visible = (
-        detectable_targets(first, *true, **lit) if "visibility" in inputs.settings.record else None
-    )
+
+
+def _report(
+    own: Realization,
+    start: int,
+    tasking: Decision,
+    measurements: Measurements,
+    outcome: NDArray[np.uint8],
+    commanded: NDArray[np.bool_],
+    dimmed: Array,
+) -> None:
+    """Report the detection outcomes of the tasked targets to the scheduler. A target that was
+    outside the field of view was not detected."""
+    if own.detection is None and own.reception is None:
+        return
     target, step = rows_of(measurements)
+    reported = np.where(outcome == USED, DETECTED, np.where(outcome == DETECTED, FAINT, outcome))
+    # a non-detection in a shadow is no information on the brightness of the target
     shaded = dimmed[target, step + 1] > 0.0
-    if own.detection is not None or own.reception is not None:
-        # a non-detection in a shadow is no information on the brightness of the target
-        reported = np.where(shaded & (outcome == FAINT), OCCULTED, outcome)
-        if own.reception is not None:
-            own.reception.note(start, tasking, measurements, reported)
-        else:
-            tasking.learn(own.detection, target, step, measurements.observer, reported)
-    return motion, measurements, outcome, visible
+    reported[shaded & (reported == FAINT)] = OCCULTED
+    if own.reception is not None:
+        own.reception.note(start, tasking, measurements, reported)
+    else:
+        rows = target, step, measurements.observer, reported
+        tasking.learn(own.detection, *(column[commanded] for column in rows))
 
 
 def _predicted(inputs: SimulationInputs, own: Realization, start: int) -> Prediction:
@@ -279,19 +338,24 @@ def _worked(
     estimates = own.estimator.advance(
         measurements, covariance="covariance" in inputs.settings.record
     )
-    used = measurements.where(estimates.used)
+    return estimates, _bounded(own, motion, measurements.where(estimates.used), selected)
+
+
+def _bounded(
+    own: Realization, motion: Truth, used: Measurements, selected: NDArray[np.bool_]
+) -> Array:
+    """Bound of the used measurements at the selected steps."""
     if own.truth.sensor is None:
         variance = np.broadcast_to(own.variance, used.variance.shape).copy()
     else:
         variance = used.variance + own.variance[used.observer]
-    least = own.bound.advance(
+    return own.bound.advance(
         motion.translation,
         motion.quaternion,
         motion.angular_velocity,
         used._replace(variance=variance),
         selected,
     )
-    return estimates, least
 
 
 def _judged(
@@ -301,20 +365,14 @@ def _judged(
     motion: Truth,
     measurements: Measurements,
     outcome: NDArray[np.uint8],
-) -> tuple[Estimates, Array, Array]:
-    """Estimates of an interval, their errors and the bound, which are added to the metrics. The
-    outcomes of used measurements are set."""
-    n_steps = measurements.offset.shape[1] - 1
-    selected = own.evaluation.final(n_steps)
-    selected[inputs.settings.recorded_within(start, n_steps)] = True
+    selected: NDArray[np.bool_],
+) -> tuple[Estimates, Array, NDArray[np.bool_]]:
+    """Estimates of an interval, the bound at the selected steps, and which targets have been
+    observed."""
     work = partial(_worked, inputs, own)
     if own.reception is None:
         estimates, least = work(motion, measurements, selected)
         observed = np.isin(np.arange(inputs.ids.size), rows_of(measurements)[0][estimates.used])
-    else:
-        estimates, least = own.reception.advance(start, motion, measurements, selected, work)
-        observed = own.reception.observed
-    outcome[estimates.used & (outcome == DETECTED)] = USED
-    error = estimation_errors(1, motion, estimates)
-    own.evaluation.update(error, estimates.sigma, observed, least)
-    return estimates, error, least
+        return estimates, least, observed
+    estimates, least = own.reception.advance(start, motion, measurements, selected, work)
+    return estimates, least, own.reception.observed

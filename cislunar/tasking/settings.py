@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cislunar.association.methods import AssociationModel
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, InitialSigma
 from cislunar.evaluation.metrics import Custody
@@ -45,6 +46,9 @@ class LoopSettings:
         Slots of an interval, and observers per target.
     communication : CommunicationModel
         Links of the observers to the Earth.
+    association : AssociationModel or None
+        Telescopes that return everything in their field of view, and the association of detections
+        with tracks. None: an observation measures its own target alone, whose identity is known.
     eclipse : bool
         Whether the shadows of Earth and Moon dim targets, for tasking as well. A magnitude measured
         in the penumbra is corrected for the dimming, which is known far better than the magnitude.
@@ -74,6 +78,7 @@ class LoopSettings:
     tasking: TaskingModel = field(default_factory=TaskingModel)
     schedule: ScheduleModel = field(default_factory=ScheduleModel)
     communication: CommunicationModel = field(default_factory=CommunicationModel)
+    association: AssociationModel | None = None
     eclipse: bool = False
     initial: InitialSigma = PAPER_INITIAL_SIGMA
     custody: Custody = field(default_factory=Custody)
@@ -100,6 +105,11 @@ class LoopSettings:
         states = self.tasking.states
         self.schedule.require_possible(self.step_s, self.method, states)
         self.communication.require_possible(self.step_s, self.duration_hours, states)
+        if self.association is not None and self.communication.late:
+            raise ConfigurationError(
+                "association: links with a delay need known identities; leave out association or "
+                "communication"
+            )
 
     @property
     def steps_between_updates(self) -> int:

@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 from cislunar.association import (
     Window,
     associate_frames,
+    equivalent_direction,
     gate_threshold,
     gaussian_log_likelihood,
     joint_probabilities,
@@ -16,7 +17,7 @@ from cislunar.association import (
 )
 from cislunar.association.nearest_neighbor import nearest_neighbor
 from cislunar.association.probabilistic import marginals
-from cislunar.association.window import innovation, updated
+from cislunar.association.window import batches, updated
 from cislunar.errors import ConfigurationError
 
 WIDE = 1.0 - 1e-15
@@ -47,6 +48,10 @@ def window_of(rng, exposures, tracks, per_exposure, chance=0.8, near=1.5):
         seen,
         np.full(len(seen), np.log(1.0 - chance)),
     )
+
+
+def innovation(residual, design, noise, shift, covariance):
+    return residual - design @ shift, design @ covariance @ design.T + np.diag(noise)
 
 
 def histories(window, exposures, tracks):
@@ -122,10 +127,57 @@ def test_joint_probabilities_are_the_sum_over_all_assignments(seed):
             if p is not None:
                 key = t, int(window.detection[p])
                 expected[key] = expected.get(key, 0.0) + weight
-    found = joint_probabilities(window, WIDE)
-    for t, d, w in zip(found.track.tolist(), found.detection.tolist(), found.weight, strict=True):
+    gain = [
+        score(window, [tuple(p if t == track else None for t in range(3))], track)[0]
+        - score(window, [(None,) * 3], track)[0]
+        for p, track in enumerate(window.track.tolist())
+    ]
+    found = marginals(window.track, window.detection, np.array(gain))
+    for t, d, w in zip(window.track.tolist(), window.detection.tolist(), found, strict=True):
         assert w == pytest.approx(expected[t, d] / whole, rel=1e-9)
-    assert len(found.track) == sum(each / whole > 1e-6 for each in expected.values())
+    rows = joint_probabilities(window, WIDE)
+    for t, d, w in zip(rows.track.tolist(), rows.detection.tolist(), rows.weight, strict=True):
+        own = {key: each / whole for key, each in expected.items() if key[0] == t}
+        assert w == pytest.approx(sum(own.values()), rel=1e-5)
+        assert own[t, d] == max(own.values())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_equivalent_direction_does_what_the_weighted_update_does(seed):
+    """The mean exactly; the covariance is never smaller."""
+    rng = np.random.default_rng(seed)
+    n, weight = 3, np.array([0.5, 0.3])
+    root = rng.normal(size=(n, n))
+    covariance, design, noise = root @ root.T + np.eye(n), rng.normal(size=(2, n)), np.full(2, 0.3)
+    s = design @ covariance @ design.T + np.diag(noise)
+    nu = 0.5 * rng.normal(size=(2, 2))
+    mean = weight @ nu
+    spread = sum(w * np.outer(v, v) for w, v in zip(weight, nu, strict=True)) - np.outer(mean, mean)
+    gain = covariance @ design.T @ np.linalg.inv(s)
+    wanted = covariance - gain @ (weight.sum() * s - spread) @ gain.T
+    effective = weight.sum() * s - spread
+    able, innovation_, variance = equivalent_direction(
+        mean[None], effective[None], s[None], noise[None]
+    )
+    assert able.tolist() == [True] and np.all(variance >= noise)
+    full = s @ np.linalg.inv(effective) @ s  # covariance of the innovation before it is diagonal
+    shift = covariance @ design.T @ np.linalg.inv(full) @ innovation_[0]
+    np.testing.assert_allclose(shift, gain @ mean, rtol=1e-10)
+    np.testing.assert_allclose(
+        covariance - covariance @ design.T @ np.linalg.inv(full) @ design @ covariance, wanted,
+        rtol=1e-9, atol=1e-12,
+    )  # fmt: skip
+    total = design @ covariance @ design.T + np.diag(variance[0])
+    cautious = covariance - covariance @ design.T @ np.linalg.inv(total) @ design @ covariance
+    assert np.linalg.eigvalsh(cautious - wanted).min() > -1e-10
+
+
+def test_exposures_of_a_batch_have_no_track_in_common():
+    window = window_of(np.random.default_rng(1), 4, 3, 2)
+    apart = window._replace(track=3 * window.exposure + window.track,
+                            covariance=np.tile(np.eye(3), (12, 1, 1)))  # fmt: skip
+    assert [rows.size for rows in batches(window)] == [6] * 4
+    assert [rows.size for rows in batches(apart)] == [24]
 
 
 def test_marginals_of_large_ratios_stay_finite():

@@ -143,7 +143,8 @@ def test_halves_are_mirror_images():
 def test_resonant_orbits_close_after_whole_turns_of_the_moon():
     found = periodic_orbits("Resonant_3:2", count=3)
     for state, period in zip(found.state, found.period, strict=True):
-        assert period == pytest.approx(4.0 * np.pi, rel=0.1)
+        # families end at a tenth, which rounding may exceed
+        assert period == pytest.approx(4.0 * np.pi, rel=0.1 + 1e-12)
         end = propagate(state, [period], method="dop853")[0]
         np.testing.assert_allclose(end, state, atol=1e-7)
     np.testing.assert_allclose(jacobi_constant(found.state), found.jacobi)

@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.estimation.estimator import (
+    HEALTHY,
     N_COUNTERS,
     Estimates,
     EstimatorFactory,
     InitialEstimate,
+    OrbitEstimates,
     Prediction,
     Rotation,
     empty_estimates,
@@ -122,8 +124,16 @@ class MultiplicativeUKF:
             self._index + 1, ahead.translation, covariance, ahead.quaternion, ahead.root, rotation
         )
 
-    def advance(self, measurements: Measurements, *, covariance: bool = False) -> Estimates:
-        """See `Estimator.advance`."""
+    def orbits(self) -> OrbitEstimates:
+        """See `Estimator.orbits`."""
+        lower, translation = self._state.root[:, 6:], self._state.translation.copy()
+        translation[self._state.failed != HEALTHY] = np.nan
+        return OrbitEstimates(self._index, translation, lower @ np.swapaxes(lower, 1, 2))
+
+    def advance(
+        self, measurements: Measurements, *, covariance: bool = False, final: bool = True
+    ) -> Estimates:
+        """See `Estimator.advance`; the filter does the same at every step, `final` or not."""
         out = empty_estimates(measurements, covariance)
         model = (self._scene, self._surfaces, self._bodies, self._constants)
         given = (self._index + 1, *model, measurements, self._state, self._mixture, out)

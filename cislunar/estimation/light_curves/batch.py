@@ -22,6 +22,7 @@ from cislunar.estimation.estimator import (
     Estimates,
     EstimatorFactory,
     InitialEstimate,
+    OrbitEstimates,
     Prediction,
     Rotation,
     empty_estimates,
@@ -120,6 +121,7 @@ class BatchEstimator:
         self._state.points[:] = [_points_per_mode(model) for model in self._models]
         self._counters = np.zeros((n_targets, N_COUNTERS), dtype=np.int64)
         self._index = 0
+        self._open = 0  # steps since the last tasking epoch
 
     @property
     def failed(self) -> NDArray[np.uint8]:
@@ -207,8 +209,17 @@ class BatchEstimator:
         rotation = Rotation(mean, rate, joint[:, :6, :6])
         return Prediction(self._index + 1, translation, covariance, mean, joint, rotation)
 
-    def advance(self, measurements: Measurements, *, covariance: bool = False) -> Estimates:
-        """See `Estimator.advance`."""
+    def orbits(self) -> OrbitEstimates:
+        """See `Estimator.orbits`."""
+        translation = self._translation.copy()
+        translation[self._state.condition != HEALTHY] = np.nan
+        covariance = self._root @ np.swapaxes(self._root, 1, 2)
+        return OrbitEstimates(self._index, translation, covariance)
+
+    def advance(
+        self, measurements: Measurements, *, covariance: bool = False, final: bool = True
+    ) -> Estimates:
+        """See `Estimator.advance`. Light curves are fitted at the end of an interval."""
         out = empty_estimates(measurements, covariance)
         observations = measurements.offset[:, -1] - measurements.offset[:, 0]
         for j, count in enumerate(observations):
@@ -233,10 +244,15 @@ class BatchEstimator:
                     self._counters,
                     self._rngs[j],
                     out,
+                    self._open if final else 0,
                 )
 
+        n_steps = measurements.offset.shape[1] - 1
+        self._open += n_steps
         share_out(work, observations.size)
-        self._index += measurements.offset.shape[1] - 1
+        self._index += n_steps
+        if final:
+            self._open = 0
         return out
 
     def _make_room(self, j: int, rows: int) -> None:

@@ -165,7 +165,7 @@ def _use(
 
 
 @njit_noalloc
-def _advance(j, first, scene, constants, model, records, mixture, own, state, out, scratch):
+def _advance(j, first, scene, constants, model, records, mixture, own, state, out, scratch, closed):
     """See `advance_target`; `own` has the arrays of target j."""
     translation, root, counters, hypotheses, points, data, rng = own
     quaternion, omega, weight, _ = points
@@ -192,7 +192,7 @@ def _advance(j, first, scene, constants, model, records, mixture, own, state, ou
         grown = constants.growth > 0.0 and fresh >= max(
             constants.growth * state.fitted[j], _FEWEST_FRESH
         )
-        if fresh > 0 and (i == n_steps - 1 or grown):
+        if fresh > 0 and ((closed > 0 and i == n_steps - 1) or grown):
             state.points[j] = _refit(
                 hypotheses, data[: state.rows[j]], model, settings, rng, k * scene.step_s, points
             )
@@ -205,8 +205,8 @@ def _advance(j, first, scene, constants, model, records, mixture, own, state, ou
         deviations(root, sigma[ROTATION:])
         if i < out.covariance.shape[1]:
             covariance_of(root, out.covariance[j, i])
-    if state.condition[j] == HEALTHY:
-        memory = np.exp(-n_steps * scene.step_s / constants.memory_s)
+    if closed > 0 and state.condition[j] == HEALTHY:
+        memory = np.exp(-closed * scene.step_s / constants.memory_s)
         end = (first + n_steps - 1) * scene.step_s
         _forget(hypotheses, data, model, state, j, end - constants.window_s, memory)
         if memory < 1.0:  # the information has faded, whether or not there are new data
@@ -233,12 +233,15 @@ def advance_target(
     counters,
     rng,
     out,
+    closed,
 ):
     """Process an interval that begins at time `first` for target j. `model`, `hypotheses`,
-    `points`, `data` and `rng` are those of the target, the other arrays those of all targets."""
+    `points`, `data` and `rng` are those of the target, the other arrays those of all targets.
+    `closed` is the number of steps since the last tasking epoch if the interval ends at the next
+    one, else 0."""
     scratch = make_split_work(mixture.weight.shape[1]), np.empty((points[2].shape[0], ROTATION))
     own = translation[j], root[j], counters[j], hypotheses, points, data, rng
-    _advance(j, first, scene, constants, model, records, mixture, own, state, out, scratch)
+    _advance(j, first, scene, constants, model, records, mixture, own, state, out, scratch, closed)
 
 
 @njit_noalloc

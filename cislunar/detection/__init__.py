@@ -1,0 +1,10 @@
+"""Detections without identity: exposures of telescopes, false alarms, tables of detections."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "exposures": ["FALSE_ALARM", "DetectionProcess", "Detections", "Exposures", "expose",
+        "point_at", "tangent_offset"],
+})
+# fmt: on

@@ -1,0 +1,330 @@
+"""Intervals in which telescopes return everything in their field of view, without identities.
+
+Observers are commanded to follow predicted directions. Detections are associated with tracks window
+by window; each window begins from the estimates after the one before. With `known-identity` the
+simulation passes the origins on instead, as a reference for what association costs.
+
+Assumptions and limitations
+---------------------------
+- Directions are commanded at the tasking epoch for the whole interval.
+- Detections are processed at once; links with a delay need known identities.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.association.candidates import Expectation, find_candidates
+from cislunar.association.methods import KNOWN, associate
+from cislunar.association.tracks import TrackStatus
+from cislunar.association.window import Association
+from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures, expose, point_at
+from cislunar.dynamics.bundle import propagate_bundle
+from cislunar.estimation.estimator import Estimates, Prediction
+from cislunar.evaluation.gospa import gospa
+from cislunar.observation.measurement import (
+    DETECTED,
+    NOT_TASKED,
+)
+from cislunar.observation.records import Measurements, arranged
+from cislunar.observation.sensor import limits_of, noise_variance_at, sensor_limits
+from cislunar.observation.sightline import METERS
+from cislunar.photometry.sphere import faintness_per_squared_range
+from cislunar.tasking.decision import Decision
+from cislunar.tasking.initial_conditions import ALARM, LOSS, stream
+from cislunar.tasking.truth import Truth
+
+if TYPE_CHECKING:
+    from cislunar.tasking.realization import Realization, SimulationInputs
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class FieldObservations(NamedTuple):
+    """What the exposures of an interval have returned.
+
+    Attributes
+    ----------
+    exposures : Exposures
+    detections : Detections
+    command : ndarray of int, shape (exposure,)
+        Track that an exposure was to follow.
+    origin : ndarray of int, shape (row,)
+        Target of each detection, or `FALSE_ALARM`. It is hidden from association and estimators.
+    outcome : ndarray of uint8, shape (exposure,)
+        Detection outcome of the commanded track's target.
+    """
+
+    exposures: Exposures
+    detections: Detections
+    command: Indices
+    origin: Indices
+    outcome: NDArray[np.uint8]
+
+
+class Associated(NamedTuple):
+    """An interval after association: a row for each detection that a track has taken and for each
+    exposure in which a commanded track has none.
+
+    Attributes
+    ----------
+    measurements : Measurements
+    outcome : ndarray of uint8, shape (row,)
+    estimates : Estimates
+    commanded, right : ndarray of bool, shape (row,)
+        Whether the exposure was to follow the track, and whether a detection is of the track's
+        target.
+    counts : ndarray of int, shape (target, 2)
+        Detections that a track has taken, and those of them that are of another origin.
+    """
+
+    measurements: Measurements
+    outcome: NDArray[np.uint8]
+    estimates: Estimates
+    commanded: NDArray[np.bool_]
+    right: NDArray[np.bool_]
+    counts: Indices
+
+    def histories(self, motion: Truth, tracks: TrackStatus, cutoff_km: float) -> dict[str, list]:
+        """Values of the histories of tracks at the end of the interval."""
+        true, place = (
+            each.translation[:, -1, :3] * LENGTH_UNIT_KM for each in (motion, self.estimates)
+        )
+        found = gospa(true, place[np.all(np.isfinite(place), axis=1)], cutoff_km)
+        return {
+            "associations": [self.counts[:, 0]],
+            "wrong_associations": [self.counts[:, 1]],
+            "existence": [tracks.existence.copy()],
+            "track_status": [tracks.status.copy()],
+            "gospa": [found[:4]],
+        }
+
+
+def observe_field(
+    inputs: SimulationInputs,
+    own: Realization,
+    start: int,
+    tasking: Decision,
+    prediction: Prediction,
+    motion: Truth,
+    dimmed: Array,
+) -> FieldObservations:
+    """Point the observers and simulate what their exposures return.
+
+    Parameters
+    ----------
+    inputs, own
+        Inputs and state of the realization.
+    start : int
+        Step before which the interval begins.
+    tasking : Decision
+    prediction : Prediction
+        On which the tasking is based; the commanded directions follow from it.
+    motion : Truth
+        True motion from the time before the first step on.
+    dimmed : ndarray, shape (target, time)
+        Dimming by the shadows of Earth and Moon, mag.
+    """
+    scene, settings, model = inputs.scene, inputs.settings, inputs.settings.association
+    command = tasking.target_by_step
+    n_steps, n_observers = command.shape
+    place = propagate_bundle(
+        prediction.translation,
+        scene.step,
+        n_steps - 1,
+        forces=inputs.forces,
+        start=prediction.index * scene.step,
+    )
+    exposures = point_at(scene, settings.sensor, start + 1, command, place)
+    kept = np.ones((place.shape[0], n_steps, n_observers), dtype=bool)
+    if model.detection_loss > 0.0:
+        for j, number in enumerate(inputs.ids):
+            rng = stream(LOSS, own.seed, int(number), start)
+            kept[j] = rng.random((n_steps, n_observers)) >= model.detection_loss
+    detections, origin, outcome = expose(
+        start + 1,
+        exposures,
+        model,
+        scene,
+        own.truth.surfaces,
+        settings.sensor,
+        motion.translation,
+        motion.quaternion,
+        motion.noise,
+        stream(ALARM, own.seed, start),
+        n_steps=n_steps,
+        command=command,
+        kept=kept,
+        origin=start,
+        true=own.truth.sensor,
+        dimmed=dimmed,
+    )
+    followed = command[exposures.step, exposures.observer]
+    return FieldObservations(exposures, detections, followed, origin, outcome)
+
+
+def associate_interval(
+    inputs: SimulationInputs, own: Realization, start: int, n_steps: int, field: FieldObservations
+) -> Associated:
+    """Associate the detections of an interval with tracks, window by window, and update the
+    estimates.
+
+    Parameters
+    ----------
+    inputs, own
+        Inputs and state of the realization, whose estimator and track status change.
+    start, n_steps : int
+        Step before which the interval begins, and its number of steps.
+    field : FieldObservations
+        Its origins are read only if identities are known, and to count wrong associations.
+    """
+    model = inputs.settings.association
+    known, keep = model.method == KNOWN, "covariance" in inputs.settings.record
+    commit = n_steps if known else model.committed_steps
+    columns, estimates = [], []
+    for begin in range(0, n_steps, commit):
+        end = min(begin + commit, n_steps)
+        if known:
+            rows = _identified(field)
+        else:
+            stop = min(begin + model.window_steps, n_steps)
+            rows = _associate_window(
+                inputs, own, field.exposures, field.detections, start, (begin, end, stop)
+            )
+        part = _columns(inputs, field, rows, begin, end)
+        measurements, order = arranged(*part[:5], inputs.ids.size, end - begin)
+        found = own.estimator.advance(measurements, covariance=keep, final=end == n_steps)
+        used = np.empty(order.size, dtype=bool)
+        used[order] = found.used
+        columns.append((part.target, part.step + begin, *part[2:], used))
+        estimates.append(found)
+    *histories, _ = zip(*estimates, strict=True)
+    histories = [np.concatenate(history, axis=1) for history in histories]
+    *row, exposure, detection, used = (np.concatenate(part) for part in zip(*columns, strict=True))
+    measurements, order = arranged(*row, inputs.ids.size, n_steps)
+    target, exposure, detection, used = (
+        column[order] for column in (row[0], exposure, detection, used)
+    )
+    taken = detection >= 0
+    right = taken & (np.append(field.origin, FALSE_ALARM)[detection] == target)
+    counts = np.zeros((inputs.ids.size, 2), dtype=np.int64)
+    np.add.at(counts[:, 0], target[taken & used], 1)
+    np.add.at(counts[:, 1], target[taken & used & ~right], 1)
+    outcome = field.outcome[exposure]
+    # a target outside the field, and one whose detection was given to no track, are rejected
+    outcome[taken | (outcome == NOT_TASKED)] = DETECTED
+    commanded = field.command[exposure] == target
+    return Associated(measurements, outcome, Estimates(*histories, used), commanded, right, counts)
+
+
+class _Columns(NamedTuple):
+    """Rows of measurements in any order; `detection` is -1 for an exposure without one."""
+
+    target: Indices
+    step: Indices
+    observer: Indices
+    value: Array
+    variance: Array
+    exposure: Indices
+    detection: Indices
+
+
+def _identified(field: FieldObservations) -> Association:
+    """The association that takes every detection for what it is of."""
+    rows = np.flatnonzero(field.origin != FALSE_ALARM)
+    return Association(
+        field.detections.exposure[rows],
+        field.origin[rows],
+        rows,
+        np.ones(rows.size),
+        np.zeros((rows.size, 2)),
+        field.detections.variance[rows, 1:],
+    )
+
+
+def _associate_window(
+    inputs: SimulationInputs,
+    own: Realization,
+    exposures: Exposures,
+    detections: Detections,
+    start: int,
+    steps: tuple[int, int, int],
+) -> Association:
+    """Associate the detections of the steps from the first to the last of `steps`, and keep what is
+    decided before the second."""
+    model, scene, sensor = inputs.settings.association, inputs.scene, inputs.settings.sensor
+    limits = sensor_limits(sensor, scene.observer_position.shape[0])
+    begin, end, stop = steps
+    here = exposures.between(begin, stop)
+    rows = slice(*np.searchsorted(detections.exposure, [here.start, here.stop]).tolist())
+    tasking = inputs.settings.tasking
+    faintness = METERS**2 * np.array([
+        faintness_per_squared_range(
+            limit,
+            radius_m=tasking.radius_m,
+            diffuse_reflection_coefficient=tasking.diffuse_reflection_coefficient,
+        )
+        for limit in limits.limiting_magnitude
+    ])  # fmt: skip
+    given = Exposures(exposures.step[here] - begin, *(each[here] for each in exposures[1:]))
+    found = Detections(
+        detections.exposure[rows] - here.start, *(each[rows] for each in detections[1:])
+    )
+    window = find_candidates(
+        own.estimator.orbits(),
+        given,
+        found,
+        scene,
+        inputs.forces,
+        limits,
+        Expectation(
+            model, model.unknown_deg2, model.magnitude_sigma, model.gate_probability, faintness
+        ),
+    )
+    taken = associate(window, model)
+    early = given.step[taken.exposure] < end - begin
+    taken = Association(*(column[early] for column in taken))
+    own.tracks.update(window, taken, start + begin, given.step, end - begin)
+    return taken._replace(
+        exposure=taken.exposure + here.start, detection=taken.detection + rows.start
+    )
+
+
+def _columns(
+    inputs: SimulationInputs, field: FieldObservations, rows: Association, begin: int, end: int
+) -> _Columns:
+    """Rows of the steps from `begin` to `end`: detections of tracks, and commanded exposures of
+    which the track has none."""
+    exposures, found = field.exposures, field.detections
+    value = found.value[rows.detection].copy()
+    value[:, 1:] += rows.offset
+    variance = found.variance[rows.detection].copy()
+    variance[:, 0] /= rows.weight
+    variance[:, 1:] = rows.noise
+    here = exposures.between(begin, end)
+    inside = (rows.exposure >= here.start) & (rows.exposure < here.stop)
+    n_targets = inputs.ids.size
+    taken = rows.exposure * n_targets + rows.track
+    every = np.arange(here.start, here.stop)
+    missed = every[~np.isin(every * n_targets + field.command[here], taken)]
+    limits = sensor_limits(inputs.settings.sensor, inputs.scene.observer_position.shape[0])
+    nothing = np.full((missed.size, 3), np.nan)
+    faintest = np.empty((limits.half_field.size, 3))
+    for o in range(faintest.shape[0]):
+        own = limits_of(limits, o)
+        noise_variance_at(own, own.limiting_magnitude, faintest[o])
+    exposure = np.concatenate([rows.exposure[inside], missed])
+    return _Columns(
+        np.concatenate([rows.track[inside], field.command[missed]]),
+        exposures.step[exposure] - begin,
+        exposures.observer[exposure],
+        np.concatenate([value[inside], nothing]),
+        np.concatenate([variance[inside], faintest[exposures.observer[missed]]]),
+        exposure,
+        np.concatenate([rows.detection[inside], np.full(missed.size, -1)]),
+    )
