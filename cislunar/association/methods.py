@@ -24,6 +24,11 @@ class AssociationModel(DetectionProcess):
 
     # fmt: off
 
+    detections: Literal["tasked-target", "all-in-field"] = setting(
+        "what an exposure returns: a measurement of its own target alone, whose identity is known "
+        "(`tasked-target`), or everything in its field of view, with false alarms "
+        "(`all-in-field`), which the other keys describe", paper="tasked-target",
+        default="tasked-target")
     method: Literal[ASSOCIATORS] = setting(
         "association of detections with tracks: the identity of every detection is known "
         "(`known-identity`, a reference), global nearest neighbor in each exposure "
@@ -56,6 +61,11 @@ class AssociationModel(DetectionProcess):
         "false", "km", default=100)
 
     # fmt: on
+
+    @property
+    def in_field(self) -> bool:
+        """Whether exposures return everything in their field of view."""
+        return self.detections == "all-in-field"
 
     def model_post_init(self, _context: object) -> None:
         """Refuse windows and confirmations that contradict each other."""

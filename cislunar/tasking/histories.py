@@ -49,7 +49,7 @@ def _learned(settings: LoopSettings, _estimated: bool) -> bool:
 
 
 def _associated(settings: LoopSettings, _estimated: bool) -> bool:
-    return settings.association is not None
+    return settings.association.in_field
 
 
 def _estimated(_settings: LoopSettings, estimated: bool) -> bool:

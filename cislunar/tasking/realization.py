@@ -113,7 +113,7 @@ def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Reali
         angular_acceleration=truth.angular_acceleration,
         observations=(
             settings.schedule.observers_per_target
-            if settings.association is None
+            if not settings.association.in_field
             else scene.observer_position.shape[0]
         ),
     )
@@ -150,7 +150,7 @@ def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Reali
         )
     return Realization(
         number, seed, truth, variance, motion, estimator, bound, evaluation, detection, pointing,
-        reception, None if settings.association is None else known_tracks(inputs.ids.size),
+        reception, known_tracks(inputs.ids.size) if settings.association.in_field else None,
     )  # fmt: skip
 
 
@@ -168,7 +168,7 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
     motion, dimmed, visible = _moved(inputs, own, start, n_steps)
     selected = own.evaluation.final(n_steps)
     selected[settings.recorded_within(start, n_steps)] = True
-    if settings.association is None:
+    if not settings.association.in_field:
         measurements, outcome = _observed(inputs, own, start, tasking, motion, dimmed)
         estimates, least, observed = _judged(
             inputs, own, start, motion, measurements, outcome, selected

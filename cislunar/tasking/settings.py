@@ -46,9 +46,8 @@ class LoopSettings:
         Slots of an interval, and observers per target.
     communication : CommunicationModel
         Links of the observers to the Earth.
-    association : AssociationModel or None
-        Telescopes that return everything in their field of view, and the association of detections
-        with tracks. None: an observation measures its own target alone, whose identity is known.
+    association : AssociationModel
+        What exposures return, and how detections are associated with tracks.
     eclipse : bool
         Whether the shadows of Earth and Moon dim targets, for tasking as well. A magnitude measured
         in the penumbra is corrected for the dimming, which is known far better than the magnitude.
@@ -78,7 +77,7 @@ class LoopSettings:
     tasking: TaskingModel = field(default_factory=TaskingModel)
     schedule: ScheduleModel = field(default_factory=ScheduleModel)
     communication: CommunicationModel = field(default_factory=CommunicationModel)
-    association: AssociationModel | None = None
+    association: AssociationModel = field(default_factory=AssociationModel)
     eclipse: bool = False
     initial: InitialSigma = PAPER_INITIAL_SIGMA
     custody: Custody = field(default_factory=Custody)
@@ -105,10 +104,10 @@ class LoopSettings:
         states = self.tasking.states
         self.schedule.require_possible(self.step_s, self.method, states)
         self.communication.require_possible(self.step_s, self.duration_hours, states)
-        if self.association is not None and self.communication.late:
+        if self.association.in_field and self.communication.late:
             raise ConfigurationError(
-                "association: links with a delay need known identities; leave out association or "
-                "communication"
+                "association.detections = 'all-in-field': links with a delay need the identity of "
+                "every measurement; set communication.delay_minutes to 0"
             )
 
     @property

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from cislunar.association.methods import AssociationModel
 from cislunar.campaign.settings.observing.sensor_tree import GroupName, Sensor, SensorGroup, Station
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.fusion.methods import FUSIONS
@@ -183,7 +184,7 @@ class CellSettings(Section):
     """Settings of a cell, which a variant may change."""
 
     omitted = ("start_day", "histories", "record", "eclipse", "fusion", "sensors", "stations",
-               "dynamics", "communication")
+               "dynamics", "communication", "association")
 
     seeds: whole(ge=1, le=10_000) = setting(
         "number of realizations of truth and noise of each cell. All cells have the same "
@@ -223,6 +224,7 @@ class CellSettings(Section):
         "true: targets are dimmer in the penumbra of Earth and Moon and invisible in the umbra, "
         "for tasking as well", paper="not in the paper", default=False)
     communication: CommunicationModel = CommunicationModel()
+    association: AssociationModel = AssociationModel()
     fusion: Literal[FUSIONS] = setting(
         "estimates that are evaluated: one `common` estimate of all observers; or, with a catalog "
         "of each observer from its own measurements, the best single catalog of each target "

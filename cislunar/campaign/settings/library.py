@@ -140,6 +140,7 @@ def loop_settings(
         tasking=_tasking_model(cell),
         schedule=tasking,
         communication=cell.communication,
+        association=cell.association,
         eclipse=cell.eclipse,
         initial=cell.initial_sigma,
         custody=cell.custody,
