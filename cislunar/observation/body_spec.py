@@ -17,6 +17,7 @@ column               contents
 Other columns are ignored. Targets that are not in the table keep the body of the settings.
 """
 
+import re
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
@@ -81,7 +82,7 @@ class BodySpec(Section):
 
     _source: str = PrivateAttr("body")
 
-    def __hash__(self) -> int:
+    def __hash__(self) -> int:  # lists have no hash
         return hash(self.shape)
 
     @property
@@ -183,7 +184,7 @@ def _inertia_of_row(place: str, row: dict[str, str]) -> tuple[float, float, floa
 
 def _body_of_row(place: str, row: dict[str, str]) -> BodySpec:
     shape = row["shape"]
-    if not (shape in (ICOSAHEDRON, *MODELS) or Path(shape).suffix.lower() in (".obj", ".stl")):
+    if not re.search(SHAPE, shape):
         raise InputFileError(
             f"{place}: shape {shape!r} is none of {', '.join((ICOSAHEDRON, *MODELS))}, nor a file "
             "ending in .obj or .stl"

@@ -167,6 +167,8 @@ class PhotometryReading(Section):
         "Fresnel term: `sqrt` as in Cook & Torrance, or `printed` as in the paper, without the "
         "root", paper="printed", default="sqrt")
 
+    # fmt: on
+
 
 class PhotometryModel(PhotometryReading):
     """Reading of two ambiguous equations of the paper, and the reflection law."""
@@ -177,8 +179,6 @@ class PhotometryModel(PhotometryReading):
         paper=REFLECTION_LAWS[0],
         default=REFLECTION_LAWS[0],
     )
-
-    # fmt: on
 
     @property
     def irradiance_4pi(self) -> bool:
