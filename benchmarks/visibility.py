@@ -55,7 +55,7 @@ def plain(track, target, sun, settings: VisibilitySettings):
     )
     seen = magnitude < settings.limiting_magnitude
     bodies = (sun, np.array([1.0 - MU, 0.0, 0.0]), np.array([-MU, 0.0, 0.0]))
-    for body, cosine in zip(bodies, settings.angles.cosines, strict=True):
+    for body, cosine in zip(bodies, settings.exclusion_deg.cosines, strict=True):
         toward = (body - track)[:, None]
         product = np.linalg.norm(toward, axis=-1) * np.linalg.norm(line, axis=-1)
         seen &= np.sum(toward * line, axis=-1) < cosine * product
@@ -75,7 +75,7 @@ def main() -> None:
 
     def compiled():
         return count_observations(
-            track, target, sun, settings.angles.cosines, settings.faintness_at(len(sun)), MU
+            track, target, sun, settings.exclusion_deg.cosines, settings.faintness_at(len(sun)), MU
         )
 
     counts = compiled()

@@ -7,7 +7,8 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "candidates": ["Expectation", "find_candidates"],
     "likelihood": ["gate_threshold", "gaussian_log_likelihood", "log_ratio"],
-    "methods": ["ASSOCIATORS", "AssociationModel", "associate"],
+    "methods": ["associate"],
+    "model": ["ASSOCIATORS", "AssociationModel"],
     "multiple_frames": ["associate_frames"],
     "nearest_neighbor": ["nearest_neighbor"],
     "probabilistic": ["equivalent_direction", "joint_probabilities", "marginals"],

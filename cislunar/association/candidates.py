@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from cislunar.association.likelihood import gate_threshold
 from cislunar.association.window import Window
 from cislunar.compiled import njit_noalloc
-from cislunar.detection.exposures import DetectionProcess, Detections, Exposures, tangent_offset
+from cislunar.detection.exposures import Detections, Exposures, tangent_offset
+from cislunar.detection.process import DetectionProcess
 from cislunar.dynamics.bundle import step_cloud
 from cislunar.dynamics.forces import of_state
 from cislunar.dynamics.tableau import STAGES8

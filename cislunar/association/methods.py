@@ -1,84 +1,11 @@
-"""Interchangeable methods of association, by name, and their settings."""
+"""Interchangeable methods of association, by name."""
 
-from typing import Literal
-
+from cislunar.association.model import FRAMES, JOINT, NEAREST, AssociationModel
 from cislunar.association.multiple_frames import associate_frames
 from cislunar.association.nearest_neighbor import nearest_neighbor
 from cislunar.association.probabilistic import joint_probabilities
 from cislunar.association.window import Association, Window
-from cislunar.detection.exposures import DetectionProcess
 from cislunar.errors import ConfigurationError
-from cislunar.runtime.settings_fields import Flag, Positive, number, setting, whole
-
-KNOWN, NEAREST, JOINT, FRAMES = ASSOCIATORS = (
-    "known-identity",
-    "nearest-neighbor",
-    "joint-probabilities",
-    "multiple-frames",
-)
-"""Methods by name."""
-
-
-class AssociationModel(DetectionProcess):
-    """Telescopes that return everything in their field of view, and how detections get tracks."""
-
-    # fmt: off
-
-    detections: Literal["tasked-target", "all-in-field"] = setting(
-        "what an exposure returns: a measurement of its own target alone, whose identity is known "
-        "(`tasked-target`), or everything in its field of view, with false alarms "
-        "(`all-in-field`), which the other keys describe", paper="tasked-target",
-        default="tasked-target")
-    method: Literal[ASSOCIATORS] = setting(
-        "association of detections with tracks: the identity of every detection is known "
-        "(`known-identity`, a reference), global nearest neighbor in each exposure "
-        "(`nearest-neighbor`), joint probabilistic data association (`joint-probabilities`), or "
-        "assignment over a window of exposures (`multiple-frames`)", default=FRAMES)
-    unknown_deg2: Positive = setting(
-        "assumed mean number of detections of objects without a track, per exposure and square "
-        "degree", "deg^-2", default=1e-3)
-    magnitude_sigma: Positive = setting(
-        "assumed standard deviation of the magnitude that a sphere predicts", "mag", default=1.5)
-    gate_probability: number(gt=0, lt=1) = setting(
-        "probability that the gates keep the detection of a target", "1", default=0.9999)
-    window_steps: whole(ge=1, le=100) = setting(
-        "consecutive steps whose exposures are associated together", "1", default=10)
-    committed_steps: whole(ge=1, le=100) = setting(
-        "steps of a window that are decided; the next window begins after them. The other steps "
-        "are decided again", "1", default=5)
-    confirmations: whole(ge=1) = setting(
-        "detections that `multiple-frames` asks of a track in `confirmation_exposures` exposures "
-        "before the track takes any", "1", default=3)
-    confirmation_exposures: whole(ge=1) = setting(
-        "exposures in which `confirmations` are asked for", "1", default=5)
-    hypotheses: whole(ge=2, le=1000) = setting(
-        "largest number of hypotheses that `multiple-frames` keeps of a track", "1", default=20)
-    count_neighbors: Flag = setting(
-        "true: tasking counts on all tracks in a field of view; false: on the one that it points "
-        "at", default=False)
-    gospa_cutoff_km: Positive = setting(
-        "position error from which the GOSPA metric counts a target as missed and its track as "
-        "false", "km", default=100)
-
-    # fmt: on
-
-    @property
-    def in_field(self) -> bool:
-        """Whether exposures return everything in their field of view."""
-        return self.detections == "all-in-field"
-
-    def model_post_init(self, _context: object) -> None:
-        """Refuse windows and confirmations that contradict each other."""
-        if self.committed_steps > self.window_steps:
-            raise ConfigurationError(
-                f"committed_steps = {self.committed_steps} must not exceed window_steps = "
-                f"{self.window_steps}"
-            )
-        if self.confirmations > self.confirmation_exposures:
-            raise ConfigurationError(
-                f"confirmations = {self.confirmations} must not exceed confirmation_exposures = "
-                f"{self.confirmation_exposures}"
-            )
 
 
 def associate(window: Window, model: AssociationModel) -> Association:

@@ -4,7 +4,8 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "exposures": ["FALSE_ALARM", "DetectionProcess", "Detections", "Exposures", "expose",
+    "exposures": ["FALSE_ALARM", "Detections", "Exposures", "expose",
         "point_at", "tangent_offset"],
+    "process": ["DetectionProcess"],
 })
 # fmt: on

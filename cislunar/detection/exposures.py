@@ -23,6 +23,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.compiled import njit_noalloc
+from cislunar.detection.process import DetectionProcess
 from cislunar.observation.measurement import DETECTED, FAINT, NOT_TASKED, observe
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import (
@@ -33,36 +34,12 @@ from cislunar.observation.sensor import (
 )
 from cislunar.observation.sightline import direction_angles, wrap_angle
 from cislunar.observation.target_surfaces import TargetSurfaces
-from cislunar.runtime.settings_fields import NotNegative, Section, number, setting
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 FALSE_ALARM = -1
 """Origin of a detection that is of no target."""
-
-
-class DetectionProcess(Section):
-    """What an exposure returns besides the detections of its targets."""
-
-    # fmt: off
-
-    false_alarms_deg2: NotNegative = setting(
-        "mean number of false alarms per exposure and square degree", "deg^-2", default=0)
-    false_alarm_slope: number(gt=0, le=2) = setting(
-        "growth of the number of false alarms with magnitude m, as 10^(slope m)", "mag^-1",
-        default=0.3)
-    detection_loss: number(ge=0, lt=1) = setting(
-        "share of detectable targets that an exposure loses, as next to a star", "1", default=0.02)
-
-    # fmt: on
-
-    def log_intensity(self, magnitude: Array, limit: Array) -> Array:
-        """Logarithm of the density of false alarms, per square radian and magnitude."""
-        per_square = self.false_alarms_deg2 * np.rad2deg(1.0) ** 2
-        rate = np.log(10.0) * self.false_alarm_slope
-        with np.errstate(divide="ignore"):
-            return np.log(per_square * rate) + rate * (magnitude - limit)
 
 
 class Exposures(NamedTuple):

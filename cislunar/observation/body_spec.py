@@ -17,10 +17,13 @@ column               contents
 Other columns are ignored. Targets that are not in the table keep the body of the settings.
 """
 
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, PrivateAttr
 
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.errors import CislunarError, InputFileError
@@ -31,6 +34,8 @@ from cislunar.photometry.mesh_files import load_mesh
 from cislunar.photometry.meshes import Mesh
 from cislunar.photometry.shapes import facets_from_triangles, icosahedron_mesh
 from cislunar.photometry.spacecraft import MODELS
+from cislunar.runtime.settings_fields import Positive, Section, Text, ThreePositive, setting
+from cislunar.runtime.settings_words import pattern
 
 ICOSAHEDRON = "icosahedron"
 
@@ -38,37 +43,58 @@ _SMALLEST_M, _LARGEST_M = 0.01, 200.0
 """Radii of bodies, of equal area; a mesh beyond is in another unit."""
 
 
-@dataclass(frozen=True)
-class BodySpec:
-    """Specification of a body.
+SHAPE = pattern(
+    f"^({ICOSAHEDRON}|{'|'.join(MODELS)})$|[.]([oO][bB][jJ]|[sS][tT][lL])$",
+    f"one of {', '.join((ICOSAHEDRON, *MODELS))}, or a file ending in .obj or .stl")  # fmt: skip
+TABLE = pattern("[.][cC][sS][vV]$", "a file ending in .csv")
 
-    Attributes
-    ----------
-    shape : str
-        ``icosahedron``, one of `cislunar.photometry.spacecraft.MODELS`, or a mesh file.
-    radius_m : float or None
-        The shape is scaled to the surface area of this sphere, m; None keeps its size.
-    meters_per_unit : float
-        Length of a mesh file's unit, m.
-    axis_scale : tuple of 3 float
-        Factors along the body axes, before it is scaled.
-    materials : str or None
-        See `cislunar.photometry.materials.group_materials`; None: the materials of a model, and
-        the usual material for any other shape.
-    inertia : tuple of 3 float or None
-        Principal moments along the body axes, any unit; None for a spherical body, or in a table
-        for the inertia of the settings.
-    source : str
-        Where it is specified, for messages.
-    """
 
-    shape: str = ICOSAHEDRON
-    radius_m: float | None = 1.0
-    meters_per_unit: float = 1.0
-    axis_scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    materials: str | None = None
-    inertia: tuple[float, float, float] | None = None
-    source: str = "body"
+class BodySpec(Section):
+    """Specification of the body of a target, or of all targets with a table of the exceptions."""
+
+    # fmt: off
+
+    omitted = ("materials", "table")
+
+    shape: Annotated[str, Field(pattern=SHAPE)] = setting(
+        "`icosahedron`, a model of docs/bodies.md, or a closed triangle mesh (`.obj`, `.stl`), "
+        "whose facets may shadow each other", paper="icosahedron")
+    radius_m: Positive | None = setting(
+        "the shape is scaled to the surface area of a sphere of this radius; null: a model or a "
+        "mesh file keeps its size", "m", 1)
+    meters_per_unit: Positive = setting("length unit of the mesh file", "m", default=1)
+    axis_scale: ThreePositive = setting(
+        "axis scales: factors on the shape along its body axes, before it is scaled to `radius_m`",
+        "1", default=[1, 1, 1])
+    materials: Text | None = setting(
+        "material of each facet group, `group=material; group=material`: `panel`, `foil`, `paint`, "
+        "`material` (the key `material`) or its five numbers. null: a model has its own materials, "
+        "any other shape `material`", default=None)
+    table: Annotated[str, Field(pattern=TABLE)] | None = setting(
+        "table of bodies with one target per row (docs/bodies.md). A target that is not in the "
+        "table has the body of the other keys; so has every target for tasking", "path",
+        default=None)
+    inertia: ThreePositive | None = setting(
+        "principal moments of inertia about the body axes, in any unit, since only their ratios "
+        "matter to a free rotation; null: spherical", paper="spherical", default=None)
+
+    # fmt: on
+
+    _source: str = PrivateAttr("body")
+
+    def __hash__(self) -> int:  # lists have no hash
+        return hash(self.shape)
+
+    @property
+    def source(self) -> str:
+        """Where it is specified, for messages."""
+        return self._source
+
+    def named(self, source: str) -> "BodySpec":
+        """The same specification, from another source."""
+        found = self.model_copy()
+        found._source = source
+        return found
 
     def mesh(self) -> Mesh:
         """The mesh in its own size, checked; see `cislunar.photometry.mesh_files.load_mesh`."""
@@ -158,7 +184,7 @@ def _inertia_of_row(place: str, row: dict[str, str]) -> tuple[float, float, floa
 
 def _body_of_row(place: str, row: dict[str, str]) -> BodySpec:
     shape = row["shape"]
-    if not (shape in (ICOSAHEDRON, *MODELS) or Path(shape).suffix.lower() in (".obj", ".stl")):
+    if not re.search(SHAPE, shape):
         raise InputFileError(
             f"{place}: shape {shape!r} is none of {', '.join((ICOSAHEDRON, *MODELS))}, nor a file "
             "ending in .obj or .stl"
@@ -174,27 +200,22 @@ def _body_of_row(place: str, row: dict[str, str]) -> BodySpec:
         meters_per_unit or 1.0,
         materials=row.get("materials") or None,
         inertia=_inertia_of_row(place, row),
-        source=place,
-    )
+    ).named(place)
 
 
-def bodies_of_targets(
-    usual: BodySpec, table: str | Path | None, names: Sequence[Sequence[str]]
-) -> list[BodySpec]:
+def bodies_of_targets(usual: BodySpec, names: Sequence[Sequence[str]]) -> list[BodySpec]:
     """The body of each target.
 
     Parameters
     ----------
     usual : BodySpec
-        Body of a target that is not in the table, and inertia of a target without one in the table.
-    table : str, Path or None
-        See `load_body_table`.
+        Body of a target that is not in its table, and inertia of a target without one in the table.
     names : sequence of sequence of str
         Possible names of each target.
     """
-    known = {} if table is None else load_body_table(table)
+    known = {} if usual.table is None else load_body_table(usual.table)
     known = {
-        name: body if body.inertia else replace(body, inertia=usual.inertia)
+        name: body if body.inertia else body.model_copy(update={"inertia": usual.inertia})
         for name, body in known.items()
     }
     return [next((known[name] for name in each if name in known), usual) for each in names]

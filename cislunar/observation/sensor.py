@@ -16,7 +16,6 @@ Assumptions and limitations
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.compiled import copy_into, njit_noalloc
 from cislunar.errors import ConfigurationError
 from cislunar.runtime.settings_fields import (
+    Angle,
+    Flag,
     NotNegative,
     Number,
     Positive,
@@ -45,26 +46,24 @@ of the wavelength (Bessell 1979, PASP 91, 589)."""
 _PER_SNR = 2.5 / np.log(10.0)
 
 
-@dataclass(frozen=True)
-class ExclusionAngles:
-    """Smallest angles between the line of sight and each bright body (Paul & Fan, section 3):
-    `sun_deg`, `moon_deg` and `earth_deg`, degrees in [0, 180), measured at the observer from the
-    center of the body."""
+class ExclusionAngles(Section):
+    """Smallest angles between the line of sight and each bright body, degrees (Paul & Fan,
+    section 3)."""
 
-    sun_deg: float = 35.0
-    moon_deg: float = 5.0
-    earth_deg: float = 15.0
+    # fmt: off
 
-    def __post_init__(self) -> None:
-        for body in ("sun_deg", "moon_deg", "earth_deg"):
-            angle = getattr(self, body)
-            if not 0.0 <= angle < 180.0:
-                raise ConfigurationError(f"exclusion angle {body} = {angle} must lie in [0, 180)")
+    sun: Angle = setting("minimum angle between the line of sight and the Sun", "deg", 35)
+    moon: Angle = setting(
+        "minimum angle between the line of sight and the center of the Moon", "deg", 5)
+    earth: Angle = setting(
+        "minimum angle between the line of sight and the center of the Earth", "deg", 15)
+
+    # fmt: on
 
     @property
     def cosines(self) -> Array:
         """Cosines of the Sun, Moon and Earth angles, shape (3,)."""
-        return np.cos(np.deg2rad([self.sun_deg, self.moon_deg, self.earth_deg]))
+        return np.cos(np.deg2rad([self.sun, self.moon, self.earth]))
 
 
 class PhotonNoise(Section):
@@ -134,50 +133,35 @@ class SensorLimits(NamedTuple):
     atmosphere: Array
 
 
-@dataclass(frozen=True)
-class Sensor:
-    """Telescope of an observer (Paul & Fan, table 3).
+class Sensor(Section):
+    """Telescope of an observer in space (Paul & Fan, table 3)."""
 
-    Attributes
-    ----------
-    magnitude_noise : float
-        Standard deviation, mag.
-    angle_noise_arcsec : float
-        Standard deviation of right ascension and of declination, arcsec.
-    limiting_magnitude : float
-        Faintest measured magnitude that is detected.
-    field_of_view_deg : float
-        Full width, deg; a measurement further than half of it from the expected direction is
-        rejected.
-    exclusion : ExclusionAngles
-        Smallest angles between the line of sight and the Sun, Moon and Earth.
-    occultation : bool
-        Whether the discs of Earth and Moon hide targets. The exclusion angles are measured from the
-        centers, so an observer near the Moon needs this.
-    photon_noise : PhotonNoise or None
-        Noise in addition to the constant noise, greater for fainter targets.
-    atmosphere : Atmosphere or None
-        Atmosphere above a telescope on the ground; None in space.
-    """
+    # fmt: off
 
-    magnitude_noise: float = 0.1
-    angle_noise_arcsec: float = 3.0
-    limiting_magnitude: float = 18.0
-    field_of_view_deg: float = 3.0
-    exclusion: ExclusionAngles = field(default_factory=ExclusionAngles)
-    occultation: bool = True
-    photon_noise: PhotonNoise | None = None
-    atmosphere: Atmosphere | None = None
+    omitted = ("photon_noise",)
 
-    def __post_init__(self) -> None:
-        for key in ("magnitude_noise", "angle_noise_arcsec", "field_of_view_deg"):
-            value = getattr(self, key)
-            if not (value > 0.0 and np.isfinite(value)):
-                raise ConfigurationError(f"{key} = {value} must be positive and finite")
-        if not np.isfinite(self.limiting_magnitude):
-            raise ConfigurationError(
-                f"limiting_magnitude = {self.limiting_magnitude}  must be finite"
-            )
+    magnitude_noise: Positive = setting(
+        "standard deviation of the measured magnitude", "mag", 0.1)
+    angle_noise_arcsec: Positive = setting(
+        "standard deviation of right ascension and of declination", "arcsec", 3)
+    field_of_view_deg: number(gt=0, le=180) = setting(
+        "full width of the field of view; measurements beyond half of it from the expected "
+        "direction are rejected", "deg", 3)
+    limiting_magnitude: Number = setting(
+        "faintest measured magnitude that counts as a detection, and limit that tasking assumes",
+        "mag", 18)
+    exclusion_deg: ExclusionAngles = setting("")
+    # The exclusion angles are measured from the centers: an observer near the Moon needs this.
+    occultation: Flag = setting(
+        "true: targets behind the disc of Earth or Moon are hidden",
+        paper="not in the paper", default=True)
+    photon_noise: PhotonNoise | None = setting(
+        "photon noise in addition to the constant noise, larger for fainter targets "
+        "(docs/tasking.md): `aperture_m` and, unless 10 s, 0.7, 3, 22.5 and 10, `exposure_s`, "
+        "`quantum_efficiency`, `image_fwhm_arcsec`, `sky_mag_arcsec2` (of zodiacal light) and "
+        "`read_noise_e`; null: none", paper="none", default=None)
+
+    # fmt: on
 
     @property
     def noise(self) -> Array:
@@ -188,21 +172,36 @@ class Sensor:
     @property
     def plain(self) -> bool:
         """Whether noise is the same at every magnitude and there is no atmosphere."""
-        return self.photon_noise is None and self.atmosphere is None
+        return self.photon_noise is None
 
     def limits(self) -> SensorLimits:
         """The sensor in the layout of the compiled kernels."""
-        photons, air = self.photon_noise, self.atmosphere
+        photons = self.photon_noise
         return SensorLimits(
             self.noise**2,
             float(self.limiting_magnitude),
             float(np.deg2rad(0.5 * self.field_of_view_deg)),
-            self.exclusion.cosines,
+            self.exclusion_deg.cosines,
             bool(self.occultation),
             np.zeros(3) if photons is None else photons.constants(),
-            air is not None,
-            np.zeros(3) if air is None else air.constants(),
+            False,
+            np.zeros(3),
         )
+
+
+class GroundSensor(Sensor):
+    """Telescope of a ground station, with the atmosphere above it."""
+
+    atmosphere: Atmosphere
+
+    @property
+    def plain(self) -> bool:
+        """False, since an atmosphere dims targets by their elevation."""
+        return False
+
+    def limits(self) -> SensorLimits:
+        """The sensor in the layout of the compiled kernels."""
+        return super().limits()._replace(ground=True, atmosphere=self.atmosphere.constants())
 
 
 Sensors = Sensor | Sequence[Sensor]

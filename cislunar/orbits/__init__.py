@@ -7,7 +7,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "branches": ["halo_seed"],
     "catalog": ["CATALOG", "catalog_branch", "end_in_words", "family_named", "periodic_orbits"],
     "continuation": ["continue_branch"],
-    "extent": ["CATALOG_EXTENT", "Extent", "measure_of"],
+    "extent": ["CATALOG_EXTENT", "Extent", "KeepOut", "measure_of"],
     "families": ["FAMILIES", "OrbitSet", "concatenate", "family_members", "observer_library",
         "spaced_members"],
     "observers": ["SENSOR_COLUMNS", "load_observers", "observer_orbits"],

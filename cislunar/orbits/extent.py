@@ -14,6 +14,7 @@ from cislunar.orbits import branches
 from cislunar.orbits.continuation import MAX_STEP, Branch, Measure, Point, continue_branch, locate
 from cislunar.orbits.corrector import HalfOrbit, X, Z
 from cislunar.orbits.stability import stability_index
+from cislunar.runtime.settings_fields import NotNegative, Section, setting
 
 _MEMBERS_BEFORE_CLEARANCE = 100
 """A branch that has not left the keep-out spheres after this many steps is abandoned."""
@@ -22,13 +23,32 @@ _BUTTERFLY_LAST_PERIOD = 11.556
 """At longer periods the butterflies leave the Moon for a branch around both primaries."""
 
 
+class KeepOut(Section):
+    """Least altitudes over the Moon and the Earth; lower orbits are excluded."""
+
+    # fmt: off
+
+    perilune_altitude_km: NotNegative = setting(
+        "minimum altitude above the Moon (extent `keep_out`)", "km", default=100)
+    perigee_altitude_km: NotNegative = setting(
+        "minimum altitude above the Earth (extent `keep_out`)", "km", default=200)
+
+    # fmt: on
+
+    @property
+    def distances_km(self) -> tuple[float, float]:
+        """Least distances from the centers of Moon and Earth, km."""
+        return (
+            self.perilune_altitude_km + MOON_RADIUS_KM,
+            self.perigee_altitude_km + EARTH_RADIUS_KM,
+        )
+
+
 class Extent(NamedTuple):
     """Extent of the continuation of families."""
 
-    perilune_altitude_km: float = 100.0
-    """Least altitude over the Moon; lower orbits are excluded."""
-    perigee_altitude_km: float = 200.0
-    """Least altitude over the Earth; lower orbits are excluded."""
+    keep_out: KeepOut | None = KeepOut()
+    """Least altitudes; None: families continue through the bodies."""
     ends: Mapping[str, tuple[str, float]] = {"Butterfly": ("period", _BUTTERFLY_LAST_PERIOD)}
     """Last member of a branch: the quantity ("x" at the crossing or "period") and its value."""
 
@@ -37,8 +57,7 @@ KEEP_OUT = Extent()
 """Default: no candidate orbit intersects the Moon or the Earth."""
 
 CATALOG_EXTENT = Extent(
-    perilune_altitude_km=-MOON_RADIUS_KM,
-    perigee_altitude_km=-EARTH_RADIUS_KM,
+    keep_out=None,
     ends={
         "Butterfly": ("period", 11.55529),
         "Dragonfly": ("period", 7.170478),

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, MU
+from cislunar.constants import MU
 from cislunar.dynamics.cr3bp import jacobi_constant
 from cislunar.errors import ConfigurationError, did_you_mean
 from cislunar.orbits.continuation import MAX_STEP, Branch, Point, between, interpolate
@@ -84,8 +84,7 @@ def family_branch(
     return follow_branch(
         root,
         float(mu),
-        extent.perilune_altitude_km + MOON_RADIUS_KM,
-        extent.perigee_altitude_km + EARTH_RADIUS_KM,
+        *(extent.keep_out.distances_km if extent.keep_out else (0.0, 0.0)),
         extent.ends.get(root),
         max_step,
     )

@@ -4,7 +4,7 @@ The paper gives no values for the surface; the defaults are a choice of this lib
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.runtime.settings_fields import NotNegative, Positive, Section, number, setting
 
 IRRADIANCE_LAWS = ("4pi", "1/r^2")
-_FRESNEL_FORMS = ("sqrt", "printed")
 REFLECTION_LAWS = ("cook-torrance", "lambert-phong")
 
 # Kinds of body-parameter deviation, see `cislunar.photometry.parameter_deviations`; AXIS_SCALE has
@@ -152,38 +151,34 @@ def material_rows(
     return rows, np.array([material.as_array() for material in distinct])
 
 
-@dataclass(frozen=True)
-class PhotometryModel:
-    """Reading of two ambiguous equations of the paper, and the reflection law.
+class PhotometryReading(Section):
+    """Reading of two ambiguous equations of the paper.
 
-    Parameters
-    ----------
-    irradiance : {"1/r^2", "4pi"}
-        Spreading of the reflected flux: 1/r^2, which agrees with the paper's own sphere model and
-        with the definition of the BRDF, or 1/(4 pi r^2) as printed, which is 2.748 mag fainter.
-    fresnel : {"sqrt", "printed"}
-        p = sqrt(q^2 - 1 + b^2), as in Cook & Torrance (1982), or without the root as printed.
-    reflection : {"cook-torrance", "lambert-phong"}
-        The paper's law, or another one (`cislunar.photometry.body_blocks`) to study the effect of a
-        wrong law.
-    """
+    The irradiance 1/r^2, which None denotes, agrees with the paper's own sphere model and with the
+    definition of the BRDF."""
 
-    irradiance: str = "1/r^2"
-    fresnel: str = "sqrt"
-    reflection: str = "cook-torrance"
+    # fmt: off
 
-    def __post_init__(self) -> None:
-        choices = {
-            "irradiance": IRRADIANCE_LAWS,
-            "fresnel": _FRESNEL_FORMS,
-            "reflection": REFLECTION_LAWS,
-        }
-        for name, allowed in choices.items():
-            value = getattr(self, name)
-            if value not in allowed:
-                raise ConfigurationError(
-                    f"photometry {name} = {value!r} must be one of {', '.join(allowed)}"
-                )
+    irradiance: Literal[IRRADIANCE_LAWS] | None = setting(
+        "spreading of the light of a facet: `4pi`, 1/(4 pi r^2) as printed in the paper, or the "
+        "physical `1/r^2`, 2.75 mag brighter. null: as `scenarios.NAME.photometry` states",
+        paper="4pi", default=None)
+    fresnel: Literal["sqrt", "printed"] = setting(
+        "Fresnel term: `sqrt` as in Cook & Torrance, or `printed` as in the paper, without the "
+        "root", paper="printed", default="sqrt")
+
+    # fmt: on
+
+
+class PhotometryModel(PhotometryReading):
+    """Reading of two ambiguous equations of the paper, and the reflection law."""
+
+    reflection: Literal[REFLECTION_LAWS] = setting(
+        "law by which targets reflect: the paper's `cook-torrance`, or `lambert-phong` to study "
+        "the effect of a wrong law",
+        paper=REFLECTION_LAWS[0],
+        default=REFLECTION_LAWS[0],
+    )
 
     @property
     def irradiance_4pi(self) -> bool:

@@ -21,6 +21,7 @@ from pydantic import (
     create_model,
     model_serializer,
 )
+from pydantic.fields import FieldInfo
 
 from cislunar.errors import ConfigurationError
 from cislunar.runtime.settings_words import faults_of_arguments
@@ -34,7 +35,8 @@ class Section(BaseModel):
     """Settings that belong together; no other keys than the fields are allowed.
 
     In Python the fields are arguments in their order, and an impossible value raises a
-    `ConfigurationError`.
+    `ConfigurationError`. An omitted argument without a default has the paper's value if that is a
+    number, or is a section of such values.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, json_schema_extra=_without_docstring)
@@ -45,6 +47,8 @@ class Section(BaseModel):
     def __init__(self, *values: Any, **given: Any) -> None:
         keys = list(type(self).model_fields)[: len(values)]
         given |= dict(zip(keys, values, strict=True))
+        usual = {key: _of_paper(field) for key, field in type(self).model_fields.items()}
+        given = {key: value for key, value in usual.items() if value is not None} | given
         try:
             super().__init__(**{key: _plain(value) for key, value in given.items()})
         except ValidationError as error:
@@ -67,6 +71,17 @@ class Section(BaseModel):
             nested = isinstance(kind, type) and issubclass(kind, Section)
             found[key] = kind.kept(value) if nested else value
         return found
+
+
+def _of_paper(field: FieldInfo) -> Any:
+    """The paper's value of an argument without a default; None if there is no such value."""
+    kind, extra = field.annotation, field.json_schema_extra
+    if not field.is_required():
+        return None
+    if isinstance(kind, type) and issubclass(kind, Section):
+        return kind()
+    paper = extra.get("paper") if isinstance(extra, dict) else None
+    return None if isinstance(paper, str) else paper
 
 
 def _plain(value: Any) -> Any:
@@ -109,10 +124,11 @@ def partial(model: type[Section], only: tuple[str, ...] = ()) -> type[Partial]:
 
 
 def setting(
-    meaning: str, unit: str = "", paper: str = "", *, default: Any = ..., name: str = "NAME"
+    meaning: str, unit: str = "", paper: str | float = "", *, default: Any = ..., name: str = "NAME"
 ) -> Any:
     """A key: its meaning, unit, the paper's value, and a default where config.yaml need not say.
-    Without a default the key is required. `name` stands for the names of a mapping in documents."""
+    Without a default the key is required in a configuration; in Python it has the paper's value if
+    that is a number. `name` stands for the names of a mapping in documents."""
     extra = {"unit": unit, "paper": paper} | ({"name": name} if name != "NAME" else {})
     return Field(default, description=meaning, json_schema_extra=extra)
 

@@ -34,15 +34,16 @@ Duplicates
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import AfterValidator, Field
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
 from cislunar.dynamics.cr3bp import libration_points, primary_distances
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.settings_fields import Section, number, setting, several, whole
 from cislunar.targets.zero_velocity import REGIONS, reachable
 
 Array = NDArray[np.float64]
@@ -54,57 +55,33 @@ _TRIAL_RATIO = 1.01
 _BISECTIONS = 40
 
 
-@dataclass(frozen=True)
-class SamplingSettings:
-    """Settings of the sampling of a region within a zero-velocity surface.
+def _divides_half_turn(step_deg: float) -> float:
+    if abs(180.0 / step_deg - round(180.0 / step_deg)) > 1e-9:
+        raise ValueError("must divide 180")
+    return step_deg
 
-    Attributes
-    ----------
-    centers : tuple of str
-        Centers of the angular grids: any of `CENTERS`.
-    region : str
-        One of `REGIONS`.
-    angular_step_deg : float
-        Step in longitude and in latitude, degrees; must divide 180.
-    radial_points : int
-        Points on each ray.
-    radial_step_km : float or None
-        Spacing of the points on a ray, km, instead of `radial_points`.
-    outer_radius_km : float
-        Largest distance from the barycenter, km.
-    """
 
-    centers: tuple[str, ...] = ("moon", "earth")
-    region: str = "moon"
-    angular_step_deg: float = 15.0
-    radial_points: int = 8
-    radial_step_km: float | None = None
-    outer_radius_km: float = 700_000.0
+class SamplingSettings(Section):
+    """Settings of the sampling of a region within a zero-velocity surface."""
 
-    def __post_init__(self) -> None:
-        """Refuse impossible settings."""
-        object.__setattr__(self, "centers", tuple(self.centers))
-        unknown = [name for name in self.centers if name not in CENTERS]
-        if unknown or not self.centers:
-            raise ConfigurationError(
-                f"centers: {unknown or 'none given'}; choose from {', '.join(CENTERS)}"
-            )
-        if self.region not in REGIONS:
-            raise ConfigurationError(f"region: {self.region!r} is not one of {', '.join(REGIONS)}")
-        step = self.angular_step_deg
-        if not 0.0 < step <= 90.0 or abs(180.0 / step - round(180.0 / step)) > 1e-9:
-            raise ConfigurationError(
-                f"angular_step_deg: {step} must be at most 90 degrees and divide 180"
-            )
-        if self.radial_points < 1:
-            raise ConfigurationError(f"radial_points: {self.radial_points} must be at least 1")
-        if self.radial_step_km is not None and not self.radial_step_km > 0.0:
-            raise ConfigurationError(f"radial_step_km: {self.radial_step_km} must be above 0")
-        if not self.outer_radius_km > LENGTH_UNIT_KM:
-            raise ConfigurationError(
-                f"outer_radius_km: {self.outer_radius_km} must exceed the Moon's distance, "
-                f"{LENGTH_UNIT_KM:.0f}"
-            )
+    # fmt: off
+
+    centers: Annotated[several(Literal[CENTERS]), Field(min_length=1)] = setting(
+        "centers of the angular grids", default=["moon", "earth"])
+    region: Literal[REGIONS] = setting(
+        "sampled part of the region within a zero-velocity surface: the component of the `moon`, "
+        "of the `earth`, of both `bodies`, or `all`", default="moon")
+    angular_step_deg: Annotated[
+        number(ge=0.1, le=90), AfterValidator(_divides_half_turn)
+    ] = setting("step in longitude and latitude", "deg", "equiangular", default=15)
+    radial_points: whole(ge=1, le=10_000) = setting("number of points along each ray", default=8)
+    radial_step_km: number(ge=1) | None = setting(
+        "radial step in place of `radial_points`; null: `radial_points` holds", "km",
+        default=None)
+    outer_radius_km: number(gt=384_400, le=10_000_000) = setting(
+        "maximum distance of a sampled point from the barycenter", "km", default=700_000)
+
+    # fmt: on
 
 
 class _SampledPoints(NamedTuple):

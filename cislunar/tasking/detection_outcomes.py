@@ -34,7 +34,7 @@ class SettingNames(NamedTuple):
     body: str = "the material and the facets given to target_surfaces"
     irradiance: str = "PhotometryModel.irradiance"
     sphere: str = "TaskingModel.diffuse_reflection_coefficient"
-    exclusion: str = "Sensor.exclusion"
+    exclusion: str = "Sensor.exclusion_deg"
     interval: str = "LoopSettings.interval_minutes"
 
 
@@ -135,9 +135,7 @@ def _remedies(inputs: SimulationInputs, names: SettingNames) -> dict[str, str]:
             "light that spreads as 1/r^2, and than the sphere that tasking assumes unless "
             f"{names.sphere} is changed"
         )
-    angles = ", ".join(
-        f"{body} {getattr(sensor.exclusion, f'{body}_deg'):g}" for body in ("sun", "moon", "earth")
-    )
+    angles = ", ".join(f"{body} {angle:g}" for body, angle in sensor.exclusion_deg)
     return {
         "faint_share": faint,
         "excluded_share": (

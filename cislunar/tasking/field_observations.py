@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.association.candidates import Expectation, find_candidates
-from cislunar.association.methods import KNOWN, associate
+from cislunar.association.methods import associate
+from cislunar.association.model import KNOWN
 from cislunar.association.tracks import TrackStatus
 from cislunar.association.window import Association
 from cislunar.constants import LENGTH_UNIT_KM

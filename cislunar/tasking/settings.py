@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.association.methods import AssociationModel
+from cislunar.association.model import AssociationModel
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, InitialSigma
 from cislunar.evaluation.metrics import Custody

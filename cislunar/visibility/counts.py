@@ -7,7 +7,7 @@ the horizon (Paul & Fan, section 5.1). Positions come from dense output at the e
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,7 @@ from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError
 from cislunar.observation.sensor import ExclusionAngles
 from cislunar.photometry.sphere import faintness_per_squared_range
+from cislunar.runtime.settings_fields import Flag, Number, Positive, Section, setting
 from cislunar.visibility.kernel import count_observations
 from cislunar.visibility.phasing import distinct_phases
 from cislunar.visibility.shade import lost_observations, shade_of
@@ -28,32 +29,21 @@ Array = NDArray[np.float64]
 _ORBITS_PER_BATCH = 8
 
 
-@dataclass(frozen=True)
-class VisibilitySettings:
-    """Conditions under which a static target is observable (Paul & Fan, section 3 and table 1).
+class VisibilitySettings(Section):
+    """Conditions under which a static target is observable (Paul & Fan, section 3 and table 1)."""
 
-    Attributes
-    ----------
-    limiting_magnitude : float
-        Limiting magnitude, mag.
-    target_radius_m : float
-        Radius of the spherical targets, m.
-    diffuse_reflection_coefficient : float
-        C_d of the sphere model, dimensionless; not given in the paper.
-    angles : ExclusionAngles
-        Sun, Moon and Earth exclusion angles.
-    propagator : str
-        Method of `cislunar.dynamics.propagation.propagate`: "dopri5" (the paper's) or "dop853".
-    eclipse : bool
-        Whether the shadows of Earth and Moon dim targets; in the paper they do not.
-    """
+    # fmt: off
 
-    limiting_magnitude: float = 18.0
-    target_radius_m: float = 1.0
-    diffuse_reflection_coefficient: float = 1.0
-    angles: ExclusionAngles = field(default_factory=ExclusionAngles)
-    propagator: str = "dopri5"
-    eclipse: bool = False
+    limiting_magnitude: Number = setting("magnitude of the faintest visible target", "mag", 18)
+    target_radius_m: Positive = setting("radius of the spherical targets", "m", 1)
+    diffuse_reflection_coefficient: Positive = setting(
+        "C_d of the sphere; 1 reproduces the paper's J, see `docs/deviations.md`", default=1)
+    exclusion_deg: ExclusionAngles = setting("")
+    eclipse: Flag = setting(
+        "true: targets are dimmer in the penumbra of Earth and Moon and invisible in the umbra",
+        paper="not in the paper", default=False)
+
+    # fmt: on
 
     @property
     def faintness(self) -> float:
@@ -174,6 +164,7 @@ def count_visibility(
     max_satellites: int = 10,
     tracks: ArrayLike | None = None,
     length: ArrayLike = 1.0,
+    propagator: str = "dopri5",
     mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
 ) -> VisibilityCounts:
@@ -205,6 +196,8 @@ def count_visibility(
         instead of the periodic orbits of the CR3BP.
     length : array_like, shape (time,) or ()
         Unit of length of the frame in units of l*; it differs from 1 in the pulsating frame.
+    propagator : str
+        Method for the observers, see `satellite_tracks`.
     mu : float
         Mass ratio.
     progress : callable, optional
@@ -234,11 +227,11 @@ def count_visibility(
         batch = slice(first, min(first + _ORBITS_PER_BATCH, len(state)))
         if tracks is None:
             track = satellite_tracks(
-                state[batch], period[batch], phase, times, propagator=settings.propagator, mu=mu
+                state[batch], period[batch], phase, times, propagator=propagator, mu=mu
             )
         else:
             track = np.ascontiguousarray(tracks[batch], dtype=float)
-        given = track, target, sun, settings.angles.cosines, faintness, mu
+        given = track, target, sun, settings.exclusion_deg.cosines, faintness, mu
         per_phase = count_observations(*given)
         if shade is not None:
             lost = lost_observations(*given, shade)

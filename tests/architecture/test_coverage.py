@@ -59,7 +59,7 @@ def test_everything_seen_and_nothing_seen():
     target, sun = np.array([[0.9, 0.1, 0.0], [0.2, 0.3, 0.4]]), sun_at(times)
     all_seen = coverage(
         track, target, times, sun,
-        VisibilitySettings(limiting_magnitude=99.0, angles=ExclusionAngles(0.0, 0.0, 0.0)),
+        VisibilitySettings(limiting_magnitude=99.0, exclusion_deg=ExclusionAngles(0.0, 0.0, 0.0)),
     )  # fmt: skip
     assert all_seen == type(all_seen)(1.0, 1.0, 0, 3.0)
     blind = coverage(track, target, times, sun, VisibilitySettings(limiting_magnitude=-20.0))

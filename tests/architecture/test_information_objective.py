@@ -193,7 +193,7 @@ def seen_at(window, sample, place, tables, positions):
     orbit, phase = tables.orbit[place], tables.phase[place]
     time = windows.times[window, [sample]]
     track = satellite_tracks(orbits.state[[orbit]], orbits.period[[orbit]], [phase], time)[0, 0]
-    settings = VisibilitySettings(SENSOR.limiting_magnitude, 1.0, 0.5, SENSOR.exclusion)
+    settings = VisibilitySettings(SENSOR.limiting_magnitude, 1.0, 0.5, SENSOR.exclusion_deg)
     return track[0], visible(track, positions, sun[window, [sample]], settings)[0]
 
 

@@ -3,7 +3,6 @@
 import copy
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ import xarray as xr
 from campaign_folder import read_campaign
 
 from cislunar.campaign.settings.cell_settings import body_files, cell_settings, true_settings
-from cislunar.campaign.settings.cell_tree import Body, CellSettings
+from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import (
     TRACKED_TARGETS,
     Cell,
@@ -42,7 +41,8 @@ from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, ProcessNoise
 from cislunar.observation.body_factory import body_from_spec
 from cislunar.observation.body_parameters import BodyParameterPrior
-from cislunar.observation.sensor import Atmosphere, PhotonNoise
+from cislunar.observation.body_spec import BodySpec
+from cislunar.observation.sensor import Atmosphere, ExclusionAngles, GroundSensor, PhotonNoise
 from cislunar.observation.target_surfaces import body_of
 from cislunar.orbits import tracked as tracked_orbits
 from cislunar.photometry.materials import Material
@@ -210,13 +210,13 @@ def test_telescopes_are_those_of_all_of_groups_and_of_stations(config):
     alike = observer_sensors(usual, 3)
     found = observer_sensors(chosen, 3, [{}, {}, {"exclusion_deg": {"sun": 50}}])
     assert found[0] == alike and true_sensors(usual, alike) is None
-    assert found[1] == replace(alike, limiting_magnitude=16)
-    assert found[2] == replace(alike, exclusion=replace(alike.exclusion, sun_deg=50))
-    assert found[3] == replace(alike, atmosphere=Atmosphere(sun_below_deg=18))
-    true = true_sensors(chosen, found)
-    assert true == tuple(replace(each, magnitude_noise=0.3) for each in found)
-    photons = replace(alike, photon_noise=PhotonNoise(0.2))
-    assert true_sensors(chosen, photons) == replace(photons, magnitude_noise=0.3)
+    assert found[1] == alike.model_copy(update={"limiting_magnitude": 16})
+    assert found[2] == alike.model_copy(update={"exclusion_deg": ExclusionAngles(sun=50)})
+    assert found[3] == GroundSensor(**dict(alike), atmosphere=Atmosphere(sun_below_deg=18))
+    true, noise = true_sensors(chosen, found), {"magnitude_noise": 0.3}
+    assert true == tuple(each.model_copy(update=noise) for each in found)
+    photons = alike.model_copy(update={"photon_noise": PhotonNoise(0.2)})
+    assert true_sensors(chosen, photons) == photons.model_copy(update=noise)
     with pytest.raises(ConfigurationError, match=r"small.observers': 1 is none of .* 0 \.\. 0"):
         observer_sensors(typed(merged(chosen.model_dump(), {"stations": {}}), CellSettings), 0)
 
@@ -574,7 +574,7 @@ def test_impossible_cells_are_refused(sources):
 
 
 def _facets(body):
-    return body_from_spec(Body(**body).spec(), Material()).facets
+    return body_from_spec(BodySpec(**body), Material()).facets
 
 
 def test_body_from_a_mesh_file_sets_the_tasking_sphere(tmp_path):

@@ -45,7 +45,7 @@ class Problem:
             magnitude_noise=1e-3,
             angle_noise_arcsec=0.02,
             limiting_magnitude=35.0,
-            exclusion=ExclusionAngles(0.0, 0.0, 0.0),
+            exclusion_deg=ExclusionAngles(0.0, 0.0, 0.0),
             occultation=False,
         )
         self.truth = draw_truth(self.initial, self.scene, self.sensor.noise, 2, ids, observations=2)

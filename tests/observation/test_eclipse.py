@@ -65,7 +65,7 @@ def test_an_annulus_of_the_sun_is_visible_around_a_distant_moon():
 def problem():
     """The Sun is where the Moon's shadow falls on one target for part of the time."""
     sensor = Sensor(
-        limiting_magnitude=26.0, exclusion=ExclusionAngles(0.0, 0.0, 0.0), occultation=False
+        limiting_magnitude=26.0, exclusion_deg=ExclusionAngles(0.0, 0.0, 0.0), occultation=False
     )
     scene, surfaces, epoch, ids, loop = tracking_problem(4, 3, duration_hours=2.0, sensor=sensor)
     moon = scene.primaries[0, 1]

@@ -29,7 +29,7 @@ def turned(direction, degrees):
 
 def test_defaults_are_the_papers():
     angles = ExclusionAngles()
-    assert (angles.sun_deg, angles.moon_deg, angles.earth_deg) == (35.0, 5.0, 15.0)
+    assert (angles.sun, angles.moon, angles.earth) == (35.0, 5.0, 15.0)
 
 
 def test_directions_are_unit_vectors_to_sun_moon_and_earth():
@@ -60,7 +60,7 @@ def test_random_lines_against_measured_angles():
     position = rng.uniform(-1.5, 1.5, (300, 3))
     line = rng.normal(size=(300, 3))
     sun = 389.0 * turned(SUN, 40.0)
-    angles = ExclusionAngles(sun_deg=60.0, moon_deg=40.0, earth_deg=50.0)
+    angles = ExclusionAngles(sun=60.0, moon=40.0, earth=50.0)
     clear = outside_exclusion(line, directions_to_bodies(position, sun), angles)
     compiled = [
         sightline.outside_exclusion(*here, *way, sun, angles.cosines, primary_positions(MU))
@@ -92,7 +92,7 @@ def test_shapes_broadcast():
     assert outside_exclusion(lines, toward, ExclusionAngles()).shape == (4, 7)
 
 
-@pytest.mark.parametrize("name", ["sun_deg", "moon_deg", "earth_deg"])
+@pytest.mark.parametrize("name", ["sun", "moon", "earth"])
 @pytest.mark.parametrize("value", [-1.0, 180.0, float("nan")])
 def test_impossible_angle_is_refused(name, value):
     with pytest.raises(ConfigurationError, match=name):

@@ -60,7 +60,7 @@ def test_measurements_are_angles_in_the_observer_frame_and_the_facet_magnitude(p
     scene, surfaces, truth = problem
     observer_of = np.array([2, 0, 4, 1, 3])
     sensor = Sensor(
-        limiting_magnitude=90.0, exclusion=ExclusionAngles(0.0, 0.0, 0.0), occultation=False
+        limiting_magnitude=90.0, exclusion_deg=ExclusionAngles(0.0, 0.0, 0.0), occultation=False
     )
     records, outcome = observed_by(observer_of, scene, surfaces, sensor, truth, 7, 30)
     measured = records.value.reshape(5, 30, 3)

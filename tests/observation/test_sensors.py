@@ -1,7 +1,5 @@
 """Sensors of each observer, photon noise, and telescopes on the ground."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from measured import observed_by
@@ -26,6 +24,7 @@ from cislunar.observation.sensor import (
     ARCSECOND,
     Atmosphere,
     ExclusionAngles,
+    GroundSensor,
     PhotonNoise,
     Sensor,
     noise_at,
@@ -40,7 +39,9 @@ from cislunar.tasking.planning.information import (
 )
 from cislunar.tasking.truth import draw_truth
 
-KEEN = Sensor(limiting_magnitude=35.0, exclusion=ExclusionAngles(0.0, 0.0, 0.0), occultation=False)
+KEEN = Sensor(
+    limiting_magnitude=35.0, exclusion_deg=ExclusionAngles(0.0, 0.0, 0.0), occultation=False
+)
 POOR = Sensor(limiting_magnitude=17.0, angle_noise_arcsec=6.0, field_of_view_deg=1.0)
 PHOTONS = PhotonNoise(aperture_m=0.15)
 
@@ -81,9 +82,8 @@ def test_photon_noise_is_the_least_that_an_image_allows(magnitude):
 
 def test_records_have_the_variance_of_their_errors(problem):
     scene, surfaces, truth = problem
-    sensor = Sensor(
-        0.02, 1.0, 90.0, exclusion=KEEN.exclusion, occultation=False, photon_noise=PHOTONS
-    )
+    seen = {"limiting_magnitude": 90.0, "exclusion_deg": KEEN.exclusion_deg, "occultation": False}
+    sensor = Sensor(0.02, 1.0, **seen, photon_noise=PHOTONS)
     motion = truth.translation, truth.quaternion
     observations = pointed_schedule(np.tile([0, 1], (60, 1)), 5)
     quiet = np.zeros_like(truth.noise)
@@ -104,7 +104,7 @@ def test_records_have_the_variance_of_their_errors(problem):
 def test_targets_far_below_the_photon_noise_are_not_detected(problem):
     """None of thousands of observations of targets dimmed by 20 magnitudes is a detection."""
     scene, surfaces, truth = problem
-    sensor = replace(KEEN, limiting_magnitude=18.0, photon_noise=PHOTONS)
+    sensor = KEEN.model_copy(update={"limiting_magnitude": 18.0, "photon_noise": PHOTONS})
     observations = pointed_schedule(np.tile([0, 1], (60, 1)), 5)
     dimmed = np.full(truth.translation.shape[:2], 20.0)
     given = 1, observations, scene, surfaces, sensor, truth.translation, truth.quaternion
@@ -150,8 +150,8 @@ def test_the_information_of_a_pair_is_that_of_its_sensor():
 @pytest.mark.parametrize("estimator", ["mukf", "batch"])
 def test_estimators_use_the_variance_of_each_measurement(estimator):
     """Errors agree with standard deviations where noise differs by magnitude and observer."""
-    poor = replace(POOR, limiting_magnitude=24.0, photon_noise=PHOTONS)
-    keen = Sensor(0.02, 1.0, 24.0, photon_noise=PHOTONS)
+    poor = POOR.model_copy(update={"limiting_magnitude": 24.0, "photon_noise": PHOTONS})
+    keen = Sensor(0.02, 1.0, limiting_magnitude=24.0, photon_noise=PHOTONS)
     problem = tracking_problem(4, 6, duration_hours=4.0, sensor=(keen, poor, keen, poor))
     run = run_closed_loop(*problem[:4], [3], problem.loop, estimator=estimator)
     seen = run.valid.any(axis=1)[0]
@@ -211,7 +211,7 @@ def test_the_ground_sees_at_night_above_its_limit_through_air(problem):
     track = earth + 0.0166 * (np.cos(tilt) * toward + np.sin(tilt) * side)
     site = scene._replace(observer_position=np.array([track, track]))
     air = Atmosphere(min_elevation_deg=30.0, extinction_mag=0.3)
-    ground = Sensor(limiting_magnitude=35.0, exclusion=KEEN.exclusion, atmosphere=air)
+    ground = GroundSensor(limiting_magnitude=35.0, exclusion_deg=KEEN.exclusion_deg, atmosphere=air)
     given = 1, pointed_schedule(np.tile([0, 1], (60, 1)), 5), site, surfaces
     motion = truth.translation, truth.quaternion, np.zeros_like(truth.noise)
     records, outcome = measure(*given, ground, *motion)
@@ -229,7 +229,7 @@ def test_the_ground_sees_at_night_above_its_limit_through_air(problem):
     np.testing.assert_allclose(records.value[:60][seen, 0], free.value[:60][seen, 0], rtol=1e-12)
     # the limit is that of the light that arrives
     limit = float(np.median(free.value[:60][seen, 0] + 0.3 / high[seen]))
-    dim = Sensor(limiting_magnitude=limit, exclusion=KEEN.exclusion, atmosphere=air)
+    dim = GroundSensor(limiting_magnitude=limit, exclusion_deg=KEEN.exclusion_deg, atmosphere=air)
     passed = measure(*given, dim, *motion)[1][:60][seen] == DETECTED
     np.testing.assert_array_equal(passed, free.value[:60][seen, 0] + 0.3 / high[seen] <= limit)
 
@@ -251,7 +251,7 @@ def test_targets_within_reach_are_those_detected_without_noise(problem):
             if np.any(outcome == DETECTED):
                 brightest[target] = min(brightest[target], arriving[outcome == DETECTED].min())
     limit = np.sort(brightest)[2] + 1e-9
-    sensor = replace(KEEN, limiting_magnitude=limit)
+    sensor = KEEN.model_copy(update={"limiting_magnitude": limit})
     found = detectable_targets(1, scene, surfaces, sensor, *motion, dimmed=dimmed)
     np.testing.assert_array_equal(found, brightest <= limit)
     assert found.sum() == 3

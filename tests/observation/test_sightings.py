@@ -61,9 +61,9 @@ def test_angles_range_and_magnitude():
     ("sensor", "outcome"),
     [
         (Sensor(), EXCLUDED),
-        (Sensor(exclusion=OPEN), OCCULTED),
-        (Sensor(exclusion=OPEN, occultation=False), DETECTED),
-        (Sensor(exclusion=OPEN, occultation=False, limiting_magnitude=5.0), FAINT),
+        (Sensor(exclusion_deg=OPEN), OCCULTED),
+        (Sensor(exclusion_deg=OPEN, occultation=False), DETECTED),
+        (Sensor(exclusion_deg=OPEN, occultation=False, limiting_magnitude=5.0), FAINT),
     ],
 )
 def test_outcome_of_an_observation_past_the_moon(sensor, outcome):

@@ -43,5 +43,5 @@ def visible(observer, target, sun, settings):
         radius_m=settings.target_radius_m,
         diffuse_reflection_coefficient=settings.diffuse_reflection_coefficient,
     )
-    clear = outside_exclusion(line, directions_to_bodies(observer, sun), settings.angles)
+    clear = outside_exclusion(line, directions_to_bodies(observer, sun), settings.exclusion_deg)
     return (magnitude < settings.limiting_magnitude) & clear

@@ -8,7 +8,7 @@ from cislunar.dynamics.cr3bp import jacobi_constant, primary_distances
 from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError
 from cislunar.orbits import branches
-from cislunar.orbits.extent import CATALOG_EXTENT, Extent
+from cislunar.orbits.extent import CATALOG_EXTENT, Extent, KeepOut
 from cislunar.orbits.families import (
     DEFAULT_MEMBERS,
     FAMILIES,
@@ -189,7 +189,7 @@ def test_catalog_extent_goes_through_the_moon():
 
 
 def test_wider_keep_out_shortens_the_families():
-    branch = family_branch("Halo_L2_N", extent=Extent(perilune_altitude_km=10_000.0))
+    branch = family_branch("Halo_L2_N", extent=Extent(KeepOut(10_000.0)))
     (orbit,) = (branch[-1].half,)
     times = np.linspace(0.0, orbit.period, 5000)
     _, r = primary_distances(propagate(orbit.state, times, method="dop853"))
@@ -249,7 +249,7 @@ def test_library_is_reproducible():
         (lambda: family_members("Lyap_L1"), "jacobi or period"),
         (lambda: family_members("Lyap_L1", jacobi=3.0, period=3.0), "only one"),
         (
-            lambda: family_branch("Dragonfly_N", extent=Extent(perilune_altitude_km=60_000.0)),
+            lambda: family_branch("Dragonfly_N", extent=Extent(KeepOut(60_000.0))),
             "lower the keep-out",
         ),
     ],

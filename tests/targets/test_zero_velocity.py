@@ -194,8 +194,9 @@ def test_points_are_distinct_within_a_mission():
 
 def test_points_two_centers_share_are_kept_once():
     """A ray along the axis from each body, with steps that coincide."""
-    once = sample_region(3.0, SamplingSettings(centers=("earth",)))
-    twice = sample_region(3.0, SamplingSettings(centers=("earth", "earth")))
+    settings = SamplingSettings(centers=("earth",))
+    once = sample_region(3.0, settings)
+    twice = sample_region(3.0, settings.model_copy(update={"centers": ("earth", "earth")}))
     np.testing.assert_array_equal(once, twice)
 
 

@@ -102,7 +102,9 @@ def test_faint_spheres_gain_nothing(problem):
         diffuse_reflection_coefficient=0.5,
     )
     limit = float(np.median(magnitude))
-    loose = Sensor(limiting_magnitude=limit, exclusion=ExclusionAngles(0, 0, 0), occultation=False)
+    loose = Sensor(
+        limiting_magnitude=limit, exclusion_deg=ExclusionAngles(0, 0, 0), occultation=False
+    )
     information = pair_information(
         prediction, scene, problem[1], loose, TaskingModel(pointing_uncertainty_gate=False)
     )

@@ -1,7 +1,5 @@
 """Compiled visibility counts against plain NumPy, pair by pair, and independent propagation."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from oracles.visibility import visible
@@ -44,13 +42,14 @@ def observed(observer, target, sun, settings):
         observer[None],
         target,
         sun,
-        settings.angles.cosines,
+        settings.exclusion_deg.cosines,
         settings.faintness_at(len(observer)),
         MU,
     )
     return counts > 0
 
 
+OPEN = ExclusionAngles(0.0, 0.0, 0.0)
 SETTINGS = VisibilitySettings()
 
 
@@ -63,7 +62,7 @@ def test_every_pair_of_random_tracks(n_targets):
     expected = visible(observer, target, sun, SETTINGS)
     np.testing.assert_array_equal(observed(observer, target, sun, SETTINGS), expected)
     faintness = SETTINGS.faintness_at(len(sun))
-    given = observer[None, None], target, sun, SETTINGS.angles.cosines, faintness, MU
+    given = observer[None, None], target, sun, SETTINGS.exclusion_deg.cosines, faintness, MU
     counts = count_observations(*given)
     np.testing.assert_array_equal(counts[0, 0], expected.sum(axis=0))
     bits = mark_observations(*given)
@@ -74,8 +73,10 @@ def test_every_pair_of_random_tracks(n_targets):
     "settings",
     [
         VisibilitySettings(limiting_magnitude=16.0, diffuse_reflection_coefficient=0.2),
-        VisibilitySettings(target_radius_m=3.0, angles=ExclusionAngles(0.0, 0.0, 0.0)),
-        VisibilitySettings(limiting_magnitude=19.0, angles=ExclusionAngles(100.0, 60.0, 95.0)),
+        VisibilitySettings(target_radius_m=3.0, exclusion_deg=OPEN),
+        VisibilitySettings(
+            limiting_magnitude=19.0, exclusion_deg=ExclusionAngles(100.0, 60.0, 95.0)
+        ),
     ],
 )
 def test_other_settings(settings):
@@ -142,7 +143,7 @@ def test_targets_at_the_limiting_magnitude(margin):
         alpha = np.arccos(np.dot(unit, light) / np.linalg.norm(light))
         return sphere_magnitude(length * UNIT_M, alpha) - 18.0
 
-    no_exclusion = VisibilitySettings(angles=ExclusionAngles(0.0, 0.0, 0.0))
+    no_exclusion = VisibilitySettings(exclusion_deg=OPEN)
     length = np.array([brentq(excess, 1e-6, 10.0, args=(u,), xtol=1e-14) for u in direction])
     target = observer + direction * (length * (1.0 - margin))[:, None]
     seen = observed(observer[None], target, sun, no_exclusion)
@@ -168,7 +169,7 @@ def test_observers_are_counted_by_satellite():
     sun = sun_at(rng.uniform(0.0, SYNODIC_MONTH, 12))
     expected = sum(visible(each, target, sun, SETTINGS).astype(int) for each in track)
     counts = count_observers(
-        track, target, sun, SETTINGS.angles.cosines, SETTINGS.faintness_at(len(sun)), MU
+        track, target, sun, SETTINGS.exclusion_deg.cosines, SETTINGS.faintness_at(len(sun)), MU
     )
     assert expected.max() > 2
     np.testing.assert_array_equal(counts, expected)
@@ -176,7 +177,7 @@ def test_observers_are_counted_by_satellite():
 
 def test_targets_too_faint_in_shadow_are_not_observed():
     """Pair by pair, by the share of the Sun that is seen: counts, coverage and its tables."""
-    settings = VisibilitySettings(angles=ExclusionAngles(0.0, 0.0, 0.0), eclipse=True)
+    settings = VisibilitySettings(exclusion_deg=OPEN, eclipse=True)
     times, sun = np.zeros(1), sun_at([0.4])
     away = -sun[0] / np.linalg.norm(sun[0])
     reach = np.linspace(0.01, 0.05, 12)[:, None]
@@ -188,9 +189,9 @@ def test_targets_too_faint_in_shadow_are_not_observed():
     seen = visible(state[:, :3], target, sun, settings)[0]
     for j in np.flatnonzero(share < 1.0):
         dim = np.inf if share[j] == 0.0 else -2.5 * np.log10(share[j])
-        fainter = replace(settings, limiting_magnitude=18.0 - dim)
+        fainter = settings.model_copy(update={"limiting_magnitude": 18.0 - dim})
         seen[j] &= share[j] > 0.0 and visible(state[:, :3], target[j : j + 1], sun, fainter)[0, 0]
-    without = replace(settings, eclipse=False)
+    without = settings.model_copy(update={"eclipse": False})
     lit = count_visibility(state, [0.0], target, times, sun, without, max_satellites=1)
     found = count_visibility(state, [0.0], target, times, sun, settings, max_satellites=1)
     np.testing.assert_array_equal(found.observations[0, 0], seen)
@@ -318,7 +319,7 @@ def test_phases_run_ahead_of_the_first_satellite(stable_orbits):
 def test_many_observations_do_not_overflow(stable_orbits):
     state, period = stable_orbits
     times = np.linspace(0.0, 5.0, 7000)
-    everything = VisibilitySettings(limiting_magnitude=99.0, angles=ExclusionAngles(0.0, 0.0, 0.0))
+    everything = VisibilitySettings(limiting_magnitude=99.0, exclusion_deg=OPEN)
     target = np.array([[0.3, 0.4, 0.5]])
     found = count_visibility(
         state[:1], period[:1], target, times, sun_at(times), everything, max_satellites=10

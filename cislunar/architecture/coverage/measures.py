@@ -114,7 +114,7 @@ def coverage(
     times = np.asarray(times, dtype=float)
     positions = (np.ascontiguousarray(each, dtype=float) for each in (track, target, sun_position))
     faintness = settings.faintness_at(len(times), length)
-    given = *positions, settings.angles.cosines, faintness, mu
+    given = *positions, settings.exclusion_deg.cosines, faintness, mu
     observers = count_observers(*given)
     if settings.eclipse:
         shade = shade_of(given[1], given[2], mu, length)

@@ -82,6 +82,7 @@ def coverage_tables(
     fold: int = 1,
     window: str = "sample",
     max_stability_index: float = np.inf,
+    propagator: str = "dopri5",
     mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
 ) -> CoverageTables:
@@ -102,7 +103,7 @@ def coverage_tables(
     sun_position : array_like, shape (time, 3)
         Sun at those times, nondimensional, rotating frame.
     settings : VisibilitySettings
-        Photometry, exclusion and propagator.
+        Photometry and exclusion.
     phases : int, optional
         Number of phases 0, 1/phases, ... of a period, each with its own satellite. If omitted, n
         satellites on an orbit are at the phases j/n (Paul & Fan, section 3).
@@ -114,6 +115,8 @@ def coverage_tables(
         One of `_WINDOWS`: "sample" for target-hours, "day" for target-days.
     max_stability_index : float
         Orbits with a larger stability index are excluded.
+    propagator : str
+        Method for the observers, see `cislunar.visibility.counts.satellite_tracks`.
     mu : float
         Mass ratio.
     progress : callable, optional
@@ -146,9 +149,9 @@ def coverage_tables(
         batch = allowed[first : first + _ORBITS_PER_BATCH]
         track = satellite_tracks(
             orbits.state[batch], orbits.period[batch], phase, times,
-            propagator=settings.propagator, mu=mu,
+            propagator=propagator, mu=mu,
         )  # fmt: skip
-        given = track, target, sun, settings.angles.cosines, faintness, mu
+        given = track, target, sun, settings.exclusion_deg.cosines, faintness, mu
         bits = mark_observations(*given)
         if shade is not None:
             at = shade.time * len(target) + shade.target

@@ -65,8 +65,6 @@ class ObservationSettings:
     def __post_init__(self) -> None:
         if not (self.per_hour > 0.0 and np.isfinite(self.per_hour)):
             raise ConfigurationError(f"per_hour = {self.per_hour} must be positive and finite")
-        if not np.all(self.initial.components() > 0.0):
-            raise ConfigurationError(f"initial = {self.initial} must be positive throughout")
 
     def view(self, mu: float) -> tuple:
         """Limits, faintness and positions of Earth and Moon, for the compiled kernels."""

@@ -21,7 +21,8 @@ from cislunar.architecture.orbit_slots import OrbitSlots, orbit_slots_at, steady
 from cislunar.campaign.architectures.moving import MovingTargets, orbit_set
 from cislunar.campaign.architectures.visibility import cost_function, visibility_dataset
 from cislunar.campaign.data.inputs import families_dataset, horizon, sun_at
-from cislunar.campaign.settings.library import visibility_settings
+from cislunar.campaign.settings.reading import typed
+from cislunar.campaign.settings.tree import Visibility
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.station_keeping import station_keeping_m_s
 from cislunar.runtime.progress import Progress
@@ -146,8 +147,9 @@ def objective_of(
     times = horizon(settings)
     tables = coverage_tables(
         orbit_set(allowed), inputs.targets["position"].values, times, sun_at(inputs.sun, times),
-        visibility_settings(settings), phases=design["phases"], max_satellites=candidates.most,
-        fold=design["fold"], window="day" if kind == "target-days" else "sample",
+        typed(settings["visibility"], Visibility), phases=design["phases"],
+        max_satellites=candidates.most, fold=design["fold"],
+        window="day" if kind == "target-days" else "sample", propagator=settings["propagator"],
         progress=progress,
     )  # fmt: skip
     return GapObjective(tables, _GAPS[kind]) if kind in _GAPS else CoverageObjective(tables)

@@ -1,7 +1,6 @@
 """Data sets of visibility, and the cost and the coverage of architectures from them."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -14,12 +13,13 @@ from cislunar.architecture.coverage.measures import Coverage, architecture_track
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.campaign.architectures.variables import dimensionless
 from cislunar.campaign.data.inputs import horizon, sun_at
-from cislunar.campaign.settings.library import visibility_settings
 from cislunar.campaign.settings.observing.sensors import own_sensors
+from cislunar.campaign.settings.reading import merged, typed
+from cislunar.campaign.settings.tree import Visibility
 from cislunar.errors import ConfigurationError
 from cislunar.runtime.progress import Progress, logger
 from cislunar.runtime.provenance import provenance
-from cislunar.visibility.counts import VisibilityCounts, VisibilitySettings, count_visibility
+from cislunar.visibility.counts import VisibilityCounts, count_visibility
 
 
 def visibility_dataset(
@@ -37,12 +37,13 @@ def visibility_dataset(
     own sensors. In ephemeris dynamics `sun` is ``orbits/paths.nc`` of these orbits. `settings` has
     the configuration keys `epoch_jd`, `propagator` and `visibility`; `progress` counts orbits.
     """
-    chosen = visibility_settings(settings)
+    chosen = typed(settings["visibility"], Visibility)
     times = horizon(settings)
     place, length = _sun_and_unit(sun, times)
     tracks = sun["track"].values if "track" in sun else None
     seen = targets["position"].values, times, place
     given: dict[str, Any] = {"max_satellites": max_satellites, "length": length}
+    given["propagator"] = settings["propagator"]
     found = []
     for first, last, own in _by_sensor(chosen, orbits):
         flown = orbits["state"].values[first:last], orbits["period"].values[first:last]
@@ -104,18 +105,13 @@ def _tracks_of(
     return paths["track"].values[rows, np.argmin(away, axis=1)]
 
 
-def _by_sensor(
-    chosen: VisibilitySettings, orbits: xr.Dataset
-) -> Iterator[tuple[int, int, VisibilitySettings]]:
+def _by_sensor(chosen: Visibility, orbits: xr.Dataset) -> Iterator[tuple[int, int, Visibility]]:
     """Consecutive orbits, first and last, whose observers have the same sensor limits."""
     own = own_sensors(orbits, range(orbits.sizes["orbit"]))
     starts = [0, *(k for k in range(1, len(own)) if own[k] != own[k - 1]), len(own)]
     for first, last in pairwise(starts):
-        limit = own[first].get("limiting_magnitude", chosen.limiting_magnitude)
-        angles = own[first].get("exclusion_deg", {})
-        excluded = {f"{body}_deg": angle for body, angle in angles.items()}
-        other = replace(chosen.angles, **excluded)
-        yield first, last, replace(chosen, limiting_magnitude=limit, angles=other)
+        change = {key: value for key, value in own[first].items() if key in Visibility.model_fields}
+        yield first, last, typed(merged(chosen.model_dump(), change), Visibility)
 
 
 def cost_function(visibility: xr.Dataset, orbits: xr.Dataset) -> CostFunction:
@@ -143,7 +139,7 @@ def architecture_coverage(
 
     For `phase` (slot,) see `phases_of`.
     """
-    chosen = visibility_settings(settings)
+    chosen = typed(settings["visibility"], Visibility)
     times = horizon(settings)
     place, length = _sun_and_unit(sun, times)
     if "track" in sun:
@@ -155,6 +151,6 @@ def architecture_coverage(
             satellites,
             times,
             phase=phase,
-            propagator=chosen.propagator,
+            propagator=settings["propagator"],
         )
     return coverage(track, targets["position"].values, times, place, chosen, length=length)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from cislunar.campaign.settings.library import family_extent, sampling_settings
+from cislunar.campaign.settings.library import family_extent
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.tree import Orbits, Targets, Visibility
 from cislunar.constants import SECONDS_PER_DAY
@@ -133,7 +133,7 @@ def orbit_set_dataset(
 def zvs_points_dataset(missions_path: str | Path, settings: Mapping[str, Any]) -> xr.Dataset:
     """Make ``targets/zvs_points.nc`` for a table of missions, from the key `targets`."""
     missions = load_missions(missions_path)
-    sampling = sampling_settings(typed(settings["targets"], Targets))
+    sampling = typed(settings["targets"], Targets)
     names = missions["mission"].tolist()
     points = sample_zero_velocity(
         missions["jacobi"].to_numpy(), sampling, names=names, progress=progress_log("missions")

@@ -3,21 +3,21 @@
 The settings of the library are sections of a cell as they are.
 """
 
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import Field, model_validator
 
-from cislunar.association.methods import AssociationModel
-from cislunar.campaign.settings.observing.sensor_tree import GroupName, Sensor, SensorGroup, Station
+from cislunar.association.model import AssociationModel
+from cislunar.campaign.settings.observing.sensor_tree import GroupName, SensorGroup, Station
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.fusion.methods import FUSIONS
 from cislunar.estimation.initial_sigma import InitialSigma, ProcessNoise
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.evaluation.custody import Custody
 from cislunar.observation.body_parameters import BodyParameterPrior
-from cislunar.observation.body_spec import ICOSAHEDRON, BodySpec
-from cislunar.photometry.materials import REFLECTION_LAWS, Material, PhotometryModel
-from cislunar.photometry.spacecraft import MODELS
+from cislunar.observation.body_spec import BodySpec
+from cislunar.observation.sensor import Sensor
+from cislunar.photometry.materials import REFLECTION_LAWS, Material, PhotometryReading
 from cislunar.runtime.settings_fields import (
     Count,
     Flag,
@@ -25,25 +25,18 @@ from cislunar.runtime.settings_fields import (
     Partial,
     Positive,
     Section,
-    Text,
     Three,
-    ThreePositive,
     partial,
     setting,
     several,
     whole,
 )
-from cislunar.runtime.settings_words import pattern
 from cislunar.tasking.communication.model import CommunicationModel
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.schedule_model import ScheduleModel
 
 # fmt: off
 
-SHAPE = pattern(
-    f"^({ICOSAHEDRON}|{'|'.join(MODELS)})$|[.]([oO][bB][jJ]|[sS][tT][lL])$",
-    f"one of {', '.join((ICOSAHEDRON, *MODELS))}, or a file ending in .obj or .stl")
-TABLE = pattern("[.][cC][sS][vV]$", "a file ending in .csv")
 History = Literal["errors", "bound"]
 Recordable = Literal[
     "truth", "estimates", "covariance", "measurements", "pointing", "visibility"
@@ -128,52 +121,9 @@ class Filter(Section):
         "(docs/dynamics.md)", paper="one Gaussian", default=True)
 
 
-class Body(Section):
-    omitted = ("materials", "table")
-
-    shape: Annotated[str, Field(pattern=SHAPE)] = setting(
-        "`icosahedron`, a model of docs/bodies.md, or a closed triangle mesh (`.obj`, `.stl`), "
-        "whose facets may shadow each other", paper="icosahedron")
-    radius_m: Positive | None = setting(
-        "the shape is scaled to the surface area of a sphere of this radius; null: a model or a "
-        "mesh file keeps its size", "m", "1")
-    meters_per_unit: Positive = setting("length unit of the mesh file", "m", default=1)
-    axis_scale: ThreePositive = setting(
-        "axis scales: factors on the shape along its body axes, before it is scaled to `radius_m`",
-        "1", default=[1, 1, 1])
-    materials: Text | None = setting(
-        "material of each facet group, `group=material; group=material`: `panel`, `foil`, `paint`, "
-        "`material` (the key `material`) or its five numbers. null: a model has its own materials, "
-        "any other shape `material`", default=None)
-    table: Annotated[str, Field(pattern=TABLE)] | None = setting(
-        "table of bodies with one target per row (docs/bodies.md). A target that is not in the "
-        "table has the body of the other keys; so has every target for tasking", "path",
-        default=None)
-    inertia: ThreePositive | None = setting(
-        "principal moments of inertia about the body axes, in any unit, since only their ratios "
-        "matter to a free rotation; null: spherical", paper="spherical", default=None)
-
-    def spec(self, source: str = "task2.body") -> BodySpec:
-        """The body without its table; `source` is its key, for messages."""
-        given = dict(self, axis_scale=tuple(self.axis_scale), source=source)
-        given["inertia"] = None if self.inertia is None else tuple(self.inertia)
-        del given["table"]
-        return BodySpec(**given)
-
-
-class Photometry(Section):
-    irradiance: Literal["4pi", "1/r^2"] | None = setting(
-        "spreading of the light of a facet: `4pi`, 1/(4 pi r^2) as printed in the paper, or the "
-        "physical `1/r^2`, 2.75 mag brighter. null: as `scenarios.NAME.photometry` states",
-        paper="4pi", default=None)
-    fresnel: Literal["sqrt", "printed"] = setting(
-        "Fresnel term: `sqrt` as in Cook & Torrance, or `printed` as in the paper, without the "
-        "root", paper="printed", default=PhotometryModel.fresnel)
-
-
 class Truth(Partial):
     material: partial(Material) = None
-    body: partial(Body) = None
+    body: partial(BodySpec) = None
     sensor: partial(Sensor, ("magnitude_noise", "angle_noise_arcsec")) = None
     reflection: Literal[REFLECTION_LAWS] = REFLECTION_LAWS[0]
     angular_acceleration_deg_h2: Three = Field([0, 0, 0])
@@ -235,9 +185,9 @@ class CellSettings(Section):
     filter: Filter = Filter()
     custody: Custody = Custody()
     batch: BatchSettings = BatchSettings()
-    body: Body = setting("")
+    body: BodySpec = setting("")
     material: Material = Material()
-    photometry: Photometry = Photometry()
+    photometry: PhotometryReading = PhotometryReading()
     truth: Truth = setting(
         "true properties of targets and sensors that differ from the assumed model: any of "
         "`material`, `body` (their keys), `sensor.magnitude_noise`, `sensor.angle_noise_arcsec`, "

@@ -1,7 +1,6 @@
 """Objects of the library from the settings of a campaign, for jobs."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import xarray as xr
@@ -10,8 +9,6 @@ from cislunar.architecture.information.tables import ObservationSettings
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.campaign.settings import cell_tree, tree
 from cislunar.campaign.settings.cell_settings import true_settings
-from cislunar.campaign.settings.observing.sensors import exclusion, sensor
-from cislunar.campaign.settings.reading import typed
 from cislunar.estimation.estimator import EstimatorFactory
 from cislunar.estimation.fusion.catalogs import catalogs
 from cislunar.estimation.registry import estimator_named
@@ -21,41 +18,21 @@ from cislunar.observation.body_spec import bodies_of_targets
 from cislunar.observation.target_surfaces import TargetSurfaces, target_surfaces
 from cislunar.orbits.extent import CATALOG_EXTENT, Extent
 from cislunar.photometry.materials import REFLECTION_LAWS, PhotometryModel
-from cislunar.targets.sampling import SamplingSettings
 from cislunar.tasking.closed_loop import LoopSettings
 from cislunar.tasking.planning.information import TaskingModel
 from cislunar.tasking.truth import TruthModel
-from cislunar.visibility.counts import VisibilitySettings
-
-
-def visibility_settings(settings: Mapping[str, Any]) -> VisibilitySettings:
-    """Photometry and exclusion angles, from the keys `propagator` and `visibility`."""
-    chosen = typed(settings["visibility"], tree.Visibility)
-    return VisibilitySettings(
-        limiting_magnitude=chosen.limiting_magnitude,
-        target_radius_m=chosen.target_radius_m,
-        diffuse_reflection_coefficient=chosen.diffuse_reflection_coefficient,
-        angles=exclusion(chosen.exclusion_deg),
-        propagator=settings["propagator"],
-        eclipse=chosen.eclipse,
-    )
 
 
 def family_extent(orbits: tree.Orbits) -> Extent:
     """Range in which families of observer orbits are followed."""
-    return Extent(**dict(orbits.keep_out)) if orbits.extent == "keep_out" else CATALOG_EXTENT
-
-
-def sampling_settings(targets: tree.Targets) -> SamplingSettings:
-    """Settings of the sampling within a zero-velocity surface."""
-    return SamplingSettings(**targets.model_dump(exclude={"missions", "seeding"}))
+    return Extent(orbits.keep_out) if orbits.extent == "keep_out" else CATALOG_EXTENT
 
 
 def observation_settings(cell: cell_tree.CellSettings) -> ObservationSettings:
     """Observation of moving targets in the selection of architectures by information."""
     model = _tasking_model(cell)
     return ObservationSettings(
-        sensor=sensor(cell.sensor),
+        sensor=cell.sensor,
         radius_m=model.radius_m,
         diffuse_reflection_coefficient=model.diffuse_reflection_coefficient,
         per_hour=3600.0 / cell.step_s,
@@ -67,14 +44,13 @@ def _photometry(
     cell: cell_tree.CellSettings, reflection: str = REFLECTION_LAWS[0]
 ) -> PhotometryModel:
     """The reading of the photometric equations; the physical law if none is stated."""
-    chosen = cell.photometry
-    return PhotometryModel(chosen.irradiance or "1/r^2", chosen.fresnel, reflection)
+    return PhotometryModel(**dict(cell.photometry), reflection=reflection)
 
 
 def _tasking_model(cell: cell_tree.CellSettings) -> TaskingModel:
     """The model that tasking assumes, a sphere with the surface area of the body."""
     chosen = cell.tasking
-    body = body_from_spec(cell.body.spec(), cell.material)
+    body = body_from_spec(cell.body, cell.material)
     radius, coefficient = equal_sphere_of(body, _photometry(cell))
     if chosen.diffuse_reflection_coefficient is not None:
         coefficient = chosen.diffuse_reflection_coefficient
@@ -95,7 +71,7 @@ def believed_surfaces(
 ) -> TargetSurfaces:
     """Shape, material and inertia of targets; `names` has the names of each in a table."""
     material = cell.material
-    specs = bodies_of_targets(cell.body.spec(), cell.body.table, names)
+    specs = bodies_of_targets(cell.body, names)
     bodies = {each: body_from_spec(each, material) for each in dict.fromkeys(specs)}
     return target_surfaces(
         [bodies[each] for each in specs],
@@ -118,7 +94,7 @@ def truth_model(cell: cell_tree.CellSettings, names: Sequence[Sequence[str]]) ->
     true = true_settings(cell)
     return TruthModel(
         believed_surfaces(true, names, cell.truth.reflection),
-        sensor(true.sensor).noise,
+        true.sensor.noise,
         np.deg2rad(deg_h2) / 3600.0**2,
         parameter_sigma=BodyParameterPrior(**cell.truth.parameter_sigma.model_dump()),
     )
@@ -136,7 +112,7 @@ def loop_settings(
         method=tasking.method,
         max_evaluations=tasking.max_evaluations,
         early_stop=tasking.early_stop,
-        sensor=sensor(cell.sensor),
+        sensor=cell.sensor,
         tasking=_tasking_model(cell),
         schedule=tasking,
         communication=cell.communication,

@@ -10,7 +10,6 @@ import os
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -185,11 +184,11 @@ def _check_bodies(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
     for place, settings in cells.items():
         cell = typed(settings, CellSettings)
         for key, of in (("body", cell), ("truth.body", true_settings(cell))):
-            body, usual, table = of.body.spec(), of.material, of.body.table
-            bare = replace(body, materials=None)
+            body, usual, table = of.body, of.material, of.body.table
+            bare = body.model_copy(update={"materials": None})
             for aspect, each in (("shape", bare), ("materials", body)):
                 if (each, usual) not in seen:
-                    _check_body(replace(each, source=f"{place}{key}.{aspect}"), usual)
+                    _check_body(each.named(f"configuration key '{place}{key}.{aspect}'"), usual)
                     seen.add((each, usual))
             known = table, scenarios[place], usual
             if table is not None and known not in seen:
@@ -200,7 +199,7 @@ def _check_bodies(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
 def _check_body(body: BodySpec, usual: Material) -> None:
     """Refuse an impossible body; its source is the key."""
     try:
-        replace(body, source=f"configuration key '{body.source}'").check(usual)
+        body.check(usual)
     except CislunarError as error:
         raise ConfigurationError(str(error)) from None
 

@@ -12,14 +12,14 @@ from cislunar.architecture.published import PUBLISHED
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.campaign.settings import cells
 from cislunar.campaign.settings.cell_settings import cell_settings, true_settings
-from cislunar.campaign.settings.cell_tree import Body, CellSettings
+from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.families import StatedVariant, stated_variants, swept_cells
 from cislunar.campaign.settings.observing.sensors import observer_sensors
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.scenarios import scenario_settings, tracked_count
 from cislunar.errors import ConfigurationError
 from cislunar.observation.body_parameters import BodyParameterPrior
-from cislunar.observation.body_spec import ICOSAHEDRON
+from cislunar.observation.body_spec import ICOSAHEDRON, BodySpec
 from cislunar.photometry.materials import group_materials
 from cislunar.photometry.spacecraft import MODELS
 from cislunar.runtime.settings_fields import is_multiple, require_multiple
@@ -210,15 +210,15 @@ def _check_fusion(place: str, settings: CellSettings) -> None:
 
 def _materials(settings: CellSettings) -> list[Array]:
     """Materials of the body of all targets that no table describes."""
-    usual, body = settings.material, settings.body.spec()
+    usual, body = settings.material, settings.body
     if body.materials is not None:
-        found = group_materials(body.source, body.materials, usual).values()
+        found = group_materials("task2.body", body.materials, usual).values()
     else:
         found = MODELS[body.shape][1].values() if body.shape in MODELS else [usual]
     return [material.as_array() for material in found]
 
 
-def _check_body(place: str, body: Body) -> None:
+def _check_body(place: str, body: BodySpec) -> None:
     """Refuse an icosahedron without a size, and an impossible inertia."""
     if body.shape == ICOSAHEDRON and body.radius_m is None:
         raise ConfigurationError(

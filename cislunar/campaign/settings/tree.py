@@ -14,13 +14,10 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, cre
 
 from cislunar.campaign.settings.architecture_tree import Architecture, Sampler, Search
 from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
-from cislunar.campaign.settings.observing.sensor_tree import Exclusion
 from cislunar.ephemeris.time_scales import julian_date
+from cislunar.orbits.extent import KeepOut
 from cislunar.runtime.settings_fields import (
     Count,
-    Flag,
-    NotNegative,
-    Number,
     Partial,
     Positive,
     Section,
@@ -32,6 +29,8 @@ from cislunar.runtime.settings_fields import (
     whole,
 )
 from cislunar.runtime.settings_words import pattern
+from cislunar.targets.sampling import SamplingSettings
+from cislunar.visibility.counts import VisibilitySettings
 
 # fmt: off
 
@@ -39,7 +38,6 @@ FAMILIES = (
     *("Butterfly_N", "Butterfly_S", "Dragonfly_N", "Dragonfly_S", "Halo_L1_N", "Halo_L1_S"),
     *("Halo_L2_N", "Halo_L2_S", "Halo_L3_N", "Halo_L3_S", "Lyap_L1", "Lyap_L2", "Lyap_L3"),
 )
-Center = Literal["moon", "earth", "barycenter", "L1", "L2", "L3", "L4", "L5"]
 FIRST_JD = 2_441_317.5
 """1972-01-01, when UTC with leap seconds begins."""
 
@@ -87,13 +85,6 @@ class EphemerisSettings(Section):
         default=10)
 
 
-class KeepOut(Section):
-    perilune_altitude_km: NotNegative = setting(
-        "minimum altitude above the Moon (extent `keep_out`)", "km", default=100)
-    perigee_altitude_km: NotNegative = setting(
-        "minimum altitude above the Earth (extent `keep_out`)", "km", default=200)
-
-
 _COUNTS = {name: (whole(ge=0, le=500), setting("")) for name in FAMILIES}
 _Members = create_model("Members", __base__=Section, **_COUNTS)
 
@@ -108,39 +99,24 @@ class Orbits(Section):
         paper="about 23, 302 in all", name="FAMILY")
 
 
-class Targets(Section):
+class _Missions(Section):
     missions: Text = setting("table with the columns `mission` and `jacobi`", "path", "64 missions")
-    centers: Annotated[several(Center), Field(min_length=1)] = setting(
-        "centers of the angular grids", default=["moon", "earth"])
-    region: Literal["moon", "earth", "bodies", "all"] = setting(
-        "sampled part of the region within a zero-velocity surface: the component of the `moon`, "
-        "of the `earth`, of both `bodies`, or `all`", default="moon")
-    angular_step_deg: number(ge=0.1, le=90) = setting(
-        "step in longitude and latitude", "deg", "equiangular", default=15)
-    radial_points: whole(ge=1, le=10_000) = setting("number of points along each ray", default=8)
-    radial_step_km: number(ge=1) | None = setting(
-        "radial step in place of `radial_points`; null: `radial_points` holds", "km",
-        default=None)
-    outer_radius_km: number(gt=384_400, le=10_000_000) = setting(
-        "maximum distance of a sampled point from the barycenter", "km", default=700_000)
+
+
+class Targets(SamplingSettings, _Missions):
     seeding: Literal["k-means++", "greedy k-means++", "random"] = setting(
         "seeding of k-means; see `cislunar/targets/clustering.py`",
         paper="k-means", default="greedy k-means++")
 
 
-class Visibility(Section):
-    omitted = ("eclipse", "dynamics")
-
+class _Horizon(Section):
     duration_days: number(gt=0, le=36_525) = setting("duration of the horizon", "d", "30")
     step_hours: Positive = setting("spacing of the evaluation times", "h", "1 (721 times)")
-    limiting_magnitude: Number = setting("magnitude of the faintest visible target", "mag", "18")
-    target_radius_m: Positive = setting("radius of the spherical targets", "m", "1")
-    diffuse_reflection_coefficient: Positive = setting(
-        "C_d of the sphere; 1 reproduces the paper's J, see `docs/deviations.md`", default=1)
-    exclusion_deg: Exclusion = setting("")
-    eclipse: Flag = setting(
-        "true: targets are dimmer in the penumbra of Earth and Moon and invisible in the umbra",
-        paper="not in the paper", default=False)
+
+
+class Visibility(VisibilitySettings, _Horizon):
+    omitted = ("eclipse", "dynamics")
+
     dynamics: Literal["cr3bp", "ephemeris"] = setting(
         "dynamics in which architectures are selected: the `cr3bp`, or `ephemeris` dynamics with "
         "Earth, Moon and Sun from the DE421 ephemeris and observers as in `task2.dynamics`. Static "

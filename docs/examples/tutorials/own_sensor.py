@@ -23,7 +23,7 @@ small = Sensor(
     limiting_magnitude=16.5,
     magnitude_noise=0.05,
     angle_noise_arcsec=2.0,
-    exclusion=ExclusionAngles(sun_deg=25.0, moon_deg=5.0, earth_deg=5.0),
+    exclusion_deg=ExclusionAngles(sun=25.0, moon=5.0, earth=5.0),
 )
 print(paper)
 print(small)

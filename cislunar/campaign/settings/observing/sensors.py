@@ -5,29 +5,16 @@ group.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from cislunar.campaign.settings.cell_tree import CellSettings
-from cislunar.campaign.settings.observing import sensor_tree
 from cislunar.campaign.settings.reading import merged, typed
 from cislunar.errors import ConfigurationError
-from cislunar.observation.sensor import Atmosphere, ExclusionAngles, Sensor, Sensors
+from cislunar.observation.sensor import Atmosphere, GroundSensor, Sensor, Sensors
 from cislunar.orbits.observers import SENSOR_COLUMNS
-
-
-def exclusion(angles: sensor_tree.Exclusion) -> ExclusionAngles:
-    """Exclusion angles of a telescope."""
-    return ExclusionAngles(**{f"{body}_deg": angle for body, angle in angles})
-
-
-def sensor(chosen: sensor_tree.Sensor) -> Sensor:
-    """The telescope of all observers."""
-    given = dict(chosen)
-    return Sensor(exclusion=exclusion(given.pop("exclusion_deg")), **given)
 
 
 def observer_sensors(
@@ -39,7 +26,7 @@ def observer_sensors(
     names an observer that does not exist, or that another group names.
     """
     if not cell.sensors and not cell.stations and not any(own):
-        return sensor(cell.sensor)
+        return cell.sensor
     usual = cell.sensor.model_dump()
     chosen = [merged(usual, one) for one in own] or [usual] * n_flying
     chosen += [merged(usual, site.sensor.model_dump()) for site in cell.stations.values()]
@@ -53,10 +40,10 @@ def observer_sensors(
                 raise ConfigurationError(f"{key} is in {taken[observer]!r} already")
             taken[observer] = name
             chosen[observer] = merged(chosen[observer], group.sensor.model_dump())
-    found = [sensor(typed(each, sensor_tree.Sensor)) for each in chosen]
+    found = [typed(each, Sensor) for each in chosen]
     for number, site in enumerate(cell.stations.values(), start=n_flying):
-        air = {key: getattr(site, key) for key in Atmosphere.model_fields}
-        found[number] = replace(found[number], atmosphere=Atmosphere(**air))
+        air = Atmosphere(**{key: getattr(site, key) for key in Atmosphere.model_fields})
+        found[number] = GroundSensor(**dict(found[number]), atmosphere=air)
     return tuple(found)
 
 
@@ -85,5 +72,5 @@ def true_sensors(cell: CellSettings, believed: Sensors) -> Sensors | None:
         return None
     given = {} if cell.truth.sensor is None else cell.truth.sensor.model_dump()
     if isinstance(believed, Sensor):
-        return replace(believed, **given)
-    return tuple(replace(one, **given) for one in believed)
+        return believed.model_copy(update=given)
+    return tuple(one.model_copy(update=given) for one in believed)
