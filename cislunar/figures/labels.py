@@ -110,7 +110,7 @@ PIPELINES = {
     ("published", "mukf", "with-tasking"): f"{_PAPER}, recommended tasking",
     ("published", "mukf", "with-mixtures"): f"{_PAPER}, Gaussian mixtures of orbits",
     ("published", "batch", "with-batch"): f"{_PAPER}, batch estimator",
-    ("published", "mukf", ""): f"{_PAPER}, recommended tasking and mixtures",
+    ("published", "mukf", ""): f"{_PAPER}, recommended tasking, mixtures and process noise",
 }
 """Pipelines of ``config/real.yaml``: design without its number, estimator and variant."""
 
