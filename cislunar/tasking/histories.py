@@ -52,8 +52,8 @@ def _estimated(_settings: LoopSettings, estimated: bool) -> bool:
     return estimated
 
 
-_STATE, _PARAMETER = ("target", "component"), ("target", "unknown")
-_STATE_UNIT, _PARAMETER_UNIT = "see component_unit", "see unknown_unit"
+_STATE, _PARAMETER = ("target", "component"), ("target", "parameter")
+_STATE_UNIT, _PARAMETER_UNIT = "see component_unit", "see parameter_unit"
 _FRAME = "{frame}"
 
 

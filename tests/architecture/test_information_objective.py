@@ -35,7 +35,8 @@ from cislunar.orbits.families import observer_library
 from cislunar.photometry.facets import apparent_magnitude
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import icosahedron
-from cislunar.visibility.counts import VisibilitySettings, satellite_tracks
+from cislunar.visibility.counts import VisibilitySettings
+from cislunar.visibility.tracks import satellite_tracks
 
 LOWER = np.tril_indices(6)
 SENSOR = Sensor(limiting_magnitude=17.5, occultation=False)

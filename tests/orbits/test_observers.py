@@ -8,7 +8,7 @@ from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.errors import InputFileError
 from cislunar.orbits.catalog import periodic_orbits
 from cislunar.orbits.observers import load_observers, observer_orbits
-from cislunar.visibility.counts import satellite_tracks
+from cislunar.visibility.tracks import satellite_tracks
 
 STATES = "id,x,y,z,vx,vy,vz,period,family,jacobi,phase"
 FREE = "free,0.8,0.1,0.05,0.1,-0.2,0.1,,,,"

@@ -31,7 +31,7 @@ from cislunar.observation.sightline import METERS
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.orbits.families import OrbitSet
 from cislunar.photometry.sphere import faintness_per_squared_range
-from cislunar.visibility.counts import satellite_tracks
+from cislunar.visibility.tracks import satellite_tracks
 
 Array = NDArray[np.float64]
 
@@ -250,7 +250,7 @@ def orbit_information(
         observation counts fully wherever the sphere of `observations` is bright enough, as in
         tasking.
     propagator : str
-        Method for the observers, see `cislunar.visibility.counts.satellite_tracks`.
+        Method for the observers, see `cislunar.visibility.tracks.satellite_tracks`.
     mu : float
         Mass ratio.
     progress : callable, optional

@@ -20,7 +20,7 @@ from cislunar.architecture.orbit_slots import OrbitSlots, satellite_orbit_slots
 from cislunar.attitude.quaternion import normalize
 from cislunar.campaign.data.inputs import sun_at
 from cislunar.campaign.settings.cell_tree import CellSettings
-from cislunar.campaign.settings.library import believed_surfaces, observation_settings, target_names
+from cislunar.campaign.settings.library import nominal_surfaces, observation_settings, target_names
 from cislunar.campaign.settings.reading import typed
 from cislunar.orbits.families import OrbitSet
 from cislunar.runtime.progress import Progress
@@ -94,7 +94,7 @@ class MovingTargets:
         attitudes = normalize(
             generator(*self._stream, "brightness").standard_normal((_ATTITUDES, 4))
         )
-        surfaces = believed_surfaces(self._cell, self._names)
+        surfaces = nominal_surfaces(self._cell, self._names)
         return squared_reaches(surfaces, self._cell.sensor.limiting_magnitude, attitudes)
 
     def tables(
@@ -107,7 +107,7 @@ class MovingTargets:
             return orbit_information(
                 orbits, orbit_slots, *self._coarse, observations, reaches=self._reaches, **shared
             )
-        surfaces = believed_surfaces(self._cell, self._names)
+        surfaces = nominal_surfaces(self._cell, self._names)
         rate = np.deg2rad(INITIAL_RATE_DEG_H) / 3600.0
         given = observations, surfaces, rate, generator(*self._stream)
         count = self._information["attitudes"]

@@ -10,7 +10,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "grid_cells", "most_alike", "variant_cells"],
     "checks": ["check_campaign"],
     "families": ["SweepPoint", "nested", "sweep_points", "swept_cells", "with_families"],
-    "library": ["believed_surfaces", "estimator_factory", "family_extent", "loop_settings",
+    "library": ["estimator_factory", "family_extent", "loop_settings", "nominal_surfaces",
         "observation_settings", "sampling_settings", "target_names", "truth_model",
         "visibility_settings"],
     "preflight": ["check_inputs", "check_orbits", "check_request", "crowded_objectives"],

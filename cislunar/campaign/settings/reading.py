@@ -14,6 +14,7 @@ from cislunar.runtime.settings_words import faults, inner, schema_of, types, unr
 Part = TypeVar("Part", bound=Section)
 
 RENAMED = {
+    "believed_factor": "assumed_factor",
     "credit_under_way": "use_pending_measurements",
     "credited_measurements": "expected_measurements",
     "elsewhere": "generalization",

@@ -162,7 +162,7 @@ class BatchEstimator:
         return np.array([modes.count[1] for modes in self._hypotheses])
 
     @property
-    def rows_held(self) -> NDArray[np.int64]:
+    def light_curve_rows(self) -> NDArray[np.int64]:
         """Per target, number of rows (measurements and non-detections) of its light curve that are
         kept."""
         return self._state.rows.copy()
