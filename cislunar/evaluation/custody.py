@@ -26,7 +26,7 @@ class Custody(Section):
         default=5,
     )
 
-    def holds(self, error: Array) -> NDArray[np.bool_]:
+    def satisfied(self, error: Array) -> NDArray[np.bool_]:
         """Whether errors of states (..., 12) are within the limits, (...); NaN, of a failed
         estimate, is not."""
         away_km = LENGTH_UNIT_KM * np.sqrt((error[..., 6:9] ** 2).sum(axis=-1))

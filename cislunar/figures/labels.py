@@ -66,7 +66,6 @@ MODEL_ERRORS = {
     "material.rms_slope": "slope of microfacets",
     "material.normal_reflectance": "normal reflectance",
     "body.axis_scale": "axis scale of the shape",
-    "body.stretch": "axis scale of the shape",
     "body.radius_m": "size of the shape",
     "body.inertia": "axial inertia",
     "sensor.magnitude_noise": "magnitude noise",

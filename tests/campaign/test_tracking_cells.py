@@ -177,15 +177,15 @@ def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
         ("task2.tasking_comparison.tpe_evaluations", 10),
         ("task2.tasking_comparison.targets", []),
         ("task2.body.radius_m", None),
-        ("task2.body.stretch", [1, 1]),
-        ("task2.body.stretch", [1, 1, 0]),
+        ("task2.body.axis_scale", [1, 1]),
+        ("task2.body.axis_scale", [1, 1, 0]),
         ("task2.body.inertia", [1, 1, 3]),
         ("task2.body.inertia", [1, 2]),
         ("task2.truth.material", {"rms_slope": 0}),
         ("task2.truth.sensor", {"magnitude_noise": -0.1}),
         ("task2.truth.angular_acceleration_deg_h2", 0.1),
         ("task2.truth.parameter_sigma", {"log_slope": -0.1}),
-        ("task2.batch.unknowns", {"log_slope": -0.1}),
+        ("task2.batch.estimated_parameters", {"log_slope": -0.1}),
         ("task2.batch.noise_freedom", 0),
     ],
 )
@@ -657,7 +657,7 @@ def test_statistics_are_over_the_observed_targets(tracked_cell):
     )
 
 
-def test_a_cell_tells_what_became_of_its_looks(sources, caplog):
+def test_a_cell_tells_the_outcomes_of_its_observations(sources, caplog):
     caplog.set_level("INFO", logger="cislunar")
     cell = _cell(sources, sensor={"limiting_magnitude": 16})
     shares = {
