@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 class Decision(NamedTuple):
     """Targets of the observers until the next tasking epoch.
     `target` (slot, observer): target of each observer, or `IDLE`; `target_by_step` (step,
-    observer): the same at every measurement, `IDLE` also while an observer turns. `information`: of
+    observer): the same at every measurement, `IDLE` also while an observer slews. `information`: of
     the observations, nats. `evaluations`: taskings evaluated, or assignments and set packings
     solved. `gap`: relative amount by which a set packing may fall short of the best, or the
     schedule of all slots, if it is bounded. `pairs` (observer, target): information of all pairs,

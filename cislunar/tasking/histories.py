@@ -124,7 +124,7 @@ HISTORIES = {
     "pointing": History(
         "time", ("observer", "angle"), "f8", "rad",
         "direction of the target's estimated position, observer's body frame; NaN for an observer "
-        "that is idle or turns", _in_record("pointing")),
+        "that is idle or slews", _in_record("pointing")),
     "visible": History(
         "epoch", ("target",), "bool", "1",
         "1 where any observer could have detected the target in the interval, at its true "

@@ -48,7 +48,7 @@ def with_types(config: Mapping[str, Any], model: type[Section] = Campaign) -> di
         return _typed(config, schema_of(model))
     except RecursionError:
         raise ConfigurationError(
-            "a configuration key holds itself: remove the alias (*name in YAML)"
+            "a configuration key contains itself: remove the alias (*name in YAML)"
         ) from None
 
 
