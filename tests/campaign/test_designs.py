@@ -312,7 +312,7 @@ DESIGN = {"objective": "information", "satellites": 20}
         ("designs.x", DESIGN | {"objective": "gap"}, "must be one of coverage, target-days"),
         ("designs.x", DESIGN | {"satellites": 4000}, "4000 must lie in 1 .. 3020"),
         ("designs.x", DESIGN | {"method": "chance"}, "with method chance has none; leave it out"),
-        ("designs.x", {"satellites": 20}, "designs.x.objective': a design by certified needs one"),
+        ("designs.x", {"satellites": 20}, "a design with method certified needs one"),
         ("designs.x", DESIGN | {"objective": "J"}, "phases' = 10: J is defined for satellites in"),
         ("designs.x", DESIGN | {"copies": 3}, "copies' = 3: all would be the same"),
         ("designs", {"x": {"satellites": 2, "method": "chance", "copies": 2}, "x-2": DESIGN},
