@@ -18,12 +18,12 @@ from visibility import plain
 
 from cislunar.architecture.coordinate_search import coordinate_search
 from cislunar.architecture.cost import CostFunction
-from cislunar.architecture.coverage.measures import architecture_tracks
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.cr3bp import primary_distances
 from cislunar.orbits.families import OrbitSet, observer_library
 from cislunar.visibility.counts import VisibilitySettings, count_visibility, observation_times
+from cislunar.visibility.tracks import architecture_tracks
 
 N_ORBITS, MAX_SATELLITES, N_SLOTS, N_STEPS = 302, 10, 10, 721
 SETTINGS = VisibilitySettings()

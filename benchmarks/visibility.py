@@ -22,9 +22,10 @@ from cislunar.orbits.families import observer_library
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
 from cislunar.targets.missions import load_missions
 from cislunar.targets.sampling import sample_zero_velocity
-from cislunar.visibility.counts import VisibilitySettings, observation_times, satellite_tracks
+from cislunar.visibility.counts import VisibilitySettings, observation_times
 from cislunar.visibility.kernel import count_observations
 from cislunar.visibility.phasing import distinct_phases
+from cislunar.visibility.tracks import satellite_tracks
 
 DAYS = 10.0
 MISSIONS = Path(__file__).parents[1] / "config" / "missions.csv"

@@ -1,4 +1,4 @@
-"""Kernels that borrow their arrays, and kernels that make some."""
+"""Kernels that create no arrays, and kernels that create some."""
 
 import importlib
 import pkgutil
@@ -32,7 +32,7 @@ def _called(kernel):
                 yield name, value
 
 
-def test_kernels_that_borrow_call_only_such_as_say_whether_they_make_arrays():
+def test_kernels_without_arrays_call_kernels_with_a_decorator_only():
     # another would take after the first that calls it, and hang on the order of compilation
     noalloc_kernels = {n: k for n, k in _kernels() if k.targetoptions.get("_nrt") is False}
     assert len(noalloc_kernels) > 100
@@ -45,7 +45,7 @@ def test_kernels_that_borrow_call_only_such_as_say_whether_they_make_arrays():
     assert not silent
 
 
-def test_a_kernel_that_borrows_cannot_make_an_array():
+def test_a_kernel_without_arrays_cannot_create_one():
     @njit_noalloc
     def makes(n):
         return np.empty(n).size

@@ -12,7 +12,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "objective": ["Objective", "first_best"],
     "orbit_slots": ["OrbitSlots", "free_orbit_slots", "orbit_slots_at", "satellite_orbit_slots",
         "steady_orbits"],
-    "published": ["PUBLISHED", "PUBLISHED_COST", "choose_members", "values_by_chance"],
+    "published": ["PUBLISHED", "PUBLISHED_COST", "choose_members", "random_member_values"],
     "tables": ["ArchitectureTables"],
 })
 # fmt: on

@@ -20,14 +20,14 @@ Choice = tuple[NDArray[np.int64], NDArray[np.int64]]
 
 class Effort(NamedTuple):
     """Effort of the search from the choices of a bound: the number `starts` of choices, those of
-    largest value, from which it starts (None: all), and the share `worth` of the gap that it must
-    close for the bound to be computed again."""
+    largest value, from which it starts (None: all), and the share `least_gain` of the gap that it
+    must close for the bound to be computed again."""
 
     starts: int | None
-    worth: float
+    least_gain: float
 
 
-THOROUGH = Effort(starts=None, worth=0.0)
+THOROUGH = Effort(starts=None, least_gain=0.0)
 """Search from every choice, and compute the bound again after any improvement."""
 
 
@@ -141,7 +141,7 @@ def certified_search(
         if again.value <= best.value * IMPROVES:
             break
         before, best = best, again
-        if best.value - before.value < effort.worth * (bound - before.value):
+        if best.value - before.value < effort.least_gain * (bound - before.value):
             break
     return ObjectiveCertificate(
         orbit=best.orbit,

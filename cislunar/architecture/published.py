@@ -134,7 +134,7 @@ def choose_members(
     return SearchResult.from_trials(objective, tried, history, keep_slots=True)
 
 
-def values_by_chance(
+def random_member_values(
     objective: Objective,
     slots: tuple[tuple[str, int], ...],
     rng: np.random.Generator,

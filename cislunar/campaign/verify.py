@@ -20,7 +20,7 @@ _WRITING_S = 600.0
 
 def _check_dataset(path: Path) -> None:
     if not read_dataset(path).variables:
-        raise InputFileError("holds no variable")
+        raise InputFileError("contains no variable")
 
 
 def _check_table(path: Path) -> None:

@@ -37,14 +37,14 @@ class Frame(NamedTuple):
 
     `origin` (..., 6): its barycenter, barycentric frame, J2000 axes, km and km/s. `axes` (..., 3,
     3): rotation from J2000 to the frame. `rotation` (..., 3): angular velocity in its axes, rad/s.
-    `length`, `stretching`, `time` (...): unit of length, km, its rate, km/s, and unit of time, s.
+    `length`, `length_rate`, `time` (...): unit of length, km, its rate, km/s, and unit of time, s.
     """
 
     origin: Array
     axes: Array
     rotation: Array
     length: Array
-    stretching: Array
+    length_rate: Array
     time: Array
 
     def matrix(self) -> Array:
@@ -54,9 +54,9 @@ class Frame(NamedTuple):
         out = np.zeros((*self.length.shape, 6, 6))
         out[..., :3, :3] = length * back
         # Row k of cross(w, identity) is w x e_k, so its transpose is the matrix of w x.
-        turning = np.swapaxes(np.cross(self.rotation[..., None, :], np.eye(3)), -1, -2)
-        stretching = self.stretching[..., None, None] * np.eye(3)
-        out[..., 3:, :3] = back @ (stretching + length * turning)
+        cross = np.swapaxes(np.cross(self.rotation[..., None, :], np.eye(3)), -1, -2)
+        length_rate = self.length_rate[..., None, None] * np.eye(3)
+        out[..., 3:, :3] = back @ (length_rate + length * cross)
         out[..., 3:, 3:] = length / self.time[..., None, None] * back
         return out
 
@@ -95,7 +95,7 @@ def pulsating_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Fra
         axes=axes,
         rotation=rotation,
         length=distance,
-        stretching=np.sum(axes[..., 0, :] * v, axis=-1),
+        length_rate=np.sum(axes[..., 0, :] * v, axis=-1),
         time=TIME_UNIT_S * (distance / LENGTH_UNIT_KM) ** 1.5,
     )
 
@@ -118,7 +118,7 @@ def lunar_frame(table: BodyTable, time: ArrayLike, *, mu: float = MU) -> Frame:
         axes=axes,
         rotation=one[..., None] * np.array([0.0, 0.0, 1.0 / TIME_UNIT_S]),
         length=LENGTH_UNIT_KM * one,
-        stretching=0.0 * one,
+        length_rate=0.0 * one,
         time=TIME_UNIT_S * one,
     )
 
@@ -141,7 +141,7 @@ def to_inertial(state: ArrayLike, frame: Frame) -> Array:
     s = np.asarray(state, dtype=float)
     p = s[..., :3]
     length = frame.length[..., None]
-    velocity = frame.stretching[..., None] * p + length * (
+    velocity = frame.length_rate[..., None] * p + length * (
         np.cross(frame.rotation, p) + s[..., 3:] / frame.time[..., None]
     )
     parts = [np.einsum("...ji,...j->...i", frame.axes, each) for each in (length * p, velocity)]
@@ -167,7 +167,7 @@ def from_inertial(state: ArrayLike, frame: Frame) -> Array:
     r, v = (np.einsum("...ij,...j->...i", frame.axes, each) for each in (s[..., :3], s[..., 3:]))
     length = frame.length[..., None]
     p = r / length
-    v = (v - frame.stretching[..., None] * p) / length - np.cross(frame.rotation, p)
+    v = (v - frame.length_rate[..., None] * p) / length - np.cross(frame.rotation, p)
     return np.concatenate([p, v * frame.time[..., None]], axis=-1)
 
 

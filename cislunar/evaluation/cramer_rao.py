@@ -77,14 +77,14 @@ def _use(rows, deviations, turn, motion, root, noise_variance, work):
             for i in range(3):
                 gradient[c, a] += rows[a, i] * turn[i, c]
                 gradient[6 + c, a] += rows[a, 3 + i] * motion[6 * i + c]
-    turning = turn.shape[1] - 6
-    for c in range(turning):
+    n_rotation = turn.shape[1] - 6
+    for c in range(n_rotation):
         gradient[SIZE + c] = 0.0
         for i in range(3):
             gradient[SIZE + c, 0] += rows[0, i] * turn[i, 6 + c]
     for c in range(deviations.shape[0]):
-        gradient[SIZE + turning + c] = 0.0
-        gradient[SIZE + turning + c, 0] = deviations[c]
+        gradient[SIZE + n_rotation + c] = 0.0
+        gradient[SIZE + n_rotation + c, 0] = deviations[c]
     for a in range(3):
         for i in range(root.shape[0]):
             cross[i, a] = 0.0
@@ -310,12 +310,12 @@ class CramerRaoBound:
         of_rotation, of_surface = prior.rotation_kinds(), surface_table(prior, surfaces)
         bodies = rigid_bodies(surfaces.inertia)
         self._model = (scene, surfaces, bodies, of_rotation, of_surface)
-        turning = of_rotation[0].size
-        deviations = np.concatenate([deviations, np.ones(turning + of_surface[0].shape[1])])
+        n_rotation = of_rotation[0].size
+        deviations = np.concatenate([deviations, np.ones(n_rotation + of_surface[0].shape[1])])
         self._process_variance, self._forces, self._index = process, forces, 0
         self._state = _BoundState(
             np.tile(np.diag(deviations), (n_targets, 1, 1)),
-            np.tile(np.eye(6, 6 + turning), (n_targets, 1, 1)),
+            np.tile(np.eye(6, 6 + n_rotation), (n_targets, 1, 1)),
             np.tile(np.eye(6).ravel(), (n_targets, 1)),
             np.zeros(n_targets, dtype=bool),
         )

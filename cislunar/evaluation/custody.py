@@ -11,22 +11,22 @@ Array = NDArray[np.float64]
 
 
 class Custody(Section):
-    """Largest errors at the end of a run with which a target counts as in custody."""
+    """Largest errors at the end of a run with which a target is in custody."""
 
     position_km: Positive = setting(
-        "largest position error at the end of a run with which a target counts as held",
+        "largest position error at the end of a run with which a target is in custody",
         "km",
         "not in the paper",
         default=10,
     )
     attitude_deg: Positive = setting(
-        "largest attitude error at the end of a run with which a target counts as held",
+        "largest attitude error at the end of a run with which a target is in custody",
         "deg",
         "not in the paper",
         default=5,
     )
 
-    def holds(self, error: Array) -> NDArray[np.bool_]:
+    def satisfied(self, error: Array) -> NDArray[np.bool_]:
         """Whether errors of states (..., 12) are within the limits, (...); NaN, of a failed
         estimate, is not."""
         away_km = LENGTH_UNIT_KM * np.sqrt((error[..., 6:9] ** 2).sum(axis=-1))

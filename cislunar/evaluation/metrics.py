@@ -208,7 +208,7 @@ class Evaluation:
         least = np.full(error.shape, np.nan) if bound is None else bound
         before = min(max(self._begin - self._done, 0), error.shape[1])
         self._observed |= np.asarray(observed)
-        self._in_custody = self._custody.holds(error[:, -1])
+        self._in_custody = self._custody.satisfied(error[:, -1])
         _add(before, error, sigma, least, self._sums)
         self._done += error.shape[1]
         last = slice(self._done - error.shape[1] + before - self._begin, self._done - self._begin)

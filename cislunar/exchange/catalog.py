@@ -78,7 +78,7 @@ def read_catalog(path: str | Path) -> _CatalogRows:
             f"LU and TU, with their header; it has {listed(header)}"
         )
     if not rows:
-        raise InputFileError(f"{path}: holds no orbit; add a row per orbit")
+        raise InputFileError(f"{path}: contains no orbit; add a row per orbit")
     columns = [header.index(name) for name in COLUMNS]
     names: dict[str, int] = {}
     values = []

@@ -81,7 +81,7 @@ def named_rows(
     if key not in header:
         raise InputFileError(f"{path}, row 1: no column {key}; the header has {listed(header)}")
     if not rows:
-        raise InputFileError(f"{path}: holds no {what}; add a row per {what}")
+        raise InputFileError(f"{path}: contains no {what}; add a row per {what}")
     return header, rows
 
 

@@ -66,7 +66,6 @@ MODEL_ERRORS = {
     "material.rms_slope": "slope of microfacets",
     "material.normal_reflectance": "normal reflectance",
     "body.axis_scale": "axis scale of the shape",
-    "body.stretch": "axis scale of the shape",
     "body.radius_m": "size of the shape",
     "body.inertia": "axial inertia",
     "sensor.magnitude_noise": "magnitude noise",
@@ -110,7 +109,7 @@ PIPELINES = {
     ("published", "mukf", "with-tasking"): f"{_PAPER}, recommended tasking",
     ("published", "mukf", "with-mixtures"): f"{_PAPER}, Gaussian mixtures of orbits",
     ("published", "batch", "with-batch"): f"{_PAPER}, batch estimator",
-    ("published", "mukf", ""): f"{_PAPER}, recommended tasking and mixtures",
+    ("published", "mukf", ""): f"{_PAPER}, recommended tasking, mixtures and process noise",
 }
 """Pipelines of ``config/real.yaml``: design without its number, estimator and variant."""
 

@@ -23,7 +23,7 @@ _MAX_TURN = 0.15
 _EASY_TURN = 0.075
 EASY_ITERATIONS = 3
 MAX_ITERATIONS = 12
-_MAX_DEPARTURE = 0.15
+_MAX_CORRECTION = 0.15
 
 
 class Point(NamedTuple):
@@ -115,10 +115,10 @@ def continue_branch(
             tangent = _tangent_of(half, last.tangent)
             turn = np.arccos(min(1.0, float(tangent @ last.tangent)))
             # A correction much larger than the curvature suggests has converged to another family.
-            departure = np.linalg.norm(half.crossing - guess) / step
+            correction = np.linalg.norm(half.crossing - guess) / step
         except ConvergenceError:
-            turn = departure = np.inf
-        if turn > _MAX_TURN or departure > _MAX_DEPARTURE:
+            turn = correction = np.inf
+        if turn > _MAX_TURN or correction > _MAX_CORRECTION:
             step *= 0.5
             if step < _MIN_STEP and partial:
                 return branch

@@ -145,7 +145,7 @@ def _whole(value: Any) -> Any:
 
 def _each_once(value: list) -> list:
     if any(item in value[:number] for number, item in enumerate(value)):
-        raise ValueError("holds a value twice")
+        raise ValueError("contains a value twice")
     return value
 
 

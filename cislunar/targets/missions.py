@@ -107,7 +107,7 @@ def _read(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
         )
     rows = [(number, fields) for number, fields in lines[1:] if fields]
     if not rows:
-        raise InputFileError(f"{path}: holds no mission; add a row per mission")
+        raise InputFileError(f"{path}: contains no mission; add a row per mission")
     return header, rows
 
 

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 class Decision(NamedTuple):
     """Targets of the observers until the next tasking epoch.
     `target` (slot, observer): target of each observer, or `IDLE`; `target_by_step` (step,
-    observer): the same at every measurement, `IDLE` also while an observer turns. `information`: of
+    observer): the same at every measurement, `IDLE` also while an observer slews. `information`: of
     the observations, nats. `evaluations`: taskings evaluated, or assignments and set packings
     solved. `gap`: relative amount by which a set packing may fall short of the best, or the
     schedule of all slots, if it is bounded. `pairs` (observer, target): information of all pairs,
@@ -111,11 +111,11 @@ def decide(
     lengths = np.diff(np.append(starts, ends[-1]))
     now = np.count_nonzero(starts < n_steps)
 
-    def turning(target: NDArray[np.int64]) -> NDArray[np.int64]:
-        return _turning_steps(target, pointing, observations.direction, model, step_s)
+    def slew_steps(target: NDArray[np.int64]) -> NDArray[np.int64]:
+        return _slew_steps(target, pointing, observations.direction, model, step_s)
 
     def shares(target: NDArray[np.int64]) -> Array:
-        left = lengths[:, None, None] - turning(target)
+        left = lengths[:, None, None] - slew_steps(target)
         return np.maximum(left, 0) / lengths[:, None, None]
 
     margin = observations.margin[..., None]
@@ -129,24 +129,24 @@ def decide(
         observations,
         probabilities,
         observers_per_target=model.observers_per_target,
-        shares=shares if model.turning else None,
+        shares=shares if model.slewing else None,
         carried_out=now,
     )
     gap = plan.gap
-    if model.bound_steps > 0 and plan.worth > 0.0:
+    if model.bound_steps > 0 and plan.value > 0.0:
         bound = schedule_bound(
             observations,
             probabilities,
             plan.target,
-            plan.worth,
+            plan.value,
             observers_per_target=model.observers_per_target,
             steps=model.bound_steps,
         )
-        gap = bound / plan.worth - 1.0
+        gap = bound / plan.value - 1.0
     target = plan.target[:now]
     target_by_step = np.repeat(target, lengths[:now], axis=0)
-    if model.turning:
-        lost_steps = turning(plan.target)
+    if model.slewing:
+        lost_steps = slew_steps(plan.target)
         for s, o in np.argwhere(target != IDLE):
             until = min(lost_steps[s, o, target[s, o]], lengths[s])
             target_by_step[starts[s] : starts[s] + until, o] = IDLE
@@ -208,7 +208,7 @@ def _assigned(
         tasking = assign_preselected(prediction, *given)
         information = tasking.information
     else:
-        worth = pairs = pair_information(prediction, *given, selected=lit)
+        value = pairs = pair_information(prediction, *given, selected=lit)
         if detection is not None:
             seen = pairs > 0.0
             if by_facets:
@@ -219,9 +219,9 @@ def _assigned(
             else:
                 expected = margin[..., None]
             detects = detection.detects(expected, seen)
-            worth = detection.worth(pairs, detects)
+            value = detection.pair_values(pairs, detects)
         tasking = assign(
-            worth,
+            value,
             settings.method,
             rng=rng,
             max_evaluations=settings.max_evaluations,
@@ -242,7 +242,7 @@ def _assigned(
     )
 
 
-def _turning_steps(
+def _slew_steps(
     target: NDArray[np.int64],
     pointing: NDArray[np.int64],
     direction: Array,
@@ -250,7 +250,7 @@ def _turning_steps(
     step_s: float,
 ) -> NDArray[np.int64]:
     """Measurements lost before each slot's first observation of each target (slot, observer,
-    target). An observer turns from the present direction of its last target."""
+    target). An observer slews from the present direction of its last target."""
     n_slots, n_observers, n_targets = direction.shape[:3]
     lost_steps = np.zeros((n_slots, n_observers, n_targets), dtype=np.int64)
     last = pointing.copy()
@@ -262,7 +262,7 @@ def _turning_steps(
                 cosine = np.nan_to_num(direction[s, o] @ direction[s, o, last[o]], nan=-1.0)
                 angle = np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
                 time_s += angle / model.slew_deg_s
-            # the turn begins at the measurement before; the next is a step later
+            # the slew begins at the measurement before; the next is a step later
             steps = np.maximum(np.ceil(time_s / step_s - 1e-9) - 1.0, 0.0)
             lost_steps[s, o] = np.where(np.arange(n_targets) == last[o], 0, steps)
         last = np.where(target[s] == IDLE, last, target[s])

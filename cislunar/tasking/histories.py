@@ -56,8 +56,8 @@ def _estimated(_settings: LoopSettings, estimated: bool) -> bool:
     return estimated
 
 
-_STATE, _PARAMETER = ("target", "component"), ("target", "unknown")
-_STATE_UNIT, _PARAMETER_UNIT = "see component_unit", "see unknown_unit"
+_STATE, _PARAMETER = ("target", "component"), ("target", "parameter")
+_STATE_UNIT, _PARAMETER_UNIT = "see component_unit", "see parameter_unit"
 _FRAME = "{frame}"
 
 
@@ -128,7 +128,7 @@ HISTORIES = {
     "pointing": History(
         "time", ("observer", "angle"), "f8", "rad",
         "direction of the target's estimated position, observer's body frame; NaN for an observer "
-        "that is idle or turns", _in_record("pointing")),
+        "that is idle or slews", _in_record("pointing")),
     "associations": History(
         "epoch", ("target",), "i4", "1",
         "detections that the track has taken in the interval", _associated),

@@ -1,8 +1,4 @@
-"""Visibility counts of static targets for every orbit and satellite count.
-
-Observers are propagated over one period only and repeated, because errors would otherwise grow over
-the horizon (Paul & Fan, section 5.1). Positions come from dense output at the exact times.
-"""
+"""Visibility counts of static targets for every orbit and satellite count."""
 
 from __future__ import annotations
 
@@ -14,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.bounds import require_nondimensional
-from cislunar.dynamics.cr3bp import CR3BP, primary_distances
-from cislunar.dynamics.propagation import propagate, propagate_periodic
+from cislunar.dynamics.cr3bp import primary_distances
 from cislunar.errors import ConfigurationError
 from cislunar.observation.sensor import ExclusionAngles
 from cislunar.photometry.sphere import faintness_per_squared_range
@@ -23,6 +18,7 @@ from cislunar.runtime.settings_fields import Flag, Number, Positive, Section, se
 from cislunar.visibility.kernel import count_observations
 from cislunar.visibility.phasing import distinct_phases
 from cislunar.visibility.shade import lost_observations, shade_of
+from cislunar.visibility.tracks import satellite_tracks
 
 Array = NDArray[np.float64]
 
@@ -107,50 +103,6 @@ def observation_times(duration_days: float, step_hours: float) -> Array:
             f"step_hours = {step_hours}"
         )
     return np.arange(round(steps) + 1) * step_hours * 3600.0 / TIME_UNIT_S
-
-
-def satellite_tracks(
-    state: ArrayLike,
-    period: ArrayLike,
-    phase: ArrayLike,
-    times: ArrayLike,
-    *,
-    propagator: str = "dopri5",
-    mu: float = MU,
-) -> Array:
-    """Positions of satellites along periodic orbits.
-
-    Parameters
-    ----------
-    state : array_like, shape (orbit, 6)
-        Epoch states of the first satellites, nondimensional, rotating frame.
-    period : array_like, shape (orbit,)
-        Periods, nondimensional; 0 for an open trajectory, which has no phases.
-    phase : array_like, shape (phase,)
-        Fractions of the period ahead of the first satellite.
-    times : array_like, shape (time,)
-        Nondimensional times since the epoch.
-    propagator : str
-        "dopri5" or "dop853".
-    mu : float
-        Mass ratio.
-
-    Returns
-    -------
-    ndarray, shape (orbit, phase, time, 3)
-        Nondimensional, rotating frame.
-    """
-    times = np.asarray(times, dtype=float)
-    phase = np.asarray(phase, dtype=float)
-    tracks = []
-    for initial, duration in zip(np.asarray(state), np.asarray(period), strict=True):
-        shifted = (times[None, :] + phase[:, None] * duration).ravel()
-        if duration == 0.0:
-            path = propagate(initial, shifted, forces=CR3BP(mu), method=propagator)
-        else:
-            path = propagate_periodic(initial, duration, shifted, mu=mu, method=propagator)
-        tracks.append(path[:, :3].reshape(len(phase), len(times), 3))
-    return np.stack(tracks)
 
 
 def count_visibility(

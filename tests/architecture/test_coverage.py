@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from oracles.visibility import sun_at, visible
 
-from cislunar.architecture.coverage.measures import architecture_tracks, coverage, gaps
+from cislunar.architecture.coverage.measures import coverage, gaps
 from cislunar.constants import TIME_UNIT_S
 from cislunar.observation.sensor import ExclusionAngles
 from cislunar.orbits.families import family_members
-from cislunar.visibility.counts import VisibilitySettings, observation_times, satellite_tracks
+from cislunar.visibility.counts import VisibilitySettings, observation_times
+from cislunar.visibility.tracks import architecture_tracks, satellite_tracks
 
 SETTINGS = VisibilitySettings(limiting_magnitude=17.0)
 

@@ -14,14 +14,15 @@ from cislunar.architecture.coverage import certificate
 from cislunar.architecture.coverage.certificate import certify_coverage, greedy_coverage
 from cislunar.architecture.coverage.gap_objective import GAP_MEASURES, GapObjective, certify_gaps
 from cislunar.architecture.coverage.lagrangian import coverage_bound
-from cislunar.architecture.coverage.measures import architecture_tracks, coverage, gaps
+from cislunar.architecture.coverage.measures import coverage, gaps
 from cislunar.architecture.coverage.objective import CoverageObjective
 from cislunar.architecture.coverage.tables import CoverageTables, as_words, coverage_tables
 from cislunar.architecture.hyperopt_search import hyperopt_search
 from cislunar.architecture.objective import Objective
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.families import observer_library
-from cislunar.visibility.counts import VisibilitySettings, observation_times, satellite_tracks
+from cislunar.visibility.counts import VisibilitySettings, observation_times
+from cislunar.visibility.tracks import architecture_tracks, satellite_tracks
 
 
 def objective_of(counts, fold, shape=None):

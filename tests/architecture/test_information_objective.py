@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from cislunar.architecture.coverage.objective import CoverageObjective
-from cislunar.architecture.information.brightness import bright_share, squared_reaches
+from cislunar.architecture.information.brightness import bright_share, squared_detection_ranges
 from cislunar.architecture.information.certificate import certify_information, greedy_information
 from cislunar.architecture.information.kernels import gains, slopes
 from cislunar.architecture.information.objective import InformationObjective
@@ -35,7 +35,8 @@ from cislunar.orbits.families import observer_library
 from cislunar.photometry.facets import apparent_magnitude
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import icosahedron
-from cislunar.visibility.counts import VisibilitySettings, satellite_tracks
+from cislunar.visibility.counts import VisibilitySettings
+from cislunar.visibility.tracks import satellite_tracks
 
 LOWER = np.tril_indices(6)
 SENSOR = Sensor(limiting_magnitude=17.5, occultation=False)
@@ -235,8 +236,8 @@ def test_orbit_tables_agree_with_differences():
                 line = np.array(near[j]) - observer
                 plus, minus = line / np.linalg.norm(line, axis=-1, keepdims=True)
                 slope = (plus - minus) / 2e-3
-                worth = 20.0 * 4.0 / seen.sum() / (3.0 * ARCSECOND) ** 2
-                expected[place, w, j] += worth * slope @ slope.T
+                weight = 20.0 * 4.0 / seen.sum() / (3.0 * ARCSECOND) ** 2
+                expected[place, w, j] += weight * slope @ slope.T
     found = full(tables.matrix).reshape(expected.shape)
     scale = np.sqrt(np.einsum("...ii->...", expected))[..., None, None] ** 2
     assert 0.0 < np.mean(scale > 0.0) < 1.0
@@ -248,11 +249,13 @@ def test_observations_count_by_the_share_of_bright_attitudes():
     targets, places = moving_targets(state, period, windows), free_orbit_slots(orbits, 2)
     given = orbits, places, targets, windows, sun, OBSERVATIONS
     plain = orbit_information(*given).matrix
-    assert np.array_equal(orbit_information(*given, reaches=np.full((3, 7, 2), 1e9)).matrix, plain)
+    assert np.array_equal(
+        orbit_information(*given, squared_ranges=np.full((3, 7, 2), 1e9)).matrix, plain
+    )
     some = np.tile([0.0, 1e9, 1e9, 1e9], (3, 7, 1))
-    np.testing.assert_allclose(orbit_information(*given, reaches=some).matrix, 0.75 * plain)
+    np.testing.assert_allclose(orbit_information(*given, squared_ranges=some).matrix, 0.75 * plain)
     some[1] = 0.0
-    found = orbit_information(*given, reaches=some).matrix.reshape(len(plain), 2, 3, 21)
+    found = orbit_information(*given, squared_ranges=some).matrix.reshape(len(plain), 2, 3, 21)
     assert found[:, :, 0].any() and not found[:, :, 1].any()
 
 
@@ -260,7 +263,7 @@ def test_reaches_are_where_magnitudes_are_those_of_the_limit():
     shape = icosahedron(1.0)
     surfaces = target_surfaces(shape, MATERIAL, 2, MODEL)
     attitudes = Rotation.random(6, random_state=4).as_quat()
-    found = np.sqrt(squared_reaches(surfaces, 17.0, attitudes)) * LENGTH_UNIT_KM * 1e3
+    found = np.sqrt(squared_detection_ranges(surfaces, 17.0, attitudes)) * LENGTH_UNIT_KM * 1e3
     assert found.shape == (2, 91, 6) and np.array_equal(*found)
     assert np.all(np.diff(found[0]) >= 0.0)
     for row, angle in ((0, 0.0), (30, 60.0), (60, 120.0)):
@@ -269,12 +272,12 @@ def test_reaches_are_where_magnitudes_are_those_of_the_limit():
                for q in attitudes]  # fmt: skip
         np.testing.assert_allclose(found[0, row], np.sort(10.0 ** (0.2 * (17.0 - np.array(far)))))
     # 60 degrees between the ways to Sun and observer, between two of the distances
-    reaches = squared_reaches(surfaces, 17.0, attitudes)[0]
-    distance = np.sqrt(reaches[30, 2:4].mean())
+    squared_ranges = squared_detection_ranges(surfaces, 17.0, attitudes)[0]
+    distance = np.sqrt(squared_ranges[30, 2:4].mean())
     way, light = distance * np.array([1.0, 0.0, 0.0]), 400.0 * np.array([0.5, np.sqrt(0.75), 0.0])
-    assert bright_share(*way, *light, reaches) == pytest.approx(3.0 / 6.0)
+    assert bright_share(*way, *light, squared_ranges) == pytest.approx(3.0 / 6.0)
     with pytest.raises(ConfigurationError, match="quaternion"):
-        squared_reaches(surfaces, 17.0, np.empty((0, 4)))
+        squared_detection_ranges(surfaces, 17.0, np.empty((0, 4)))
 
 
 RATE = np.deg2rad([-40.0, 5.0, 8.0]) / 3600.0
@@ -314,8 +317,8 @@ def test_attitude_tables_agree_with_differences():
                     continue
                 step = np.diag(1e-4 * np.roll(sigma, 3))
                 slope = np.array([magnitude(d) - magnitude(-d) for d in step]) / 2e-4
-                worth = 20.0 * 4.0 / seen.sum() / SENSOR.magnitude_noise**2
-                expected[place, w, j, s] += worth * np.outer(slope, slope)
+                weight = 20.0 * 4.0 / seen.sum() / SENSOR.magnitude_noise**2
+                expected[place, w, j, s] += weight * np.outer(slope, slope)
     found = full(tables.matrix).reshape(expected.shape)
     scale = np.einsum("...ii->...", expected)[..., None, None]
     assert 0.0 < np.mean(scale > 0.0) < 1.0

@@ -389,6 +389,7 @@ FORMER = {
     "task2.tasking.track_gate": "pointing_uncertainty_gate",
     "architecture.elsewhere": "generalization",
     "task2.batch.unknowns": "estimated_parameters",
+    "task2.dynamics.srp.believed_factor": "assumed_factor",
     "task2.batch.estimated_parameters.log_stretch": "log_axis_scale",
     "task2.body.metres_per_unit": "meters_per_unit",
     "task2.body.stretch": "axis_scale",

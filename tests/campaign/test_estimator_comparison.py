@@ -121,8 +121,8 @@ def pooled():
         ("published", "mukf", "paper", 0.0),
     ]
     cells = []
-    for name, estimator, variant, held in parts:
-        known = {"custody_share": held, "final_error_geometric_all": (0.1, 1e-5, 1e-5, 1e-5)}
+    for name, estimator, variant, custody in parts:
+        known = {"custody_share": custody, "final_error_geometric_all": (0.1, 1e-5, 1e-5, 1e-5)}
         made = make_summary(lambda *cell, known=known: known)
         made = made.isel(cell=np.flatnonzero(made["interval_minutes"].values == 60))
         none = xr.zeros_like(made["never_observed"])

@@ -209,7 +209,7 @@ def test_several_hostile_changes(elsewhere, several):
 
 def test_configuration_that_holds_itself():
     config = yaml.safe_load("task2: &a {seeds: *a}")
-    with pytest.raises(ConfigurationError, match="holds itself"):
+    with pytest.raises(ConfigurationError, match="contains itself"):
         with_types(config)
 
 

@@ -277,7 +277,7 @@ def test_both_units_give_the_same_states(tmp_path):
     ("rows", "message"),
     [
         ([], "row 1: no column id"),
-        ([HEADER], "holds no target"),
+        ([HEADER], "contains no target"),
         (["x,y,z,vx,vy,vz", "0.5,0,0,0,0,0"], "row 1: no column id"),
         (["id,x,y,z,vx,vy", "one,0.5,0,0,0,0"], "needs the columns vx, vy, vz (nondimensional)"),
         (["id,x,y,z_km,vx,vy,vz", "one,0.5,0,0,0,0,0"], "needs the columns x, y, z (nondim"),

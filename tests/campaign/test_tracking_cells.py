@@ -23,7 +23,7 @@ from cislunar.campaign.settings.cells import (
 )
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
-from cislunar.campaign.settings.library import believed_surfaces, loop_settings, truth_model
+from cislunar.campaign.settings.library import loop_settings, nominal_surfaces, truth_model
 from cislunar.campaign.settings.observing.sensors import observer_sensors, true_sensors
 from cislunar.campaign.settings.reading import merged, typed, with_types
 from cislunar.campaign.settings.scenarios import scenario_settings
@@ -177,15 +177,15 @@ def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
         ("task2.tasking_comparison.tpe_evaluations", 10),
         ("task2.tasking_comparison.targets", []),
         ("task2.body.radius_m", None),
-        ("task2.body.stretch", [1, 1]),
-        ("task2.body.stretch", [1, 1, 0]),
+        ("task2.body.axis_scale", [1, 1]),
+        ("task2.body.axis_scale", [1, 1, 0]),
         ("task2.body.inertia", [1, 1, 3]),
         ("task2.body.inertia", [1, 2]),
         ("task2.truth.material", {"rms_slope": 0}),
         ("task2.truth.sensor", {"magnitude_noise": -0.1}),
         ("task2.truth.angular_acceleration_deg_h2", 0.1),
         ("task2.truth.parameter_sigma", {"log_slope": -0.1}),
-        ("task2.batch.unknowns", {"log_slope": -0.1}),
+        ("task2.batch.estimated_parameters", {"log_slope": -0.1}),
         ("task2.batch.noise_freedom", 0),
     ],
 )
@@ -285,13 +285,13 @@ def test_changes_of_a_variant_are_checked_like_settings(config, change, message)
 
 
 def test_truth_is_the_belief_unless_said_otherwise(config):
-    believed = CellSettings(**cell_settings(config["task2"]))
-    true = true_settings(believed)
+    assumed = CellSettings(**cell_settings(config["task2"]))
+    true = true_settings(assumed)
     for key in ("material", "body", "sensor"):
-        assert getattr(true, key) == getattr(believed, key)
+        assert getattr(true, key) == getattr(assumed, key)
     assert true.truth.angular_acceleration_deg_h2 == [0, 0, 0]
-    model = truth_model(believed, NAMES[:3])
-    loop = loop_settings(believed, 60)
+    model = truth_model(assumed, NAMES[:3])
+    loop = loop_settings(assumed, 60)
     np.testing.assert_array_equal(model.noise, loop.sensor.noise)
     np.testing.assert_array_equal(model.surfaces.areas, np.tile(icosahedron(1.0).areas, 3))
     np.testing.assert_array_equal(model.surfaces.inertia, np.tile(np.eye(3), (3, 1, 1)))
@@ -607,16 +607,16 @@ def test_table_of_bodies_is_of_the_targets_it_names(tmp_path):
     truth = {"body": {"table": str(table), "inertia": [1.0, 1.2, 0.9]}}
     settings = CellSettings(**_small(truth=truth))
     names = [["1"], ["7", "GATEWAY"], ["3", "X"]]
-    believed, true = believed_surfaces(settings, names), truth_model(settings, names).surfaces
+    assumed, true = nominal_surfaces(settings, names), truth_model(settings, names).surfaces
     np.testing.assert_array_equal(true.composite, [True, False, False])
     sizes = np.add.reduceat(true.areas, true.first[:-1]) / (4.0 * np.pi)
     np.testing.assert_allclose(sizes, [4.0, 9.0, 1.0])
     assert body_of(true, 1).materials.tolist() == [[0.2, 0.1, 0.3, 0.2, 0.4]]
-    np.testing.assert_array_equal(body_of(true, 2).areas, body_of(believed, 2).areas)
-    assert not believed.composite.any()
+    np.testing.assert_array_equal(body_of(true, 2).areas, body_of(assumed, 2).areas)
+    assert not assumed.composite.any()
     moments = np.diagonal(true.inertia, axis1=1, axis2=2)
     np.testing.assert_array_equal(moments, [[3, 2, 2], [1, 1.2, 0.9], [1, 1.2, 0.9]])
-    np.testing.assert_array_equal(believed.inertia, [np.eye(3)] * 3)
+    np.testing.assert_array_equal(assumed.inertia, [np.eye(3)] * 3)
     assert (
         loop_settings(settings, 60).tasking == loop_settings(CellSettings(**_small()), 60).tasking
     )
@@ -657,7 +657,7 @@ def test_statistics_are_over_the_observed_targets(tracked_cell):
     )
 
 
-def test_a_cell_tells_what_became_of_its_looks(sources, caplog):
+def test_a_cell_tells_the_outcomes_of_its_observations(sources, caplog):
     caplog.set_level("INFO", logger="cislunar")
     cell = _cell(sources, sensor={"limiting_magnitude": 16})
     shares = {

@@ -126,7 +126,7 @@ def test_a_window_keeps_few_rows_and_loses_little_information():
     _, omega, _, sigma = _in_intervals(whole, measured)
     _, near, _, wider = _in_intervals(short, measured)
     seen = (outcome == DETECTED).sum(axis=1) > 200
-    assert short.rows_held.max() <= 121 < whole.rows_held.max()
+    assert short.light_curve_rows.max() <= 121 < whole.light_curve_rows.max()
     np.testing.assert_allclose(wider[seen, -1, 3:6], sigma[seen, -1, 3:6], rtol=0.25)
     assert np.max(np.abs(near - omega)[seen, -1] / sigma[seen, -1, 3:6]) < 1.5
 
@@ -139,10 +139,10 @@ def test_non_detections_are_distinguished_from_obstruction():
     estimator = _batch(scene, surfaces, initial, sensor=faint, use_non_detections=True)
     estimator.advance(measured)
     expected = (outcome == DETECTED).sum(axis=1) + (outcome == 1).sum(axis=1)
-    np.testing.assert_allclose(estimator.rows_held, expected, atol=2)
+    np.testing.assert_allclose(estimator.light_curve_rows, expected, atol=2)
     plain = _batch(scene, surfaces, initial, sensor=faint)
     plain.advance(measured)
-    np.testing.assert_array_equal(plain.rows_held, (outcome == DETECTED).sum(axis=1))
+    np.testing.assert_array_equal(plain.light_curve_rows, (outcome == DETECTED).sum(axis=1))
 
 
 def test_same_generator_same_estimates_and_targets_are_independent(two_hours):

@@ -278,7 +278,7 @@ def test_a_row_of_the_catalog_closes_after_its_period(tmp_path):
         (r"\n2,", r"\n1,", "row 3: Id '1' is empty or taken"),
         (r"\n1,[^,]*", r"\n1,far", "row 2: x0 .* = 'far' must be a finite number"),
         (r"\n1,[^,]*,", r"\n1,", "row 2: 10 fields where the header has 11"),
-        (r"(?s)\n.*", "\n", "holds no orbit"),
+        (r"(?s)\n.*", "\n", "contains no orbit"),
     ],
 )
 def test_a_faulty_row_is_refused_in_a_line(tmp_path, old, new, message):

@@ -20,25 +20,25 @@ from cislunar.figures.panels import (
 from cislunar.figures.style import BLUE, SOLID, SeriesStyle
 from cislunar.figures.tracking.errors import Scale
 
-LOOK = SeriesStyle("a series", BLUE, SOLID, "o")
+STYLE = SeriesStyle("a series", BLUE, SOLID, "o")
 
 
 def drawn(found, **more):
     """Points and segments of intervals, and the values that the axis must hold."""
     axes = place(style.new_figure(2.0, 2.0), 0.5, 0.5, 1.0, 1.0)
-    held = draw_estimates(axes, [1.0, 2.0], found, LOOK, **more)
+    kept = draw_estimates(axes, [1.0, 2.0], found, STYLE, **more)
     (points,) = (each for each in axes.collections if isinstance(each, PathCollection))
     shown = np.ma.getdata(points.get_offsets())
     lines = (each for each in axes.collections if isinstance(each, LineCollection))
     segments = [each for one in lines for each in one.get_segments() if np.isfinite(each).all()]
-    return shown[np.isfinite(shown).all(axis=1)], [each for each in segments if len(each)], held
+    return shown[np.isfinite(shown).all(axis=1)], [each for each in segments if len(each)], kept
 
 
 @pytest.mark.parametrize("number", [1, 2, FEWEST - 1, FEWEST, 12])
 def test_few_realizations_are_points_and_many_an_interval(number):
     values = np.arange(2.0 * number).reshape(2, number)
     intervals = [t_interval(each) for each in values]
-    shown, segments, held = drawn(estimates(values, intervals))
+    shown, segments, kept = drawn(estimates(values, intervals))
     if number < FEWEST:
         assert not segments
         expected = values.ravel() if number > 1 else []
@@ -47,8 +47,8 @@ def test_few_realizations_are_points_and_many_an_interval(number):
         assert not len(shown)
         ends = [[each.low, each.high] for each in intervals]
         np.testing.assert_allclose([each[:, 1] for each in segments], ends)
-        assert np.nanmin(held) == min(low for low, _ in ends)
-    assert {each.mean for each in intervals} <= set(held)
+        assert np.nanmin(kept) == min(low for low, _ in ends)
+    assert {each.mean for each in intervals} <= set(kept)
 
 
 def test_values_may_lie_along_the_horizontal_axis():
@@ -60,9 +60,9 @@ def test_values_may_lie_along_the_horizontal_axis():
 
 def test_intervals_are_cut_at_what_is_possible():
     rows = pd.DataFrame({"mean": [99.0, 1.0], "low": [90.0, -3.0], "high": [108.0, 5.0]})
-    shown, segments, held = drawn(table_estimates(rows.assign(seeds=9)), within=(0.0, 100.0))
+    shown, segments, kept = drawn(table_estimates(rows.assign(seeds=9)), within=(0.0, 100.0))
     assert not len(shown) and len(segments) == 2
-    assert np.nanmin(held) == 0.0 and np.nanmax(held) == 100.0
+    assert np.nanmin(kept) == 0.0 and np.nanmax(kept) == 100.0
 
 
 def test_a_table_gives_the_extremes_of_few_realizations():

@@ -573,7 +573,7 @@ def test_what_is_learned_is_drawn_over_the_prior():
     prior = np.array([0.1, 0.1, 0.25])
     share = np.linspace(1.0, 0.2, 5)[:, None, None] * np.ones((5, 40, 3))
     errors = share * prior * rng.standard_normal(share.shape)
-    dims = ("seed", "epoch", "target", "unknown")
+    dims = ("seed", "epoch", "target", "parameter")
     share[:, 0] = 7.0  # of a target nobody has seen
     cell = xr.Dataset(
         {
@@ -581,7 +581,7 @@ def test_what_is_learned_is_drawn_over_the_prior():
             "parameter_error": (dims, errors[None]),
             "status": (("seed", "target"), np.full((1, 40), TRACKED)),
         },
-        {"unknown": names, "epoch": 3600.0 * np.arange(5)},
+        {"parameter": names, "epoch": 3600.0 * np.arange(5)},
         {
             "settings": json.dumps(
                 {"batch": {"estimated_parameters": {"log_inertia": 0.1, "log_albedo": 0.25}}}

@@ -11,7 +11,8 @@ from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.observation.sightings import sightings
 from cislunar.orbits.families import family_members
 from cislunar.photometry.sphere import sphere_magnitude
-from cislunar.visibility.counts import VisibilitySettings, count_visibility, satellite_tracks
+from cislunar.visibility.counts import VisibilitySettings, count_visibility
+from cislunar.visibility.tracks import satellite_tracks
 
 SUN = np.array([[0.0, -389.0, 0.0]])
 OPEN = ExclusionAngles(0.0, 0.0, 0.0)

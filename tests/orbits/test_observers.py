@@ -8,7 +8,7 @@ from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.errors import InputFileError
 from cislunar.orbits.catalog import periodic_orbits
 from cislunar.orbits.observers import load_observers, observer_orbits
-from cislunar.visibility.counts import satellite_tracks
+from cislunar.visibility.tracks import satellite_tracks
 
 STATES = "id,x,y,z,vx,vy,vz,period,family,jacobi,phase"
 FREE = "free,0.8,0.1,0.05,0.1,-0.2,0.1,,,,"
@@ -65,7 +65,7 @@ def test_a_member_may_be_chosen_by_its_period_in_days(tmp_path):
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ([STATES], "holds no observer"),
+        ([STATES], "contains no observer"),
         ([STATES, FREE, FREE], "row 3, observer 'free': the id is taken already in row 2"),
         ([STATES, "one,0.8,0,0,0,.1,0,,DRO,,"], "'one': both a state and a family"),
         ([STATES, "one,,,,,,,,,3.1,"], "'one': neither a state nor a family"),

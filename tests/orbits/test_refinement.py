@@ -21,8 +21,8 @@ from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.errors import ConvergenceError
 from cislunar.orbits.ephemeris_refined.reference_tracking import (
     frame_clock,
-    holding_cost,
     reference_states,
+    tracking_cost,
 )
 from cislunar.orbits.ephemeris_refined.refinement import path_states, refined_path
 
@@ -71,8 +71,8 @@ def test_a_refined_orbit_is_continuous_and_near_its_cr3bp_orbit(forces):
         miss = np.abs(end - path.state[k + 1] * UNITS)
         assert miss[:3].max() < 1e-3 and miss[3:].max() < 1e-6
     reference = reference_states(table, START, HALO, PERIOD, path.time, ahead=0.25)
-    departure = np.linalg.norm((path.state - reference)[:, :3], axis=1) * UNITS[0]
-    assert 100.0 < departure.max() < 10_000.0
+    distance = np.linalg.norm((path.state - reference)[:, :3], axis=1) * UNITS[0]
+    assert 100.0 < distance.max() < 10_000.0
     between = path_states(forces, path, path.time)
     np.testing.assert_allclose(between[:-1], path.state[:-1], rtol=0, atol=1e-12)
 
@@ -94,7 +94,7 @@ def test_reference_tracking_stays_on_the_cr3bp_orbit(forces):
             atol=1e-12, args=(forces.table,),
         ).y[:, -1]  # fmt: skip
         cost += np.linalg.norm(kept[1, 3:] * UNITS[3] - free[3:]) / 60.0 * step * 1e3
-    assert holding_cost(forces, HALO, PERIOD, DAYS) == pytest.approx(cost, rel=0.05)
+    assert tracking_cost(forces, HALO, PERIOD, DAYS) == pytest.approx(cost, rel=0.05)
 
 
 def test_a_refinement_that_fails_is_reported(forces):

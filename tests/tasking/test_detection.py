@@ -68,12 +68,12 @@ def test_learning_from_outcomes_follows_bayes():
     assert learned.detected.tolist() == [True, False]
 
 
-def test_the_worth_of_a_pair_is_its_expected_information():
+def test_the_value_of_a_pair_is_its_expected_information():
     learned = LearnedDetection(MODEL, 3)
     learned.detected[0] = True
     information, margin = np.array([[3.0, 3.0, 0.0]]), np.array([[0.0, 0.0, 9.0]])
-    worth = learned.worth(information, learned.detects(margin[..., None]))
-    np.testing.assert_allclose(worth, [[1.5, 3.5, 0.0]], atol=1e-9)
+    value = learned.pair_values(information, learned.detects(margin[..., None]))
+    np.testing.assert_allclose(value, [[1.5, 3.5, 0.0]], atol=1e-9)
 
 
 def test_spheres_have_the_brightness_of_the_gate():

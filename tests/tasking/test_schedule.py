@@ -12,7 +12,7 @@ from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.observation.records import Measurements, pointed_schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.closed_loop import run_closed_loop
-from cislunar.tasking.decision import _turning_steps, decide
+from cislunar.tasking.decision import _slew_steps, decide
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.planning.assignment import IDLE
@@ -47,7 +47,7 @@ def _chances(learned, observations):
     return detection_probabilities(learned, observations.margin[..., None])
 
 
-def _worth(observations, learned, schedule):
+def _value(observations, learned, schedule):
     """The expectation over outcomes and brightness, term by term."""
     total, each = 0.0, _chances(learned, observations).detects
     for j in range(observations.margin.shape[2]):
@@ -84,11 +84,11 @@ def test_one_slot_is_the_best_of_all_taskings(most):
         plan = plan_schedule(
             observations, _chances(learned, observations), observers_per_target=most
         )
-        assert plan.worth == pytest.approx(_worth(observations, learned, plan.target), rel=1e-9)
+        assert plan.value == pytest.approx(_value(observations, learned, plan.target), rel=1e-9)
         best = max(
-            _worth(observations, learned, each[None]) for each in _taskings(observations, 0, most)
+            _value(observations, learned, each[None]) for each in _taskings(observations, 0, most)
         )
-        assert plan.worth == pytest.approx(best, rel=1e-9)
+        assert plan.value == pytest.approx(best, rel=1e-9)
         assert plan.gap < 1e-6
 
 
@@ -97,17 +97,17 @@ def test_no_single_slot_can_be_improved_and_all_together_hardly():
     for seed in range(3):
         observations = _random_observations(np.random.default_rng(seed), 2, 2, 3)
         plan = plan_schedule(observations, _chances(learned, observations))
-        assert plan.worth == pytest.approx(_worth(observations, learned, plan.target), rel=1e-9)
+        assert plan.value == pytest.approx(_value(observations, learned, plan.target), rel=1e-9)
         singles = [list(_taskings(observations, slot, 1)) for slot in range(2)]
         for slot in range(2):
             for other in singles[slot]:
                 changed = plan.target.copy()
                 changed[slot] = other
-                assert _worth(observations, learned, changed) <= plan.worth + 1e-8
-        best = max(_worth(observations, learned, np.array(both)) for both in product(*singles))
-        assert plan.worth > 0.95 * best
-        for most, least in ((1, best), (2, plan.worth)):
-            given = observations, _chances(learned, observations), plan.target, plan.worth
+                assert _value(observations, learned, changed) <= plan.value + 1e-8
+        best = max(_value(observations, learned, np.array(both)) for both in product(*singles))
+        assert plan.value > 0.95 * best
+        for most, least in ((1, best), (2, plan.value)):
+            given = observations, _chances(learned, observations), plan.target, plan.value
             bound = schedule_bound(*given, observers_per_target=most, steps=60)
             assert bound >= least * (1.0 - 1e-12)
             assert most == 2 or bound < 1.05 * best
@@ -118,14 +118,14 @@ def test_packings_are_those_of_brute_force():
     groups = [(o, IDLE) for o in range(4)] + list(combinations(range(4), 2))
     target = np.repeat(np.arange(3), len(groups))
     observers = np.tile(np.array(groups), (3, 1))
-    worth = rng.uniform(-0.2, 1.0, target.size) + 0.5 * (observers[:, 1] != IDLE)
-    found = best_packing(target, observers, worth, 4)
+    value = rng.uniform(-0.2, 1.0, target.size) + 0.5 * (observers[:, 1] != IDLE)
+    found = best_packing(target, observers, value, 4)
     best = 0.0
     for size in range(1, 4):
         for columns in combinations(range(target.size), size):
             used = [o for c in columns for o in observers[c] if o != IDLE]
             if len({*target[list(columns)]}) == size and len({*used}) == len(used):
-                best = max(best, worth[list(columns)].sum())
+                best = max(best, value[list(columns)].sum())
     assert found.value == pytest.approx(best, abs=1e-8) and found.gap < 1e-6
 
 
@@ -203,10 +203,10 @@ def test_slewing_takes_time():
     angles = np.deg2rad([0.0, 10.0, 90.0])
     direction = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=-1)[None, None]
     model = ScheduleModel(slew_deg_s=0.25, settle_s=30.0)
-    found = _turning_steps(np.array([[1]]), np.array([0]), direction, model, 60.0)
+    found = _slew_steps(np.array([[1]]), np.array([0]), direction, model, 60.0)
     # slews of 70 s and 390 s: the first measurement, or the first six, are lost
     np.testing.assert_array_equal(found, [[[0, 1, 6]]])
-    first = _turning_steps(np.array([[1]]), np.array([IDLE]), direction, model, 60.0)
+    first = _slew_steps(np.array([[1]]), np.array([IDLE]), direction, model, 60.0)
     np.testing.assert_array_equal(first, 0)
 
 
@@ -251,8 +251,8 @@ def test_the_first_interval_of_a_horizon_is_executed(problem):
     learned.log_weight[:] = -1e9
     learned.log_weight[:, 0] = 0.0  # far brighter than the limit
     learned.detected[:] = True
-    worth = _worth(of_two._replace(margin=of_two.margin + 99.0), learned, plan.target[:2])
-    assert found.information == pytest.approx(worth, rel=1e-9)
+    value = _value(of_two._replace(margin=of_two.margin + 99.0), learned, plan.target[:2])
+    assert found.information == pytest.approx(value, rel=1e-9)
     assert found.information < plan.information
     result = run_closed_loop(scene, surfaces, epoch, problem.ids, (0,), settings)
     assert result.assignment.shape == (1, 3, 2, 4)

@@ -19,10 +19,10 @@ from cislunar.visibility.counts import (
     VisibilitySettings,
     count_visibility,
     observation_times,
-    satellite_tracks,
 )
 from cislunar.visibility.kernel import count_observations, count_observers, mark_observations
 from cislunar.visibility.phasing import distinct_phases
+from cislunar.visibility.tracks import satellite_tracks
 
 SYNODIC_MONTH = 29.53 * 86_400.0 / TIME_UNIT_S
 UNIT_M = LENGTH_UNIT_KM * 1e3

@@ -487,7 +487,7 @@ PRIVATE = (
     ),
     *(r"\b(?:bodies|Sun) as they are\b", r"\brooms\b", r"\ba room\b", r"\bborrowing\b"),
     *(r"\btrack gate\b", r"\bdark sigma\b", r"\bunder way\b", r"\bgoals?\b", r"\btaken for\b"),
-    *(r"\bours\b", r"\bas ever\b", r"\bby chance\b"),
+    *(r"\bours\b", r"\bas ever\b", r"\bby chance\b", r"\bbelieved\b", r"\bcounts as held\b"),
     *(r"rotating frame[^.|]{0,60}J2000", r"J2000[^.|]{0,60}rotating frame"),
     # sentences that readers could not understand
     *("bodies taken for known", "looks in vain fall by a third", "commits to one reading"),

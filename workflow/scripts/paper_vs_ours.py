@@ -1,4 +1,4 @@
-"""Makes tables/paper_vs_ours.csv: each number and claim of the paper beside ours."""
+"""Makes tables/paper_vs_ours.csv: each claim of the paper and this library's result."""
 
 from cislunar.runtime.worker_client import in_worker
 

@@ -1,4 +1,4 @@
-"""Makes tables/results.md: every number and claim of the paper beside ours, to be read."""
+"""Makes tables/results.md: each claim of the paper and this library's result, as text."""
 
 from cislunar.runtime.worker_client import in_worker
 

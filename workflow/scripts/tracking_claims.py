@@ -1,4 +1,4 @@
-"""Makes tables/claims_tracking.csv: the paper's claims on tasking and tracking beside ours."""
+"""Makes tables/claims_tracking.csv: the paper's claims on tracking with this library's result."""
 
 from cislunar.runtime.worker_client import in_worker
 

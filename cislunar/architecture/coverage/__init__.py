@@ -7,7 +7,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "certificate": ["certify_coverage", "greedy_coverage"],
     "gap_objective": ["GapObjective", "certify_gaps"],
     "kernels": ["weighted_sums"],
-    "measures": ["Coverage", "architecture_tracks", "coverage", "gaps"],
+    "measures": ["Coverage", "coverage", "gaps"],
     "objective": ["CoverageObjective"],
     "tables": ["coverage_tables"],
 })

@@ -18,7 +18,7 @@ _LARGE = 10_000_000
 """Size of tables, in words, above which a search takes seconds and a bound tens of seconds. Tables
 of 2000 targets, hourly over 30 days, from 1000 orbit slots have 22 million words."""
 
-_LITTLE = Effort(starts=6, worth=1 / 3)
+_LITTLE = Effort(starts=6, least_gain=1 / 3)
 
 
 def greedy_coverage(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.visibility.counts import VisibilitySettings, satellite_tracks
+from cislunar.visibility.counts import VisibilitySettings
 from cislunar.visibility.kernel import count_observers
 from cislunar.visibility.shade import lost_observations, shade_of
 
@@ -45,41 +45,6 @@ class Coverage:
     target_days: float
     never_seen: int
     observers_per_covered: float
-
-
-def architecture_tracks(
-    state: ArrayLike,
-    period: ArrayLike,
-    satellites: ArrayLike,
-    times: ArrayLike,
-    *,
-    phase: ArrayLike = 0.0,
-    propagator: str = "dopri5",
-    mu: float = MU,
-) -> NDArray[np.float64]:
-    """Positions of every satellite of an architecture.
-
-    Parameters
-    ----------
-    state, period, times, propagator, mu
-        See `satellite_tracks`; one chosen orbit per slot.
-    satellites : array_like of int, shape (slot,)
-        Satellites on each orbit, at phases j/n of the period.
-    phase : array_like, shape (slot,) or ()
-        Fractions of the period by which the satellites of each slot are ahead of these phases.
-
-    Returns
-    -------
-    ndarray, shape (satellite, time, 3)
-        Nondimensional, rotating frame; slot by slot.
-    """
-    satellites = np.asarray(satellites)
-    ahead = np.broadcast_to(np.asarray(phase, dtype=float), satellites.shape)
-    tracks = [
-        satellite_tracks([s], [p], a + np.arange(n) / n, times, propagator=propagator, mu=mu)[0]
-        for s, p, n, a in zip(np.asarray(state), np.asarray(period), satellites, ahead, strict=True)
-    ]
-    return np.concatenate(tracks)
 
 
 def coverage(

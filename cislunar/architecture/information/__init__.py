@@ -5,7 +5,7 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "brightness": ["squared_reaches"],
+    "brightness": ["squared_detection_ranges"],
     "certificate": ["certify_information"],
     "objective": ["InformationObjective"],
     "tables": ["InformationTables", "ObservationSettings", "attitude_information", "moving_targets",

@@ -14,8 +14,8 @@ _PHASE_ANGLES = 91
 
 
 @njit(cache=True, error_model="numpy")
-def _fill_reaches(surfaces, target, quaternion, limit, out):
-    """Squared reaches (angle, attitude) of one target, ascending along the attitudes."""
+def _fill_squared_ranges(surfaces, target, quaternion, limit, out):
+    """Squared detection ranges (angle, attitude) of one target, ascending along the attitudes."""
     body = body_of(surfaces, target)
     for a in range(out.shape[0]):
         angle = np.pi * a / (out.shape[0] - 1)
@@ -29,7 +29,7 @@ def _fill_reaches(surfaces, target, quaternion, limit, out):
         out[a] = np.sort(out[a])
 
 
-def squared_reaches(
+def squared_detection_ranges(
     surfaces: TargetSurfaces, limiting_magnitude: float, quaternion: ArrayLike
 ) -> NDArray[np.float64]:
     """Squares of the distances at which bodies have a magnitude, by phase angle and attitude.
@@ -54,17 +54,17 @@ def squared_reaches(
         raise ConfigurationError(f"quaternion has shape {attitudes.shape}; (attitude, 4) is needed")
     found = np.empty((surfaces.first.size - 1, _PHASE_ANGLES, len(attitudes)))
     for target in range(len(found)):
-        _fill_reaches(surfaces, target, attitudes, float(limiting_magnitude), found[target])
+        _fill_squared_ranges(surfaces, target, attitudes, float(limiting_magnitude), found[target])
     return found
 
 
 @njit(cache=True, error_model="numpy")
-def bright_share(dx, dy, dz, fx, fy, fz, reaches):
-    """Share of the attitudes in which a body is bright enough, from its reaches (angle, attitude).
-    d is the vector from the observer to the body, f that from the Sun. The nearest tabulated phase
-    angle is used."""
+def bright_share(dx, dy, dz, fx, fy, fz, squared_ranges):
+    """Share of the attitudes in which a body is bright enough, from its `squared_ranges` (angle,
+    attitude). d is the vector from the observer to the body, f that from the Sun. The nearest
+    tabulated phase angle is used."""
     squared = dx * dx + dy * dy + dz * dz
     cosine = (dx * fx + dy * fy + dz * fz) / np.sqrt(squared * (fx * fx + fy * fy + fz * fz))
     angle = np.arccos(min(1.0, max(-1.0, cosine)))
-    row = reaches[int(angle / np.pi * (reaches.shape[0] - 1) + 0.5)]
+    row = squared_ranges[int(angle / np.pi * (squared_ranges.shape[0] - 1) + 0.5)]
     return (row.size - np.searchsorted(row, squared, side="right")) / row.size

@@ -37,14 +37,15 @@ def _mark_seen(observer, target, sun, view, seen):
 
 
 @njit(cache=True, error_model="numpy")
-def add_directions(track, target, motion, sun, view, reaches, observations, out):
+def add_directions(track, target, motion, sun, view, squared_ranges, observations, out):
     """Add the information of directions about position and velocity; see `orbit_information`.
     `track` (time, 3), `target` (time, target, 3), `motion` (time, target, 3, 6) the derivative of
     the position by the whitened state at the start, `sun` (time, 3), `view` limits, faintness and
-    primaries, `reaches` from `brightness.squared_reaches` or of no target, `observations` the
-    number of observations per step over the variance of an angle (rad^2); `out` (target, 21). An
-    observation along the unit vector u at the distance r has the information (I - u u^T) / (sigma
-    r)^2 about the position, times the share of attitudes in which the target is bright enough."""
+    primaries, `squared_ranges` from `brightness.squared_detection_ranges` or of no target,
+    `observations` the number of observations per step over the variance of an angle (rad^2); `out`
+    (target, 21). An observation along the unit vector u at the distance r has the information
+    (I - u u^T) / (sigma r)^2 about the position, times the share of attitudes in which the target
+    is bright enough."""
     n_targets = target.shape[1]
     seen, along = np.empty(n_targets, np.bool_), np.empty(6)
     for k in range(track.shape[0]):
@@ -55,9 +56,9 @@ def add_directions(track, target, motion, sun, view, reaches, observations, out)
             dx, dy, dz = _difference(track[k], target[k, j])
             squared = dx * dx + dy * dy + dz * dz
             share = 1.0
-            if reaches.shape[0] > 0:
+            if squared_ranges.shape[0] > 0:
                 fx, fy, fz = _difference(sun[k], target[k, j])
-                share = bright_share(dx, dy, dz, fx, fy, fz, reaches[j])
+                share = bright_share(dx, dy, dz, fx, fy, fz, squared_ranges[j])
                 if share == 0.0:
                     continue
             weight, per_square = share * observations / (count * squared), 1.0 / squared

@@ -31,7 +31,7 @@ from cislunar.observation.sightline import METERS
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.orbits.families import OrbitSet
 from cislunar.photometry.sphere import faintness_per_squared_range
-from cislunar.visibility.counts import satellite_tracks
+from cislunar.visibility.tracks import satellite_tracks
 
 Array = NDArray[np.float64]
 
@@ -218,7 +218,7 @@ def orbit_information(
     sun_position: ArrayLike,
     observations: ObservationSettings,
     *,
-    reaches: ArrayLike | None = None,
+    squared_ranges: ArrayLike | None = None,
     propagator: str = "dopri5",
     mu: float = MU,
     progress: Callable[[int, int], None] | None = None,
@@ -242,13 +242,12 @@ def orbit_information(
         Sun at those times, nondimensional, rotating frame.
     observations : ObservationSettings
         Sensor, observations per hour, initial uncertainty.
-    reaches : array_like, shape (target, angle, attitude), optional
-        From `cislunar.architecture.information.brightness.squared_reaches`: an observation is then
-        weighted by the share of attitudes in which the target is bright enough. If omitted, an
-        observation counts fully wherever the sphere of `observations` is bright enough, as in
-        tasking.
+    squared_ranges : array_like, shape (target, angle, attitude), optional
+        From `squared_detection_ranges`: an observation is then weighted by the share of attitudes
+        in which the target is bright enough. If omitted, an observation counts fully wherever the
+        sphere of `observations` is bright enough, as in tasking.
     propagator : str
-        Method for the observers, see `cislunar.visibility.counts.satellite_tracks`.
+        Method for the observers, see `cislunar.visibility.tracks.satellite_tracks`.
     mu : float
         Mass ratio.
     progress : callable, optional
@@ -256,12 +255,13 @@ def orbit_information(
     """
     view, sun = observations.view(mu), np.ascontiguousarray(sun_position, dtype=float)
     motion = np.ascontiguousarray(targets.motion * observations.initial.components()[6:])
-    worth = observations.per_hour * windows.step_hours / view[0].noise_variance[1]
-    bright = np.empty((0, 1, 1)) if reaches is None else np.ascontiguousarray(reaches, dtype=float)
+    weight = observations.per_hour * windows.step_hours / view[0].noise_variance[1]
+    known = np.empty((0, 1, 1)) if squared_ranges is None else squared_ranges
+    bright = np.ascontiguousarray(known, dtype=float)
 
     def add(window: int, track: Array, out: Array) -> None:
         own = targets.position[window], motion[window], sun[window]
-        add_directions(track, *own, view, bright, worth, out[:, 0])
+        add_directions(track, *own, view, bright, weight, out[:, 0])
 
     shape = (len(windows.start), targets.position.shape[2], 1)
     return _tables(orbits, slots, windows, shape, 0, add, propagator, mu, progress)
@@ -310,11 +310,11 @@ def attitude_information(
     shape = (len(windows.start), position.shape[2], attitudes)
     quaternion = normalize(rng.standard_normal((*shape, 4)))
     turning = _turning(windows, quaternion, np.asarray(angular_velocity, dtype=float), observations)
-    worth = observations.per_hour * windows.step_hours / view[0].noise_variance[0]
+    weight = observations.per_hour * windows.step_hours / view[0].noise_variance[0]
 
     def add(window: int, track: Array, out: Array) -> None:
         own = position[window], sun[window], view, tuple(each[window] for each in turning)
-        add_magnitudes(track, *own, surfaces, view[0].limiting_magnitude, worth, out)
+        add_magnitudes(track, *own, surfaces, view[0].limiting_magnitude, weight, out)
 
     return _tables(orbits, slots, windows, shape, 3, add, propagator, mu, progress)
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from cislunar.architecture.information.brightness import squared_reaches
+from cislunar.architecture.information.brightness import squared_detection_ranges
 from cislunar.architecture.information.objective import InformationObjective
 from cislunar.architecture.information.tables import (
     InformationTables,
@@ -20,7 +20,7 @@ from cislunar.architecture.orbit_slots import OrbitSlots, satellite_orbit_slots
 from cislunar.attitude.quaternion import normalize
 from cislunar.campaign.data.inputs import sun_at
 from cislunar.campaign.settings.cell_tree import CellSettings
-from cislunar.campaign.settings.library import believed_surfaces, observation_settings, target_names
+from cislunar.campaign.settings.library import nominal_surfaces, observation_settings, target_names
 from cislunar.campaign.settings.reading import typed
 from cislunar.orbits.families import OrbitSet
 from cislunar.runtime.progress import Progress
@@ -88,14 +88,14 @@ class MovingTargets:
         return self._scene(step / np.ceil(step / _ATTITUDE_STEP_HOURS - 1e-9))
 
     @cached_property
-    def _reaches(self) -> np.ndarray | None:
+    def _squared_ranges(self) -> np.ndarray | None:
         if self._information.get("brightness", "sphere") == "sphere":
             return None
         attitudes = normalize(
             generator(*self._stream, "brightness").standard_normal((_ATTITUDES, 4))
         )
-        surfaces = believed_surfaces(self._cell, self._names)
-        return squared_reaches(surfaces, self._cell.sensor.limiting_magnitude, attitudes)
+        surfaces = nominal_surfaces(self._cell, self._names)
+        return squared_detection_ranges(surfaces, self._cell.sensor.limiting_magnitude, attitudes)
 
     def tables(
         self, kind: str, orbits: OrbitSet, orbit_slots: OrbitSlots, progress: Progress | None = None
@@ -104,10 +104,9 @@ class MovingTargets:
         observations = observation_settings(self._cell)
         shared = {"propagator": self._propagator, "progress": progress}
         if kind == "information":
-            return orbit_information(
-                orbits, orbit_slots, *self._coarse, observations, reaches=self._reaches, **shared
-            )
-        surfaces = believed_surfaces(self._cell, self._names)
+            given = orbits, orbit_slots, *self._coarse, observations
+            return orbit_information(*given, squared_ranges=self._squared_ranges, **shared)
+        surfaces = nominal_surfaces(self._cell, self._names)
         rate = np.deg2rad(INITIAL_RATE_DEG_H) / 3600.0
         given = observations, surfaces, rate, generator(*self._stream)
         count = self._information["attitudes"]

@@ -3,7 +3,7 @@
 import xarray as xr
 
 from cislunar.architecture.cost import CostFunction
-from cislunar.architecture.published import PUBLISHED, choose_members, values_by_chance
+from cislunar.architecture.published import PUBLISHED, choose_members, random_member_values
 from cislunar.campaign.architectures.variables import (
     architecture_attributes,
     architecture_variables,
@@ -35,7 +35,7 @@ def published_dataset(
         progress=progress_log("restarts"),
     )
     logger.info("J = %.4e with %d satellites", result.value, result.n_satellites)
-    random_values = values_by_chance(
+    random_values = random_member_values(
         cost, PUBLISHED[scenario], generator(seed, scenario, "published", "members by chance")
     )
     return xr.Dataset(

@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from cislunar.architecture.cost import CostFunction
-from cislunar.architecture.coverage.measures import Coverage, architecture_tracks, coverage
+from cislunar.architecture.coverage.measures import Coverage, coverage
 from cislunar.architecture.tables import ArchitectureTables
 from cislunar.campaign.architectures.variables import dimensionless
 from cislunar.campaign.data.inputs import horizon, sun_at
@@ -20,6 +20,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.runtime.progress import Progress, logger
 from cislunar.runtime.provenance import provenance
 from cislunar.visibility.counts import VisibilityCounts, count_visibility
+from cislunar.visibility.tracks import architecture_tracks
 
 
 def visibility_dataset(

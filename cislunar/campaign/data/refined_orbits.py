@@ -17,7 +17,7 @@ from cislunar.dynamics.frames import from_inertial, pulsating_frame
 from cislunar.dynamics.instantaneous_frame_cr3bp import is_low_lunar
 from cislunar.ephemeris.bodies import COLUMNS, read_table
 from cislunar.errors import ConfigurationError, ConvergenceError
-from cislunar.orbits.ephemeris_refined.reference_tracking import holding_cost, reference_states
+from cislunar.orbits.ephemeris_refined.reference_tracking import reference_states, tracking_cost
 from cislunar.orbits.ephemeris_refined.refinement import RefinedPath, path_states, refined_path
 from cislunar.runtime.progress import Progress, logger
 from cislunar.runtime.provenance import provenance
@@ -28,9 +28,10 @@ _HOUR_S = 3600.0
 MEASURES = {
     "position_miss": ("m", "largest gap between the end of an arc and the next node"),
     "velocity_miss": ("mm/s", "largest gap in velocity there"),
-    "departure": ("km", "largest distance, hour by hour, from reference tracking of the CR3BP "
-                        "orbit in the instantaneous frame"),
-    "holding": ("m/s", "change of velocity that reference tracking of the CR3BP orbit would need"),
+    "reference_distance": ("km", "largest distance, hour by hour, from reference tracking of the "
+                                 "CR3BP orbit in the instantaneous frame"),
+    "tracking_cost": ("m/s", "change of velocity that reference tracking of the CR3BP orbit would "
+                             "need"),
     "least_moon": ("km", "least distance to the Moon's center, hour by hour"),
 }  # fmt: skip
 """Measures of a refined orbit, with their units."""
@@ -198,7 +199,7 @@ def _measured(
         1e3 * path.position_miss_km,
         1e6 * path.velocity_miss_km_s,
         float(np.max(np.linalg.norm(flown - reference * LENGTH_UNIT_KM, axis=1))),
-        holding_cost(forces, state, period, days),
+        tracking_cost(forces, state, period, days),
         float(np.min(np.linalg.norm(flown - moon, axis=1))),
     )
 
@@ -221,7 +222,7 @@ def refined_rows(refined: Mapping[str, xr.Dataset]) -> pd.DataFrame:
                 "low_lunar": int(data["low_lunar"].values[own].sum()),
                 "refined": int(done.sum()),
             }
-            for key in ("position_miss", "velocity_miss", "departure", "holding"):
+            for key in ("position_miss", "velocity_miss", "reference_distance", "tracking_cost"):
                 kept = data[key].values[own][done]
                 unit = data[key].attrs["units"].replace("/", "_")
                 row |= {f"{key}_median_{unit}": _or_nan(np.median, kept)}

@@ -84,7 +84,7 @@ class Radiation(Section):
     reflectivity: NotNegative = setting(
         "coefficient C_R of solar radiation pressure: 1 for absorption, 2 for mirror reflection",
         "1", default=1.3)
-    believed_factor: NotNegative = setting(
+    assumed_factor: NotNegative = setting(
         "solar radiation pressure that a filter with `dynamics.filter: ephemeris` assumes, divided "
         "by the true one", "1", default=1)
 

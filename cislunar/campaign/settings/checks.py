@@ -194,7 +194,7 @@ def _check_objectives(config: Mapping[str, Any]) -> None:
         lacking = "has none; leave it out" if method == "chance" else "needs one"
         for wrong, setting, fault in (
             ((kind is None) != (method == "chance"), "objective':",
-             f"a design by {method} {lacking}"),
+             f"a design with method {method} {lacking}"),
             (kind == "J" and phases is not None, f"phases' = {phases}:",
              "J is defined for satellites in slots; set phases to null"),
             (method == "certified" and objective.get("copies", 1) > 1,

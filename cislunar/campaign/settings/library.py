@@ -64,12 +64,13 @@ def _tasking_model(cell: cell_tree.CellSettings) -> TaskingModel:
     )
 
 
-def believed_surfaces(
+def nominal_surfaces(
     cell: cell_tree.CellSettings,
     names: Sequence[Sequence[str]],
     reflection: str = REFLECTION_LAWS[0],
 ) -> TargetSurfaces:
-    """Shape, material and inertia of targets; `names` has the names of each in a table."""
+    """Shape, material and inertia of targets as the settings state them, without deviations;
+    `names` has the names of each target in a table."""
     material = cell.material
     specs = bodies_of_targets(cell.body, names)
     bodies = {each: body_from_spec(each, material) for each in dict.fromkeys(specs)}
@@ -93,7 +94,7 @@ def truth_model(cell: cell_tree.CellSettings, names: Sequence[Sequence[str]]) ->
     deg_h2 = np.array(cell.truth.angular_acceleration_deg_h2, dtype=float)
     true = true_settings(cell)
     return TruthModel(
-        believed_surfaces(true, names, cell.truth.reflection),
+        nominal_surfaces(true, names, cell.truth.reflection),
         true.sensor.noise,
         np.deg2rad(deg_h2) / 3600.0**2,
         parameter_sigma=BodyParameterPrior(**cell.truth.parameter_sigma.model_dump()),

@@ -14,6 +14,7 @@ from cislunar.runtime.settings_words import faults, inner, schema_of, types, unr
 Part = TypeVar("Part", bound=Section)
 
 RENAMED = {
+    "believed_factor": "assumed_factor",
     "credit_under_way": "use_pending_measurements",
     "credited_measurements": "expected_measurements",
     "elsewhere": "generalization",
@@ -47,7 +48,7 @@ def with_types(config: Mapping[str, Any], model: type[Section] = Campaign) -> di
         return _typed(config, schema_of(model))
     except RecursionError:
         raise ConfigurationError(
-            "a configuration key holds itself: remove the alias (*name in YAML)"
+            "a configuration key contains itself: remove the alias (*name in YAML)"
         ) from None
 
 

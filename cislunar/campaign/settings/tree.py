@@ -131,7 +131,7 @@ def _values(value: Any) -> Any:
     if not value or not (simple or isinstance(value, dict)):
         raise ValueError("must be a list of numbers, texts or true and false, or name: value")
     if simple and len(set(value)) < len(value):
-        raise ValueError("holds a value twice")
+        raise ValueError("contains a value twice")
     for name in () if simple else value:
         if not re.match(VARIANT_NAME, name):
             raise ValueError(f"{name!r} is no name of a variant, like {VARIANT_NAME}")

@@ -8,15 +8,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.architecture.coverage.measures import architecture_tracks
 from cislunar.campaign.architectures.variables import phases_of
 from cislunar.campaign.data.inputs import body_table, sun_at
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell, check_cell
 from cislunar.campaign.settings.library import (
-    believed_surfaces,
     estimator_factory,
     loop_settings,
+    nominal_surfaces,
     target_names,
     truth_model,
 )
@@ -43,6 +42,7 @@ from cislunar.runtime.netcdf import read_dataset
 from cislunar.tasking.closed_loop import ClosedLoop, LoopSettings
 from cislunar.tasking.initial_conditions import epoch_states, monitored_targets
 from cislunar.tasking.truth import TruthModel
+from cislunar.visibility.tracks import architecture_tracks
 
 
 class CellInputs(NamedTuple):
@@ -161,7 +161,7 @@ def tracking_problem(
         scene = make_scene(tracks, sun_at(sun, times), loop.step_s)
     return Problem(
         scene,
-        believed_surfaces(settings, names),
+        nominal_surfaces(settings, names),
         truth,
         placed,
         ids,

@@ -214,8 +214,8 @@ def _dataset(
     names = list(loop.estimated_parameters)
     if names:
         units = ["degree h-2" if name.startswith("angular") else "1" for name in names]
-        coords["unknown"] = "unknown", names, "1", "estimated body parameter"
-        coords["unknown_unit"] = "unknown", units, "1", "unit of the parameter"
+        coords["parameter"] = "parameter", names, "1", "estimated body parameter"
+        coords["parameter_unit"] = "parameter", units, "1", "unit of the parameter"
     described = {**histories, **_results(loop)}
     described |= observer_variables(settings.record, problem.scene, _frame(loop))
     coords |= {name: RECORD_COORDINATES[name] for name in _record_dims(loop)}
@@ -310,7 +310,7 @@ def _sizes(loop: ClosedLoop) -> dict[str, int]:
         "observer": inputs.scene.observer_position.shape[0],
         "slot": inputs.settings.slots or 1,
         "component": len(COMPONENTS),
-        "unknown": len(loop.estimated_parameters),
+        "parameter": len(loop.estimated_parameters),
         "observation": loop.state.observations,
     }
 

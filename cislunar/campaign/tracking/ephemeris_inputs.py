@@ -43,7 +43,7 @@ def assumed_forces(
     orbits."""
     dynamics = settings.dynamics
     if dynamics.filter == "ephemeris":
-        return _ephemeris(ephemeris, dynamics, dynamics.srp.believed_factor)
+        return _ephemeris(ephemeris, dynamics, dynamics.srp.assumed_factor)
     return instantaneous_frame_cr3bp(
         ephemeris.table, ephemeris.start, loop.step_s, loop.n_steps, low_lunar
     )

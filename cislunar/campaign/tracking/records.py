@@ -100,7 +100,7 @@ def cell_arcs(
     if name not in cell:
         key = "truth" if which == "true" else "estimates"
         raise ConfigurationError(
-            f"the cell holds no {name}: add {key} to 'task2.record' and make it again"
+            f"the cell contains no {name}: add {key} to 'task2.record' and make it again"
         )
     own: dict[str, Any] = {name: cell[name].values[seed]}
     if which == "estimated" and "covariance" in cell:

@@ -148,8 +148,8 @@ class BatchEstimator:
             if self._state.condition[j] != HEALTHY:
                 continue
             live, unit = int(modes.count[0]), model.sigma[ROTATION:].copy()
-            turning = model.rotation_kinds >= TORQUE
-            unit[: turning.size][turning] = np.rad2deg(unit[: turning.size][turning]) * HOUR**2
+            torque = model.rotation_kinds >= TORQUE
+            unit[: torque.size][torque] = np.rad2deg(unit[: torque.size][torque]) * HOUR**2
             weight, u = modes.weight[:live][:, None], modes.u[:live, ROTATION:]
             root = np.linalg.inv(modes.root[:live])  # H = L L^T, so that H^-1 = L^-T L^-1
             variance = (root**2).sum(axis=1)[:, ROTATION:]
@@ -164,7 +164,7 @@ class BatchEstimator:
         return np.array([modes.count[1] for modes in self._hypotheses])
 
     @property
-    def rows_held(self) -> NDArray[np.int64]:
+    def light_curve_rows(self) -> NDArray[np.int64]:
         """Per target, number of rows (measurements and non-detections) of its light curve that are
         kept."""
         return self._state.rows.copy()
@@ -311,18 +311,18 @@ def _light_curve_model(
     settings: BatchSettings,
 ) -> LightCurveModel:
     body = body_of(surfaces, j)
-    turning, of_rotation = settings.estimated_parameters.rotation_kinds()
+    rotation_kinds, of_rotation = settings.estimated_parameters.rotation_kinds()
     kinds, of_surface = settings.estimated_parameters.surface_kinds(body.areas.size)
     settings.estimated_parameters.require_possible(body.materials)
     return LightCurveModel(
         np.array(initial.quaternion[j], dtype=float),
         np.array(initial.angular_velocity[j], dtype=float),
         np.concatenate([initial.sigma[:ROTATION], of_rotation, of_surface]),
-        turning,
+        rotation_kinds,
         kinds,
         bodies.inertia[j],
         bodies.inverse[j],
-        bool(bodies.spherical[j] and turning.size == 0),
+        bool(bodies.spherical[j] and rotation_kinds.size == 0),
         body,
         bool(surfaces.irradiance_4pi),
         bool(surfaces.fresnel_sqrt),

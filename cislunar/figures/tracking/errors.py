@@ -198,7 +198,7 @@ def histories(cell: xr.Dataset, target: int) -> tuple[Array, Array, Array]:
     """
     if "error" not in cell:
         raise ConfigurationError(
-            "the cell holds no errors: add errors to 'task2.histories' and make it again"
+            "the cell contains no errors: add errors to 'task2.histories' and make it again"
         )
     some = cell.isel(seed=labels.REALIZATION, target=target)
     error = some["error"].values.astype(float)

@@ -34,7 +34,7 @@ def shares_of_prior(cell: xr.Dataset) -> dict[str, tuple[Array, Array]]:
         )
     prior = json.loads(cell.attrs["settings"])["batch"]["estimated_parameters"]
     observed = cell["status"].values != NEVER_OBSERVED
-    names = cell["unknown"].values.astype(str)
+    names = cell["parameter"].values.astype(str)
     found = {}
     for key in (key for key in BODY_PARAMETERS if prior.get(key)):
         own = [i for i, name in enumerate(names) if name == key or name.startswith(f"{key}_")]

@@ -16,7 +16,7 @@ _ROW_IN, _BETWEEN_IN, _COLUMN_IN = 1.25, 0.16, 2.0
 _HEAD, _FOOT, _LINE_IN = 0.32, 0.78, 0.16
 _ASIDE = 1.03
 """Ratio of the places of neighboring series, so that none hides another."""
-_LOOKS = (
+_STYLES = (
     (style.BLUE, style.SOLID, "o"),
     (style.VERMILION, style.DASHED, "s"),
     (style.GREEN, style.DASH_DOT, "D"),
@@ -49,7 +49,7 @@ def pooled_figure(table: pd.DataFrame) -> Figure:
     several = table.groupby("series", sort=False)["observers"].nunique() > 1
     names = list(several.index[several]) or list(several.index)
     styles = {
-        name: style.SeriesStyle(name, *_LOOKS[number % len(_LOOKS)], filled=number % 2 == 0)
+        name: style.SeriesStyle(name, *_STYLES[number % len(_STYLES)], filled=number % 2 == 0)
         for number, name in enumerate(names)
     }
     table = table[table["series"].isin(names)]

@@ -4,7 +4,7 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "reference_tracking": ["holding_cost", "reference_states"],
+    "reference_tracking": ["tracking_cost", "reference_states"],
     "refinement": ["RefinedPath", "path_states", "refined_path"],
 })
 # fmt: on

@@ -107,7 +107,7 @@ def flow(forces: EphemerisForces, times: ArrayLike, states: ArrayLike) -> Array:
     return np.concatenate([states[:, 3:], pulled], axis=1)
 
 
-def holding_cost(forces: EphemerisForces, state: ArrayLike, period: float, days: float) -> float:
+def tracking_cost(forces: EphemerisForces, state: ArrayLike, period: float, days: float) -> float:
     """Velocity change for reference tracking of a CR3BP orbit by continuous thrust, m/s.
 
     It is the integral of the difference between the acceleration along `reference_states` and that

@@ -1,7 +1,7 @@
 """Probability that an observation detects a target, learned from detection outcomes.
 
 The magnitude of a target differs from the expected one by an unknown offset and by a random
-flicker; docs/tasking.md defines the model and the worth of a pair. Non-detections are informative
+flicker; docs/tasking.md defines the model and the value of a pair. Non-detections are informative
 in the same way in the sensor management of random finite sets (see arXiv:2410.02983).
 
 Assumptions and limitations
@@ -86,7 +86,7 @@ class LearnedDetection:
         `detects`."""
         return np.sum(np.exp(self.log_weight[target]) * detects, axis=1)
 
-    def worth(self, information: ArrayLike, detects: Array) -> Array:
+    def pair_values(self, information: ArrayLike, detects: Array) -> Array:
         """Value of every pair for tasking (observer, target), nats, given the information of a
         detection, nats, and `detects` (observer, target, offset). Pairs without information have no
         value."""

@@ -25,12 +25,12 @@ class _Packing(NamedTuple):
 
 
 def best_packing(
-    target: NDArray[np.int64], observers: NDArray[np.int64], worth: Array, n_observers: int
+    target: NDArray[np.int64], observers: NDArray[np.int64], value: Array, n_observers: int
 ) -> _Packing:
     """The best choice of columns that share neither target nor observer: `target` (column,),
-    `observers` (column, k) filled up with `IDLE`, and the value `worth` (column,); columns without
+    `observers` (column, k) filled up with `IDLE`, and `value` (column,); columns without
     value are left out."""
-    value = np.round(worth, INFORMATION_DECIMALS)
+    value = np.round(value, INFORMATION_DECIMALS)
     kept = np.flatnonzero(value > 0.0)
     chosen = np.full(n_observers, IDLE, dtype=np.int64)
     if kept.size == 0:

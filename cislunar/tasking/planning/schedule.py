@@ -9,7 +9,7 @@ Assumptions and limitations
 ---------------------------
 - Of more than `_MOST_TRIALS` observations of a target, the later ones count by the expected
   information matrix, an upper bound of their value.
-- If turning takes time, a slot is chosen for its own value: the delay of the next slot is
+- If slewing takes time, a slot is chosen for its own value: the delay of the next slot is
   considered only when that one is chosen. The best schedule found is returned.
 """
 
@@ -86,7 +86,7 @@ def _information(factor, share, j, observations, trusted, matrix):
 
 
 @njit(cache=True, error_model="numpy")
-def worth_of_observations(factor, share, detection_probabilities, j, observations, count):
+def value_of_observations(factor, share, detection_probabilities, j, observations, count):
     """F_j of the first `count` of the observations (row, 2) of slot and observer."""
     n = min(count, _MOST_TRIALS)
     n_offsets = detection_probabilities.weight.shape[1]
@@ -131,7 +131,7 @@ def _observations_of(target, but, j, observations):
 
 
 @njit(cache=True, error_model="numpy")
-def _columns_worth(factor, share, detection_probabilities, target, slot, columns, observers, out):
+def _column_values(factor, share, detection_probabilities, target, slot, columns, observers, out):
     """Values that observers (column, k) at targets (column,) in a slot add to the rest of a
     schedule."""
     observations = np.empty((target.size + observers.shape[1], 2), np.int64)
@@ -140,7 +140,7 @@ def _columns_worth(factor, share, detection_probabilities, target, slot, columns
         j = columns[c]
         if j != last:
             last, count = j, _observations_of(target, slot, j, observations)
-            without = worth_of_observations(
+            without = value_of_observations(
                 factor, share, detection_probabilities, j, observations, count
             )
         more = count
@@ -149,7 +149,7 @@ def _columns_worth(factor, share, detection_probabilities, target, slot, columns
                 observations[more, 0], observations[more, 1] = slot, o
                 more += 1
         out[c] = (
-            worth_of_observations(factor, share, detection_probabilities, j, observations, more)
+            value_of_observations(factor, share, detection_probabilities, j, observations, more)
             - without
         )
 
@@ -161,7 +161,7 @@ def _total(factor, share, detection_probabilities, target):
     for j in range(factor.shape[2]):
         count = _observations_of(target, -1, j, observations)
         if count > 0:
-            total += worth_of_observations(
+            total += value_of_observations(
                 factor, share, detection_probabilities, j, observations, count
             )
     return total
@@ -169,20 +169,20 @@ def _total(factor, share, detection_probabilities, target):
 
 @dataclass(frozen=True)
 class _SlotSchedule:
-    """A schedule: `target` (slot, observer), or `IDLE`; `worth`, the sum of F_j, nats;
+    """A schedule: `target` (slot, observer), or `IDLE`; `value`, the sum of F_j, nats;
     `information` of the observations to be carried out if all detect their targets, nats;
     `evaluations`, the assignments and set packings solved; `gap`, the largest relative gap of the
     set packings, 0 for assignments."""
 
     target: Chosen
-    worth: float
+    value: float
     information: float
     evaluations: int
     gap: float
 
 
 Shares = Callable[[Chosen], Array]
-"""From a schedule to the shares (slot, observer, target) of slots that remain after turning."""
+"""From a schedule to the shares (slot, observer, target) of slots that remain after slewing."""
 
 
 def plan_schedule(
@@ -203,7 +203,7 @@ def plan_schedule(
         Largest number of observers of a target in the same slot.
     shares : callable, optional
         Called with a schedule; returns the shares, shape (slot, observer, target), of each slot
-        that remain after turning to each target. The whole slot, if omitted.
+        that remain after slewing to each target. The whole slot, if omitted.
     carried_out : int, optional
         Number of first slots whose `information` is computed; all, if omitted.
     """
@@ -212,29 +212,29 @@ def plan_schedule(
     visible = np.any(factor != 0.0, axis=(3, 4))
     target = np.full((n_slots, n_observers), IDLE, dtype=np.int64)
     share = np.ones(observations.margin.shape)
-    best, best_worth, evaluations, gap = target.copy(), 0.0, 0, 0.0
+    best, best_value, evaluations, gap = target.copy(), 0.0, 0, 0.0
     for _ in range(_MOST_SWEEPS):
         for slot in range(n_slots):
             if shares is not None:
                 share = shares(target)
             columns, observers = _columns(visible[slot], observers_per_target)
             added = np.empty(columns.size)
-            _columns_worth(factor, share, known, target, slot, columns, observers, added)
+            _column_values(factor, share, known, target, slot, columns, observers, added)
             target[slot], own_gap = _chosen(columns, observers, added, visible[slot].shape)
             gap, evaluations = max(gap, own_gap), evaluations + 1
         if shares is not None:
             share = shares(target)
-        worth = _total(factor, share, known, target)
-        if not worth > best_worth + 10.0**-INFORMATION_DECIMALS:
+        value = _total(factor, share, known, target)
+        if not value > best_value + 10.0**-INFORMATION_DECIMALS:
             break
-        best, best_worth = target.copy(), worth
+        best, best_value = target.copy(), value
         if n_slots == 1:
             break
     if shares is not None:
         share = shares(best)
     certain = detection_probabilities(None, observations.margin)
     information = _total(factor, share, certain, best[:carried_out])
-    return _SlotSchedule(best, best_worth, information, evaluations, gap)
+    return _SlotSchedule(best, best_value, information, evaluations, gap)
 
 
 def _columns(visible: NDArray[np.bool_], most: int) -> tuple[Chosen, Chosen]:

@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.tasking.planning.schedule import DetectionProbabilities, worth_of_observations
+from cislunar.tasking.planning.schedule import DetectionProbabilities, value_of_observations
 from cislunar.tasking.planning.slot_observations import SlotObservations
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def _alone(factor, share, detection_probabilities, visible, out):
                 out[s, o, j] = 0.0
                 if visible[s, o, j]:
                     observation[0, 0], observation[0, 1] = s, o
-                    out[s, o, j] = worth_of_observations(
+                    out[s, o, j] = value_of_observations(
                         factor, share, detection_probabilities, j, observation, 1
                     )
 
@@ -82,7 +82,7 @@ def _best_observations(factor, share, detection_probabilities, alone, price, mos
                 n += 1
         if alike > most or bound - cost <= best:
             continue
-        value = worth_of_observations(factor, share, detection_probabilities, j, some, n) - cost
+        value = value_of_observations(factor, share, detection_probabilities, j, some, n) - cost
         if value > best:
             best, at = value, mask
     for i in range(count):
@@ -92,7 +92,7 @@ def _best_observations(factor, share, detection_probabilities, alone, price, mos
 
 
 @njit(cache=True, error_model="numpy")
-def _own_worth(factor, share, detection_probabilities, target, price):
+def _marginal_values(factor, share, detection_probabilities, target, price):
     """Value that each observation of a schedule adds to the others of its target, into `price`."""
     observations, some = np.empty((target.size, 2), np.int64), np.empty((target.size, 2), np.int64)
     price[:, :] = 0.0
@@ -105,7 +105,7 @@ def _own_worth(factor, share, detection_probabilities, target, price):
                     count += 1
         if count == 0:
             continue
-        whole = worth_of_observations(
+        whole = value_of_observations(
             factor, share, detection_probabilities, j, observations, count
         )
         for left in range(count):
@@ -114,17 +114,17 @@ def _own_worth(factor, share, detection_probabilities, target, price):
                 if i != left:
                     some[n] = observations[i]
                     n += 1
-            rest = worth_of_observations(factor, share, detection_probabilities, j, some, n)
+            rest = value_of_observations(factor, share, detection_probabilities, j, some, n)
             price[observations[left, 0], observations[left, 1]] = max(0.0, whole - rest)
 
 
 @njit(cache=True, error_model="numpy")
-def _least_bound(factor, detection_probabilities, visible, target, worth, most, steps):
+def _least_bound(factor, detection_probabilities, visible, target, achieved, most, steps):
     """Least L found in this number of steps."""
     share, alone = np.ones(factor.shape[:3]), np.empty(factor.shape[:3])
     _alone(factor, share, detection_probabilities, visible, alone)
     price = np.empty(target.shape)
-    _own_worth(factor, share, detection_probabilities, target, price)
+    _marginal_values(factor, share, detection_probabilities, target, price)
     chosen, used = np.empty(target.shape, np.bool_), np.empty(target.shape)
     least = np.inf
     for _ in range(steps):
@@ -141,9 +141,9 @@ def _least_bound(factor, detection_probabilities, visible, target, worth, most, 
                 if price[s, o] == 0.0 and away[s, o] < 0.0:
                     away[s, o] = 0.0
         squares = np.sum(away * away)
-        if squares == 0.0 or least <= worth:
+        if squares == 0.0 or least <= achieved:
             break
-        price = np.maximum(0.0, price + (bound - worth) / squares * away)
+        price = np.maximum(0.0, price + (bound - achieved) / squares * away)
     return least
 
 
@@ -151,15 +151,15 @@ def schedule_bound(
     observations: SlotObservations,
     known: DetectionProbabilities,
     target: NDArray[np.int64],
-    worth: float,
+    achieved: float,
     *,
     observers_per_target: int = 1,
     steps: int = 30,
 ) -> float:
     """Upper bound of the value of every schedule of an interval, nats, found in `steps` steps of
-    the subgradient method from the prices of a schedule `target` (slot, observer) of value `worth`.
-    If turning takes time, the bound is that of schedules without turning times."""
+    the subgradient method from the prices of a schedule `target` (slot, observer), whose value is
+    `achieved`. If slewing takes time, the bound is that of schedules without slewing times."""
     factor = observations.factor
     visible = np.any(factor != 0.0, axis=(3, 4))
-    given = factor, known, visible, np.ascontiguousarray(target), float(worth)
-    return float(max(worth, _least_bound(*given, observers_per_target, steps)))
+    given = factor, known, visible, np.ascontiguousarray(target), float(achieved)
+    return float(max(achieved, _least_bound(*given, observers_per_target, steps)))

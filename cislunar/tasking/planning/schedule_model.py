@@ -58,7 +58,7 @@ class ScheduleModel(Section):
                 )
 
     @property
-    def turning(self) -> bool:
+    def slewing(self) -> bool:
         """Whether slewing to another target takes time."""
         return self.slew_deg_s is not None or self.settle_s > 0.0
 
@@ -72,4 +72,4 @@ class ScheduleModel(Section):
         """Whether an observer keeps a target for one interval, which is planned by itself. Each
         target then has at most one observer, and slewing takes no time."""
         alone = self.observers_per_target == self.horizon_epochs == 1
-        return self.slot_minutes is None and alone and not self.turning
+        return self.slot_minutes is None and alone and not self.slewing

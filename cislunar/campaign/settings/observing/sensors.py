@@ -63,14 +63,14 @@ def own_sensors(orbits: xr.Dataset, rows: Sequence[int]) -> list[dict[str, Any]]
     return found
 
 
-def true_sensors(cell: CellSettings, believed: Sensors) -> Sensors | None:
+def true_sensors(cell: CellSettings, assumed: Sensors) -> Sensors | None:
     """True telescopes if noise depends on observer or magnitude; None if it does not.
 
     The constant noise is that of ``truth.sensor`` where stated, for all telescopes.
     """
-    if isinstance(believed, Sensor) and believed.plain:
+    if isinstance(assumed, Sensor) and assumed.plain:
         return None
     given = {} if cell.truth.sensor is None else cell.truth.sensor.model_dump()
-    if isinstance(believed, Sensor):
-        return believed.model_copy(update=given)
-    return tuple(one.model_copy(update=given) for one in believed)
+    if isinstance(assumed, Sensor):
+        return assumed.model_copy(update=given)
+    return tuple(one.model_copy(update=given) for one in assumed)

@@ -1,0 +1,93 @@
+"""Positions of satellites along periodic orbits over time.
+
+Satellites are propagated over one period only and repeated, because errors would otherwise grow
+over the horizon (Paul & Fan, section 5.1). Positions come from dense output at the exact times.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import MU
+from cislunar.dynamics.cr3bp import CR3BP
+from cislunar.dynamics.propagation import propagate, propagate_periodic
+
+Array = NDArray[np.float64]
+
+
+def satellite_tracks(
+    state: ArrayLike,
+    period: ArrayLike,
+    phase: ArrayLike,
+    times: ArrayLike,
+    *,
+    propagator: str = "dopri5",
+    mu: float = MU,
+) -> Array:
+    """Positions of satellites along periodic orbits.
+
+    Parameters
+    ----------
+    state : array_like, shape (orbit, 6)
+        Epoch states of the first satellites, nondimensional, rotating frame.
+    period : array_like, shape (orbit,)
+        Periods, nondimensional; 0 for an open trajectory, which has no phases.
+    phase : array_like, shape (phase,)
+        Fractions of the period ahead of the first satellite.
+    times : array_like, shape (time,)
+        Nondimensional times since the epoch.
+    propagator : str
+        "dopri5" or "dop853".
+    mu : float
+        Mass ratio.
+
+    Returns
+    -------
+    ndarray, shape (orbit, phase, time, 3)
+        Nondimensional, rotating frame.
+    """
+    times = np.asarray(times, dtype=float)
+    phase = np.asarray(phase, dtype=float)
+    tracks = []
+    for initial, duration in zip(np.asarray(state), np.asarray(period), strict=True):
+        shifted = (times[None, :] + phase[:, None] * duration).ravel()
+        if duration == 0.0:
+            path = propagate(initial, shifted, forces=CR3BP(mu), method=propagator)
+        else:
+            path = propagate_periodic(initial, duration, shifted, mu=mu, method=propagator)
+        tracks.append(path[:, :3].reshape(len(phase), len(times), 3))
+    return np.stack(tracks)
+
+
+def architecture_tracks(
+    state: ArrayLike,
+    period: ArrayLike,
+    satellites: ArrayLike,
+    times: ArrayLike,
+    *,
+    phase: ArrayLike = 0.0,
+    propagator: str = "dopri5",
+    mu: float = MU,
+) -> Array:
+    """Positions of every satellite of an architecture.
+
+    Parameters
+    ----------
+    state, period, times, propagator, mu
+        See `satellite_tracks`; one chosen orbit per slot.
+    satellites : array_like of int, shape (slot,)
+        Satellites on each orbit, at phases j/n of the period.
+    phase : array_like, shape (slot,) or ()
+        Fractions of the period by which the satellites of each slot are ahead of these phases.
+
+    Returns
+    -------
+    ndarray, shape (satellite, time, 3)
+        Nondimensional, rotating frame; slot by slot.
+    """
+    satellites = np.asarray(satellites)
+    ahead = np.broadcast_to(np.asarray(phase, dtype=float), satellites.shape)
+    tracks = [
+        satellite_tracks([s], [p], a + np.arange(n) / n, times, propagator=propagator, mu=mu)[0]
+        for s, p, n, a in zip(np.asarray(state), np.asarray(period), satellites, ahead, strict=True)
+    ]
+    return np.concatenate(tracks)
