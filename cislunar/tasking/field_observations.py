@@ -82,6 +82,8 @@ class Associated(NamedTuple):
         target.
     counts : ndarray of int, shape (target, 2)
         Detections that a track has taken, and those of them that are of another origin.
+    origin : ndarray of int, shape (target,)
+        Target that most detections of a track are of, or `FALSE_ALARM`; -2 without a detection.
     """
 
     measurements: Measurements
@@ -90,6 +92,7 @@ class Associated(NamedTuple):
     commanded: NDArray[np.bool_]
     right: NDArray[np.bool_]
     counts: Indices
+    origin: Indices
 
     def histories(self, motion: Truth, tracks: TrackStatus, cutoff_km: float) -> dict[str, list]:
         """Values of the histories of tracks at the end of the interval."""
@@ -100,6 +103,7 @@ class Associated(NamedTuple):
         return {
             "associations": [self.counts[:, 0]],
             "wrong_associations": [self.counts[:, 1]],
+            "association_origin": [self.origin],
             "existence": [tracks.existence.copy()],
             "track_status": [tracks.status.copy()],
             "gospa": [found[:4]],
@@ -211,16 +215,22 @@ def associate_interval(
     target, exposure, detection, used = (
         column[order] for column in (row[0], exposure, detection, used)
     )
-    taken = detection >= 0
-    right = taken & (np.append(field.origin, FALSE_ALARM)[detection] == target)
-    counts = np.zeros((inputs.ids.size, 2), dtype=np.int64)
-    np.add.at(counts[:, 0], target[taken & used], 1)
-    np.add.at(counts[:, 1], target[taken & used & ~right], 1)
+    taken, source = detection >= 0, np.append(field.origin, FALSE_ALARM)[detection]
+    right = taken & (source == target)
+    # by track and origin, the last column for false alarms
+    of = np.zeros((inputs.ids.size, inputs.ids.size + 1), dtype=np.int64)
+    np.add.at(of, (target[taken & used], source[taken & used]), 1)
+    total = of.sum(axis=1)
+    counts = np.column_stack([total, total - np.diagonal(of)])
+    most = of.argmax(axis=1)
+    origin = np.where(total == 0, -2, np.where(most == inputs.ids.size, FALSE_ALARM, most))
     outcome = field.outcome[exposure]
     # a target outside the field, and one whose detection was given to no track, are rejected
     outcome[taken | (outcome == NOT_TASKED)] = DETECTED
     commanded = field.command[exposure] == target
-    return Associated(measurements, outcome, Estimates(*histories, used), commanded, right, counts)
+    return Associated(
+        measurements, outcome, Estimates(*histories, used), commanded, right, counts, origin
+    )
 
 
 class _Columns(NamedTuple):

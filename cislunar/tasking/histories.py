@@ -136,6 +136,10 @@ HISTORIES = {
         "epoch", ("target",), "i4", "1",
         "detections of another target, or false alarms, that the track has taken in the interval",
         _associated),
+    "association_origin": History(
+        "epoch", ("target",), "i4", "1",
+        "index of the target that most of the track's detections in the interval are of; -1 for "
+        "false alarms, -2 without a detection", _associated),
     "existence": History(
         "epoch", ("target",), "f4", "1",
         "probability that the track is of an object, after the interval", _associated),

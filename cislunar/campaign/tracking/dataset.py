@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from cislunar.association.tracks import STATUS_NAMES as TRACK_STATUS_NAMES
 from cislunar.campaign.data.inputs import orbit_set_dataset
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import (
@@ -245,6 +246,7 @@ _FLAGS = {
     "status": _flags(STATUS_NAMES),
     "status_rotation": _flags(STATUS_NAMES),
     "status_translation": _flags(STATUS_NAMES),
+    "track_status": _flags(TRACK_STATUS_NAMES),
 }
 
 

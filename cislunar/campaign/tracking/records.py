@@ -23,6 +23,12 @@ RECORD_COORDINATES = {
     "body_axis": ("body_axis", ["x", "y", "z"], "1", "axis of a body frame"),
     "quaternion": ("quaternion", ["q1", "q2", "q3", "q4"], "1", "component, q4 the scalar"),
     "angle": ("angle", ["right_ascension", "declination"], "1", "angle in the observer's body"),
+    "gospa_part": (
+        "gospa_part",
+        ["distance", "localization", "missed", "false"],
+        "1",
+        "GOSPA distance (km), and the parts of its square (km2)",
+    ),
 }
 """Coordinates of the recorded variables: dimensions, values, unit and description."""
 

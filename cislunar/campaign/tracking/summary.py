@@ -12,7 +12,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from cislunar.association.tracks import DELETED, LOST
 from cislunar.campaign.settings.cells import Cell
+from cislunar.constants import SECONDS_PER_DAY
 from cislunar.errors import InputFileError
 from cislunar.evaluation.metrics import FINAL_HOURS, INCONSISTENT, NEVER_OBSERVED, PARTS, TRACKED
 from cislunar.runtime.netcdf import read_dataset, variable
@@ -86,6 +88,12 @@ WHERE_KEPT = {
     "never_visible": (
         "1", "targets that no observer could have detected, task2.record: visibility"),
     "missed": ("1", "targets never observed that an observer could have detected"),
+    "associations_per_day": ("d-1", "detections that tracks have taken, per day"),
+    "wrong_associations_per_day": (
+        "d-1", "detections of another target or false alarms that tracks have taken, per day"),
+    "switched_tracks": ("1", "tracks that end with the detections of another target"),
+    "lost_tracks": ("1", "tracks with status lost or deleted at the end"),
+    "gospa": ("km", "GOSPA metric of the positions, mean over the final hours"),
 }  # fmt: skip
 """Quantities of cells that record the necessary histories, in a summary with any such cell."""
 
@@ -235,9 +243,29 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         visible = cell["visible"].values.any(axis=1)
         found["never_visible"] = (~visible).sum(axis=1)
         found["missed"] = (visible & ~observed).sum(axis=1)
+    if "gospa" in cell:
+        found |= _associated(cell)
     for name in ("out_of_field", "undetectable_sigma_points", "cholesky_failures"):
         found[name] = cell[name].values.sum(axis=1)
     return {name: np.asarray(values, dtype=float) for name, values in found.items()}
+
+
+def _associated(cell: xr.Dataset) -> dict[str, Array]:
+    """Quantities of tracks and associations of each realization."""
+    days = (cell["step"].values[-1] - cell["step"].values[0]) / SECONDS_PER_DAY
+    origin = cell["association_origin"].values
+    switched = np.zeros(origin.shape[::2], dtype=bool)
+    for row in origin.swapaxes(0, 1):  # the last interval with a detection decides
+        switched = np.where(row == -2, switched, row != np.arange(row.shape[1]))
+    final = cell["epoch"].values > cell["epoch"].values[-1] - 3600.0 * FINAL_HOURS
+    status = cell["track_status"].values[:, -1]
+    return {
+        "associations_per_day": cell["associations"].values.sum(axis=(1, 2)) / days,
+        "wrong_associations_per_day": cell["wrong_associations"].values.sum(axis=(1, 2)) / days,
+        "switched_tracks": switched.sum(axis=1),
+        "lost_tracks": np.isin(status, (LOST, DELETED)).sum(axis=1),
+        "gospa": cell["gospa"].values[:, final, 0].mean(axis=1),
+    }
 
 
 def summary_dataset(
