@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from cislunar.estimation.estimator import Prediction
 from cislunar.observation.scene import Scene
+from cislunar.observation.sensor import sensor_limits
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.tasking.planning.assignment import IDLE, assign, total_information
 from cislunar.tasking.planning.brightness import facet_margins, sphere_margins
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.information import pair_information
+from cislunar.tasking.planning.neighbors import values_in_field
 from cislunar.tasking.planning.preselection import assign_preselected, preselects
 from cislunar.tasking.planning.schedule import detection_probabilities, plan_schedule
 from cislunar.tasking.planning.schedule_bound import schedule_bound
@@ -131,6 +133,7 @@ def decide(
         observers_per_target=model.observers_per_target,
         shares=shares if model.slewing else None,
         carried_out=now,
+        half_field=_counted_field(scene, settings),
     )
     gap = plan.gap
     if model.bound_steps > 0 and plan.value > 0.0:
@@ -165,6 +168,13 @@ def decide(
         detects,
         starts[:now],
     )
+
+
+def _counted_field(scene: Scene, settings: LoopSettings) -> Array | None:
+    """Half the fields of view (observer,), if tasking counts on all targets in a field."""
+    if not (settings.association.in_field and settings.association.count_neighbors):
+        return None
+    return sensor_limits(settings.sensor, scene.observer_position.shape[0]).half_field
 
 
 def _by_facets(detection: LearnedDetection | None, prediction: Prediction) -> bool:
@@ -203,7 +213,8 @@ def _assigned(
         margin = sphere_margins(*sphere, eclipse=eclipse)
     if eclipse:
         lit = margin > (0.0 if detection is None else -np.inf)
-    few = settings.keep_information or lit is not None
+    half_field = _counted_field(scene, settings)
+    few = settings.keep_information or lit is not None or half_field is not None
     if not few and preselects(settings.tasking, settings.method, n_pairs):
         tasking = assign_preselected(prediction, *given)
         information = tasking.information
@@ -220,6 +231,10 @@ def _assigned(
                 expected = margin[..., None]
             detects = detection.detects(expected, seen)
             value = detection.pair_values(pairs, detects)
+        if half_field is not None:
+            way = prediction.translation[:, :3] - scene.observer_position[:, prediction.index, None]
+            direction = way / np.linalg.norm(way, axis=-1, keepdims=True)
+            value = values_in_field(value, direction, half_field)
         tasking = assign(
             value,
             settings.method,
@@ -228,7 +243,7 @@ def _assigned(
             early_stop=settings.early_stop,
         )
         information = tasking.information
-        if detection is not None:
+        if detection is not None or half_field is not None:
             information = total_information(pairs, tasking.target)
     return Decision(
         tasking.target[None],

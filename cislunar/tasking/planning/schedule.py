@@ -28,6 +28,7 @@ from cislunar.compiled import njit_noalloc
 from cislunar.estimation.triangular import cholesky
 from cislunar.tasking.planning.assignment import IDLE, INFORMATION_DECIMALS, assign
 from cislunar.tasking.planning.detection import LearnedDetection
+from cislunar.tasking.planning.neighbors import values_in_field
 from cislunar.tasking.planning.packing import best_packing
 from cislunar.tasking.planning.slot_observations import SIZE, SlotObservations
 
@@ -192,6 +193,7 @@ def plan_schedule(
     observers_per_target: int = 1,
     shares: Shares | None = None,
     carried_out: int | None = None,
+    half_field: Array | None = None,
 ) -> _SlotSchedule:
     """Choose the observations of an interval, slot by slot until nothing is gained.
 
@@ -206,6 +208,8 @@ def plan_schedule(
         that remain after slewing to each target. The whole slot, if omitted.
     carried_out : int, optional
         Number of first slots whose `information` is computed; all, if omitted.
+    half_field : ndarray, shape (observer,), optional
+        Half the fields of view, rad, if all targets in a field count, for groups of one observer.
     """
     factor = observations.factor
     n_slots, n_observers, _ = observations.margin.shape
@@ -220,6 +224,13 @@ def plan_schedule(
             columns, observers = _columns(visible[slot], observers_per_target)
             added = np.empty(columns.size)
             _column_values(factor, share, known, target, slot, columns, observers, added)
+            if half_field is not None:
+                alone = np.count_nonzero(observers != IDLE, axis=1) == 1
+                pairs = observers[alone, 0], columns[alone]
+                gain = np.zeros(visible[slot].shape)
+                gain[pairs] = added[alone]
+                counted = values_in_field(gain, observations.direction[slot], half_field)
+                added[alone] = counted[pairs]
             target[slot], own_gap = _chosen(columns, observers, added, visible[slot].shape)
             gap, evaluations = max(gap, own_gap), evaluations + 1
         if shares is not None:
