@@ -7,5 +7,8 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "exposures": ["FALSE_ALARM", "Detections", "Exposures", "expose",
         "point_at", "tangent_offset"],
     "process": ["DetectionProcess"],
+    "tables": ["DETECTION_COLUMNS", "EXPOSURE_COLUMNS", "detection_table", "exposure_table",
+        "read_detections"],
+    "tracklets": ["Tracklet", "tracklet"],
 })
 # fmt: on

@@ -1,0 +1,209 @@
+"""Tables of exposures and detections, with the names of the Astrometry Data Exchange Standard.
+
+Columns that the standard (ADES, IAU 2018) has are named as there: ``obsTime`` (UTC), ``stn``,
+``ra`` and ``dec`` (ICRF, deg), ``rmsRA`` (of right ascension times cos(declination)) and
+``rmsDec`` (arcsec), ``rmsCorr``, ``mag``, ``rmsMag`` and ``obsID``. ``expID`` names the exposure.
+No column states what a detection is of.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.detection.exposures import Detections, Exposures
+from cislunar.ephemeris.time_scales import clock_seconds, clock_text, clock_to_tdb, tdb_to_clock
+from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.observation.scene import Scene
+from cislunar.observation.sensor import ARCSECOND
+
+Array = NDArray[np.float64]
+
+EXPOSURE_COLUMNS = ("expID", "stn", "obsTime", "ra", "dec", "fieldDeg", "limMag", "falseAlarms")
+DETECTION_COLUMNS = (
+    *("obsID", "expID", "stn", "obsTime", "ra", "dec", "rmsRA", "rmsDec", "rmsCorr", "mag"),
+    "rmsMag",
+)
+
+
+def exposure_table(
+    exposures: Exposures,
+    false_alarms_deg2: float,
+    scene: Scene,
+    first: int,
+    epoch_tdb: float,
+    axes: ArrayLike,
+) -> pd.DataFrame:
+    """Exposures by `EXPOSURE_COLUMNS`.
+
+    Parameters
+    ----------
+    exposures : Exposures
+    false_alarms_deg2 : float
+        Mean number of false alarms per square degree.
+    scene : Scene
+    first : int
+        Index of the first step among the scene's times.
+    epoch_tdb : float
+        Time of index 0 of the scene, s past J2000, TDB.
+    axes : array_like, shape (time, 3, 3)
+        Rotations from the propagation frame to the ICRF at the scene's times.
+    """
+    index = first + exposures.step
+    ra, dec, _ = _in_icrf(exposures.boresight, None, index, scene, axes)
+    width = np.rad2deg(2.0 * exposures.half_field)
+    return pd.DataFrame(
+        {
+            "expID": exposure_names(exposures, first),
+            "stn": exposures.observer,
+            "obsTime": _dates(index, scene, epoch_tdb),
+            "ra": ra,
+            "dec": dec,
+            "fieldDeg": width,
+            "limMag": exposures.limiting_magnitude,
+            "falseAlarms": false_alarms_deg2 * width**2,
+        }
+    )
+
+
+def detection_table(
+    detections: Detections,
+    exposures: Exposures,
+    scene: Scene,
+    first: int,
+    epoch_tdb: float,
+    axes: ArrayLike,
+) -> pd.DataFrame:
+    """Detections by `DETECTION_COLUMNS`; see `exposure_table` for the arguments."""
+    of = detections.exposure
+    index = first + exposures.step[of]
+    ra, dec, covariance = _in_icrf(
+        detections.value[:, 1:], detections.variance[:, 1:], index, scene, axes
+    )
+    rms = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    name = np.array(exposure_names(exposures, first), dtype=object)[of]
+    begin = np.searchsorted(of, of)
+    return pd.DataFrame(
+        {
+            "obsID": [
+                f"{each}-{k}" for each, k in zip(name, np.arange(of.size) - begin, strict=True)
+            ],
+            "expID": name,
+            "stn": exposures.observer[of],
+            "obsTime": _dates(index, scene, epoch_tdb),
+            "ra": ra,
+            "dec": dec,
+            "rmsRA": rms[:, 0] / ARCSECOND,
+            "rmsDec": rms[:, 1] / ARCSECOND,
+            "rmsCorr": covariance[:, 0, 1] / rms.prod(axis=1),
+            "mag": detections.value[:, 0],
+            "rmsMag": np.sqrt(detections.variance[:, 0]),
+        }
+    )
+
+
+def exposure_names(exposures: Exposures, first: int) -> list[str]:
+    """Names of exposures by the index of the scene's time and the observer."""
+    return [
+        f"{first + step}-{observer}"
+        for step, observer in zip(exposures.step.tolist(), exposures.observer.tolist(), strict=True)
+    ]
+
+
+def read_detections(source: str | Path | pd.DataFrame) -> pd.DataFrame:
+    """Read a table of detections in order of time.
+
+    Parameters
+    ----------
+    source : str, Path or DataFrame
+        Comma-separated, or a table, with `DETECTION_COLUMNS`; further columns are kept.
+
+    Returns
+    -------
+    DataFrame
+        With ``tdb``, s past J2000, besides the columns.
+
+    Raises
+    ------
+    ConfigurationError, InputFileError
+        If a column is missing, a value is not finite, an identifier occurs twice, or the times are
+        not sorted.
+    """
+    fault = ConfigurationError if isinstance(source, pd.DataFrame) else InputFileError
+    place = "detections" if isinstance(source, pd.DataFrame) else str(source)
+    try:
+        table = source.copy() if isinstance(source, pd.DataFrame) else pd.read_csv(source)
+    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise InputFileError(f"{place}: no readable table ({error})") from error
+    missing = [name for name in DETECTION_COLUMNS if name not in table]
+    if missing:
+        raise fault(f"{place}: columns {', '.join(missing)} are missing; the table needs "
+                    f"{', '.join(DETECTION_COLUMNS)}")  # fmt: skip
+    for name in ("ra", "dec", "rmsRA", "rmsDec", "rmsCorr", "mag", "rmsMag"):
+        values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
+        least = 0.0 if name in ("rmsRA", "rmsDec", "rmsMag") else -np.inf
+        wrong = np.flatnonzero(~(np.isfinite(values) & (values > least)))
+        if wrong.size:
+            raise fault(
+                f"{place}, row {wrong[0] + 1}: {name} = {table[name].iloc[wrong[0]]!r} must be a "
+                f"{'positive' if least == 0.0 else 'finite'} number"
+            )
+        table[name] = values
+    if table["obsID"].duplicated().any():
+        twice = table["obsID"][table["obsID"].duplicated()].iloc[0]
+        raise fault(f"{place}: obsID {twice!r} occurs twice")
+    clock = []
+    for row, text in enumerate(table["obsTime"].astype(str)):
+        try:
+            clock.append(clock_seconds(text.removesuffix("Z")))
+        except ConfigurationError as error:
+            raise fault(f"{place}, row {row + 1}: obsTime: {error}") from error
+    table["tdb"] = clock_to_tdb(np.array(clock, dtype=float), "UTC")
+    late = np.flatnonzero(np.diff(table["tdb"]) < 0.0)
+    if late.size:
+        raise fault(
+            f"{place}, row {late[0] + 2}: obsTime is before that of the row above; sort the table "
+            "by time"
+        )
+    return table
+
+
+def _dates(index: NDArray[np.int64], scene: Scene, epoch_tdb: float) -> list[str]:
+    """Dates, UTC, of times of the scene."""
+    times, row = np.unique(index, return_inverse=True)
+    clock = tdb_to_clock(epoch_tdb + scene.step_s * times, "UTC")
+    dates = [f"{clock_text(seconds)}Z" for seconds in clock.tolist()]
+    return [dates[k] for k in row]
+
+
+def _in_icrf(
+    direction: Array,
+    variance: Array | None,
+    index: NDArray[np.int64],
+    scene: Scene,
+    axes: ArrayLike,
+) -> tuple[Array, Array, Array]:
+    """Right ascension and declination in the ICRF, deg, and the covariance of the arcs along them,
+    rad^2, of directions in the body frames of observers."""
+    turn = np.asarray(axes, dtype=float)[index] @ scene.observer_axes[index].swapaxes(1, 2)
+    ra, dec = direction.T
+    unit, along = _tangents(ra, dec)
+    x, y, z = np.einsum("nij,nj->in", turn, unit)
+    ra_new, dec_new = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
+    covariance = np.zeros((ra.size, 2, 2))
+    if variance is not None:
+        _, new = _tangents(ra_new, dec_new)
+        mixed = np.einsum("nai,nij,nbj->nab", new, turn, along)
+        scaled = variance * np.column_stack([np.cos(dec) ** 2, np.ones(dec.size)])
+        covariance = np.einsum("nab,nb,ncb->nac", mixed, scaled, mixed)
+    return np.rad2deg(ra_new) % 360.0, np.rad2deg(dec_new), covariance
+
+
+def _tangents(ra: Array, dec: Array) -> tuple[Array, Array]:
+    """Unit vectors (n, 3), and those along right ascension and declination (n, 2, 3)."""
+    zero = np.zeros_like(ra)
+    unit = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
+    east = np.stack([-np.sin(ra), np.cos(ra), zero], axis=-1)
+    north = np.cross(unit, east)
+    return unit, np.stack([east, north], axis=1)
