@@ -79,7 +79,10 @@ def _of_paper(field: FieldInfo) -> Any:
     if not field.is_required():
         return None
     if isinstance(kind, type) and issubclass(kind, Section):
-        return kind()
+        try:
+            return kind()
+        except ConfigurationError:
+            return None  # not every argument of the section may be omitted
     paper = extra.get("paper") if isinstance(extra, dict) else None
     return None if isinstance(paper, str) else paper
 
