@@ -1,4 +1,4 @@
-"""Association against enumeration of every possibility, Stone Soup and simulated truth."""
+"""Association against enumeration of every possibility, and simulated truth."""
 
 from itertools import product
 
