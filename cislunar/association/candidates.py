@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from cislunar.association.likelihood import gate_threshold
 from cislunar.association.window import Window
 from cislunar.compiled import njit_noalloc
-from cislunar.detection.exposures import Detections, Exposures, tangent_offset
+from cislunar.detection.exposures import Detections, Exposures, boresight_vectors, tangent_offset
 from cislunar.detection.process import DetectionProcess
 from cislunar.dynamics.bundle import step_cloud
 from cislunar.dynamics.forces import of_state
@@ -76,7 +76,7 @@ def _find(first, scene, forces, spread, limits, orbits, exposures, begin, detect
     """Chances and pairs of all tracks, into `out`; returns their numbers, -1 if there is no room.
     `begin` are the first detections of each exposure."""
     translation, root = orbits
-    step, observer, boresight, half_field = exposures
+    step, observer, boresight, toward, half_field = exposures
     value, variance, log_other = detections
     kept, sigma, gate, bright_gate, faintness = own
     chance, detected, pair, residual, design, noise, weight = out
@@ -106,12 +106,13 @@ def _find(first, scene, forces, spread, limits, orbits, exposures, begin, detect
             k = first + i
             place, axes = scene.observer_position[o, k], scene.observer_axes[k]
             dx, dy, dz = means[i, 0] - place[0], means[i, 1] - place[1], means[i, 2] - place[2]
+            edge = np.tan(half_field[e])
+            along = dx * toward[e, 0] + dy * toward[e, 1] + dz * toward[e, 2]
+            aside = np.sqrt(max(0.0, dx * dx + dy * dy + dz * dz - along * along))
+            if not (along > 0.0 and aside <= 1.5 * edge * along + 5.0 * (reach + drift)):
+                continue
             ra, dec = direction_angles(dx, dy, dz, axes)
             x, y = tangent_offset(ra, dec, boresight[e, 0], boresight[e, 1])
-            edge = np.tan(half_field[e])
-            margin = 5.0 * (reach + drift) / np.sqrt(dx * dx + dy * dy + dz * dz)
-            if not (abs(x) <= edge + margin and abs(y) <= edge + margin):
-                continue
             limit = limits_of(limits, o)
             sun = scene.sun_position[k]
             if (
@@ -241,7 +242,13 @@ def find_candidates(
     spread = unscented_weights(6).spread
     model = scene, forces, spread, limits, (orbits.translation, _roots(orbits))
     data = (
-        (exposures.step, exposures.observer, exposures.boresight, exposures.half_field),
+        (
+            exposures.step,
+            exposures.observer,
+            exposures.boresight,
+            boresight_vectors(exposures, scene, orbits.index + 1),
+            exposures.half_field,
+        ),
         begin,
         (detections.value, detections.variance, log_other),
     )

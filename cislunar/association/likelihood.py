@@ -11,6 +11,8 @@ and a missed detection ln(1 - P_D P_G) with the probability P_G that a gate keep
 a target (Blackman & Popoli 1999, Design and Analysis of Modern Tracking Systems, section 6.2).
 """
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import chi2
@@ -42,6 +44,7 @@ def gaussian_log_likelihood(residual: ArrayLike, covariance: ArrayLike) -> tuple
     return squared, -0.5 * (squared + log_det + nu.shape[-1] * np.log(2.0 * np.pi))
 
 
+@cache
 def gate_threshold(probability: float, dimension: int) -> float:
     """Squared Mahalanobis distance that keeps a target's detection with a probability.
 

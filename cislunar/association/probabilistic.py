@@ -78,10 +78,17 @@ def _weighted(window, pairs, nu, s, weight, shift, covariance):
     outer = nu[kept, :, None] * nu[kept, None]
     np.add.at(second, own, weight[kept, None, None] * outer)
     effective = w[:, None, None] * s[best] - (second - mean[:, :, None] * mean[:, None])
-    design = window.design[pairs[best]]
-    gain = np.linalg.solve(s[best], design @ covariance[t]).swapaxes(1, 2)
-    reduced = covariance[t] - gain @ effective @ gain.swapaxes(1, 2)
-    shift[t] += (gain @ mean[..., None])[..., 0]
+    # the moments of the mixture, each detection with its own gain
+    n = shift.shape[1]
+    crossed = window.design[pairs[kept]] @ covariance[t][own]
+    gain = np.linalg.solve(s[kept], crossed).swapaxes(1, 2)
+    moved = (gain @ nu[kept, :, None])[..., 0]
+    center, change = np.zeros((t.size, n)), np.zeros((t.size, n, n))
+    np.add.at(center, own, weight[kept, None] * moved)
+    told = moved[:, :, None] * moved[:, None] - gain @ crossed
+    np.add.at(change, own, weight[kept, None, None] * told)
+    reduced = covariance[t] + change - center[:, :, None] * center[:, None]
+    shift[t] += center
     covariance[t] = 0.5 * (reduced + reduced.swapaxes(1, 2))
     able, innovation, noise = equivalent_direction(
         mean, effective, s[best], window.noise[pairs[best]]

@@ -114,6 +114,14 @@ def point_at(
     )
 
 
+def boresight_vectors(exposures: Exposures, scene: Scene, first: int) -> Array:
+    """Unit vectors (exposure, 3) of the boresights, propagation frame; `first` is the index of the
+    first step among the scene's times."""
+    ra, dec = exposures.boresight.T
+    body = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
+    return np.einsum("nji,nj->ni", scene.observer_axes[first + exposures.step], body)
+
+
 @njit_noalloc
 def tangent_offset(ra, dec, ra0, dec0):
     """Offsets of a direction along right ascension and declination in the tangent plane of another;
@@ -127,8 +135,9 @@ def tangent_offset(ra, dec, ra0, dec0):
 
 
 @njit(cache=True, error_model="numpy")
-def _expose(first, origin, scene, surfaces, limits, true, standard, exposures, truth, command, out):
+def _expose(first, origin, model, truth, command, out):
     """Detections of targets, into `out`; returns their number. See `expose`."""
+    scene, surfaces, limits, true, standard, exposures, toward = model
     states, attitudes, noise, dimmed, kept = truth
     row_exposure, row_origin, value, variance, outcome = out
     count, truly = 0, np.empty(3)
@@ -141,10 +150,13 @@ def _expose(first, origin, scene, surfaces, limits, true, standard, exposures, t
         place = scene.observer_position[o, k]
         for j in range(states.shape[0]):
             state = states[j, k - origin]
-            ra, dec = direction_angles(
-                state[0] - place[0], state[1] - place[1], state[2] - place[2],
-                scene.observer_axes[k],
-            )  # fmt: skip
+            dx, dy, dz = state[0] - place[0], state[1] - place[1], state[2] - place[2]
+            along = dx * toward[e, 0] + dy * toward[e, 1] + dz * toward[e, 2]
+            squared = dx * dx + dy * dy + dz * dz
+            # outside the circle about the field, whose corners are nearer than 1.5 of its edge
+            if along <= 0.0 or squared > (1.0 + (1.5 * edge) ** 2) * along * along:
+                continue
+            ra, dec = direction_angles(dx, dy, dz, scene.observer_axes[k])
             x, y = tangent_offset(ra, dec, ra0, dec0)
             if not (abs(x) <= edge and abs(y) <= edge):
                 continue
@@ -218,13 +230,14 @@ def expose(
     truly = limits if true is None else sensor_limits(true, n_observers)
     dimmed = np.zeros(states.shape[:2]) if dimmed is None else dimmed
     outcome = np.full(exposures.step.size, NOT_TASKED, dtype=np.uint8)
-    model = scene, surfaces, limits, truly, true is not None, exposures
+    toward = boresight_vectors(exposures, scene, first)
+    model = scene, surfaces, limits, truly, true is not None, exposures, toward
     truth = states, attitudes, noise, dimmed, kept
     room = 4 * exposures.step.size + 64
     while True:
         values = np.empty((room, 3)), np.empty((room, 3))
         out = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64), *values, outcome
-        count = _expose(first, origin, *model, truth, command, out)
+        count = _expose(first, origin, model, truth, command, out)
         if count >= 0:
             break
         room *= 4
@@ -256,9 +269,15 @@ def _false_alarms(exposures, process, limits, n_steps, n_observers, rng):
     value[:, 0] = exposures.limiting_magnitude[exposure] + np.log1p(-depth[rows]) / rate
     offset = (2.0 * x[rows] - 1.0) * edge, (2.0 * y[rows] - 1.0) * edge
     value[:, 1], value[:, 2] = _direction(*offset, *exposures.boresight[exposure].T)
-    for row, o in enumerate(exposures.observer[exposure].tolist()):
-        noise_variance_at(limits_of(limits, o), value[row, 0], variance[row])
+    _set_variances(limits, exposures.observer[exposure], value, variance)
     return exposure, np.full(exposure.size, FALSE_ALARM), value, variance
+
+
+@njit(cache=True, error_model="numpy")
+def _set_variances(limits, observer, value, variance):
+    """Variances of detections by the measured magnitudes, into `variance`."""
+    for row in range(observer.size):
+        noise_variance_at(limits_of(limits, observer[row]), value[row, 0], variance[row])
 
 
 def _direction(x: Array, y: Array, ra0: Array, dec0: Array) -> tuple[Array, Array]:

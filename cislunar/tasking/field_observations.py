@@ -32,7 +32,7 @@ from cislunar.observation.measurement import (
     NOT_TASKED,
 )
 from cislunar.observation.records import Measurements, arranged
-from cislunar.observation.sensor import limits_of, noise_variance_at, sensor_limits
+from cislunar.observation.sensor import SensorLimits, limits_of, noise_variance_at, sensor_limits
 from cislunar.observation.sightline import METERS
 from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.tasking.decision import Decision
@@ -191,7 +191,7 @@ def associate_interval(
     model = inputs.settings.association
     known, keep = model.method == KNOWN, "covariance" in inputs.settings.record
     commit = n_steps if known else model.committed_steps
-    columns, estimates = [], []
+    columns, estimates, telescopes = [], [], _telescopes(inputs)
     for begin in range(0, n_steps, commit):
         end = min(begin + commit, n_steps)
         if known:
@@ -199,9 +199,15 @@ def associate_interval(
         else:
             stop = min(begin + model.window_steps, n_steps)
             rows = _associate_window(
-                inputs, own, field.exposures, field.detections, start, (begin, end, stop)
+                inputs,
+                own,
+                field.exposures,
+                field.detections,
+                telescopes,
+                start,
+                (begin, end, stop),
             )
-        part = _columns(inputs, field, rows, begin, end)
+        part = _columns(telescopes.faintest, inputs.ids.size, field, rows, begin, end)
         measurements, order = arranged(*part[:5], inputs.ids.size, end - begin)
         found = own.estimator.advance(measurements, covariance=keep, final=end == n_steps)
         used = np.empty(order.size, dtype=bool)
@@ -231,6 +237,32 @@ def associate_interval(
     return Associated(
         measurements, outcome, Estimates(*histories, used), commanded, right, counts, origin
     )
+
+
+class _Telescopes(NamedTuple):
+    """Limits of all observers, variances (observer, 3) of a measurement at the limit, and what the
+    association expects of their detections."""
+
+    limits: SensorLimits
+    faintest: Array
+    expected: Expectation
+
+
+def _telescopes(inputs: SimulationInputs) -> _Telescopes:
+    """Telescopes of a run as the association assumes them."""
+    settings = inputs.settings
+    model, tasking = settings.association, settings.tasking
+    limits = sensor_limits(settings.sensor, inputs.scene.observer_position.shape[0])
+    faintest, faintness = np.empty((limits.half_field.size, 3)), np.empty(limits.half_field.size)
+    for o, limit in enumerate(limits.limiting_magnitude):
+        noise_variance_at(limits_of(limits, o), limit, faintest[o])
+        faintness[o] = METERS**2 * faintness_per_squared_range(
+            limit,
+            radius_m=tasking.radius_m,
+            diffuse_reflection_coefficient=tasking.diffuse_reflection_coefficient,
+        )
+    gates = model.magnitude_sigma, model.gate_probability
+    return _Telescopes(limits, faintest, Expectation(model, model.unknown_deg2, *gates, faintness))
 
 
 class _Columns(NamedTuple):
@@ -263,25 +295,15 @@ def _associate_window(
     own: Realization,
     exposures: Exposures,
     detections: Detections,
+    telescopes: _Telescopes,
     start: int,
     steps: tuple[int, int, int],
 ) -> Association:
     """Associate the detections of the steps from the first to the last of `steps`, and keep what is
     decided before the second."""
-    model, scene, sensor = inputs.settings.association, inputs.scene, inputs.settings.sensor
-    limits = sensor_limits(sensor, scene.observer_position.shape[0])
-    begin, end, stop = steps
+    model, (begin, end, stop) = inputs.settings.association, steps
     here = exposures.between(begin, stop)
     rows = slice(*np.searchsorted(detections.exposure, [here.start, here.stop]).tolist())
-    tasking = inputs.settings.tasking
-    faintness = METERS**2 * np.array([
-        faintness_per_squared_range(
-            limit,
-            radius_m=tasking.radius_m,
-            diffuse_reflection_coefficient=tasking.diffuse_reflection_coefficient,
-        )
-        for limit in limits.limiting_magnitude
-    ])  # fmt: skip
     given = Exposures(exposures.step[here] - begin, *(each[here] for each in exposures[1:]))
     found = Detections(
         detections.exposure[rows] - here.start, *(each[rows] for each in detections[1:])
@@ -290,12 +312,10 @@ def _associate_window(
         own.estimator.orbits(),
         given,
         found,
-        scene,
+        inputs.scene,
         inputs.forces,
-        limits,
-        Expectation(
-            model, model.unknown_deg2, model.magnitude_sigma, model.gate_probability, faintness
-        ),
+        telescopes.limits,
+        telescopes.expected,
     )
     taken = associate(window, model)
     early = given.step[taken.exposure] < end - begin
@@ -307,7 +327,12 @@ def _associate_window(
 
 
 def _columns(
-    inputs: SimulationInputs, field: FieldObservations, rows: Association, begin: int, end: int
+    faintest: Array,
+    n_targets: int,
+    field: FieldObservations,
+    rows: Association,
+    begin: int,
+    end: int,
 ) -> _Columns:
     """Rows of the steps from `begin` to `end`: detections of tracks, and commanded exposures of
     which the track has none."""
@@ -319,16 +344,10 @@ def _columns(
     variance[:, 1:] = rows.noise
     here = exposures.between(begin, end)
     inside = (rows.exposure >= here.start) & (rows.exposure < here.stop)
-    n_targets = inputs.ids.size
     taken = rows.exposure * n_targets + rows.track
     every = np.arange(here.start, here.stop)
     missed = every[~np.isin(every * n_targets + field.command[here], taken)]
-    limits = sensor_limits(inputs.settings.sensor, inputs.scene.observer_position.shape[0])
     nothing = np.full((missed.size, 3), np.nan)
-    faintest = np.empty((limits.half_field.size, 3))
-    for o in range(faintest.shape[0]):
-        own = limits_of(limits, o)
-        noise_variance_at(own, own.limiting_magnitude, faintest[o])
     exposure = np.concatenate([rows.exposure[inside], missed])
     return _Columns(
         np.concatenate([rows.track[inside], field.command[missed]]),
