@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from cislunar.association.likelihood import gate_threshold
 from cislunar.association.window import Window
 from cislunar.compiled import njit_noalloc
+from cislunar.constants import MU
 from cislunar.detection.exposures import Detections, Exposures, boresight_vectors, tangent_offset
 from cislunar.detection.process import DetectionProcess
 from cislunar.dynamics.bundle import step_cloud
@@ -84,41 +85,32 @@ def _find(first, scene, forces, spread, limits, orbits, exposures, begin, detect
     slopes = np.empty((STAGES8, 6, _POINTS))
     work = np.empty((6, _POINTS))
     bundle = np.empty((6, _POINTS))
-    lone_slopes, lone_work = np.empty((STAGES8, 6, 1)), np.empty((6, 1))
-    lone, means = np.empty((6, 1)), np.empty((step[-1] + 1, 3))
     row, here, least = np.empty((2, 6)), np.empty(2), np.empty(3)
     for j in range(translation.shape[0]):
         if not np.isfinite(translation[j, 0]):
             continue
         forced = of_state(forces, j)
-        lone[:, 0] = translation[j]
-        for i in range(means.shape[0]):
-            step_cloud(
-                forced, (first - 1 + i) * scene.step, lone, scene.step, lone_slopes, lone_work
-            )
-            means[i] = lone[:3, 0]
+        x0, y0, z0, vx, vy, vz = translation[j]
         # generous: the position is uncertain by the root, and moves by that of the velocity
-        reach = np.sqrt(np.sum(root[j, :3] ** 2))
-        drift = np.sqrt(np.sum(root[j, 3:] ** 2)) * scene.step * means.shape[0]
+        reach = 5.0 * np.sqrt(np.sum(root[j, :3] ** 2))
+        drift = 5.0 * np.sqrt(np.sum(root[j, 3:] ** 2))
+        pull = 2.0 * np.sqrt(vx * vx + vy * vy + vz * vz) + np.sqrt(x0 * x0 + y0 * y0 + z0 * z0)
+        for body, mass in ((0, 1.0 - MU), (1, MU)):
+            center = scene.primaries[first - 1, body]
+            pull += mass / ((x0 - center[0]) ** 2 + (y0 - center[1]) ** 2 + (z0 - center[2]) ** 2)
         done = -1
         for e in range(step.size):
             i, o = step[e], observer[e]
             k = first + i
             place, axes = scene.observer_position[o, k], scene.observer_axes[k]
-            dx, dy, dz = means[i, 0] - place[0], means[i, 1] - place[1], means[i, 2] - place[2]
+            # first along a straight line, from which gravity and the rotation of the frame bend it
+            t = (i + 1) * scene.step
+            dx, dy, dz = x0 + vx * t - place[0], y0 + vy * t - place[1], z0 + vz * t - place[2]
             edge = np.tan(half_field[e])
             along = dx * toward[e, 0] + dy * toward[e, 1] + dz * toward[e, 2]
             aside = np.sqrt(max(0.0, dx * dx + dy * dy + dz * dz - along * along))
-            if not (along > 0.0 and aside <= 1.5 * edge * along + 5.0 * (reach + drift)):
-                continue
-            ra, dec = direction_angles(dx, dy, dz, axes)
-            x, y = tangent_offset(ra, dec, boresight[e, 0], boresight[e, 1])
-            limit = limits_of(limits, o)
-            sun = scene.sun_position[k]
-            if (
-                obstacle(place[0], place[1], place[2], dx, dy, dz, sun, limit, scene.primaries[k])
-                != CLEAR
-            ):
+            slack = reach + drift * t + pull * t * t
+            if not (along > -slack and aside <= 1.5 * edge * max(along, 0.0) + slack):
                 continue
             if done < 0:
                 sigma_points(translation[j], root[j], spread, bundle)
@@ -126,6 +118,18 @@ def _find(first, scene, forces, spread, limits, orbits, exposures, begin, detect
                 done += 1
                 at = (first - 1 + done) * scene.step
                 step_cloud(forced, at, bundle, scene.step, slopes, work)
+            dx, dy, dz = bundle[0, 0] - place[0], bundle[1, 0] - place[1], bundle[2, 0] - place[2]
+            ra, dec = direction_angles(dx, dy, dz, axes)
+            x, y = tangent_offset(ra, dec, boresight[e, 0], boresight[e, 1])
+            if not np.isfinite(x):
+                continue
+            limit = limits_of(limits, o)
+            sun = scene.sun_position[k]
+            if (
+                obstacle(place[0], place[1], place[2], dx, dy, dz, sun, limit, scene.primaries[k])
+                != CLEAR
+            ):
+                continue
             for c in range(6):
                 for s in range(2):
                     point = 1 + c + 6 * s
@@ -144,9 +148,7 @@ def _find(first, scene, forces, spread, limits, orbits, exposures, begin, detect
                 s11 += row[0, c] * row[0, c]
                 s12 += row[0, c] * row[1, c]
                 s22 += row[1, c] * row[1, c]
-            off = (
-                means[i, 0] - sun[0], means[i, 1] - sun[1], means[i, 2] - sun[2]
-            )  # fmt: skip
+            off = bundle[0, 0] - sun[0], bundle[1, 0] - sun[1], bundle[2, 0] - sun[2]
             margin = sphere_margin(dx, dy, dz, off[0], off[1], off[2], faintness[o])
             noise_variance_at(limit, limit.limiting_magnitude, least)
             inside = _within(x, edge, np.sqrt(s11) * np.cos(dec) + 1e-12)
@@ -231,12 +233,8 @@ def find_candidates(
     magnitude = detections.value[:, 0]
     faintest = exposures.limiting_magnitude[detections.exposure]
     # per rad and mag of the measured values: right ascension is longer than its arc
-    log_other = np.logaddexp(
-        expected.process.log_intensity(magnitude, faintest),
-        expected.process.model_copy(
-            update={"false_alarms_deg2": expected.unknown_deg2}
-        ).log_intensity(magnitude, faintest),
-    ) + np.log(np.cos(detections.value[:, 2]))
+    log_other = expected.process.log_intensity(magnitude, faintest, expected.unknown_deg2)
+    log_other += np.log(np.cos(detections.value[:, 2]))
     gates = gate_threshold(expected.gate, 2), gate_threshold(expected.gate, 1)
     own = 1.0 - expected.process.detection_loss, expected.sigma, *gates, expected.faintness
     spread = unscented_weights(6).spread

@@ -186,12 +186,15 @@ def _packed(window: Window, track: Indices, score: NDArray, pairs: Indices) -> l
     """The compatible hypotheses of the largest sum of scores; a track may have none."""
     number, column = np.nonzero(pairs >= 0)
     detection = window.detection[pairs[number, column]]
-    wanted = np.unique(np.column_stack([detection, track[number]]), axis=0)
-    _, inverse, counts = np.unique(wanted[:, 0], return_inverse=True, return_counts=True)
-    rivals = np.unique(wanted[counts[inverse] > 1, 1])
+    n_tracks = window.covariance.shape[0]
+    wanted, of = np.divmod(np.unique(detection * n_tracks + track[number]), n_tracks)
+    same = np.diff(wanted) == 0
+    rivals = np.unique(of[np.append(same, False) | np.append(False, same)])
     # without rivals the best history of a track, its first one, is in the best set
     names, first = np.unique(track, return_index=True)
     chosen = first[~np.isin(names, rivals)].tolist()
+    if not rivals.size:
+        return chosen
     among = np.flatnonzero(np.isin(track[number], rivals))
     for rows, _ in clusters(track[number[among]], detection[among]):
         own = np.unique(number[among[rows]])

@@ -23,9 +23,9 @@ class DetectionProcess(Section):
 
     # fmt: on
 
-    def log_intensity(self, magnitude: Array, limit: Array) -> Array:
-        """Logarithm of the density of false alarms, per square radian and magnitude."""
-        per_square = self.false_alarms_deg2 * np.rad2deg(1.0) ** 2
+    def log_intensity(self, magnitude: Array, limit: Array, more_deg2: float) -> Array:
+        """Logarithm of the density of detections that are of no track, per square radian and
+        magnitude: false alarms and `more_deg2` others, with the same magnitudes."""
+        per_square = (self.false_alarms_deg2 + more_deg2) * np.rad2deg(1.0) ** 2
         rate = np.log(10.0) * self.false_alarm_slope
-        with np.errstate(divide="ignore"):
-            return np.log(per_square * rate) + rate * (magnitude - limit)
+        return np.log(per_square * rate) + rate * (magnitude - limit)
