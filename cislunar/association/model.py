@@ -38,10 +38,10 @@ class AssociationModel(DetectionProcess):
     gate_probability: number(gt=0, lt=1) = setting(
         "probability that the gates keep the detection of a target", "1", default=0.9999)
     window_steps: whole(ge=1, le=100) = setting(
-        "consecutive steps whose exposures are associated together", "1", default=10)
+        "consecutive steps whose exposures are associated together", "1", default=12)
     committed_steps: whole(ge=1, le=100) = setting(
         "steps of a window that are decided; the next window begins after them. The other steps "
-        "are decided again", "1", default=5)
+        "are decided again", "1", default=8)
     confirmations: whole(ge=1) = setting(
         "detections that `multiple-frames` asks of a track in `confirmation_exposures` exposures "
         "before the track takes any", "1", default=3)

@@ -188,8 +188,8 @@ def _packed(window: Window, track: Indices, score: NDArray, pairs: Indices) -> l
     detection = window.detection[pairs[number, column]]
     n_tracks = window.covariance.shape[0]
     wanted, of = np.divmod(np.unique(detection * n_tracks + track[number]), n_tracks)
-    same = np.diff(wanted) == 0
-    rivals = np.unique(of[np.append(same, False) | np.append(False, same)])
+    same = wanted[1:] == wanted[:-1]
+    rivals = np.union1d(of[1:][same], of[:-1][same])
     # without rivals the best history of a track, its first one, is in the best set
     names, first = np.unique(track, return_index=True)
     chosen = first[~np.isin(names, rivals)].tolist()

@@ -90,15 +90,13 @@ def _weighted(window, pairs, nu, s, weight, shift, covariance):
     reduced = covariance[t] + change - center[:, :, None] * center[:, None]
     shift[t] += center
     covariance[t] = 0.5 * (reduced + reduced.swapaxes(1, 2))
-    able, innovation, noise = equivalent_direction(
-        mean, effective, s[best], window.noise[pairs[best]]
-    )
-    return pairs[best][able], w[able], innovation - nu[best][able], noise
+    innovation, noise = equivalent_direction(mean, effective, s[best], window.noise[pairs[best]])
+    return pairs[best], w, innovation - nu[best], noise
 
 
 def equivalent_direction(
     mean: NDArray, effective: NDArray, s: NDArray, noise: NDArray
-) -> tuple[NDArray, NDArray, NDArray]:
+) -> tuple[NDArray, NDArray]:
     """Innovations and variances with which an ordinary update does what a probabilistic one does.
 
     With innovations nu_i of covariance S and weights w_i, the probabilistic update has the gain of
@@ -118,16 +116,18 @@ def equivalent_direction(
 
     Returns
     -------
-    able : ndarray of bool, shape (track,)
-        False if the spread exceeds what the detections tell, so that the covariance would grow.
-    innovation, variance : ndarray, shape (number of true values in `able`, 2)
+    innovation, variance : ndarray, shape (track, 2)
+        The variance is infinite if the spread exceeds what the detections tell, so that the
+        covariance would grow.
     """
     least = 1e-6 * np.linalg.det(s)
     able = (effective[:, 0, 0] > 0.0) & (np.linalg.det(effective) > least)
     factor = np.linalg.solve(effective[able], s[able]).swapaxes(1, 2)  # both are symmetric
     extra = factor @ s[able] - s[able]
-    variance = noise[able] + np.diagonal(extra, axis1=1, axis2=2) + np.abs(extra[:, :1, 1])
-    return able, (factor @ mean[able][..., None])[..., 0], variance
+    innovation, variance = mean.copy(), np.full(noise.shape, np.inf)
+    innovation[able] = (factor @ mean[able][..., None])[..., 0]
+    variance[able] = noise[able] + np.diagonal(extra, axis1=1, axis2=2) + np.abs(extra[:, :1, 1])
+    return innovation, variance
 
 
 def marginals(track: Sequence[int], detection: Sequence[int], gain: NDArray) -> NDArray[np.float64]:

@@ -81,7 +81,7 @@ class Association(NamedTuple):
     offset : ndarray, shape (row, 2)
         Direction by which the track is to be updated less that of the detection, rad.
     noise : ndarray, shape (row, 2)
-        Variance of that direction, rad^2.
+        Variance of that direction, rad^2; infinite if the track is not to be updated.
     """
 
     exposure: Indices

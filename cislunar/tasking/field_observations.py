@@ -344,7 +344,8 @@ def _columns(
     variance[:, 1:] = rows.noise
     here = exposures.between(begin, end)
     inside = (rows.exposure >= here.start) & (rows.exposure < here.stop)
-    taken = rows.exposure * n_targets + rows.track
+    inside &= np.isfinite(rows.noise[:, 0])
+    taken = (rows.exposure * n_targets + rows.track)[inside]
     every = np.arange(here.start, here.stop)
     missed = every[~np.isin(every * n_targets + field.command[here], taken)]
     nothing = np.full((missed.size, 3), np.nan)

@@ -156,10 +156,8 @@ def test_an_equivalent_direction_does_what_the_weighted_update_does(seed):
     gain = covariance @ design.T @ np.linalg.inv(s)
     wanted = covariance - gain @ (weight.sum() * s - spread) @ gain.T
     effective = weight.sum() * s - spread
-    able, innovation_, variance = equivalent_direction(
-        mean[None], effective[None], s[None], noise[None]
-    )
-    assert able.tolist() == [True] and np.all(variance >= noise)
+    innovation_, variance = equivalent_direction(mean[None], effective[None], s[None], noise[None])
+    assert np.all(np.isfinite(variance)) and np.all(variance >= noise)
     full = s @ np.linalg.inv(effective) @ s  # covariance of the innovation before it is diagonal
     shift = covariance @ design.T @ np.linalg.inv(full) @ innovation_[0]
     np.testing.assert_allclose(shift, gain @ mean, rtol=1e-10)

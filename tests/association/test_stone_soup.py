@@ -185,11 +185,20 @@ def jpda(scene, updater):
 
 def assert_probabilities(scene, expected, monkeypatch):
     monkeypatch.setattr(probabilistic, "_LEAST_WEIGHT", 0.0)
-    found = joint_probabilities(window_of(scene), GATE)
-    assert taken(found) == sorted(expected)
-    wanted = [float(expected[pair]) for pair in taken(found)]
-    own = dict(zip(zip(found.track, found.detection, strict=True), found.weight, strict=True))
-    np.testing.assert_allclose([own[pair] for pair in taken(found)], wanted, rtol=1e-9)
+    window = window_of(scene)
+    found = joint_probabilities(window, GATE)
+    exposure_of = dict(zip(window.detection.tolist(), window.exposure.tolist(), strict=True))
+    # a row is that of the most probable detection, with the probability of any
+    wanted = {}
+    for (track, detection), weight in expected.items():
+        wanted.setdefault((exposure_of[detection], track), {})[detection] = float(weight)
+    places = list(zip(found.exposure.tolist(), found.track.tolist(), strict=True))
+    assert sorted(places) == sorted(wanted)
+    for place, detection, weight in zip(
+        places, found.detection.tolist(), found.weight, strict=True
+    ):
+        assert weight == pytest.approx(sum(wanted[place].values()), rel=1e-9)
+        assert detection == max(wanted[place], key=wanted[place].get)
 
 
 @pytest.mark.parametrize("seed", range(12))
