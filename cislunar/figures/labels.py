@@ -49,6 +49,14 @@ OBJECTIVES = {
     "chance": "random architecture",
 }
 
+ASSOCIATORS = {
+    "known-identity": "known identity",
+    "nearest-neighbor": "global nearest neighbor",
+    "joint-probabilities": "joint probabilistic data association",
+    "multiple-frames": "assignment over several exposures",
+    "tasked target": "tasked target alone",
+}
+
 ESTIMATORS = {"mukf": "paper's filter (MUKF)", "batch": "batch estimator"}
 
 TASKING_METHODS = {

@@ -67,6 +67,57 @@ rule sweep_figure:
         "../scripts/figure_sweep.py"
 
 
+# Association against known identities, over all sweeps of a study.
+rule association_table:
+    input:
+        cells=[results(cell.path) for cells in SWEPT_CELLS.values() for cell in cells],
+    output:
+        report(
+            results("tables/association.csv"),
+            caption="../report/association.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/association"),
+        times=benchmark_of("association_table"),
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        cells=[tuple(cell) for cells in SWEPT_CELLS.values() for cell in cells],
+        custody_km=TASK2["custody"]["position_km"],
+    message:
+        "Comparing association with known identities"
+    script:
+        "../scripts/association_table.py"
+
+
+rule association_figure:
+    input:
+        rules.association_table.output[0],
+    output:
+        png=report(
+            results("figures/association.png"),
+            caption="../report/figure_association.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/association.pdf"),
+    log:
+        log_of("figures/association"),
+        times=benchmark_of("association_figure"),
+    conda:
+        "../envs/cislunar.yaml"
+    message:
+        "Drawing association against the number of false alarms"
+    script:
+        "../scripts/figure_association.py"
+
+
+rule association:
+    input:
+        rules.association_table.output,
+        rules.association_figure.output,
+
+
 rule sweeps:
     input:
         expand(rules.sweep_table.output, sweep=SWEEPS),

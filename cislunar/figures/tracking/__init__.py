@@ -4,6 +4,7 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "association": ["association_figure"],
     "choice": ["figure_architectures", "high_load_cells", "interval_cells", "learned_cell",
         "selected_cell", "target_count_cells", "tasking_variants"],
     "errors": ["components_figure"],

@@ -1,0 +1,102 @@
+"""Table of a study of association: ``tables/association.csv``.
+
+Every cell is compared, realization by realization, with the cell of the same settings in which the
+identity of every detection is known.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from numpy.typing import NDArray
+
+from cislunar.association.model import KNOWN
+from cislunar.campaign.settings.cells import Cell
+from cislunar.campaign.tracking.statistics import count_interval, t_interval
+from cislunar.campaign.tracking.summary import seed_statistics
+from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.evaluation.metrics import PARTS
+
+Array = NDArray[np.float64]
+
+TASKED = "tasked target"
+"""Associator of cells whose observations measure their own targets alone."""
+
+PLACE = ("clutter", "field_deg", "targets", "mode", "population", "estimator", "dynamics")
+COLUMNS = ("associator", *PLACE, "quantity", "mean", "low", "high", "seeds")
+"""Columns of the table. `clutter`: mean number of false alarms per exposure."""
+
+_COUNTS = ("wrong_associations_per_day", "switched_tracks", "lost_tracks", "never_observed")
+
+
+def association_rows(cells: Sequence[tuple[Cell, xr.Dataset]], custody_km: float) -> pd.DataFrame:
+    """Rows of the table.
+
+    Parameters
+    ----------
+    cells : sequence of (Cell, Dataset)
+        Cells with the metrics of `cislunar.campaign.tracking.summary.read_cell_metrics`.
+    custody_km : float
+        Position error, root mean square over the final hours, above which a target is lost that is
+        not lost with known identities.
+    """
+    found = [_described(cell, data, custody_km) for cell, data in cells]
+    known = {_reference(place): values for place, values in found if place["associator"] == KNOWN}
+    rows = []
+    for place, values in found:
+        quantities = {name: each for name, each in values.items() if name != "beyond"}
+        same = known.get(_reference(place))
+        if same is not None and place["associator"] != TASKED:
+            quantities["gospa_ratio"] = values["gospa"] / same["gospa"]
+            quantities["lost_tracks"] = (values["beyond"] & ~same["beyond"]).sum(axis=1)
+        if same is not None:
+            quantities["position_ratio"] = values["position_km"] / same["position_km"]
+        for name, each in quantities.items():
+            interval = (count_interval if name in _COUNTS else t_interval)(each)
+            rows.append({**place, "quantity": name, "mean": interval.mean, "low": interval.low,
+                         "high": interval.high, "seeds": interval.count})  # fmt: skip
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def _reference(place: Mapping[str, Any]) -> tuple:
+    """What a cell and that of known identities have in common, whatever the clutter."""
+    return tuple(place[name] for name in PLACE if name != "clutter")
+
+
+def _described(
+    cell: Cell, data: xr.Dataset, custody_km: float
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Settings of a cell, and the quantities of each realization; `beyond` (seed, target) marks
+    targets with a larger position error than `custody_km`."""
+    settings = json.loads(data.attrs["settings"])
+    given = settings.get("association", {})
+    in_field = given.get("detections") == "all-in-field"
+    field_deg = float(settings["sensor"]["field_of_view_deg"])
+    mode = settings["tasking"].get("mode", "paper")
+    place = {
+        "associator": given["method"] if in_field else TASKED,
+        "clutter": round(given["false_alarms_deg2"] * field_deg**2, 1) if in_field else 0.0,
+        "field_deg": field_deg,
+        "targets": cell.targets,
+        "mode": mode + (", field counted" if in_field and given["count_neighbors"] else ""),
+        "population": cell.scenario,
+        "estimator": cell.estimator,
+        "dynamics": settings.get("dynamics", {}).get("truth", "cr3bp"),
+    }
+    statistics = seed_statistics(data)
+    part = PARTS.index("position")
+    error = data["final_error"].values[..., part] * LENGTH_UNIT_KM
+    values = {
+        "position_km": statistics["final_error_geometric_all"][:, part] * LENGTH_UNIT_KM,
+        "anees": statistics["anees_mean"][:, [part, part + 1]].mean(axis=1),
+        "inconsistent": statistics["inconsistent_translation"],
+        "never_observed": statistics["never_observed"],
+        "beyond": ~(error <= custody_km),
+    }
+    for name in ("gospa", "wrong_associations_per_day", "switched_tracks"):
+        if name in statistics:
+            values[name] = statistics[name]
+    return place, values
