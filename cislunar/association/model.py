@@ -49,6 +49,9 @@ class AssociationModel(DetectionProcess):
         "exposures in which `confirmations` are asked for", "1", default=5)
     hypotheses: whole(ge=2, le=1000) = setting(
         "largest number of hypotheses that `multiple-frames` keeps of a track", "1", default=20)
+    lost_gate_factor: number(ge=1) = setting(
+        "factor on the standard deviations of a lost track's orbit, for its gates: it is sought in "
+        "a wider part of the field", "1", default=5)
     count_neighbors: Flag = setting(
         "true: tasking counts on all tracks in a field of view; false: on the one that it points "
         "at", default=False)

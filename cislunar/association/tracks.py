@@ -27,8 +27,8 @@ TENTATIVE, CONFIRMED, LOST, DELETED = range(4)
 STATUS_NAMES = ("tentative", "confirmed", "lost", "deleted")
 
 _CONFIRMED, _LOST, _DELETED = 0.95, 0.05, 1e-5
-"""Probabilities of existence from which a track is confirmed, and below which it is lost or
-deleted."""
+"""Probabilities of existence from which a track is confirmed, and below which a confirmed one is
+lost or a tentative one deleted."""
 
 _RANGE = 1e-6
 """A probability of existence stays this far from 0 and 1, so that it can change again."""
@@ -87,7 +87,7 @@ class TrackStatus(NamedTuple):
         status = self.status
         status[r >= _CONFIRMED] = CONFIRMED
         status[(r < _LOST) & (status == CONFIRMED)] = LOST
-        status[r < _DELETED] = DELETED
+        status[(r < _DELETED) & (status == TENTATIVE)] = DELETED
 
 
 def known_tracks(n_tracks: int, existence: float = 1.0 - _RANGE) -> TrackStatus:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from cislunar.association.candidates import Expectation, find_candidates
 from cislunar.association.methods import associate
 from cislunar.association.model import KNOWN
-from cislunar.association.tracks import TrackStatus
+from cislunar.association.tracks import LOST, TrackStatus
 from cislunar.association.window import Association
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures, expose, point_at
@@ -308,8 +308,10 @@ def _associate_window(
     found = Detections(
         detections.exposure[rows] - here.start, *(each[rows] for each in detections[1:])
     )
+    orbits = own.estimator.orbits()
+    orbits.covariance[own.tracks.status == LOST] *= model.lost_gate_factor**2
     window = find_candidates(
-        own.estimator.orbits(),
+        orbits,
         given,
         found,
         inputs.scene,
