@@ -27,5 +27,11 @@ def associate(window: Window, model: AssociationModel) -> Association:
         return joint_probabilities(window, model.gate_probability)
     if model.method == FRAMES:
         confirmation = model.confirmations, model.confirmation_exposures
-        return associate_frames(window, model.gate_probability, *confirmation, model.hypotheses)
+        return associate_frames(
+            window,
+            model.gate_probability,
+            *confirmation,
+            model.hypotheses,
+            model.confirmation_score,
+        )
     raise ConfigurationError(f"method = {model.method!r}: detections do not state an identity")

@@ -7,7 +7,8 @@ detection twice: a set packing problem that HiGHS solves to proven optimality ov
 that were generated (Poore 1994, Computational Optimization and Applications 3, 27).
 
 A track in clutter takes detections of a window only if enough of its exposures have one: a target
-is detected in most exposures, false alarms lie in the gate of one.
+is detected in most exposures, false alarms lie in the gate of one. Detections that are far more
+likely of the track than false alarms need no such confirmation.
 """
 
 import numpy as np
@@ -27,7 +28,12 @@ _DROP = 20.0
 
 
 def associate_frames(
-    window: Window, gate_probability: float, confirmations: int, span: int, most: int
+    window: Window,
+    gate_probability: float,
+    confirmations: int,
+    span: int,
+    most: int,
+    certain: float = np.inf,
 ) -> Association:
     """Assign the detections of all exposures of a window together.
 
@@ -41,6 +47,8 @@ def associate_frames(
         asked of fewer exposures.
     most : int
         Largest number of hypotheses of a track.
+    certain : float
+        Logarithm of the likelihood ratio of a history from which it needs no confirmation.
 
     Returns
     -------
@@ -62,7 +70,7 @@ def associate_frames(
          np.empty((most, n, n)))
         for _ in range(2)
     ]  # fmt: skip
-    model = gate_threshold(gate_probability, 2), confirmations / span
+    model = gate_threshold(gate_probability, 2), confirmations / span, certain
     data = window.exposure, window.residual, window.design, window.noise, window.log_weight
     place = rows, begins, chances, chance_begins
     count = _find_histories(window.covariance, data, window.seen, window.log_miss, place, model,
@@ -119,7 +127,7 @@ def _find_histories(start, data, seen, log_miss, place, model, beams, out):
     """Hypotheses of all tracks that beat the one without any detection, best first; returns their
     number."""
     rows, begins, chances, chance_begins = place
-    gate, share = model
+    gate, share, certain = model
     track, score, pairs = out
     most, n = beams[0][0].size, start.shape[1]
     nu, s, gain, count = np.empty(2), np.empty(3), np.empty((2, n, 2)), 0
@@ -175,8 +183,9 @@ def _find_histories(start, data, seen, log_miss, place, model, beams, out):
         for h in range(live):
             taken = beams[old][1][h, : last - first]
             found = np.sum(taken >= 0)
-            if found > 0 and found >= needed and beams[old][0][h] > nothing:
-                track[count], score[count] = j, beams[old][0][h] - nothing
+            ratio = beams[old][0][h] - nothing
+            if found > 0 and ratio > 0.0 and (found >= needed or ratio >= certain):
+                track[count], score[count] = j, ratio
                 pairs[count, : last - first] = taken
                 count += 1
     return count
