@@ -4,7 +4,7 @@ import numpy as np
 
 from cislunar.evaluation.metrics import Evaluation
 from cislunar.observation.measurement import measure
-from cislunar.observation.records import Measurements, rows_of, schedule
+from cislunar.observation.records import rows_of, schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.photometry.materials import Material
@@ -38,13 +38,6 @@ def measured_problem(hours, sensor=SENSOR, inertia=1.0, seed=3):
     truth = draw_truth(initial, scene, sensor.noise, seed, ids, inertia=surfaces.inertia)
     records, outcome = observed_by(np.arange(5), scene, surfaces, sensor, truth)
     return scene, surfaces, initial, truth, records, outcome.reshape(5, -1)
-
-
-def nothing_measured(n_targets, n_steps):
-    """Records of an interval without observations."""
-    none = np.empty(0, dtype=int)
-    observations = schedule(none, none, none, n_targets, n_steps)
-    return Measurements(*observations, np.empty((0, 3)), np.empty((0, 3)))
 
 
 def during(records, first, last):

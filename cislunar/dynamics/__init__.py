@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "zero_velocity_function"],
     "ephemeris": ["UNITS", "forces_between", "propagate_utc"],
     "ephemeris_forces": ["EphemerisForces"],
-    "forces": ["acceleration", "at", "of_state", "require_span"],
+    "forces": ["acceleration", "at", "of_state", "of_targets", "require_span", "require_targets"],
     "frames": ["from_inertial", "lunar_frame", "pulsating_frame", "to_inertial"],
     "instantaneous_frame_cr3bp": ["inertial_states", "is_low_lunar"],
     "propagation": ["advance_orbits", "closest_approaches", "propagate", "propagate_many",

@@ -23,7 +23,14 @@ from cislunar.constants import GM_UNIT_KM3_S2, LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics import forces
 from cislunar.dynamics.forces import Nothing
 from cislunar.dynamics.moon_figure import figure_at, figure_partials, figure_pull, moon_figure
-from cislunar.dynamics.radiation import light, maybe_shaded, on_state, radiation, unshaded
+from cislunar.dynamics.radiation import (
+    RadiationOnEach,
+    light,
+    maybe_shaded,
+    on_state,
+    radiation,
+    unshaded,
+)
 from cislunar.ephemeris.bodies import GM_EARTH, GM_MOON, GM_SUN, BodyTable, cubic, require_within
 
 Array = NDArray[np.float64]
@@ -69,6 +76,17 @@ class EphemerisForces(NamedTuple):
         length = self.spacing * len(self.coefficients)
         since = self.start - self.epoch
         return since / TIME_UNIT_S, (since + length) / TIME_UNIT_S
+
+    @property
+    def n_targets(self) -> int | None:
+        """Number of targets that have a radiation pressure each; None if it is common."""
+        each = isinstance(self.radiation, RadiationOnEach)
+        return self.radiation.strength.size if each else None
+
+    def of_targets(self, targets: NDArray[np.int64]) -> "EphemerisForces":
+        """See `cislunar.dynamics.forces.of_targets`."""
+        strength = self.radiation.strength[targets]
+        return self._replace(radiation=self.radiation._replace(strength=strength))
 
 
 def ephemeris_forces(

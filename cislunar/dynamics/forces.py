@@ -13,6 +13,9 @@ frame, J2000 axes, for ephemeris dynamics.
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cislunar.compiled import for_all_others
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.errors import ConfigurationError
@@ -40,6 +43,34 @@ def require_span(forces: tuple, first: float, last: float) -> None:
             f"after the epoch, not {low * days:.4f} to {high * days:.4f}; tabulate the bodies over "
             "the whole span"
         )
+
+
+def of_targets(forces: tuple, targets: NDArray[np.int64]) -> tuple:
+    """The model for some of the targets.
+
+    Parameters
+    ----------
+    forces : NamedTuple
+        Force model. One that has values for each target has a property `n_targets`, which is None
+        if they are common, and a method `of_targets`.
+    targets : ndarray of int, shape (n,)
+        Their indices.
+    """
+    return forces if _targets_in(forces) is None else forces.of_targets(targets)
+
+
+def require_targets(forces: tuple, n_targets: int) -> None:
+    """Raise a `ConfigurationError` if a model has values for another number of targets."""
+    known = _targets_in(forces)
+    if known not in (None, n_targets):
+        raise ConfigurationError(
+            f"forces: the model has values for {known} targets, not for {n_targets}; pass a model "
+            "of all targets"
+        )
+
+
+def _targets_in(forces: tuple) -> int | None:
+    return getattr(forces, "n_targets", None)
 
 
 def at(forces, t):

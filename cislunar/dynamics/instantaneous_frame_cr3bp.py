@@ -54,6 +54,15 @@ class _InstantaneousFrameCR3BP(NamedTuple):
     origin: Array
     clock: Array
 
+    @property
+    def n_targets(self) -> int:
+        """Number of targets, each of which has a frame."""
+        return self.kind.size
+
+    def of_targets(self, targets: NDArray[np.int64]) -> "_InstantaneousFrameCR3BP":
+        """See `cislunar.dynamics.forces.of_targets`."""
+        return self._replace(kind=self.kind[targets])
+
 
 class _OneFrame(NamedTuple):
     """`_InstantaneousFrameCR3BP` of one target: arrays without the axis of frames."""

@@ -9,6 +9,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "expected": ["expected_directions", "expected_measurements"],
     "initial_sigma": ["InitialSigma", "PAPER_INITIAL_SIGMA", "ProcessNoise"],
     "registry": ["ESTIMATORS", "estimator_named"],
+    "track_arrays": ["joined_tracks", "remaining_tracks", "selected_tracks", "starting_index"],
     "triangular": ["cholesky", "solve_lower"],
     "unscented": ["UnscentedWeights", "difference_moments", "information_gain",
         "innovation_moments", "sigma_points", "square_root_update", "unscented_weights"],

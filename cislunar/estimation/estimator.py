@@ -9,7 +9,7 @@ the next measurement time, on which tasking is based. States are in the propagat
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
 from cislunar.observation.body_parameters import BodyParameterPrior
@@ -29,7 +29,7 @@ N_COUNTERS = 4
 
 
 class InitialEstimate(NamedTuple):
-    """Estimates of the targets at the start of the run.
+    """Estimates of the targets at the time from which they are tracked.
 
     Attributes
     ----------
@@ -42,17 +42,62 @@ class InitialEstimate(NamedTuple):
     sigma : ndarray, shape (12,)
         Standard deviations, common to all targets and independent: attitude error (GRP), angular
         velocity (rad/s), position and velocity (nondimensional).
+    covariance : ndarray, shape (target, 12, 12), optional
+        Covariance of each target, in the order of `sigma`. Estimators use it instead of `sigma`.
     """
 
     quaternion: Array
     angular_velocity: Array
     translation: Array
     sigma: Array
+    covariance: Array | None = None
 
-    def require_positive(self) -> None:
-        """Raise ConfigurationError if a standard deviation is not positive."""
-        if not np.all(self.sigma > 0.0):
-            raise ConfigurationError(f"initial sigma {self.sigma} must be positive throughout")
+    def of_targets(self, targets: NDArray[np.int64]) -> "InitialEstimate":
+        """Estimates of some of the targets, given by indices, shape (n,)."""
+        motion = (each[targets] for each in self[:3])
+        some = None if self.covariance is None else self.covariance[targets]
+        return InitialEstimate(*motion, self.sigma, some)
+
+    def deviations(self) -> Array:
+        """Standard deviations of each target, shape (target, 12), in the order of `sigma`."""
+        if self.covariance is None:
+            return np.tile(self.sigma, (self.translation.shape[0], 1))
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+    def roots(self, first: int = 0) -> Array:
+        """Lower Cholesky factors of the covariances of the states from `first` on, shape (target,
+        12 - first, 12 - first).
+
+        Raises
+        ------
+        ConfigurationError
+            If a standard deviation is not positive, or the covariance of a target not positive
+            definite.
+        """
+        n_targets = self.translation.shape[0]
+        if self.covariance is None:
+            if not np.all(self.sigma > 0.0):
+                raise ConfigurationError(f"initial sigma {self.sigma} must be positive throughout")
+            return np.tile(np.diag(self.sigma[first:]), (n_targets, 1, 1))
+        given = np.asarray(self.covariance, dtype=float)
+        if given.shape != (n_targets, 12, 12):
+            raise ConfigurationError(
+                f"initial covariance of shape {given.shape}: it must be {(n_targets, 12, 12)}"
+            )
+        out = np.empty((n_targets, 12 - first, 12 - first))
+        for j, each in enumerate(given):
+            scale = np.sqrt(np.abs(np.diag(each)))
+            even = np.abs(each - each.T) <= 1e-9 * scale * scale[:, None]  # false for NaN
+            try:
+                np.linalg.cholesky(each)
+                out[j] = np.linalg.cholesky(each[first:, first:])
+            except np.linalg.LinAlgError:
+                even[:] = False
+            if not np.all(even):
+                raise ConfigurationError(
+                    f"initial covariance of target {j} is not symmetric and positive definite"
+                )
+        return out
 
 
 class Rotation(NamedTuple):
@@ -192,6 +237,57 @@ class Estimator(Protocol):
         The measurements include observations that detected nothing (NaN). `covariance` requests the
         covariance of the translation at every step. `final` states whether an interval ends with
         these steps.
+        """
+        ...
+
+    def add(
+        self,
+        initial: InitialEstimate,
+        surfaces: TargetSurfaces,
+        rng: np.random.Generator | None = None,
+        *,
+        index: int | None = None,
+        forces: tuple | None = None,
+    ) -> None:
+        """Add tracks at the end of the axis of targets.
+
+        The new tracks are propagated from the time of their initial estimate to the time of the
+        last processed step without measurements. The other tracks do not change.
+
+        Parameters
+        ----------
+        initial : InitialEstimate
+            Estimates of the new tracks.
+        surfaces : TargetSurfaces
+            Assumed shapes, materials and inertia of the new tracks.
+        rng : numpy.random.Generator, optional
+            Random numbers of the new tracks; if omitted, those of the estimator.
+        index : int, optional
+            Time of `initial`, an index of the scene; that of the last processed step if omitted.
+        forces : NamedTuple, optional
+            Force model of all tracks from now on, with the new tracks at the end. It is needed if
+            the model has values for each target.
+
+        Raises
+        ------
+        ConfigurationError
+            If the estimate is not valid, its time is later than the last processed step, or the
+            surfaces or the force model do not fit.
+        """
+        ...
+
+    def remove(self, targets: ArrayLike) -> None:
+        """Remove tracks; the others keep their order and state.
+
+        Parameters
+        ----------
+        targets : array_like of int, shape (n,)
+            Indices of the tracks that are removed.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is no track of an index.
         """
         ...
 

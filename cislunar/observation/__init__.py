@@ -12,7 +12,8 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "measurement": ["DETECTED", "EXCLUDED", "FAINT", "NOT_TASKED", "OCCULTED", "detectable_targets",
         "measure"],
     "measurement_derivatives": ["deviation_row", "measurement_rows"],
-    "records": ["Measurements", "constant_schedule", "highest", "pointed_schedule", "rows_of"],
+    "records": ["Measurements", "constant_schedule", "highest", "no_measurements",
+        "pointed_schedule", "rows_of"],
     "scene": ["Scene", "make_scene"],
     "sensor": ["Atmosphere", "ExclusionAngles", "GroundSensor", "PhotonNoise", "Sensor",
         "SensorLimits", "Sensors", "extinction", "limits_of", "noise_variance_at", "sensor_limits",
@@ -20,6 +21,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "sightline": ["EARTH_RADIUS", "METERS", "MOON_RADIUS", "SUN", "dimming", "direction_angles",
         "in_clear_view", "inside_primary", "lit_directions", "outside_exclusion", "rotate",
         "sphere_brighter", "sphere_margin", "sunlit_share", "toward_primary", "wrap_angle"],
-    "target_surfaces": ["TargetSurfaces", "body_of"],
+    "target_surfaces": ["TargetSurfaces", "body_of", "joined_surfaces", "surfaces_of"],
 })
 # fmt: on

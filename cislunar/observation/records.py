@@ -51,6 +51,12 @@ class Measurements(NamedTuple):
         )
 
 
+def no_measurements(n_targets: int, n_steps: int) -> Measurements:
+    """Measurements without rows, of `n_targets` targets at `n_steps` steps."""
+    offset = np.zeros((n_targets, n_steps + 1), dtype=np.int64)
+    return Measurements(offset, np.empty(0, dtype=np.int64), *np.empty((2, 0, 3)))
+
+
 def _offsets(
     target: NDArray[np.int64], step: NDArray[np.int64], n_targets: int, n_steps: int
 ) -> NDArray[np.int64]:

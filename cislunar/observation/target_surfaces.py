@@ -145,6 +145,68 @@ def target_surfaces(
     )
 
 
-def _starts(counts: list[int]) -> NDArray[np.int64]:
+def surfaces_of(surfaces: TargetSurfaces, targets: NDArray[np.int64]) -> TargetSurfaces:
+    """Surfaces of some of the targets.
+
+    Parameters
+    ----------
+    surfaces : TargetSurfaces
+    targets : ndarray of int, shape (n,)
+        Their indices, in the order of the result.
+    """
+    facets, first = _rows_of(surfaces.first, targets)
+    materials, first_material = _rows_of(surfaces.first_material, targets)
+    return surfaces._replace(
+        areas=surfaces.areas[facets],
+        normals=surfaces.normals[facets],
+        first=first,
+        material=surfaces.material[materials],
+        inertia=surfaces.inertia[targets],
+        first_material=first_material,
+        rows=surfaces.rows[facets],
+        shadows=surfaces.shadows._replace(column=surfaces.shadows.column[facets]),
+        lengths=surfaces.lengths[targets],
+        composite=surfaces.composite[targets],
+        phong=surfaces.phong[targets],
+    )
+
+
+def joined_surfaces(parts: Sequence[TargetSurfaces]) -> TargetSurfaces:
+    """Surfaces of the targets of several parts, one part after the other.
+
+    Parameters
+    ----------
+    parts : sequence of TargetSurfaces
+
+    Raises
+    ------
+    ConfigurationError
+        If the parts have different readings of the reflection model, or shadow tables of different
+        steps.
+    """
+    for key in ("irradiance_4pi", "fresnel_sqrt"):
+        if len({bool(getattr(part, key)) for part in parts}) > 1:
+            raise ConfigurationError(f"surfaces: {key} must be the same for all targets")
+    joined = {
+        key: np.concatenate([getattr(part, key) for part in parts])
+        for key in ("areas", "normals", "material", "inertia", "rows", "lengths", "composite",
+            "phong")
+    }  # fmt: skip
+    return parts[0]._replace(
+        **joined,
+        first=_starts(np.concatenate([np.diff(part.first) for part in parts])),
+        first_material=_starts(np.concatenate([np.diff(part.first_material) for part in parts])),
+        shadows=joined_shadows([part.shadows for part in parts]),
+    )
+
+
+def _rows_of(first: NDArray[np.int64], targets: NDArray[np.int64]) -> tuple[NDArray, NDArray]:
+    """Indices of the rows that some of the targets own, and the first of each target among these
+    rows."""
+    own = [np.arange(first[j], first[j + 1]) for j in targets]
+    return np.concatenate([first[:0], *own]), _starts([each.size for each in own])
+
+
+def _starts(counts: Sequence[int]) -> NDArray[np.int64]:
     """First index of each of several blocks of these lengths, and the end of the last one."""
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

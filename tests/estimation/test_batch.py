@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from campaign_folder import read_campaign
-from measured import SENSOR, during, measured_problem, nothing_measured
+from measured import SENSOR, during, measured_problem
 
 from cislunar.campaign.settings.cell_settings import cell_settings
 from cislunar.campaign.settings.families import with_families
@@ -18,6 +18,7 @@ from cislunar.estimation.light_curves.batch import BatchEstimator, batch
 from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
 from cislunar.estimation.registry import ESTIMATORS, estimator_named
 from cislunar.observation.measurement import DETECTED
+from cislunar.observation.records import no_measurements
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
@@ -159,7 +160,7 @@ def test_prediction_is_the_next_step(two_hours):
     estimator = _batch(scene, surfaces, initial)
     estimator.advance(during(measured, 0, 60))
     predicted: Prediction = estimator.predict()
-    following = estimator.advance(nothing_measured(5, 1))
+    following = estimator.advance(no_measurements(5, 1))
     np.testing.assert_array_equal(predicted.translation, following.translation[:, 0])
     np.testing.assert_array_equal(predicted.quaternion, following.quaternion[:, 0])
     deviations = np.sqrt(np.einsum("jab,jab->ja", predicted.root, predicted.root))

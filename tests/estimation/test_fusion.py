@@ -119,6 +119,10 @@ def test_catalogs_are_those_of_observers_alone(problem, fusion):
     prediction = together.predict()
     np.testing.assert_array_less(0.0, np.linalg.eigvalsh(prediction.covariance)[:, 0])
     assert np.all(np.isfinite(found.quaternion)) and not together.failed.any()
+    with pytest.raises(ConfigurationError, match=r"added with fusion = 'common' only$"):
+        together.add(initial, surfaces)
+    with pytest.raises(ConfigurationError, match=r"removed with fusion = 'common' only$"):
+        together.remove([0])
 
 
 def test_shared_measurements_reduce_errors():

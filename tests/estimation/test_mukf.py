@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from measured import SENSOR, during, measured_problem, nothing_measured
+from measured import SENSOR, during, measured_problem
 from oracles.reference_filter import ReferenceFilter
 
 from cislunar.attitude import grp
@@ -18,6 +18,7 @@ from cislunar.estimation.estimator import (
 from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, InitialSigma, ProcessNoise
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF, mukf
 from cislunar.observation.measurement import DETECTED
+from cislunar.observation.records import no_measurements
 from cislunar.observation.target_surfaces import target_surfaces
 from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
@@ -61,7 +62,7 @@ def test_equals_filterpy_with_the_same_model(inertia):
 def test_general_inertia_joins_the_closed_form_and_follows_the_truth():
     """An all but spherical body is integrated to the closed form; another keeps its true rate."""
     scene, _, initial, *_ = measured_problem(hours=2.0)
-    nothing = nothing_measured(5, 60)
+    nothing = no_measurements(5, 60)
 
     def coast(inertia, sigma=1.0):
         bodies = target_surfaces(icosahedron(), Material(), 5, inertia=inertia)
@@ -89,7 +90,7 @@ def test_prediction_is_one_step_ahead_and_changes_no_state():
     first, again = filt.predict(), filt.predict()
     np.testing.assert_array_equal(first.translation, again.translation)
     assert first.index == 1
-    estimates = filt.advance(nothing_measured(5, 1))
+    estimates = filt.advance(no_measurements(5, 1))
     np.testing.assert_array_equal(estimates.translation[:, 0], first.translation)
     np.testing.assert_allclose(
         estimates.sigma[:, 0, 6:] ** 2, np.einsum("jaa->ja", first.covariance), rtol=1e-13
@@ -143,7 +144,7 @@ def test_process_noise_grows_with_time_not_with_steps():
         scene, surfaces, epoch, _, loop = tracking_problem(1, 1, duration_hours=1.0, step_s=step_s)
         initial = initial_estimate(epoch, 1e-9 * PAPER_INITIAL_SIGMA.components())
         filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial, process_noise=process)
-        finals.append(filt.advance(nothing_measured(1, loop.n_steps)).sigma[0, -1])
+        finals.append(filt.advance(no_measurements(1, loop.n_steps)).sigma[0, -1])
     for final in finals:
         attitude = np.linalg.norm(final[:3])  # the covariance only turns
         assert np.rad2deg(attitude) == pytest.approx(0.1 * np.sqrt(60.0 * 3.0), rel=1e-6)

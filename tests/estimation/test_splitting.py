@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
-from measured import during, nothing_measured, observed_by
+from measured import during, observed_by
 
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.kalman.gaussian_mixture import split, split_weights
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import BatchEstimator
-from cislunar.observation.records import Measurements, schedule
+from cislunar.observation.records import Measurements, no_measurements, schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.orbits.tracked import POLAR_ORBITS, polar_state
 from cislunar.tasking.demonstration import tracking_problem
@@ -66,7 +66,7 @@ def test_without_a_split_the_estimates_are_the_same_bit_for_bit(name):
         parts = [
             estimator.advance(during(records, 0, 30)),
             estimator.predict(),
-            estimator.advance(nothing_measured(5, 60)),
+            estimator.advance(no_measurements(5, 60)),
             estimator.advance(during(records, 90, 180)),
             estimator.predict(),
         ]

@@ -27,7 +27,8 @@ class ReferenceFilter:
         )
         self.quaternion = initial.quaternion[j]
         self.ukf.x = np.r_[np.zeros(3), initial.angular_velocity[j], initial.translation[j]]
-        self.ukf.P = np.diag(initial.sigma**2)
+        full = initial.covariance
+        self.ukf.P = np.diag(initial.sigma**2) if full is None else full[j].copy()
         self.ukf.Q = np.diag(process_variance)
         self.ukf.R = np.diag(noise**2)
         self.k, self.observer = 0, 0

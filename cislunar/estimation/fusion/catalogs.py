@@ -5,6 +5,7 @@ Assumptions and limitations
 - Estimates are fused at every step and at each tasking epoch. Observers receive nothing back.
 - The estimate of an observer without a used measurement of a target is that of the start. It counts
   only if no observer has used one.
+- Tracks cannot be added or removed during a run.
 - Force models per target, which a filter with the instantaneous-frame CR3BP has for low lunar
   orbits, are not supported.
 """
@@ -15,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import (
@@ -30,10 +31,10 @@ from cislunar.estimation.estimator import (
 from cislunar.estimation.fusion.intersection import best_of, intersect
 from cislunar.estimation.fusion.methods import FUSIONS
 from cislunar.observation.body_parameters import BodyParameterPrior
-from cislunar.observation.records import Measurements, rows_of
+from cislunar.observation.records import Measurements, no_measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensor
-from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.observation.target_surfaces import TargetSurfaces, surfaces_of
 
 Array = NDArray[np.float64]
 
@@ -155,6 +156,14 @@ class _Catalogs:
         kept = spread if covariance else spread[:, :0]
         return Estimates(quaternion, rate, fused, sigma, kept, used)
 
+    def add(self, *_: object, **__: object) -> None:
+        """Raise ConfigurationError: see `Estimator.add`."""
+        raise ConfigurationError("fusion: tracks are added with fusion = 'common' only")
+
+    def remove(self, targets: ArrayLike) -> None:
+        """Raise ConfigurationError: see `Estimator.remove`."""
+        raise ConfigurationError("fusion: tracks are removed with fusion = 'common' only")
+
     def _open(self, target: NDArray[np.int64], observer: NDArray[np.int64]) -> None:
         """Add estimators of targets that observers observe for the first time."""
         observed_now = np.zeros_like(self._observed)
@@ -163,7 +172,7 @@ class _Catalogs:
             if new.any():
                 targets = np.flatnonzero(new)
                 own = self._make(targets)
-                own.advance(_nothing(targets.size, self._steps))
+                own.advance(no_measurements(targets.size, self._steps))
                 self._groups.append(_Group(o, targets, own))
         self._observed |= observed_now
 
@@ -182,12 +191,6 @@ class _Catalogs:
         fused, spread = np.empty((*shape, 6)), np.empty((*shape, 6, 6))
         _fuse(mean, covariance, since, self._several, fused, spread)
         return fused, spread
-
-
-def _nothing(n_targets: int, n_steps: int) -> Measurements:
-    """No measurements at `n_steps` steps."""
-    offset = np.zeros((n_targets, n_steps + 1), dtype=np.int64)
-    return Measurements(offset, np.empty(0, dtype=np.int64), *np.empty((2, 0, 3)))
 
 
 def _informed_at(since: NDArray[np.int64], n_steps: int) -> NDArray[np.bool_]:
@@ -237,34 +240,5 @@ def _of_some(
     targets: NDArray[np.int64],
 ) -> Estimator:
     """Make an estimator of some of the targets."""
-    own = _surfaces_of(surfaces, targets)
-    motion = (each[targets] for each in initial[:3])
-    at_epoch = InitialEstimate(*motion, initial.sigma)
-    return factory(scene, own, sensor, at_epoch, rng.spawn(1)[0], forces)
-
-
-def _surfaces_of(surfaces: TargetSurfaces, targets: NDArray[np.int64]) -> TargetSurfaces:
-    """Surfaces of some of the targets, in the order of `targets`, shape (target,)."""
-    facets, first = _ranges(surfaces.first, targets)
-    materials, first_material = _ranges(surfaces.first_material, targets)
-    return surfaces._replace(
-        areas=surfaces.areas[facets],
-        normals=surfaces.normals[facets],
-        first=first,
-        material=surfaces.material[materials],
-        inertia=surfaces.inertia[targets],
-        first_material=first_material,
-        rows=surfaces.rows[facets],
-        shadows=surfaces.shadows._replace(column=surfaces.shadows.column[facets]),
-        lengths=surfaces.lengths[targets],
-        composite=surfaces.composite[targets],
-        phong=surfaces.phong[targets],
-    )
-
-
-def _ranges(first: NDArray[np.int64], targets: NDArray[np.int64]) -> tuple[NDArray, NDArray]:
-    """Indices of the rows that some of the targets own, and the first of each target among these
-    rows."""
-    own = [np.arange(first[j], first[j + 1]) for j in targets]
-    starts = np.cumsum([0, *(each.size for each in own)]).astype(np.int64)
-    return np.concatenate(own), starts
+    own = surfaces_of(surfaces, targets)
+    return factory(scene, own, sensor, initial.of_targets(targets), rng.spawn(1)[0], forces)

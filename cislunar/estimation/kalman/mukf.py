@@ -13,11 +13,14 @@ Assumptions and limitations
   split).
 """
 
+from copy import copy
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.dynamics.cr3bp import EARTH_MOON
+from cislunar.dynamics.forces import of_targets, require_targets
 from cislunar.estimation.estimator import (
     HEALTHY,
     N_COUNTERS,
@@ -32,12 +35,18 @@ from cislunar.estimation.estimator import (
 from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.kalman.gaussian_mixture import GaussianMixture, no_mixture
 from cislunar.estimation.kalman.mukf_kernels import SIZE, FilterState, advance, predict_all
-from cislunar.estimation.kalman.workspace import filter_constants
+from cislunar.estimation.kalman.workspace import filter_constants, with_new_tracks
+from cislunar.estimation.track_arrays import (
+    joined_tracks,
+    remaining_tracks,
+    selected_tracks,
+    starting_index,
+)
 from cislunar.observation.body_parameters import BodyParameterPrior
-from cislunar.observation.records import Measurements
+from cislunar.observation.records import Measurements, no_measurements
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
-from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.observation.target_surfaces import TargetSurfaces, joined_surfaces, surfaces_of
 from cislunar.runtime.threads import share_out
 
 
@@ -50,7 +59,7 @@ class MultiplicativeUKF:
     Parameters
     ----------
     scene : Scene
-        Observers, Sun and frames; index 0 is the time of the initial estimate.
+        Observers, Sun and frames.
     surfaces : TargetSurfaces
         Assumed shapes, materials and inertia.
     sensor : Sensor or sequence of Sensor
@@ -65,6 +74,8 @@ class MultiplicativeUKF:
         `cislunar.estimation.kalman.gaussian_mixture`.
     forces : NamedTuple
         Assumed force model, see `cislunar.dynamics.forces`.
+    index : int
+        Time of the initial estimate, an index of the scene.
     """
 
     def __init__(
@@ -78,24 +89,29 @@ class MultiplicativeUKF:
         use_magnitude: bool = True,
         splitting: bool = False,
         forces: tuple = EARTH_MOON,
+        index: int = 0,
     ) -> None:
-        initial.require_positive()
-        n_targets = initial.translation.shape[0]
         self._scene = scene
-        self._surfaces = surfaces
-        self._bodies = rigid_bodies(surfaces.inertia)
         given = scene, sensor, process_noise, forces, use_magnitude, splitting
         self._constants = filter_constants(SIZE, *given)
+        self._begin(initial, surfaces, index)
+
+    def _begin(self, initial: InitialEstimate, surfaces: TargetSurfaces, index: int) -> None:
+        """Start the filter of these targets alone."""
+        n_targets = initial.translation.shape[0]
+        require_targets(self._constants.forces, n_targets)
+        self._surfaces = surfaces
+        self._bodies = rigid_bodies(surfaces.inertia)
         self._state = FilterState(
             np.array(initial.quaternion, dtype=float),
             np.array(initial.angular_velocity, dtype=float),
             np.array(initial.translation, dtype=float),
-            np.tile(np.diag(initial.sigma), (n_targets, 1, 1)),
+            initial.roots(),
             np.zeros(n_targets, dtype=np.uint8),
             np.zeros((n_targets, N_COUNTERS), dtype=np.int64),
         )
-        self._mixture = no_mixture(n_targets, splitting)
-        self._index = 0
+        self._mixture = no_mixture(n_targets, self._constants.curvature < np.inf)
+        self._index = index
 
     @property
     def failed(self) -> NDArray[np.uint8]:
@@ -140,6 +156,38 @@ class MultiplicativeUKF:
         share_out(lambda start, stop: advance((start, stop), *given), len(self._state.failed))
         self._index += measurements.offset.shape[1] - 1
         return out
+
+    def add(
+        self,
+        initial: InitialEstimate,
+        surfaces: TargetSurfaces,
+        rng: np.random.Generator | None = None,
+        *,
+        index: int | None = None,
+        forces: tuple | None = None,
+    ) -> None:
+        """See `Estimator.add`; the filter draws no random numbers."""
+        start, n_new = starting_index(index, self._index), initial.translation.shape[0]
+        counts = self._state.failed.size, n_new
+        together = joined_surfaces([self._surfaces, surfaces])
+        new = copy(self)
+        constants, new._constants = with_new_tracks(self._constants, forces, *counts)
+        new._begin(initial, surfaces, start)
+        new.advance(no_measurements(n_new, self._index - start))
+        self._constants, self._surfaces = constants, together
+        self._bodies = joined_tracks(self._bodies, new._bodies)
+        self._state = joined_tracks(self._state, new._state)
+        self._mixture = joined_tracks(self._mixture, new._mixture)
+
+    def remove(self, targets: ArrayLike) -> None:
+        """See `Estimator.remove`."""
+        left = remaining_tracks(self._state.failed.size, targets)
+        forces = of_targets(self._constants.forces, left)
+        self._constants = self._constants._replace(forces=forces)
+        self._surfaces = surfaces_of(self._surfaces, left)
+        self._bodies = selected_tracks(self._bodies, left)
+        self._state = selected_tracks(self._state, left)
+        self._mixture = selected_tracks(self._mixture, left)
 
 
 def mukf(

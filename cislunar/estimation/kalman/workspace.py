@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
+from cislunar.dynamics.forces import of_targets, require_targets
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.estimation.estimator import (
     HEALTHY,
@@ -66,6 +67,17 @@ def filter_constants(
         unscented_weights(6),
         1.0 if splitting else np.inf,
     )
+
+
+def with_new_tracks(
+    constants: FilterConstants, forces: tuple | None, n_tracks: int, n_new: int
+) -> tuple[FilterConstants, FilterConstants]:
+    """Constants of a filter to which tracks are added, and of a filter of the new tracks alone. The
+    force model is `forces`, if given."""
+    common = constants.forces if forces is None else forces
+    require_targets(common, n_tracks + n_new)
+    own = of_targets(common, np.arange(n_tracks, n_tracks + n_new))
+    return constants._replace(forces=common), constants._replace(forces=own)
 
 
 class Workspace(NamedTuple):

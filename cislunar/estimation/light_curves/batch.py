@@ -10,15 +10,17 @@ Assumptions and limitations
   improved afterwards.
 """
 
-import numpy as np
-from numpy.typing import NDArray
+from copy import copy
 
-from cislunar.attitude.inertia import TORQUE, RigidBodies, rigid_bodies
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.attitude.inertia import TORQUE
 from cislunar.dynamics.cr3bp import EARTH_MOON
+from cislunar.dynamics.forces import of_targets, require_targets
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import (
     HEALTHY,
-    N_COUNTERS,
     Estimates,
     EstimatorFactory,
     InitialEstimate,
@@ -28,24 +30,29 @@ from cislunar.estimation.estimator import (
     empty_estimates,
 )
 from cislunar.estimation.initial_sigma import ProcessNoise
-from cislunar.estimation.kalman.gaussian_mixture import GaussianMixture, no_mixture
+from cislunar.estimation.kalman.gaussian_mixture import GaussianMixture
 from cislunar.estimation.kalman.translation_filter import SIZE
-from cislunar.estimation.kalman.workspace import filter_constants
+from cislunar.estimation.kalman.workspace import filter_constants, with_new_tracks
 from cislunar.estimation.light_curves.batch_kernels import (
     BatchConstants,
-    FitState,
     advance_target,
     predict_target,
 )
 from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
-from cislunar.estimation.light_curves.hypotheses import Hypotheses, mixture_points, prior_hypotheses
+from cislunar.estimation.light_curves.batch_tracks import starting_tracks
 from cislunar.estimation.light_curves.light_curve import Anchor, LightCurveModel
-from cislunar.estimation.light_curves.row_blocks import COLUMNS, ROTATION
+from cislunar.estimation.light_curves.row_blocks import ROTATION
+from cislunar.estimation.track_arrays import (
+    joined_tracks,
+    remaining_tracks,
+    selected_tracks,
+    starting_index,
+)
 from cislunar.observation.body_parameters import HOUR, BodyParameterPrior
-from cislunar.observation.records import Measurements
+from cislunar.observation.records import Measurements, no_measurements
 from cislunar.observation.scene import Scene
-from cislunar.observation.sensor import Sensor, Sensors, sensor_limits, sensors_of
-from cislunar.observation.target_surfaces import TargetSurfaces, body_of
+from cislunar.observation.sensor import Sensors, sensor_limits, sensors_of
+from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.runtime.threads import share_out
 
 Array = NDArray[np.float64]
@@ -59,8 +66,11 @@ class BatchEstimator:
 
     Parameters
     ----------
-    scene, surfaces, sensor, initial, splitting, forces
-        See `cislunar.estimation.kalman.mukf.MultiplicativeUKF`.
+    scene, surfaces, sensor, initial, splitting, forces, index
+        See `cislunar.estimation.kalman.mukf.MultiplicativeUKF`. If the initial estimate has a
+        covariance, the orbit filter uses that of position and velocity, and the prior of the
+        rotation the standard deviations alone. All correlations with and within the rotation are
+        neglected.
     rng : numpy.random.Generator
         Random starts; every target has a stream of its own.
     settings : BatchSettings, optional
@@ -87,65 +97,60 @@ class BatchEstimator:
         process_noise: ProcessNoise | None = None,
         splitting: bool = False,
         forces: tuple = EARTH_MOON,
+        index: int = 0,
     ) -> None:
-        initial.require_positive()
         if process_noise is not None and np.any(process_noise.components()[:6] > 0.0):
             raise ConfigurationError(
                 "process_noise: attitude_deg and angular_velocity_deg_h must be 0 for the batch "
                 "estimator, which takes the rotation as free of noise; set window_hours and "
                 "memory_hours instead"
             )
-        settings = BatchSettings() if settings is None else settings
-        self._scene, self._estimated_parameters = scene, settings.estimated_parameters
+        self._settings = BatchSettings() if settings is None else settings
+        self._scene, self._rng = scene, rng
+        self._first_sensor = sensors_of(sensor, scene.observer_position.shape[0])[0]
         filtering = process_noise, forces, splitting
-        first = sensors_of(sensor, scene.observer_position.shape[0])[0]
-        self._constants = _batch_constants(settings, scene, sensor, *filtering)
-        self._translation = np.array(initial.translation, dtype=float)
-        n_targets = self._translation.shape[0]
-        self._root = np.tile(np.diag(initial.sigma[6:]), (n_targets, 1, 1))
-        self._mixture = no_mixture(n_targets, splitting)
-        bodies = rigid_bodies(surfaces.inertia)
-        self._models = [
-            _light_curve_model(j, surfaces, bodies, first, initial, settings)
-            for j in range(n_targets)
-        ]
-        self._hypotheses = [
-            prior_hypotheses(settings.modes, model.sigma.size) for model in self._models
-        ]
-        self._rngs = rng.spawn(n_targets)
-        self._points = [
-            _prior_points(*each) for each in zip(self._hypotheses, self._models, strict=True)
-        ]
-        self._data = [np.empty((0, COLUMNS)) for _ in range(n_targets)]
-        self._state = FitState(*np.zeros((4, n_targets), dtype=np.int64))
-        self._state.points[:] = [_points_per_mode(model) for model in self._models]
-        self._counters = np.zeros((n_targets, N_COUNTERS), dtype=np.int64)
-        self._index = 0
+        self._constants = _batch_constants(self._settings, scene, sensor, *filtering)
+        self._begin(initial, surfaces, rng, index)
         self._open = 0  # steps since the last tasking epoch
+
+    def _begin(
+        self,
+        initial: InitialEstimate,
+        surfaces: TargetSurfaces,
+        rng: np.random.Generator,
+        index: int,
+    ) -> None:
+        """Start the estimation of these targets alone."""
+        require_targets(self._constants.translation.forces, initial.translation.shape[0])
+        splitting = self._constants.translation.curvature < np.inf
+        given = self._first_sensor, self._settings, splitting
+        self._tracks = starting_tracks(initial, surfaces, rng, index, *given)
+        self._index = index
 
     @property
     def failed(self) -> NDArray[np.uint8]:
         """See `Estimator.failed`."""
-        return self._state.condition.astype(np.uint8)
+        return self._tracks.fit.condition.astype(np.uint8)
 
     @property
     def counters(self) -> NDArray[np.int64]:
         """See `Estimator.counters`."""
-        return self._counters
+        return self._tracks.counters
 
     @property
     def estimated_parameters(self) -> BodyParameterPrior:
         """See `Estimator.estimated_parameters`."""
-        return self._estimated_parameters
+        return self._settings.estimated_parameters
 
     def learned(self) -> tuple[Array, Array]:
         """Mean and standard deviation of the body-parameter deviations from all rows used so far,
         (target, n) each, in the order and units of `BodyParameterPrior.named`; NaN for failed
         estimates."""
-        size = max(model.sigma.size for model in self._models) - ROTATION
-        mean, sigma = np.full((2, len(self._models), size), np.nan)
-        for j, (modes, model) in enumerate(zip(self._hypotheses, self._models, strict=True)):
-            if self._state.condition[j] != HEALTHY:
+        tracks = self._tracks
+        size = max(model.sigma.size for model in tracks.models) - ROTATION
+        mean, sigma = np.full((2, len(tracks.models), size), np.nan)
+        for j, (modes, model) in enumerate(zip(tracks.hypotheses, tracks.models, strict=True)):
+            if tracks.fit.condition[j] != HEALTHY:
                 continue
             live, unit = int(modes.count[0]), model.sigma[ROTATION:].copy()
             torque = model.rotation_kinds >= TORQUE
@@ -161,46 +166,49 @@ class BatchEstimator:
     @property
     def searches(self) -> NDArray[np.int64]:
         """Per target, number of searches for modes so far."""
-        return np.array([modes.count[1] for modes in self._hypotheses])
+        return np.array([modes.count[1] for modes in self._tracks.hypotheses])
 
     @property
     def light_curve_rows(self) -> NDArray[np.int64]:
         """Per target, number of rows (measurements and non-detections) of its light curve that are
         kept."""
-        return self._state.rows.copy()
+        return self._tracks.fit.rows.copy()
 
     def light_curve(self, j: int) -> tuple[Array, LightCurveModel, Anchor]:
         """Rows of target j that are kept (n, COLUMNS), see
-        `cislunar.estimation.light_curves.light_curve.cost`; the model that is fitted to them; and
-        the information of the best mode from data no longer kept."""
-        modes = self._hypotheses[j]
+        `cislunar.estimation.light_curves.light_curve.cost`, with times since its initial estimate;
+        the model that is fitted to them; and the information of the best mode from data no longer
+        kept."""
+        tracks = self._tracks
+        modes = tracks.hypotheses[j]
         anchor = Anchor(modes.anchor_mean[0], modes.anchor_information[0], modes.anchor_offset[0])
-        return self._data[j][: self._state.rows[j]].copy(), self._models[j], anchor
+        return tracks.data[j][: tracks.fit.rows[j]].copy(), tracks.models[j], anchor
 
     def predict(self) -> Prediction:
         """See `Estimator.predict`. The joint root is that of the mixture's second moments, without
         correlation between rotation and translation."""
-        n_targets = self._translation.shape[0]
-        translation, root = self._translation.copy(), self._root.copy()
-        mixture = GaussianMixture(*(part.copy() for part in self._mixture))
+        tracks = self._tracks
+        n_targets = tracks.translation.shape[0]
+        translation, root = tracks.translation.copy(), tracks.root.copy()
+        mixture = GaussianMixture(*(part.copy() for part in tracks.mixture))
         mean, joint = np.empty((n_targets, 4)), np.zeros((n_targets, 12, 12))
         rate = np.full((n_targets, 3), np.nan)
         for j in range(n_targets):
-            if self._state.condition[j] != HEALTHY:
+            if tracks.fit.condition[j] != HEALTHY:
                 translation[j] = np.nan
                 continue
-            points = tuple(part.copy() for part in self._points[j])
+            points = tuple(part.copy() for part in tracks.points[j])
             predict_target(
                 j,
                 self._index,
                 self._scene,
                 self._constants,
-                self._models[j],
+                tracks.models[j],
                 mixture,
                 translation[j],
                 root[j],
                 points,
-                self._state.points[j],
+                tracks.fit.points[j],
                 mean[j],
                 rate[j],
                 joint[j],
@@ -211,19 +219,20 @@ class BatchEstimator:
 
     def orbits(self) -> OrbitEstimates:
         """See `Estimator.orbits`."""
-        translation = self._translation.copy()
-        translation[self._state.condition != HEALTHY] = np.nan
-        covariance = self._root @ np.swapaxes(self._root, 1, 2)
+        tracks = self._tracks
+        translation = tracks.translation.copy()
+        translation[tracks.fit.condition != HEALTHY] = np.nan
+        covariance = tracks.root @ np.swapaxes(tracks.root, 1, 2)
         return OrbitEstimates(self._index, translation, covariance)
 
     def advance(
         self, measurements: Measurements, *, covariance: bool = False, final: bool = True
     ) -> Estimates:
         """See `Estimator.advance`. Light curves are fitted at the end of an interval."""
-        out = empty_estimates(measurements, covariance)
+        tracks, out = self._tracks, empty_estimates(measurements, covariance)
         observations = measurements.offset[:, -1] - measurements.offset[:, 0]
         for j, count in enumerate(observations):
-            self._make_room(j, int(count))
+            tracks.make_room(j, int(count))
 
         def work(start: int, stop: int) -> None:
             for j in range(start, stop):
@@ -232,17 +241,17 @@ class BatchEstimator:
                     self._index + 1,
                     self._scene,
                     self._constants,
-                    self._models[j],
+                    tracks.models[j],
                     measurements,
-                    self._mixture,
-                    self._translation,
-                    self._root,
-                    self._hypotheses[j],
-                    self._points[j],
-                    self._data[j],
-                    self._state,
-                    self._counters,
-                    self._rngs[j],
+                    tracks.mixture,
+                    tracks.translation,
+                    tracks.root,
+                    tracks.hypotheses[j],
+                    tracks.points[j],
+                    tracks.data[j],
+                    tracks.fit,
+                    tracks.counters,
+                    tracks.rngs[j],
                     out,
                     self._open if final else 0,
                 )
@@ -255,28 +264,33 @@ class BatchEstimator:
             self._open = 0
         return out
 
-    def _make_room(self, j: int, rows: int) -> None:
-        """Enlarge the data array of a target; it doubles, so that copies are rare."""
-        capacity, needed = self._data[j].shape[0], int(self._state.rows[j]) + rows
-        if needed > capacity:
-            grown = np.empty((max(needed, 2 * capacity), COLUMNS))
-            grown[:capacity] = self._data[j]
-            self._data[j] = grown
+    def add(
+        self,
+        initial: InitialEstimate,
+        surfaces: TargetSurfaces,
+        rng: np.random.Generator | None = None,
+        *,
+        index: int | None = None,
+        forces: tuple | None = None,
+    ) -> None:
+        """See `Estimator.add`."""
+        start, n_new = starting_index(index, self._index), initial.translation.shape[0]
+        given = self._constants.translation, forces, len(self._tracks.models), n_new
+        common, own = with_new_tracks(*given)
+        new = copy(self)
+        new._constants = self._constants._replace(translation=own)
+        new._begin(initial, surfaces, self._rng if rng is None else rng, start)
+        new.advance(no_measurements(n_new, self._index - start), final=False)
+        self._constants = self._constants._replace(translation=common)
+        self._tracks = joined_tracks(self._tracks, new._tracks)
 
-
-def _points_per_mode(model: LightCurveModel) -> int:
-    """Two points for each parameter on which attitudes at other times depend."""
-    return 2 * (ROTATION + model.rotation_kinds.size)
-
-
-def _prior_points(hypotheses: Hypotheses, model: LightCurveModel) -> tuple[Array, ...]:
-    """Attitude, rate, weight and rotation deviations of the mixture's points at the epoch, for all
-    modes."""
-    room = hypotheses.u.shape[0] * _points_per_mode(model)
-    sizes = ((room, 4), (room, 3), (room,), (room, model.rotation_kinds.size))
-    points = tuple(np.zeros(size) for size in sizes)
-    mixture_points(hypotheses, model, *points)
-    return points
+    def remove(self, targets: ArrayLike) -> None:
+        """See `Estimator.remove`."""
+        left = remaining_tracks(len(self._tracks.models), targets)
+        filtering = self._constants.translation
+        filtering = filtering._replace(forces=of_targets(filtering.forces, left))
+        self._constants = self._constants._replace(translation=filtering)
+        self._tracks = selected_tracks(self._tracks, left)
 
 
 def _batch_constants(
@@ -299,35 +313,6 @@ def _batch_constants(
         window,
         memory,
         settings.use_non_detections,
-    )
-
-
-def _light_curve_model(
-    j: int,
-    surfaces: TargetSurfaces,
-    bodies: RigidBodies,
-    sensor: Sensor,
-    initial: InitialEstimate,
-    settings: BatchSettings,
-) -> LightCurveModel:
-    body = body_of(surfaces, j)
-    rotation_kinds, of_rotation = settings.estimated_parameters.rotation_kinds()
-    kinds, of_surface = settings.estimated_parameters.surface_kinds(body.areas.size)
-    settings.estimated_parameters.require_possible(body.materials)
-    return LightCurveModel(
-        np.array(initial.quaternion[j], dtype=float),
-        np.array(initial.angular_velocity[j], dtype=float),
-        np.concatenate([initial.sigma[:ROTATION], of_rotation, of_surface]),
-        rotation_kinds,
-        kinds,
-        bodies.inertia[j],
-        bodies.inverse[j],
-        bool(bodies.spherical[j] and rotation_kinds.size == 0),
-        body,
-        bool(surfaces.irradiance_4pi),
-        bool(surfaces.fresnel_sqrt),
-        float((settings.magnitude_noise_factor * sensor.magnitude_noise) ** 2),
-        float(settings.noise_freedom or 0.0),
     )
 
 

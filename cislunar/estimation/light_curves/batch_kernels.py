@@ -68,12 +68,14 @@ class BatchConstants(NamedTuple):
 class FitState(NamedTuple):
     """State of the fit of each target, arrays of int (target,): `condition` is HEALTHY or the
     reason for which its estimate ended, `points` the number of points of its mixture, `rows` and
-    `fitted` the numbers of rows of its light curve, now and at the last fit."""
+    `fitted` the numbers of rows of its light curve, now and at the last fit, `epoch` the time index
+    of its initial estimate, from which the times of its light curve count."""
 
     condition: NDArray[np.int64]
     points: NDArray[np.int64]
     rows: NDArray[np.int64]
     fitted: NDArray[np.int64]
+    epoch: NDArray[np.int64]
 
 
 @njit_noalloc
@@ -114,10 +116,11 @@ def _refit(hypotheses, data, model, settings, rng, elapsed, points):
 
 @njit_noalloc
 def _use(
-    records, row, j, k, scene, constants, mixture, translation, root, data, rows, counters, work
+    records, row, j, k, scene, constants, mixture, translation, root, data, state, counters, work
 ):
     """Use one record at time k: whether the direction was used, and the rows of the light curve
     now."""
+    rows = state.rows[j]
     magnitude, ra, dec = records.value[row]
     observer, sun = records.observer[row], scene.sun_position[k]
     place, limits = scene.observer_position[observer, k], limits_of(constants.limits, observer)
@@ -156,7 +159,7 @@ def _use(
     if used or (constants.use_non_detections and not detected):
         weight = constants.limits.noise_variance[0, 0] / variance[0]
         seen = 1.0 if used else 0.0
-        elapsed, to_inertial = k * scene.step_s, scene.frame_axes[k]
+        elapsed, to_inertial = (k - state.epoch[j]) * scene.step_s, scene.frame_axes[k]
         _fill_row(
             data[rows], elapsed, magnitude, seen, weight, translation, place, sun, to_inertial
         )
@@ -186,15 +189,16 @@ def _advance(j, first, scene, constants, model, records, mixture, own, state, ou
             continue
         _carry_points(points, state.points[j], scene.step_s, model)
         for row in range(offset[i], offset[i + 1]):
-            given = mixture, translation, root, data, state.rows[j], counters, work
+            given = mixture, translation, root, data, state, counters, work
             out.used[row], state.rows[j] = _use(records, row, j, k, scene, constants, *given)
         fresh = state.rows[j] - state.fitted[j]
         grown = constants.growth > 0.0 and fresh >= max(
             constants.growth * state.fitted[j], _FEWEST_FRESH
         )
         if fresh > 0 and ((closed > 0 and i == n_steps - 1) or grown):
+            elapsed = (k - state.epoch[j]) * scene.step_s
             state.points[j] = _refit(
-                hypotheses, data[: state.rows[j]], model, settings, rng, k * scene.step_s, points
+                hypotheses, data[: state.rows[j]], model, settings, rng, elapsed, points
             )
             state.fitted[j] = state.rows[j]
         n, sigma = state.points[j], out.sigma[j, i]
@@ -207,7 +211,7 @@ def _advance(j, first, scene, constants, model, records, mixture, own, state, ou
             covariance_of(root, out.covariance[j, i])
     if closed > 0 and state.condition[j] == HEALTHY:
         memory = np.exp(-closed * scene.step_s / constants.memory_s)
-        end = (first + n_steps - 1) * scene.step_s
+        end = (first + n_steps - 1 - state.epoch[j]) * scene.step_s
         _forget(hypotheses, data, model, state, j, end - constants.window_s, memory)
         if memory < 1.0:  # the information has faded, whether or not there are new data
             state.points[j] = _refit(

@@ -26,10 +26,14 @@ def joined_shadows(tables: Sequence[Shadows]) -> Shadows:
     ConfigurationError
         If the tables have different steps.
     """
-    distinct = {id(each): each for each in tables if each.steps > 0}
+    # tables of some facets of the same bodies share their arrays
+    distinct = {id(each.lookup): each for each in tables if each.steps > 0}
     none = no_shadows(0)
     if len({each.steps for each in distinct.values()}) > 1:
         raise ConfigurationError("shadow table steps must be the same for all bodies")
+    if len(distinct) <= 1:
+        (table,) = distinct.values() or [none]
+        return table._replace(column=np.concatenate([each.column for each in tables]))
     starts, lookups, settled, masks, shares = {}, [], [], [none.masks], [none.shares]
     width, found = 0, len(none.shares)
     for key, each in distinct.items():
@@ -43,9 +47,7 @@ def joined_shadows(tables: Sequence[Shadows]) -> Shadows:
         shares.append(each.shares[2:])
         width += each.lookup.shape[1] + spare
         found += len(each.masks) - 2
-    column = [np.where(t.column >= 0, t.column + starts.get(id(t), 0), -1) for t in tables]
-    if not distinct:
-        return none._replace(column=np.concatenate(column))
+    column = [np.where(t.column >= 0, t.column + starts.get(id(t.lookup), 0), -1) for t in tables]
     return Shadows(
         next(iter(distinct.values())).steps,
         np.concatenate(column),

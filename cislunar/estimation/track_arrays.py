@@ -1,0 +1,47 @@
+"""Values of the tracks of an estimator, to which tracks are added and from which they are removed.
+
+Values are arrays or lists by track, or NamedTuples of them.
+"""
+
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.errors import ConfigurationError
+
+Values = TypeVar("Values", NDArray, list, tuple)
+
+
+def joined_tracks(first: Values, second: Values) -> Values:
+    """Values of the tracks of `first`, then of those of `second`."""
+    if isinstance(first, tuple):
+        return type(first)(*map(joined_tracks, first, second))
+    return first + second if isinstance(first, list) else np.concatenate([first, second])
+
+
+def selected_tracks(values: Values, tracks: NDArray[np.int64]) -> Values:
+    """Values of some of the tracks, given by indices, shape (n,)."""
+    if isinstance(values, tuple):
+        return type(values)(*(selected_tracks(each, tracks) for each in values))
+    return [values[j] for j in tracks] if isinstance(values, list) else values[tracks]
+
+
+def remaining_tracks(n_tracks: int, removed: ArrayLike) -> NDArray[np.int64]:
+    """Indices of the tracks that remain; raises ConfigurationError if a track does not exist."""
+    targets = np.atleast_1d(np.asarray(removed, dtype=np.int64))
+    if np.any((targets < 0) | (targets >= n_tracks)):
+        raise ConfigurationError(
+            f"tracks {targets.tolist()} cannot be removed: indices are from 0 to {n_tracks - 1}"
+        )
+    return np.delete(np.arange(n_tracks), targets)
+
+
+def starting_index(index: int | None, present: int) -> int:
+    """Time index from which a new track is propagated to the present; raises ConfigurationError if
+    it is later."""
+    if index is not None and not 0 <= index <= present:
+        raise ConfigurationError(
+            f"index = {index}: tracks are added from a time between 0 and the present, {present}"
+        )
+    return present if index is None else int(index)
