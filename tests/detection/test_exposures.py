@@ -132,7 +132,7 @@ def test_an_exposure_returns_exactly_the_visible_targets_in_its_field():
     scene = still_scene(n_times, rate=(40.0, 20.0, 70.0), step_s=600.0)
     places = np.concatenate([
         rng.normal(0.0, 0.8, size=(n_targets - 120, 3)),
-        [0.98785, 0.0, 0.0, *rng.normal(0.0, 0.012, size=(120, 3))],
+        rng.normal([0.98785, 0.0, 0.0], 0.012, size=(120, 3)),
     ])  # fmt: skip
     states, attitudes = held(places, n_times)
     exclusion = {"sun": 35.0, "moon": 0.01, "earth": 10.0}
@@ -367,7 +367,7 @@ def test_many_detections_of_one_exposure_find_room():
     rng = np.random.default_rng(7)
     n_targets = 700
     scene = still_scene(2)
-    states, attitudes = held([0.3, 0.5, 0.2, *rng.normal(0.0, 0.002, (n_targets, 3))], 2)
+    states, attitudes = held(rng.normal([0.3, 0.5, 0.2], 0.002, (n_targets, 3)), 2)
     sensor = Sensor(field_of_view_deg=20.0, limiting_magnitude=1e6)
     command = np.array([[0, -1]])
     exposures = point_at(scene, sensor, 1, command, states)
