@@ -30,7 +30,7 @@ class Case:
         self.scene = problem.scene._replace(observer_axes=turn @ problem.scene.observer_axes)
         self.mean = problem.epoch[2]
         shape = rng.normal(size=(6, 6)) + 3.0 * np.eye(6)
-        root = np.diag([1e-4] * 3 + [4e-4] * 3) @ shape
+        root = np.diag([1e-5] * 3 + [4e-5] * 3) @ shape
         self.covariance = root @ root.T
         sample = self.mean + rng.normal(size=(N_SAMPLES, 6)) @ root.T
         both = propagate_bundle(
@@ -123,7 +123,7 @@ def test_directions_are_those_of_sampled_orbits(case):
     assert np.all(dec > 1.2) or np.all(np.abs(dec) < 0.9)
 
 
-@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.8, 0.0), (0.0, -1.1), (1.5, 0.3)])
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.8, 0.0), (0.0, -1.1), (1.05, 0.3)])
 def test_detection_probabilities_are_those_of_sampled_orbits(case, offset):
     exposures = case.exposures(offset)
     window = case.window(exposures, case.near())
@@ -136,6 +136,7 @@ def test_detection_probabilities_are_those_of_sampled_orbits(case, offset):
     )
     east = np.stack([-np.sin(ra0), np.cos(ra0), 0.0 * ra0], axis=-1)
     north = np.cross(toward, east)
+    shares = []
     for k in range(N_STEPS):
         unit = case.unit[1:, k]
         x, y = unit @ east[k] / (unit @ toward[k]), unit @ north[k] / (unit @ toward[k])
@@ -145,8 +146,9 @@ def test_detection_probabilities_are_those_of_sampled_orbits(case, offset):
         lost = rng.random(N_SAMPLES) < 0.1
         share = np.mean(inside & bright & ~lost)
         # offsets along both axes are taken as independent
-        assert found[k] == pytest.approx(share, abs=0.02)
-        assert 0.02 < share < 0.8
+        assert found[k] == pytest.approx(share, abs=0.012)
+        shares.append(share)
+    assert np.all((np.array(shares) > 0.1) & (np.array(shares) < 0.75))
 
 
 def test_weights_are_the_likelihood_ratio_by_hand(case):
