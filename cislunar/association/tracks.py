@@ -79,8 +79,8 @@ class TrackStatus(NamedTuple):
         weight = np.zeros(self.existence.size)
         np.add.at(weight, rows.track, rows.weight)
         hit = weight > 0.5
-        # an accepted detection beats every threshold: its ratio is that of a track against none
-        ratio = np.where(hit, 1.0 / _RANGE, np.exp(miss))
+        # an accepted detection leads from the smallest to the largest probability
+        ratio = np.where(hit, _RANGE**-2, np.exp(miss))
         r = self.existence
         r[:] = np.clip(r * ratio / (1.0 - r + r * ratio), _RANGE, 1.0 - _RANGE)
         np.maximum.at(self.last, rows.track, begin + step[rows.exposure])

@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.detection.exposures import Detections, Exposures
-from cislunar.ephemeris.time_scales import clock_seconds, clock_text, clock_to_tdb, tdb_to_clock
+from cislunar.ephemeris.time_scales import clock_text, tdb_seconds, tdb_to_clock
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND
@@ -25,6 +25,16 @@ DETECTION_COLUMNS = (
     *("obsID", "expID", "stn", "obsTime", "ra", "dec", "rmsRA", "rmsDec", "rmsCorr", "mag"),
     "rmsMag",
 )
+
+_NAMES = ("obsID", "expID", "stn")
+
+_RANGES = {
+    **dict.fromkeys(("ra", "mag"), (-np.inf, np.inf, "be a finite number")),
+    **dict.fromkeys(("rmsRA", "rmsDec", "rmsMag"), (0.0, np.inf, "be a positive number")),
+    "dec": (-90.0, 90.0, "be a number between -90 and 90"),
+    "rmsCorr": (-1.0, 1.0, "be a number between -1 and 1"),
+}
+"""Columns of numbers, and the open intervals in which they lie."""
 
 
 def exposure_table(
@@ -41,7 +51,7 @@ def exposure_table(
     ----------
     exposures : Exposures
     false_alarms_deg2 : float
-        Mean number of false alarms per square degree.
+        Mean number of false alarms per square degree of the tangent plane.
     scene : Scene
     first : int
         Index of the first step among the scene's times.
@@ -53,6 +63,7 @@ def exposure_table(
     index = first + exposures.step
     ra, dec, _ = _in_icrf(exposures.boresight, None, index, scene, axes)
     width = np.rad2deg(2.0 * exposures.half_field)
+    side = np.rad2deg(2.0 * np.tan(exposures.half_field))
     return pd.DataFrame(
         {
             "expID": exposure_names(exposures, first),
@@ -62,7 +73,7 @@ def exposure_table(
             "dec": dec,
             "fieldDeg": width,
             "limMag": exposures.limiting_magnitude,
-            "falseAlarms": false_alarms_deg2 * width**2,
+            "falseAlarms": false_alarms_deg2 * side**2,
         }
     )
 
@@ -122,50 +133,50 @@ def read_detections(source: str | Path | pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        With ``tdb``, s past J2000, besides the columns.
+        With ``tdb``, s past J2000, besides the columns. ``obsID``, ``expID`` and ``stn`` are text.
 
     Raises
     ------
     ConfigurationError, InputFileError
-        If a column is missing, a value is not finite, an identifier occurs twice, or the times are
-        not sorted.
+        If a column or a name is missing, a value is impossible, an identifier occurs twice, or the
+        times are not sorted.
     """
     fault = ConfigurationError if isinstance(source, pd.DataFrame) else InputFileError
     place = "detections" if isinstance(source, pd.DataFrame) else str(source)
     try:
-        table = source.copy() if isinstance(source, pd.DataFrame) else pd.read_csv(source)
+        # as text, since codes of stations have leading zeros
+        names = dict.fromkeys(_NAMES, str)
+        given = source if isinstance(source, pd.DataFrame) else pd.read_csv(source, dtype=names)
     except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise InputFileError(f"{place}: no readable table ({error})") from error
-    missing = [name for name in DETECTION_COLUMNS if name not in table]
+        reason = " ".join(str(error).split())
+        raise InputFileError(f"{place}: no readable table ({reason})") from error
+    missing = [name for name in DETECTION_COLUMNS if name not in given]
     if missing:
         raise fault(f"{place}: columns {', '.join(missing)} are missing; the table needs "
                     f"{', '.join(DETECTION_COLUMNS)}")  # fmt: skip
-    for name in ("ra", "dec", "rmsRA", "rmsDec", "rmsCorr", "mag", "rmsMag"):
-        values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
-        least = 0.0 if name in ("rmsRA", "rmsDec", "rmsMag") else -np.inf
-        wrong = np.flatnonzero(~(np.isfinite(values) & (values > least)))
-        if wrong.size:
-            raise fault(
-                f"{place}, row {wrong[0] + 1}: {name} = {table[name].iloc[wrong[0]]!r} must be a "
-                f"{'positive' if least == 0.0 else 'finite'} number"
-            )
-        table[name] = values
-    if table["obsID"].duplicated().any():
-        twice = table["obsID"][table["obsID"].duplicated()].iloc[0]
-        raise fault(f"{place}: obsID {twice!r} occurs twice")
-    clock = []
-    for row, text in enumerate(table["obsTime"].astype(str)):
+
+    def require(name: str, right: ArrayLike, rule: str) -> None:
+        for row in np.flatnonzero(~np.asarray(right, dtype=bool))[:1].tolist():
+            value = given[name].iloc[row]
+            raise fault(f"{place}, row {row + 1}: {name} = {value} must {rule}")
+
+    table = given.copy()
+    for name in _NAMES:
+        require(name, given[name].notna(), "be given")
+        table[name] = given[name].astype(str)
+    require("obsID", ~table["obsID"].duplicated(), "not occur twice")
+    for name, (least, most, rule) in _RANGES.items():
+        table[name] = pd.to_numeric(given[name], errors="coerce").astype(float)
+        require(name, (table[name] > least) & (table[name] < most), rule)
+    seconds: dict[str, float] = {}
+    for row, date in enumerate(given["obsTime"].astype(str)):
         try:
-            clock.append(clock_seconds(text.removesuffix("Z")))
+            seconds[date] = seconds[date] if date in seconds else tdb_seconds(date)
         except ConfigurationError as error:
             raise fault(f"{place}, row {row + 1}: obsTime: {error}") from error
-    table["tdb"] = clock_to_tdb(np.array(clock, dtype=float), "UTC")
-    late = np.flatnonzero(np.diff(table["tdb"]) < 0.0)
-    if late.size:
-        raise fault(
-            f"{place}, row {late[0] + 2}: obsTime is before that of the row above; sort the table "
-            "by time"
-        )
+    table["tdb"] = given["obsTime"].astype(str).map(seconds).astype(float)
+    early = np.diff(table["tdb"], prepend=-np.inf) < 0.0
+    require("obsTime", ~early, "not be before that of the row above; sort the table by time")
     return table
 
 

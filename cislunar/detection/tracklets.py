@@ -61,12 +61,19 @@ def tracklet(
     Raises
     ------
     ConfigurationError
-        If there are fewer than two different times, or a value is not finite.
+        If shapes disagree, there are fewer than two different times, or a value is not finite.
     """
     time, angles, noise = (np.asarray(each, dtype=float) for each in (time_s, direction, variance))
+    rows = np.asarray(detections, dtype=np.int64)
+    shapes = [each.shape for each in (rows, time, angles, noise)]
+    if time.ndim != 1 or shapes != [time.shape, time.shape, (time.size, 2), (time.size, 2)]:
+        raise ConfigurationError(
+            f"tracklet: detections, times, directions and variances have shapes {shapes}; give "
+            "(n,), (n,), (n, 2) and (n, 2)"
+        )
     if np.unique(time).size < 2:
         raise ConfigurationError("tracklet: a rate needs detections at two different times")
-    if not (np.all(np.isfinite(angles)) and np.all(noise > 0.0) and np.all(np.isfinite(time))):
+    if not (all(np.all(np.isfinite(each)) for each in (time, angles, noise)) and noise.min() > 0.0):
         raise ConfigurationError(
             "tracklet: times, directions and variances must be finite, variances positive"
         )
@@ -83,5 +90,4 @@ def tracklet(
         covariance[axis::2, axis::2] = normal
         chi_squared += float((weight[:, axis] * (turns[:, axis] - design @ fit) ** 2).sum())
     found[0] %= 2.0 * np.pi
-    rows = np.asarray(detections, dtype=np.int64)
     return Tracklet(observer, rows, middle, found, covariance, chi_squared)
