@@ -4,7 +4,7 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "exposures": ["FALSE_ALARM", "Detections", "Exposures", "expose",
+    "exposures": ["Detections", "Exposures", "FALSE_ALARM", "boresight_vectors", "expose",
         "point_at", "tangent_offset"],
     "process": ["DetectionProcess"],
     "tables": ["DETECTION_COLUMNS", "EXPOSURE_COLUMNS", "detection_table", "exposure_table",

@@ -5,7 +5,7 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "estimator": ["CHOLESKY_FAILURES", "Estimates", "Estimator", "EstimatorFactory", "FLOOR_HITS",
-        "InitialEstimate", "OUT_OF_FIELD", "Prediction", "Rotation", "UPDATES"],
+        "InitialEstimate", "OUT_OF_FIELD", "OrbitEstimates", "Prediction", "Rotation", "UPDATES"],
     "expected": ["expected_directions", "expected_measurements"],
     "initial_sigma": ["InitialSigma", "PAPER_INITIAL_SIGMA", "ProcessNoise"],
     "registry": ["ESTIMATORS", "estimator_named"],

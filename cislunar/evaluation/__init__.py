@@ -6,7 +6,9 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "cramer_rao": ["CramerRaoBound"],
     "custody": ["Custody", "attitude_angle_deg"],
-    "gospa": ["FALSE_ALARM", "CatalogQuality", "Gospa", "catalog_quality"],
+    "gospa": ["CatalogQuality", "FALSE_ALARM", "Gospa", "catalog_quality"],
+    "intervals": ["CONFIDENCE", "Interval", "SPANS_DECADES", "count_interval", "interval_of",
+        "log_interval", "prediction_interval", "share_interval", "t_interval", "within_bounds"],
     "metrics": ["BOUND_SIGMAS", "Evaluation", "FINAL_HOURS", "INCONSISTENT", "NEVER_OBSERVED",
         "PARTS", "STATUS_NAMES", "TRACKED", "TrackingMetrics"],
 })

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
-from cislunar.campaign.tracking.statistics import Interval
+from cislunar.evaluation.intervals import Interval
 from cislunar.figures import axes as layout
 from cislunar.figures.style import SeriesStyle
 

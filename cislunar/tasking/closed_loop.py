@@ -40,15 +40,10 @@ from cislunar.tasking.detection_outcomes import (
 )
 from cislunar.tasking.histories import HISTORIES, ObservationLog, histories_text
 from cislunar.tasking.initial_conditions import initial_estimate
-from cislunar.tasking.realization import (
-    USED,
-    Realization,
-    SimulationInputs,
-    advance_interval,
-    start_realization,
-)
+from cislunar.tasking.realization import USED, advance_interval, start_realization
 from cislunar.tasking.recording import Piece, collect, concatenate
 from cislunar.tasking.settings import LoopSettings
+from cislunar.tasking.state import Realization, SimulationInputs
 from cislunar.tasking.truth import TruthModel
 
 Array = NDArray[np.float64]

@@ -11,11 +11,10 @@ from cislunar.estimation.estimator import Prediction
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import sensor_limits
 from cislunar.observation.target_surfaces import TargetSurfaces
-from cislunar.tasking.planning.assignment import IDLE, assign, total_information
+from cislunar.tasking.planning.assignment import IDLE, assign, total_information, values_in_field
 from cislunar.tasking.planning.brightness import facet_margins, sphere_margins
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.information import pair_information
-from cislunar.tasking.planning.neighbors import values_in_field
 from cislunar.tasking.planning.preselection import assign_preselected, preselects
 from cislunar.tasking.planning.schedule import detection_probabilities, plan_schedule
 from cislunar.tasking.planning.schedule_bound import schedule_bound

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from cislunar.observation.measurement import NOT_TASKED
 from cislunar.observation.sensor import Sensor
-from cislunar.tasking.realization import OUTCOME_NAMES, SimulationInputs
+from cislunar.tasking.realization import OUTCOME_NAMES
+from cislunar.tasking.state import SimulationInputs
 
 logger = logging.getLogger("cislunar")
 

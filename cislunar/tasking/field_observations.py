@@ -12,7 +12,7 @@ Assumptions and limitations
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,10 +37,8 @@ from cislunar.observation.sightline import METERS
 from cislunar.photometry.sphere import faintness_per_squared_range
 from cislunar.tasking.decision import Decision
 from cislunar.tasking.initial_conditions import ALARM, LOSS, stream
+from cislunar.tasking.state import Realization, SimulationInputs
 from cislunar.tasking.truth import Truth
-
-if TYPE_CHECKING:
-    from cislunar.tasking.realization import Realization, SimulationInputs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

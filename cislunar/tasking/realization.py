@@ -7,21 +7,17 @@ estimator; histories are returned in pieces.
 from __future__ import annotations
 
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.association.tracks import TrackStatus, known_tracks
+from cislunar.association.tracks import known_tracks
 from cislunar.estimation.estimator import (
     Estimates,
-    Estimator,
-    EstimatorFactory,
-    InitialEstimate,
     Prediction,
 )
 from cislunar.evaluation.cramer_rao import CramerRaoBound
-from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
+from cislunar.evaluation.metrics import Evaluation
 from cislunar.observation.body_sampling import true_deviations
 from cislunar.observation.measurement import (
     DETECTED,
@@ -32,10 +28,8 @@ from cislunar.observation.measurement import (
     measure,
 )
 from cislunar.observation.records import Measurements, highest, pointed_schedule, rows_of
-from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import sensor_limits
 from cislunar.observation.sightline import dimming
-from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.tasking.communication.contact import arrivals
 from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.decision import Decision, decide
@@ -47,7 +41,8 @@ from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.pending import expected_update
 from cislunar.tasking.recording import Piece, observation_log, recorded_motion
 from cislunar.tasking.settings import LoopSettings
-from cislunar.tasking.truth import TrueMotion, Truth, TruthModel, estimation_errors
+from cislunar.tasking.state import Realization, SimulationInputs
+from cislunar.tasking.truth import TrueMotion, Truth, estimation_errors
 
 Array = NDArray[np.float64]
 
@@ -59,43 +54,6 @@ as used."""
 OUTCOME_NAMES = ("not_tasked", "faint", "excluded", "occulted", "rejected", "used")
 """Names of the detection outcomes. Rejected: outside the field of view, or the estimate had failed.
 """
-
-
-class SimulationInputs(NamedTuple):
-    """Common inputs of all realizations of a cell; see `cislunar.tasking.closed_loop`."""
-
-    scene: Scene
-    surfaces: TargetSurfaces
-    settings: LoopSettings
-    factory: EstimatorFactory
-    initial: InitialEstimate
-    truth: TruthModel
-    ids: NDArray[np.int64]
-    forces: tuple
-
-
-class Realization(NamedTuple):
-    """State of one realization; its objects change in place. `variance` is that of the true noise
-    (3,). If the truth has sensors of its own, it is the excess of each observer's true variance
-    (observer, 3) over the variance that measurements state."""
-
-    number: int
-    seed: int
-    truth: TruthModel
-    variance: Array
-    motion: TrueMotion
-    estimator: Estimator
-    bound: CramerRaoBound
-    evaluation: Evaluation
-    detection: LearnedDetection | None
-    pointing: NDArray[np.int64]
-    reception: Reception | None
-    tracks: TrackStatus | None
-
-    @property
-    def end(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:
-        """Metrics, reasons of failed estimates, and counters."""
-        return self.evaluation.result(), self.estimator.failed, self.estimator.counters
 
 
 def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Realization:

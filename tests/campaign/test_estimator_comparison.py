@@ -6,13 +6,13 @@ import pytest
 import xarray as xr
 from test_tracking_claims import make_summary
 
-from cislunar.campaign.tracking.statistics import t_interval
 from cislunar.campaign.tracking.tables import (
     estimator_rows,
     pooled_rows,
     reading_rows,
     tracking_rows,
 )
+from cislunar.evaluation.intervals import t_interval
 from cislunar.figures.tracking.pooled import pooled_figure
 from cislunar.figures.tracking.trends import against_interval_figure, against_targets_figure
 from workflow.documents.blocks import BLOCKS, NOT_RUN

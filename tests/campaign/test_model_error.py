@@ -12,11 +12,11 @@ from cislunar.campaign.settings.cells import Cell, variant_cells
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.reading import merged
 from cislunar.campaign.tracking.model_errors import NONE, SEVERAL, model_errors, plotted_errors
-from cislunar.campaign.tracking.statistics import t_interval
 from cislunar.campaign.tracking.summary import summary_dataset
 from cislunar.campaign.tracking.tables import ERROR_COLUMNS, ERROR_QUANTITIES, model_error_rows
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.errors import InputFileError
+from cislunar.evaluation.intervals import t_interval
 from cislunar.figures.tracking.model_error import ROWS, curve, model_error_figure
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"

@@ -9,7 +9,8 @@ from scipy import stats
 
 from cislunar.campaign.tracking.comparisons import certain, paired, pairs_interval, slopes
 from cislunar.campaign.tracking.realizations import realizations, select, usual_interval, values_of
-from cislunar.campaign.tracking.statistics import (
+from cislunar.campaign.tracking.summary import ERRORS, PARTS, PER_CELL, PER_PART
+from cislunar.evaluation.intervals import (
     Interval,
     count_interval,
     interval_of,
@@ -18,7 +19,6 @@ from cislunar.campaign.tracking.statistics import (
     share_interval,
     t_interval,
 )
-from cislunar.campaign.tracking.summary import ERRORS, PARTS, PER_CELL, PER_PART
 from workflow.documents.claims.facts import STATISTICS, unsatisfactory
 from workflow.documents.claims.judges import (
     BEYOND,

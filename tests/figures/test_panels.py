@@ -6,7 +6,7 @@ import pytest
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import to_rgba
 
-from cislunar.campaign.tracking.statistics import t_interval
+from cislunar.evaluation.intervals import t_interval
 from cislunar.figures import style
 from cislunar.figures.axes import place
 from cislunar.figures.panels import (

@@ -12,10 +12,10 @@ from matplotlib.collections import QuadMesh
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.settings.families import with_families
-from cislunar.campaign.tracking.statistics import log_interval, t_interval
 from cislunar.campaign.tracking.summary import summary_dataset
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.errors import InputFileError
+from cislunar.evaluation.intervals import log_interval, t_interval
 from cislunar.evaluation.metrics import (
     INCONSISTENT,
     NEVER_OBSERVED,

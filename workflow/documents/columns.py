@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 import yaml
 
-from cislunar.campaign.tracking.statistics import Interval
+from cislunar.evaluation.intervals import Interval
 
 from .markdown import DASH
 

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from cislunar.campaign.tracking.statistics import Interval, log_interval
 from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.evaluation.intervals import Interval, log_interval
 from cislunar.figures.labels import ARCHITECTURES, ESTIMATORS
 from cislunar.runtime.netcdf import read_dataset
 

@@ -14,8 +14,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "realizations": ["CELL", "PRACTICAL_UNITS", "cells_of", "select", "usual_interval",
         "values_of"],
     "records": ["cell_arcs", "frame_epoch"],
-    "statistics": ["Interval", "interval_of", "log_interval", "prediction_interval",
-        "share_interval", "t_interval", "within_bounds"],
     "summary": ["read_cell_metrics", "summary_dataset"],
     "sweep_table": ["architecture_values", "plotted_values", "sweep_rows"],
     "tables": ["estimator_rows", "model_error_rows", "pooled_rows", "rank_rows", "reading_rows",

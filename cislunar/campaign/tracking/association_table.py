@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from cislunar.association.model import KNOWN
 from cislunar.campaign.settings.cells import Cell
-from cislunar.campaign.tracking.statistics import count_interval, t_interval
 from cislunar.campaign.tracking.summary import seed_statistics
 from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.evaluation.intervals import count_interval, t_interval
 from cislunar.evaluation.metrics import PARTS
 
 Array = NDArray[np.float64]

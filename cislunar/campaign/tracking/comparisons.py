@@ -9,7 +9,7 @@ from scipy.stats import norm, spearmanr
 from scipy.stats import t as student_t
 
 from cislunar.campaign.settings.cells import FEWEST_RANKED
-from cislunar.campaign.tracking.statistics import CONFIDENCE, Interval, t_interval
+from cislunar.evaluation.intervals import CONFIDENCE, Interval, t_interval
 
 _DIGITS = 9  # values that agree in these are ties: ranks must not hang on rounding
 

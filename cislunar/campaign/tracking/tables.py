@@ -13,7 +13,7 @@ from cislunar.campaign.settings.cells import FEWEST_RANKED
 from cislunar.campaign.tracking.comparisons import Paired, paired, rank_correlation
 from cislunar.campaign.tracking.model_errors import NONE, ModelError
 from cislunar.campaign.tracking.realizations import CELL, MEASURE, by_measure, realizations, select
-from cislunar.campaign.tracking.statistics import SPANS_DECADES, interval_of
+from cislunar.evaluation.intervals import SPANS_DECADES, interval_of
 
 Array = NDArray[np.float64]
 

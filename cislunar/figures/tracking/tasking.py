@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from cislunar.campaign.tracking.realizations import cells_of, realizations, select, values_of
-from cislunar.campaign.tracking.statistics import log_interval, t_interval
+from cislunar.evaluation.intervals import log_interval, t_interval
 from cislunar.figures import axes as layout
 from cislunar.figures import panels, style
 from cislunar.figures.axes import Array, Grid

@@ -5,7 +5,7 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "assignment": ["EARLY_STOP", "IDLE", "MAX_EVALUATIONS", "METHODS", "assign",
-        "total_information"],
+        "total_information", "values_in_field"],
     "brightness": ["facet_margins", "sphere_margins"],
     "detection": ["LearnedDetection"],
     "detection_model": ["DetectionModel"],

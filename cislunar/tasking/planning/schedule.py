@@ -26,9 +26,8 @@ from numpy.typing import NDArray
 
 from cislunar.compiled import njit_noalloc
 from cislunar.estimation.triangular import cholesky
-from cislunar.tasking.planning.assignment import IDLE, INFORMATION_DECIMALS, assign
+from cislunar.tasking.planning.assignment import IDLE, INFORMATION_DECIMALS, assign, values_in_field
 from cislunar.tasking.planning.detection import LearnedDetection
-from cislunar.tasking.planning.neighbors import values_in_field
 from cislunar.tasking.planning.packing import best_packing
 from cislunar.tasking.planning.slot_observations import SIZE, SlotObservations
 

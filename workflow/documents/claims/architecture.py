@@ -9,8 +9,8 @@ import xarray as xr
 
 from cislunar.architecture.published import PUBLISHED, PUBLISHED_COST
 from cislunar.campaign.tracking.comparisons import pairs_interval
-from cislunar.campaign.tracking.statistics import Interval, prediction_interval, share_interval
 from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.evaluation.intervals import Interval, prediction_interval, share_interval
 
 from .judges import Claim, judge, table
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from cislunar.campaign.tracking.comparisons import slopes
 from cislunar.campaign.tracking.realizations import cells_of, values_of
-from cislunar.campaign.tracking.statistics import (
+from cislunar.campaign.tracking.summary import PARTS
+from cislunar.evaluation.intervals import (
     Interval,
     interval_of,
     log_interval,
@@ -21,7 +22,6 @@ from cislunar.campaign.tracking.statistics import (
     share_interval,
     t_interval,
 )
-from cislunar.campaign.tracking.summary import PARTS
 
 from .judges import table
 

@@ -18,7 +18,7 @@ from cislunar.campaign.tracking.realizations import (
     usual_interval,
     values_of,
 )
-from cislunar.campaign.tracking.statistics import Interval, interval_of, t_interval, within_bounds
+from cislunar.evaluation.intervals import Interval, interval_of, t_interval, within_bounds
 
 from .facts import STATISTICS, Sweep
 from .judges import Claim, Facts, judge, table
