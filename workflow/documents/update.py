@@ -27,7 +27,7 @@ import pandas as pd
 from cislunar.errors import CislunarError, InputFileError
 from cislunar.runtime.netcdf import write_text
 
-from . import objectives_block, real_block
+from . import association_block, objectives_block, real_block
 from .blocks import BLOCKS
 from .markdown import fill_blocks, generated_blocks
 from .results_page import STRIP, shown_quantities, verdicts_svg
@@ -50,13 +50,16 @@ TABLES = (
 """Tables of ``docs/tables``; the last is made of the benchmarks, the others by the campaign."""
 
 _STUDIES = {name: partial(study_table, name) for name in STUDIES}
-_STUDIES |= {each.STUDY: each.study_table for each in (real_block, objectives_block)}
+_STUDIES |= {
+    each.STUDY: each.study_table for each in (real_block, objectives_block, association_block)
+}
 """What makes the table of each study from its folder of results."""
 
 _FIGURES = {
     real_block.STUDY: "pooled",
     TASKING: "sweep_tasking",
     objectives_block.STUDY: objectives_block.STUDY,
+    association_block.STUDY: association_block.STUDY,
 }
 """Figure of a study's results that ``docs/images`` holds under the study's name."""
 
