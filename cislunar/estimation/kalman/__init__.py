@@ -11,6 +11,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "splitting": ["make_split_work", "use_direction"],
     "translation_filter": ["ACCEPTED", "OUTSIDE_FIELD", "SIZE"],
     "workspace": ["FilterConstants", "covariance_of", "deviations", "filter_constants", "leave_out",
-        "make_workspace"],
+        "make_workspace", "with_new_tracks"],
 })
 # fmt: on
