@@ -190,6 +190,19 @@ def test_a_later_start_is_a_shift_of_time(problem, kind):
     assert_same(problem.run(later, ALL, 12, 60), problem.run(other, ALL, 12, 60))
 
 
+@both
+def test_all_tracks_may_be_removed(problem, kind):
+    emptied, started = problem.start(kind, ALL), problem.start(kind, [1, 2], index=20)
+    problem.run(emptied, ALL, 0, 20)
+    emptied.remove(ALL)
+    assert emptied.advance(no_measurements(0, 5)).translation.shape == (0, 5, 6)
+    emptied.add(*problem.of([1, 2]), index=20)
+    started.advance(no_measurements(2, 5), final=False)
+    emptied.advance(no_measurements(2, 5), final=False)
+    started.advance(no_measurements(2, 5), final=False)
+    assert_same(present(emptied), present(started))
+
+
 def correlated(sigma, n_targets, factor):
     """Any covariance of each target, with standard deviations in units of `sigma`."""
     rng = np.random.default_rng(4)
