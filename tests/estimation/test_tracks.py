@@ -21,7 +21,7 @@ from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.observation.target_surfaces import joined_surfaces, surfaces_of, target_surfaces
 from cislunar.photometry import spacecraft
 from cislunar.photometry.bodies import build_body
-from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.materials import PRINTED, Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
@@ -33,6 +33,10 @@ SMALL = {
     "window_hours": 0.2,
 }  # fmt: skip
 SETTINGS = {"batch": BatchSettings(**SMALL), "fading": BatchSettings(**SMALL, memory_hours=1.0)}
+NEVER_HIDDEN = {
+    "limiting_magnitude": 35.0, "exclusion_deg": ExclusionAngles(0.0, 0.0, 0.0),
+    "occultation": False,
+}  # fmt: skip
 both = pytest.mark.parametrize("kind", ["ukf", *SETTINGS])
 
 
@@ -186,6 +190,19 @@ def test_a_later_start_is_a_shift_of_time(problem, kind):
     assert_same(problem.run(later, ALL, 12, 60), problem.run(other, ALL, 12, 60))
 
 
+@both
+def test_all_tracks_may_be_removed(problem, kind):
+    emptied, started = problem.start(kind, ALL), problem.start(kind, [1, 2], index=20)
+    problem.run(emptied, ALL, 0, 20)
+    emptied.remove(ALL)
+    assert emptied.advance(no_measurements(0, 5)).translation.shape == (0, 5, 6)
+    emptied.add(*problem.of([1, 2]), index=20)
+    started.advance(no_measurements(2, 5), final=False)
+    emptied.advance(no_measurements(2, 5), final=False)
+    started.advance(no_measurements(2, 5), final=False)
+    assert_same(present(emptied), present(started))
+
+
 def correlated(sigma, n_targets, factor):
     """Any covariance of each target, with standard deviations in units of `sigma`."""
     rng = np.random.default_rng(4)
@@ -194,17 +211,17 @@ def correlated(sigma, n_targets, factor):
 
 
 def test_the_first_update_of_correlated_states_is_that_of_filterpy(problem):
-    surfaces = target_surfaces(icosahedron(), Material(), 4)
+    surfaces, sensor = target_surfaces(icosahedron(), Material(), 4), Sensor(**NEVER_HIDDEN)
     covariance = correlated(problem.initial.sigma, 4, 0.1)
     initial = problem.initial._replace(covariance=covariance)
     motion = problem.truth.translation, problem.truth.quaternion, problem.truth.noise
     pointing = pointed_schedule([[0, 2]], 4)
-    records, _ = measure(1, pointing, problem.scene, surfaces, SENSOR, *motion)
-    found = MultiplicativeUKF(problem.scene, surfaces, SENSOR, initial).advance(records)
+    records, _ = measure(1, pointing, problem.scene, surfaces, sensor, *motion)
+    found = MultiplicativeUKF(problem.scene, surfaces, sensor, initial).advance(records)
     assert found.used.all()
     for observer, j in enumerate((0, 2)):
         reference = ReferenceFilter(
-            problem.scene, icosahedron(), Material(), SENSOR.noise, initial, np.zeros(12), j
+            problem.scene, icosahedron(), Material(), sensor.noise, initial, np.zeros(12), j
         )
         reference.predict()
         reference.update(records.value[observer], observer)
@@ -222,12 +239,7 @@ def test_the_first_update_of_a_correlated_orbit_is_that_of_linear_estimation(pro
     scene, j = problem.scene, 2
     covariance = correlated(problem.initial.sigma, 4, 1e-2)
     initial = problem.initial._replace(covariance=covariance)
-    sensor = Sensor(
-        angle_noise_arcsec=0.1,
-        limiting_magnitude=35.0,
-        exclusion_deg=ExclusionAngles(0.0, 0.0, 0.0),
-        occultation=False,
-    )
+    sensor = Sensor(angle_noise_arcsec=0.1, **NEVER_HIDDEN)
     motion = initial.translation, initial.quaternion
     states = [np.repeat(each[:, None], 2, axis=1) for each in motion]
     ahead, transition = propagate_stm(initial.translation[j], scene.step)
@@ -284,7 +296,7 @@ def test_surfaces_of_parts_are_joined(problem):
     ):
         np.testing.assert_array_equal(one, other)
     assert joined.shadows.lookup is surfaces.shadows.lookup
-    printed = target_surfaces(icosahedron(), Material(), 1, PhotometryModel(irradiance_4pi=True))
+    printed = target_surfaces(icosahedron(), Material(), 1, PRINTED)
     with pytest.raises(ConfigurationError, match="irradiance_4pi must be the same"):
         joined_surfaces([surfaces, printed])
 
