@@ -1,5 +1,6 @@
 """Settings of detections and their association. Nothing here needs compiled kernels."""
 
+from collections.abc import Callable
 from typing import Literal
 
 from cislunar.detection.process import DetectionProcess
@@ -80,4 +81,22 @@ class AssociationModel(DetectionProcess):
             raise ConfigurationError(
                 f"confirmations = {self.confirmations} must not exceed confirmation_exposures = "
                 f"{self.confirmation_exposures}"
+            )
+
+    def require_possible(
+        self, late: bool, bound_steps: int, named: Callable[[str], str] = "association.{}".format
+    ) -> None:
+        """Refuse a run whose measurements can be `late`, or whose schedules are bounded in
+        `bound_steps`, with settings that exclude it. `named` gives the name of a key in
+        messages."""
+        if self.in_field and late:
+            raise ConfigurationError(
+                f"{named('detections')} = {self.detections!r}: links with a delay need the "
+                "identity of every measurement; set communication.delay_minutes to 0 and leave out "
+                "communication.contact"
+            )
+        if self.count_neighbors and bound_steps > 0:
+            raise ConfigurationError(
+                f"{named('count_neighbors')}: the bound of a schedule is that of the targets "
+                "pointed at alone; set bound_steps to 0"
             )

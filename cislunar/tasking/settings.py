@@ -104,16 +104,7 @@ class LoopSettings:
         states = self.tasking.states
         self.schedule.require_possible(self.step_s, self.method, states)
         self.communication.require_possible(self.step_s, self.duration_hours, states)
-        if self.association.count_neighbors and self.schedule.bound_steps > 0:
-            raise ConfigurationError(
-                "association.count_neighbors: the bound of a schedule is that of the targets "
-                "pointed at alone; set bound_steps to 0"
-            )
-        if self.association.in_field and self.communication.late:
-            raise ConfigurationError(
-                "association.detections = 'all-in-field': links with a delay need the identity of "
-                "every measurement; set communication.delay_minutes to 0"
-            )
+        self.association.require_possible(self.communication.late, self.schedule.bound_steps)
 
     @property
     def steps_between_updates(self) -> int:

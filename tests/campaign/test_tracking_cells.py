@@ -227,6 +227,9 @@ def test_unknown_keys_are_refused_with_a_suggestion(config):
         check_campaign(config)
 
 
+IN_FIELD = {"detections": "all-in-field"}
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -270,6 +273,32 @@ def test_unknown_keys_are_refused_with_a_suggestion(config):
             {"fusion": "alone", "batch": {"estimated_parameters": {"log_slope": 0.3}}},
             "batch.estimated_parameters': fusion = 'alone'",
         ),
+        ({"association": {"method": "nearest"}}, "association.method' = 'nearest'"),
+        ({"association": {"false_alarms_deg2": -1}}, "association.false_alarms_deg2' = -1"),
+        (
+            {"association": {"window_steps": 4, "committed_steps": 5}},
+            "association.*committed_steps = 5 must not exceed window_steps = 4",
+        ),
+        (
+            {"association": {"confirmations": 6}},
+            "association.*confirmations = 6 must not exceed confirmation_exposures = 5",
+        ),
+        (
+            {"association": IN_FIELD, "fusion": "covariance-intersection"},
+            "association.detections' = 'all-in-field': .* fusion = 'covariance-intersection'",
+        ),
+        (
+            {"association": IN_FIELD, "communication": {"delay_minutes": 30}},
+            "association.detections' = 'all-in-field': .*communication.delay_minutes",
+        ),
+        (
+            {"association": IN_FIELD, "communication": {"contact": {"moon": True}}},
+            "association.detections' = 'all-in-field': .*communication.contact",
+        ),
+        (
+            {"association": IN_FIELD, "batch": {"use_non_detections": True}},
+            "batch.use_non_detections': with association.detections = 'all-in-field'",
+        ),
     ],
 )
 def test_changes_of_a_variant_are_checked_like_settings(config, change, message):
@@ -282,6 +311,7 @@ def test_changes_of_a_variant_are_checked_like_settings(config, change, message)
     with pytest.raises(ConfigurationError, match=message) as caught:
         check_campaign(config)
     assert "task2.variants.families.other.changes.other" in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_truth_is_the_belief_unless_said_otherwise(config):

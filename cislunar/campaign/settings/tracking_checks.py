@@ -152,10 +152,18 @@ def _check_cell(
     tasking = settings.tasking
     tasking.require_possible(step, tasking.method, tasking.states, named("tasking"))
     settings.communication.require_possible(step, hours, tasking.states, named("communication"))
+    association, late = settings.association, settings.communication.late
+    association.require_possible(late, tasking.bound_steps, named("association"))
     if settings.eclipse and settings.batch.use_non_detections:
         raise ConfigurationError(
             f"{key('batch.use_non_detections')}: a target in shadow is not detected either, which "
             "the estimator would take for a faint attitude; leave out 'eclipse'"
+        )
+    if association.in_field and settings.batch.use_non_detections:
+        raise ConfigurationError(
+            f"{key('batch.use_non_detections')}: with association.detections = 'all-in-field' a "
+            "bright target may be lost as well, which the estimator would take for a faint "
+            "attitude; leave one of them out"
         )
     _check_fusion(place, settings)
     days, start = config["visibility"]["duration_days"], settings.start_day
@@ -191,6 +199,12 @@ def _check_fusion(place: str, settings: CellSettings) -> None:
     """Refuse what catalogs of single observers do not support."""
     if settings.fusion == "common":
         return
+    if settings.association.in_field:
+        raise ConfigurationError(
+            f"configuration key '{place}association.detections' = 'all-in-field': detections are "
+            f"associated with one catalog, but fusion = {settings.fusion!r} has one for each "
+            "observer; set fusion to 'common'"
+        )
     for key, unfit in (
         ("tasking.states", settings.tasking.states != "translation"),
         ("batch.estimated_parameters", settings.batch.estimated_parameters),
