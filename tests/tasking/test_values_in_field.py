@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cislunar.tasking.planning.neighbors import values_in_field
+from cislunar.tasking.planning.assignment import values_in_field
 
 
 def by_hand(value, direction, half_field):
