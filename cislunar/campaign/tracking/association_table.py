@@ -75,7 +75,8 @@ def _described(
     given = settings.get("association", {})
     in_field = given.get("detections") == "all-in-field"
     field_deg = float(settings["sensor"]["field_of_view_deg"])
-    mode = settings["tasking"].get("mode", "paper")
+    slots = settings["tasking"].get("slot_minutes") is not None
+    mode = "recommended" if slots else "paper"
     place = {
         "associator": given["method"] if in_field else TASKED,
         "clutter": round(given["false_alarms_deg2"] * field_deg**2, 1) if in_field else 0.0,
