@@ -43,8 +43,8 @@ def associate_frames(
     gate_probability : float
         Probability that the gate keeps the detection of a target.
     confirmations, span : int
-        Detections that a track needs of `span` exposures, else it takes none; the same share is
-        asked of fewer exposures.
+        Detections that a track needs of `span` exposures, else it takes none: the same share of
+        more exposures, and as many of fewer.
     most : int
         Largest number of hypotheses of a track.
     certain : float
@@ -70,7 +70,7 @@ def associate_frames(
          np.empty((most, n, n)))
         for _ in range(2)
     ]  # fmt: skip
-    model = gate_threshold(gate_probability, 2), confirmations / span, certain
+    model = gate_threshold(gate_probability, 2), confirmations, confirmations / span, certain
     data = window.exposure, window.residual, window.design, window.noise, window.log_weight
     place = rows, begins, chances, chance_begins
     count = _find_histories(window.covariance, data, window.seen, window.log_miss, place, model,
@@ -127,7 +127,7 @@ def _find_histories(start, data, seen, log_miss, place, model, beams, out):
     """Hypotheses of all tracks that beat the one without any detection, best first; returns their
     number."""
     rows, begins, chances, chance_begins = place
-    gate, share, certain = model
+    gate, fewest, share, certain = model
     track, score, pairs = out
     most, n = beams[0][0].size, start.shape[1]
     nu, s, gain, count = np.empty(2), np.empty(3), np.empty((2, n, 2)), 0
@@ -179,7 +179,7 @@ def _find_histories(start, data, seen, log_miss, place, model, beams, out):
                 grown[0][top] = -np.inf
                 live += 1
             old, new = new, old
-        needed = np.ceil(share * (last - first) - 1e-9)
+        needed = max(fewest, np.ceil(share * (last - first) - 1e-9))
         for h in range(live):
             taken = beams[old][1][h, : last - first]
             found = np.sum(taken >= 0)
