@@ -50,7 +50,7 @@ class AssociationModel(DetectionProcess):
         "exposures in which `confirmations` are asked for", "1", default=5)
     confirmation_score: Positive = setting(
         "logarithm of the likelihood ratio from which the detections of a track need no "
-        "confirmation", "1", default=10)
+        "confirmation", "1", default=14)
     hypotheses: whole(ge=2, le=1000) = setting(
         "largest number of hypotheses that `multiple-frames` keeps of a track", "1", default=20)
     lost_gate_factor: number(ge=1) = setting(

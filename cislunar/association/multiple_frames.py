@@ -48,7 +48,8 @@ def associate_frames(
     most : int
         Largest number of hypotheses of a track.
     certain : float
-        Logarithm of the likelihood ratio of a history from which it needs no confirmation.
+        Logarithm of the likelihood ratio of a history's detections from which it needs no
+        confirmation. Missed detections do not count, since a target may be darker than expected.
 
     Returns
     -------
@@ -184,7 +185,13 @@ def _find_histories(start, data, seen, log_miss, place, model, beams, out):
             taken = beams[old][1][h, : last - first]
             found = np.sum(taken >= 0)
             ratio = beams[old][0][h] - nothing
-            if found > 0 and ratio > 0.0 and (found >= needed or ratio >= certain):
+            if not (found > 0 and ratio > 0.0):
+                continue
+            alone = beams[old][0][h]  # the likelihood ratio without that of the misses
+            for i in range(last - first):
+                if taken[i] < 0:
+                    alone -= log_miss[chances[first + i]]
+            if found >= needed or alone >= certain:
                 track[count], score[count] = j, ratio
                 pairs[count, : last - first] = taken
                 count += 1
