@@ -167,7 +167,10 @@ HOSTILE = {
         "no member of Lyap_L1, Lyap_L2",
     ),
     "nothing chosen": ("orbits members Halo_L2_S", "give one of --jacobi"),
-    "a period of nan": ("orbits members Halo_L2_S --period nan", "is not a finite number"),
+    "a period of nan": (
+        "orbits members Halo_L2_S --period nan",
+        "period_days = nan must be a finite",
+    ),
     "no count": ("orbits members --count 0", "--count"),
     "no folder": ("orbits list --output /proc/none/a.csv", "/proc/none"),
     "inside the Moon": ("propagate --units nd --orbit 0.98785,0,0,0,0,0 --days 1", "inside the"),
