@@ -87,8 +87,11 @@ def members(
     Without a FAMILY, the thirteen families of observers are listed. Give one value of --jacobi,
     --period or --stability, or --count for members evenly along the family; ranges LOW:HIGH
     restrict the result. Orbits through the Earth or the Moon, where some families end, are excluded
-    unless --through is given. With units km, the file can serve as table of moving targets of a
-    user-defined study.
+    unless --through is given. An id has the family, the Jacobi constant and the period in days.
+
+    With units km, the file can serve as table of moving targets of a user-defined study, in which
+    each target starts at its state. With the column orbit_period_days renamed to period_days, each
+    starts at a random point of its orbit.
 
     \b
     Examples:
@@ -108,18 +111,17 @@ def members(
         family_named(family)
     chosen = [*dict.fromkeys(families)] or [*FAMILIES]
     found = concatenate(_members(chosen, filters, clear=not through))
-    names = found.family.tolist()
-    number = [1 + names[:row].count(name) for row, name in enumerate(names)]
     days = found.period * TIME_UNIT_S / SECONDS_PER_DAY
+    # a table of targets would take period_days as the request of a random start
     length = (
-        Column("period_days", days, ".5f")
+        Column("orbit_period_days", days, ".5f")
         if units == "km"
         else Column("period_nd", found.period, ".9f")
     )
     show(
         [
-            Column("id", [f"{name}_{k}" for name, k in zip(names, number, strict=True)]),
-            Column("family", names),
+            Column("id", _ids(found.family.tolist(), found.jacobi, days)),
+            Column("family", found.family),
             *state_columns(found.state, units),
             length,
             Column("jacobi_nd", found.jacobi, ".6f"),
@@ -129,6 +131,16 @@ def members(
         ],
         output,
     )
+
+
+def _ids(families: list[str], jacobi: Any, days: Any) -> list[str]:
+    """Ids of members, unique among the tables of several calls too."""
+    ids: list[str] = []
+    for family, constant, period in zip(families, jacobi, days, strict=True):
+        name = f"{family}_{constant:.6f}_{period:.5f}"
+        same = sum(each == name or each.startswith(f"{name}_") for each in ids)
+        ids.append(f"{name}_{same + 1}" if same else name)
+    return ids
 
 
 def _members(families: list[str], filters: dict[str, Any], *, clear: bool) -> list[Any]:

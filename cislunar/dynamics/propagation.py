@@ -15,6 +15,7 @@ from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON, primary_positions
 from cislunar.dynamics.forces import require_span
 from cislunar.errors import ConfigurationError, ConvergenceError
+from cislunar.runtime.arguments import array_of, number_of
 
 Array = NDArray[np.float64]
 
@@ -26,10 +27,10 @@ _NOWHERE = np.empty(0)
 def _method_and_tolerances(
     method: str, rtol: float | None, atol: float | None
 ) -> tuple[int, float, float]:
-    if method not in METHODS:
+    if method not in [*METHODS]:
         raise ConfigurationError(f"unknown propagation method {method!r}: use one of {[*METHODS]}")
-    rtol = _DEFAULT_TOLERANCE[method] if rtol is None else float(rtol)
-    atol = _DEFAULT_TOLERANCE[method] if atol is None else float(atol)
+    rtol = _DEFAULT_TOLERANCE[method] if rtol is None else number_of("rtol", rtol)
+    atol = _DEFAULT_TOLERANCE[method] if atol is None else number_of("atol", atol)
     # Below about 100 machine epsilons the error estimate is roundoff and steps collapse.
     if not rtol >= 2.3e-14 or not atol > 0.0:
         raise ConfigurationError(
@@ -40,7 +41,7 @@ def _method_and_tolerances(
 
 def state_vector(state: ArrayLike) -> Array:
     """A state as an array of 6 finite numbers; raises a `ConfigurationError` otherwise."""
-    vector = np.array(state, dtype=float)
+    vector = np.array(array_of("state", state, finite=False))
     if vector.shape != (6,) or not np.all(np.isfinite(vector)):
         raise ConfigurationError(f"a state must be 6 finite numbers, got {vector.tolist()}")
     return vector
@@ -125,7 +126,8 @@ def propagate(
     y0 = state_vector(state)
     if isinstance(forces, CR3BP):
         require_nondimensional("state", y0)
-    times = np.asarray(times, dtype=float)
+    times = array_of("times", times, finite=False)
+    start = number_of("start", start)
     if times.ndim != 1 or not np.all(np.isfinite(times)):
         raise ConfigurationError("times must be a one-dimensional array of finite numbers")
     out = np.empty((times.size, 6))
@@ -171,14 +173,14 @@ def propagate_many(
         Nondimensional, propagation frame.
     """
     code, rtol, atol = _method_and_tolerances(method, rtol, atol)
-    states = np.ascontiguousarray(state, dtype=float)
+    states = np.ascontiguousarray(array_of("states", state, finite=False))
     if states.ndim != 2 or states.shape[1] != 6 or not np.all(np.isfinite(states)):
         raise ConfigurationError(
             f"states must be rows of 6 finite numbers, got an array of shape {states.shape}"
         )
     if isinstance(forces, CR3BP):
         require_nondimensional("state", states)
-    times = np.asarray(times, dtype=float)
+    times = array_of("times", times, finite=False)
     if times.ndim not in (1, 2) or (times.ndim == 2 and len(times) != len(states)):
         raise ConfigurationError(
             f"times of shape {times.shape} do not belong to {len(states)} states: give one row for "
@@ -252,9 +254,8 @@ def propagate_periodic(
     ndarray, shape (m, 6)
         Nondimensional, rotating frame.
     """
-    if not period > 0.0:
-        raise ConfigurationError(f"period = {period} must be positive")
-    wrapped = _wrapped(times, period)
+    period = number_of("period", period, positive=True)
+    wrapped = _wrapped(array_of("times", times), period)
     return propagate(state, wrapped, forces=CR3BP(mu), method=method, rtol=rtol, atol=atol)
 
 

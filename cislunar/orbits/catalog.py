@@ -14,7 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, MU
+from cislunar.constants import (
+    EARTH_RADIUS_KM,
+    MOON_RADIUS_KM,
+    MU,
+    SECONDS_PER_DAY,
+    TIME_UNIT_S,
+)
 from cislunar.errors import ConfigurationError, ConvergenceError, did_you_mean
 from cislunar.orbits import catalog_seeds as seeds
 from cislunar.orbits.branches import Seed
@@ -23,6 +29,7 @@ from cislunar.orbits.corrector import Z
 from cislunar.orbits.extent import CATALOG_EXTENT, altitude_km, branch_seed, measure_of
 from cislunar.orbits.families import FAMILIES, OrbitSet, orbit_set, root_of
 from cislunar.orbits.selection import clear_part, select, spread_members
+from cislunar.runtime.arguments import count_of, number_of, require_kind
 
 Array = NDArray[np.float64]
 ValueOrRange = float | tuple[float, float]
@@ -40,6 +47,8 @@ _OFF_RESONANCE = 0.1
 """Resonant orbits end where their period deviates by more than this share from the resonance."""
 
 _DEFAULT_COUNT = 40
+
+_DAY = SECONDS_PER_DAY / TIME_UNIT_S
 
 _SOUTH = np.array([1.0, 1.0, -1.0, 1.0, 1.0, -1.0])
 _ACROSS = np.array([1.0, -1.0, 1.0, -1.0, 1.0, 1.0])
@@ -124,6 +133,7 @@ CATALOG: dict[str, Family] = _catalog()
 
 def family_named(name: str) -> Family:
     """Family of a name in `CATALOG`, or any other resonance such as "Resonant_5:2"."""
+    require_kind("family", name, str, "give the name of an orbit family, such as 'Halo_L2_S'")
     resonance = _RESONANT.fullmatch(name)
     if resonance and name not in CATALOG:
         return _resonant(*resonance.groups())
@@ -285,6 +295,7 @@ def periodic_orbits(
     *,
     jacobi: ValueOrRange | None = None,
     period: ValueOrRange | None = None,
+    period_days: ValueOrRange | None = None,
     stability: ValueOrRange | None = None,
     count: int | None = None,
     clear: bool = True,
@@ -301,6 +312,8 @@ def periodic_orbits(
     jacobi, period, stability : float or (float, float)
         Jacobi constant and period, nondimensional, and stability index: a value, for at most one of
         the three, or a range.
+    period_days : float or (float, float)
+        Period in days, instead of `period`.
     count : int, optional
         Without a value: number of members evenly along the family, before the ranges are applied;
         40 if omitted.
@@ -316,19 +329,30 @@ def periodic_orbits(
     Returns
     -------
     OrbitSet
-        In order along the family; there may be several members of one value, or none.
+        In order along the family; there may be several members of one value. It is empty if no
+        member lies within the ranges.
 
     Raises
     ------
+    ConfigurationError
+        If the conditions are impossible, or no member of the family has the value; the message
+        gives the range of the family.
     ConvergenceError
         If the family cannot be followed.
     """
-    entry = family_named(family)
-    given = {"jacobi": jacobi, "period": period, "stability_index": stability}
-    ranges = {key: each for key, each in given.items() if isinstance(each, tuple | list)}
-    values = {
-        key: float(each) for key, each in given.items() if each is not None and key not in ranges
+    entry, mu = family_named(family), number_of("mu", mu)
+    given = {
+        "jacobi": _value_or_range("jacobi", jacobi),
+        "period": _value_or_range("period", period),
+        "stability_index": _value_or_range("stability", stability),
     }
+    if period_days is not None:
+        if period is not None:
+            raise ConfigurationError(f"members of {family}: give period or period_days, not both")
+        days = _value_or_range("period_days", period_days)
+        given["period"] = _DAY * days if isinstance(days, float) else tuple(_DAY * d for d in days)
+    ranges = {key: each for key, each in given.items() if isinstance(each, tuple)}
+    values = {key: each for key, each in given.items() if isinstance(each, float)}
     if len(values) > 1 or (values and count is not None):
         raise ConfigurationError(
             f"members of {family}: give one value of jacobi, period or stability, or count; the "
@@ -337,9 +361,9 @@ def periodic_orbits(
     for key, (low, high) in ranges.items():
         if not low <= high:
             raise ConfigurationError(f"members of {family}: {key} from {low} to {high} is no range")
-    if count is not None and count < 1:
-        raise ConfigurationError(f"members of {family}: count = {count} must be at least 1")
-    branch = catalog_branch(family, float(mu), progress=following)
+    if count is not None:
+        count = count_of(f"members of {family}: count", count)
+    branch = catalog_branch(family, mu, progress=following)
     if clear:
         branch = clear_part(branch, mu)
     if values:
@@ -359,8 +383,46 @@ def periodic_orbits(
     if entry.mirror is not None:
         found = found._replace(state=found.state * entry.mirror + 0.0)
     kept = np.ones(len(members), dtype=bool)
-    for key, (low, high) in ranges.items():
-        kept &= (getattr(found, key) >= low) & (getattr(found, key) <= high)
     if clear:
         kept &= (found.perigee_km > EARTH_RADIUS_KM) & (found.perilune_km > MOON_RADIUS_KM)
+    if values and not kept.any():
+        which = f"{family}{' clear of Earth and Moon' * clear}"
+        raise ConfigurationError(
+            f"no member of {which} has "
+            + _value_and_extent(quantity, value, branch, mu, days=period_days is not None)
+        )
+    for key, (low, high) in ranges.items():
+        kept &= (getattr(found, key) >= low) & (getattr(found, key) <= high)
     return OrbitSet(*(column[kept] for column in found))
+
+
+def _value_or_range(name: str, given: ValueOrRange | None) -> float | tuple[float, ...] | None:
+    """A number, both ends of a range, or None, as given."""
+    if given is None:
+        return None
+    if not isinstance(given, tuple | list | np.ndarray) or np.ndim(given) == 0:
+        return number_of(name, given)
+    if len(given) != 2:
+        raise ConfigurationError(
+            f"{name}: a range has two ends, (lowest, highest), not {len(given)}"
+        )
+    return tuple(number_of(name, each) for each in given)
+
+
+def _value_and_extent(quantity: str, value: float, branch: Branch, mu: float, *, days: bool) -> str:
+    """A value that no member has, and the range of the family, for a message."""
+    name = "stability" if quantity == "stability_index" else quantity
+    if not branch:
+        return f"{name} = {value:g}, since none is clear; give clear=False"
+    reached = [measure_of(quantity, mu)(member) for member in branch]
+    low, high = min(reached), max(reached)
+    in_days = (
+        f"{value / _DAY:g} days; the family has about {low / _DAY:.3f} to {high / _DAY:.3f} days"
+    )
+    if days:
+        return f"period = {in_days}"
+    found = f"{name} = {value:g}; the family has about {low:.3f} to {high:.3f}"
+    if quantity != "period":
+        return found
+    remedy = "; a period in days is period_days" if low <= _DAY * value <= high else ""
+    return f"{found}, nondimensional ({in_days}){remedy}"

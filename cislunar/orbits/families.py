@@ -17,6 +17,7 @@ from cislunar.orbits.corrector import X, Z, correct, fix_coordinate
 from cislunar.orbits.extent import KEEP_OUT, Extent, distances_km, follow_branch
 from cislunar.orbits.selection import select
 from cislunar.orbits.stability import stability_index
+from cislunar.runtime.arguments import count_of, number_of, require_kind
 
 Array = NDArray[np.float64]
 
@@ -68,6 +69,7 @@ _HERMITE_SAMPLES = 16
 
 def root_of(family: str) -> str:
     """Branch of a family: its name without the hemisphere."""
+    require_kind("family", family, str, "give the name of an orbit family, such as 'Halo_L2_S'")
     if family not in FAMILIES:
         near = did_you_mean(family, FAMILIES, 0.8)
         every = f"the families are {', '.join(FAMILIES)}"
@@ -190,13 +192,13 @@ def observer_library(
     ConvergenceError
         If a continuation fails.
     """
-    counts = dict(DEFAULT_MEMBERS if members is None else members)
+    given = DEFAULT_MEMBERS if members is None else members
+    require_kind("members", given, Mapping, "give a number for each family, {'Halo_L2_S': 23}")
+    require_kind("keep_out", keep_out, Extent, "give an Extent of cislunar.orbits.extent")
+    counts, mu = dict(given), number_of("mu", mu)
     for family, count in counts.items():
         root_of(family)
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-            raise ConfigurationError(
-                f"members of {family}: {count!r} must be a whole number of at least 1"
-            )
+        count_of(f"members of {family}", count)
     if not counts:
         raise ConfigurationError("members: name at least one orbit family")
     total, done = sum(counts.values()), 0
@@ -253,6 +255,7 @@ def family_members(
     if (jacobi is None) == (period is None):
         raise ConfigurationError(f"members of {family}: give either jacobi or period, and only one")
     quantity, value = ("jacobi", jacobi) if period is None else ("period", period)
+    value = number_of(quantity, value)
     branch = family_branch(family, mu=mu, extent=extent)
-    members = select(branch, quantity, float(value), mu)
+    members = select(branch, quantity, value, mu)
     return orbit_set(family, members, mu=mu, southern=family.endswith("_S"))

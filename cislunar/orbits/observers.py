@@ -41,8 +41,7 @@ from cislunar.exchange.table_rows import (
     row_period,
     row_state,
 )
-from cislunar.orbits.catalog import catalog_branch, family_named, periodic_orbits
-from cislunar.orbits.extent import measure_of
+from cislunar.orbits.catalog import family_named, periodic_orbits
 from cislunar.orbits.families import OrbitSet, concatenate
 from cislunar.orbits.stability import stability_index
 
@@ -217,26 +216,24 @@ def _member(observer: Observer) -> OrbitSet:
     place, family = observer.place, observer.family
     quantity = "period" if observer.period else "jacobi"
     value = getattr(observer, quantity)
-    unit = _DAYS if observer.period else 1.0
-    column = "period_days" if observer.period else "jacobi"
-    found = periodic_orbits(family, clear=False, **{quantity: value})
+    try:
+        found = periodic_orbits(family, clear=False, **{quantity: value})
+    except ConfigurationError as error:
+        raise InputFileError(f"{place}: {error}") from None
     if len(found.period) == 1:
         _check_clear(observer, float(found.perigee_km[0]), float(found.perilune_km[0]))
         return found
-    if len(found.period):
-        members = "; ".join(
-            f"jacobi {c:.6g}, period_days {t * _DAYS:.6g}, perilune {low:,.0f} km"
-            for c, t, low in zip(found.jacobi, found.period, found.perilune_km, strict=True)
-        )
-        other = "jacobi" if observer.period else "period_days"
-        raise InputFileError(
-            f"{place}: {len(found.period)} members of {family} have {column} = {value * unit:.6g}: "
-            f"{members}; choose one by its {other} instead, or by its state"
-        )
-    reached = [measure_of(quantity)(member) * unit for member in catalog_branch(family)]
+    column, other = "period_days", "jacobi"
+    if not observer.period:
+        column, other = other, column
+    members = "; ".join(
+        f"jacobi {c:.6g}, period_days {t * _DAYS:.6g}, perilune {low:,.0f} km"
+        for c, t, low in zip(found.jacobi, found.period, found.perilune_km, strict=True)
+    )
+    given = value * _DAYS if observer.period else value
     raise InputFileError(
-        f"{place}: {family} has no member with {column} = {value * unit:.6g}; it goes from "
-        f"{min(reached):.6g} to {max(reached):.6g}"
+        f"{place}: {len(found.period)} members of {family} have {column} = {given:.6g}: "
+        f"{members}; choose one by its {other} instead, or by its state"
     )
 
 

@@ -20,6 +20,7 @@ from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, SECONDS_PER_DAY,
 from cislunar.dynamics.propagation import propagate
 from cislunar.orbits.catalog import CATALOG, periodic_orbits
 from cislunar.targets.tables import load_target_states
+from cislunar.tasking.initial_conditions import epoch_states
 
 HALO = "Halo_L2_S,jacobi=3.05,member=2"
 HEAVY = {"numpy", "numba", "matplotlib", "hyperopt", "xarray", "scipy", "snakemake"}
@@ -103,8 +104,9 @@ def test_members_are_those_of_the_library(units):
 
 def test_a_period_in_days_selects_members_of_all_families_that_take_it():
     rows = table("orbits", "members", "Lyap_L3", "Halo_L1_N", "--period", 12)
-    assert [row["id"] for row in rows] == ["Halo_L1_N_1", "Halo_L1_N_2"]
-    assert numbers(rows, "period_days") == pytest.approx(12.0)
+    assert [row["family"] for row in rows] == ["Halo_L1_N", "Halo_L1_N"]
+    assert len({row["id"] for row in rows}) == 2
+    assert numbers(rows, "orbit_period_days") == pytest.approx(12.0)
 
 
 def test_orbits_through_the_earth_are_members_on_request():
@@ -115,12 +117,18 @@ def test_orbits_through_the_earth_are_members_on_request():
 
 
 def test_exported_members_are_targets_of_a_study(tmp_path):
-    path = tmp_path / "targets.csv"
+    """Each target starts at its state, and the rows of several tables can be joined."""
+    path, other = tmp_path / "targets.csv", tmp_path / "other.csv"
     done = call("orbits", "members", "Lyap_L1", "--count", 3, "--output", path)
     assert done.exit_code == 0 and f"3 rows in {path}" in done.stderr
     targets = load_target_states(path)
-    assert targets.name == ["Lyap_L1_1", "Lyap_L1_2", "Lyap_L1_3"]
-    assert targets.family == ["Lyap_L1"] * 3 and np.all(targets.period > 0.0)
+    assert targets.family == ["Lyap_L1"] * 3
+    start = epoch_states(targets.state, targets.period, seed=1)
+    np.testing.assert_allclose(start, periodic_orbits("Lyap_L1", count=3).state, atol=1e-14)
+    call("orbits", "members", "Lyap_L1", "--jacobi", 3.1, "--output", other)
+    path.write_text(path.read_text() + "".join(other.read_text().splitlines(True)[1:]))
+    assert load_target_states(path).name[0].startswith("Lyap_L1_3.")
+    assert len(set(load_target_states(path).name)) == 4
 
 
 def test_a_periodic_orbit_closes():
@@ -167,7 +175,10 @@ HOSTILE = {
         "no member of Lyap_L1, Lyap_L2",
     ),
     "nothing chosen": ("orbits members Halo_L2_S", "give one of --jacobi"),
-    "a period of nan": ("orbits members Halo_L2_S --period nan", "is not a finite number"),
+    "a period of nan": (
+        "orbits members Halo_L2_S --period nan",
+        "period_days = nan must be a finite",
+    ),
     "no count": ("orbits members --count 0", "--count"),
     "no folder": ("orbits list --output /proc/none/a.csv", "/proc/none"),
     "inside the Moon": ("propagate --units nd --orbit 0.98785,0,0,0,0,0 --days 1", "inside the"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM
+from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import CR3BP, jacobi_constant
 from cislunar.dynamics.propagation import propagate
 from cislunar.errors import ConfigurationError
@@ -156,12 +156,47 @@ def test_resonant_orbits_close_after_whole_turns_of_the_moon():
         ("Halo_L4", {}, "unknown orbit family 'Halo_L4'"),
         ("DRO", {"jacobi": 3.0, "period": 2.0}, "give one value"),
         ("DRO", {"jacobi": (3.0, 2.0)}, "from 3.0 to 2.0 is no range"),
-        ("DRO", {"count": 0}, "count = 0 must be at least 1"),
+        ("DRO", {"count": 0}, "count = 0 must be a whole number of at least 1"),
+        ("DRO", {"count": 2.5}, "count = 2.5 must be a whole number"),
+        (3, {}, "family = 3: give the name"),
+        ("DRO", {"period": "6.56"}, "period = '6.56' must be a finite number"),
+        ("DRO", {"jacobi": np.nan}, "jacobi = nan must be a finite number"),
+        ("DRO", {"jacobi": (3.0, 3.1, 3.2)}, "jacobi: a range has two ends"),
+        ("DRO", {"jacobi": ("low", 3.1)}, "jacobi = 'low' must be"),
+        ("DRO", {"period": 2.0, "period_days": 9.0}, "give period or period_days, not both"),
+        ("DRO", {"jacobi": 3.0, "mu": "0.01"}, "mu = '0.01' must be"),
     ],
 )
 def test_ambiguous_or_impossible_requests_are_refused(family, given, message):
     with pytest.raises(ConfigurationError, match=message):
         periodic_orbits(family, **given)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (
+            {"period": 6.56},
+            r"period = 6.56; .* 1.\d+ to 3.\d+, non.* a period in days is period_days",
+        ),
+        ({"period_days": 40.0}, r"period = 40 days; the family has about 5.9\d+ to 14.\d+ days$"),
+        ({"jacobi": 5.0}, r"jacobi = 5; the family has about 3.0\d+ to 3.1\d+$"),
+        ({"stability": 1e6}, r"stability = 1e\+06; the family has about 1.000 to "),
+    ],
+)
+def test_a_value_that_no_member_has_is_refused_with_the_range(given, message):
+    with pytest.raises(ConfigurationError, match=message):
+        periodic_orbits("Halo_L2_S", **given)
+
+
+def test_a_period_may_be_given_in_days():
+    day = SECONDS_PER_DAY / TIME_UNIT_S
+    found = periodic_orbits("Halo_L2_S", period_days=6.56)
+    np.testing.assert_array_equal(
+        found.state, periodic_orbits("Halo_L2_S", period=day * 6.56).state
+    )
+    some = periodic_orbits("Halo_L2_S", period_days=(6.0, 7.0), count=20)
+    assert 0 < some.period.size < 20 and np.all((some.period > 6 * day) & (some.period < 7 * day))
 
 
 def test_every_family_has_a_description():

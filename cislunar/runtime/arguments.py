@@ -1,0 +1,106 @@
+"""Arguments of public functions: wrong kinds, shapes and numbers are refused in one line."""
+
+from collections.abc import Sequence
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.errors import ConfigurationError
+from cislunar.runtime.settings_words import shown
+
+Array = NDArray[np.float64]
+
+
+def array_of(
+    name: str, given: ArrayLike, axes: Sequence[str | int] | None = None, *, finite: bool = True
+) -> Array:
+    """An argument as an array of floats.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for the message.
+    given : array_like
+        Value of the argument; texts are no numbers.
+    axes : sequence of str or int, optional
+        Required axes: the length, or what an axis counts, of which at least one is required. By
+        default every shape is allowed.
+    finite : bool
+        Refuse values that are not finite.
+
+    Raises
+    ------
+    ConfigurationError
+        If the argument has another shape, or a value is no number or not finite. The message gives
+        the indices of the first such value along the axes that are named.
+    """
+    try:
+        found = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        found = np.asarray(None)
+    objects = found.dtype.kind == "O" and all(isinstance(each, Real) for each in found.flat)
+    if found.dtype.kind not in "biuf" and not objects:
+        raise ConfigurationError(
+            f"{name} = {_in_one_line(given)} must be numbers{_shape_in_words(axes)}"
+        )
+    found = np.asarray(found, dtype=float)
+    if axes is not None and not (
+        found.ndim == len(axes)
+        and all(
+            length > 0 if isinstance(axis, str) else length == axis
+            for length, axis in zip(found.shape, axes, strict=True)
+        )
+    ):
+        raise ConfigurationError(
+            f"{name} has shape {found.shape}; give numbers{_shape_in_words(axes)}"
+        )
+    if finite and not np.all(np.isfinite(found)):
+        index = np.argwhere(~np.isfinite(found))[0].tolist()
+        named = zip(found.shape if axes is None else axes, index, strict=True)
+        of = [f"{axis} {k}" for axis, k in named if isinstance(axis, str)]
+        raise ConfigurationError(
+            f"{name}{' of ' * bool(of)}{', '.join(of)} is not finite ({found[tuple(index)]}); "
+            "correct or remove it"
+        )
+    return found
+
+
+def number_of(name: str, given: Any, *, positive: bool = False) -> float:
+    """An argument as a finite, and if requested positive, float; raises a `ConfigurationError`."""
+    value = given.item() if isinstance(given, np.ndarray) and given.ndim == 0 else given
+    kind = "positive number" if positive else "finite number"
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, Real)
+        or not np.isfinite(float(value))
+        or (positive and not value > 0.0)
+    ):
+        raise ConfigurationError(f"{name} = {_in_one_line(given)} must be a {kind}")
+    return float(value)
+
+
+def count_of(name: str, given: Any, least: int = 1) -> int:
+    """An argument as a whole number of at least `least`; raises a `ConfigurationError`."""
+    if isinstance(given, bool) or not isinstance(given, Integral) or given < least:
+        raise ConfigurationError(
+            f"{name} = {_in_one_line(given)} must be a whole number of at least {least}"
+        )
+    return int(given)
+
+
+def require_kind(name: str, given: Any, kind: type | tuple[type, ...], remedy: str) -> None:
+    """Raise a `ConfigurationError` with a remedy if an argument is of another class."""
+    if not isinstance(given, kind):
+        raise ConfigurationError(f"{name} = {_in_one_line(given)}: {remedy}")
+
+
+def _in_one_line(given: Any) -> str:
+    return " ".join(shown(given).split())
+
+
+def _shape_in_words(axes: Sequence[str | int] | None) -> str:
+    if axes is None:
+        return ""
+    return f" of shape ({', '.join(map(str, axes))}{',' * (len(axes) == 1)})"
