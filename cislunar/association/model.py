@@ -84,16 +84,26 @@ class AssociationModel(DetectionProcess):
             )
 
     def require_possible(
-        self, late: bool, bound_steps: int, named: Callable[[str], str] = "association.{}".format
+        self,
+        late: bool,
+        dimmed: bool,
+        bound_steps: int,
+        named: Callable[[str], str] = "association.{}".format,
     ) -> None:
-        """Refuse a run whose measurements can be `late`, or whose schedules are bounded in
-        `bound_steps`, with settings that exclude it. `named` gives the name of a key in
-        messages."""
+        """Refuse a run whose measurements can be `late` or `dimmed` by shadows or air, or whose
+        schedules are bounded in `bound_steps`, with settings that exclude it. `named` gives the
+        name of a key in messages."""
         if self.in_field and late:
             raise ConfigurationError(
                 f"{named('detections')} = {self.detections!r}: links with a delay need the "
                 "identity of every measurement; set communication.delay_minutes to 0 and leave out "
                 "communication.contact"
+            )
+        if self.in_field and dimmed:
+            raise ConfigurationError(
+                f"{named('detections')} = {self.detections!r}: the dimming of a target by shadows "
+                "or air is removed from its own measurement, which needs an identity; leave out "
+                "eclipse and stations"
             )
         if self.count_neighbors and bound_steps > 0:
             raise ConfigurationError(

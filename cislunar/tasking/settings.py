@@ -9,7 +9,7 @@ from cislunar.association.model import AssociationModel
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, InitialSigma
 from cislunar.evaluation.metrics import Custody
-from cislunar.observation.sensor import Sensor
+from cislunar.observation.sensor import GroundSensor, Sensor
 from cislunar.runtime.settings_fields import require_multiple
 from cislunar.tasking.communication.model import CommunicationModel
 from cislunar.tasking.planning.assignment import EARLY_STOP, MAX_EVALUATIONS, METHODS
@@ -104,7 +104,10 @@ class LoopSettings:
         states = self.tasking.states
         self.schedule.require_possible(self.step_s, self.method, states)
         self.communication.require_possible(self.step_s, self.duration_hours, states)
-        self.association.require_possible(self.communication.late, self.schedule.bound_steps)
+        sensors = [self.sensor] if isinstance(self.sensor, Sensor) else self.sensor
+        dimmed = self.eclipse or any(isinstance(one, GroundSensor) for one in sensors)
+        bounded = self.schedule.bound_steps
+        self.association.require_possible(self.communication.late, dimmed, bounded)
 
     @property
     def steps_between_updates(self) -> int:

@@ -4,6 +4,8 @@ import pytest
 
 from cislunar.association import ASSOCIATORS, AssociationModel
 from cislunar.errors import ConfigurationError
+from cislunar.observation.sensor import Atmosphere, GroundSensor, Sensor
+from cislunar.tasking.settings import LoopSettings
 
 
 @pytest.mark.parametrize(
@@ -34,4 +36,15 @@ def test_impossible_settings_are_one_line(change, message):
 def test_the_defaults_are_those_of_the_paper():
     model = AssociationModel()
     assert model.detections == "tasked-target" and not model.in_field
-    model.require_possible(True, 5)
+    model.require_possible(True, True, 5)
+
+
+def test_dimmed_targets_are_refused_with_detections_in_the_field():
+    """The correction of a magnitude for shadow or air would tell whose detection it is."""
+    everything = AssociationModel(detections="all-in-field")
+    with pytest.raises(ConfigurationError, match="leave out eclipse and stations"):
+        LoopSettings(association=everything, eclipse=True)
+    with pytest.raises(ConfigurationError, match="leave out eclipse and stations"):
+        LoopSettings(
+            association=everything, sensor=(Sensor(), GroundSensor(atmosphere=Atmosphere()))
+        )

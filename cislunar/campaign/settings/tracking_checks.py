@@ -153,7 +153,8 @@ def _check_cell(
     tasking.require_possible(step, tasking.method, tasking.states, named("tasking"))
     settings.communication.require_possible(step, hours, tasking.states, named("communication"))
     association, late = settings.association, settings.communication.late
-    association.require_possible(late, tasking.bound_steps, named("association"))
+    dimmed = settings.eclipse or bool(settings.stations)
+    association.require_possible(late, dimmed, tasking.bound_steps, named("association"))
     if settings.eclipse and settings.batch.use_non_detections:
         raise ConfigurationError(
             f"{key('batch.use_non_detections')}: a target in shadow is not detected either, which "
