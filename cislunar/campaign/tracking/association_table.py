@@ -13,7 +13,7 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.association.model import KNOWN
+from cislunar.association.model import KNOWN, AssociationModel
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.summary import seed_statistics
 from cislunar.constants import LENGTH_UNIT_KM
@@ -72,17 +72,16 @@ def _described(
     """Settings of a cell, and the quantities of each realization; `beyond` (seed, target) marks
     targets with a larger position error than `custody_km`."""
     settings = json.loads(data.attrs["settings"])
-    given = settings.get("association", {})
-    in_field = given.get("detections") == "all-in-field"
+    given = AssociationModel(**settings.get("association", {}))
     field_deg = float(settings["sensor"]["field_of_view_deg"])
     slots = settings["tasking"].get("slot_minutes") is not None
     mode = "recommended" if slots else "paper"
     place = {
-        "associator": given["method"] if in_field else TASKED,
-        "clutter": round(given["false_alarms_deg2"] * field_deg**2, 1) if in_field else 0.0,
+        "associator": given.method if given.in_field else TASKED,
+        "clutter": round(given.false_alarms_deg2 * field_deg**2, 1) if given.in_field else 0.0,
         "field_deg": field_deg,
         "targets": cell.targets,
-        "mode": mode + (", field counted" if in_field and given["count_neighbors"] else ""),
+        "mode": mode + (", field counted" if given.in_field and given.count_neighbors else ""),
         "population": cell.scenario,
         "estimator": cell.estimator,
         "dynamics": settings.get("dynamics", {}).get("truth", "cr3bp"),
