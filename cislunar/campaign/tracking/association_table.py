@@ -56,7 +56,8 @@ def association_rows(cells: Sequence[tuple[Cell, xr.Dataset]], custody_km: float
             quantities["position_ratio"] = values["position_km"] / same["position_km"]
         for name, each in quantities.items():
             interval = (count_interval if name in _COUNTS else t_interval)(each)
-            rows.append({**place, "quantity": name, "mean": interval.mean, "low": np.maximum(interval.low, 0.0),
+            low = np.maximum(interval.low, 0.0)
+            rows.append({**place, "quantity": name, "mean": interval.mean, "low": low,
                          "high": interval.high, "seeds": interval.count})  # fmt: skip
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
