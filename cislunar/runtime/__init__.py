@@ -13,7 +13,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "seeds": ["generator"],
     "settings_fields": ["Angle", "Count", "Flag", "MOST_STEPS", "NotNegative", "Number", "Partial",
         "Positive", "Section", "Text", "Three", "ThreePositive", "is_multiple", "number", "partial",
-        "require_multiple", "setting", "several", "whole"],
+        "require_multiple", "setting", "several", "shortened_interval", "whole"],
     "settings_words": ["allowed", "faults", "inner", "pattern", "schema_of", "shown", "types",
         "unreadable"],
     "threads": ["allow_threads", "share_out"],

@@ -90,8 +90,8 @@ def count_of(name: str, given: Any, least: int = 1) -> int:
     return int(given)
 
 
-def require_kind(name: str, given: Any, kind: type | tuple[type, ...], remedy: str) -> None:
-    """Raise a `ConfigurationError` with a remedy if an argument is of another class."""
+def require_kind(name: str, given: Any, kind: Any, remedy: str) -> None:
+    """Raise a `ConfigurationError` with a remedy if an argument is not an instance of `kind`."""
     if not isinstance(given, kind):
         raise ConfigurationError(f"{name} = {_in_one_line(given)}: {remedy}")
 
