@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cislunar.architecture.objective import IMPROVES, Objective, first_best
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.arguments import count_of, require_kind
 
 
 @dataclass(frozen=True)
@@ -112,6 +113,9 @@ class _Climb:
 
 
 def _check(objective: Objective, n_slots: int, total: int | None) -> None:
+    require_kind("objective", objective, Objective, "give an Objective of cislunar.architecture")
+    if total is not None:
+        count_of("total", total)
     if not 1 <= n_slots <= objective.n_orbits:
         raise ConfigurationError(
             f"n_slots = {n_slots}: must lie in 1..{objective.n_orbits}, the candidate orbits"
@@ -201,6 +205,8 @@ def coordinate_search(
     progress : callable, optional
         Called with (restarts done, restarts).
     """
+    require_kind("rng", rng, np.random.Generator, "give numpy.random.default_rng(seed)")
+    n_slots, restarts = count_of("n_slots", n_slots), count_of("restarts", restarts, least=0)
     _check(objective, n_slots, total)
     starts = list(starts)
     for start in starts:

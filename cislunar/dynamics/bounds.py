@@ -18,6 +18,9 @@ _FURTHEST_KM = 10_000_000.0
 _LARGEST_EXCESS_KM_S = 10.0
 """Largest hyperbolic excess speed on escape from Earth and Moon, km/s."""
 
+_FASTEST_KM_S = float(np.hypot(11.2, _LARGEST_EXCESS_KM_S))
+"""Largest inertial speed, km/s: that of this excess at the surface of the Earth."""
+
 _LONGEST_DAYS = 1000.0
 """Longest period of an orbit, days."""
 
@@ -98,6 +101,34 @@ def require_nondimensional(name: str, given: ArrayLike) -> None:
             check_velocity(name, ("vx", "vy", "vz"), fastest, "", remedy)
     except InputFileError as error:
         raise ConfigurationError(str(error)) from None
+
+
+def require_kilometers(name: str, state: ArrayLike) -> None:
+    """Refuse a state that must be in another unit than km and km/s.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for the message.
+    state : array_like, shape (6,)
+        State relative to the Earth-Moon barycenter, inertial axes, km and km/s.
+
+    Raises
+    ------
+    ConfigurationError
+        If the distance exceeds that of `check_position`, or the speed exceeds an escape from the
+        surface of the Earth with the excess of `check_velocity`.
+    """
+    values = np.asarray(state, dtype=float)
+    for quantity, found, most, unit in (
+        ("distance", float(np.linalg.norm(values[:3])), _FURTHEST_KM, "km"),
+        ("speed", float(np.linalg.norm(values[3:])), _FASTEST_KM_S, "km/s"),
+    ):
+        if found > most:
+            raise ConfigurationError(
+                f"{name}: its {quantity} from the barycenter would be {found:.3g} {unit} (at most "
+                f"{most:,.0f}); give km and km/s: divide meters by 1000"
+            )
 
 
 def check_period(place: str, name: str, period: float, unit: str) -> None:

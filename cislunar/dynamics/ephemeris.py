@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, TIME_UNIT_S
+from cislunar.dynamics.bounds import require_kilometers
 from cislunar.dynamics.ephemeris_forces import EphemerisForces, ephemeris_forces
 from cislunar.dynamics.frames import BARYCENTER, recenter
 from cislunar.dynamics.propagation import propagate, state_vector
@@ -21,6 +22,7 @@ from cislunar.ephemeris.bodies import require_within, tabulate_bodies
 from cislunar.ephemeris.kernel import DEFAULT_KERNEL
 from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.arguments import require_kind
 
 Array = NDArray[np.float64]
 
@@ -98,13 +100,17 @@ def propagate_utc(
     Raises
     ------
     ConfigurationError
-        If the state lies inside a body, or the force model does not cover the dates.
+        If the state lies inside a body or is evidently in other units than km and km/s, or the
+        force model does not cover the dates.
     InputFileError
         If DE421 is missing or does not cover the dates.
     ConvergenceError
         If the step size underflows, as on a collision with a body's center.
     """
+    require_kind("center", center, str, "give 'barycenter', 'earth', 'moon' or 'sun'")
     stops = [stop] if isinstance(stop, str) or np.ndim(stop) == 0 else [*stop]
+    if not stops:
+        raise ConfigurationError("stop = [] must be a date, or a sequence of at least one")
     first, ends = tdb_seconds(start), np.array([tdb_seconds(each) for each in stops])
     reached = min(first, *ends), max(first, *ends)
     if forces is None:
@@ -116,12 +122,13 @@ def propagate_utc(
     table = forces.table
     require_within(table, *reached)
     begin = recenter(state_vector(state), table, first, old=center, new=BARYCENTER)
+    require_kilometers("state", begin)
     for body, radius in _RADII_KM.items():
         distance = np.linalg.norm(recenter(begin, table, first, old=BARYCENTER, new=body)[..., :3])
         if distance < radius:
             raise ConfigurationError(
                 f"the state lies inside the {body.capitalize()}: {distance:.3f} km from its center "
-                f"but the radius is {radius} km; check center = {center!r}"
+                f"but the radius is {radius} km; check center = {center!r}, and give km and km/s"
             )
     end = propagate(
         begin / UNITS,

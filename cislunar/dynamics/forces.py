@@ -32,7 +32,12 @@ class Nothing(NamedTuple):
 
 
 def require_span(forces: tuple, first: float, last: float) -> None:
-    """Raise a `ConfigurationError` if a model with a property `span` does not cover an interval."""
+    """Raise a `ConfigurationError` for what is no force model, or if a model with a property `span`
+    does not cover an interval."""
+    if not hasattr(type(forces), "_fields"):
+        raise ConfigurationError(
+            f"forces = {forces!r}: give a force model of cislunar.dynamics, such as EARTH_MOON"
+        )
     span = getattr(forces, "span", None)
     low, high = min(first, last), max(first, last)
     slack = 1e-9  # rounding of a converted time (0.4 ms)

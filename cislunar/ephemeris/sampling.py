@@ -34,6 +34,7 @@ from cislunar.ephemeris.kernel import (
 )
 from cislunar.ephemeris.time_scales import julian_date, tai_minus_utc, utc_to_tdb
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.arguments import number_of, require_kind
 
 Array = NDArray[np.float64]
 
@@ -84,6 +85,7 @@ def sample_ephemeris(
         epoch_jd = julian_date(epoch_jd)
     elapsed = _grid(duration_days, step_minutes)
     et = float(utc_to_tdb(epoch_jd)) + elapsed
+    require_kind("kernel", kernel, (str, Path), "give 'de421' or the path of an SPK file")
     path = kernel_path(kernel)
 
     import spiceypy
@@ -177,9 +179,8 @@ def interpolate_sun(time: ArrayLike, sample_time: ArrayLike, sun_position: Array
 
 def _grid(duration_days: float, step_minutes: float) -> Array:
     """Uniform grid of times, s since the first."""
-    if not (np.isfinite(duration_days) and duration_days >= 0.0):
+    if number_of("duration_days", duration_days) < 0.0:
         raise ConfigurationError(f"duration_days = {duration_days} must be finite and >= 0")
-    if not (np.isfinite(step_minutes) and step_minutes > 0.0):
-        raise ConfigurationError(f"step_minutes = {step_minutes} must be finite and > 0")
+    number_of("step_minutes", step_minutes, positive=True)
     intervals = int(np.ceil(duration_days * 1440.0 / step_minutes - 1e-9))
     return np.arange(intervals + 1) * (step_minutes * 60.0)

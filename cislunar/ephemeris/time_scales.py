@@ -7,6 +7,7 @@ term; the neglected terms are below 0.05 ms.
 
 import datetime
 import re
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -147,6 +148,10 @@ def tdb_seconds(instant: str | float) -> float:
     """
     if isinstance(instant, str):
         return float(clock_to_tdb(clock_seconds(instant), "UTC"))
+    if isinstance(instant, bool) or not isinstance(instant, Real):
+        raise ConfigurationError(
+            f"{instant!r} is not a date: give a text like '2024-10-01T00:00:00', or a Julian date"
+        )
     return float(utc_to_tdb(instant))
 
 

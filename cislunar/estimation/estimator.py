@@ -17,6 +17,7 @@ from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
 from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime.arguments import array_of
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,9 @@ HEALTHY, NOT_FINITE, INSIDE_PRIMARY, LOST_DEFINITENESS = range(4)
 # Counters kept per target.
 UPDATES, OUT_OF_FIELD, FLOOR_HITS, CHOLESKY_FAILURES = range(4)
 N_COUNTERS = 4
+
+_LARGEST_NORM_ERROR = 1e-6
+"""Largest deviation of the norm of an initial quaternion from 1."""
 
 
 class InitialEstimate(NamedTuple):
@@ -52,6 +56,33 @@ class InitialEstimate(NamedTuple):
     sigma: Array
     covariance: Array | None = None
 
+    def checked(self) -> "InitialEstimate":
+        """The same estimates with unit quaternions.
+
+        Raises
+        ------
+        ConfigurationError
+            If an array has another shape, an estimate is not finite, or the norm of a quaternion
+            differs from 1 by more than 1e-6; the message names the first such target.
+        """
+        n_targets = np.shape(self.translation)[0] if np.ndim(self.translation) else 0
+        shapes = ("target", 4), ("target", 3), ("target", 6), (12,)
+        for name, given, axes in zip(self._fields, self, shapes, strict=False):
+            shape = (n_targets, *axes[1:]) if len(axes) > 1 else axes
+            found = array_of(f"initial {name}", given, finite=False)
+            if found.shape != shape:
+                raise ConfigurationError(f"initial {name} has shape {found.shape}; give {shape}")
+            array_of(f"initial {name}", found, axes if found.size else None)
+        norm = np.linalg.norm(self.quaternion, axis=1)
+        if np.any(wrong := np.abs(norm - 1.0) > _LARGEST_NORM_ERROR):
+            j = int(np.argmax(wrong))
+            raise ConfigurationError(
+                f"initial quaternion of target {j} has norm {norm[j]:.9g}; divide it by its norm"
+            )
+        # unit quaternions are left as they are, to the last bit
+        norm = np.where(np.abs(norm - 1.0) > 1e-15, norm, 1.0)
+        return self._replace(quaternion=np.asarray(self.quaternion, dtype=float) / norm[:, None])
+
     def of_targets(self, targets: NDArray[np.int64]) -> "InitialEstimate":
         """Estimates of some of the targets, given by indices, shape (n,)."""
         motion = (each[targets] for each in self[:3])
@@ -77,7 +108,9 @@ class InitialEstimate(NamedTuple):
         n_targets = self.translation.shape[0]
         if self.covariance is None:
             if not np.all(self.sigma > 0.0):
-                raise ConfigurationError(f"initial sigma {self.sigma} must be positive throughout")
+                raise ConfigurationError(
+                    f"initial sigma {np.asarray(self.sigma).tolist()} must be positive throughout"
+                )
             return np.tile(np.diag(self.sigma[first:]), (n_targets, 1, 1))
         given = np.asarray(self.covariance, dtype=float)
         if given.shape != (n_targets, 12, 12):

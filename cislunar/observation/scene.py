@@ -28,6 +28,7 @@ from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.arguments import array_of, number_of
 
 Array = NDArray[np.float64]
 
@@ -97,21 +98,21 @@ def make_scene(
     Raises
     ------
     ConfigurationError
-        If the inputs disagree, or a position is evidently in km.
+        If the inputs disagree, or a position is not finite or evidently in km.
     """
-    observers = np.ascontiguousarray(observer_position, dtype=float)
-    sun = np.ascontiguousarray(sun_position, dtype=float)
-    if observers.ndim != 3 or observers.shape[0] == 0:
-        raise ConfigurationError(
-            f"observers: positions have shape {observers.shape}; give at least one observer, shape "
-            "(observer, time, 3)"
-        )
+    axes_of_tracks = ("observer", "time", 3)
+    observers = np.ascontiguousarray(
+        array_of("observer_position", observer_position, axes_of_tracks)
+    )
+    sun = np.ascontiguousarray(array_of("sun_position", sun_position, ("time", 3)))
+    step_s, time_unit_s = (
+        number_of(name, given, positive=True)
+        for name, given in (("step_s", step_s), ("time_unit_s", time_unit_s))
+    )
     if sun.shape != observers.shape[1:]:
         raise ConfigurationError(
             f"sun_position has shape {sun.shape}; give {observers.shape[1:]}, as the observers have"
         )
-    if not step_s > 0.0:
-        raise ConfigurationError(f"step_s = {step_s} must be positive")
     require_nondimensional("observer_position", observers)
     elapsed_s = step_s * np.arange(sun.shape[0])
     if axes is None:
@@ -122,10 +123,11 @@ def make_scene(
         to_inertial[:, 0, 1] = -np.sin(angle)
         to_inertial[:, 2, 2] = 1.0
     else:
-        to_inertial = np.tile(np.asarray(axes, dtype=float), (elapsed_s.size, 1, 1))
+        to_inertial = np.tile(array_of("axes", axes, (3, 3)), (elapsed_s.size, 1, 1))
     if primaries is None:
-        primaries = np.tile(primary_positions(float(mu)), (elapsed_s.size, 1, 1))
-    rate = np.deg2rad(np.asarray(observer_rate_deg_h, dtype=float)) / 3600.0
+        primaries = np.tile(primary_positions(number_of("mu", mu)), (elapsed_s.size, 1, 1))
+    primaries = array_of("primaries", primaries, (elapsed_s.size, 2, 3))
+    rate = np.deg2rad(array_of("observer_rate_deg_h", observer_rate_deg_h, (3,))) / 3600.0
     to_body = attitude_matrix(_constant_rate_attitude([0.0, 0.0, 0.0, 1.0], rate, elapsed_s))
     return Scene(
         float(step_s),
@@ -134,7 +136,7 @@ def make_scene(
         sun,
         to_inertial,
         np.ascontiguousarray(to_body @ to_inertial),
-        np.ascontiguousarray(primaries, dtype=float),
+        np.ascontiguousarray(primaries),
     )
 
 

@@ -17,6 +17,7 @@ from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.sightline import BRIGHT, CLEAR, obstacle
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
+from cislunar.runtime.arguments import array_of, number_of, require_kind
 
 Array = NDArray[np.float64]
 
@@ -79,27 +80,34 @@ def sightings(
     Raises
     ------
     ConfigurationError
-        If an input is impossible, or a position is evidently in km.
+        If an input is impossible, or a position is not finite or evidently in km.
     """
+    given = {"observer": observer, "target": target, "sun": sun}
     positions = [
-        np.ascontiguousarray(position, dtype=float) for position in (observer, target, sun)
+        np.ascontiguousarray(array_of(name, each, ("time", 3))) for name, each in given.items()
     ]
-    shapes = {position.shape for position in positions}
-    if len(shapes) != 1 or positions[0].ndim != 2 or positions[0].shape[1] != 3:
+    if len({position.shape for position in positions}) != 1:
         raise ConfigurationError(
             f"observer, target and sun have shapes {[each.shape for each in positions]}; give one "
             "position of each at every time, shape (time, 3)"
         )
-    if not (radius_m > 0.0 and diffuse_reflection_coefficient > 0.0):
-        raise ConfigurationError(
-            f"radius_m = {radius_m} and diffuse_reflection_coefficient = "
-            f"{diffuse_reflection_coefficient} must be positive"
-        )
+    radius_m = number_of("radius_m", radius_m, positive=True)
+    diffuse_reflection_coefficient = number_of(
+        "diffuse_reflection_coefficient", diffuse_reflection_coefficient, positive=True
+    )
+    sensor = Sensor() if sensor is None else sensor
+    require_kind("sensor", sensor, Sensor, "give a Sensor of cislunar.observation")
     watcher, watched, light = positions
     require_nondimensional("observer", watcher)
     require_nondimensional("target", watched)
-    limits = (Sensor() if sensor is None else sensor).limits()
+    limits = sensor.limits()
     way = watched - watcher
+    together = np.flatnonzero(~np.any(way, axis=1))
+    if together.size:
+        raise ConfigurationError(
+            f"observer and target are at the same position at time {together[0]}; give the paths "
+            "of different objects"
+        )
     range_km = np.linalg.norm(way, axis=1) * LENGTH_UNIT_KM
     phase = phase_angle(way, watched - light)
     magnitude = sphere_magnitude(

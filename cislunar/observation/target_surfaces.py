@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,6 +16,7 @@ from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shadows.concatenated import joined_shadows
 from cislunar.photometry.shadows.table import Shadows
 from cislunar.photometry.shapes import Facets
+from cislunar.runtime.arguments import array_of, count_of, require_kind
 
 Array = NDArray[np.float64]
 
@@ -112,9 +113,14 @@ def target_surfaces(
         One for all targets (see `cislunar.attitude.inertia.inertia_matrix`), or a matrix for each;
         spherical if omitted.
     """
-    shapes = [facets] * n_targets if isinstance(facets, Facets | Body) else list(facets)
-    surfaces = [material] * n_targets if isinstance(material, Material) else list(material)
-    given = np.asarray(inertia, dtype=float)
+    n_targets = count_of("n_targets", n_targets)
+    model = PhotometryModel() if model is None else model
+    require_kind("model", model, PhotometryModel, "give a PhotometryModel of cislunar.photometry")
+    remedy = "give Facets, such as icosahedron(), or a Body"
+    shapes = _of_each("facets", facets, Facets | Body, n_targets, remedy)
+    remedy = "give a Material of cislunar.photometry"
+    surfaces = _of_each("material", material, Material, n_targets, remedy)
+    given = array_of("inertia", inertia)
     inertias = list(given) if given.ndim == 3 else [given] * n_targets
     for key, entries in (("facets", shapes), ("material", surfaces), ("inertia", inertias)):
         if len(entries) != n_targets:
@@ -122,7 +128,6 @@ def target_surfaces(
                 f"{key}: {len(entries)} entries given for {n_targets} targets; give one for all, "
                 "or one for each"
             )
-    model = PhotometryModel() if model is None else model
     bodies = [
         shape if isinstance(shape, Body) else plain_body(shape, surface)
         for shape, surface in zip(shapes, surfaces, strict=True)
@@ -143,6 +148,17 @@ def target_surfaces(
         np.array([body.composite for body in bodies]) | phong,
         phong,
     )
+
+
+def _of_each(name: str, given: Any, kind: Any, n_targets: int, remedy: str) -> list[Any]:
+    """The value of each target, given one for all or one for each."""
+    if isinstance(given, kind):
+        return [given] * n_targets
+    require_kind(name, given, Iterable, remedy)
+    found = list(given)
+    for each in found:
+        require_kind(name, each, kind, remedy)
+    return found
 
 
 def surfaces_of(surfaces: TargetSurfaces, targets: NDArray[np.int64]) -> TargetSurfaces:

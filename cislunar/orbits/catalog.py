@@ -18,8 +18,6 @@ from cislunar.constants import (
     EARTH_RADIUS_KM,
     MOON_RADIUS_KM,
     MU,
-    SECONDS_PER_DAY,
-    TIME_UNIT_S,
 )
 from cislunar.errors import ConfigurationError, ConvergenceError, did_you_mean
 from cislunar.orbits import catalog_seeds as seeds
@@ -28,8 +26,8 @@ from cislunar.orbits.continuation import Branch, Measure, Point, continue_branch
 from cislunar.orbits.corrector import Z
 from cislunar.orbits.extent import CATALOG_EXTENT, altitude_km, branch_seed, measure_of
 from cislunar.orbits.families import FAMILIES, OrbitSet, orbit_set, root_of
-from cislunar.orbits.selection import clear_part, select, spread_members
-from cislunar.runtime.arguments import count_of, number_of, require_kind
+from cislunar.orbits.selection import DAY, clear_part, select, spread_members, value_and_extent
+from cislunar.runtime.arguments import count_of, number_of, number_or_range, require_kind
 
 Array = NDArray[np.float64]
 ValueOrRange = float | tuple[float, float]
@@ -48,7 +46,6 @@ _OFF_RESONANCE = 0.1
 
 _DEFAULT_COUNT = 40
 
-_DAY = SECONDS_PER_DAY / TIME_UNIT_S
 
 _SOUTH = np.array([1.0, 1.0, -1.0, 1.0, 1.0, -1.0])
 _ACROSS = np.array([1.0, -1.0, 1.0, -1.0, 1.0, 1.0])
@@ -342,15 +339,15 @@ def periodic_orbits(
     """
     entry, mu = family_named(family), number_of("mu", mu)
     given = {
-        "jacobi": _value_or_range("jacobi", jacobi),
-        "period": _value_or_range("period", period),
-        "stability_index": _value_or_range("stability", stability),
+        "jacobi": number_or_range("jacobi", jacobi),
+        "period": number_or_range("period", period),
+        "stability_index": number_or_range("stability", stability),
     }
     if period_days is not None:
         if period is not None:
             raise ConfigurationError(f"members of {family}: give period or period_days, not both")
-        days = _value_or_range("period_days", period_days)
-        given["period"] = _DAY * days if isinstance(days, float) else tuple(_DAY * d for d in days)
+        days = number_or_range("period_days", period_days)
+        given["period"] = DAY * days if isinstance(days, float) else tuple(DAY * d for d in days)
     ranges = {key: each for key, each in given.items() if isinstance(each, tuple)}
     values = {key: each for key, each in given.items() if isinstance(each, float)}
     if len(values) > 1 or (values and count is not None):
@@ -389,40 +386,8 @@ def periodic_orbits(
         which = f"{family}{' clear of Earth and Moon' * clear}"
         raise ConfigurationError(
             f"no member of {which} has "
-            + _value_and_extent(quantity, value, branch, mu, days=period_days is not None)
+            + value_and_extent(quantity, value, branch, mu, days=period_days is not None)
         )
     for key, (low, high) in ranges.items():
         kept &= (getattr(found, key) >= low) & (getattr(found, key) <= high)
     return OrbitSet(*(column[kept] for column in found))
-
-
-def _value_or_range(name: str, given: ValueOrRange | None) -> float | tuple[float, ...] | None:
-    """A number, both ends of a range, or None, as given."""
-    if given is None:
-        return None
-    if not isinstance(given, tuple | list | np.ndarray) or np.ndim(given) == 0:
-        return number_of(name, given)
-    if len(given) != 2:
-        raise ConfigurationError(
-            f"{name}: a range has two ends, (lowest, highest), not {len(given)}"
-        )
-    return tuple(number_of(name, each) for each in given)
-
-
-def _value_and_extent(quantity: str, value: float, branch: Branch, mu: float, *, days: bool) -> str:
-    """A value that no member has, and the range of the family, for a message."""
-    name = "stability" if quantity == "stability_index" else quantity
-    if not branch:
-        return f"{name} = {value:g}, since none is clear; give clear=False"
-    reached = [measure_of(quantity, mu)(member) for member in branch]
-    low, high = min(reached), max(reached)
-    in_days = (
-        f"{value / _DAY:g} days; the family has about {low / _DAY:.3f} to {high / _DAY:.3f} days"
-    )
-    if days:
-        return f"period = {in_days}"
-    found = f"{name} = {value:g}; the family has about {low:.3f} to {high:.3f}"
-    if quantity != "period":
-        return found
-    remedy = "; a period in days is period_days" if low <= _DAY * value <= high else ""
-    return f"{found}, nondimensional ({in_days}){remedy}"

@@ -4,10 +4,13 @@ from functools import partial
 
 import numpy as np
 
-from cislunar.constants import MU
+from cislunar.constants import MU, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.errors import ConvergenceError
 from cislunar.orbits.continuation import Branch, Point, between, locate, split_at_extrema
 from cislunar.orbits.extent import altitude_km, measure_of
+
+DAY = SECONDS_PER_DAY / TIME_UNIT_S
+"""Nondimensional."""
 
 _CLEAR_KM = 1e-3
 """Altitude over Earth and Moon at which the clear part of a family begins and ends, km."""
@@ -61,3 +64,20 @@ def clear_part(branch: Branch, mu: float = MU) -> Branch:
     start = grazing(branch[first - 1 : first + 1]) if first else []
     end = grazing(branch[last : last + 2]) if last + 1 < len(branch) else []
     return start + branch[first : last + 1] + end
+
+
+def value_and_extent(quantity: str, value: float, branch: Branch, mu: float, *, days: bool) -> str:
+    """A value that no member has, and the range of the family, for a message."""
+    name = "stability" if quantity == "stability_index" else quantity
+    if not branch:
+        return f"{name} = {value:g}, since none is clear; give clear=False"
+    reached = [measure_of(quantity, mu)(member) for member in branch]
+    low, high = min(reached), max(reached)
+    in_days = f"{value / DAY:g} days; the family has about {low / DAY:.3f} to {high / DAY:.3f} days"
+    if days:
+        return f"period = {in_days}"
+    found = f"{name} = {value:g}; the family has about {low:.3f} to {high:.3f}"
+    if quantity != "period":
+        return found
+    remedy = "; a period in days is period_days" if low <= DAY * value <= high else ""
+    return f"{found}, nondimensional ({in_days}){remedy}"

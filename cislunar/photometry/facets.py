@@ -20,8 +20,10 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.attitude.quaternion import rotate_components
 from cislunar.compiled import njit_alloc, njit_noalloc
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
+from cislunar.errors import ConfigurationError
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import Facets
+from cislunar.runtime.arguments import array_of, require_kind
 
 Array = NDArray[np.float64]
 
@@ -226,11 +228,24 @@ def broadcast_geometries(
     """Broadcast geometries as in `apparent_magnitude` and flatten them for compiled loops: the
     common shape, and the four arguments, contiguous, with shapes (n, 4), (n, 3), (n, 3) and (n,).
     """
-    vectors = [
-        np.asarray(a, dtype=float)
-        for a in (quaternion, sun_direction, view_direction, np.asarray(range_m)[..., None])
-    ]
-    shape = np.broadcast_shapes(*(a.shape[:-1] for a in vectors))
+    given = {
+        "quaternion": (quaternion, 4),
+        "sun_direction": (sun_direction, 3),
+        "view_direction": (view_direction, 3),
+        "range_m": (np.asarray(range_m)[..., None], 1),
+    }
+    vectors = [array_of(name, each, finite=False) for name, (each, _) in given.items()]
+    for name, a in zip(given, vectors, strict=True):
+        if a.shape[-1:] != (given[name][1],):
+            raise ConfigurationError(f"{name} has shape {a.shape}; give (..., {given[name][1]})")
+    try:
+        shape = np.broadcast_shapes(*(a.shape[:-1] for a in vectors))
+    except ValueError:
+        shapes = ", ".join(str(a.shape[:-1]) for a in vectors)
+        raise ConfigurationError(
+            f"{', '.join(given)} have shapes {shapes} without the axis of components; give as many "
+            "of each, or one"
+        ) from None
     rows = [
         np.ascontiguousarray(np.broadcast_to(a, (*shape, a.shape[-1]))).reshape(-1, a.shape[-1])
         for a in vectors
@@ -275,6 +290,9 @@ def apparent_magnitude(
     """
     material = Material() if material is None else material
     model = PhotometryModel() if model is None else model
+    require_kind("facets", facets, Facets, "give Facets, such as icosahedron()")
+    require_kind("material", material, Material, "give a Material of cislunar.photometry")
+    require_kind("model", model, PhotometryModel, "give a PhotometryModel of cislunar.photometry")
     shape, rows = broadcast_geometries(quaternion, sun_direction, view_direction, range_m)
     flux = _irradiances(
         *rows,

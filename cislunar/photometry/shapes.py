@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
+from cislunar.runtime.arguments import number_of
 
 Array = NDArray[np.float64]
 
@@ -56,8 +57,7 @@ def facets_from_triangles(vertices: ArrayLike, triangles: ArrayLike) -> Facets:
 
 def scale_to_sphere(facets: Facets, radius_m: float) -> Facets:
     """The same shape, scaled to the surface area 4 pi R^2 of a sphere of radius `radius_m`, m."""
-    if not radius_m > 0.0:
-        raise ConfigurationError(f"shape radius_m = {radius_m} must be positive")
+    radius_m = number_of("shape radius_m", radius_m, positive=True)
     factor = 4.0 * np.pi * radius_m**2 / facets.total_area
     return Facets(areas=facets.areas * factor, normals=facets.normals)
 

@@ -4,7 +4,7 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "arguments": ["array_of", "count_of", "number_of", "require_kind"],
+    "arguments": ["array_of", "count_of", "number_of", "number_or_range", "require_kind"],
     "compilation": ["announced"],
     "kernels": ["KernelSet", "compile_kernels", "drop_stale_kernels"],
     "netcdf": ["Later", "growing_dataset", "read_dataset", "variable", "whole_file",
@@ -13,7 +13,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "seeds": ["generator"],
     "settings_fields": ["Angle", "Count", "Flag", "MOST_STEPS", "NotNegative", "Number", "Partial",
         "Positive", "Section", "Text", "Three", "ThreePositive", "is_multiple", "number", "partial",
-        "require_multiple", "setting", "several", "whole"],
+        "require_multiple", "setting", "several", "shortened_interval", "whole"],
     "settings_words": ["allowed", "faults", "inner", "pattern", "schema_of", "shown", "types",
         "unreadable"],
     "threads": ["allow_threads", "share_out"],

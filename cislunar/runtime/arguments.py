@@ -81,6 +81,19 @@ def number_of(name: str, given: Any, *, positive: bool = False) -> float:
     return float(value)
 
 
+def number_or_range(name: str, given: Any) -> float | tuple[float, ...] | None:
+    """A number, both ends of a range, or None, as given."""
+    if given is None:
+        return None
+    if not isinstance(given, tuple | list | np.ndarray) or np.ndim(given) == 0:
+        return number_of(name, given)
+    if len(given) != 2:
+        raise ConfigurationError(
+            f"{name}: a range has two ends, (lowest, highest), not {len(given)}"
+        )
+    return tuple(number_of(name, each) for each in given)
+
+
 def count_of(name: str, given: Any, least: int = 1) -> int:
     """An argument as a whole number of at least `least`; raises a `ConfigurationError`."""
     if isinstance(given, bool) or not isinstance(given, Integral) or given < least:
@@ -90,8 +103,8 @@ def count_of(name: str, given: Any, least: int = 1) -> int:
     return int(given)
 
 
-def require_kind(name: str, given: Any, kind: type | tuple[type, ...], remedy: str) -> None:
-    """Raise a `ConfigurationError` with a remedy if an argument is of another class."""
+def require_kind(name: str, given: Any, kind: Any, remedy: str) -> None:
+    """Raise a `ConfigurationError` with a remedy if an argument is not an instance of `kind`."""
     if not isinstance(given, kind):
         raise ConfigurationError(f"{name} = {_in_one_line(given)}: {remedy}")
 

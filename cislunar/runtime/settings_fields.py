@@ -46,6 +46,14 @@ class Section(BaseModel):
 
     def __init__(self, *values: Any, **given: Any) -> None:
         keys = list(type(self).model_fields)[: len(values)]
+        twice = [key for key in keys if key in given]
+        if len(values) > len(keys) or twice:
+            raise ConfigurationError(
+                f"{type(self).__name__}: {twice[0]} is given twice"
+                if twice
+                else f"{type(self).__name__}: {len(values)} values are given; it has only "
+                f"{', '.join(keys)}"
+            )
         given |= dict(zip(keys, values, strict=True))
         usual = {key: _of_paper(field) for key, field in type(self).model_fields.items()}
         given = {key: value for key, value in usual.items() if value is not None} | given
@@ -191,6 +199,16 @@ def is_multiple(value: float, step: float) -> bool:
         ratio <= MOST_STEPS
         and math.isclose(ratio, round(ratio), rel_tol=0.0, abs_tol=1e-9)
         and round(ratio) >= 1
+    )
+
+
+def shortened_interval(hours: float, minutes: float) -> str:
+    """A warning of a run that ends within a tasking interval; empty if it does not."""
+    if is_multiple(60.0 * hours, minutes):
+        return ""
+    return (
+        f"duration_hours = {hours:g} is no multiple of interval_minutes = {minutes:g}, so that the "
+        "last tasking interval is shorter than the others"
     )
 
 

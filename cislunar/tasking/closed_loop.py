@@ -16,7 +16,7 @@ Assumptions and limitations
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -33,6 +33,9 @@ from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensor, sensors_of
 from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime.arguments import array_of, count_of, require_kind
+from cislunar.runtime.progress import logger
+from cislunar.runtime.settings_fields import shortened_interval
 from cislunar.tasking.detection_outcomes import (
     count_outcomes,
     report_estimated_parameters,
@@ -152,12 +155,28 @@ class ClosedLoop:
         forces: tuple = EARTH_MOON,
     ) -> None:
         settings = LoopSettings() if settings is None else settings
+        for name, given, kind, remedy in (
+            ("scene", scene, Scene, "give the Scene that make_scene returns"),
+            ("surfaces", surfaces, TargetSurfaces, "give what target_surfaces returns"),
+            ("settings", settings, LoopSettings, "give LoopSettings, or omit them"),
+            ("initial", initial, InitialEstimate | None, "give an InitialEstimate, or omit it"),
+            ("truth", truth, TruthModel | None, "give a TruthModel, or omit it"),
+            ("forces", forces, tuple, "give a force model of cislunar.dynamics"),
+            ("estimator", estimator, (str, Callable), "give a name or an EstimatorFactory"),
+            ("seeds", seeds, Iterable, "give a sequence of whole numbers, such as [0, 1]"),
+        ):
+            require_kind(name, given, kind, remedy)
+        array_of("scene.observer_position", scene.observer_position, ("observer", "time", 3))
+        seeds = [count_of("seeds: each", seed, least=0) for seed in seeds]
         factory = estimator_named(estimator) if isinstance(estimator, str) else estimator
-        ids = np.asarray(target_ids, dtype=np.int64)
-        if isinstance(forces, CR3BP):
-            require_nondimensional("epoch_state", epoch_state)
+        ids = _identities(target_ids)
+        states = array_of("epoch_state", epoch_state, ("target", 6))
         if initial is None:
-            initial = initial_estimate(epoch_state, settings.initial.components())
+            initial = initial_estimate(states, settings.initial.components())
+        initial = initial.checked()
+        if isinstance(forces, CR3BP):
+            require_nondimensional("epoch_state", states)
+            require_nondimensional("initial translation", initial.translation)
         if truth is None:
             each = sensors_of(settings.sensor, scene.observer_position.shape[0])
             plain = isinstance(settings.sensor, Sensor) and settings.sensor.plain
@@ -167,7 +186,7 @@ class ClosedLoop:
         self.inputs = SimulationInputs(
             scene, surfaces, settings, factory, initial, truth, ids, forces
         )
-        self.seeds = [int(seed) for seed in seeds]
+        self.seeds = seeds
         self.numbers = list(range(len(self.seeds)))
         self.state = State()
 
@@ -284,7 +303,8 @@ def run_closed_loop(
     Raises
     ------
     ConfigurationError
-        If scene, targets and settings disagree, there are no seeds, or a state is evidently in km.
+        If scene, targets and settings disagree, there are no seeds, a position or state is not
+        finite, or a state is evidently in km. The message names the first such target or observer.
     """
     loop = ClosedLoop(
         scene,
@@ -298,15 +318,25 @@ def run_closed_loop(
         truth=truth,
         forces=forces,
     )
+    settings = loop.inputs.settings
+    if shortened := shortened_interval(settings.duration_hours, settings.interval_minutes):
+        logger.warning("warning: %s", shortened)
     kept, observations = collect(loop.pieces(progress), len(loop.seeds), loop.lengths)
     metrics, failed, counters = loop.ends()
     report_outcomes(count_outcomes(kept["outcome"]), loop.inputs)
     report_estimated_parameters(
         kept.get("parameter_sigma"), loop.estimated_parameters, counters[..., UPDATES]
     )
-    settings = loop.inputs.settings
     elapsed_s = settings.step_s * (settings.recorded + 1.0)
     return LoopResult(elapsed_s, kept, metrics, failed, counters, observations)
+
+
+def _identities(target_ids: ArrayLike) -> NDArray[np.int64]:
+    """Identities of the targets, whole numbers from 0 on."""
+    given = array_of("target_ids", target_ids, ("target",))
+    if np.any((given < 0.0) | (given != np.round(given))):
+        raise ConfigurationError(f"target_ids = {given.tolist()} must be whole numbers from 0 on")
+    return np.asarray(target_ids, dtype=np.int64)
 
 
 def _require_consistency(

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.constants import TIME_UNIT_S
+from cislunar.errors import ConfigurationError, did_you_mean
 from cislunar.observation.scene import Scene, make_scene
 from cislunar.observation.target_surfaces import TargetSurfaces, target_surfaces
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import icosahedron
+from cislunar.runtime.arguments import count_of
 from cislunar.tasking.initial_conditions import epoch_states
 from cislunar.tasking.settings import LoopSettings
 
@@ -92,6 +94,12 @@ def tracking_problem(
     **settings
         Fields of `LoopSettings`.
     """
+    n_observers, n_targets = count_of("n_observers", n_observers), count_of("n_targets", n_targets)
+    for key in settings:
+        if key not in LoopSettings.__dataclass_fields__:
+            known = LoopSettings.__dataclass_fields__
+            remedy = did_you_mean(key, known) or f"they are {', '.join(known)}"
+            raise ConfigurationError(f"{key} is none of the LoopSettings: {remedy}")
     loop = LoopSettings(**settings)
     elapsed = loop.elapsed_s
     scene = make_scene(_observer_tracks(n_observers, elapsed), _sun_track(elapsed), loop.step_s)

@@ -1,6 +1,7 @@
 """Settings of a closed-loop run."""
 
 from dataclasses import dataclass, field
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.initial_sigma import PAPER_INITIAL_SIGMA, InitialSigma
 from cislunar.evaluation.metrics import Custody
 from cislunar.observation.sensor import GroundSensor, Sensor
+from cislunar.runtime.arguments import count_of, number_of, require_kind
 from cislunar.runtime.settings_fields import require_multiple
 from cislunar.tasking.communication.model import CommunicationModel
 from cislunar.tasking.planning.assignment import EARLY_STOP, MAX_EVALUATIONS, METHODS
@@ -88,16 +90,26 @@ class LoopSettings:
 
     def __post_init__(self) -> None:
         for key in ("step_s", "interval_minutes", "duration_hours"):
-            value = getattr(self, key)
-            if not (value > 0.0 and np.isfinite(value)):
-                raise ConfigurationError(f"{key} = {value} must be positive and finite")
+            number_of(key, getattr(self, key), positive=True)
         require_multiple("interval_minutes", self.interval_minutes, 60.0, self.step_s)
         require_multiple("duration_hours", self.duration_hours, 3600.0, self.step_s)
         if self.method not in METHODS:
             raise ConfigurationError(f"method = {self.method!r} is unknown: use one of {METHODS}")
         for key in ("max_evaluations", "early_stop", "record_every"):
-            if getattr(self, key) < 1:
-                raise ConfigurationError(f"{key} = {getattr(self, key)} must be at least 1")
+            count_of(key, getattr(self, key))
+        for key, kind in (
+            ("sensor", Sensor | tuple | list),
+            ("tasking", TaskingModel),
+            ("schedule", ScheduleModel),
+            ("communication", CommunicationModel),
+            ("association", AssociationModel),
+            ("initial", InitialSigma),
+            ("custody", Custody),
+            ("histories", tuple | list | set),
+            ("record", tuple | list | set),
+        ):
+            named = " or ".join(getattr(each, "__name__", "") for each in get_args(kind) or (kind,))
+            require_kind(key, getattr(self, key), kind, f"give a {named}")
         for key, possible in (("histories", HISTORIES), ("record", RECORDABLE)):
             if not {*getattr(self, key)} <= {*possible}:
                 raise ConfigurationError(f"{key} = {getattr(self, key)} must be some of {possible}")

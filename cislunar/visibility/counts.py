@@ -14,6 +14,7 @@ from cislunar.dynamics.cr3bp import primary_distances
 from cislunar.errors import ConfigurationError
 from cislunar.observation.sensor import ExclusionAngles
 from cislunar.photometry.sphere import faintness_per_squared_range
+from cislunar.runtime.arguments import array_of, count_of, require_kind
 from cislunar.runtime.settings_fields import Flag, Number, Positive, Section, setting
 from cislunar.visibility.kernel import count_observations
 from cislunar.visibility.phasing import distinct_phases
@@ -158,21 +159,27 @@ def count_visibility(
     Raises
     ------
     ConfigurationError
-        If a state or a target is evidently in km.
+        If an input is impossible, or a state or a target is not finite or evidently in km.
     """
-    state = np.atleast_2d(np.asarray(state, dtype=float))
-    period = np.atleast_1d(np.asarray(period, dtype=float))
-    target = np.ascontiguousarray(target, dtype=float)
+    state = array_of("state", np.atleast_2d(array_of("state", state)), ("orbit", 6))
+    period = array_of("period", np.atleast_1d(array_of("period", period)), (len(state),))
+    target = np.ascontiguousarray(array_of("target", target, ("target", 3)))
     require_nondimensional("state", state)
     require_nondimensional("target", target)
-    times = np.asarray(times, dtype=float)
-    sun = np.ascontiguousarray(sun_position, dtype=float)
+    times = array_of("times", times, ("time",))
+    sun = np.ascontiguousarray(array_of("sun_position", sun_position, (len(times), 3)))
+    require_kind("settings", settings, VisibilitySettings, "give a VisibilitySettings")
+    max_satellites = count_of("max_satellites", max_satellites)
     phase, members = distinct_phases(max_satellites)
     largest = max_satellites * len(times)
     dtype = np.uint16 if largest <= np.iinfo(np.uint16).max else np.uint32
     observations = np.empty((len(state), max_satellites, len(target)), dtype=dtype)
     distance = np.empty((len(state), max_satellites))
-    unit = np.broadcast_to(np.asarray(length, dtype=float), len(times))
+    length = array_of("length", length)
+    unit = np.broadcast_to(length, len(times)) if length.ndim == 0 else length
+    array_of("length", unit, (len(times),))
+    if tracks is not None:
+        tracks = array_of("tracks", tracks, (len(state), len(phase), len(times), 3))
     faintness = settings.faintness_at(len(times), unit)
     shade = shade_of(target, sun, mu, unit) if settings.eclipse else None
     for first in range(0, len(state), _ORBITS_PER_BATCH):
@@ -182,7 +189,7 @@ def count_visibility(
                 state[batch], period[batch], phase, times, propagator=propagator, mu=mu
             )
         else:
-            track = np.ascontiguousarray(tracks[batch], dtype=float)
+            track = np.ascontiguousarray(tracks[batch])
         given = track, target, sun, settings.exclusion_deg.cosines, faintness, mu
         per_phase = count_observations(*given)
         if shade is not None:

@@ -26,7 +26,8 @@ from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.library import loop_settings, nominal_surfaces, truth_model
 from cislunar.campaign.settings.observing.sensors import observer_sensors, true_sensors
 from cislunar.campaign.settings.reading import merged, typed, with_types
-from cislunar.campaign.settings.scenarios import scenario_settings
+from cislunar.campaign.settings.scenarios import in_study, scenario_settings
+from cislunar.campaign.settings.tracking_checks import shortened_intervals
 from cislunar.campaign.tracking.cell import CellInputs, realization_seeds
 from cislunar.campaign.tracking.dataset import cell_dataset
 from cislunar.campaign.tracking.summary import (
@@ -859,3 +860,10 @@ def test_settings_from_the_command_line_get_their_types(config):
     wrong = with_types(merged(config, {"task2": {"seeds": "many"}}))
     with pytest.raises(ConfigurationError, match=r"task2\.seeds"):
         check_campaign(wrong)
+
+
+def test_runs_that_end_within_an_interval_are_announced(config):
+    study = with_families(in_study(config))
+    assert shortened_intervals(study) == []
+    study["task2"]["duration_hours"] = 6.5
+    assert "duration_hours = 6.5 is no multiple of" in shortened_intervals(study)[0]

@@ -410,6 +410,16 @@ def test_bad_input_is_refused(forces, starts, tmp_path):
         propagate_utc(state, FIRST, "2024-10-02", forces=EARTH_MOON)
     with pytest.raises(ConfigurationError, match="area_to_mass = -1"):
         forces_between(FIRST, "2024-10-02", area_to_mass=-1.0)
+    for wrong, quantity in (
+        ([4e8, 0, 0, 0, 1e3, 0], "distance"),
+        ([7e6, 0, 0, 0, 7.5e3, 0], "speed"),
+    ):
+        with pytest.raises(ConfigurationError, match=f"state: its {quantity} .* divide meters"):
+            propagate_utc(wrong, FIRST, "2024-10-02", forces=forces)
+    with pytest.raises(ConfigurationError, match="must be a date"):
+        propagate_utc(state, FIRST, [], forces=forces)
+    with pytest.raises(ConfigurationError, match="None is not a date"):
+        propagate_utc(state, None, FIRST, forces=forces)
     with pytest.raises(ConfigurationError, match="unknown center 'mars'"):
         propagate_utc(state, FIRST, "2024-10-02", forces=forces, center="mars")
     assert pytest.approx(forces.gm_moon / (forces.gm_earth + forces.gm_moon), abs=1e-6) == MU

@@ -79,3 +79,20 @@ def test_impossible_inputs_are_refused():
         sightings(path, path[:2], path)
     with pytest.raises(ConfigurationError, match="radius_m"):
         sightings(path, path, path, radius_m=-1.0)
+    with pytest.raises(ConfigurationError, match="same position at time 0"):
+        sightings(path, path, path)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"target": np.full((3, 3), np.nan)}, "target of time 0 is not finite"),
+        ({"observer": "here"}, "observer = 'here' must be numbers of shape"),
+        ({"sensor": "good"}, "sensor = 'good': give a Sensor"),
+        ({"radius_m": "1"}, "radius_m = '1' must be a positive number"),
+    ],
+)
+def test_impossible_arguments_are_named(given, message):
+    usual = {"observer": np.zeros((3, 3)), "target": np.ones((3, 3)), "sun": np.ones((3, 3))}
+    with pytest.raises(ConfigurationError, match=message):
+        sightings(**usual | given)

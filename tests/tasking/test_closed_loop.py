@@ -12,7 +12,11 @@ from cislunar.photometry.materials import Material
 from cislunar.photometry.shapes import icosahedron
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
-from cislunar.tasking.initial_conditions import epoch_states, initial_estimate, monitored_targets
+from cislunar.tasking.initial_conditions import (
+    epoch_states,
+    initial_estimate,
+    monitored_targets,
+)
 from cislunar.tasking.planning.information import TaskingModel
 from cislunar.tasking.realization import OUTCOME_NAMES, USED
 from cislunar.tasking.settings import LoopSettings
@@ -212,6 +216,97 @@ def test_inconsistent_problems_are_refused():
         run_closed_loop(scene, surfaces, epoch, np.array([1, 1, 2]), [0], loop)
 
 
+def _with_nan(values, *index):
+    changed = np.array(values, dtype=float)
+    changed[index] = np.nan
+    return changed
+
+
+WRONG = {
+    "a state that is not finite": (
+        lambda p: {"epoch_state": _with_nan(p.epoch, 1, 2)},
+        "epoch_state of target 1 is not finite",
+    ),
+    "an observer that is not finite": (
+        lambda p: {
+            "scene": p.scene._replace(
+                observer_position=_with_nan(p.scene.observer_position, 1, 7, 0)
+            )
+        },
+        "scene.observer_position of observer 1, time 7 is not finite",
+    ),
+    "states without velocities": (lambda p: {"epoch_state": p.epoch[:, :3]}, r"shape \(3, 3\)"),
+    "one seed": (lambda p: {"seeds": 1}, "seeds = 1: give a sequence"),
+    "a negative seed": (lambda p: {"seeds": [-1]}, "seeds: each = -1 must be"),
+    "settings by key": (lambda p: {"settings": {}}, "settings = {}: give LoopSettings"),
+    "a problem": (lambda p: {"scene": p}, "give the Scene that make_scene returns"),
+    "a word": (lambda p: {"forces": "cr3bp"}, "forces = 'cr3bp': give a force model"),
+    "half an identity": (lambda p: {"target_ids": [0, 0.5, 1]}, "must be whole numbers from 0 on"),
+    "no estimator": (lambda p: {"estimator": 3}, "estimator = 3: give a name"),
+    "an initial estimate that is not finite": (
+        lambda p: {"initial": _estimate(p)._replace(translation=_with_nan(p.epoch, 2))},
+        "initial translation of target 2 is not finite",
+    ),
+    "a quaternion of norm 2": (
+        lambda p: {"initial": _estimate(p)._replace(quaternion=np.tile([0, 0, 0, 2.0], (3, 1)))},
+        "initial quaternion of target 0 has norm 2; divide it",
+    ),
+    "standard deviations of an orbit": (
+        lambda p: {"initial": _estimate(p)._replace(sigma=np.ones(6))},
+        r"initial sigma has shape \(6,\); give \(12,\)",
+    ),
+}
+
+
+def _estimate(problem):
+    return initial_estimate(problem.epoch, problem.loop.initial.components())
+
+
+@pytest.mark.parametrize(("changes", "message"), WRONG.values(), ids=WRONG)
+def test_a_wrong_argument_is_named_before_the_run(changes, message):
+    problem = tracking_problem(2, 3, duration_hours=1.0)
+    given = dict(zip(ARGUMENTS, (*problem[:4], [0], problem.loop), strict=True))
+    with pytest.raises(ConfigurationError, match=message) as refused:
+        run_closed_loop(**given | changes(problem))
+    assert "\n" not in str(refused.value)
+
+
+ARGUMENTS = ("scene", "surfaces", "epoch_state", "target_ids", "seeds", "settings")
+
+
+def test_initial_quaternions_are_normalized():
+    problem = tracking_problem(1, 2, duration_hours=1.0)
+    near = np.array([[0.0, 0.0, 0.6, 0.8], [0.0, 0.0, 0.6, 0.8 + 5e-7]])
+    found = _estimate(problem)._replace(quaternion=near).checked().quaternion
+    np.testing.assert_array_equal(found[0], near[0])
+    assert np.linalg.norm(found[1]) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_a_shortened_interval_is_announced(caplog):
+    _run(n_observers=1, n_targets=1, duration_hours=0.3, interval_minutes=15.0)
+    (warning,) = (each for each in caplog.messages if "interval_minutes = 15" in each)
+    assert "duration_hours = 0.3 is no multiple of" in warning and "\n" not in warning
+
+
+@pytest.mark.parametrize(
+    ("arguments", "settings", "message"),
+    [
+        ((2, 0), {}, "n_targets = 0 must be a whole number of at least 1"),
+        ((-1, 2), {}, "n_observers = -1 must be"),
+        ((2.5, 2), {}, "n_observers = 2.5 must be"),
+        ((2, 2), {"duration": 3}, "duration is none of the LoopSettings: did you mean 'duration_h"),
+        ((2, 2), {"duration_hours": "3"}, "duration_hours = '3' must be a positive number"),
+        ((2, 2), {"record_every": 1.5}, "record_every = 1.5 must be a whole number"),
+        ((2, 2), {"tasking": {}}, "tasking = {}: give a TaskingModel"),
+        ((2, 2), {"histories": "errors"}, "histories = 'errors': give a tuple"),
+        ((2, 2, "printed"), {}, "model = 'printed': give a PhotometryModel"),
+    ],
+)
+def test_a_problem_names_its_wrong_argument(arguments, settings, message):
+    with pytest.raises(ConfigurationError, match=message):
+        tracking_problem(*arguments, **settings)
+
+
 def test_a_failed_target_does_not_end_the_run():
     """The estimate of a target that hits the Moon ends, and the others continue."""
     scene, surfaces, epoch, ids, loop = tracking_problem(3, 3, duration_hours=6.0, sensor=BRIGHT)
@@ -251,5 +346,5 @@ def test_surfaces_follow_the_targets(caplog):
 
 
 def test_observers_are_needed():
-    with pytest.raises(ConfigurationError, match="observers"):
+    with pytest.raises(ConfigurationError, match="observer_position has shape"):
         make_scene(np.empty((0, 5, 3)), np.ones((5, 3)), 60.0)

@@ -29,6 +29,7 @@ from cislunar.campaign.settings.scenarios import (
 from cislunar.campaign.settings.cell_settings import body_files, cell_settings
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell, check_cell, estimator_names
+from cislunar.campaign.settings.tracking_checks import shortened_intervals
 from cislunar.runtime.worker_client import offer_worker
 from cislunar.runtime.kernels import drop_stale_kernels
 from cislunar.errors import CislunarError
@@ -42,6 +43,8 @@ try:
     STUDY = with_families(config)
     if workflow.is_main_process:
         check_orbits(STUDY)
+        for warning in shortened_intervals(STUDY):
+            print(f"warning: 'task2': {warning}", file=sys.stderr)
         if crowded := crowded_objectives(STUDY):
             # importing it takes seconds, and few studies need it
             from cislunar.campaign.architectures.objectives import check_orbit_slots

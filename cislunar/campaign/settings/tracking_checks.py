@@ -22,7 +22,11 @@ from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.body_spec import ICOSAHEDRON, BodySpec
 from cislunar.photometry.materials import group_materials
 from cislunar.photometry.spacecraft import MODELS
-from cislunar.runtime.settings_fields import is_multiple, require_multiple
+from cislunar.runtime.settings_fields import (
+    is_multiple,
+    require_multiple,
+    shortened_interval,
+)
 
 Array = NDArray[np.float64]
 
@@ -52,6 +56,21 @@ def check_tracking(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
     _check_counts(config, stated)
     if task2["tasking_comparison"]["scenario"] is not None:
         _check_comparison(task2, settings[task2["tasking_comparison"]["scenario"]]["task2"])
+
+
+def shortened_intervals(config: Mapping[str, Any]) -> list[str]:
+    """A warning, each once, of the cells that end within a tasking interval."""
+
+    @cache
+    def duration(scenario: str, variant: str) -> float:
+        own = scenario_settings(config, scenario)["task2"]
+        return cell_settings(own, variant)["duration_hours"]
+
+    found = (
+        shortened_interval(duration(cell.scenario, cell.variant), cell.interval_minutes)
+        for cell in cells.campaign_cells(config["task2"])
+    )
+    return [each for each in dict.fromkeys(found) if each]
 
 
 def _target_counts(config: Mapping[str, Any]) -> Iterator[tuple[str, str, list[int]]]:
