@@ -38,3 +38,6 @@ EPOCH_JD: float = 2_460_584.5
 """Initial epoch, Julian date UTC: 2024-10-01 00:00:00 (Paul & Fan, table 1)."""
 
 SECONDS_PER_DAY: float = 86_400.0
+
+DATE_SYSTEM = "UTC"
+"""Time scale of the dates in files that are written, unless another is requested."""

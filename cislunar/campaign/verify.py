@@ -16,6 +16,7 @@ from cislunar.runtime.netcdf import read_dataset
 from cislunar.runtime.progress import each
 
 _WRITING_S = 600.0
+_REMAINDER = ".part"
 
 
 def _check_dataset(path: Path) -> None:
@@ -49,12 +50,20 @@ def damaged_results(folder: str | Path) -> Iterator[tuple[Path, str]]:
     """Read every result below a folder to its end; yields those that cannot be used, with the
     reason.
 
-    Raises `InputFileError` if there is no such folder.
+    Raises `InputFileError` if there is no such folder, or nothing in it that is a result or the
+    remainder of one.
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputFileError(f"results folder {folder}: no such folder")
-    for path in each(sorted(folder.rglob("*")), "files"):
+        reason = "is a file, not a folder" if folder.exists() else "no such folder"
+        raise InputFileError(f"{folder}: {reason}; give the results folder of a campaign")
+    paths = sorted(folder.rglob("*"))
+    if not any(path.suffix in (*_CHECKS, _REMAINDER) for path in paths):
+        raise InputFileError(
+            f"{folder}: contains no result ({', '.join(_CHECKS)}); give the results folder of a "
+            "campaign"
+        )
+    for path in each(paths, "files"):
         check = _CHECKS.get(path.suffix)
         if check is None or not path.is_file():
             continue
@@ -67,7 +76,7 @@ def damaged_results(folder: str | Path) -> Iterator[tuple[Path, str]]:
 def _leftovers(folder: str | Path) -> list[Path]:
     """Temporary files of jobs that were killed while writing, unchanged for ten minutes."""
     now = time.time()
-    found = Path(folder).rglob(".*.part")
+    found = Path(folder).rglob(f".*{_REMAINDER}")
     return sorted(path for path in found if now - path.stat().st_mtime > _WRITING_S)
 
 

@@ -46,13 +46,34 @@ def campaign_folder(directory: str, configfiles: tuple[str, ...] = ()) -> Path:
             "repository, which the wheel does not contain: go there, or give --directory FOLDER"
         )
     for name in configfiles:
-        if not (folder / name).is_file():
-            raise ConfigurationError(f"--configfile {folder / name}: no such file")
+        _require(folder / name, "--configfile", "file")
     if find_spec("snakemake") is None:
         raise ConfigurationError(
             "Snakemake is not installed: pip install -r environment.txt in the repository"
         )
     return folder
+
+
+def _require(path: Path, option: str, kind: str) -> None:
+    """Refuse a path that is no file or no folder, as `kind` says."""
+    if not (path.is_file() if kind == "file" else path.is_dir()):
+        reason = f"is not a {kind}" if path.exists() else f"no such {kind}"
+        raise ConfigurationError(f"{option} {path}: {reason}")
+
+
+def _later_configfiles(arguments: tuple[str, ...]) -> tuple[str, ...]:
+    """Files of settings among the arguments for Snakemake, which reports a missing one by a
+    traceback before it reads the Snakefile."""
+    found, names = [], False
+    for argument in arguments:
+        option, _, value = argument.partition("=")
+        if argument.startswith("-"):
+            names = option in ("--configfile", "--configfiles")
+            if names and value:
+                found, names = [*found, value], False
+        elif names:
+            found.append(argument)
+    return tuple(found)
 
 
 def snakemake_command(*arguments: str) -> list[str]:
@@ -109,7 +130,7 @@ def run(
       cislunar run -- --dry-run
       cislunar run --cores 4 -- results/figures/fig02_orbit_library.png
     """
-    folder = campaign_folder(directory, configfiles)
+    folder = campaign_folder(directory, (*configfiles, *_later_configfiles(arguments)))
     # Snakemake treats all words up to the next option as files of settings.
     command = snakemake_command(*_configured(configfiles), "--cores", str(cores))
     _become(folder, [*command, *(("--", *arguments) if _only_names(arguments) else arguments)])
@@ -142,7 +163,7 @@ def resume(
     Example:
       cislunar resume --configfile config/quick.yaml
     """
-    folder = campaign_folder(directory, configfiles)
+    folder = campaign_folder(directory, (*configfiles, *_later_configfiles(arguments)))
     unlock = snakemake_command(*_configured(configfiles), "--cores", "1", "--unlock")
     if code := subprocess.run(unlock, cwd=folder, check=False).returncode:
         context.exit(code)
@@ -165,7 +186,7 @@ def report(
     Example:
       cislunar report --configfile config/quick.yaml --output quick.html
     """
-    folder = campaign_folder(directory, configfiles)
+    folder = campaign_folder(directory, (*configfiles, *_later_configfiles(arguments)))
     _become(
         folder,
         [
@@ -210,7 +231,13 @@ def docs() -> None:
 
 @docs.command()
 @DIRECTORY
-@click.option("--results", default="results", show_default=True, help="Results folder.")
+@click.option(
+    "--results",
+    default="results",
+    show_default=True,
+    metavar="FOLDER",
+    help="Results folder; path relative to the folder of the repository.",
+)
 @click.option(
     "--check", is_flag=True, help="Change nothing; exit code 1 if a document is outdated."
 )
@@ -222,6 +249,8 @@ def update(directory: str, results: str, check: bool) -> None:
       cislunar docs update --check
     """
     folder = campaign_folder(directory)
+    if not check:
+        _require(folder / results, "--results", "folder")
     chosen = ["--results", results, *(["--check"] if check else [])]
     _become(folder, [sys.executable, "-m", "workflow.documents.update", *chosen])
 

@@ -4,7 +4,16 @@ import click
 
 from cislunar.command.base import Command
 from cislunar.command.orbit_argument import FORM, OrbitType, read_orbit
-from cislunar.command.table import OUTPUT, POSITIVE, UNITS, Column, Number, show
+from cislunar.command.table import (
+    OUTPUT,
+    POSITIVE,
+    TIME_SYSTEM,
+    UNITS,
+    Column,
+    Number,
+    NumberRange,
+    show,
+)
 
 
 @click.command(cls=Command, epilog=FORM)
@@ -13,7 +22,9 @@ from cislunar.command.table import OUTPUT, POSITIVE, UNITS, Column, Number, show
 @click.option(
     "--epoch", metavar="DATE", default="2024-10-01", show_default=True, help="UTC, ISO 8601."
 )
-@click.option("--hours", type=Number(min=0.0), default=24.0, show_default=True, help="Duration.")
+@click.option(
+    "--hours", type=NumberRange(min=0.0), default=24.0, show_default=True, help="Duration."
+)
 @click.option(
     "--step", type=POSITIVE, default=60.0, show_default=True, help="Minutes between rows."
 )
@@ -23,6 +34,7 @@ from cislunar.command.table import OUTPUT, POSITIVE, UNITS, Column, Number, show
 @click.option(
     "--limit", type=Number(), default=18.0, show_default=True, help="Limiting magnitude, mag."
 )
+@TIME_SYSTEM
 @UNITS
 @OUTPUT
 def see(
@@ -33,6 +45,7 @@ def see(
     step: float,
     radius: float,
     limit: float,
+    time_system: str,
     units: str,
     output: str | None,
 ) -> None:
@@ -48,9 +61,8 @@ def see(
     """
     import numpy as np
 
-    from cislunar.constants import SECONDS_PER_DAY
     from cislunar.ephemeris.sampling import sample_ephemeris
-    from cislunar.ephemeris.time_scales import J2000_JD, clock_text
+    from cislunar.ephemeris.time_scales import clock_text, tdb_after, tdb_to_clock
     from cislunar.errors import CislunarError
     from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
     from cislunar.observation.sensor import Sensor
@@ -65,10 +77,10 @@ def see(
     sensor = Sensor(limiting_magnitude=limit)
     found = sightings(*positions, sky.sun_position, sensor, radius_m=radius)
     words = {DETECTED: "seen", FAINT: "faint", EXCLUDED: "excluded", OCCULTED: "occulted"}
-    clock = (sky.time_utc_jd - J2000_JD) * SECONDS_PER_DAY
+    clock = tdb_to_clock(tdb_after(sky.et[0], sky.et - sky.et[0]), time_system)
     show(
         [
-            Column("time_utc", [clock_text(round(second, 3))[:-7] for second in clock]),
+            Column(f"time_{time_system.lower()}", [clock_text(second) for second in clock]),
             Column("sight", [words[code] for code in found.outcome.tolist()]),
             Column("magnitude_mag", found.magnitude, ".2f"),
             Column("range_km", found.range_km, ".1f"),

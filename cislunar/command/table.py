@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 import click
 
+from cislunar.constants import DATE_SYSTEM, LENGTH_UNIT_KM, TIME_UNIT_S
+
 
 class Column(NamedTuple):
     """Values under a name that includes their unit; `form` is their format on the terminal."""
@@ -29,10 +31,17 @@ UNITS = click.option(
     show_default=True,
     help="Units of states: km and km/s, or nondimensional (Earth-Moon distances and 1/n).",
 )
+TIME_SYSTEM = click.option(
+    "--time-system",
+    type=click.Choice(["UTC", "TDB"]),
+    default=DATE_SYSTEM,
+    show_default=True,
+    help="Time scale of the dates in the table.",
+)
 
 
-class Number(click.FloatRange):
-    """A finite number within bounds."""
+class _Finite(click.ParamType):
+    """A number that is neither infinite nor undefined."""
 
     def convert(self, value: Any, param: Any, ctx: Any) -> float:
         """The number."""
@@ -42,7 +51,15 @@ class Number(click.FloatRange):
         return number
 
 
-POSITIVE = Number(min=0.0, min_open=True)
+class Number(_Finite, type(click.FLOAT)):
+    """A finite number."""
+
+
+class NumberRange(_Finite, click.FloatRange):
+    """A finite number within bounds."""
+
+
+POSITIVE = NumberRange(min=0.0, min_open=True)
 
 
 def in_csv(columns: Sequence[Column]) -> str:
@@ -86,9 +103,8 @@ def show(columns: Sequence[Column], output: str | None) -> None:
 
 
 def state_columns(states: Any, units: str) -> list[Column]:
-    """Columns of states, shape (n, 6), nondimensional, rotating frame; they name unit and frame."""
-    from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
-
+    """Columns of states, shape (n, 6), nondimensional, rotating frame; they name unit, frame and
+    origin."""
     if units == "nd":
         lengths, speeds, forms = ("_nd", 1.0), ("_nd", 1.0), (".9f", ".9f")
     else:
@@ -98,4 +114,8 @@ def state_columns(states: Any, units: str) -> list[Column]:
     for index, name in enumerate(("x", "y", "z", "vx", "vy", "vz")):
         unit, factor = speeds if index >= 3 else lengths
         columns.append(Column(name + unit, states[:, index] * factor, forms[index // 3]))
-    return [*columns, Column("frame", ["rotating"] * len(states))]
+    return [
+        *columns,
+        Column("frame", ["rotating"] * len(states)),
+        Column("center", ["EARTH BARYCENTER"] * len(states)),
+    ]

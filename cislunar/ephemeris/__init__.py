@@ -9,6 +9,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "kernel": ["DEFAULT_KERNEL"],
     "sampling": ["check_coverage", "interpolate_sun", "rotating_frame", "sample_ephemeris"],
     "time_scales": ["J2000_JD", "TIME_SYSTEMS", "clock_seconds", "clock_text", "clock_to_tdb",
-        "julian_date", "tdb_seconds", "tdb_to_clock", "utc_to_tdb"],
+        "julian_date", "tdb_after", "tdb_seconds", "tdb_since", "tdb_to_clock", "utc_to_tdb"],
 })
 # fmt: on

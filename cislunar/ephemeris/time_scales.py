@@ -52,10 +52,19 @@ def tai_minus_utc(time_utc_jd: ArrayLike) -> Array:
 
 def utc_to_tdb(time_utc_jd: ArrayLike) -> Array:
     """TDB seconds past J2000 (SPICE's ET) of Julian dates in UTC, from 1972 on. TDB - TT is
-    ``1.657 ms sin(E)`` with the Earth's eccentric anomaly E, the formula of SPICE."""
-    jd = np.asarray(time_utc_jd, dtype=float)
-    tt = (jd - J2000_JD) * SECONDS_PER_DAY + tai_minus_utc(jd) + _TT_MINUS_TAI_S
-    return tt + _tdb_minus_tt(tt)
+    ``1.657 ms sin(E)`` with the Earth's eccentric anomaly E, the formula of SPICE.
+
+    A Julian date has a resolution of 40 microseconds. It stands for the nearest date with four
+    decimals of a second, so that a calendar date with no more decimals is recovered exactly.
+    """
+    elapsed = (np.asarray(time_utc_jd, dtype=float) - J2000_JD) * SECONDS_PER_DAY
+    return clock_to_tdb(np.round(elapsed, 4), "UTC")
+
+
+def _leaps(clock: Array) -> Array:
+    """TAI - UTC at dates in UTC. Their days decide, because the Julian date of a time shortly
+    before midnight is rounded to the next day."""
+    return tai_minus_utc(J2000_JD - 0.5 + np.floor(clock / SECONDS_PER_DAY + 0.5))
 
 
 def _tdb_minus_tt(tt: Array) -> Array:
@@ -127,7 +136,7 @@ def clock_to_tdb(seconds: ArrayLike, system: str) -> Array:
         raise ConfigurationError(f"clock {system!r} is unknown: use one of {list(TIME_SYSTEMS)}")
     if system == "TDB":
         return clock.copy()
-    leaps = tai_minus_utc(J2000_JD + clock / SECONDS_PER_DAY) if system == "UTC" else 0.0
+    leaps = _leaps(clock) if system == "UTC" else 0.0
     tt = clock + leaps + (0.0 if system == "TT" else _TT_MINUS_TAI_S)
     return tt + _tdb_minus_tt(tt)
 
@@ -138,8 +147,7 @@ def tdb_seconds(instant: str | float) -> float:
     Parameters
     ----------
     instant : str or float
-        ISO 8601 date (see `clock_seconds`), or Julian date, which has a resolution of 40
-        microseconds.
+        ISO 8601 date (see `clock_seconds`), or Julian date (see `utc_to_tdb`).
 
     Raises
     ------
@@ -167,9 +175,27 @@ def tdb_to_clock(tdb_s: ArrayLike, system: str) -> Array:
         return clock
     clock = clock - _TT_MINUS_TAI_S
     if system == "UTC":
-        leaps = tai_minus_utc(J2000_JD + clock / SECONDS_PER_DAY)
-        clock = clock - tai_minus_utc(J2000_JD + (clock - leaps) / SECONDS_PER_DAY)
+        clock = clock - _leaps(clock - _leaps(clock))
     return clock
+
+
+def tdb_after(epoch_tdb_s: ArrayLike, elapsed_s: ArrayLike) -> Array:
+    """TDB seconds past J2000 at times after an epoch.
+
+    Parameters
+    ----------
+    epoch_tdb_s : array_like
+        Epoch, TDB seconds past J2000.
+    elapsed_s : array_like
+        Times since the epoch, in seconds of TT, TAI and UTC, so that equal steps are equal steps of
+        dates in UTC. Seconds of TDB differ from them by up to 30 microseconds a day.
+    """
+    return clock_to_tdb(tdb_to_clock(epoch_tdb_s, "TT") + np.asarray(elapsed_s, dtype=float), "TT")
+
+
+def tdb_since(epoch_tdb_s: ArrayLike, tdb_s: ArrayLike) -> Array:
+    """Seconds of TT, TAI and UTC since an epoch; the inverse of `tdb_after`."""
+    return tdb_to_clock(tdb_s, "TT") - tdb_to_clock(epoch_tdb_s, "TT")
 
 
 def clock_text(seconds: float) -> str:

@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "csv_lines": ["listed", "read_lines"],
     "inertial": ["Epoch", "epoch_at", "rotating_states"],
     "oem": ["Segment", "oem_text", "read_oem", "state_at"],
-    "state_tables": ["segments_csv"],
+    "state_tables": ["read_segments", "segments_csv"],
     "table_rows": ["Columns", "PERIOD", "POSITION", "Row", "VELOCITY", "check_closed",
         "check_state", "named_rows", "quantity_columns", "row_names", "row_numbers", "row_period",
         "row_position", "row_state"],

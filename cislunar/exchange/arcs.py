@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
+from cislunar.ephemeris.time_scales import tdb_after, tdb_since
 from cislunar.exchange.inertial import Epoch, inertial_covariances, inertial_states, rotating_states
 from cislunar.exchange.oem import Segment
 
@@ -40,7 +41,7 @@ def arc(
     state : array_like, shape (time, 6)
         Nondimensional, rotating frame.
     elapsed_s : array_like, shape (time,)
-        Times since the epoch, s.
+        Times since the epoch, s of UTC (see `cislunar.ephemeris.time_scales.tdb_after`).
     epoch : Epoch
         Epoch and axes, from `cislunar.exchange.inertial.epoch_at`.
     object_id : str
@@ -55,7 +56,7 @@ def arc(
         name,
         object_id or name,
         center,
-        epoch.tdb_s + times,
+        tdb_after(epoch.tdb_s, times),
         inertial_states(state, times, epoch, center),
     )
     if covariance is None:
@@ -78,9 +79,9 @@ def rotating_arc(segment: Segment, epoch: Epoch) -> tuple[Array, Array]:
     Returns
     -------
     elapsed_s : ndarray, shape (time,)
-        Times since the epoch, s.
+        Times since the epoch, s of UTC.
     state : ndarray, shape (time, 6)
         Nondimensional, rotating frame.
     """
-    elapsed = segment.tdb_s - epoch.tdb_s
+    elapsed = tdb_since(epoch.tdb_s, segment.tdb_s)
     return elapsed, rotating_states(segment.state, elapsed, epoch, segment.center)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import KroghInterpolator
 
+from cislunar.constants import DATE_SYSTEM
 from cislunar.ephemeris.time_scales import (
     TIME_SYSTEMS,
     clock_seconds,
@@ -88,7 +89,7 @@ def oem_text(
     created: str,
     comments: Sequence[str] = (),
     originator: str = "CISLUNAR",
-    time_system: str = "UTC",
+    time_system: str = DATE_SYSTEM,
 ) -> str:
     """Text of a message, version 2.0; its numbers have 17 digits and are read back unchanged.
 

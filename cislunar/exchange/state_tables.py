@@ -1,8 +1,9 @@
 """Arcs of objects as a comma-separated table, for spreadsheets and data frames.
 
-Each row has an object and a time: ``object, object_id, center, epoch`` (ISO 8601, TDB), position
-and velocity ``x_km ... vz_km_s`` in the ICRF, and, if there are covariances, their lower triangle
-row by row, ``cov_x_x ... cov_vz_vz`` (km^2, km^2/s, km^2/s^2), empty at times without a covariance.
+Each row has an object and a time: ``object, object_id, center, frame`` (ICRF), a date in the time
+scale that its column names (ISO 8601; ``epoch_utc``, ``epoch_tai``, ``epoch_tt`` or ``epoch_tdb``),
+position and velocity ``x_km ... vz_km_s``, and, if there are covariances, their lower triangle row
+by row, ``cov_x_x ... cov_vz_vz`` (km^2, km^2/s, km^2/s^2), empty at times without a covariance.
 """
 
 import csv
@@ -12,32 +13,52 @@ from pathlib import Path
 
 import numpy as np
 
-from cislunar.ephemeris.time_scales import clock_seconds, clock_text
+from cislunar.constants import DATE_SYSTEM
+from cislunar.ephemeris.time_scales import (
+    TIME_SYSTEMS,
+    clock_seconds,
+    clock_text,
+    clock_to_tdb,
+    tdb_to_clock,
+)
 from cislunar.errors import InputFileError
 from cislunar.exchange.csv_lines import listed, read_lines
 from cislunar.exchange.inertial import CENTERS
-from cislunar.exchange.oem import SAME_TIME_S, Segment
+from cislunar.exchange.oem import FRAMES, SAME_TIME_S, Segment
 
 _STATE_COLUMNS = ("x_km", "y_km", "z_km", "vx_km_s", "vy_km_s", "vz_km_s")
-_HEAD = ("object", "object_id", "center", "epoch", *_STATE_COLUMNS)
+_LABELS = ("object", "object_id", "center")
+_DATES = {f"epoch_{system.lower()}": system for system in TIME_SYSTEMS}
+"""Columns of dates, and their time scales."""
+_OLD_DATES = {"epoch": "TDB"}
+"""Column of dates in tables of version 0.1, which have no column of the frame."""
 _AXES = ("x", "y", "z", "vx", "vy", "vz")
 _ROWS, _COLUMNS = np.tril_indices(6)
 _COVARIANCE = tuple(f"cov_{_AXES[i]}_{_AXES[j]}" for i, j in zip(_ROWS, _COLUMNS, strict=True))
 
 
-def segments_csv(segments: Iterable[Segment]) -> str:
-    """Table of segments, as text; numbers are read back unchanged. Covariances at times without a
-    state are omitted."""
+def segments_csv(segments: Iterable[Segment], *, time_system: str = DATE_SYSTEM) -> str:
+    """Table of segments, as text; numbers are read back unchanged.
+
+    Parameters
+    ----------
+    segments : iterable of Segment
+        Arcs, in order. Covariances at times without a state are omitted.
+    time_system : {"UTC", "TAI", "TT", "TDB"}
+        Time scale of the dates, which are written to the microsecond.
+    """
     given = list(segments)
     covered = any(len(each.covariance) for each in given)
     file = io.StringIO()
     table = csv.writer(file, lineterminator="\n")
-    table.writerow([*_HEAD, *(_COVARIANCE if covered else ())])
+    dates = f"epoch_{time_system.lower()}"
+    table.writerow([*_LABELS, "frame", dates, *_STATE_COLUMNS, *(_COVARIANCE if covered else ())])
     for each in given:
-        for time, state in zip(each.tdb_s, each.state, strict=True):
+        clock = tdb_to_clock(each.tdb_s, time_system)
+        for time, date, state in zip(each.tdb_s, clock, each.state, strict=True):
             at = np.flatnonzero(np.abs(each.covariance_tdb_s - time) <= SAME_TIME_S)
             known = each.covariance[at[0]][_ROWS, _COLUMNS] if at.size else [""] * covered * 21
-            label = each.name, each.object_id, each.center, clock_text(time)
+            label = each.name, each.object_id, each.center, FRAMES[0], clock_text(date)
             table.writerow(
                 [*label, *map(float, state), *(known if not at.size else map(float, known))]
             )
@@ -46,25 +67,30 @@ def segments_csv(segments: Iterable[Segment]) -> str:
 
 def read_segments(path: str | Path) -> list[Segment]:
     """Read a table of `segments_csv`, in which the rows of an object are consecutive: one segment
-    for each object, in the order of the file."""
+    for each object, in the order of the file. The column ``epoch`` of tables of version 0.1, which
+    do not name a frame, has dates in TDB and states in the ICRF."""
     lines = [(number, fields) for number, fields in read_lines(path, "state") if any(fields)]
     header = lines[0][1] if lines else []
-    lacking = [name for name in _HEAD if name not in header]
+    lacking = [name for name in (*_LABELS, *_STATE_COLUMNS) if name not in header]
     if lacking:
         raise InputFileError(
             f"{path}, row 1: no column {lacking[0]}; states are in km and km/s, ICRF; the header "
             f"has {listed(header)}"
         )
+    dates, system = _date_column(path, header)
     arcs: dict[tuple[str, ...], list[list[float]]] = {}
     for number, fields in lines[1:]:
         row = dict(zip(header, fields, strict=False))
         try:
-            names = ("epoch", *_STATE_COLUMNS, *(_COVARIANCE if row.get(_COVARIANCE[0]) else ()))
-            values = [clock_seconds(row[names[0]]), *(float(row[name]) for name in names[1:])]
+            names = (*_STATE_COLUMNS, *(_COVARIANCE if row.get(_COVARIANCE[0]) else ()))
+            time = float(clock_to_tdb(clock_seconds(row[dates]), system))
+            values = [time, *(float(row[name]) for name in names)]
             if len(fields) != len(header) or not np.all(np.isfinite(values)):
                 raise ValueError("fields are missing, or numbers not finite")
             if row["center"] not in CENTERS:
                 raise ValueError(f"center {row['center']!r} is none of {', '.join(CENTERS)}")
+            if row.get("frame", FRAMES[0]) not in FRAMES:
+                raise ValueError(f"frame {row['frame']!r} is none of {', '.join(FRAMES)}")
             earlier = arcs.setdefault((row["object"], row["object_id"], row["center"]), [])
             if earlier and not values[0] > earlier[-1][0]:
                 raise ValueError("the epoch is not later than in the row before; sort the rows")
@@ -72,6 +98,18 @@ def read_segments(path: str | Path) -> list[Segment]:
             raise InputFileError(f"{path}, row {number}: {error}") from error
         earlier.append(values)
     return [_arc(label, rows) for label, rows in arcs.items()]
+
+
+def _date_column(path: str | Path, header: list[str]) -> tuple[str, str]:
+    """Column of the dates, and their time scale, which the column or an old header determines."""
+    known = _DATES if "frame" in header else _OLD_DATES
+    found = [name for name in header if name in _DATES | _OLD_DATES]
+    if len(found) == 1 and found[0] in known:
+        return found[0], known[found[0]]
+    raise InputFileError(
+        f"{path}, row 1: the time scale or the frame is not stated; give the dates in one column "
+        f"{', '.join(_DATES)} and the frame in a column frame; the header has {listed(header)}"
+    )
 
 
 def _arc(label: tuple[str, ...], rows: list[list[float]]) -> Segment:

@@ -35,8 +35,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     except (OSError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputFileError(
-            f"cannot write {path}: {reason}; check that the results folder is writable and the "
-            "disk not full"
+            f"cannot write {path}: {reason}; check that {path.parent} is a folder that can be "
+            "written to, and the disk not full"
         ) from error
 
 

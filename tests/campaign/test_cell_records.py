@@ -27,6 +27,8 @@ from cislunar.errors import ConfigurationError
 from cislunar.evaluation.metrics import attitude_angle_deg
 from cislunar.exchange.arcs import COMMENTS, rotating_arc
 from cislunar.exchange.oem import oem_text, read_oem
+from cislunar.exchange.state_tables import read_segments, segments_csv
+from cislunar.figures.labels import target_text
 from cislunar.figures.tracking.norms import selected_targets_figure
 from cislunar.runtime.netcdf import read_dataset, write_dataset
 from cislunar.tasking.settings import RECORDABLE
@@ -222,6 +224,10 @@ def test_ids_of_a_users_table_reach_the_data_set_and_the_message(inputs, tmp_pat
     path = tmp_path / "cell.oem"
     path.write_text(oem_text(cell_arcs(found, inputs.sun), created="2030-01-01T00:00:00"))
     assert [each.name for each in read_oem(path)] == names.tolist()
+    states = tmp_path / "cell.csv"
+    states.write_text(segments_csv(cell_arcs(found, inputs.sun)))
+    assert [each.name for each in read_segments(states)] == names.tolist()
+    assert [target_text(found, k) for k in range(names.size)] == names.tolist()
 
 
 def test_targets_of_the_library_are_named_by_class_and_row(recorded):

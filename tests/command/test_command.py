@@ -58,6 +58,7 @@ COMMANDS = [*commands()]
 def test_help_teaches_by_examples_that_can_be_typed(path, command):
     text = call(*path, "--help").output
     assert "--quiet" in text and "--verbose" in text
+    assert "None" not in text
     assert not (path and command.get_short_help_str(66).endswith("..."))
     examples = [line.split() for line in text.splitlines() if line.startswith("    cislunar ")]
     assert examples
@@ -99,7 +100,7 @@ def test_members_are_those_of_the_library(units):
     names = [axis + tails[0] for axis in "xyz"] + [f"v{axis}{tails[1]}" for axis in "xyz"]
     scale = np.repeat([length, speed], 3)
     assert np.array_equal(numbers(rows, *names), members.state * scale)
-    assert {row["frame"] for row in rows} == {"rotating"}
+    assert {(row["frame"], row["center"]) for row in rows} == {("rotating", "EARTH BARYCENTER")}
 
 
 def test_a_period_in_days_selects_members_of_all_families_that_take_it():
@@ -161,6 +162,8 @@ def test_sightings_are_reported_for_every_time():
     fainter = numbers(small, "magnitude_mag") - numbers(rows, "magnitude_mag")
     assert fainter == pytest.approx(5.0 * np.log10(2.0))
     assert "of 2 times" in call("see", *orbits[:4], "--hours", 1).stderr
+    dynamical = table("see", *orbits, "--epoch", "2024-10-02T12:00:00", "--time-system", "TDB")
+    assert dynamical[0]["time_tdb"].startswith("2024-10-02T12:01:09.18")
 
 
 STATE = "1.12,0,0.18,0,-0.22,0"
@@ -204,7 +207,36 @@ HOSTILE = {
     "no such years": (f"see --observer {HALO} --target {HALO} --epoch 2400-01-01", "ephemeris"),
     "backwards": (f"see --observer {HALO} --target {HALO} --hours -1", "'--hours'"),
     "flat target": (f"see --observer {HALO} --target {HALO} --radius 0", "'--radius'"),
+    "a folder that cannot be made": (
+        "orbits list --output /proc/none/a.csv",
+        "check that /proc/none is a folder that can be written to",
+    ),
     "no results": ("verify no/such/folder", "no/such/folder: no such folder"),
+    "a file of results": (f"verify {ROOT}/README.md", "README.md: is a file, not a folder"),
+    "nothing to verify": (
+        f"verify {ROOT}/workflow/schemas",
+        "schemas: contains no result (.nc, .csv",
+    ),
+    "no results to document": (
+        f"docs update --directory {ROOT} --results none",
+        f"--results {ROOT}/none: no such folder",
+    ),
+    "a file to document": (
+        f"docs update --directory {ROOT} --results README.md",
+        f"--results {ROOT}/README.md: is not a folder",
+    ),
+    "a folder of settings": (
+        f"run --directory {ROOT} --configfile config",
+        f"--configfile {ROOT}/config: is not a file",
+    ),
+    "no settings for Snakemake": (
+        f"run --directory {ROOT} -- --dry-run --configfile {QUICK[1]} none.yaml -- task1",
+        "none.yaml: no such file",
+    ),
+    "no equated settings": (
+        f"report --directory {ROOT} -- --configfile=none.yaml task1",
+        "none.yaml: no such file",
+    ),
     "no repository": ("run --directory /proc", "/proc/Snakefile: no such file"),
     "no settings": (f"run --directory {ROOT} --configfile none.yaml", "none.yaml: no such file"),
     "no documents": ("docs update --directory /proc", "needs the folder of the repository"),

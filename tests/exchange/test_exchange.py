@@ -18,10 +18,13 @@ from cislunar.ephemeris.time_scales import (
     clock_text,
     clock_to_tdb,
     julian_date,
+    tdb_after,
+    tdb_since,
     tdb_to_clock,
     utc_to_tdb,
 )
 from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.exchange.arcs import arc, rotating_arc
 from cislunar.exchange.catalog import COLUMNS, read_catalog
 from cislunar.exchange.inertial import (
     CENTERS,
@@ -100,6 +103,37 @@ def test_clocks_are_read_and_written(system, date):
         assert tdb == pytest.approx(utc_to_tdb(julian_date(date)), abs=1e-4)
 
 
+def test_a_julian_date_stands_for_the_calendar_date_it_was_made_from():
+    random = np.random.default_rng(3)
+    for seconds in random.integers(clock_seconds("1973-01-01"), clock_seconds("2050-01-01"), 200):
+        date = clock_text(float(seconds) + 0.0625)
+        exact = clock_to_tdb(clock_seconds(date), "UTC")
+        assert utc_to_tdb(julian_date(date)) == exact
+        assert clock_text(tdb_to_clock(exact, "UTC")) == date
+
+
+@pytest.mark.parametrize("fraction", ["999999", "999990", "000001"])
+def test_a_leap_second_begins_at_midnight_exactly(fraction):
+    days = "2016-12-31T23:59:59", "2017-01-01T00:00:00"
+    date = f"{days[fraction < '5']}.{fraction}"
+    tdb = clock_to_tdb(clock_seconds(date), "UTC")
+    assert clock_text(tdb_to_clock(tdb, "UTC")) == date
+    late = tdb - clock_to_tdb(clock_seconds("2016-12-31T23:59:59"), "UTC")
+    assert late == pytest.approx(float(f"0.{fraction}") + 2.0 * (fraction < "5"), abs=3e-7)
+
+
+def test_equal_steps_are_equal_steps_of_dates_in_utc():
+    epoch = clock_to_tdb(clock_seconds("2025-01-03T06:30:00"), "UTC")
+    elapsed = np.arange(0.0, 60.0 * 86_400.0, 21_600.0)
+    dates = [clock_text(each) for each in tdb_to_clock(tdb_after(epoch, elapsed), "UTC")]
+    assert {date[10:] for date in dates} == {
+        f"T{hour}:30:00.000000" for hour in ("00", "06", "12", "18")
+    }
+    np.testing.assert_allclose(tdb_since(epoch, tdb_after(epoch, elapsed)), elapsed, atol=3e-7)
+    drift = tdb_after(epoch, elapsed) - epoch - elapsed
+    assert 2e-5 < np.abs(np.diff(drift)).max() * 4 < 3e-5  # per day
+
+
 def test_a_clock_does_not_change_a_date():
     assert clock_text(clock_seconds("2024-10-01T06:07:08.25")) == "2024-10-01T06:07:08.250000"
 
@@ -163,15 +197,46 @@ def test_another_reader_agrees(segment, tmp_path):
     np.testing.assert_allclose(read_oem(tmp_path / "saved.oem")[0].state, segment.state, rtol=1e-12)
 
 
-def test_a_table_reads_back(segment, tmp_path):
-    path = file_of(tmp_path, segments_csv([segment]), "arc.csv")
+@pytest.mark.parametrize("system", ["UTC", "TAI", "TT", "TDB"])
+def test_a_table_reads_back(segment, tmp_path, system):
+    path = file_of(tmp_path, segments_csv([segment], time_system=system), "arc.csv")
     (back,) = read_segments(path)
     assert back[:3] == segment[:3]
     np.testing.assert_array_equal(back.state, segment.state)
     np.testing.assert_array_equal(back.covariance, segment.covariance)
     np.testing.assert_allclose(back.tdb_s, segment.tdb_s, rtol=0.0, atol=1e-6)
-    assert segments_csv([back]) == path.read_text(encoding="utf-8")
-    assert pd.read_csv(path)["x_km"].to_numpy() == pytest.approx(segment.state[:, 0])
+    assert segments_csv([back], time_system=system) == path.read_text(encoding="utf-8")
+    table = pd.read_csv(path)
+    assert table["x_km"].to_numpy() == pytest.approx(segment.state[:, 0])
+    assert set(table["frame"]) == {"ICRF"} and set(table["center"]) == {"EARTH"}
+    first = clock_text(tdb_to_clock(segment.tdb_s[0], system))
+    assert table[f"epoch_{system.lower()}"][0] == first
+
+
+def test_messages_and_tables_have_the_same_dates_by_default(tmp_path):
+    epoch = epoch_at(julian_date("2025-01-03T06:30:00"))
+    elapsed = np.arange(0.0, 20.0 * 86_400.0, 3_600.0)
+    states = np.tile(HALO, (elapsed.size, 1))
+    given = arc("HALO", states, elapsed, epoch, covariance=np.tile(np.eye(6), (elapsed.size, 1, 1)))
+    text = written(given)
+    table = file_of(tmp_path, segments_csv([given]), "arc.csv")
+    dates = pd.read_csv(table)["epoch_utc"].tolist()
+    wanted = np.datetime64("2025-01-03T06:30:00.000000") + elapsed.astype("timedelta64[s]")
+    assert dates == wanted.astype(str).tolist()
+    assert re.findall(r"^(2025\S+) ", text, flags=re.MULTILINE) == dates
+    assert re.findall(r"^EPOCH = (\S+)", text, flags=re.MULTILINE) == dates
+    for (back,) in (read_oem(file_of(tmp_path, text)), read_segments(table)):
+        np.testing.assert_allclose(back.tdb_s, given.tdb_s, rtol=0.0, atol=3e-7)
+        np.testing.assert_allclose(rotating_arc(back, epoch)[0], elapsed, rtol=0.0, atol=3e-7)
+
+
+def test_a_table_of_version_0_1_has_dates_in_tdb(segment, tmp_path):
+    text = segments_csv([segment], time_system="TDB")
+    old = text.replace("frame,epoch_tdb", "epoch").replace(",ICRF,", ",")
+    assert old.startswith("object,object_id,center,epoch,x_km")
+    (back,) = read_segments(file_of(tmp_path, old, "old.csv"))
+    np.testing.assert_allclose(back.tdb_s, segment.tdb_s, rtol=0.0, atol=1e-6)
+    np.testing.assert_array_equal(back.covariance, segment.covariance)
 
 
 @pytest.mark.parametrize("at", [0.0, 1_800.0, 43_000.0, 82_799.0])
@@ -235,6 +300,10 @@ def test_mixed_units_are_refused(segment, tmp_path, columns):
         ("x_km", "x_m", "row 1: no column x_km"),
         ("2024-10-01T02", "2024-31-01T02", "row 4: .* is not a date"),
         ("EARTH", "PLUTO", "row 2: center 'PLUTO' is none of"),
+        ("ICRF", "ITRF", "row 2: frame 'ITRF' is none of ICRF"),
+        ("epoch_utc", "epoch", "row 1: the time scale or the frame is not stated; give"),
+        ("epoch_utc", "epoch_gps", "row 1: the time scale or the frame is not stated; give"),
+        ("frame", "axes", "row 1: the time scale or the frame is not stated; give"),
         (r"2024-10-01T03:\S+?,\S+?,", "2024-10-01T03:00,x,", "row 5: could not convert"),
         (r",[^,]*\n$", "\n", "row 25: fields are missing"),
     ],

@@ -315,6 +315,8 @@ def test_damaged_tables_and_figures_are_named(tmp_path, name, whole):
 def test_verifying_a_missing_folder(tmp_path, capsys):
     assert main([str(tmp_path / "nowhere")]) == 2
     assert "nowhere: no such folder" in capsys.readouterr().err
+    assert main([str(tmp_path)]) == 2
+    assert f"{tmp_path}: contains no result" in capsys.readouterr().err
 
 
 @pytest.fixture
