@@ -187,7 +187,8 @@ def _find(first, scene, forces, spread, limits, orbits, exposures, begin, detect
                 residual[n_pairs], design[n_pairs] = here, row
                 noise[n_pairs, 0], noise[n_pairs, 1] = variance[p, 1], variance[p, 2]
                 log_density = -0.5 * (spare * spare / bright + np.log(2.0 * np.pi * bright))
-                weight[n_pairs] = np.log(kept * inside) + log_density - log_other[p]
+                # a detection is in the field, so that the direction alone has its density there
+                weight[n_pairs] = np.log(kept) + log_density - log_other[p]
                 n_pairs += 1
     return n_chances, n_pairs
 
@@ -242,7 +243,9 @@ def find_candidates(
     # per rad and mag of the measured values: right ascension is longer than its arc
     log_other = expected.process.log_intensity(magnitude, faintest, expected.unknown_deg2)
     log_other += np.log(np.cos(detections.value[:, 2]))
-    gates = gate_threshold(expected.gate, 2), gate_threshold(expected.gate, 1)
+    # both gates together keep a detection with the stated probability
+    each = float(np.sqrt(expected.gate))
+    gates = gate_threshold(each, 2), gate_threshold(each, 1)
     own = 1.0 - expected.process.detection_loss, expected.sigma, *gates, expected.faintness
     spread = unscented_weights(6).spread
     model = scene, forces, spread, limits, (orbits.translation, _roots(orbits))

@@ -26,12 +26,11 @@ class Custody(Section):
         default=5,
     )
 
-    def satisfied(self, error: Array) -> NDArray[np.bool_]:
-        """Whether errors of states (..., 12) are within the limits, (...); NaN, of a failed
-        estimate, is not."""
+    def satisfied(self, error: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Whether the positions and the attitudes of errors of states (..., 12) are within the
+        limits, (...) each; NaN, of a failed estimate, is not."""
         away_km = LENGTH_UNIT_KM * np.sqrt((error[..., 6:9] ** 2).sum(axis=-1))
-        near = away_km <= self.position_km
-        return near & (attitude_angle_deg(error) <= self.attitude_deg)
+        return away_km <= self.position_km, attitude_angle_deg(error) <= self.attitude_deg
 
 
 def attitude_angle_deg(error: Array, a: float = 0.5) -> Array:

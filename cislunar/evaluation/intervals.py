@@ -123,6 +123,8 @@ _SHARES = (
     "translation_outside_share",
     "tracked_share",
     "custody_share",
+    "position_custody_share",
+    "attitude_custody_share",
 )
 """Quantities that are shares of targets."""
 

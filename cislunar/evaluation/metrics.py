@@ -57,6 +57,8 @@ class TrackingMetrics(NamedTuple):
         never observed.
     custody : ndarray of bool, shape (target,)
         Whether the last state is within `Custody`; of every target, observed or not.
+    custody_position, custody_attitude : ndarray of bool, shape (target,)
+        The same of the position and of the attitude alone.
     """
 
     coverage: Array
@@ -70,6 +72,8 @@ class TrackingMetrics(NamedTuple):
     bound_ratio: Array
     bound_attitude_deg: Array
     custody: NDArray[np.bool_]
+    custody_position: NDArray[np.bool_]
+    custody_attitude: NDArray[np.bool_]
 
 
 class _Sums(NamedTuple):
@@ -182,7 +186,7 @@ class Evaluation:
         self._begin, self._n_final = n_steps - n_final, n_final
         self._sums = _no_sums(n_targets, n_final)
         self._observed = np.zeros(n_targets, dtype=bool)
-        self._custody, self._in_custody = custody, np.zeros(n_targets, dtype=bool)
+        self._custody, self._in_custody = custody, tuple(np.zeros((2, n_targets), dtype=bool))
         self._done = 0
 
     def final(self, n_steps: int) -> NDArray[np.bool_]:
@@ -235,5 +239,6 @@ class Evaluation:
             np.sqrt(_mean_where_finite(sums.turn)),
             np.sqrt(_quotient(sums.error, both) / _quotient(sums.bound, both)),
             np.rad2deg(np.sqrt(_mean_where_finite(sums.least))),
-            self._in_custody,
+            self._in_custody[0] & self._in_custody[1],
+            *self._in_custody,
         )

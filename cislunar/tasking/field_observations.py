@@ -79,7 +79,8 @@ class Associated(NamedTuple):
         Whether the exposure was to follow the track, and whether a detection is of the track's
         target.
     counts : ndarray of int, shape (target, 2)
-        Detections that a track has taken, and those of them that are of another origin.
+        Detections that a track has taken with a probability above a half, and those of them that
+        are of another origin.
     origin : ndarray of int, shape (target,)
         Target that most detections of a track are of, or `FALSE_ALARM`; -2 without a detection.
     """
@@ -214,16 +215,19 @@ def associate_interval(
         estimates.append(found)
     *histories, _ = zip(*estimates, strict=True)
     histories = [np.concatenate(history, axis=1) for history in histories]
-    *row, exposure, detection, used = (np.concatenate(part) for part in zip(*columns, strict=True))
+    *row, exposure, detection, weight, used = (
+        np.concatenate(part) for part in zip(*columns, strict=True)
+    )
     measurements, order = arranged(*row, inputs.ids.size, n_steps)
-    target, exposure, detection, used = (
-        column[order] for column in (row[0], exposure, detection, used)
+    target, exposure, detection, weight, used = (
+        column[order] for column in (row[0], exposure, detection, weight, used)
     )
     taken, source = detection >= 0, np.append(field.origin, FALSE_ALARM)[detection]
     right = taken & (source == target)
     # by track and origin, the last column for false alarms
     of = np.zeros((inputs.ids.size, inputs.ids.size + 1), dtype=np.int64)
-    np.add.at(of, (target[taken & used], source[taken & used]), 1)
+    counted = taken & used & (weight > 0.5)
+    np.add.at(of, (target[counted], source[counted]), 1)
     total = of.sum(axis=1)
     counts = np.column_stack([total, total - np.diagonal(of)])
     most = of.argmax(axis=1)
@@ -273,6 +277,7 @@ class _Columns(NamedTuple):
     variance: Array
     exposure: Indices
     detection: Indices
+    weight: Array
 
 
 def _identified(field: FieldObservations) -> Association:
@@ -358,4 +363,5 @@ def _columns(
         np.concatenate([variance[inside], faintest[exposures.observer[missed]]]),
         exposure,
         np.concatenate([rows.detection[inside], np.full(missed.size, -1)]),
+        np.concatenate([rows.weight[inside], np.zeros(missed.size)]),
     )

@@ -502,6 +502,8 @@ def test_a_cell_holds_what_is_promised(tracked_cell):
         "coverage": ("seed", "target", "component"),
         "final_coverage": ("seed", "target", "component"),
         "custody": ("seed", "target"),
+        "custody_position": ("seed", "target"),
+        "custody_attitude": ("seed", "target"),
         "anees": ("seed", "target", "component"),
         "rmse": ("seed", "target", "component"),
         "bound": ("seed", "time", "target", "component"),
@@ -540,6 +542,9 @@ def test_metrics_agree_with_the_stored_histories(sources):
     np.testing.assert_array_equal(found["custody"], away <= limit)
     held = seed_statistics(found)["custody_share"]
     np.testing.assert_allclose(held, (away <= limit).mean(axis=1))
+    shares = seed_statistics(found)
+    np.testing.assert_allclose(shares["position_custody_share"], (away <= limit).mean(axis=1))
+    assert np.all(shares["attitude_custody_share"] == 1.0)
 
 
 def test_a_rerun_writes_the_same_bytes(sources, tracked_cell, tmp_path):

@@ -119,6 +119,8 @@ def test_custody_is_of_the_last_state_of_every_target():
     used[4] = False
     found = evaluate(error, np.ones_like(error), used, STEP_S)
     np.testing.assert_array_equal(found.custody, [True, False, False, False, True])
+    np.testing.assert_array_equal(found.custody_position, [True, False, True, False, True])
+    np.testing.assert_array_equal(found.custody_attitude, [True, True, False, True, True])
     assert found.status[4] == NEVER_OBSERVED
     wide = metrics.Evaluation(5, N_STEPS, STEP_S, metrics.Custody(12.0, 7.0))
     wide.update(error, np.ones_like(error), used.any(axis=1))

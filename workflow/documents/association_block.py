@@ -21,6 +21,7 @@ _QUANTITIES = {
     "Wrong associations per day": ("wrong_associations_per_day", ".2f"),
     "Tracks lost": ("lost_tracks", ".2f"),
     "Tracks switched": ("switched_tracks", ".2f"),
+    "Targets beyond 10 km": ("beyond_custody", ".1f"),
     "GOSPA (km)": ("gospa", ".1f"),
     "GOSPA ratio": ("gospa_ratio", ".3f"),
     "ANEES": ("anees", ".2f"),

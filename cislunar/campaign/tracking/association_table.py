@@ -13,7 +13,7 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.association.model import KNOWN, AssociationModel
+from cislunar.association.model import FRAMES, KNOWN, AssociationModel
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.summary import seed_statistics
 from cislunar.constants import LENGTH_UNIT_KM
@@ -29,7 +29,11 @@ PLACE = ("clutter", "field_deg", "targets", "mode", "population", "estimator", "
 COLUMNS = ("associator", *PLACE, "quantity", "mean", "low", "high", "seeds")
 """Columns of the table. `clutter`: mean number of false alarms per exposure."""
 
+UNCONFIRMED = "multiple-frames-unconfirmed"
+"""Associator of cells that ask for a single detection as confirmation."""
+
 _COUNTS = ("wrong_associations_per_day", "switched_tracks", "lost_tracks", "never_observed")
+_COUNTS += ("beyond_custody",)
 
 
 def association_rows(cells: Sequence[tuple[Cell, xr.Dataset]], custody_km: float) -> pd.DataFrame:
@@ -40,18 +44,20 @@ def association_rows(cells: Sequence[tuple[Cell, xr.Dataset]], custody_km: float
     cells : sequence of (Cell, Dataset)
         Cells with the metrics of `cislunar.campaign.tracking.summary.read_cell_metrics`.
     custody_km : float
-        Position error, root mean square over the final hours, above which a target is lost that is
-        not lost with known identities.
+        Position error, root mean square over the final hours, above which a target is beyond
+        custody. A track is lost by association if its target is, but not with known identities,
+        and it has taken a wrong detection.
     """
     found = [_described(cell, data, custody_km) for cell, data in cells]
     known = {_reference(place): values for place, values in found if place["associator"] == KNOWN}
     rows = []
     for place, values in found:
-        quantities = {name: each for name, each in values.items() if name != "beyond"}
+        quantities = {key: each for key, each in values.items() if key not in ("beyond", "wrong")}
         same = known.get(_reference(place))
         if same is not None and place["associator"] != TASKED:
             quantities["gospa_ratio"] = values["gospa"] / same["gospa"]
-            quantities["lost_tracks"] = (values["beyond"] & ~same["beyond"]).sum(axis=1)
+            lost = values["beyond"] & ~same["beyond"] & values["wrong"]
+            quantities["lost_tracks"] = lost.sum(axis=1)
         if same is not None:
             quantities["position_ratio"] = values["position_km"] / same["position_km"]
         for name, each in quantities.items():
@@ -67,18 +73,25 @@ def _reference(place: Mapping[str, Any]) -> tuple:
     return tuple(place[name] for name in PLACE if name != "clutter")
 
 
+def _associator(given: AssociationModel) -> str:
+    if not given.in_field:
+        return TASKED
+    return UNCONFIRMED if given.method == FRAMES and given.confirmations == 1 else given.method
+
+
 def _described(
     cell: Cell, data: xr.Dataset, custody_km: float
 ) -> tuple[dict[str, Any], dict[str, Array]]:
     """Settings of a cell, and the quantities of each realization; `beyond` (seed, target) marks
-    targets with a larger position error than `custody_km`."""
+    targets with a larger position error than `custody_km`, `wrong` those whose track has taken a
+    wrong detection."""
     settings = json.loads(data.attrs["settings"])
     given = AssociationModel(**settings.get("association", {}))
     field_deg = float(settings["sensor"]["field_of_view_deg"])
     slots = settings["tasking"].get("slot_minutes") is not None
     mode = "recommended" if slots else "paper"
     place = {
-        "associator": given.method if given.in_field else TASKED,
+        "associator": _associator(given),
         "clutter": round(given.false_alarms_deg2 * field_deg**2, 1) if given.in_field else 0.0,
         "field_deg": field_deg,
         "targets": cell.targets,
@@ -95,8 +108,12 @@ def _described(
         "anees": statistics["anees_mean"][:, [part, part + 1]].mean(axis=1),
         "inconsistent": statistics["inconsistent_translation"],
         "never_observed": statistics["never_observed"],
+        "beyond_custody": (~(error <= custody_km)).sum(axis=1),
         "beyond": ~(error <= custody_km),
     }
+    if "wrong_associations" in data:
+        values["wrong"] = data["wrong_associations"].values.any(axis=1)
+        values["associations_per_day"] = statistics["associations_per_day"]
     for name in ("gospa", "wrong_associations_per_day", "switched_tracks"):
         if name in statistics:
             values[name] = statistics[name]

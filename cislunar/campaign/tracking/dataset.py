@@ -345,6 +345,12 @@ def _results(loop: ClosedLoop) -> dict[str, tuple]:
         "custody": (
             target, found.custody.astype(np.int8), "1",
             "1 where the last position and attitude are within task2.custody"),
+        "custody_position": (
+            target, found.custody_position.astype(np.int8), "1",
+            "1 where the last position is within task2.custody"),
+        "custody_attitude": (
+            target, found.custody_attitude.astype(np.int8), "1",
+            "1 where the last attitude is within task2.custody"),
         "anees": (axes, found.anees, "1", "average normalized estimation error squared"),
         "rmse": (axes, found.rmse, _SEVERAL, "root mean square error"),
         "status": (target, found.status, "1", f"status of the target{_INCONSISTENT}"),

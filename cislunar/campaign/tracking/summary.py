@@ -83,6 +83,8 @@ PER_CELL = {
 """Quantities of a cell with their units."""
 
 WHERE_KEPT = {
+    "position_custody_share": ("1", "share of all targets with the last position in custody"),
+    "attitude_custody_share": ("1", "share of all targets with the last attitude in custody"),
     "planning_gap": (
         "1", "relative amount by which schedules may fall short of the best, largest over epochs"),
     "never_visible": (
@@ -237,6 +239,9 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         "failed": (cell["failed"].values != 0).sum(axis=1),
     }
     found |= outcome_shares(_observation_counts(cell))
+    for part in ("position", "attitude"):
+        if f"custody_{part}" in cell:
+            found[f"{part}_custody_share"] = cell[f"custody_{part}"].values.mean(axis=1)
     if "planning_gap" in cell:
         found["planning_gap"] = cell["planning_gap"].values.max(axis=1)
     if "visible" in cell:

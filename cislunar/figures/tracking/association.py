@@ -17,16 +17,18 @@ _HEAD, _FOOT = 0.32, 0.95
 _ASIDE = 0.12
 """Distance of neighboring series, in steps of the horizontal axis, so that none hides another."""
 
+_NO_LINE = "none"
+
 _STYLES = {
-    "nearest-neighbor": (style.VERMILION, style.DASHED, "s"),
-    "joint-probabilities": (style.GREEN, style.DASH_DOT, "D"),
-    "multiple-frames": (style.BLUE, style.SOLID, "o"),
+    "nearest-neighbor": (style.VERMILION, _NO_LINE, "s"),
+    "joint-probabilities": (style.GREEN, _NO_LINE, "D"),
+    "multiple-frames": (style.BLUE, _NO_LINE, "o"),
 }
 
 ROWS = (
     Row("wrong associations\nper day", ("wrong_associations_per_day",), within=COUNT),
-    Row("tracks lost\nby association", ("lost_tracks",), within=COUNT),
-    Row("GOSPA metric, ratio to\nknown identities", ("gospa_ratio",), log=True, reference=1.0),
+    Row("tracks lost by\nwrong associations", ("lost_tracks",), within=COUNT),
+    Row("GOSPA metric, ratio to\nknown identities", ("gospa_ratio",), reference=1.0),
 )
 """The panels: quantities of ``tables/association.csv``."""
 
@@ -76,11 +78,6 @@ def association_figure(table: pd.DataFrame) -> Figure:
         panels.draw_rows(figure, grid, ROWS, titles, draw)[-1], _COLUMNS, strict=True
     ):
         axes.set_xlabel(label)
-    for axes in figure.axes[: 2 * len(_COLUMNS)]:
-        axes.set_yscale("symlog", linthresh=0.1)
-        axes.set_ylim(bottom=0.0)
-        axes.set_yticks([0.0, 0.1, 1.0, 10.0, 100.0], ["0", "0.1", "1", "10", "100"])
-        axes.set_ylim(top=1.3 * max(1.0, axes.get_ylim()[1]))
     top = layout.note_below(figure, panels.table_note(table))
     layout.legend_below(figure, [one.legend_handle() for one in styles.values()], top, 3)
     return figure
