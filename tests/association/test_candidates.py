@@ -159,11 +159,10 @@ def test_weights_are_the_likelihood_ratio_by_hand(case):
     kappa *= 10.0 ** (0.35 * (near.value[:, 0] - case.limit))
     # the area of a step in right ascension shrinks with the cosine of the declination
     kappa *= np.cos(near.value[:, 2])
-    detected = -np.expm1(window.log_miss) / GATE
-    spread = np.hypot(SIGMA, 0.2)
-    seen = norm(case.magnitude, spread)
-    magnitude = seen.logpdf(near.value[:, 0]) - seen.logcdf(case.limit)
-    expected = log_ratio(magnitude, detected, kappa)
+    # the magnitude's density includes that of being brighter than the limit, and a detection lies
+    # in the field: only the share that is lost remains
+    magnitude = norm(case.magnitude, np.hypot(SIGMA, 0.2)).logpdf(near.value[:, 0])
+    expected = log_ratio(magnitude, 1.0 - PROCESS.detection_loss, kappa)
     np.testing.assert_allclose(window.log_weight, expected, rtol=0.0, atol=1e-6)
 
 
@@ -181,7 +180,7 @@ def test_false_alarms_are_as_dense_as_the_weights_assume():
     per_square = n / (2.0 * np.tan(half)) ** 2
     process = DetectionProcess(false_alarms_deg2=per_square / np.rad2deg(1.0) ** 2)
     magnitude = np.linspace(-10.0, case.limit, 20001)
-    whole = np.trapezoid(np.exp(process.log_intensity(magnitude, case.limit)), magnitude)
+    whole = np.trapezoid(np.exp(process.log_intensity(magnitude, case.limit, 0.0)), magnitude)
     expected = whole * np.cos(dec0) * (2.0 * side) ** 2
     assert box.sum() == pytest.approx(expected, abs=4.0 * np.sqrt(expected))
 
@@ -193,10 +192,11 @@ def test_gates_keep_what_is_near_in_direction_and_magnitude(case):
     total = whole.design @ whole.design.swapaxes(1, 2)
     total[:, [0, 1], [0, 1]] += case.near().variance[:, 1:]
     axis = np.linalg.cholesky(total) @ [0.8, 0.6]
-    reach = np.sqrt(gate_threshold(GATE, 2))
-    bright = np.sqrt(gate_threshold(GATE, 1)) * np.hypot(SIGMA, 0.2)
-    assert reach == pytest.approx(np.sqrt(-2.0 * np.log(1.0 - GATE)))
-    assert bright == pytest.approx(norm.isf(0.5 * (1.0 - GATE)) * np.hypot(SIGMA, 0.2))
+    each = np.sqrt(GATE)  # both gates together keep the share GATE
+    reach = np.sqrt(gate_threshold(each, 2))
+    bright = np.sqrt(gate_threshold(each, 1)) * np.hypot(SIGMA, 0.2)
+    assert reach == pytest.approx(np.sqrt(-2.0 * np.log(1.0 - each)))
+    assert bright == pytest.approx(norm.isf(0.5 * (1.0 - each)) * np.hypot(SIGMA, 0.2))
     value, kept = [], []
     for k in range(N_STEPS):
         for share, fainter, keep in (

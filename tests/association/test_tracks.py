@@ -62,7 +62,7 @@ def test_steps_that_are_not_decided_do_not_count():
     assert tracks.existence[0] == pytest.approx(0.45 / 0.55, rel=1e-14)
 
 
-def test_a_track_without_detections_is_lost_and_deleted_and_comes_back():
+def test_a_confirmed_track_without_detections_is_lost_and_comes_back():
     tracks = known_tracks(2)
     miss = window_of([(0, 0)], [0.7])
     history, existence = [], tracks.existence[0]
@@ -71,8 +71,8 @@ def test_a_track_without_detections_is_lost_and_deleted_and_comes_back():
         existence = existence * 0.3 / (1.0 - existence + existence * 0.3)
         assert tracks.existence[0] == pytest.approx(max(existence, 1e-6), rel=1e-9)
         history.append(int(tracks.status[0]))
-    # odds of 1e6 fall by 0.3 each: below 1 / 19 after 14, below 1e-5 after 22 misses
-    assert history == [CONFIRMED] * 13 + [LOST] * 8 + [DELETED] * 9
+    # odds of 1e6 fall by 0.3 each: below 1 / 19 after 14; a confirmed track is never deleted
+    assert history == [CONFIRMED] * 13 + [LOST] * 17
     assert tracks.status[1] == CONFIRMED and tracks.existence[1] == pytest.approx(1.0 - 1e-6)
     tracks.update(miss, taken((0, 0, 1.0)), 40, np.array([3]), 4)
     assert STATUS_NAMES[tracks.status[0]] == "confirmed"
