@@ -19,7 +19,7 @@ STUDY = "association"
 
 _QUANTITIES = {
     "Wrong associations per day": ("wrong_associations_per_day", ".2f"),
-    "Tracks lost": ("lost_tracks", ".2f"),
+    "Tracks lost by wrong associations": ("lost_tracks", ".2f"),
     "Tracks switched": ("switched_tracks", ".2f"),
     "Targets beyond 10 km": ("beyond_custody", ".1f"),
     "GOSPA (km)": ("gospa", ".1f"),
