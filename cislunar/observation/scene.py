@@ -100,6 +100,8 @@ def make_scene(
     ConfigurationError
         If the inputs disagree, or a position is not finite or evidently in km.
     """
+    if np.shape(observer_position)[:1] == (0,):
+        raise ConfigurationError("observer_position has no observers; give at least one")
     axes_of_tracks = ("observer", "time", 3)
     observers = np.ascontiguousarray(
         array_of("observer_position", observer_position, axes_of_tracks)

@@ -74,7 +74,7 @@ class Associated(NamedTuple):
     ----------
     measurements : Measurements
     outcome : ndarray of uint8, shape (row,)
-    estimates : Estimates
+    estimates : cislunar.estimation.estimator.Estimates
     commanded, right : ndarray of bool, shape (row,)
         Whether the exposure was to follow the track, and whether a detection is of the track's
         target.

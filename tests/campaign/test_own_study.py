@@ -217,7 +217,7 @@ def test_a_faulty_table_of_observers_is_found_before_anything_runs(study, tmp_pa
     with pytest.raises(InputFileError, match=r"observers\.csv: no such file"):
         check_orbits(changed)
     table.write_text("id,family,jacobi\none,Vertical_L1,5\n")
-    with pytest.raises(InputFileError, match=r"row 2, observer 'one': Vertical_L1 has no member"):
+    with pytest.raises(InputFileError, match=r"row 2, observer 'one': no member of Vertical_L1"):
         check_orbits(changed)
     table.write_text("id,x,y,z,vx,vy,vz\none,0.8,0.1,0.05,0.1,-0.2,0.1\n")
     check_orbits(changed)

@@ -291,11 +291,11 @@ def test_the_intensity_of_false_alarms_is_the_density_that_the_association_assum
     """Per square radian of the tangent plane and magnitude: the integral over all is the mean."""
     process = DetectionProcess(false_alarms_deg2=RATE, false_alarm_slope=SLOPE)
     magnitude = np.linspace(-20.0, 18.0, 200001)
-    density = np.exp(process.log_intensity(magnitude, 18.0))
+    density = np.exp(process.log_intensity(magnitude, 18.0, 0.0))
     total = np.trapezoid(density, magnitude) * np.deg2rad(1.0) ** 2
     assert total == pytest.approx(RATE, rel=1e-6)
-    assert process.log_intensity(15.0, 18.0) == pytest.approx(
-        process.log_intensity(18.0, 18.0) - 3.0 * SLOPE * np.log(10.0)
+    assert process.log_intensity(15.0, 18.0, 0.0) == pytest.approx(
+        process.log_intensity(18.0, 18.0, 0.0) - 3.0 * SLOPE * np.log(10.0)
     )
 
 

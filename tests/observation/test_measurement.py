@@ -176,7 +176,7 @@ def test_impossible_sensors_are_refused(bad):
 
 
 def test_scene_errors_name_the_key():
-    with pytest.raises(ConfigurationError, match="observers"):
+    with pytest.raises(ConfigurationError, match="observer_position has no observers"):
         make_scene(np.empty((0, 3, 3)), np.zeros((3, 3)), 60.0)
     with pytest.raises(ConfigurationError, match="sun_position"):
         make_scene(np.ones((1, 3, 3)), np.zeros((4, 3)), 60.0)
