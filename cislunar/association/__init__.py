@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "candidates": ["Expectation", "find_candidates"],
     "likelihood": ["gate_threshold", "gaussian_log_likelihood", "log_ratio"],
     "methods": ["associate"],
-    "model": ["ASSOCIATORS", "AssociationModel", "KNOWN"],
+    "model": ["ASSOCIATORS", "AssociationModel", "FRAMES", "KNOWN"],
     "multiple_frames": ["associate_frames"],
     "nearest_neighbor": ["nearest_neighbor"],
     "probabilistic": ["equivalent_direction", "joint_probabilities", "marginals"],
