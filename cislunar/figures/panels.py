@@ -37,7 +37,7 @@ class Row(NamedTuple):
     within: tuple[float, float] = (-np.inf, np.inf)
 
 
-class Estimates(NamedTuple):
+class PlottedValues(NamedTuple):
     """A quantity at some places: means, ends of intervals, and single values, shape (place, value).
 
     A place has either an interval or, with fewer than `FEWEST` realizations, single values; what it
@@ -49,9 +49,9 @@ class Estimates(NamedTuple):
     high: layout.Array
     single: layout.Array
 
-    def scaled(self, factor: float) -> "Estimates":
+    def scaled(self, factor: float) -> "PlottedValues":
         """In another unit."""
-        return Estimates(*(factor * each for each in self))
+        return PlottedValues(*(factor * each for each in self))
 
 
 def _estimates(
@@ -60,12 +60,12 @@ def _estimates(
     high: layout.Array,
     single: layout.Array,
     counts: layout.Array,
-) -> Estimates:
+) -> PlottedValues:
     few = np.asarray(counts) < FEWEST
     low, high = (np.where(few, np.nan, end) for end in (low, high))
     # the only realization is the mean itself
     shown = few & (np.asarray(counts) > 1)
-    return Estimates(mean, low, high, np.where(shown[:, None], single, np.nan))
+    return PlottedValues(mean, low, high, np.where(shown[:, None], single, np.nan))
 
 
 def rows_of(table: pd.DataFrame, row: Row) -> pd.DataFrame:
@@ -96,14 +96,14 @@ def set_values(
         axis.set_major_locator(MaxNLocator(steps, min_n_ticks=1))
 
 
-def estimates(values: ArrayLike, intervals: Sequence[Interval]) -> Estimates:
+def estimates(values: ArrayLike, intervals: Sequence[Interval]) -> PlottedValues:
     """From the values of the realizations, shape (place, realization), and their intervals."""
     mean, low, high = (np.array([each[k] for each in intervals], dtype=float) for k in range(3))
     values = np.asarray(values, dtype=float).reshape(len(intervals), -1)
     return _estimates(mean, low, high, values, np.array([each.count for each in intervals]))
 
 
-def table_estimates(rows: pd.DataFrame) -> Estimates:
+def table_estimates(rows: pd.DataFrame) -> PlottedValues:
     """From rows of a table: columns mean, low and high; seeds, smallest and largest if there."""
     mean, low, high, smallest, largest = (
         rows[key].to_numpy(float) if key in rows else np.full(len(rows), np.nan)
@@ -116,7 +116,7 @@ def table_estimates(rows: pd.DataFrame) -> Estimates:
 def draw_estimates(
     axes: Axes,
     at: ArrayLike,
-    found: Estimates,
+    found: PlottedValues,
     series: SeriesStyle,
     within: tuple[float, float] = (-np.inf, np.inf),
     *,

@@ -346,5 +346,5 @@ def test_surfaces_follow_the_targets(caplog):
 
 
 def test_observers_are_needed():
-    with pytest.raises(ConfigurationError, match="observer_position has shape"):
+    with pytest.raises(ConfigurationError, match="observer_position has no observers"):
         make_scene(np.empty((0, 5, 3)), np.ones((5, 3)), 60.0)

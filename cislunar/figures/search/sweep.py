@@ -127,7 +127,7 @@ def _grid(values: _Values, rows: int, columns: int) -> Grid:
 
 def _series(
     table: pd.DataFrame, quantity: Row, values: _Values
-) -> Iterator[tuple[style.SeriesStyle, panels.Estimates, float]]:
+) -> Iterator[tuple[style.SeriesStyle, panels.PlottedValues, float]]:
     """Style, estimates by value, and offset of every estimator, or of the architecture itself."""
     groups = table.groupby(table["estimator"].fillna(""), sort=False)
     for index, (name, own) in enumerate(groups):
@@ -149,7 +149,7 @@ def _against_values(axes: Axes, table: pd.DataFrame, quantity: Row, values: _Val
     for series, found, offset in _series(table, quantity, values):
         aside = span + 0.016 * offset * np.ptp(span)
         at = (np.exp(aside) if values.log else aside)[order]
-        sorted_found = panels.Estimates(*(each[order] for each in found))
+        sorted_found = panels.PlottedValues(*(each[order] for each in found))
         shown_values.append(panels.draw_estimates(axes, at, sorted_found, series, quantity.within))
     panels.set_values(axes, "y", shown_values, quantity, 4)
     if values.log:
