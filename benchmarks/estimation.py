@@ -28,6 +28,7 @@ from cislunar.dynamics.frames import pulsating_frame, to_inertial
 from cislunar.dynamics.instantaneous_frame_cr3bp import inertial_states
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.ephemeris.bodies import GM_MOON
+from cislunar.estimation import ESTIMATORS, estimator_named
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.light_curve import cost, cost_and_derivatives
@@ -39,7 +40,6 @@ from cislunar.estimation.light_curves.row_blocks import (
     VIEW,
     WEIGHT,
 )
-from cislunar.estimation.registry import ESTIMATORS, estimator_named
 from cislunar.observation.measurement import DETECTED, measure
 from cislunar.observation.records import constant_schedule
 from cislunar.observation.sensor import Sensor

@@ -11,12 +11,13 @@ import pytest
 from campaign_folder import QUICK, ROOT, copy_workflow, snakemake
 
 from cislunar.campaign.kernels import kernel_set
+from cislunar.estimation import ESTIMATORS
 from cislunar.orbits.families import observer_library
 from cislunar.runtime.kernels import compile_kernels, drop_stale_kernels
 
 STALE = pytest.StashKey[list[str]]()
 FINISHED = "finished"
-ESTIMATORS = re.compile(
+USING_ESTIMATORS = re.compile(
     r"closed_loop|cell_dataset|light_curve|estimation\.(kalman|registry|unscented)"
 )
 """Names in modules whose tests run an estimator, whose kernels take minutes to compile."""
@@ -46,7 +47,7 @@ def pytest_addoption(parser):
 @cache
 def runs_estimators(path):
     """Whether the tests of a module run an estimator."""
-    return ESTIMATORS.search(path.read_text(encoding="utf-8")) is not None
+    return USING_ESTIMATORS.search(path.read_text(encoding="utf-8")) is not None
 
 
 @cache
@@ -104,7 +105,8 @@ def pytest_collection_modifyitems(items):
 @cache
 def compile_estimators():
     """Compile the kernels of the estimators while other processes wait, or load them."""
-    compile_kernels(kernel_set("tracking"))
+    for name in ESTIMATORS:
+        compile_kernels(kernel_set(f"tracking-{name}"))
 
 
 @pytest.fixture(scope="module", autouse=True)

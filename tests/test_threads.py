@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from cislunar.estimation.registry import ESTIMATORS
+from cislunar.estimation import ESTIMATORS
 from cislunar.runtime.threads import allow_threads, share_out
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem

@@ -6,24 +6,25 @@ before many jobs need them.
 
 import sys
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, Literal
 
+from cislunar.estimation.names import ESTIMATORS
 from cislunar.runtime.kernels import KernelSet, compile_kernels, drop_stale_kernels
 
 
-def _track() -> None:
-    """Both estimators on a minimal problem."""
+def _track(estimator: str) -> None:
+    """An estimator on a minimal problem."""
     from cislunar.tasking.closed_loop import ClosedLoop
     from cislunar.tasking.demonstration import tracking_problem
 
     problem = tracking_problem(2, 3, duration_hours=2, interval_minutes=60)
-    for estimator in ("mukf", "batch"):
-        for _ in ClosedLoop(*problem[:4], [1], problem.loop, estimator=estimator).pieces():
-            pass
+    for _ in ClosedLoop(*problem[:4], [1], problem.loop, estimator=estimator).pieces():
+        pass
 
 
-def _track_ephemeris(assumed: Literal["ephemeris", "cr3bp"]) -> None:
-    """Both estimators with ephemeris truth and either assumed model; a refined orbit."""
+def _track_ephemeris(estimator: str, assumed: Literal["ephemeris", "cr3bp"]) -> None:
+    """An estimator with ephemeris truth and either assumed model; a refined orbit."""
     import numpy as np
 
     from cislunar.campaign.settings.cell_tree import CellSettings, Dynamics
@@ -51,11 +52,9 @@ def _track_ephemeris(assumed: Literal["ephemeris", "cr3bp"]) -> None:
         surfaces, noise, np.zeros(3), ephemeris_inputs.true_forces(ephemeris, dynamics)
     )
     forces = ephemeris_inputs.assumed_forces(ephemeris, settings, problem.loop, low_lunar)
-    for estimator in ("mukf", "batch"):
-        given = {"estimator": estimator, "truth": truth, "forces": forces}
-        loop = ClosedLoop(scene, surfaces, placed, problem.ids, [1], problem.loop, **given)
-        for _ in loop.pieces():
-            pass
+    given = {"estimator": estimator, "truth": truth, "forces": forces}
+    for _ in ClosedLoop(scene, surfaces, placed, problem.ids, [1], problem.loop, **given).pieces():
+        pass
 
 
 def _search() -> None:
@@ -84,15 +83,22 @@ def _search() -> None:
         )
 
 
+_PROBLEM = ("tasking/closed_loop.py", "tasking/demonstration.py")
 _EPHEMERIS = ("tasking/closed_loop.py", "campaign/tracking/ephemeris_inputs.py")
 
 KERNEL_SETS = {
-    "tracking": KernelSet(_track, ("tasking/closed_loop.py", "tasking/demonstration.py")),
-    "tracking-ephemeris": KernelSet(lambda: _track_ephemeris("ephemeris"), _EPHEMERIS),
-    "tracking-cr3bp": KernelSet(lambda: _track_ephemeris("cr3bp"), _EPHEMERIS),
     "search": KernelSet(_search, ("architecture/hyperopt_search.py", "architecture/cost.py")),
+    **{f"tracking-{name}": KernelSet(partial(_track, name), _PROBLEM) for name in ESTIMATORS},
+    **{
+        f"tracking-{name}-{assumed}": KernelSet(
+            partial(_track_ephemeris, name, assumed), _EPHEMERIS
+        )
+        for name in ESTIMATORS
+        for assumed in ("ephemeris", "cr3bp")
+    },
 }
-"""Sets that are expensive to compile; with ephemeris truth by the assumed dynamics."""
+"""Sets that are expensive to compile: of searches, and of tracking by the estimator, with ephemeris
+truth also by the assumed dynamics."""
 
 
 def kernel_set(name: str) -> str:
@@ -100,14 +106,15 @@ def kernel_set(name: str) -> str:
     return f"{__name__}:KERNEL_SETS:{name}"
 
 
-def tracking_kernels(settings: Mapping[str, Any]) -> str:
-    """The kernels of a tracking cell with these settings."""
+def tracking_kernels(settings: Mapping[str, Any], estimator: str) -> str:
+    """The kernels of a tracking cell with these settings and this estimator."""
     dynamics = settings.get("dynamics", {})
-    ephemeris = dynamics.get("truth") == "ephemeris"
-    return kernel_set(f"tracking-{dynamics['filter']}" if ephemeris else "tracking")
+    assumed = f"-{dynamics['filter']}" if dynamics.get("truth") == "ephemeris" else ""
+    return kernel_set(f"tracking-{estimator}{assumed}")
 
 
 if __name__ == "__main__":
     drop_stale_kernels()
-    for each in sys.argv[1:] or ("tracking", "search"):
+    usual = ("search", *(f"tracking-{name}" for name in ESTIMATORS))
+    for each in sys.argv[1:] or usual:
         compile_kernels(f"cislunar.campaign.kernels:KERNEL_SETS:{each}")

@@ -6,9 +6,7 @@ from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.kalman.mukf import mukf
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
-
-ESTIMATORS = ("mukf", "batch")
-"""The paper's filter, and the batch estimator of the attitude with a filter of the orbit."""
+from cislunar.estimation.names import ESTIMATORS
 
 
 def estimator_named(

@@ -128,6 +128,7 @@ def compile_kernels(of: str) -> None:
     files = _closure(modules, lambda path: filter(Path.is_file, _imports(path.read_text())))
     with on_terminal(), contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):
-            stack.enter_context(_one_at_a_time(f"compiling_kernels_of_{key}"))
+            # sets of one kind, such as those of the estimators, have kernels in common
+            stack.enter_context(_one_at_a_time(f"compiling_kernels_of_{key.partition('-')[0]}"))
         stack.enter_context(announced({*map(str, files)}))
         kind.load()

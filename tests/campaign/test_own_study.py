@@ -451,9 +451,11 @@ def test_a_sweep_may_change_several_keys_of_the_tracking(paper, tmp_path):
     chosen = cell_settings(task2, "perigee-real-cr3bp-noise")
     assert chosen["start_day"] == 15 and chosen["process_noise"]["acceleration_m2_s3"] == 3e-5
     assert chosen["dynamics"]["filter"] == "cr3bp"
-    assert tracking_kernels(chosen) == kernel_set("tracking-cr3bp")
-    assert tracking_kernels(cell_settings(task2, "real")) == kernel_set("tracking-ephemeris")
-    assert tracking_kernels(cell_settings(task2, "cr3bp")) == kernel_set("tracking")
+    assert tracking_kernels(chosen, "mukf") == kernel_set("tracking-mukf-cr3bp")
+    real = cell_settings(task2, "real")
+    assert tracking_kernels(real, "batch") == kernel_set("tracking-batch-ephemeris")
+    plain = cell_settings(task2, "cr3bp")
+    assert tracking_kernels(plain, "mukf") == kernel_set("tracking-mukf")
 
 
 def test_the_ephemeris_campaign_shares_refined_orbits_among_scenarios(paper, tmp_path):

@@ -11,12 +11,12 @@ from cislunar.campaign.settings.cell_settings import cell_settings
 from cislunar.campaign.settings.families import with_families
 from cislunar.constants import MU
 from cislunar.errors import ConfigurationError
+from cislunar.estimation import ESTIMATORS, estimator_named
 from cislunar.estimation.estimator import INSIDE_PRIMARY, Prediction
 from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import BatchEstimator, batch
 from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
-from cislunar.estimation.registry import ESTIMATORS, estimator_named
 from cislunar.observation.measurement import DETECTED
 from cislunar.observation.records import no_measurements
 from cislunar.observation.sensor import Sensor

@@ -29,10 +29,35 @@ def digest(folder):
     }
 
 
-def test_dry_run_of_the_full_campaign(fresh):
-    output, code = snakemake(fresh, "--dry-run", "--cores", "2")
+def jobs_of(folder, *arguments):
+    """Numbers of jobs by rule, and the files that they make, without running any."""
+    output, code = snakemake(folder, "--dry-run", "--cores", "2", *arguments)
     assert code == 0, output[-3000:]
     jobs = dict(re.findall(r"^(\w+) +(\d+)$", output, flags=re.MULTILINE))
+    output, code = snakemake(folder, "--summary", *arguments)
+    assert code == 0, output[-3000:]
+    return jobs, set(re.findall(r"^(results/\S+)\t", output, flags=re.MULTILINE))
+
+
+def test_the_default_is_the_content_of_the_paper_and_the_rest_is_beyond(fresh):
+    jobs, paper = jobs_of(fresh)
+    cells = [file for file in paper if re.search(r"/nt\d+_dt", file)]
+    assert cells and all(
+        re.search(r"/(published|tpe)/mukf/nt\d+_dt\d+[.]nc$", file) for file in cells
+    )
+    assert {f"results/figures/fig{number:02}" for number in range(1, 9)} == {
+        file[: len("results/figures/fig01")] for file in paper if "/figures/" in file
+    }
+    for name in ("paper_vs_ours.csv", "results.md", "tracking.csv"):
+        assert f"results/tables/paper/{name}" in paper and f"results/tables/{name}" not in paper
+    assert not {"front", "design", "label_comparison", "readings", "tracking_cell_variant"} & {*jobs}
+    everything = jobs_of(fresh, "everything")[1]
+    # what goes beyond needs some results of the paper's part
+    assert paper | jobs_of(fresh, "beyond")[1] == everything
+
+
+def test_dry_run_of_the_full_campaign(fresh):
+    jobs, _ = jobs_of(fresh, "everything")
     # Three scenarios with five searches of each kind, and TPE with the other labels in A.
     config = read_campaign(ROOT / "config")
     runs = config["architecture"]["runs"]

@@ -119,6 +119,7 @@ def documents(root: str | Path) -> list[Path]:
 def rule_graph(root: str | Path) -> str:
     """The graph of the rules at the shipped configuration in alphabetical order, for Mermaid."""
     command = [sys.executable, "-m", "snakemake", "--forceall", "--rulegraph", "mermaid-js"]
+    command.append("everything")
     done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
     if done.returncode:
         raise InputFileError(f"{root}: snakemake --rulegraph failed: {done.stderr[-1000:]}")
@@ -126,7 +127,7 @@ def rule_graph(root: str | Path) -> str:
     found = re.findall(r"^\s*(id\d+) --> (id\d+)", done.stdout, flags=re.MULTILINE)
     edges = sorted((names[before], names[after]) for before, after in found)
     # The last rule takes everything and would hide the rest.
-    lines = [f"    {before} --> {after}\n" for before, after in edges if after != "all"]
+    lines = [f"    {before} --> {after}\n" for before, after in edges if after != "everything"]
     return f"```mermaid\nflowchart LR\n{''.join(lines)}```"
 
 

@@ -232,7 +232,6 @@ rule orbits_page:
 
 
 OF_CANDIDATES = [
-    *rules.orbit_library_figure.output,
     *rules.satellite_front_figure.output,
     *rules.convergence_figure.output,
     *rules.family_map_figure.output,
@@ -240,12 +239,20 @@ OF_CANDIDATES = [
 ]
 
 
-rule figures:
+# Figures 1 to 8.
+rule paper_figures:
     input:
         rules.facet_geometry_figure.output,
-        OF_CANDIDATES if OPTIMIZERS else [],
+        rules.orbit_library_figure.output if OPTIMIZERS else [],
         rules.tpe_orbits_figure.output if "tpe" in OPTIMIZERS else [],
         rules.random_orbits_figure.output if "random" in OPTIMIZERS else [],
+        rules.paper_tracking_figures.input,
+
+
+rule figures:
+    input:
+        rules.paper_figures.input,
+        OF_CANDIDATES if OPTIMIZERS else [],
         rules.exact_orbits_figure.output if "exact" in OPTIMIZERS else [],
         rules.objectives_figure.output if JUDGED else [],
         rules.tracking_figures.input,

@@ -1,9 +1,17 @@
 """Sensor tasking and tracking: every cell, their statistics, and TPE against exact tasking."""
 
 from cislunar.campaign.tracking.model_errors import model_errors
-from cislunar.campaign.settings.cells import FEWEST_RANKED, campaign_cells, most_alike
+from cislunar.campaign.settings.cells import (
+    FEWEST_RANKED,
+    campaign_cells,
+    most_alike,
+    paper_cells,
+)
 
-CELLS = [results(cell.path) for cell in campaign_cells(TASK2)]
+# Statistics and claims are computed twice: from the cells that the paper has, and from all.
+EXTENTS = {"paper/": paper_cells(TASK2), "": campaign_cells(TASK2)}
+CELLS = [results(cell.path) for cell in EXTENTS[""]]
+SUMMARY = results("task2/summary.nc")
 COMPARED = TASK2["tasking_comparison"]
 CELL = "{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"
 WITH_ERRORS = [
@@ -12,7 +20,7 @@ WITH_ERRORS = [
 # Long tables are not in the report, which shows complete tables: they would be half of it.
 # Tables that compare cells are made only if there are two kinds of cells.
 COMPARING_TABLES = {}
-if any(cell.variant for cell in campaign_cells(TASK2)):
+if any(cell.variant for cell in EXTENTS[""]):
     COMPARING_TABLES["readings"] = results("tables/readings_tracking.csv")
 if len(estimator_names(TASK2)) > 1:
     COMPARING_TABLES["estimators"] = results("tables/estimators.csv")
@@ -96,17 +104,22 @@ use rule tracking_cell_variant as tracking_realization with:
         "{wildcards.scenario})"
 
 
+wildcard_constraints:
+    extent=any_of(EXTENTS),
+
+
 rule tracking_summary:
     input:
-        CELLS,
+        lambda wildcards: [results(cell.path) for cell in EXTENTS[wildcards.extent]],
     output:
-        results("task2/summary.nc"),
+        results("task2/{extent}summary.nc"),
     log:
-        log_of("task2/summary"),
-        times=benchmark_of("tracking_summary"),
+        log_of("task2/{extent}summary"),
+        times=benchmark_of("tracking_summary/{extent}cells"),
     conda:
         "../envs/cislunar.yaml"
     params:
+        cells=lambda wildcards: list(map(tuple, EXTENTS[wildcards.extent])),
         settings=settings("task2"),
         seed=config["seed"],
     message:
@@ -117,7 +130,7 @@ rule tracking_summary:
 
 rule tracking_tables:
     input:
-        rules.tracking_summary.output[0],
+        SUMMARY,
     output:
         **COMPARING_TABLES,
         tracking=results("tables/tracking.csv"),
@@ -131,9 +144,18 @@ rule tracking_tables:
         "../scripts/tracking_tables.py"
 
 
+use rule tracking_tables as tracking_table_of_paper with:
+    input:
+        SUMMARY.replace("task2/", "task2/paper/"),
+    output:
+        tracking=results("tables/paper/tracking.csv"),
+    log:
+        log_of("tables/paper/tracking"),
+
+
 rule pooled_table:
     input:
-        rules.tracking_summary.output[0],
+        SUMMARY,
     output:
         report(
             results("tables/pooled.csv"),
@@ -174,7 +196,7 @@ rule objective_ranks:
 
 rule model_error_table:
     input:
-        rules.tracking_summary.output[0],
+        SUMMARY,
     output:
         report(
             results("tables/model_error.csv"),
@@ -249,9 +271,9 @@ rule tracking_claims:
         summary=rules.tracking_summary.output[0],
         comparison=rules.tasking_comparison.output[0] if COMPARED["scenario"] else [],
     output:
-        results("tables/claims_tracking.csv"),
+        results("tables/{extent}claims_tracking.csv"),
     log:
-        log_of("tables/claims_tracking"),
+        log_of("tables/{extent}claims_tracking"),
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -263,15 +285,15 @@ rule tracking_claims:
 rule paper_vs_ours:
     input:
         rules.architecture_claims.output,
-        rules.tracking_claims.output if CELLS else [],
+        rules.tracking_claims.output[0] if CELLS else [],
     output:
         report(
-            results("tables/paper_vs_ours.csv"),
+            results("tables/{extent}paper_vs_ours.csv"),
             caption="../report/paper_vs_ours.rst",
             category="Tables",
         ),
     log:
-        log_of("tables/paper_vs_ours"),
+        log_of("tables/{extent}paper_vs_ours"),
     conda:
         "../envs/cislunar.yaml"
     message:
@@ -305,13 +327,13 @@ rule results_page:
     input:
         paper_vs_ours=rules.paper_vs_ours.output[0],
         architecture=rules.architecture_table.output.architecture,
-        tracking=rules.tracking_tables.output.tracking,
+        tracking=results("tables/{extent}tracking.csv"),
         datasets=[rules.families.output[0], rules.tracking_summary.output[0]],
     output:
-        page=results("tables/results.md"),
-        verdicts=results("tables/images/verdicts.svg"),
+        page=results("tables/{extent}results.md"),
+        verdicts=results("tables/{extent}images/verdicts.svg"),
     log:
-        log_of("tables/results_page"),
+        log_of("tables/{extent}results_page"),
     conda:
         "../envs/cislunar.yaml"
     params:
@@ -330,5 +352,5 @@ rule task2:
         rules.pooled_table.output if config["task2"]["variants"]["pooled"] else [],
         rules.model_error_table.output if WITH_ERRORS else [],
         rules.tasking_comparison.output if COMPARED["scenario"] else [],
-        rules.tracking_claims.output if CELLS and OF_THE_PAPER else [],
+        expand(rules.tracking_claims.output, extent="" if CELLS and OF_THE_PAPER else []),
         rules.photometry_table.output,

@@ -167,7 +167,7 @@ rule representative_target_figure:
 
 rule against_targets_figure:
     input:
-        rules.tracking_summary.output[0],
+        SUMMARY,
     output:
         png=report(
             results("figures/fig13_tracking_against_targets.png"),
@@ -246,7 +246,7 @@ use rule against_targets_figure as estimators_against_interval_figure with:
 rule tasking_figure:
     input:
         compared=rules.tasking_comparison.output[0],
-        summary=rules.tracking_summary.output[0],
+        summary=SUMMARY,
     output:
         png=report(
             results("figures/fig15_tasking_comparison.png"),
@@ -338,7 +338,7 @@ rule learned_figure:
         "../scripts/figure_learned.py"
 
 
-rule tracking_figures:
+rule paper_tracking_figures:
     input:
         expand(rules.target_counts_figure.output, of=[of for of in SHOWN if COUNT_COLUMNS[of]]),
         expand(
@@ -351,6 +351,11 @@ rule tracking_figures:
             rules.representative_target_figure.output,
             of=[of for of in SHOWN if ERRORS_KEPT and len(HIGH_LOAD[of]) > 1],
         ),
+
+
+rule tracking_figures:
+    input:
+        rules.paper_tracking_figures.input,
         rules.against_targets_figure.output if CELLS else [],
         rules.against_interval_figure.output if any(INTERVAL_COLUMNS.values()) else [],
         rules.estimators_against_targets_figure.output if CELLS else [],

@@ -3,7 +3,7 @@
 from cislunar.campaign.kernels import tracking_kernels
 from cislunar.runtime.worker_client import in_worker
 
-in_worker(tracking_kernels(snakemake.params.settings))
+in_worker(tracking_kernels(snakemake.params.settings, snakemake.params.estimator))
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import read_inputs

@@ -6,7 +6,7 @@ With a realization among the wildcards that one alone, kept beside the file for 
 from cislunar.campaign.kernels import tracking_kernels
 from cislunar.runtime.worker_client import in_worker
 
-in_worker(tracking_kernels(snakemake.params.settings))
+in_worker(tracking_kernels(snakemake.params.settings, snakemake.params.cell[2]))
 
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import read_inputs

@@ -6,8 +6,9 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "cell_settings": ["body_files", "true_settings"],
     "cell_tree": ["CellSettings", "Dynamics"],
-    "cells": ["Cell", "FEWEST_RANKED", "campaign_cells", "check_cell", "estimator_names",
-        "grid_cells", "most_alike", "variant_cells"],
+    "cells": ["Cell", "FEWEST_RANKED", "PAPER_ARCHITECTURES", "PAPER_FILTER", "campaign_cells",
+        "check_cell", "estimator_names", "grid_cells", "most_alike", "paper_cells",
+        "variant_cells"],
     "checks": ["check_campaign"],
     "families": ["SweepPoint", "nested", "sweep_points", "swept_cells", "with_families"],
     "library": ["estimator_factory", "family_extent", "loop_settings",

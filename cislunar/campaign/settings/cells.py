@@ -16,6 +16,12 @@ from cislunar.runtime.settings_fields import is_multiple
 TRACKED_TARGETS = 202
 """Number of targets in ``orbits/tracked.nc``."""
 
+PAPER_ARCHITECTURES = ("published", "tpe")
+"""Architectures that the paper tracks with: those it states, and those of its search."""
+
+PAPER_FILTER = "mukf"
+"""The paper's estimator."""
+
 FEWEST_RANKED = 10
 """Smallest number of architectures whose objectives are compared with tracking."""
 
@@ -116,6 +122,18 @@ def campaign_cells(task2: Mapping[str, Any]) -> list[Cell]:
     changed = variant_cells(task2)
     plain = [cell._replace(variant="") for cell in changed]
     return list(dict.fromkeys([*grid_cells(task2), *plain, *changed]))
+
+
+def paper_cells(task2: Mapping[str, Any]) -> list[Cell]:
+    """The cells of `campaign_cells` that the paper has: its filter on its architectures, with
+    unchanged settings."""
+    return [
+        cell
+        for cell in campaign_cells(task2)
+        if cell.estimator == PAPER_FILTER
+        and cell.architecture in PAPER_ARCHITECTURES
+        and not cell.variant
+    ]
 
 
 def most_alike(task2: Mapping[str, Any]) -> int:

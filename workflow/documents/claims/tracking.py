@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from cislunar.campaign.settings.cells import PAPER_ARCHITECTURES, PAPER_FILTER
 from cislunar.campaign.tracking.comparisons import paired
 from cislunar.campaign.tracking.realizations import (
     CELL,
@@ -23,10 +24,7 @@ from cislunar.evaluation.intervals import Interval, interval_of, t_interval, wit
 from .facts import STATISTICS, Sweep
 from .judges import Claim, Facts, judge, table
 
-ARCHITECTURES = ("published", "tpe")
-"""Architectures that the paper's claims are judged by; all that were tracked count."""
-
-FILTER, BATCH = "mukf", "batch"
+BATCH = "batch"
 
 _METHODS = {"tpe": "TPE", "random": "random tasking", "greedy": "greedy tasking"}
 """Variants that differ in the method of tasking, in words."""
@@ -45,7 +43,7 @@ def tracking_claims(summary: xr.Dataset) -> list[Claim]:
     claims = []
     for group in table()["tracking"]:
         for scenario in group["scenarios"]:
-            own = select(frame, scenario=scenario, estimator=FILTER, variant="")
+            own = select(frame, scenario=scenario, estimator=PAPER_FILTER, variant="")
             for row in group["claims"]:
                 claims += _put(row, scenario, own, usual_interval(frame))
     others = _architectures(frame), set_claims(frame), estimator_claims(frame)
@@ -55,7 +53,7 @@ def tracking_claims(summary: xr.Dataset) -> list[Claim]:
 def _put(row: Mapping[str, Any], scenario: str, frame: pd.DataFrame, usual: int) -> list[Claim]:
     """A row of the table judged by the architectures that were tracked; none without its cells."""
     found: dict[str, Facts] = {}
-    for name in ARCHITECTURES:
+    for name in PAPER_ARCHITECTURES:
         facts = _facts(row, scenario, select(frame, architecture=name), usual)
         if facts is not None:
             found[name] = facts
@@ -95,8 +93,8 @@ def _architectures(frame: pd.DataFrame) -> Iterator[Claim]:
     """Tracking by every architecture that tracked the same targets."""
     names = list(dict.fromkeys(frame["architecture"]))
     for scenario in ("A", "B", "C"):
-        own = select(frame, scenario=scenario, estimator=FILTER, variant="")
-        others = own[~own["architecture"].isin(ARCHITECTURES)]
+        own = select(frame, scenario=scenario, estimator=PAPER_FILTER, variant="")
+        others = own[~own["architecture"].isin(PAPER_ARCHITECTURES)]
         for targets in sorted(set(others["targets"])):
             same = select(own, targets=targets, interval_minutes=usual_interval(frame))
             parts = [
@@ -161,7 +159,7 @@ def estimator_claims(frame: pd.DataFrame) -> Iterator[Claim]:
     usual = select(frame, architecture=first, variant="", interval_minutes=usual_interval(frame))
     for labels, batch in _cells(select(usual, estimator=BATCH)):
         place = {key: labels[key] for key in ("scenario", "targets")}
-        filtered = select(usual, estimator=FILTER, **place)
+        filtered = select(usual, estimator=PAPER_FILTER, **place)
         if labels["targets"] not in COUNTS or filtered.empty:
             continue
 
