@@ -377,10 +377,6 @@ def test_two_snakemakes_make_different_cells(campaign, undisturbed):
 def test_numbers_do_not_depend_on_compilation(campaign, undisturbed, monkeypatch):
     """Jobs run one after the other: the filter is compiled once, the batch estimator never."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(campaign.folder / "compiled"))
-    script = campaign.folder / "workflow/scripts/tracking_cell.py"
-    text = script.read_text(encoding="utf-8")
-    assert text.count("in_worker(tracking_kernels(snakemake.params.settings))") == 1
-    script.write_text(re.sub(r"in_worker\(tracking_kernels.*", "in_worker()", text), "utf-8")
     # the proof of the optimum has a time limit, on which compilation must not count
     campaign.remove("architecture/A/exact.nc", EXACT, LARGE)
     resumed(campaign, EXACT, LARGE, cores=1)
