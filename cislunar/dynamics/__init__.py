@@ -15,6 +15,8 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "forces": ["acceleration", "at", "of_state", "of_targets", "require_span", "require_targets"],
     "frames": ["from_inertial", "lunar_frame", "pulsating_frame", "to_inertial"],
     "instantaneous_frame_cr3bp": ["inertial_states", "is_low_lunar"],
+    "maneuvers": ["Impulses", "NO_IMPULSES", "VELOCITY_UNIT_M_S", "burn_times",
+        "propagate_with_impulses"],
     "propagation": ["advance_orbits", "closest_approaches", "propagate", "propagate_many",
         "propagate_periodic", "propagate_stm"],
     "radiation": ["SUN_RADIUS_KM", "visible_sun"],

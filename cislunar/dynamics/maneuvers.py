@@ -1,0 +1,134 @@
+"""Propagation of states that maneuver, on a grid of times.
+
+An impulse changes the velocity of a state at a time between or on the grid. A burn with constant
+thrust acceleration and axes is represented by equal impulses at the midpoints of its parts. The
+midpoint rule is exact for the displacement at the end of the burn in a uniform field, and its error
+decreases with the square of the part's length otherwise.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.dynamics.bundle import propagate_bundle
+from cislunar.dynamics.cr3bp import EARTH_MOON
+from cislunar.dynamics.forces import of_targets
+
+Array = NDArray[np.float64]
+
+VELOCITY_UNIT_M_S = 1e3 * LENGTH_UNIT_KM / TIME_UNIT_S
+"""Nondimensional unit of velocity, m/s."""
+
+_NEAR = 1e-6
+"""Part of a step within which an impulse is taken to be at a time of the grid, so that rounding
+cannot decide on which side it is."""
+
+PART_S = 10.0
+"""Length of the parts of a burn, s."""
+
+
+class Impulses(NamedTuple):
+    """Changes of velocity of some states.
+
+    Attributes
+    ----------
+    index : ndarray of int, shape (impulse,)
+        State that changes.
+    time : ndarray, shape (impulse,)
+        Nondimensional, since the epoch; not decreasing.
+    velocity : ndarray, shape (impulse, 3)
+        Change of velocity, nondimensional, propagation frame.
+    """
+
+    index: NDArray[np.int64]
+    time: Array
+    velocity: Array
+
+
+NO_IMPULSES = Impulses(np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 3)))
+
+
+def burn_times(start_s: float, duration_s: float) -> Array:
+    """Times of the impulses that represent a burn, each with an equal part of its change of
+    velocity.
+
+    Parameters
+    ----------
+    start_s, duration_s : float
+        Begin and duration of the burn, s; a duration of 0 is one impulse at its begin.
+
+    Returns
+    -------
+    ndarray, shape (impulse,)
+        Midpoints of parts of at most `PART_S`, s.
+    """
+    count = max(1, int(np.ceil(duration_s / PART_S)))
+    return start_s + duration_s * (np.arange(count) + 0.5) / count
+
+
+def propagate_with_impulses(
+    state: ArrayLike,
+    dt: float,
+    n_steps: int,
+    impulses: Impulses,
+    *,
+    forces: tuple = EARTH_MOON,
+    start: float = 0.0,
+) -> Array:
+    """Propagate many states over a common grid of times, with impulses.
+
+    Parameters
+    ----------
+    state : array_like, shape (N, 6)
+        States at the first time, before an impulse at this time, nondimensional, propagation frame.
+    dt : float
+        Step, nondimensional.
+    n_steps : int
+        Number of steps.
+    impulses : Impulses
+        Those before the first time, or at or after the last time, have no effect. An impulse within
+        a millionth of a step of a time is at that time.
+    forces : NamedTuple
+        Force model, see `cislunar.dynamics.forces`.
+    start : float
+        First time, nondimensional, since the epoch.
+
+    Returns
+    -------
+    ndarray, shape (N, n_steps + 1, 6)
+        States at all times including the first, nondimensional, propagation frame. The state at a
+        time includes the impulses before it, but not those at this very time. States without
+        impulses are those of `propagate_bundle`, bit for bit.
+
+    Raises
+    ------
+    ConfigurationError
+        If the force model does not cover the times.
+    """
+    out = propagate_bundle(state, dt, n_steps, forces=forces, start=start)
+    step = np.floor((impulses.time - start) / dt + _NEAR).astype(np.int64)
+    within = (step >= 0) & (step < n_steps)
+    for j in np.unique(impulses.index[within]):
+        alone = of_targets(forces, np.array([j]))
+        own = within & (impulses.index == j)
+        for k in np.unique(step[own]):
+            here, now = out[j, k].copy(), start + k * dt
+            for i in np.flatnonzero(own & (step == k)):
+                here = _moved(here, impulses.time[i] - now, alone, now)
+                here[3:] += impulses.velocity[i]
+                now = max(now, impulses.time[i])
+            out[j, k + 1] = _moved(here, start + (k + 1) * dt - now, alone, now)
+            later = n_steps - k - 1
+            out[j, k + 1 :] = propagate_bundle(
+                out[None, j, k + 1], dt, later, forces=alone, start=start + (k + 1) * dt
+            )[0]
+    return out
+
+
+def _moved(state: Array, span: float, forces: tuple, start: float) -> Array:
+    """A state after a time span shorter than a step."""
+    if span <= 0.0:
+        return state
+    return propagate_bundle(state[None], span, 1, forces=forces, start=start)[0, 1]
