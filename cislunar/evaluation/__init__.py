@@ -7,9 +7,10 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "cramer_rao": ["CramerRaoBound"],
     "custody": ["Custody", "attitude_angle_deg"],
     "gospa": ["CatalogQuality", "FALSE_ALARM", "Gospa", "catalog_quality"],
-    "intervals": ["CONFIDENCE", "Interval", "SPANS_DECADES", "count_interval", "interval_of",
-        "log_interval", "prediction_interval", "share_interval", "t_interval", "within_bounds"],
+    "intervals": ["CONFIDENCE", "GEOMETRIC", "Interval", "SPANS_DECADES", "contrast_interval",
+        "count_interval", "group_means", "interval_of", "log_interval", "prediction_interval",
+        "share_interval", "t_interval", "within_bounds"],
     "metrics": ["BOUND_SIGMAS", "Evaluation", "FINAL_HOURS", "INCONSISTENT", "NEVER_OBSERVED",
-        "PARTS", "STATUS_NAMES", "TRACKED", "TrackingMetrics"],
+        "NOMINAL_COVERAGE", "PARTS", "STATUS_NAMES", "TRACKED", "TrackingMetrics"],
 })
 # fmt: on

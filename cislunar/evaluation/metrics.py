@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import erf
 
 from cislunar.compiled import njit_noalloc
 from cislunar.evaluation.custody import Custody, attitude_angle_deg
@@ -26,6 +27,9 @@ PARTS = ("attitude", "angular_velocity", "position", "velocity")
 
 BOUND_SIGMAS = 3.0
 """Half-width of the bounds, standard deviations."""
+
+NOMINAL_COVERAGE = float(erf(BOUND_SIGMAS / np.sqrt(2.0)))
+"""Share of a Gaussian error within the bounds, 0.9973."""
 
 _CONSISTENT_COVERAGE = 0.5
 """Least share of the final hours within the bounds for a target to count as tracked."""

@@ -145,18 +145,18 @@ def draw_estimates(
 
 
 def realizations_note(
-    counts: Iterable[float], *, geometric: bool = False, points: str = "single values"
+    counts: Iterable[float], *, geometric: str = "", points: str = "single values"
 ) -> str:
     """What markers, bars and points are, from the numbers of realizations of what is drawn.
 
-    Means on logarithmic axes may be `geometric`. `points` describes the points that are drawn for
+    `geometric` says which means are geometric. `points` describes the points that are drawn for
     fewer than `FEWEST` realizations; it is empty if there are none.
     """
     counts = sorted({int(count) for count in counts if np.isfinite(count) and count > 0})
     if not counts:
         return ""
     span = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
-    mean = "mean (geometric on logarithmic axes)" if geometric else "mean"
+    mean = f"mean (geometric {geometric})" if geometric else "mean"
     text = f"Markers: {mean} over {span} realization{'s' * (counts[-1] > 1)}"
     few = any(1 < count < FEWEST for count in counts)
     if counts[-1] >= FEWEST:

@@ -127,6 +127,9 @@ def pooled():
         made = made.isel(cell=np.flatnonzero(made["interval_minutes"].values == 60))
         none = xr.zeros_like(made["never_observed"])
         made = made.assign(never_visible=none, missed=none)
+        made = made.assign(
+            position_custody_share=none + 1.0, attitude_custody_share=made["custody_share"]
+        )
         for observers in (20, 43):
             stem = f"{name}-{observers}" if name == "information" else name
             own = _labeled(made, architecture=stem, estimator=estimator, variant=variant)
@@ -147,9 +150,14 @@ def test_realizations_of_days_count_together(pooled):
     both = _custody(pooled, estimator="batch", **cell)
     assert both["variant"] == "" and both["seeds"] == 16
     np.testing.assert_allclose(both["mean"], 0.8)
-    days = np.outer([0.9, 0.7], 1.0 + 0.01 * np.linspace(-1.0, 1.0, 8))
-    assert both["high"] >= t_interval(days.ravel()).high
+    days = [float(each) for each in both["by_day"].split()]
+    np.testing.assert_allclose(days, [0.9, 0.7], rtol=1e-5)
+    # two means with one degree of freedom, limited to shares
+    assert both["days"] == 2 and t_interval(days).high > 1.0
+    assert (both["low"], both["high"], both["average"]) == (0.0, 1.0, "arithmetic")
     assert both["smallest"] < 0.7 < 0.9 < both["largest"]
+    single = _custody(pooled, variant="paper", **cell)
+    assert single["days"] == 1 and single["by_day"].endswith(" nan")
     assert _custody(pooled, variant="paper-ephemeris", **cell)["seeds"] == 16
     assert _custody(pooled, variant="paper", **cell)["seeds"] == 8
 

@@ -7,10 +7,11 @@ from campaign_folder import ROOT, read_campaign
 
 from cislunar.campaign.settings.cell_settings import cell_settings
 from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
-from cislunar.campaign.settings.cells import variant_cells
+from cislunar.campaign.settings.cells import campaign_cells, variant_cells
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.reading import checked, merged
+from cislunar.campaign.tracking.cell import realization_seeds
 from cislunar.errors import ConfigurationError
 
 
@@ -45,23 +46,53 @@ def test_a_family_states_values_changes_or_combinations(config):
     assert paths[-1] == "task2/A/published/batch/nt50_dt60_rough-wide.nc"
 
 
-def test_further_days_are_combined_with_the_changes_of_a_family(config):
-    config["task2"]["variants"]["pooled"] = ["late"]
+DAYS = {
+    "day3": {"start_day": 3, "monitored_seed": 1, "first_realization": 1},
+    "day6": {"start_day": 6, "monitored_seed": 2, "first_realization": 2},
+}
+
+
+def test_every_cell_is_repeated_on_the_pooled_days(config):
+    config["task2"]["variants"]["pooled"] = DAYS
+    config["task2"] |= {
+        "target_counts": {"A": [20], "B": [], "C": []},
+        "intervals": {"minutes": [60], "target_counts": {"A": [], "B": []}},
+        "architectures": ["published"],
+        "estimators": ["mukf"],
+        "other_architectures": {},
+    }
     task2 = variants(
         config,
-        days={"targets": [20], "changes": {"late": {"start_day": 10}}},
-        known={
-            "targets": [30],
-            "changes": {"rough": {"material": {"rms_slope": 0.4}}},
-            "combine": {"late": ["rough"]},
-        },
+        rough={"targets": [30], "changes": {"rough": {"material": {"rms_slope": 0.4}}}},
+        few={"targets": [20], "pooled": ["day6"], "changes": {"steps": {"step_s": 30}}},
     )
-    assert list(task2["variants"]["cells"]) == ["late", "rough", "rough-late"]
-    changed = cell_settings(task2, "rough-late")
-    assert (changed["start_day"], changed["material"]["rms_slope"]) == (10, 0.4)
-    config["task2"]["variants"]["pooled"] = ["later"]
-    with pytest.raises(ConfigurationError, match=r"variants\.pooled': 'later' is none of"):
-        check_campaign(config)
+    found = [(cell.targets, cell.variant) for cell in campaign_cells(task2)]
+    assert found == [
+        *((20, ""), (30, "")),
+        *((30, "rough"), (30, "rough-day3"), (30, "rough-day6"), (20, "steps"), (20, "steps-day6")),
+        *((20, "day3"), (20, "day6"), (30, "day3"), (30, "day6")),
+    ]
+    changed = cell_settings(task2, "rough-day6")
+    assert changed["material"]["rms_slope"] == 0.4
+    assert {key: changed[key] for key in DAYS["day6"]} == DAYS["day6"]
+    assert cell_settings(task2, "day3")["start_day"] == 3
+    # the default is not kept, so that usual cells stay the same
+    assert "first_realization" not in cell_settings(task2, "rough")
+    with pytest.raises(ConfigurationError, match=r"families\.few\.pooled': 'day9' is none of"):
+        variants(
+            config, few={"targets": [20], "pooled": ["day9"], "changes": {"s": {"step_s": 30}}}
+        )
+    config["task2"]["variants"]["pooled"] = {"late": {"start_day": 40}}
+    with pytest.raises(ConfigurationError, match=r"variants\.pooled\.late"):
+        variants(config)
+    config["task2"]["variants"]["pooled"] = {"late": {"start_days": 4}}
+    with pytest.raises(ConfigurationError, match=r"pooled\.late.*start_days"):
+        variants(config)
+
+
+def test_pooled_days_have_random_draws_of_their_own():
+    every = realization_seeds(7, 5)
+    assert realization_seeds(7, 2, first=3) == every[3:] and len(set(every)) == 5
 
 
 def test_values_of_the_command_line_get_their_types(config):

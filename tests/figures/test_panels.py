@@ -82,7 +82,7 @@ def test_a_table_gives_the_extremes_of_few_realizations():
 def test_notes_say_how_many_realizations_and_what_is_drawn():
     assert realizations_note([]) == ""
     assert realizations_note([1]) == "Markers: mean over 1 realization"
-    both = realizations_note([3, 10], geometric=True)
+    both = realizations_note([3, 10], geometric="on logarithmic axes")
     assert both.startswith("Markers: mean (geometric on logarithmic axes) over 3 to 10 realiz")
     assert "95 % confidence interval" in both and "single values of fewer than 5" in both
     assert "small points" not in realizations_note([10, 12])

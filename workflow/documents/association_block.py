@@ -25,9 +25,10 @@ _QUANTITIES = {
     "GOSPA (km)": ("gospa", ".1f"),
     "GOSPA ratio": ("gospa_ratio", ".3f"),
     "ANEES": ("anees", ".2f"),
+    "ANEES, worst realization": ("anees", ".2f", "largest"),
     "Position error (km)": ("position_km", ".3g"),
 }
-"""Columns of the tables: quantity and format."""
+"""Columns of the tables: quantity, format and the statistic if it is not the mean."""
 
 _KEYS = ["associator", *PLACE]
 
@@ -66,14 +67,16 @@ def _rows(
     for place, cell in table.groupby(_KEYS, sort=False):
         values = dict(zip(_KEYS, place, strict=True))
         rows = cell.set_index("quantity")
-        numbers = [_number(rows, name, form) for name, form in _QUANTITIES.values()]
+        numbers = [_number(rows, *column) for column in _QUANTITIES.values()]
         found.append([*(head(values) for head in heads.values()), *numbers])
     return found
 
 
-def _number(rows: pd.DataFrame, name: str, form: str) -> str:
+def _number(rows: pd.DataFrame, name: str, form: str, of: str = "mean") -> str:
     if name not in rows.index:
         return DASH
+    if of != "mean":
+        return f"{rows.loc[name, of]:{form}}"
     mean, low, high = rows.loc[name, ["mean", "low", "high"]]
     if not np.isfinite(low):
         return f"{mean:{form}}"

@@ -15,7 +15,7 @@ from .estimator_blocks import AWARE, ESTIMATOR_BLOCKS
 from .labels import ORBIT_LABELS, label
 from .markdown import DASH, markdown_table
 from .results_page import CELL, RESULTS_BLOCKS, architecture_list, block
-from .studies import STUDY_BLOCKS
+from .studies import DYNAMICS, STUDY_BLOCKS
 
 NOT_RUN = "The study has not been run yet.\n"
 
@@ -165,10 +165,33 @@ def _returned(tables: Tables) -> Values:
     return {"share": share, "angle": share.index}
 
 
-def _text(name: str, make: Callable[[Tables], Values], study: str | None, tables: Tables) -> str:
-    """The text of a block, which may need a study that has not been run."""
+_NEEDED = {
+    real_block.STUDY: "by_day",
+    objectives_block.STUDY: "days",
+    association_block.STUDY: "largest",
+    DYNAMICS: "largest",
+    "tracking": "average",
+}
+"""A column that tables of earlier versions lack. Their means of ANEES were geometric over
+realizations, and the realizations of a day counted as independent."""
+
+
+def outdated_tables(tables: Tables) -> list[str]:
+    """Tables of earlier versions, which cannot fill the blocks that rest on them."""
+    return [
+        name for name, column in _NEEDED.items() if name in tables and column not in tables[name]
+    ]
+
+
+def _text(
+    name: str, make: Callable[[Tables], Values], study: str | None, tables: Tables
+) -> str | None:
+    """The text of a block, which may need a study that has not been run; None if its table is of an
+    earlier version, so that the block stays as it is."""
     if study is not None and study not in tables:
         return "" if name.endswith("-headline") else NOT_RUN
+    if (study or ("tracking" if name == "results" else "")) in outdated_tables(tables):
+        return None
     return block(name, make, tables)
 
 
@@ -191,7 +214,7 @@ _MAKERS = {
     **STUDY_BLOCKS,
 }
 
-BLOCKS: Mapping[str, Callable[[Tables], str]] = {
+BLOCKS: Mapping[str, Callable[[Tables], str | None]] = {
     name: partial(_text, name, make, study)
     for study, makers in _MAKERS.items()
     for name, make in makers.items()

@@ -23,7 +23,8 @@ _LABELS = ("part", "variant", "estimator", "also", "error")
 class Column(NamedTuple):
     """A quantity with its part and unit, the format of its numbers, and what multiplies them.
 
-    `interval` says whether the confidence interval stands beside the mean.
+    `of` is the statistic that is shown, and `interval` says whether the confidence interval stands
+    beside it.
     """
 
     quantity: str
@@ -31,6 +32,7 @@ class Column(NamedTuple):
     unit: str
     form: str
     factor: float = 1.0
+    of: str = "mean"
     interval: bool = False
 
     @property
@@ -41,9 +43,10 @@ class Column(NamedTuple):
 
 def _columns(columns: Mapping[str, list], interval: int | str) -> dict[str, Column]:
     count = len(columns) if interval == "all" else interval
+    found = {title: Column(*values) for title, values in columns.items()}
     return {
-        title: Column(*values)._replace(interval=k < count)
-        for k, (title, values) in enumerate(columns.items())
+        title: column._replace(interval=k < count and column.of == "mean")
+        for k, (title, column) in enumerate(found.items())
     }
 
 
@@ -78,9 +81,10 @@ def by_cell(table: pd.DataFrame, keys: list[str]) -> dict[tuple, Cell]:
     return found
 
 
-def shown(cell: Cell, column: Column, of: str = "mean") -> str:
-    """A number of a cell, with its interval if the column has one; a dash if there is none."""
-    row = cell.get(column.measure)
+def shown(cell: Cell, column: Column, of: str | None = None) -> str:
+    """A number of a cell, the statistic `of` or else that of the column, with its interval if the
+    column has one; a dash if there is none."""
+    row, of = cell.get(column.measure), of or column.of
     if row is None or pd.isna(row[of]):
         return DASH
     ends = (row["low"], row["high"]) if column.interval else (None, None)

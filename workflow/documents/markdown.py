@@ -61,8 +61,8 @@ def generated_blocks(text: str) -> list[str]:
     return _NAME.findall(text)
 
 
-def fill_blocks(text: str, blocks: Mapping[str, Callable[[], str]], document: str) -> str:
-    """Generate the blocks of a document again.
+def fill_blocks(text: str, blocks: Mapping[str, Callable[[], str | None]], document: str) -> str:
+    """Generate the blocks of a document again, except for those whose text is None.
 
     A block stands between the lines ``<!-- begin generated: name -->`` and
     ``<!-- end generated -->``, in any document and any number of times. Links of a block that begin
@@ -83,6 +83,8 @@ def fill_blocks(text: str, blocks: Mapping[str, Callable[[], str]], document: st
 
     def filled(block: re.Match[str]) -> str:
         body = blocks[block[1]]()
+        if body is None:
+            return block[0]
         return generated_block(
             block[1],
             _FROM_ROOT.sub(lambda link: f"]({posixpath.relpath(link[1], folder)})", body),

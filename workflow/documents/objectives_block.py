@@ -43,6 +43,7 @@ _UNITS = {
 _RANKED = {"position": "km", "attitude": "degree"}
 _POSITION, _ATTITUDE = 2, 0
 _COLUMNS = ["kind", "estimator", "variant", "observers", "name", "quantity", "mean", "low", "high"]
+_COLUMNS.append("days")  # number of days of an interval, otherwise empty
 
 
 def study_table(results: str | Path) -> pd.DataFrame:
@@ -55,17 +56,21 @@ def study_table(results: str | Path) -> pd.DataFrame:
         *_design_rows(designs),
         *_generalization_rows(others),
     ]
+    rows = [(*row, *[np.nan] * (len(_COLUMNS) - len(row))) for row in rows]
     return pd.DataFrame(rows, columns=_COLUMNS)
 
 
 def _tracking_rows(summary: xr.Dataset) -> Iterator[tuple]:
-    """Of each architecture: means over days and realizations, and ratios to those compared with."""
+    """Of each architecture: means over days and realizations, and ratios to those compared with;
+    intervals are those of the means of the days."""
     keys = ("scenario", "architecture", "estimator", "variant")
     place = {cell: k for k, cell in enumerate(zip(*(summary[k].values for k in keys), strict=True))}
 
     def days(name: str, scenario: str, architecture: str, estimator: str) -> np.ndarray:
         cells = [place[scenario, architecture, estimator, day] for day in _DAYS[scenario]]
         return summary[name].values[cells].reshape(-1, *summary[name].shape[2:])
+
+    day = np.repeat(np.arange(len(_DAYS["A"])), summary.sizes["seed"])
 
     for n, compared in _COMPARED_WITH.items():
         named = [compared[1], *(f"{stem}-{n}" for stem in ARCHITECTURES)]
@@ -88,7 +93,7 @@ def _tracking_rows(summary: xr.Dataset) -> Iterator[tuple]:
                     ("position_ratio", error[:, _POSITION] / other[:, _POSITION]),
                     ("attitude_ratio", error[:, _ATTITUDE] / other[:, _ATTITUDE]),
                 ):
-                    yield *head, quantity, *log_interval(values)[:3]
+                    yield *head, quantity, *log_interval(values, day)
 
 
 def _rank_rows(ranks: pd.DataFrame) -> Iterator[tuple]:

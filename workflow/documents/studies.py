@@ -39,8 +39,8 @@ def read_study(name: str, results: str | Path, table: str) -> pd.DataFrame:
 def study_table(name: str, results: str | Path) -> pd.DataFrame:
     """The quantities shown of every cell of a finished study, from its folder of results."""
     found = [read_study(name, results, f"sweep_{sweep}") for sweep in STUDIES[name]]
-    columns = ["sweep", *_KEYS, "quantity", "part", "unit", "mean", "low", "high"]
-    return only_shown(pd.concat(found, ignore_index=True), COLUMNS[name].values())[columns]
+    kept = ["sweep", *_KEYS, "quantity", "part", "unit", "mean", "low", "high", "largest"]
+    return only_shown(pd.concat(found, ignore_index=True), COLUMNS[name].values())[kept]
 
 
 def _dynamics(tables: Tables) -> dict[str, str]:

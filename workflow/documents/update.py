@@ -28,7 +28,7 @@ from cislunar.errors import CislunarError, InputFileError
 from cislunar.runtime.netcdf import write_text
 
 from . import association_block, objectives_block, real_block
-from .blocks import BLOCKS
+from .blocks import BLOCKS, outdated_tables
 from .markdown import fill_blocks, generated_blocks
 from .results_page import STRIP, shown_quantities, verdicts_svg
 from .run_times import run_times
@@ -133,7 +133,7 @@ def rule_graph(root: str | Path) -> str:
 
 def block_makers(
     root: str | Path, tables: Mapping[str, pd.DataFrame]
-) -> dict[str, Callable[[], str]]:
+) -> dict[str, Callable[[], str | None]]:
     """What makes each block of the repository's documents, as functions without arguments."""
     makers = {name: cache(partial(make, tables)) for name, make in BLOCKS.items()}
     return makers | {"rule-graph": cache(partial(rule_graph, root)), **SETTINGS_BLOCKS}
@@ -146,6 +146,12 @@ def outdated(root: str | Path) -> dict[Path, str]:
     """
     root = Path(root)
     tables = read_tables(root / "docs/tables")
+    for name in outdated_tables(tables):
+        print(
+            f"docs/tables/{name}.csv is of an earlier version: the blocks that rest on it stay as "
+            "they are until it is made again",
+            file=sys.stderr,
+        )
     makers = block_makers(root, tables)
     wanted = {
         path: fill_blocks(_text(path), makers, path.relative_to(root).as_posix())

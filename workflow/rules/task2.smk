@@ -167,7 +167,7 @@ rule pooled_table:
     conda:
         "../envs/cislunar.yaml"
     params:
-        pooled=config["task2"]["variants"]["pooled"],
+        pooled=list(config["task2"]["variants"]["pooled"]),
     message:
         "Pooling the realizations of all days and sets of targets"
     script:

@@ -133,13 +133,17 @@ class Truth(Partial):
 class CellSettings(Section):
     """Settings of a cell, which a variant may change."""
 
-    omitted = ("start_day", "histories", "record", "eclipse", "fusion", "sensors", "stations",
-               "dynamics", "communication", "association")
+    omitted = ("first_realization", "start_day", "histories", "record", "eclipse", "fusion",
+               "sensors", "stations", "dynamics", "communication", "association")
 
     seeds: whole(ge=1, le=10_000) = setting(
         "number of realizations of truth and noise of each cell. All cells have the same "
         "realizations, and a larger number keeps the first ones", "1", "1 (a single run)",
         default=10)
+    first_realization: whole(ge=0) = setting(
+        "number of the first realization. All cells with the same numbers have the same random "
+        "draws of truth and noise; cells of different days or targets that are pooled are "
+        "independent if they have different numbers", "1", default=0)
     monitored_seed: whole(ge=0) = setting(
         "seed that selects the monitored targets (a larger set contains the smaller ones) and "
         "their initial phases on their orbits", "1", '"a fixed random seed"', default=20241001)

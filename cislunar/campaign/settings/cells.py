@@ -118,10 +118,16 @@ def estimator_names(task2: Mapping[str, Any]) -> list[str]:
 
 
 def campaign_cells(task2: Mapping[str, Any]) -> list[Cell]:
-    """All cells of `task2`, each once: sweeps, variants, and their unchanged cells."""
+    """All cells of `task2`, each once: sweeps, variants, and their unchanged cells, which are
+    repeated with each change of `task2.variants.pooled`."""
     changed = variant_cells(task2)
-    plain = [cell._replace(variant="") for cell in changed]
-    return list(dict.fromkeys([*grid_cells(task2), *plain, *changed]))
+    plain = dict.fromkeys([*grid_cells(task2), *(cell._replace(variant="") for cell in changed)])
+    repeated = [cell._replace(variant=name) for cell in plain for name in _pooled(task2)]
+    return list(dict.fromkeys([*plain, *changed, *repeated]))
+
+
+def _pooled(task2: Mapping[str, Any]) -> list[str]:
+    return list(task2["variants"].get("pooled", ()))
 
 
 def paper_cells(task2: Mapping[str, Any]) -> list[Cell]:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from cislunar.campaign.settings.cell_tree import CellChange
-from cislunar.campaign.settings.cells import Cell, has_architecture
+from cislunar.campaign.settings.cells import Cell, grid_cells, has_architecture
 from cislunar.campaign.settings.reading import merged, with_types
 from cislunar.errors import ConfigurationError
 
@@ -31,7 +31,8 @@ class SweepPoint(NamedTuple):
 
 class StatedVariant(NamedTuple):
     """A variant with the keys of its family and of its change; `entry` has its `change`, its
-    `targets` and those keys of `PLACE` that the family states."""
+    `targets` and those keys of `PLACE` that the family states; of a variant that is repeated with a
+    change of `task2.variants.pooled`, also its name as `repeats`."""
 
     family: str
     key: str
@@ -81,7 +82,9 @@ def sweep_points(config: Mapping[str, Any], name: str) -> list[SweepPoint]:
 
 
 def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
-    """The variants of all families and sweeps; variants of sweeps have cells in the sweep alone."""
+    """The variants of all families, each followed by its repetitions with the changes of
+    `task2.variants.pooled`, the repetitions of the unchanged cell, and the variants of sweeps,
+    which have cells in the sweep alone."""
     variants = config["task2"]["variants"]
     # Families of a user's file come before those that they combine: any order is allowed.
     changes: dict[str, dict[str, Any]] = {}
@@ -100,6 +103,9 @@ def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
             if others:
                 entry["other_scenarios"] = others
             yield StatedVariant(f"task2.variants.families.{name}", key, variant, entry)
+            yield from _repetitions(f"task2.variants.families.{name}", variants, variant, entry,
+                                    family.get("pooled", variants["pooled"]))  # fmt: skip
+    yield from _repetitions("task2.variants", variants, "", _unchanged(config), variants["pooled"])
     for name, sweep in config["sweeps"].items():
         key = _within_cell(sweep["key"]) or ""
         place = {k: sweep[k] for k in ("scenario", "architecture")}
@@ -108,6 +114,26 @@ def stated_variants(config: Mapping[str, Any]) -> Iterator[StatedVariant]:
                 entry = {**place, "targets": [], "change": _cell_change(key, point.value)}
                 stated = f"sweeps.{name}"
                 yield StatedVariant(stated, f"{stated}.values", point.variant, entry)
+
+
+def _repetitions(
+    family: str, variants: Mapping[str, Any], name: str, entry: Mapping[str, Any], pooled: Any
+) -> Iterator[StatedVariant]:
+    """A variant, or the unchanged cell without a name, with each of some changes of `pooled`."""
+    for repeated in pooled:
+        change = merged(entry["change"], variants["pooled"][repeated])
+        called = f"{name}-{repeated}" if name else repeated
+        whole = {**entry, "change": change, "repeats": name}
+        yield StatedVariant(family, f"task2.variants.pooled.{repeated}", called, whole)
+
+
+def _unchanged(config: Mapping[str, Any]) -> dict[str, Any]:
+    """The entry of the unchanged cells at the place of the first of them; `campaign_cells` knows
+    all their places."""
+    for cell in grid_cells(config["task2"]):
+        place = {"scenario": cell.scenario, "architecture": cell.architecture}
+        return {**place, "targets": [], "change": {}}
+    return {"targets": [], "change": {}}
 
 
 def _changes(
@@ -133,8 +159,8 @@ def _changes(
 def with_families(config: Mapping[str, Any]) -> dict[str, Any]:
     """The configuration with the scenarios and variants of its families and sweeps.
 
-    `task2.variants` has `scenario`, `architecture` and, in place of the families, `cells`: the
-    entry of each variant by its name, first the variants in `only`, in its order.
+    `task2.variants` has `scenario`, `architecture`, `pooled` and, in place of the families,
+    `cells`: the entry of each variant by its name, first the variants in `only`, in its order.
     """
     scenarios, task2 = dict(config["scenarios"]), config["task2"]
     for name, sweep in config["sweeps"].items():
@@ -142,7 +168,7 @@ def with_families(config: Mapping[str, Any]) -> dict[str, Any]:
             if not point.variant:
                 change = nested(sweep["key"], point.value)
                 scenarios[point.scenario] = merged(scenarios[sweep["scenario"]], change)
-    variants = {key: task2["variants"][key] for key in ("scenario", "architecture")}
+    variants = {key: task2["variants"][key] for key in ("scenario", "architecture", "pooled")}
     cells = {variant.name: variant.entry for variant in stated_variants(config)}
     first = [name for name in task2["variants"]["only"] or () if name in cells]
     variants["cells"] = {name: cells[name] for name in dict.fromkeys([*first, *cells])}
@@ -174,6 +200,12 @@ def check_families(config: Mapping[str, Any], left: Mapping[str, Any]) -> None:
                 f"configuration key 'task2.variants.families.{name}': give either key and values "
                 "or changes, or combine, in addition to them or alone"
             )
+        for other in family.get("pooled", ()):
+            if other not in variants["pooled"]:
+                raise ConfigurationError(
+                    f"configuration key 'task2.variants.families.{name}.pooled': {other!r} is none "
+                    f"of task2.variants.pooled ({', '.join(variants['pooled']) or 'empty'})"
+                )
     taken = set(config["scenarios"])
     for variant in stated_variants(config | {"sweeps": {}}):
         if variant.name in taken:
@@ -182,12 +214,11 @@ def check_families(config: Mapping[str, Any], left: Mapping[str, Any]) -> None:
                 f"{variant.name!r}; rename one of them"
             )
         taken.add(variant.name)
-    for key in ("only", "pooled"):
-        for name in variants[key] or ():
-            if name not in taken:
-                raise ConfigurationError(
-                    f"configuration key 'task2.variants.{key}': {name!r} is none of the variants"
-                )
+    for name in variants["only"] or ():
+        if name not in taken:
+            raise ConfigurationError(
+                f"configuration key 'task2.variants.only': {name!r} is none of the variants"
+            )
     for name in left["sweeps"]:
         _check_sweep(left, name, taken)
 

@@ -169,6 +169,9 @@ class VariantFamily(Family):
     changes: dict[VariantName, CellChange] = setting(
         "in place of `key` and `values`: changed settings of a cell by the names of the variants",
         default=None, name="")
+    pooled: several(VariantName) = _optional(
+        "those of `task2.variants.pooled` with which the cells of the family are repeated; left "
+        "out: all")
     combine: dict[VariantName, several(VariantName)] = setting(
         "in place of or in addition to the former: variants with which the named variant is "
         "combined; each combination is called `{one of them}-{variant}`", default=None, name="")
@@ -206,10 +209,12 @@ class Variants(Section):
     targets: TargetCounts | None = setting(
         "numbers of targets of all variants, in place of those of the families; null: not replaced",
         "1", default=None)
-    pooled: several(VariantName) = setting(
-        "variants that change only the day or the targets. Their realizations, and those of each "
-        "`{variant}-{one of them}`, are pooled with the realizations of the unchanged cell in "
-        "`tables/pooled.csv` and `figures/pooled.png`", default=[])
+    pooled: dict[VariantName, CellChange] = setting(
+        "changes of the day, the targets and the random draws by their names, such as "
+        "`{start_day: 3, monitored_seed: 1, first_realization: 1}`. Every cell, changed or not, is "
+        "repeated with each of them (`nt50_dt60_{pooled}.nc`, `nt50_dt60_{variant}-{pooled}.nc`), "
+        "and its realizations are pooled with those of its repetitions in `tables/pooled.csv` and "
+        "`figures/pooled.png`, with intervals over the days", default={}, name="{pooled}")
     families: dict[VariantName, VariantFamily] = setting("", default={}, name="{family}")
 
 

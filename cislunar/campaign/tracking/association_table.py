@@ -26,7 +26,7 @@ TASKED = "tasked target"
 """Associator of cells whose observations measure their own targets alone."""
 
 PLACE = ("clutter", "field_deg", "targets", "mode", "population", "estimator", "dynamics")
-COLUMNS = ("associator", *PLACE, "quantity", "mean", "low", "high", "seeds")
+COLUMNS = ("associator", *PLACE, "quantity", "mean", "low", "high", "largest", "seeds")
 """Columns of the table. `clutter`: mean number of false alarms per exposure."""
 
 UNCONFIRMED = "multiple-frames-unconfirmed"
@@ -64,7 +64,8 @@ def association_rows(cells: Sequence[tuple[Cell, xr.Dataset]], custody_km: float
             interval = (count_interval if name in _COUNTS else t_interval)(each)
             low = np.maximum(interval.low, 0.0)
             rows.append({**place, "quantity": name, "mean": interval.mean, "low": low,
-                         "high": interval.high, "seeds": interval.count})  # fmt: skip
+                         "high": interval.high, "largest": np.max(each),
+                         "seeds": interval.count})  # fmt: skip
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 

@@ -105,9 +105,10 @@ def target_labels(tracked: xr.Dataset, rows: NDArray[np.int64]) -> list[str]:
     ]
 
 
-def realization_seeds(seed: int, count: int) -> list[int]:
-    """Seeds of the realizations in every cell; a longer list begins with shorter ones."""
-    return [int(np.random.SeedSequence([seed, k]).generate_state(1)[0]) for k in range(count)]
+def realization_seeds(seed: int, count: int, first: int = 0) -> list[int]:
+    """Seeds of the realizations from number `first` on; a longer list begins with shorter ones."""
+    numbers = range(first, first + count)
+    return [int(np.random.SeedSequence([seed, k]).generate_state(1)[0]) for k in numbers]
 
 
 def tracking_problem(
@@ -205,7 +206,7 @@ def cell_loop(
         problem.surfaces,
         problem.epoch_state,
         problem.target_ids,
-        realization_seeds(seed, chosen.seeds),
+        realization_seeds(seed, chosen.seeds, chosen.first_realization),
         replace(loop, sensor=problem.sensor),
         estimator=estimator_factory(cell.estimator, chosen),
         truth=problem.truth,

@@ -1,4 +1,5 @@
-"""Comparisons of samples: paired differences, trends, rank correlations, and Holm's test."""
+"""Comparisons of samples: paired differences, trends, rank correlations, Holm's test, and tests of
+non-inferiority."""
 
 from typing import NamedTuple
 
@@ -120,3 +121,32 @@ def paired(first: ArrayLike, other: ArrayLike) -> Paired:
     if not difference.count:
         return Paired(np.nan, np.nan, np.nan, np.nan, difference)
     return Paired(first.mean(), other.mean(), first.max(), other.max(), difference)
+
+
+BETTER, WITHIN_MARGIN = "better", "not worse within the margin"
+WORSE, NOT_DECIDED = "worse", "not decided"
+
+
+def non_inferiority(gain: Interval, margin: float) -> str:
+    """Whether one sample is better than another, not worse by more than a margin, or worse.
+
+    Parameters
+    ----------
+    gain : Interval
+        By how much it is better, with its 95 % interval: a difference, or the logarithm of a ratio.
+    margin : float
+        Largest loss that still counts as none, positive and in the unit of `gain`.
+
+    Returns
+    -------
+    str
+        `BETTER` if the whole interval is a gain; `WITHIN_MARGIN` if none of it is a loss beyond
+        the margin, which is a one-sided test of non-inferiority at 2.5 % (ICH E9, section 3.3.2,
+        1998); `WORSE` if the whole interval is a loss that may be beyond the margin; otherwise
+        `NOT_DECIDED`, also without an interval.
+    """
+    if gain.low > 0.0:
+        return BETTER
+    if gain.low > -margin:
+        return WITHIN_MARGIN
+    return WORSE if gain.high < 0.0 else NOT_DECIDED

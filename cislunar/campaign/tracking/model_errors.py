@@ -73,11 +73,14 @@ def _size(kind: str, settings: CellSettings) -> tuple[float, str]:
 def model_errors(task2: Mapping[str, Any]) -> list[ModelError]:
     """The variants of `task2` whose truth differs from the assumed model, in order.
 
-    They include those that estimate body-parameter deviations, whatever the truth.
+    They include those that estimate body-parameter deviations, whatever the truth, and no
+    repetitions on other days.
     """
     found: list[ModelError] = []
     first: dict[str, str] = {}
     for name, variant in task2["variants"]["cells"].items():
+        if "repeats" in variant:
+            continue
         change = dict(variant["change"])
         truth = change.pop("truth", {})
         kinds = [key for key, _ in _leaves(truth)]

@@ -15,7 +15,7 @@ from cislunar.campaign.tracking.tables import tracking_rows
 COLUMNS = (
     *("sweep", "key", "label", "value", "scenario", "architecture", "estimator", "variant"),
     *("observers", "targets", "interval_minutes", "quantity", "part", "unit"),
-    *("mean", "low", "high", "smallest", "largest", "seeds"),
+    *("mean", "low", "high", "smallest", "largest", "seeds", "average"),
 )
 """Columns of the table; unused ones are empty."""
 

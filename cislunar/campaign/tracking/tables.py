@@ -13,7 +13,7 @@ from cislunar.campaign.settings.cells import FEWEST_RANKED
 from cislunar.campaign.tracking.comparisons import Paired, paired, rank_correlation
 from cislunar.campaign.tracking.model_errors import NONE, ModelError
 from cislunar.campaign.tracking.realizations import CELL, MEASURE, by_measure, realizations, select
-from cislunar.evaluation.intervals import SPANS_DECADES, interval_of
+from cislunar.evaluation.intervals import GEOMETRIC, SPANS_DECADES, group_means, interval_of
 
 Array = NDArray[np.float64]
 
@@ -25,25 +25,29 @@ def tracking_rows(summary: xr.Dataset) -> pd.DataFrame:
     """Rows of ``tables/tracking.csv``, from ``task2/summary.nc``.
 
     For every cell and quantity, with every part of the state and unit: mean over the realizations
-    with its 95 % confidence interval (Student's t; of the logarithm for ANEES and error over bound,
-    which span decades; of counts and shares of targets no narrower than the exact ones), limited to
-    possible values, smallest and largest. Quantity `rmse_*` appears in the paper's units and in
-    practical ones.
+    with its 95 % confidence interval (Student's t; of the logarithm for quantities with geometric
+    means, see `interval_of`; of counts and shares of targets no narrower than the exact ones),
+    limited to possible values, smallest and largest, and in `average` whether the mean is
+    `arithmetic` or `geometric`. The mean of ANEES is arithmetic, and its largest value is that of
+    the worst realization. Quantity `rmse_*` appears in the paper's units
+    and in practical ones.
     """
     heads, values = by_measure(realizations(summary))
     found = map(_statistics, heads["quantity"], heads["targets"], values)
     return heads[[*_PLACE, *MEASURE]].join(pd.DataFrame(found, columns=_STATISTICS))
 
 
-_STATISTICS = ["mean", "low", "high", "smallest", "largest", "seeds"]
+_STATISTICS = ["mean", "low", "high", "smallest", "largest", "seeds", "average"]
 
 
-def _statistics(quantity: str, targets: int, values: Array) -> tuple:
-    """Mean, interval, range and number of some realizations of a quantity."""
+def _statistics(quantity: str, targets: int, values: Array, days: Array | None = None) -> tuple:
+    """Mean, interval, range and number of some realizations of a quantity, which may be grouped by
+    their days, and which mean it is."""
     finite = values[np.isfinite(values)]
-    mean, low, high, seeds = interval_of(quantity, values, targets)
+    mean, low, high, _ = interval_of(quantity, values, targets, days)
     ends = (finite.min(), finite.max()) if finite.size else (np.nan, np.nan)
-    return mean, low, high, *ends, seeds
+    average = "geometric" if quantity.startswith(GEOMETRIC) else "arithmetic"
+    return mean, low, high, *ends, finite.size, average
 
 
 _POOLED_QUANTITIES = (
@@ -66,30 +70,53 @@ _POOLED_QUANTITIES = (
 def pooled_rows(summary: xr.Dataset, pooled: Sequence[str]) -> pd.DataFrame:
     """Rows of ``tables/pooled.csv``, from ``task2/summary.nc``: as `tracking_rows`, over days.
 
-    `pooled` is the configuration key `task2.variants.pooled`: realizations of these variants count
-    as further ones of the usual cell, and those of each ``{variant}-{one of them}`` of its variant.
-    All are treated as independent.
+    Parameters
+    ----------
+    summary : xarray.Dataset
+        Realizations of all cells.
+    pooled : sequence of str
+        Names of the configuration key `task2.variants.pooled`: the variants that repeat the
+        unchanged cell on another day, and in ``{variant}-{name}`` a changed one. Realizations of a
+        day share its geometry and its targets, and count as one group in the intervals.
+
+    Returns
+    -------
+    pandas.DataFrame
+        In addition, the number of `days`, and in `by_day` the mean of each day, first that of the
+        day that is not repeated and then those of `pooled` in their order, separated by spaces
+        (`nan` for a day without realizations). Days are geometric means where `mean` is.
     """
     frame = realizations(summary).set_index(MEASURE, drop=False)
     frame = frame.loc[frame.index.isin(_POOLED_QUANTITIES)].reset_index(drop=True)
-    roots = {name: _root(name, pooled) for name in frame["variant"].unique()}
-    frame = frame.assign(variant=frame["variant"].map(roots))
+    places = {name: _repeated(name, pooled) for name in frame["variant"].unique()}
+    days = frame["variant"].map({name: place[1] for name, place in places.items()})
+    variants = frame["variant"].map({name: place[0] for name, place in places.items()})
+    frame = frame.assign(variant=variants, day=days)
     heads, found = [], []
-    for head, values in frame.groupby([*_PLACE, *MEASURE], sort=False)["value"]:
-        head_of = dict(zip([*_PLACE, *MEASURE], head, strict=True))
-        heads.append(head_of)
-        found.append(_statistics(head_of["quantity"], head_of["targets"], values.to_numpy(float)))
-    return pd.DataFrame(heads).join(pd.DataFrame(found, columns=_STATISTICS))
+    for head, own in frame.groupby([*_PLACE, *MEASURE], sort=False):
+        place = dict(zip([*_PLACE, *MEASURE], head, strict=True))
+        quantity, values, day = place["quantity"], own["value"].to_numpy(float), own["day"]
+        logarithmic = quantity.startswith(GEOMETRIC)
+        means = group_means(np.log(values) if logarithmic else values, day)
+        each = np.array([means.get(name, np.nan) for name in ("", *pooled)])
+        each = np.exp(each) if logarithmic else each
+        heads.append(place)
+        found.append(
+            (
+                *_statistics(quantity, place["targets"], values, day.to_numpy()),
+                len(means),
+                " ".join(f"{mean:.6g}" for mean in each),
+            )
+        )
+    return pd.DataFrame(heads).join(pd.DataFrame(found, columns=[*_STATISTICS, "days", "by_day"]))
 
 
-def _root(variant: str, pooled: Sequence[str]) -> str:
-    """A variant without the suffix of a pooled variant."""
+def _repeated(variant: str, pooled: Sequence[str]) -> tuple[str, str]:
+    """A variant without the suffix of a pooled variant, and the pooled variant."""
     for name in pooled:
-        if variant == name:
-            return ""
-        if variant.endswith(f"-{name}"):
-            return variant.removesuffix(f"-{name}")
-    return variant
+        if variant == name or variant.endswith(f"-{name}"):
+            return variant.removesuffix(name).removesuffix("-"), name
+    return variant, ""
 
 
 def compared(

@@ -27,6 +27,10 @@ _STYLES = (
 ROWS = (
     Row("targets in custody,\n% of all targets", ("custody_share", "", "1"), 100.0,
         within=PERCENT),
+    Row("position in custody,\n% of all targets", ("position_custody_share", "", "1"), 100.0,
+        within=PERCENT),
+    Row("attitude in custody,\n% of all targets", ("attitude_custody_share", "", "1"), 100.0,
+        within=PERCENT),
     Row("final position error,\nall targets, km", ("final_error_geometric_all", "position", "km"),
         log=True),
     Row("final attitude error,\nall targets, deg",

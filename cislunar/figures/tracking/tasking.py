@@ -212,6 +212,6 @@ def _legend(figure: Figure, compared: xr.Dataset, tracked: Mapping[str, pd.DataF
         handles.append(Line2D([], [], label=f"tracking of {count} targets", **plain, **face))
     seeds = [np.isfinite(values_of(cells, "coverage", "attitude")).sum(axis=0).max()
              for cells in tracked.values()]  # fmt: skip
-    note = panels.realizations_note(seeds, geometric=True)
+    note = panels.realizations_note(seeds, geometric="on logarithmic axes")
     top = layout.note_below(figure, f"Tracking panels. {note}" if note else "")
     layout.legend_below(figure, handles, top, 3, handlelength=2.4, columnspacing=1.2)

@@ -238,8 +238,10 @@ def _draw(
         if curve.only not in (None, name):
             continue
         single = values_of(cells, curve.quantity, curve.part).T
+        # a large ANEES of a single realization is to show
+        geometric = row.log and not curve.quantity.startswith("anees")
         intervals = [
-            log_interval(values) if row.log else interval_of(curve.quantity, values, count)
+            log_interval(values) if geometric else interval_of(curve.quantity, values, count)
             for values, count in zip(single, targets, strict=True)
         ]
         found = panels.estimates(single, intervals).scaled(row.factor)
@@ -260,6 +262,7 @@ def _x_axis(axes: Axes, values: Array) -> None:
 def _legend(figure: Figure, by: str, styles: Mapping, counts: Sequence[int], abreast: int) -> None:
     """Draw the legend, with entries `abreast`, and a note on the realizations."""
     handles = [series.legend_handle() for series in styles.values()]
+    means = "on logarithmic axes"
     if by == "estimator":
         handles.append(BOUND_STYLE.legend_handle())
         handles.append(Patch(label="median expected of an estimator at the bound", **_BAND))
@@ -273,5 +276,6 @@ def _legend(figure: Figure, by: str, styles: Mapping, counts: Sequence[int], abr
             Line2D([], [], label="hollow marker: position, translation", **hollow),
             Line2D([], [], color=style.GRAY, linewidth=0.8, label="consistent estimator (ANEES 1)"),
         ]
-    top = layout.note_below(figure, panels.realizations_note(counts, geometric=True))
+        means += ", except for ANEES"
+    top = layout.note_below(figure, panels.realizations_note(counts, geometric=means))
     layout.legend_below(figure, handles, top, abreast, handlelength=2.8, columnspacing=1.4)

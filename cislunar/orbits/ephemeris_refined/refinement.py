@@ -45,8 +45,9 @@ from cislunar.orbits.ephemeris_refined.reference_tracking import (
 
 Array = NDArray[np.float64]
 
-_POSITION_KM, _VELOCITY_KM_S = 1e-3, 1e-6
-"""Largest mismatch of an arc: 1 m and 1 mm/s."""
+_POSITION_KM, _VELOCITY_KM_S = 1e-6, 1e-9
+"""Largest mismatch of an arc: 1 mm and 1 μm/s, so that it is within 1 m and 1 mm/s for another
+propagator as well."""
 
 _ARCS_PER_PERIOD, _FEWEST_ARCS = 12, 20
 """Arcs far from bodies; there are more close to bodies."""
@@ -189,8 +190,7 @@ def _shoot(
             for unit, part in ((UNITS[0], arcs.miss[:, :3]), (UNITS[3], arcs.miss[:, 3:]))
         )
         gap_km = abs(_gap(forces, constraint, nodes)[0]) * LENGTH_UNIT_KM
-        # a thousandth of the tolerance, so that another propagator meets it as well
-        if position < 1e-3 * _POSITION_KM and velocity < 1e-3 * _VELOCITY_KM_S and gap_km < 1.0:
+        if position < _POSITION_KM and velocity < _VELOCITY_KM_S and gap_km < 1.0:
             return RefinedPath(nodes[:, 6] * TIME_UNIT_S, nodes[:, :6], position, velocity)
         better = _damped_change(forces, nodes, arcs, constraint)
         if better is None:

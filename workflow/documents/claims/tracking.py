@@ -19,7 +19,7 @@ from cislunar.campaign.tracking.realizations import (
     usual_interval,
     values_of,
 )
-from cislunar.evaluation.intervals import Interval, interval_of, t_interval, within_bounds
+from cislunar.evaluation.intervals import Interval, interval_of, t_interval
 
 from .facts import STATISTICS, Sweep
 from .judges import Claim, Facts, judge, table
@@ -120,12 +120,9 @@ def set_claims(frame: pd.DataFrame) -> Iterator[Claim]:
             continue
 
         def over_sets(*measure: str, sets=sets, labels=labels) -> Interval:
-            values = [values_of(own, *measure)[:, 0] for own in sets]
-            found = within_bounds(measure[0], t_interval([np.nanmean(own) for own in values]))
-            # no narrower than over realizations alone, whose intervals are exact where all agree
-            pooled = interval_of(measure[0], np.concatenate(values), labels["targets"])
-            low, high = np.fmin(found.low, pooled.low), np.fmax(found.high, pooled.high)
-            return found._replace(low=float(low), high=float(high))
+            values = np.array([values_of(own, *measure)[:, 0] for own in sets])
+            number = np.repeat(np.arange(len(sets)), values.shape[1])
+            return interval_of(measure[0], values.ravel(), labels["targets"], number)
 
         facts = {
             "sets": len(sets),
