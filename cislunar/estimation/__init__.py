@@ -4,6 +4,8 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "dispersed_orbits": ["TRANSLATION_SIZE", "carry_points", "dispersed_points"],
+    "eclipses": ["expected_dimming", "without_dimming"],
     "estimator": ["CHOLESKY_FAILURES", "Estimates", "Estimator", "EstimatorFactory", "FLOOR_HITS",
         "InitialEstimate", "OUT_OF_FIELD", "OrbitEstimates", "Prediction", "Rotation", "UPDATES"],
     "expected": ["expected_directions", "expected_measurements"],

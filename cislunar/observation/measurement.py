@@ -76,8 +76,8 @@ def _in_flux(error):
 
 @njit_noalloc
 def _arriving(scene, surfaces, own, observer, j, k, state, attitude, dimmed):
-    """Obstacle to target j at time k, apparent magnitude, and dimming by air and shadow. The
-    magnitude is infinite and the dimming zero if there is an obstacle."""
+    """Obstacle to target j at time k, apparent magnitude, and dimming by air. The magnitude is
+    infinite and the dimming zero if there is an obstacle."""
     ox = scene.observer_position[observer, k, 0]
     oy = scene.observer_position[observer, k, 1]
     oz = scene.observer_position[observer, k, 2]
@@ -87,8 +87,8 @@ def _arriving(scene, surfaces, own, observer, j, k, state, attitude, dimmed):
     way = obstacle(ox, oy, oz, dx, dy, dz, sun, own, primaries)
     if way != CLEAR:
         return way, np.inf, 0.0
-    loss = dimmed + extinction(ox, oy, oz, dx, dy, dz, primaries[0], own)
-    arriving = loss + target_magnitude(
+    air = extinction(ox, oy, oz, dx, dy, dz, primaries[0], own)
+    arriving = (dimmed + air) + target_magnitude(
         dx,
         dy,
         dz,
@@ -100,7 +100,7 @@ def _arriving(scene, surfaces, own, observer, j, k, state, attitude, dimmed):
         surfaces,
         j,
     )
-    return way, arriving, loss
+    return way, arriving, air
 
 
 @njit_noalloc
@@ -112,7 +112,7 @@ def observe(scene, surfaces, own, true, standard, observer, j, k, motion, noise,
     value, variance, truly = out
     noise_variance_at(own, own.limiting_magnitude, variance)
     seen_from = scene, surfaces, own, observer
-    way, arriving, loss = _arriving(*seen_from, j, k, state, attitude, dimmed)
+    way, arriving, air = _arriving(*seen_from, j, k, state, attitude, dimmed)
     if way != CLEAR:
         return EXCLUDED if way == BRIGHT else OCCULTED
     error = noise[0], noise[1], noise[2]
@@ -132,7 +132,7 @@ def observe(scene, surfaces, own, true, standard, observer, j, k, motion, noise,
     place = scene.observer_position[observer, k]
     dx, dy, dz = state[0] - place[0], state[1] - place[1], state[2] - place[2]
     ra, dec = direction_angles(dx, dy, dz, scene.observer_axes[k])
-    value[0] = magnitude - loss
+    value[0] = magnitude - air
     value[1] = wrap_angle(ra + error[1])
     value[2] = dec + error[2]
     return DETECTED
@@ -185,8 +185,9 @@ def measure(
 
     A target is detected if its noisy apparent magnitude reaches the sensor's limit and the true
     line of sight is clear of the bright bodies (Paul & Fan, section 5.2) and, on the ground, of the
-    horizon. The dimming by air and shadow is removed from the measured magnitude. The estimator
-    checks the field of view, since it knows the expected direction.
+    horizon. The dimming by air is removed from the measured magnitude; that by a shadow remains,
+    since it depends on the true position (`cislunar.estimation.eclipses`). The estimator checks the
+    field of view, since it knows the expected direction.
 
     Parameters
     ----------

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.association.tracks import known_tracks
+from cislunar.estimation.eclipses import without_dimming
 from cislunar.estimation.estimator import (
     Estimates,
     Prediction,
@@ -116,7 +117,8 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
     """Assign the observers at an epoch and simulate the interval that follows."""
     settings, start = inputs.settings, int(inputs.settings.epochs[number])
     n_steps = min(settings.steps_per_interval, settings.n_steps - start)
-    prediction = _predicted(inputs, own, start)
+    estimated = _received(inputs, own, start)
+    prediction = _with_pending(inputs, own, start, estimated)
     tasking = decide(
         prediction, n_steps, inputs.scene, inputs.surfaces, settings,
         inputs.forces, own.detection, own.pointing, stream(TASKING, own.seed, number),
@@ -128,6 +130,10 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
     selected[settings.recorded_within(start, n_steps)] = True
     if not settings.association.in_field:
         measurements, outcome = _observed(inputs, own, start, tasking, motion, dimmed)
+        shaded = np.zeros(outcome.size, dtype=bool)
+        if settings.eclipse:
+            given = estimated, inputs.scene, inputs.forces
+            measurements, shaded = without_dimming(measurements, *given)
         estimates, least, observed = _judged(
             inputs, own, start, motion, measurements, outcome, selected
         )
@@ -136,11 +142,12 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
         field = observe_field(inputs, own, start, tasking, prediction, motion, dimmed)
         found = associate_interval(inputs, own, start, n_steps, field)
         measurements, outcome, estimates, commanded = found[:4]
+        shaded = np.zeros(outcome.size, dtype=bool)
         least = _bounded(own, motion, measurements.where(estimates.used & found.right), selected)
         observed = found.counts[:, 0] > 0
         of_tracks = found.histories(motion, own.tracks, settings.association.gospa_cutoff_km)
     outcome[estimates.used & (outcome == DETECTED)] = USED
-    _report(own, start, tasking, measurements, outcome, commanded, dimmed)
+    _report(own, start, tasking, measurements, outcome, commanded, shaded)
     error = estimation_errors(1, motion, estimates)
     own.evaluation.update(error, estimates.sigma, observed, least)
     names = kept_histories(settings, bool(own.estimator.estimated_parameters))
@@ -251,16 +258,15 @@ def _report(
     measurements: Measurements,
     outcome: NDArray[np.uint8],
     commanded: NDArray[np.bool_],
-    dimmed: Array,
+    shaded: NDArray[np.bool_],
 ) -> None:
     """Report the detection outcomes of the tasked targets to the scheduler. A target that was
-    outside the field of view was not detected."""
+    outside the field of view was not detected; `shaded` marks those that may be in a shadow."""
     if own.detection is None and own.reception is None:
         return
     target, step = rows_of(measurements)
     reported = np.where(outcome == USED, DETECTED, np.where(outcome == DETECTED, FAINT, outcome))
     # a non-detection in a shadow is no information on the brightness of the target
-    shaded = dimmed[target, step + 1] > 0.0
     reported[shaded & (reported == FAINT)] = OCCULTED
     if own.reception is not None:
         own.reception.note(start, tasking, measurements, reported)
@@ -269,15 +275,20 @@ def _report(
         tasking.learn(own.detection, *(column[commanded] for column in rows))
 
 
-def _predicted(inputs: SimulationInputs, own: Realization, start: int) -> Prediction:
-    """Prediction on which tasking is based at the epoch before the step `start`."""
-    if own.reception is None:
-        return own.estimator.predict()
+def _received(inputs: SimulationInputs, own: Realization, start: int) -> Prediction:
+    """Prediction from the measurements received before the step `start`."""
+    if own.reception is not None:
+        own.reception.receive(start, partial(_worked, inputs, own))
+        own.reception.learn(start, own.detection)
+    return own.estimator.predict()
+
+
+def _with_pending(
+    inputs: SimulationInputs, own: Realization, start: int, prediction: Prediction
+) -> Prediction:
+    """Prediction on which tasking is based: with the expected effect of pending measurements."""
     settings = inputs.settings
-    own.reception.receive(start, partial(_worked, inputs, own))
-    own.reception.learn(start, own.detection)
-    prediction = own.estimator.predict()
-    if not settings.communication.use_pending_measurements:
+    if own.reception is None or not settings.communication.use_pending_measurements:
         return prediction
     observations = own.reception.pending(start, own.detection)
     return expected_update(

@@ -52,7 +52,8 @@ class LoopSettings:
         What exposures return, and how detections are associated with tracks.
     eclipse : bool
         Whether the shadows of Earth and Moon dim targets, for tasking as well. A magnitude measured
-        in the penumbra is corrected for the dimming, which is known far better than the magnitude.
+        in the penumbra is corrected for the dimming that is expected at the estimated position
+        (`cislunar.estimation.eclipses`).
     initial : InitialSigma
         Uncertainty of the targets at the epoch.
     custody : Custody

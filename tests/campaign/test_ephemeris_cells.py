@@ -8,6 +8,7 @@ from campaign_folder import ROOT, read_campaign
 from small_cells import cell_inputs, settings_of_cell
 
 from cislunar.campaign.architectures.visibility import architecture_coverage, visibility_dataset
+from cislunar.campaign.data import refined_orbits
 from cislunar.campaign.data.inputs import body_table
 from cislunar.campaign.data.refined_orbits import (
     forces_on_observers,
@@ -24,17 +25,20 @@ from cislunar.campaign.settings.families import with_families
 from cislunar.campaign.settings.library import loop_settings
 from cislunar.campaign.settings.reading import checked, merged, typed
 from cislunar.campaign.settings.scenarios import in_study, scenario_settings
+from cislunar.campaign.tracking import ephemeris_inputs
 from cislunar.campaign.tracking.cell import tracking_problem
 from cislunar.campaign.tracking.dataset import cell_dataset
+from cislunar.campaign.tracking.ephemeris_inputs import flown_dataset, flown_paths
 from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, MU
 from cislunar.dynamics.ephemeris import UNITS, propagate_utc
 from cislunar.dynamics.frames import from_inertial, pulsating_frame
 from cislunar.dynamics.propagation import propagate_periodic
 from cislunar.ephemeris.kernel import EARTH_MOON_BARYCENTER, kernel_path, loaded
-from cislunar.errors import ConfigurationError
+from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.observation.sightline import sunlit_share
 from cislunar.orbits.ephemeris_refined.refinement import RefinedPath, path_states
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
+from cislunar.runtime.netcdf import read_dataset, write_dataset
 
 REAL = {"truth": "ephemeris", "filter": "ephemeris"}
 REFINED = REAL | {"observers": "refined"}
@@ -160,6 +164,34 @@ def test_impossible_settings_are_refused(inputs):
     mixed = settings_of(dynamics={"truth": "cr3bp", "filter": "ephemeris"})
     with pytest.raises(ConfigurationError, match="set truth to 'ephemeris'"):
         checked(mixed, CellSettings)
+
+
+def test_cells_share_the_refined_orbits_of_their_observers(inputs, tmp_path, monkeypatch):
+    settings = typed(settings_of(start_day=1.0, dynamics=REFINED), CellSettings)
+    dynamics = settings.dynamics.model_dump()
+    given = inputs.architecture, inputs.orbits, inputs.bodies, {"dynamics": dynamics}
+    write_dataset(flown_dataset(*given), tmp_path / "flown.nc")
+
+    def places(**shared):
+        problem = tracking_problem(
+            CELL, inputs._replace(**shared), settings, "dop853", loop_settings(settings, 60)
+        )
+        return problem.scene.observer_position
+
+    own = places()
+
+    def fails(*args, **more):
+        raise ConvergenceError("not today")
+
+    monkeypatch.setattr(refined_orbits, "refined_path", fails)
+    np.testing.assert_array_equal(places(flown=read_dataset(tmp_path / "flown.nc")), own)
+    # one that failed is not tried again, and stays on its CR3BP orbit
+    reference = places()
+    assert np.abs(reference - own).max() > 0.0
+    monkeypatch.setattr(ephemeris_inputs, "refined_path", fails)
+    lost = flown_dataset(*given)
+    assert flown_paths(lost) == ["not today"] * 3
+    np.testing.assert_array_equal(places(flown=lost), reference)
 
 
 @pytest.mark.parametrize("eclipse", [False, True])

@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU
+from cislunar.dynamics.cr3bp import EARTH_MOON
+from cislunar.dynamics.propagation import propagate
 from cislunar.dynamics.radiation import SUN_RADIUS_KM
+from cislunar.estimation.eclipses import expected_dimming, without_dimming
+from cislunar.estimation.estimator import Prediction
 from cislunar.observation.measurement import FAINT
+from cislunar.observation.records import Measurements
 from cislunar.observation.sensor import ExclusionAngles, Sensor
 from cislunar.observation.sightline import dimming, sunlit_share
+from cislunar.tasking import realization
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
 from cislunar.tasking.planning.detection_model import DetectionModel
@@ -111,3 +117,95 @@ def test_far_from_shadows_nothing_changes(problem):
     assert np.any(runs[0].valid)
     for name in ("assignment", "information", "error", "outcome"):
         np.testing.assert_array_equal(getattr(runs[0], name), getattr(runs[1], name))
+
+
+def _behind_the_moon(height):
+    """A place 5000 km behind the Moon, at a height across the shadow; nondimensional."""
+    moon = PRIMARIES[0, 1]
+    away = (moon - SUN[0]) / np.linalg.norm(moon - SUN[0])
+    return moon + away * 5000.0 / LENGTH_UNIT_KM + [0.0, 0.0, height / LENGTH_UNIT_KM]
+
+
+def _still(count):
+    """A scene of some times with the Sun and the bodies at rest."""
+    scene = tracking_problem(1, 1, duration_hours=1.0)[0]
+    return scene._replace(
+        sun_position=np.tile(SUN, (count, 1)), primaries=np.tile(PRIMARIES, (count, 1, 1))
+    )
+
+
+@pytest.mark.parametrize("sigma_km", [0.5, 10.0])
+def test_the_expected_dimming_has_the_moments_of_samples(sigma_km):
+    """Of positions drawn from the estimate, in full light, across the penumbra and in the umbra."""
+    height = np.array([1600.0, 1718.0, 1728.0, 1738.0, 1750.0, 1900.0])
+    place = np.array([_behind_the_moon(h) for h in height])
+    sigma = sigma_km / LENGTH_UNIT_KM
+    covariance = np.diag([sigma**2] * 3 + [1e-12] * 3)
+    estimate = Prediction(
+        0, np.hstack([place, np.zeros_like(place)]), np.tile(covariance, (height.size, 1, 1))
+    )
+    targets = np.arange(height.size)
+    mean, variance = expected_dimming(estimate, targets, 1, _still(1), EARTH_MOON)
+    rng = np.random.default_rng(5)
+    drawn = place[:, None] + sigma * rng.normal(size=(height.size, 4000, 3))
+    share = sunlit_share(drawn.reshape(-1, 1, 3), SUN, PRIMARIES).reshape(height.size, -1)
+    samples = -2.5 * np.log10(np.maximum(share, 0.01))
+    # a rule of third degree: near the umbra, where the dimming is far from linear, it is rough
+    np.testing.assert_allclose(mean[:, 0], samples.mean(axis=1), atol=0.12 * sigma_km**0.5)
+    width, drawn_width = np.sqrt(variance[:, 0]), samples.std(axis=1)
+    np.testing.assert_allclose(width, drawn_width, rtol=0.35, atol=0.05 * sigma_km**0.5)
+    assert mean[-1, 0] == 0.0 == variance[-1, 0] and mean[0, 0] == 5.0
+    assert np.all(np.diff(mean[1:, 0]) < 0.0)
+
+
+def test_points_of_an_estimate_move_with_the_assumed_forces():
+    scene = _still(6)
+    start = np.array([[*_behind_the_moon(1690.0), 0.0, 0.1, 0.3]])
+    known = Prediction(0, start, 1e-20 * np.eye(6)[None])
+    mean, variance = expected_dimming(known, np.zeros(1, dtype=int), 6, scene, EARTH_MOON)
+    times = scene.step * np.arange(6)
+    path = propagate(start[0], times)[:, :3]
+    alone = dimming(path[None], scene.sun_position, scene.primaries)
+    np.testing.assert_allclose(mean, np.minimum(alone, 5.0), atol=1e-6)
+    assert np.sum((mean > 0.0) & (mean < 5.0)) == 2 and variance.max() < 1e-9
+
+
+def test_the_estimator_never_sees_the_true_shadow(problem, monkeypatch):
+    """A shadow on the truth alone leaves its dimming in the magnitudes that the estimator gets."""
+    scene, surfaces, epoch, ids, loop = problem
+    away = scene._replace(sun_position=scene.sun_position * [-1.0, 1.0, 1.0] + [0.0, 200.0, 99.0])
+    settings = dataclasses.replace(loop, eclipse=True, record=("measurements",))
+
+    def first_hour():
+        log = run_closed_loop(away, surfaces, epoch, ids, [4], settings).observations
+        return log, log.step < loop.steps_per_interval
+
+    log, first = first_hour()
+    shadow = lambda place, *sky: np.full(place.shape[:2], 0.3)  # noqa: E731
+    monkeypatch.setattr(realization, "dimming", shadow)
+    shaded, again = first_hour()
+    np.testing.assert_array_equal(log.target[first], shaded.target[again])
+    value, dimmer = log.value[first], shaded.value[again]
+    assert np.isfinite(value[:, 0]).any()
+    np.testing.assert_allclose(dimmer[:, 0] - value[:, 0], 0.3 + 0.0 * value[:, 0], atol=1e-12)
+    np.testing.assert_array_equal(dimmer[:, 1:], value[:, 1:])
+
+
+def test_magnitudes_are_corrected_at_the_estimated_position():
+    """One estimate in the penumbra, one in full light, and both with a wide covariance."""
+    offset = np.array([[0, 1], [1, 2]])
+    records = Measurements(
+        offset, np.zeros(2, dtype=int), np.array([[12.0, 0.1, 0.2]] * 2), np.full((2, 3), 1e-4)
+    )
+    still = _still(2)
+    place = np.array([_behind_the_moon(1745.0), _behind_the_moon(9000.0)])
+    estimate = Prediction(0, np.hstack([place, 0 * place]), np.tile(1e-16 * np.eye(6), (2, 1, 1)))
+    found, shaded = without_dimming(records, estimate, still, EARTH_MOON)
+    alone = dimming(place[:, None], SUN, PRIMARIES)[:, 0]
+    assert 0.1 < alone[0] < 5.0 and shaded.tolist() == [True, False]
+    assert found.value[0] == pytest.approx([12.0 - alone[0], 0.1, 0.2], abs=1e-3)
+    np.testing.assert_array_equal(found.value[1], records.value[1])
+    np.testing.assert_array_equal(found.variance[1], records.variance[1])
+    wide = estimate._replace(covariance=np.tile(1e-8 * np.eye(6), (2, 1, 1)))
+    uncertain, _ = without_dimming(records, wide, still, EARTH_MOON)
+    assert uncertain.variance[0, 0] > 0.1 and records.variance[0, 0] == 1e-4

@@ -53,7 +53,7 @@ def _cells(tables: Tables) -> Cells:
 
 def _row(cell: Cell, columns: Iterable[str] = SHOWN) -> list[object]:
     """Number of realizations and some numbers of a cell."""
-    seeds = next(iter(cell.values()))["seeds"]
+    seeds = max(row["seeds"] for row in cell.values())
     return [seeds, *numbers(cell, (SHOWN[name] for name in columns))]
 
 
@@ -168,10 +168,11 @@ _LIMITS = {
 def _verdict(tables: Tables) -> dict[str, str]:
     """Requirements on the recommended pipeline, and whether they are met."""
     cells = _cells(tables)
+    compared = [cells[way, n, 100] for way, n in _COMPARED[:2] if (way, n, 100) in cells]
     rows = [
-        _against(*(cells[way, n, 100] for way, n in _COMPARED[:2]), title)
+        _against(*compared, title)
         for title, column in _HEADLINE.items()
-        if column.quantity in _AIMS
+        if column.quantity in _AIMS and len(compared) == 2
     ]
     own = {at: cell for at, cell in cells.items() if at[0] in (RECOMMENDED, RECOMMENDED_WEEK)}
     for quantity, limit in _LIMITS.items():

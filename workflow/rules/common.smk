@@ -270,6 +270,24 @@ def bodies_for(scenario, chosen):
     return shared("ephemeris/bodies", scenario) if among or chosen.get("stations") else []
 
 
+def flown_settings(wildcards):
+    """Settings on which the refined orbits of an architecture's satellites depend."""
+    own = settings_in(wildcards.scenario, "epoch_jd", "visibility", "task2")
+    dynamics = own["task2"]["dynamics"]
+    dynamics = {**dynamics, "filter": "cr3bp", "srp": {**dynamics["srp"], "assumed_factor": 1}}
+    return {key: own[key] for key in ("epoch_jd", "visibility")} | {"dynamics": dynamics}
+
+
+def tracking_flown(wildcards):
+    """Refined orbits of the observers of a cell, if it has the true dynamics of its scenario."""
+    own = tracking_settings(wildcards).get("dynamics", {})
+    usual = flown_settings(wildcards)["dynamics"]
+    if not own or (own["truth"], own["observers"]) != ("ephemeris", "refined"):
+        return []
+    same = {**own, "filter": "cr3bp", "srp": {**own["srp"], "assumed_factor": 1}} == usual
+    return results(f"orbits/flown_{wildcards.scenario}_{wildcards.architecture}.nc") if same else []
+
+
 def comparison_settings(wildcards):
     """Settings of the cells in which tasking methods are compared."""
     return cell_settings(settings_in(wildcards.scenario, "task2")["task2"])

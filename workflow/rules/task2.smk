@@ -33,6 +33,7 @@ TRACKED = {
     "tracked": shared("orbits/tracked"),
     "sun": shared("ephemeris/sun"),
     "bodies": tracking_bodies,
+    "flown": tracking_flown,
     "mesh": tracking_mesh,
 }
 
@@ -106,6 +107,29 @@ use rule tracking_cell_variant as tracking_realization with:
 
 wildcard_constraints:
     extent=any_of(EXTENTS),
+
+
+# Days and variants of an architecture share the refined orbits of its satellites.
+rule flown_orbits:
+    input:
+        architecture=results("architecture/{scenario}/{architecture}.nc"),
+        orbits=observer_orbits,
+        bodies=shared("ephemeris/bodies"),
+    output:
+        results("orbits/flown_{scenario}_{architecture}.nc"),
+    log:
+        log_of("orbits/flown_{scenario}_{architecture}"),
+        times=benchmark_of("flown_orbits/{scenario}_{architecture}"),
+    priority: 6
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        settings=flown_settings,
+    message:
+        "Refining the orbits of the satellites ({wildcards.architecture}, scenario "
+        "{wildcards.scenario})"
+    script:
+        "../scripts/flown_orbits.py"
 
 
 rule tracking_summary:

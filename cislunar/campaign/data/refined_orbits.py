@@ -63,6 +63,7 @@ def observer_states(
     ahead: float,
     time: np.ndarray,
     name: str,
+    known: RefinedPath | str | None = None,
 ) -> np.ndarray:
     """States (time, 6) of a satellite, barycentric frame with J2000 axes, at s since the forces'
     epoch.
@@ -70,10 +71,13 @@ def observer_states(
     The satellite is kept on its CR3BP orbit (reference tracking) or flies the ephemeris-refined
     orbit over the horizon, according to `dynamics.observers`. If the refinement fails,
     `dynamics.unrefined` selects reference tracking, with a warning, or a `ConfigurationError`.
+    `known` is the result of the refinement where it is known: a path, or why there is none.
     """
     if dynamics.observers == "refined":
         try:
-            path = refined_path(forces, state, period, horizon_days(forces), ahead=ahead)
+            path = known or refined_path(forces, state, period, horizon_days(forces), ahead=ahead)
+            if isinstance(path, str):
+                raise ConvergenceError(path)
             return path_states(forces, path, time)
         except ConvergenceError as error:
             message = f"{name}, {ahead:.3g} of a period ahead, is not refined: {error}"

@@ -6,10 +6,10 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "cell": ["read_inputs"],
     "checkpoint": ["Checkpoint"],
-    "comparisons": ["certain", "paired", "pairs_interval", "slopes"],
+    "comparisons": ["certain", "non_inferiority", "paired", "pairs_interval", "slopes"],
     "dataset": ["tracked_dataset", "write_cell"],
     "ephemeris_inputs": ["CellEphemeris", "assumed_forces", "ephemeris_scene", "ephemeris_states",
-        "observer_tracks", "true_forces"],
+        "flown_dataset", "observer_tracks", "true_forces"],
     "model_errors": ["NONE", "plotted_errors"],
     "realizations": ["CELL", "PRACTICAL_UNITS", "cells_of", "select", "usual_interval",
         "values_of"],

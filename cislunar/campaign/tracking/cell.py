@@ -27,8 +27,10 @@ from cislunar.campaign.tracking.ephemeris_inputs import (
     assumed_forces,
     ephemeris_scene,
     ephemeris_states,
+    flown_paths,
     ground_station_tracks,
     observer_tracks,
+    satellites_ahead,
     true_forces,
 )
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
@@ -50,7 +52,8 @@ class CellInputs(NamedTuple):
 
     ``architecture/{scenario}/{architecture}.nc``, ``orbits/families.nc`` or the architecture's own
     observers, ``orbits/tracked.nc`` and ``ephemeris/sun.nc``, the last two of the scenario, and its
-    ``ephemeris/bodies.nc`` for ephemeris dynamics and ground stations.
+    ``ephemeris/bodies.nc`` for ephemeris dynamics and ground stations; and, to save time,
+    ``orbits/flown_{scenario}_{architecture}.nc`` for ephemeris-refined observers.
     """
 
     architecture: xr.Dataset
@@ -58,11 +61,12 @@ class CellInputs(NamedTuple):
     tracked: xr.Dataset
     sun: xr.Dataset
     bodies: xr.Dataset | None = None
+    flown: xr.Dataset | None = None
 
 
 def read_inputs(files: Any) -> CellInputs:
     """Read the data sets of a cell from an object with the path of each as attribute."""
-    given = {name: getattr(files, name) for name in CellInputs._fields}
+    given = {name: getattr(files, name, None) for name in CellInputs._fields}
     return CellInputs(**{name: read_dataset(path) for name, path in given.items() if path})
 
 
@@ -115,7 +119,7 @@ def tracking_problem(
     cell: Cell, inputs: CellInputs, settings: CellSettings, propagator: str, loop: LoopSettings
 ) -> Problem:
     """Observers, targets and Sun of a cell; a `ConfigurationError` if its data sets do not fit."""
-    architecture, orbits, tracked, sun, bodies = inputs
+    architecture, orbits, tracked, sun, bodies, refined = inputs
     where = f"architecture/{cell.scenario}/{cell.architecture}.nc"
     orbit, satellites = architecture["orbit"].values, architecture["satellites"].values
     if satellites.sum() < 1:
@@ -143,8 +147,14 @@ def tracking_problem(
     truth = truth._replace(sensor=true_sensors(settings, sensors))
     if settings.dynamics.truth == "ephemeris":
         ephemeris = _cell_ephemeris(bodies, settings)
-        ahead = [p + np.arange(n) / n for p, n in zip(phase, satellites, strict=True)]
-        tracks = observer_tracks(ephemeris, settings.dynamics, *flown, ahead, loop.elapsed_s)
+        tracks = observer_tracks(
+            ephemeris,
+            settings.dynamics,
+            *flown,
+            satellites_ahead(architecture),
+            loop.elapsed_s,
+            None if refined is None else flown_paths(refined),
+        )
         tracks = np.concatenate(
             [tracks, ground_station_tracks(ephemeris, settings, loop, inertial=True)]
         )

@@ -4,20 +4,32 @@ All states of such a cell are nondimensional, in the barycentric frame with J200
 propagation frame (see `cislunar.observation.scene`).
 """
 
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.campaign.data.refined_orbits import observer_states
+from cislunar.campaign.architectures.variables import phases_of
+from cislunar.campaign.data.inputs import COMPONENTS, variables
+from cislunar.campaign.data.refined_orbits import (
+    forces_on_observers,
+    horizon_days,
+    observer_states,
+)
 from cislunar.campaign.settings.cell_tree import CellSettings, Dynamics
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.dynamics.ephemeris_forces import EphemerisForces, ephemeris_forces
 from cislunar.dynamics.instantaneous_frame_cr3bp import inertial_states, instantaneous_frame_cr3bp
 from cislunar.ephemeris.bodies import COLUMNS, BodyTable, read_table
 from cislunar.ephemeris.sampling import rotating_frame
+from cislunar.errors import ConvergenceError
 from cislunar.observation.ground import station_positions, station_tracks
 from cislunar.observation.scene import Scene, make_scene
+from cislunar.orbits.ephemeris_refined.refinement import RefinedPath, refined_path
+from cislunar.runtime.progress import Progress
+from cislunar.runtime.provenance import provenance
 from cislunar.tasking.settings import LoopSettings
 
 Array = NDArray[np.float64]
@@ -73,22 +85,91 @@ def observer_tracks(
     period: ArrayLike,
     ahead: list[Array],
     elapsed_s: Array,
+    paths: Sequence[RefinedPath | str] | None = None,
 ) -> Array:
     """Positions (satellite, time, 3) of observers, barycentric frame with J2000 axes.
 
     Satellites are ordered by orbit; `ahead` has the phases of the satellites of each orbit, as
-    fractions of the period. See `observer_states`.
+    fractions of the period. `paths` are the refined orbits of the satellites, if they are known.
+    See `observer_states`.
     """
     forces = true_forces(ephemeris._replace(start=ephemeris.epoch), dynamics)
     times = ephemeris.start - ephemeris.epoch + elapsed_s
     flown = enumerate(zip(np.asarray(state), np.asarray(period), ahead, strict=True), start=1)
+    known = iter(paths or [None] * sum(map(len, ahead)))
     return np.array(
         [
-            observer_states(forces, dynamics, s, p, phase, times, f"the orbit of slot {slot}")
+            observer_states(
+                forces, dynamics, s, p, phase, times, f"the orbit of slot {slot}", next(known)
+            )
             for slot, (s, p, phases) in flown
             for phase in phases
         ]
     )[..., :3]
+
+
+def flown_dataset(
+    architecture: xr.Dataset,
+    orbits: xr.Dataset,
+    bodies: xr.Dataset,
+    settings: Mapping[str, Any],
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """``orbits/flown_{scenario}_{architecture}.nc``: the refined orbit of each satellite over the
+    horizon, which all cells of the architecture share.
+
+    The inputs are the architecture, the orbits to which it refers and ``ephemeris/bodies.nc``.
+    `settings` has `task2.dynamics` as `dynamics`, and further keys for provenance.
+    """
+    forces, found = forces_on_observers(bodies, settings["dynamics"]), []
+    orbit, ahead = architecture["orbit"].values, satellites_ahead(architecture)
+    total, days = sum(map(len, ahead)), horizon_days(forces)
+    for row, phases in zip(orbit, ahead, strict=True):
+        state, period = orbits["state"].values[row], float(orbits["period"].values[row])
+        for phase in phases:
+            try:
+                found.append(refined_path(forces, state, period, days, ahead=phase))
+            except ConvergenceError as error:
+                found.append(str(error))
+            if progress is not None:
+                progress(len(found), total)
+    paths = [path for path in found if not isinstance(path, str)]
+    nodes = [0 if isinstance(path, str) else len(path.time) for path in found]
+    failure = [path if isinstance(path, str) else "" for path in found]
+    miss = np.full((total, 2), np.nan)
+    miss[np.array(nodes) > 0] = np.reshape([path[2:] for path in paths], (-1, 2))
+    times = np.concatenate([np.empty(0), *(path.time for path in paths)])
+    states = np.concatenate([np.empty((0, 6)), *(path.state for path in paths)])
+    return xr.Dataset(
+        variables(
+            nodes=("satellite", nodes, "1", "number of nodes; 0: not refined"),
+            failure=("satellite", failure, "1", "why it is not refined"),
+            miss=(("satellite", "kind"), miss, "km, km/s", "largest mismatch of an arc"),
+            node_time=("node", times, "s", "time since the epoch"),
+            node_state=(("node", "component"), states, "1",
+                        "nondimensional, barycentric frame with J2000 axes"),
+        ),
+        coords=variables(component=("component", list(COMPONENTS), "1", "component")),
+        attrs=provenance("Ephemeris-refined orbits of satellites", settings=dict(settings)),
+    )  # fmt: skip
+
+
+def flown_paths(flown: xr.Dataset) -> list[RefinedPath | str]:
+    """The path of each satellite of ``orbits/flown_{scenario}_{architecture}.nc``, or why there is
+    none."""
+    ends = np.cumsum(flown["nodes"].values)[:-1]
+    times, states = (np.split(flown[f"node_{key}"].values, ends) for key in ("time", "state"))
+    rows = zip(times, states, flown["miss"].values, flown["failure"].values, strict=True)
+    return [
+        RefinedPath(time, state, *miss.tolist()) if len(time) else str(failure)
+        for time, state, miss, failure in rows
+    ]
+
+
+def satellites_ahead(architecture: xr.Dataset) -> list[np.ndarray]:
+    """Phases of the satellites of each orbit of an architecture, as fractions of the period."""
+    satellites = zip(phases_of(architecture), architecture["satellites"].values, strict=True)
+    return [phase + np.arange(count) / count for phase, count in satellites]
 
 
 def ground_station_tracks(

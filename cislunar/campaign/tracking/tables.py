@@ -97,7 +97,8 @@ def pooled_rows(summary: xr.Dataset, pooled: Sequence[str]) -> pd.DataFrame:
         place = dict(zip([*_PLACE, *MEASURE], head, strict=True))
         quantity, values, day = place["quantity"], own["value"].to_numpy(float), own["day"]
         logarithmic = quantity.startswith(GEOMETRIC)
-        means = group_means(np.log(values) if logarithmic else values, day)
+        averaged = np.log(np.where(values > 0.0, values, np.nan)) if logarithmic else values
+        means = group_means(averaged, day)
         each = np.array([means.get(name, np.nan) for name in ("", *pooled)])
         each = np.exp(each) if logarithmic else each
         heads.append(place)

@@ -21,17 +21,13 @@ from numpy.typing import NDArray
 from cislunar.dynamics.bundle import step_bundle
 from cislunar.dynamics.forces import of_state
 from cislunar.dynamics.tableau import STAGES8
+from cislunar.estimation.dispersed_orbits import TRANSLATION_SIZE, dispersed_points
 from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.triangular import cholesky, solve_lower
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
 from cislunar.tasking.planning.information import TaskingModel, tasking_constants
-from cislunar.tasking.planning.slot_observations import (
-    SIZE,
-    dispersed_points,
-    observation_factor,
-    observation_scratch,
-)
+from cislunar.tasking.planning.slot_observations import observation_factor, observation_scratch
 
 
 class PlannedObservations(NamedTuple):
@@ -49,8 +45,11 @@ class PlannedObservations(NamedTuple):
 def _add_information(now, observations, points, scene, constants, forces, matrix):
     """Add the observations to the information matrices (target, 6, 6), latest first for each
     target. The sigma points (target, 6, 13) at time `now` are propagated backward."""
-    slopes, stage = np.empty((STAGES8, SIZE, points.shape[2])), np.empty(points.shape[1:])
-    factor, scratch = np.empty((SIZE, 2)), observation_scratch()
+    slopes, stage = (
+        np.empty((STAGES8, TRANSLATION_SIZE, points.shape[2])),
+        np.empty(points.shape[1:]),
+    )
+    factor, scratch = np.empty((TRANSLATION_SIZE, 2)), observation_scratch()
     at = np.full(points.shape[0], now)
     for observation in range(observations.index.size):
         j, k = observations.target[observation], observations.index[observation]
@@ -61,8 +60,8 @@ def _add_information(now, observations, points, scene, constants, forces, matrix
         observation_factor(
             points[j], observations.observer[observation], k, scene, constants, scratch, factor
         )
-        for a in range(SIZE):
-            for b in range(SIZE):
+        for a in range(TRANSLATION_SIZE):
+            for b in range(TRANSLATION_SIZE):
                 product = factor[a, 0] * factor[b, 0] + factor[a, 1] * factor[b, 1]
                 matrix[j, a, b] += observations.probability[observation] * product
 
@@ -75,11 +74,11 @@ def _shrink(covariance, matrix):
         if not np.any(matrix[j]):
             continue
         root, own = covariance[j].copy(), matrix[j].copy()
-        for a in range(SIZE):
+        for a in range(TRANSLATION_SIZE):
             own[a, a] += 1.0
         if not (cholesky(root) and cholesky(own)):
             continue
-        for a in range(SIZE):
+        for a in range(TRANSLATION_SIZE):
             solve_lower(own, root[a])
         covariance[j] = root @ root.T
 
@@ -117,10 +116,10 @@ def expected_update(
         covariance.shape[0],
         tasking_constants(model, sensor, scene.observer_position.shape[0]),
     )
-    points = np.empty((n_targets, SIZE, 2 * SIZE + 1))
+    points = np.empty((n_targets, TRANSLATION_SIZE, 2 * TRANSLATION_SIZE + 1))
     mean = np.ascontiguousarray(prediction.translation)
     dispersed_points(mean, covariance, constants.six.spread, points)
-    matrix = np.zeros((n_targets, SIZE, SIZE))
+    matrix = np.zeros((n_targets, TRANSLATION_SIZE, TRANSLATION_SIZE))
     given = points, scene, constants, forces, matrix
     _add_information(prediction.index, in_order, *given)
     _shrink(covariance, matrix)

@@ -25,11 +25,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.compiled import njit_noalloc
+from cislunar.estimation.dispersed_orbits import TRANSLATION_SIZE
 from cislunar.estimation.triangular import cholesky
 from cislunar.tasking.planning.assignment import IDLE, INFORMATION_DECIMALS, assign, values_in_field
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.packing import best_packing
-from cislunar.tasking.planning.slot_observations import SIZE, SlotObservations
+from cislunar.tasking.planning.slot_observations import SlotObservations
 
 Array = NDArray[np.float64]
 Chosen = NDArray[np.int64]
@@ -69,18 +70,18 @@ def _information(factor, share, j, observations, trusted, matrix):
     """Information, nats, of observations (row, 2) of slot and observer, each weighted by its
     trust."""
     matrix[:, :] = 0.0
-    for i in range(SIZE):
+    for i in range(TRANSLATION_SIZE):
         matrix[i, i] = 1.0
     for a in range(trusted.size):
         if trusted[a] > 0.0:
             own = factor[observations[a, 0], observations[a, 1], j]
             by = trusted[a] * share[observations[a, 0], observations[a, 1], j]
-            for i in range(SIZE):
+            for i in range(TRANSLATION_SIZE):
                 for k in range(i + 1):
                     matrix[i, k] += by * (own[i, 0] * own[k, 0] + own[i, 1] * own[k, 1])
     cholesky(matrix)
     total = 0.0
-    for i in range(SIZE):
+    for i in range(TRANSLATION_SIZE):
         total += np.log(matrix[i, i])
     return total
 
@@ -91,7 +92,7 @@ def value_of_observations(factor, share, detection_probabilities, j, observation
     n = min(count, _MOST_TRIALS)
     n_offsets = detection_probabilities.weight.shape[1]
     detects = np.empty((count, n_offsets))
-    trusted, matrix = np.empty(count), np.empty((SIZE, SIZE))
+    trusted, matrix = np.empty(count), np.empty((TRANSLATION_SIZE, TRANSLATION_SIZE))
     for a in range(count):
         trusted[a] = 0.0
         for b in range(n_offsets):

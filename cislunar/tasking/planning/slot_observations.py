@@ -15,16 +15,12 @@ Assumptions and limitations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
-from cislunar.dynamics.bundle import step_bundle
-from cislunar.dynamics.forces import of_state
-from cislunar.dynamics.tableau import STAGES8
+from cislunar.estimation.dispersed_orbits import TRANSLATION_SIZE, carry_points, dispersed_points
 from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.triangular import cholesky, solve_lower
-from cislunar.estimation.unscented import sigma_points
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
 from cislunar.tasking.planning.brightness import sphere_margins
@@ -36,8 +32,6 @@ from cislunar.tasking.planning.information import (
 )
 
 Array = NDArray[np.float64]
-
-SIZE = 6
 
 
 class SlotObservations(NamedTuple):
@@ -51,32 +45,15 @@ class SlotObservations(NamedTuple):
     direction: Array
 
 
-@njit(cache=True, error_model="numpy")
-def dispersed_points(mean, covariance, spread, points):
-    """Sigma points (target, 6, 13) of all targets; NaN for those without an estimate."""
-    root = np.empty((SIZE, SIZE))
-    for j in range(mean.shape[0]):
-        root[:, :] = covariance[j]
-        if np.isfinite(np.sum(mean[j])) and cholesky(root):
-            sigma_points(mean[j], root, spread, points[j])
-        else:
-            points[j, :, :] = np.nan
-
-
-@njit(cache=True, error_model="numpy")
-def _carry(points, index, count, step, forces):
-    """Propagate sigma points (target, 6, 13) over some steps from time `index` on."""
-    slopes, stage = np.empty((STAGES8, SIZE, points.shape[2])), np.empty(points.shape[1:])
-    for j in range(points.shape[0]):
-        own = of_state(forces, j)
-        for k in range(index, index + count):
-            step_bundle(own, k * step, points[j], step, slopes, stage)
-
-
 @njit_alloc
 def observation_scratch():
     """Scratch arrays of `observation_factor`."""
-    moments = np.empty((2 * SIZE, 2)), np.empty(2), np.empty((SIZE, 2)), np.empty((2, 2))
+    moments = (
+        np.empty((2 * TRANSLATION_SIZE, 2)),
+        np.empty(2),
+        np.empty((TRANSLATION_SIZE, 2)),
+        np.empty((2, 2)),
+    )
     return np.empty(3), *moments
 
 
@@ -96,7 +73,7 @@ def observation_factor(points, o, index, scene, constants, scratch, out):
         return
     if not cholesky(even):
         return
-    for i in range(SIZE):
+    for i in range(TRANSLATION_SIZE):
         solve_lower(even, cross[i])
     if np.isfinite(np.sum(cross)):
         copy_into(out, cross)
@@ -128,9 +105,9 @@ def slot_observations(
     With `eclipse` the shadows of Earth and Moon dim targets."""
     n_targets, n_observers = prediction.translation.shape[0], scene.observer_position.shape[0]
     shape = starts.size, n_observers, n_targets
-    factor, margin = np.empty((*shape, SIZE, 2)), np.empty(shape)
+    factor, margin = np.empty((*shape, TRANSLATION_SIZE, 2)), np.empty(shape)
     direction = np.empty((*shape, 3))
-    points = np.empty((n_targets, SIZE, 2 * SIZE + 1))
+    points = np.empty((n_targets, TRANSLATION_SIZE, 2 * TRANSLATION_SIZE + 1))
     mean, covariance = (
         np.ascontiguousarray(each) for each in (prediction.translation, prediction.covariance)
     )
@@ -138,7 +115,7 @@ def slot_observations(
     dispersed_points(mean, covariance, constants.six.spread, points)
     for s, step in enumerate(starts):
         index = prediction.index + int(step)
-        _carry(points, prediction.index + now, int(step) - now, scene.step, forces)
+        carry_points(points, prediction.index + now, int(step) - now, scene.step, forces)
         now = int(step)
         _factors(index, points, scene, constants, factor[s])
         place = np.ascontiguousarray(points[:, :, 0])
