@@ -6,7 +6,7 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "estimator": ["CHOLESKY_FAILURES", "Estimates", "Estimator", "EstimatorFactory", "FLOOR_HITS",
         "InitialEstimate", "OUT_OF_FIELD", "OrbitEstimates", "Prediction", "Rotation", "UPDATES"],
-    "expected": ["expected_directions", "expected_measurements"],
+    "expected": ["attitude_error", "expected_directions", "expected_measurements", "set_geometry"],
     "initial_sigma": ["InitialSigma", "PAPER_INITIAL_SIGMA", "ProcessNoise"],
     "registry": ["ESTIMATORS", "estimator_named"],
     "track_arrays": ["joined_tracks", "remaining_tracks", "selected_tracks", "starting_index"],
