@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "eclipses": ["expected_dimming", "without_dimming"],
     "estimator": ["CHOLESKY_FAILURES", "Estimates", "Estimator", "EstimatorFactory", "FLOOR_HITS",
         "InitialEstimate", "OUT_OF_FIELD", "OrbitEstimates", "Prediction", "Rotation", "UPDATES"],
-    "expected": ["expected_directions", "expected_measurements"],
+    "expected": ["attitude_error", "expected_directions", "expected_measurements", "set_geometry"],
     "initial_sigma": ["InitialSigma", "PAPER_INITIAL_SIGMA", "ProcessNoise"],
     "names": ["ESTIMATORS"],
     "registry": ["estimator_named"],

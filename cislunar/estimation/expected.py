@@ -46,8 +46,9 @@ def attitude_error(root, column, scale):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _set_geometry(block, point, bundle, observer, sun, to_inertial):
-    """Directions to Sun and observer (inertial frame) and range of a point, into the block."""
+def set_geometry(block, lane, point, bundle, observer, sun, to_inertial):
+    """Directions to Sun and observer (inertial frame) and range of a point, into a column of the
+    block."""
     x, y, z = bundle[0, point], bundle[1, point], bundle[2, point]
     light, view, distance, _ = lit_directions(
         x - observer[0],
@@ -58,9 +59,9 @@ def _set_geometry(block, point, bundle, observer, sun, to_inertial):
         sun[2] - z,
         to_inertial,
     )
-    block[SUN, point], block[SUN + 1, point], block[SUN + 2, point] = light
-    block[VIEW, point], block[VIEW + 1, point], block[VIEW + 2, point] = view
-    block[RANGE, point] = distance * METERS
+    block[SUN, lane], block[SUN + 1, lane], block[SUN + 2, lane] = light
+    block[VIEW, lane], block[VIEW + 1, lane], block[VIEW + 2, lane] = view
+    block[RANGE, lane] = distance * METERS
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -92,7 +93,7 @@ def expected_measurements(
     """
     count = bundle.shape[1]
     for point in range(count):
-        _set_geometry(block, point, bundle, observer, sun, to_inertial)
+        set_geometry(block, point, point, bundle, observer, sun, to_inertial)
     _set_attitudes(block, count, quaternion, root, spread)
     body_magnitudes(
         block, count, body_of(surfaces, j), surfaces.irradiance_4pi, surfaces.fresnel_sqrt

@@ -7,6 +7,7 @@ from cislunar.estimation.kalman.mukf import mukf
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.names import ESTIMATORS
+from cislunar.observation.body_parameters import BodyParameterPrior
 
 
 def estimator_named(
@@ -15,6 +16,10 @@ def estimator_named(
     process_noise: ProcessNoise | None = None,
     splitting: bool = False,
     batch_settings: BatchSettings | str = "default",
+    use_magnitude: bool = True,
+    extra_magnitude_noise: float = 0.0,
+    noise_memory: float | None = None,
+    estimated_parameters: BodyParameterPrior | None = None,
 ) -> EstimatorFactory:
     """Factory of the estimator with this name.
 
@@ -29,9 +34,19 @@ def estimator_named(
         `cislunar.estimation.kalman.gaussian_mixture`.
     batch_settings : BatchSettings or str
         Settings of the batch estimator, or the name of a preset.
+    use_magnitude, extra_magnitude_noise, noise_memory, estimated_parameters
+        Of the paper's filter, see `cislunar.estimation.kalman.mukf.MultiplicativeUKF`. The batch
+        estimator has its own settings of noise and parameters.
     """
     factories = {
-        "mukf": lambda: mukf(process_noise=process_noise, splitting=splitting),
+        "mukf": lambda: mukf(
+            process_noise=process_noise,
+            splitting=splitting,
+            use_magnitude=use_magnitude,
+            extra_magnitude_noise=extra_magnitude_noise,
+            noise_memory=noise_memory,
+            estimated_parameters=estimated_parameters,
+        ),
         "batch": lambda: batch(batch_settings, process_noise=process_noise, splitting=splitting),
     }
     if name not in factories:

@@ -11,7 +11,7 @@ import xarray as xr
 from campaign_folder import read_campaign
 
 from cislunar.campaign.settings.cell_settings import body_files, cell_settings, true_settings
-from cislunar.campaign.settings.cell_tree import CellSettings
+from cislunar.campaign.settings.cell_tree import CellSettings, Filter
 from cislunar.campaign.settings.cells import (
     TRACKED_TARGETS,
     Cell,
@@ -23,7 +23,12 @@ from cislunar.campaign.settings.cells import (
 )
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
-from cislunar.campaign.settings.library import loop_settings, nominal_surfaces, truth_model
+from cislunar.campaign.settings.library import (
+    estimator_factory,
+    loop_settings,
+    nominal_surfaces,
+    truth_model,
+)
 from cislunar.campaign.settings.observing.sensors import observer_sensors, true_sensors
 from cislunar.campaign.settings.reading import merged, typed, with_types
 from cislunar.campaign.settings.scenarios import in_study, scenario_settings
@@ -274,6 +279,17 @@ IN_FIELD = {"detections": "all-in-field"}
             {"fusion": "alone", "batch": {"estimated_parameters": {"log_slope": 0.3}}},
             "batch.estimated_parameters': fusion = 'alone'",
         ),
+        ({"filter": {"use_magnitude": False, "noise_memory": 9}}, "exclude each other"),
+        ({"filter": {"noise_memory": 1}}, "filter.noise_memory' = 1"),
+        ({"filter": {"extra_magnitude_noise": -0.1}}, "filter.extra_magnitude_noise' = -0.1"),
+        ({"filter": {"estimate_parameters": True}}, "filter.estimate_parameters' needs"),
+        (
+            {
+                "filter": {"estimate_parameters": True},
+                "batch": {"estimated_parameters": {"log_facets": 0.2}},
+            },
+            "filter.estimate_parameters' needs",
+        ),
         ({"association": {"method": "nearest"}}, "association.method' = 'nearest'"),
         ({"association": {"false_alarms_deg2": -1}}, "association.false_alarms_deg2' = -1"),
         (
@@ -333,6 +349,7 @@ def test_unknowns_are_said_where_there_are_some(config):
     """A file made without them is that of today: jobs are not made anew for a key of no effect."""
     usual = cell_settings(config["task2"])
     assert not {"estimated_parameters", "noise_freedom"} & set(usual["batch"])
+    assert list(usual["filter"]) == ["splitting"]
     batch = {"estimated_parameters": {"log_slope": 0.25}, "noise_freedom": 8}
     change = {"batch": batch, "truth": {"parameter_sigma": {"log_slope": 0.2}}}
     config["task2"]["variants"]["families"]["u"] = {"targets": [20], "changes": {"u": change}}
@@ -340,6 +357,10 @@ def test_unknowns_are_said_where_there_are_some(config):
     settings = CellSettings(**cell_settings(with_families(config)["task2"], "u"))
     assert settings.batch.estimated_parameters == BodyParameterPrior(log_slope=0.25)
     assert settings.batch.noise_freedom == 8
+    assert not estimator_factory("mukf", settings).estimated_parameters
+    augmented = settings.model_copy(update={"filter": Filter(estimate_parameters=True)})
+    made = estimator_factory("mukf", augmented)
+    assert made.estimated_parameters == settings.batch.estimated_parameters
     assert truth_model(settings, NAMES[:2]).parameter_sigma == BodyParameterPrior(log_slope=0.2)
 
 

@@ -26,6 +26,7 @@ from cislunar.runtime.settings_fields import (
     Positive,
     Section,
     Three,
+    number,
     partial,
     setting,
     several,
@@ -115,10 +116,38 @@ class Dynamics(Section):
 
 
 class Filter(Section):
+    omitted = ("use_magnitude", "extra_magnitude_noise", "noise_memory", "estimate_parameters")
+
     splitting: Flag = setting(
         "true: both estimators represent an orbit by a Gaussian mixture where a single Gaussian "
         "does not suffice, as after a gap between measurements or at short range "
         "(docs/dynamics.md)", paper="one Gaussian", default=True)
+    use_magnitude: Flag = setting(
+        "false: the estimator `mukf` uses the two angles of a measurement alone. Its estimate of "
+        "the attitude is then the initial one, propagated", paper="true", default=True)
+    extra_magnitude_noise: NotNegative = setting(
+        "standard deviation that the estimator `mukf` adds in quadrature to the magnitude noise of "
+        "the sensor, for errors of the brightness model", "mag", default=0)
+    noise_memory: number(gt=1) | None = setting(
+        "number of magnitudes over which the estimator `mukf` averages their variance, which it "
+        "then estimates for each target by the variational Bayesian filter of Sarkka & Nummenmaa "
+        "(2009); null: the variance is known", "1", default=None)
+    estimate_parameters: Flag = setting(
+        "true: the estimator `mukf` estimates the body parameters of `batch.estimated_parameters` "
+        "as further states", default=False)
+
+    @model_validator(mode="after")
+    def _possible(self) -> "Filter":
+        if not self.use_magnitude:
+            for key, usual in (
+                ("extra_magnitude_noise", 0), ("noise_memory", None), ("estimate_parameters", False)
+            ):
+                if getattr(self, key) != usual:
+                    raise ConfigurationError(
+                        f"use_magnitude = False and {key} = {getattr(self, key)} exclude each "
+                        "other: without magnitudes there is neither brightness nor its noise"
+                    )
+        return self
 
 
 class Truth(Partial):

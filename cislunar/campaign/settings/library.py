@@ -135,5 +135,11 @@ def estimator_factory(name: str, cell: cell_tree.CellSettings) -> EstimatorFacto
         process_noise=cell.process_noise,
         splitting=cell.filter.splitting,
         batch_settings=cell.batch,
+        use_magnitude=cell.filter.use_magnitude,
+        extra_magnitude_noise=cell.filter.extra_magnitude_noise,
+        noise_memory=cell.filter.noise_memory,
+        estimated_parameters=(
+            cell.batch.estimated_parameters if cell.filter.estimate_parameters else None
+        ),
     )
     return catalogs(common, cell.fusion)

@@ -211,6 +211,12 @@ def _check_cell(
             prior.require_possible(_materials(of))
         except ConfigurationError as error:
             raise ConfigurationError(f"{key(name)}: {error}") from None
+    estimated = settings.batch.estimated_parameters
+    if settings.filter.estimate_parameters and (not estimated or estimated.log_facets > 0.0):
+        raise ConfigurationError(
+            f"{key('filter.estimate_parameters')} needs standard deviations above 0 in "
+            "'batch.estimated_parameters', and none in log_facets, whose states would be too many"
+        )
     _check_body(f"{place}body", settings.body)
     _check_body(f"{place}truth.body", true.body)
 

@@ -5,42 +5,83 @@ Phi is the rotation of a torque-free body over the step and index 0 the central 
 itself cancels. For spherical inertia Phi(omega) is the rotation by omega dt and the rates are
 constant; otherwise attitude and rates are integrated.
 
-The root of the covariance is lower triangular with the attitude first. The sigma points 6 .. 11 of
-either sign therefore share attitude and rate with the central point.
+The root of the covariance is lower triangular, with estimated body parameters first and then
+attitude and rate. The sigma points of position and velocity therefore share attitude and rate with
+the central point.
 """
 
-from cislunar.attitude.attitude_integrator import torque_free_step
+import numpy as np
+
+from cislunar.attitude.attitude_integrator import carry_rotation, torque_free_step
 from cislunar.attitude.grp import GRP_A, GRP_F, grp_from_quaternion_components
+from cislunar.attitude.parameter_deviations import perturbed_rotation
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit_alloc, njit_noalloc
 from cislunar.estimation.expected import attitude_error
 
-_SIDE = 12
-"""Sigma points of either sign."""
+
+@njit_alloc
+def _perturbed_step(w1, w2, w3, parameters, root, i, scale, kinds, inertia, inverse, step_s):
+    """`torque_free_step` of the body of sigma point i, whose deviations of the `kinds` may include
+    a torque. They are the first of ``parameters + scale * root[:, i]``."""
+    body = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    amounts = parameters[: kinds.size] + scale * root[: kinds.size, i]
+    perturbed_rotation(kinds, amounts, inertia, inverse, body)
+    turn, omega = np.array([0.0, 0.0, 0.0, 1.0]), np.array([w1, w2, w3])
+    carry_rotation(turn, omega, step_s, body)
+    return turn[0], turn[1], turn[2], turn[3], omega[0], omega[1], omega[2]
 
 
 @njit_noalloc
-def rotation_differences(omega, root, spread, step_s, bodies, j, differences):
-    """Attitude and rate parts of the propagated differences (Paul & Fan, eq. 38), into columns 0 ..
-    5 of `differences` (24, 12). `omega` (3,), the mean rate of target j, rad/s, becomes that of the
-    central point after the step. Returns the rotation of the central point as a quaternion."""
+def rotation_differences(omega, parameters, root, step_s, bodies, j, constants, differences):
+    """Parameter, attitude and rate parts of the propagated differences (Paul & Fan, eq. 38), into
+    columns 0 .. p + 5 of `differences` (2 n, n). `omega` (3,), the mean rate of target j, rad/s,
+    becomes that of the central point after the step. `parameters` (p,) are the mean deviations of
+    the body, and `constants` those of the filter. Returns the rotation of the central point as a
+    quaternion."""
     o1, o2, o3 = omega[0], omega[1], omega[2]
     inertia, inverse, spherical = bodies.inertia[j], bodies.inverse[j], bodies.spherical[j]
+    p, spread = len(constants.parameters), constants.weights.spread
+    kinds = constants.rotation_kinds
+    side, perturbed = 12 + p, p > 0 and kinds.shape[0] > 0
     v1, v2, v3 = 0.0, 0.0, 0.0
-    if spherical:
+    if perturbed:
+        t1, t2, t3, t4, v1, v2, v3 = _perturbed_step(
+            o1, o2, o3, parameters, root, 0, 0.0, kinds, inertia, inverse, step_s
+        )
+        turn = (t1, t2, t3, t4)
+        omega[0], omega[1], omega[2] = v1, v2, v3
+    elif spherical:
         turn = rotation_vector_components(o1 * step_s, o2 * step_s, o3 * step_s)
     else:
         t1, t2, t3, t4, v1, v2, v3 = torque_free_step(o1, o2, o3, inertia, inverse, step_s)
         turn = (t1, t2, t3, t4)
         omega[0], omega[1], omega[2] = v1, v2, v3
-    differences[:, 0:6] = 0.0
-    for i in range(6):
+    motion = root[p:]
+    differences[:, 0 : p + 6] = 0.0
+    for i in range(p + 6):
         for sign in range(2):
             s = spread if sign == 0 else -spread
-            row = differences[i if sign == 0 else _SIDE + i]
-            d1, d2, d3, d4 = attitude_error(root, i, s)
-            w1, w2, w3 = s * root[3, i], s * root[4, i], s * root[5, i]
-            if spherical:
+            row = differences[i if sign == 0 else side + i]
+            for c in range(p):
+                row[c] = s * root[c, i]
+            d1, d2, d3, d4 = attitude_error(motion, i, s)
+            w1, w2, w3 = s * motion[3, i], s * motion[4, i], s * motion[5, i]
+            if perturbed:
+                t1, t2, t3, t4, w1, w2, w3 = _perturbed_step(
+                    o1 + w1,
+                    o2 + w2,
+                    o3 + w3,
+                    parameters,
+                    root,
+                    i,
+                    s,
+                    kinds,
+                    inertia,
+                    inverse,
+                    step_s,
+                )
+            elif spherical:
                 t1, t2, t3, t4 = rotation_vector_components(
                     (o1 + w1) * step_s, (o2 + w2) * step_s, (o3 + w3) * step_s
                 )
@@ -52,6 +93,7 @@ def rotation_differences(omega, root, spread, step_s, bodies, j, differences):
             d1, d2, d3, d4 = multiply_components(
                 d1, d2, d3, d4, -turn[0], -turn[1], -turn[2], turn[3]
             )
+            row = row[p:]
             row[0], row[1], row[2] = grp_from_quaternion_components(d1, d2, d3, d4, GRP_A, GRP_F)
             row[3], row[4], row[5] = w1 - v1, w2 - v2, w3 - v3
     return turn

@@ -9,6 +9,8 @@ Assumptions and limitations
   does not specify the root; another root gives other, equally valid sigma points.
 - The mean attitude error is injected after the prediction as well as after the update (a difference
   of third order in the standard deviations).
+- Body parameters may be estimated as further states, and the variance of the magnitude, see
+  `cislunar.estimation.kalman.parameter_states`.
 - An estimate ends when its mean position is inside the Earth or the Moon (unless Gaussians are
   split).
 """
@@ -18,9 +20,10 @@ from copy import copy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.attitude.inertia import rigid_bodies
+from cislunar.attitude.inertia import TORQUE, rigid_bodies
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import of_targets, require_targets
+from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import (
     HEALTHY,
     N_COUNTERS,
@@ -42,12 +45,19 @@ from cislunar.estimation.track_arrays import (
     selected_tracks,
     starting_index,
 )
-from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.body_parameters import HOUR, BodyParameterPrior
 from cislunar.observation.records import Measurements, no_measurements
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
-from cislunar.observation.target_surfaces import TargetSurfaces, joined_surfaces, surfaces_of
+from cislunar.observation.target_surfaces import (
+    TargetSurfaces,
+    body_of,
+    joined_surfaces,
+    surfaces_of,
+)
 from cislunar.runtime.threads import share_out
+
+Array = NDArray[np.float64]
 
 
 class MultiplicativeUKF:
@@ -72,10 +82,25 @@ class MultiplicativeUKF:
     splitting : bool
         Whether an orbit estimate becomes a Gaussian mixture where it is nonlinear, see
         `cislunar.estimation.kalman.gaussian_mixture`.
+    extra_magnitude_noise : float
+        Standard deviation, mag, that the filter adds in quadrature to that of the sensor, for
+        errors of the brightness model.
+    noise_memory : float, optional
+        Number of magnitudes over which the filter averages their variance, which is then estimated
+        for each target; above 1. If omitted, the variance is known.
+    estimated_parameters : BodyParameterPrior, optional
+        Prior of the body parameters that are estimated as further states; none if omitted.
     forces : NamedTuple
         Assumed force model, see `cislunar.dynamics.forces`.
     index : int
         Time of the initial estimate, an index of the scene.
+
+    Raises
+    ------
+    ConfigurationError
+        If the added noise or the memory is out of range, body parameters or a variance of
+        magnitudes are to be estimated without magnitudes, single facets are to be estimated, or the
+        light of a target does not depend on an estimated parameter.
     """
 
     def __init__(
@@ -88,27 +113,53 @@ class MultiplicativeUKF:
         process_noise: ProcessNoise | None = None,
         use_magnitude: bool = True,
         splitting: bool = False,
+        extra_magnitude_noise: float = 0.0,
+        noise_memory: float | None = None,
+        estimated_parameters: BodyParameterPrior | None = None,
         forces: tuple = EARTH_MOON,
         index: int = 0,
     ) -> None:
         self._scene = scene
+        self._prior = estimated_parameters or BodyParameterPrior()
+        if not use_magnitude and (self._prior or extra_magnitude_noise or noise_memory):
+            raise ConfigurationError(
+                "use_magnitude = False: angles determine neither body parameters nor the noise of "
+                "the magnitude; leave out estimated_parameters, extra_magnitude_noise and "
+                "noise_memory"
+            )
+        if self._prior.log_facets > 0.0:
+            raise ConfigurationError(
+                f"log_facets = {self._prior.log_facets}: the filter has no states for single "
+                "facets; leave it at 0, or use the batch estimator"
+            )
+        rotation, surface = self._prior.rotation_kinds(), self._prior.surface_kinds(0)
+        self._parameter_sigma = np.append(rotation[1], surface[1])
         given = scene, sensor, process_noise, forces, use_magnitude, splitting
-        self._constants = filter_constants(SIZE, *given)
+        noise = extra_magnitude_noise, noise_memory
+        self._constants = filter_constants(SIZE, *given, *noise, (rotation[0], surface[0]))
         self._begin(initial, surfaces, index)
 
     def _begin(self, initial: InitialEstimate, surfaces: TargetSurfaces, index: int) -> None:
         """Start the filter of these targets alone."""
         n_targets = initial.translation.shape[0]
         require_targets(self._constants.forces, n_targets)
+        for j in range(n_targets if self._prior else 0):
+            self._prior.require_possible(body_of(surfaces, j).materials)
         self._surfaces = surfaces
         self._bodies = rigid_bodies(surfaces.inertia)
+        constant = self._parameter_sigma.size
+        root = np.zeros((n_targets, constant + SIZE, constant + SIZE))
+        root[:, :constant, :constant] = np.diag(self._parameter_sigma)
+        root[:, constant:, constant:] = initial.roots()
         self._state = FilterState(
             np.array(initial.quaternion, dtype=float),
             np.array(initial.angular_velocity, dtype=float),
             np.array(initial.translation, dtype=float),
-            initial.roots(),
+            root,
             np.zeros(n_targets, dtype=np.uint8),
             np.zeros((n_targets, N_COUNTERS), dtype=np.int64),
+            np.zeros((n_targets, constant)),
+            np.ones(n_targets),
         )
         self._mixture = no_mixture(n_targets, self._constants.curvature < np.inf)
         self._index = index
@@ -125,24 +176,48 @@ class MultiplicativeUKF:
 
     @property
     def estimated_parameters(self) -> BodyParameterPrior:
-        """No body parameters."""
-        return BodyParameterPrior()
+        """See `Estimator.estimated_parameters`."""
+        return self._prior
+
+    def learned(self) -> tuple[Array, Array]:
+        """Mean and standard deviation of the body-parameter deviations, (target, n) each, in the
+        order and units of `BodyParameterPrior.named`; NaN for failed estimates."""
+        size = self._parameter_sigma.size
+        unit = np.ones(size)
+        torque = np.flatnonzero(self._constants.rotation_kinds >= TORQUE)
+        unit[torque] = np.rad2deg(1.0) * HOUR**2
+        mean = unit * self._state.parameters
+        sigma = unit * np.sqrt((self._state.root[:, :size, :size] ** 2).sum(axis=2))
+        ended = self._state.failed != HEALTHY
+        mean[ended], sigma[ended] = np.nan, np.nan
+        return mean, sigma
+
+    @property
+    def searches(self) -> NDArray[np.int64]:
+        """Per target, number of searches for modes so far: none."""
+        return np.zeros(self._state.failed.size, dtype=np.int64)
+
+    @property
+    def noise_factor(self) -> Array:
+        """Per target, estimated factor on the assumed variance of a magnitude; 1 if it is known."""
+        return self._state.noise_factor.copy()
 
     def predict(self) -> Prediction:
         """See `Estimator.predict`."""
         ahead = FilterState(*(part.copy() for part in self._state))
         mixture = GaussianMixture(*(part.copy() for part in self._mixture))
         predict_all(self._index, self._scene, self._bodies, self._constants, ahead, mixture)
-        lower = ahead.root[:, 6:]
+        lower = ahead.root[:, -6:]
         covariance = lower @ np.swapaxes(lower, 1, 2)
-        rotation = Rotation(ahead.quaternion, ahead.omega, ahead.root[:, :6, :6])
+        root = _root_of_motion(ahead.root)
+        rotation = Rotation(ahead.quaternion, ahead.omega, root[:, :6, :6])
         return Prediction(
-            self._index + 1, ahead.translation, covariance, ahead.quaternion, ahead.root, rotation
+            self._index + 1, ahead.translation, covariance, ahead.quaternion, root, rotation
         )
 
     def orbits(self) -> OrbitEstimates:
         """See `Estimator.orbits`."""
-        lower, translation = self._state.root[:, 6:], self._state.translation.copy()
+        lower, translation = self._state.root[:, -6:], self._state.translation.copy()
         translation[self._state.failed != HEALTHY] = np.nan
         return OrbitEstimates(self._index, translation, lower @ np.swapaxes(lower, 1, 2))
 
@@ -190,11 +265,24 @@ class MultiplicativeUKF:
         self._mixture = selected_tracks(self._mixture, left)
 
 
+def _root_of_motion(root: Array) -> Array:
+    """Lower Cholesky factors (target, 12, 12) of the motion from those of all states, without the
+    body parameters that precede it."""
+    if root.shape[1] == SIZE:
+        return root
+    upper = np.linalg.qr(np.swapaxes(root[:, -SIZE:], 1, 2), mode="r")
+    sign = np.where(np.diagonal(upper, axis1=1, axis2=2) < 0.0, -1.0, 1.0)
+    return np.swapaxes(sign[:, :, None] * upper, 1, 2)
+
+
 def mukf(
     *,
     process_noise: ProcessNoise | None = None,
     use_magnitude: bool = True,
     splitting: bool = False,
+    extra_magnitude_noise: float = 0.0,
+    noise_memory: float | None = None,
+    estimated_parameters: BodyParameterPrior | None = None,
 ) -> EstimatorFactory:
     """Factory of the paper's filter for the tasking loop; see `MultiplicativeUKF`."""
 
@@ -208,7 +296,11 @@ def mukf(
             process_noise=process_noise,
             use_magnitude=use_magnitude,
             splitting=splitting,
+            extra_magnitude_noise=extra_magnitude_noise,
+            noise_memory=noise_memory,
+            estimated_parameters=estimated_parameters,
             forces=forces,
         )
 
+    make.estimated_parameters = estimated_parameters or BodyParameterPrior()
     return make

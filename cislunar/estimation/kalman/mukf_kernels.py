@@ -1,7 +1,8 @@
 """Compiled steps of the error-state multiplicative unscented filter (Paul & Fan, section 2.4).
 
 The error state of a target is (attitude error, angular velocity, position, velocity): generalized
-Rodrigues parameters, rad/s in the body frame, and nondimensional in the propagation frame.
+Rodrigues parameters, rad/s in the body frame, and nondimensional in the propagation frame. Body
+parameters may precede it, see `cislunar.estimation.kalman.parameter_states`.
 """
 
 from typing import NamedTuple
@@ -32,6 +33,7 @@ from cislunar.estimation.kalman.gaussian_mixture import (
     step_mixture,
     updated,
 )
+from cislunar.estimation.kalman.parameter_states import expected_of_bodies, variance_factor
 from cislunar.estimation.kalman.splitting import (
     NO_LIMITS,
     make_split_work,
@@ -66,14 +68,16 @@ from cislunar.observation.sightline import wrap_angle
 Array = NDArray[np.float64]
 
 SIZE = 12
+"""States of the motion."""
 
 
 class FilterState(NamedTuple):
     """Estimates of all targets, which the kernels change in place; arrays by target.
     Means `quaternion` (4,) inertial to body frame, `omega` (3,) rad/s, body frame, `translation`
-    (6,) nondimensional, propagation frame; `root` (12, 12), lower Cholesky factors of the
+    (6,) nondimensional, propagation frame; `root` (n, n), lower Cholesky factors of the
     covariances; `failed`, HEALTHY or the reason for which an estimate ended; `counters`
-    (N_COUNTERS,)."""
+    (N_COUNTERS,); `parameters` (n - 12,), deviations of the body; `noise_factor`, on the assumed
+    variance of a magnitude."""
 
     quaternion: Array
     omega: Array
@@ -81,6 +85,8 @@ class FilterState(NamedTuple):
     root: Array
     failed: NDArray[np.uint8]
     counters: NDArray[np.int64]
+    parameters: Array
+    noise_factor: Array
 
 
 @njit_noalloc
@@ -97,16 +103,19 @@ def _compose_left(quaternion, d1, d2, d3, d4):
 
 
 @njit_noalloc
-def _apply(quaternion, omega, translation, correction):
-    """Inject a mean error state: multiplicative in the attitude, additive otherwise."""
+def _apply(state, j, correction, constants):
+    """Inject a mean error state (n,): multiplicative in the attitude, additive otherwise."""
+    p = len(constants.parameters)
+    for c in range(p):
+        state.parameters[j, c] += correction[c]
     d1, d2, d3, d4 = quaternion_from_grp_components(
-        correction[0], correction[1], correction[2], GRP_A, GRP_F
+        correction[p], correction[p + 1], correction[p + 2], GRP_A, GRP_F
     )
-    _compose_left(quaternion, d1, d2, d3, d4)
+    _compose_left(state.quaternion[j], d1, d2, d3, d4)
     for c in range(3):
-        omega[c] += correction[3 + c]
+        state.omega[j, c] += correction[p + 3 + c]
     for c in range(6):
-        translation[c] += correction[6 + c]
+        state.translation[j, c] += correction[p + 6 + c]
 
 
 @njit_noalloc
@@ -117,20 +126,22 @@ def predict(state, j, k, bodies, scene, constants, work):
     quaternion, omega, translation = state.quaternion[j], state.omega[j], state.translation[j]
     root, weights = state.root[j], constants.weights
     bundle, differences = work.bundle, work.differences
-    sigma_points(translation, root[6:], weights.spread, bundle)
+    before = 6 + len(constants.parameters)
+    sigma_points(translation, root[before:], weights.spread, bundle)
     forces = of_state(constants.forces, j)
     step_cloud(forces, k * scene.step, bundle, scene.step, work.slopes, work.stage)
-    turn = rotation_differences(omega, root, weights.spread, scene.step_s, bodies, j, differences)
+    given = scene.step_s, bodies, j, constants, differences
+    turn = rotation_differences(omega, state.parameters[j], root, *given)
     for c in range(6):
         center = bundle[c, 0]
-        for i in range(2 * SIZE):
-            differences[i, 6 + c] = bundle[c, 1 + i] - center
+        for i in range(differences.shape[0]):
+            differences[i, before + c] = bundle[c, 1 + i] - center
     difference_moments(differences, weights.outer, weights.mean_shift, work.shift, work.covariance)
     add_process_noise(work.covariance, constants)
     _compose_left(quaternion, turn[0], turn[1], turn[2], turn[3])
     for c in range(6):
         translation[c] = bundle[c, 0]
-    _apply(quaternion, omega, translation, work.shift)
+    _apply(state, j, work.shift, constants)
     if not np.isfinite(np.sum(quaternion)):
         return NOT_FINITE
     health = translation_condition(translation, scene.primaries[k + 1], constants)
@@ -139,26 +150,28 @@ def predict(state, j, k, bodies, scene, constants, work):
 
 @njit_alloc
 def _predict_rotation(state, j, bodies, step_s, constants, work):
-    """Propagate attitude and angular velocity alone over a step; their health."""
+    """Propagate body parameters, attitude and angular velocity alone over a step; their health."""
     quaternion, root, weights = state.quaternion[j], state.root[j], constants.weights
-    differences = work.differences
-    turn = rotation_differences(
-        state.omega[j], root, weights.spread, step_s, bodies, j, differences
+    size, differences = 6 + len(constants.parameters), work.differences
+    given = step_s, bodies, j, constants, differences
+    turn = rotation_differences(state.omega[j], state.parameters[j], root, *given)
+    shift, covariance = np.zeros(root.shape[0]), np.empty((size, size))
+    difference_moments(
+        differences[:, :size], weights.outer, weights.mean_shift, shift[:size], covariance
     )
-    shift, covariance = np.zeros(SIZE), np.empty((6, 6))
-    difference_moments(differences[:, :6], weights.outer, weights.mean_shift, shift[:6], covariance)
-    for c in range(6):
+    for c in range(size):
         covariance[c, c] += constants.process_variance[c]
     _compose_left(quaternion, turn[0], turn[1], turn[2], turn[3])
-    _apply(quaternion, state.omega[j], state.translation[j], shift)
-    return take_covariance(covariance, root[:6, :6])
+    _apply(state, j, shift, constants)
+    return take_covariance(covariance, root[:size, :size])
 
 
 @njit_noalloc
 def _step(state, mixture, j, k, bodies, scene, constants, work, orbit_work):
     """Propagate target j over the step from time k; its health. While the orbit is a mixture, its
     estimate is independent of that of the rotation."""
-    translation, rows = state.translation[j], state.root[j, 6:]
+    before = 6 + len(constants.parameters)
+    translation, rows = state.translation[j], state.root[j, before:]
     given = scene, constants, orbit_work
     if mixture.count[j] > 0:
         health = step_mixture(mixture, j, translation, rows, k, *given)
@@ -166,7 +179,7 @@ def _step(state, mixture, j, k, bodies, scene, constants, work, orbit_work):
         return turned if health == HEALTHY else health
     before_step(mixture, j, translation, rows, k, orbit_work)
     health = predict(state, j, k, bodies, scene, constants, work)
-    return after_step(mixture, j, translation, rows, work.shift[6:], health, k + 1, *given)
+    return after_step(mixture, j, translation, rows, work.shift[before:], health, k + 1, *given)
 
 
 @njit_noalloc
@@ -180,8 +193,28 @@ def update(state, j, measurements, row, k, scene, surfaces, constants, limits, n
     place = scene.observer_position[measurements.observer[row], k]
     axes = scene.observer_axes[k]
     angle = 1 if constants.use_magnitude else 0
-    sigma_points(translation, root[6:], spread, work.bundle)
-    if constants.use_magnitude:
+    sigma_points(translation, root[6 + len(constants.parameters) :], spread, work.bundle)
+    if len(constants.parameters) > 0 and constants.use_magnitude:
+        magnitude, ra, dec, undetectable = expected_of_bodies(
+            work.bundle,
+            quaternion,
+            state.parameters[j],
+            root,
+            spread,
+            place,
+            axes,
+            scene.sun_position[k],
+            scene.frame_axes[k],
+            surfaces,
+            j,
+            constants.rotation_kinds,
+            constants.surface_kinds,
+            work.block,
+            work.expected,
+        )
+        innovation[0] = value[row, 0] - magnitude
+        counters[FLOOR_HITS] += undetectable
+    elif constants.use_magnitude:
         magnitude, ra, dec, undetectable = expected_measurements(
             work.bundle,
             quaternion,
@@ -218,11 +251,22 @@ def update(state, j, measurements, row, k, scene, surfaces, constants, limits, n
         return CURVED
     for a in range(innovation.shape[0]):
         innovation[a] -= work.expected_shift[a]
+    factor = state.noise_factor[j]
+    if constants.use_magnitude:
+        assumed = variance[0] + constants.extra_variance
+        if constants.noise_memory > 0.0:
+            work.even[0, 0] -= variance[0]
+            given = work.cross, work.even, innovation, assumed, factor, constants.noise_memory
+            factor = variance_factor(*given)
+            work.even[0, 0] += variance[0]
+        # no change, to the last bit, for the variance of the sensor
+        work.even[0, 0] += factor * assumed - variance[0]
     if not square_root_update(
         root, work.cross, work.even, innovation, work.correction, work.covariance
     ):
         return FAILED_UPDATE
-    _apply(quaternion, state.omega[j], translation, work.correction)
+    state.noise_factor[j] = factor
+    _apply(state, j, work.correction, constants)
     return ACCEPTED
 
 
@@ -231,7 +275,8 @@ def _update_split(state, mixture, j, measurements, row, k, scene, surfaces, cons
     """Use one record of a target whose orbit is a mixture; its outcome. The angles update the orbit
     component by component. The whole record updates the rotation with the moments of the mixture
     before the update."""
-    translation, root = state.translation[j].copy(), state.root[j, 6:, 6:].copy()
+    n = 6 + len(constants.parameters)
+    translation, root = state.translation[j].copy(), state.root[j, n:, n:].copy()
     ra, dec = measurements.value[row, 1], measurements.value[row, 2]
     observer = measurements.observer[row]
     place, half_field = scene.observer_position[observer, k], constants.half_field[observer]
@@ -242,8 +287,8 @@ def _update_split(state, mixture, j, measurements, row, k, scene, surfaces, cons
         if constants.use_magnitude:
             given = state, j, measurements, row, k, scene, surfaces, constants
             update(*given, NO_LIMITS, 0.0, work)
-        state.translation[j], state.root[j, 6:, 6:] = translation, root
-        state.root[j, 6:, :6] = 0.0
+        state.translation[j], state.root[j, n:, n:] = translation, root
+        state.root[j, n:, :n] = 0.0
     return outcome
 
 
@@ -263,7 +308,7 @@ def _use(state, mixture, j, measurements, row, k, scene, surfaces, constants, wo
             place = scene.observer_position[measurements.observer[row], k]
             variance = measurements.variance[row, 1:]
             observation = value[row, 1], value[row, 2], variance, place, scene.observer_axes[k]
-            estimate = state.translation[j], state.root[j, 6:]
+            estimate = state.translation[j], state.root[j, 6 + len(constants.parameters) :]
             rest = k, scene, constants, stack.filter
             if not open_if_curved(mixture, j, *estimate, observation, *rest):
                 outcome = update(state, j, *given, NO_LIMITS, 0.0, work)
@@ -303,15 +348,16 @@ def _advance_target(
         copy_into(out.quaternion[j, i], state.quaternion[j])
         copy_into(out.angular_velocity[j, i], state.omega[j])
         copy_into(out.translation[j, i], state.translation[j])
-        deviations(state.root[j], out.sigma[j, i])
+        p = len(constants.parameters)
+        deviations(state.root[j, p:], out.sigma[j, i])
         if i < out.covariance.shape[1]:
-            covariance_of(state.root[j, 6:], out.covariance[j, i])
+            covariance_of(state.root[j, p + 6 :], out.covariance[j, i])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def advance(targets, first, scene, surfaces, bodies, constants, measurements, state, mixture, out):
     """Filter the targets of a range over an interval that begins at time `first`."""
-    work = make_workspace(SIZE, 3 if constants.use_magnitude else 2)
+    work = make_workspace(SIZE + len(constants.parameters), 3 if constants.use_magnitude else 2)
     stack = make_split_work(mixture.weight.shape[1])
     for j in range(targets[0], targets[1]):
         given = surfaces, bodies, constants, measurements, state, mixture, out, work, stack
@@ -321,7 +367,7 @@ def advance(targets, first, scene, surfaces, bodies, constants, measurements, st
 @njit(cache=True, error_model="numpy")
 def predict_all(k, scene, bodies, constants, state, mixture):
     """Propagate all healthy targets over the step from time k; other translations become NaN."""
-    work = make_workspace(SIZE, 3)
+    work = make_workspace(SIZE + len(constants.parameters), 3)
     orbit_work = make_workspace(6, 2)
     for j in range(state.failed.shape[0]):
         if state.failed[j] == HEALTHY:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
 from cislunar.dynamics.forces import of_targets, require_targets
 from cislunar.dynamics.tableau import STAGES8
+from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import (
     HEALTHY,
     INSIDE_PRIMARY,
@@ -25,6 +26,8 @@ from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES
 
 Array = NDArray[np.float64]
 
+_NO_KINDS = np.empty(0, np.int64), np.empty(0, np.int64)
+
 
 class FilterConstants(NamedTuple):
     """Constants of a filter of n states.
@@ -33,7 +36,11 @@ class FilterConstants(NamedTuple):
     on the same axis. `half_field` (observer,): half the fields of view, rad. `use_magnitude`:
     whether the update uses the magnitude. `weights`, `orbit_weights`: for n states, and for
     position and velocity. `curvature`: second-order part of predicted angles, in noise variances,
-    from which an orbit's Gaussian is split; inf for never."""
+    from which an orbit's Gaussian is split; inf for never. `rotation_kinds`, `surface_kinds`:
+    deviations of rotation and surface that are estimated as well, as the first of the n states;
+    `parameters`: the kinds of all of them, in a tuple whose length the compiler knows.
+    `extra_variance`: added to the variance of a magnitude, mag^2. `noise_memory`: number of
+    magnitudes over which their variance is averaged; 0 if it is known."""
 
     forces: tuple
     process_variance: Array
@@ -43,6 +50,11 @@ class FilterConstants(NamedTuple):
     weights: UnscentedWeights
     orbit_weights: UnscentedWeights
     curvature: float
+    parameters: tuple[int, ...]
+    rotation_kinds: NDArray[np.int64]
+    surface_kinds: NDArray[np.int64]
+    extra_variance: float
+    noise_memory: float
 
 
 def filter_constants(
@@ -53,19 +65,36 @@ def filter_constants(
     forces: tuple,
     use_magnitude: bool,
     splitting: bool,
+    extra_magnitude_noise: float = 0.0,
+    noise_memory: float | None = None,
+    kinds: tuple[NDArray[np.int64], NDArray[np.int64]] = _NO_KINDS,
 ) -> FilterConstants:
-    """Constants of a filter of the last n of the twelve states."""
+    """Constants of a filter of the last n of the twelve states of the motion, and of deviations of
+    the `kinds` of rotation and surface, which are constant."""
+    if not 0.0 <= extra_magnitude_noise < np.inf:
+        raise ConfigurationError(
+            f"extra_magnitude_noise = {extra_magnitude_noise} mag must be finite and at least 0"
+        )
+    if noise_memory is not None and not 1.0 < noise_memory < np.inf:
+        raise ConfigurationError(
+            f"noise_memory = {noise_memory} must be a number of magnitudes above 1, or None"
+        )
     process = ProcessNoise() if process_noise is None else process_noise
     variance, covariance = process.covariance(scene.step_s)
+    constant = kinds[0].size + kinds[1].size
     return FilterConstants(
         forces,
-        variance[12 - n :],
+        np.append(np.zeros(constant), variance[12 - n :]),
         covariance,
         sensor_limits(sensor, scene.observer_position.shape[0]).half_field,
         bool(use_magnitude),
-        unscented_weights(n),
+        unscented_weights(n + constant),
         unscented_weights(6),
         1.0 if splitting else np.inf,
+        tuple(np.append(*kinds).tolist()),
+        *kinds,
+        float(extra_magnitude_noise) ** 2,
+        float(noise_memory or 0.0),
     )
 
 
@@ -187,12 +216,14 @@ def in_field(off_ra, off_dec, declination, half_field):
 
 
 @njit_noalloc
-def deviations(root, sigma):
-    """Standard deviations (n,) of a covariance given by its lower Cholesky factor (n, n)."""
+def deviations(rows, sigma):
+    """Standard deviations (m,) of the last m of n states, given their rows (m, n) of the lower
+    Cholesky factor of the covariance."""
+    before = rows.shape[1] - rows.shape[0]
     for c in range(sigma.shape[0]):
         total = 0.0
-        for d in range(c + 1):
-            total += root[c, d] * root[c, d]
+        for d in range(before + c + 1):
+            total += rows[c, d] * rows[c, d]
         sigma[c] = np.sqrt(total)
 
 
