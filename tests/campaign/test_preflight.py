@@ -132,9 +132,8 @@ def test_a_table_of_a_reflection_law_is_checked_before_anything_runs(
     if content is not None:
         table.write_text(content, encoding="utf-8")
     change = {"task2": {"truth": {"reflection": str(table)}}}
-    with pytest.raises(
-        ConfigurationError, match=rf"'task2\.truth\.reflection': .*law\.csv: {said}"
-    ):
+    message = rf"'task2\.truth\.reflection': .*law\.csv: {said}"
+    with pytest.raises(InputFileError, match=message):
         check_inputs(merged(config, change))
 
 
