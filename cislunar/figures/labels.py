@@ -98,6 +98,29 @@ BODY_PARAMETERS = {
 
 _RECOMMENDED, _PAPER = "recommended pipeline", "paper's pipeline, ephemeris filter"
 
+_UNMATCHED = {
+    "matched": "bodies as assumed",
+    "priors-half": "half the assumed spread of bodies",
+    "priors-double": "twice the assumed spread of bodies",
+    "priors-heavy": "heavy-tailed spread of bodies",
+    "priors-double-robust": "twice the assumed spread of bodies, heavy-tailed prior",
+    "stretched": "bodies stretched by 1.1, 1 and 0.95",
+    "stretched-random": "bodies stretched at random by 10 %",
+    "facets-20": "facets' reflectivity at random by 20 %",
+    "shape-cylinder": "cylinders, assumed icosahedra",
+    "shape-box": "boxes, assumed icosahedra",
+    "shape-cube": "cubes, assumed icosahedra",
+    "shape-prism": "hexagonal prisms, assumed icosahedra",
+    "shape-wings": "boxes with wings, assumed icosahedra",
+    "law-phong": "Lambert-Phong reflection",
+    "law-seeliger-phong": "Lommel-Seeliger and Phong reflection",
+    "law-ggx": "Lommel-Seeliger and GGX reflection",
+    "law-tabulated": "tabulated reflection law",
+    "torque-sunlight": "torque of sunlight",
+    "torque-random": "random torque",
+}
+"""Truths that differ from the assumed model."""
+
 PIPELINES = {
     ("information", "batch", ""): _RECOMMENDED,
     ("information", "batch", "week"): f"{_RECOMMENDED}, seven days",
@@ -119,6 +142,10 @@ PIPELINES = {
     ("published", "mukf", "with-mixtures"): f"{_PAPER}, Gaussian mixtures of orbits",
     ("published", "batch", "with-batch"): f"{_PAPER}, batch estimator",
     ("published", "mukf", ""): f"{_PAPER}, recommended tasking, mixtures and process noise",
+    **{
+        ("information", "batch", name): f"{_RECOMMENDED}, {label}"
+        for name, label in _UNMATCHED.items()
+    },
 }
 """Pipelines of ``config/real.yaml``: design without its number, estimator and variant."""
 

@@ -16,6 +16,7 @@ from cislunar.photometry.materials import (
     SCALE,
     SHARE,
     SLOPE,
+    TABULATED,
 )
 from cislunar.runtime.settings_fields import NotNegative, Section, setting
 
@@ -102,10 +103,10 @@ class BodyParameterPrior(Section):
             for name in ([f"{key}_{part}" for part in own] or [key])
         }
 
-    def require_possible(self, material: ArrayLike) -> None:
+    def require_possible(self, material: ArrayLike, law: int = 0) -> None:
         """Refuse uncertain parameters on which the light of a surface does not depend. `material`,
         (5,) or (material, 5), is as by `cislunar.photometry.materials.Material.as_array`; one
-        material that depends on a parameter suffices."""
+        material that depends on a parameter suffices. `law` is the number of the reflection law."""
         diffuse, specular, albedo, _, reflectance = np.atleast_2d(material).T
         shines = np.any(specular * reflectance > 0.0)
         wanting = {
@@ -118,6 +119,11 @@ class BodyParameterPrior(Section):
             ),
         }
         for key, (needed, there) in wanting.items():
+            if getattr(self, key) > 0.0 and law == TABULATED:
+                raise ConfigurationError(
+                    f"{key} = {getattr(self, key)}: the light of a tabulated reflection law does "
+                    "not depend on it; leave it at 0, or give log_scale"
+                )
             if getattr(self, key) > 0.0 and not there:
                 raise ConfigurationError(
                     f"{key} = {getattr(self, key)}: the light of such a surface does not depend on "
@@ -131,6 +137,25 @@ def _unknown(groups: Iterable[tuple[NDArray, float]]) -> tuple[NDArray[np.int64]
     kinds = [np.empty(0, np.int64), *(numbers for numbers, _ in found)]
     sigma = [np.empty(0), *(np.full(numbers.size, each) for numbers, each in found)]
     return np.concatenate(kinds), np.concatenate(sigma)
+
+
+def require_freedom(
+    prior: BodyParameterPrior, freedom: float | None, name: str = "parameter_freedom"
+) -> None:
+    """Refuse degrees of freedom of Student's t distribution, an argument of the given name, without
+    a variance, or without deviations that follow it."""
+    if freedom is None:
+        return
+    if not freedom > 2.0:
+        raise ConfigurationError(
+            f"{name} = {freedom} must be above 2: Student's t distribution has no "
+            "standard deviation below"
+        )
+    if not prior:
+        raise ConfigurationError(
+            f"{name} = {freedom}: the standard deviation of every body parameter is 0; give one "
+            f"above 0, or omit {name}"
+        )
 
 
 def surface_groups(n_facets: int) -> dict[str, tuple[int, int]]:

@@ -10,7 +10,7 @@ from cislunar.attitude.parameter_deviations import perturbed_rotation
 from cislunar.errors import ConfigurationError
 from cislunar.observation.body_parameters import BodyParameterPrior, surface_groups
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
-from cislunar.photometry.materials import NOTHING
+from cislunar.photometry.materials import NOTHING, TABULATED
 from cislunar.photometry.parameter_deviations import perturbed_body
 
 Array = NDArray[np.float64]
@@ -23,6 +23,15 @@ _INERTIA, _TORQUE = 7, 8
 """Numbers of the groups of rotation deviations, after those of `surface_groups`."""
 
 _MOST_DRAWS = 1000
+
+
+def _drawn(generator: np.random.Generator, count: int, freedom: float | None) -> Array:
+    """Deviations of standard deviation 1: normal ones, or of Student's t distribution, which
+    divides the same normal numbers by the root of a chi-squared one each."""
+    normal = generator.standard_normal(count)
+    if freedom is None:
+        return normal
+    return normal * np.sqrt((freedom - 2.0) / generator.chisquare(freedom, count))
 
 
 def surface_table(
@@ -40,7 +49,10 @@ def surface_table(
 
 
 def sample_surfaces(
-    surfaces: TargetSurfaces, prior: BodyParameterPrior, generator: _Generators
+    surfaces: TargetSurfaces,
+    prior: BodyParameterPrior,
+    generator: _Generators,
+    freedom: float | None = None,
 ) -> TargetSurfaces:
     """Targets whose surfaces deviate at random from the assumed surfaces.
 
@@ -51,6 +63,9 @@ def sample_surfaces(
     prior : BodyParameterPrior
         Standard deviations of the deviations.
     generator : Generators
+    freedom : float, optional
+        Degrees of freedom, above 2, of Student's t distribution of the deviations, which has these
+        standard deviations; normal if omitted.
     """
     areas, normals, material, lengths = (
         each.copy()
@@ -58,12 +73,12 @@ def sample_surfaces(
     )
     for j in range(lengths.shape[0]):
         body = body_of(surfaces, j)
-        prior.require_possible(body.materials)
+        prior.require_possible(body.materials, int(body.law))
         own = slice(surfaces.first[j], surfaces.first[j + 1])
         rows = slice(surfaces.first_material[j], surfaces.first_material[j + 1])
         kinds, sigma = prior.surface_kinds(body.areas.size)
         draws = [
-            generator(j, number).standard_normal(count)
+            _drawn(generator(j, number), count, freedom)
             for number, (key, (_, count)) in enumerate(surface_groups(body.areas.size).items())
             if getattr(prior, key) > 0.0
         ]
@@ -74,7 +89,10 @@ def sample_surfaces(
 
 
 def sample_rotations(
-    inertia: Array, prior: BodyParameterPrior, generator: _Generators
+    inertia: Array,
+    prior: BodyParameterPrior,
+    generator: _Generators,
+    freedom: float | None = None,
 ) -> tuple[Array, Array]:
     """Inertia and torque of targets that deviate at random from the assumed ones.
 
@@ -85,6 +103,8 @@ def sample_rotations(
     prior : BodyParameterPrior
         Standard deviations of the deviations.
     generator : Generators
+    freedom : float, optional
+        See `sample_surfaces`.
 
     Returns
     -------
@@ -100,7 +120,9 @@ def sample_rotations(
         streams = {number: generator(j, number) for number in np.unique(numbers).tolist()}
         inverse = np.linalg.inv(assumed)
         for _ in range(_MOST_DRAWS):
-            draws = [each.standard_normal(int((numbers == n).sum())) for n, each in streams.items()]
+            draws = [
+                _drawn(each, int((numbers == n).sum()), freedom) for n, each in streams.items()
+            ]
             amounts = sigma * np.concatenate([np.empty(0), *draws])
             perturbed_rotation(
                 kinds, amounts, assumed, inverse, (new[j], inverse.copy(), forced[j])
@@ -129,13 +151,13 @@ def true_deviations(
         Estimated parameters; their prior standard deviations do not matter.
     assumed, true : TargetSurfaces
     forced : array_like, shape (3,) or (target, 3)
-        True angular acceleration by a torque, rad/s^2.
+        True angular acceleration by a torque, rad/s^2; NaN for a torque that varies.
 
     Returns
     -------
     ndarray, shape (target, n)
         In the order and units of `BodyParameterPrior.named`. NaN where a difference of the bodies
-        is not unique (scale, axis scales, facets).
+        is not unique (scale, axis scales, facets) or the true law has no such parameters (a table).
     """
     count = true.inertia.shape[0]
     n_facets = int(np.diff(assumed.first).max(initial=0))  # the true body may have more
@@ -159,9 +181,10 @@ def true_deviations(
 
 
 def _only_material(surfaces: TargetSurfaces) -> Array:
-    """Material of each target, shape (5, target); NaN for a target of several materials."""
+    """Material of each target, shape (5, target); NaN for one of several materials or none."""
     first = surfaces.first_material
-    return np.where(np.diff(first) == 1, surfaces.material[first[:-1]].T, np.nan)
+    known = (np.diff(first) == 1) & (surfaces.law != TABULATED)
+    return np.where(known, surfaces.material[first[:-1]].T, np.nan)
 
 
 def _possible(inertia: Array) -> bool:

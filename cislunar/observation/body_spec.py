@@ -64,7 +64,8 @@ class BodySpec(Section):
         "mesh file keeps its size", "m", 1)
     meters_per_unit: Positive = setting("length unit of the mesh file", "m", default=1)
     axis_scale: ThreePositive = setting(
-        "axis scales: factors on the shape along its body axes, before it is scaled to `radius_m`",
+        "axis scales: factors on the shape along its body axes, before it is scaled to `radius_m`; "
+        "those of the bodies in `table`, too",
         "1", default=[1, 1, 1])
     materials: Text | None = setting(
         "material of each facet group, `group=material; group=material`: `panel`, `foil`, `paint`, "
@@ -109,9 +110,8 @@ class BodySpec(Section):
         """Material of each facet group; `usual` is that of a group without one."""
         if self.materials is not None:
             return group_materials(self.source, self.materials, usual)
-        if self.shape in MODELS:
-            return MODELS[self.shape][1]
-        return dict.fromkeys(mesh.groups, usual)
+        own = MODELS[self.shape][1] if self.shape in MODELS else None
+        return dict.fromkeys(mesh.groups, usual) if own is None else own
 
     def check(self, usual: Material) -> None:
         """Raise InputFileError, with a message that begins with the source, if the body cannot be
@@ -209,13 +209,15 @@ def bodies_of_targets(usual: BodySpec, names: Sequence[Sequence[str]]) -> list[B
     Parameters
     ----------
     usual : BodySpec
-        Body of a target that is not in its table, and inertia of a target without one in the table.
+        Body of a target that is not in its table, axis scales of all targets, and inertia of a
+        target without one in the table.
     names : sequence of sequence of str
         Possible names of each target.
     """
     known = {} if usual.table is None else load_body_table(usual.table)
+    scaled = {"axis_scale": usual.axis_scale}
     known = {
-        name: body if body.inertia else body.model_copy(update={"inertia": usual.inertia})
+        name: body.model_copy(update=scaled | {"inertia": body.inertia or usual.inertia})
         for name, body in known.items()
     }
     return [next((known[name] for name in each if name in known), usual) for each in names]

@@ -12,7 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.bodies import Body, plain_body
-from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.materials import TABULATED, Material, PhotometryModel
+from cislunar.photometry.reflection.tables import (
+    NO_TABLE,
+    ReflectanceTable,
+    load_reflectance_table,
+)
 from cislunar.photometry.shadows.concatenated import joined_shadows
 from cislunar.photometry.shadows.table import Shadows
 from cislunar.photometry.shapes import Facets
@@ -45,8 +50,10 @@ class TargetSurfaces(NamedTuple):
         Shadows of all targets in one table.
     lengths : ndarray, shape (target, 3)
         Axis scales.
-    composite, phong : ndarray of bool, shape (target,)
+    composite, law : ndarray of bool and of int, shape (target,)
         See `cislunar.photometry.bodies.Body`.
+    table : ReflectanceTable
+        Table of the targets with a tabulated law.
     """
 
     areas: Array
@@ -61,7 +68,8 @@ class TargetSurfaces(NamedTuple):
     shadows: Shadows
     lengths: Array
     composite: NDArray[np.bool_]
-    phong: NDArray[np.bool_]
+    law: NDArray[np.int64]
+    table: ReflectanceTable = NO_TABLE
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -84,7 +92,8 @@ def body_of(surfaces, j):
         ),
         surfaces.lengths[j],
         surfaces.composite[j],
-        surfaces.phong[j],
+        surfaces.law[j],
+        surfaces.table,
     )
 
 
@@ -132,7 +141,8 @@ def target_surfaces(
         shape if isinstance(shape, Body) else plain_body(shape, surface)
         for shape, surface in zip(shapes, surfaces, strict=True)
     ]
-    phong = np.array([model.phong or body.phong for body in bodies])
+    law = np.array([model.law or body.law for body in bodies])
+    tables = [load_reflectance_table(model.reflection)] if model.law == TABULATED else []
     return TargetSurfaces(
         np.concatenate([body.areas for body in bodies]),
         np.ascontiguousarray(np.concatenate([body.normals for body in bodies])),
@@ -145,8 +155,9 @@ def target_surfaces(
         np.concatenate([body.rows for body in bodies]),
         joined_shadows([body.shadows for body in bodies]),
         np.array([body.lengths for body in bodies]),
-        np.array([body.composite for body in bodies]) | phong,
-        phong,
+        np.array([body.composite for body in bodies]) | (law > 0),
+        law,
+        _common_table(tables or [body.table for body in bodies]),
     )
 
 
@@ -183,7 +194,7 @@ def surfaces_of(surfaces: TargetSurfaces, targets: NDArray[np.int64]) -> TargetS
         shadows=surfaces.shadows._replace(column=surfaces.shadows.column[facets]),
         lengths=surfaces.lengths[targets],
         composite=surfaces.composite[targets],
-        phong=surfaces.phong[targets],
+        law=surfaces.law[targets],
     )
 
 
@@ -197,8 +208,8 @@ def joined_surfaces(parts: Sequence[TargetSurfaces]) -> TargetSurfaces:
     Raises
     ------
     ConfigurationError
-        If the parts have different readings of the reflection model, or shadow tables of different
-        steps.
+        If the parts have different readings of the reflection model, different tables of the
+        reflection law, or shadow tables of different steps.
     """
     for key in ("irradiance_4pi", "fresnel_sqrt"):
         if len({bool(getattr(part, key)) for part in parts}) > 1:
@@ -206,14 +217,26 @@ def joined_surfaces(parts: Sequence[TargetSurfaces]) -> TargetSurfaces:
     joined = {
         key: np.concatenate([getattr(part, key) for part in parts])
         for key in ("areas", "normals", "material", "inertia", "rows", "lengths", "composite",
-            "phong")
+            "law")
     }  # fmt: skip
     return parts[0]._replace(
         **joined,
         first=_starts(np.concatenate([np.diff(part.first) for part in parts])),
         first_material=_starts(np.concatenate([np.diff(part.first_material) for part in parts])),
         shadows=joined_shadows([part.shadows for part in parts]),
+        table=_common_table([part.table for part in parts]),
     )
+
+
+def _common_table(tables: Sequence[ReflectanceTable]) -> ReflectanceTable:
+    """The only table of a reflection law among those of bodies with and without one."""
+    found = {id(each.values): each for each in tables if each.values.size}
+    first, *others = found.values() or [NO_TABLE]
+    if not all(np.array_equal(first.values, each.values) for each in others):
+        raise ConfigurationError(
+            "surfaces: the table of the reflection law must be the same for all targets"
+        )
+    return first
 
 
 def _rows_of(first: NDArray[np.int64], targets: NDArray[np.int64]) -> tuple[NDArray, NDArray]:

@@ -19,6 +19,7 @@ from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, QUATERNION, RANG
 from cislunar.photometry.facets import apparent_magnitude, broadcast_geometries
 from cislunar.photometry.materials import Material, PhotometryModel, material_rows
 from cislunar.photometry.meshes import Mesh
+from cislunar.photometry.reflection.tables import NO_TABLE, ReflectanceTable
 from cislunar.photometry.shadows.table import STEPS, Shadows, no_shadows, shadow_table
 from cislunar.photometry.shapes import Facets, facets_from_triangles
 
@@ -45,8 +46,11 @@ class Body(NamedTuple):
     composite : bool
         Whether the body has several materials, shadows or another reflection law; otherwise the
         faster kernels of `cislunar.photometry.facet_blocks` are used.
-    phong : bool
-        Whether the body follows the Lambert-Phong law, see `cislunar.photometry.body_blocks`.
+    law : int
+        Reflection law: place in `cislunar.photometry.materials.REFLECTION_LAWS`, or `TABULATED`.
+        A body with another law than 0 is composite.
+    table : ReflectanceTable
+        Table of a tabulated law.
     """
 
     areas: Array
@@ -56,7 +60,8 @@ class Body(NamedTuple):
     shadows: Shadows
     lengths: Array
     composite: bool = False
-    phong: bool = False
+    law: int = 0
+    table: ReflectanceTable = NO_TABLE
 
     @property
     def facets(self) -> Facets:

@@ -3,13 +3,8 @@
 A `cislunar.photometry.bodies.Body` that is not composite is passed to
 `cislunar.photometry.facet_blocks` and gives bit-identical results. The facets of a composite body
 take their material from a table, contribute with the share of their area that is both lit and seen
-(`cislunar.photometry.shadows`), and may follow another reflection law:
-
-    R_i = A_i / pi (N.L)(N.V) (d rho + s F0 / delta^2 cos^n(a)),   n = 1 / (2 delta^2),
-
-where a is the angle between the observer and the mirrored Sun. This is the Lambert-Phong law in the
-form that is symmetric in Sun and observer (Lafortune & Willems 1994). At its peak the lobe is as
-bright and as wide as that of the Cook-Torrance model with the same parameters.
+(`cislunar.photometry.shadows`), and may follow another reflection law
+(`cislunar.photometry.reflection`).
 
 The lit and seen share is piecewise linear in the interpolation variables of the table. Derivatives
 are exactly those of the returned magnitude, one-sided at the edges of the table's triangles.
@@ -72,6 +67,8 @@ from cislunar.photometry.facets import (
     fresnel_reflectance,
     reflection_constants,
 )
+from cislunar.photometry.materials import TABULATED
+from cislunar.photometry.reflection.laws import reflectance
 from cislunar.photometry.shadows.blocks import (
     add_edges,
     find_corners,
@@ -88,7 +85,7 @@ _NOTHING, _TURNS, _PARTS = 0, 1, 2
 
 
 @njit_noalloc
-def _specular_rows(b, count, materials, fresnel_sqrt, phong, derivatives, rows):
+def _specular_rows(b, count, materials, fresnel_sqrt, derivatives, rows):
     """Write the factors of each material in each geometry, (material, 3, LANES), into `rows`. The
     factors are that of the specular term, its logarithmic derivative by the odds of the normal
     reflectance, and its logarithmic derivative by |L + V|^2 through the Fresnel factor."""
@@ -96,10 +93,6 @@ def _specular_rows(b, count, materials, fresnel_sqrt, phong, derivatives, rows):
         f0 = materials[m, 4]
         for k in range(count):
             half2 = 1.0 / b[INVERSE_HALF2, k]
-            if phong:
-                rows[m, 0, k] = materials[m, 1] * f0 / (materials[m, 3] * materials[m, 3])
-                rows[m, 1, k], rows[m, 2, k] = 1.0 - f0, 0.0
-                continue
             rows[m, 0, k] = reflection_constants(materials[m], half2, fresnel_sqrt)[1]
             rows[m, 1, k], rows[m, 2, k] = 0.0, 0.0
             if derivatives == _PARTS and f0 > 0.0:
@@ -141,8 +134,8 @@ def _add_odds(b, count, rows, specular_share):
 
 
 @njit_noalloc
-def _add_phong(b, count, whole, nx, ny, nz, diffuse, exponent):
-    """Add a shadowed facet of the Lambert-Phong law; see `facet_blocks.add_facet_and_slopes`."""
+def _add_by_law(b, count, whole, nx, ny, nz, material, law, table):
+    """Add a shadowed facet of another reflection law; see `facet_blocks.add_facet_and_slopes`."""
     for k in range(count):
         lit, seen = b[LIT, k], b[SEEN, k]
         if not (lit > 0.0 and seen > 0.0):
@@ -150,20 +143,20 @@ def _add_phong(b, count, whole, nx, ny, nz, diffuse, exponent):
                 b[row, k] = 0.0
             continue
         area, both = whole * b[FREE, k], lit * seen
-        mirrored = 2.0 * both + 1.0 - 0.5 / b[INVERSE_HALF2, k]  # cos a = 2 (N.L)(N.V) - L.V
-        lobe, slope, log = 0.0, 0.0, 0.0
-        if mirrored > 0.0:
-            lobe = b[SPECULAR, k] * mirrored**exponent
-            slope, log = exponent * lobe / mirrored, np.log(mirrored)
-        shine, brightness = area * lobe * both, diffuse + lobe + 2.0 * both * slope
+        diffuse, lobe, d_lit, d_seen, d_half2, d_slope, d_odds = reflectance(
+            law, lit, seen, b[INVERSE_HALF2, k], material, table
+        )
         b[OWN_IN_FULL, k] = whole * both * (diffuse + lobe)
+        shine = area * lobe * both
         b[_OWN_SHINE, k] = shine
-        by_lit, by_seen = area * seen * brightness, area * lit * brightness
+        by_lit = area * seen * (diffuse + lobe + lit * d_lit)
+        by_seen = area * lit * (diffuse + lobe + seen * d_seen)
         b[OWN_BY_LIT, k], b[OWN_BY_SEEN, k] = by_lit, by_seen
         b[TOTAL, k] += area * both * (diffuse + lobe)
         b[SHINE, k] += shine
-        b[BY_SLOPE, k] -= 2.0 * shine * (1.0 + exponent * log)
-        b[BY_HALF2, k] -= 0.5 * area * both * slope
+        b[BY_SLOPE, k] += area * both * d_slope
+        b[BY_REFLECTANCE, k] += area * both * d_odds
+        b[BY_HALF2, k] += area * both * d_half2
         b[BY_LIT, k], b[BY_SEEN, k] = b[BY_LIT, k] + by_lit * nx, b[BY_SEEN, k] + by_seen * nx
         b[BY_LIT + 1, k] += by_lit * ny
         b[BY_LIT + 2, k] += by_lit * nz
@@ -176,10 +169,13 @@ def _sum_body(block, shares, scaled, count, body, fresnel_sqrt, derivatives):
     """Sums over the facets of a composite body; see `body_magnitude_deviations`."""
     b = known_shape(block)
     areas, normals, rows, column = body.areas, body.normals, body.rows, body.shadows.column
-    materials, shadows, lengths, phong = body.materials, body.shadows, body.lengths, body.phong
+    materials, shadows, lengths, law = body.materials, body.shadows, body.lengths, body.law
     turn_into_body(b, count, materials[0], fresnel_sqrt)
     specular = np.empty((materials.shape[0], 3, LANES))
-    _specular_rows(b, count, materials, fresnel_sqrt, phong, derivatives, specular)
+    if law == 0:
+        _specular_rows(b, count, materials, fresnel_sqrt, derivatives, specular)
+    else:
+        specular[:, 1:] = 0.0  # `_add_by_law` adds these derivatives
     sight = find_corners(b, count, lengths, shadows.steps)
     settled = shadows.settled
     b[TOTAL, :count] = 0.0
@@ -210,11 +206,14 @@ def _sum_body(block, shares, scaled, count, body, fresnel_sqrt, derivatives):
         if rows[i] != last:
             last = rows[i]
             diffuse, _, steepness, far = reflection_constants(materials[last], 1.0, True)
-            b[SPECULAR, :count] = specular[last, 0, :count]
+            if law == 0:
+                b[SPECULAR, :count] = specular[last, 0, :count]
             weights = materials[last, 0] + materials[last, 1]
             specular_share = materials[last, 1] / weights if weights > 0.0 else 0.0
-        if phong:
-            _add_phong(b, count, areas[i], nx, ny, nz, diffuse, 0.5 * steepness)
+            if law == TABULATED:
+                specular_share = 1.0  # so that the derivative by the shares is zero
+        if law != 0:
+            _add_by_law(b, count, areas[i], nx, ny, nz, materials[last], law, body.table)
         elif derivatives == _NOTHING:
             add_facet(b, count, areas[i], diffuse, steepness, far, True)
         else:
@@ -224,7 +223,7 @@ def _sum_body(block, shares, scaled, count, body, fresnel_sqrt, derivatives):
         if derivatives == _NOTHING:
             continue
         if derivatives == _PARTS:
-            if not phong:
+            if law == 0:
                 _add_parts(b, count, areas[i], steepness, far)
             _add_odds(b, count, specular[last], specular_share)
             if scaled:

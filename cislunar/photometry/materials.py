@@ -4,16 +4,32 @@ The paper gives no values for the surface; the defaults are a choice of this lib
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.runtime.settings_fields import NotNegative, Positive, Section, number, setting
+from cislunar.runtime.settings_words import pattern
 
 IRRADIANCE_LAWS = ("4pi", "1/r^2")
-REFLECTION_LAWS = ("cook-torrance", "lambert-phong")
+REFLECTION_LAWS = (
+    "cook-torrance",
+    "lambert-phong",
+    "lommel-seeliger-phong",
+    "lommel-seeliger-ggx",
+)
+TABULATED = len(REFLECTION_LAWS)
+"""Number of a tabulated law in the kernels; that of another law is its place in `REFLECTION_LAWS`.
+"""
+
+REFLECTION = pattern(
+    f"^({'|'.join(REFLECTION_LAWS)})$|[.]([cC][sS][vV]|[nN][cC])$",
+    f"one of {', '.join(REFLECTION_LAWS)}, or a table ending in .csv or .nc")  # fmt: skip
+Reflection = Annotated[str, Field(pattern=REFLECTION)]
+"""Name of a reflection law, or the file of a table of its values."""
 
 # Kinds of body-parameter deviation, see `cislunar.photometry.parameter_deviations`; AXIS_SCALE has
 # one for each axis, FACET one for each facet.
@@ -173,9 +189,10 @@ class PhotometryReading(Section):
 class PhotometryModel(PhotometryReading):
     """Reading of two ambiguous equations of the paper, and the reflection law."""
 
-    reflection: Literal[REFLECTION_LAWS] = setting(
-        "law by which targets reflect: the paper's `cook-torrance`, or `lambert-phong` to study "
-        "the effect of a wrong law",
+    reflection: Reflection = setting(
+        "law by which targets reflect: the paper's `cook-torrance`; `lambert-phong`, "
+        "`lommel-seeliger-phong` or `lommel-seeliger-ggx` to study the effect of a wrong law; or a "
+        "table of a law (`.csv`, `.nc`; docs/bodies.md)",
         paper=REFLECTION_LAWS[0],
         default=REFLECTION_LAWS[0],
     )
@@ -191,9 +208,10 @@ class PhotometryModel(PhotometryReading):
         return self.fresnel == "sqrt"
 
     @property
-    def phong(self) -> bool:
-        """Whether the kernels use the Lambert-Phong law."""
-        return self.reflection == "lambert-phong"
+    def law(self) -> int:
+        """Number of the reflection law in the kernels."""
+        known = self.reflection in REFLECTION_LAWS
+        return REFLECTION_LAWS.index(self.reflection) if known else TABULATED
 
 
 PRINTED = PhotometryModel(irradiance="4pi")

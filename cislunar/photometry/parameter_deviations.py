@@ -91,8 +91,9 @@ def perturbed_body(kinds, amounts, body):
         _axis_scale(lengths, areas, normals)
     lengths *= body.lengths
     return Body(
-        areas, normals, body.rows, materials, body.shadows, lengths, body.composite, body.phong
-    )
+        areas, normals, body.rows, materials, body.shadows, lengths, body.composite, body.law,
+        body.table,
+    )  # fmt: skip
 
 
 @njit_noalloc

@@ -1,9 +1,12 @@
-"""Meshes of three kinds of object found in cislunar space, built from a few dimensions.
+"""Meshes of three kinds of object found in cislunar space, and of simple convex solids.
 
-The defaults are those of existing objects. The docstrings name the sources and the assumptions. All
-axes are body axes, lengths in meters. `SURFACES` has a material for each facet group.
+They are built from a few dimensions. The defaults of the spacecraft are those of existing objects.
+The docstrings name the sources and the assumptions. All axes are body axes, lengths in meters.
+`SURFACES` has a material for each facet group; the solids have one group and no material of their
+own.
 """
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -157,6 +160,23 @@ def upper_stage(
     return _joined("upper_stage", [_revolved(profile, groups, segments)])
 
 
+def box(size: ArrayLike = (1.0, 1.0, 1.0)) -> Mesh:
+    """A box with edges `size` along the body axes, m; a cube by default."""
+    _check_positive("box", [*size])
+    vertices, triangles = _box(size, 1)
+    return closed_mesh("box", vertices, triangles, ("",) * len(triangles))
+
+
+def prism(sides: int = 6, diameter: float = 1.0, height: float = 1.0) -> Mesh:
+    """A right prism about z with a regular base of circumscribed circle `diameter`, m.
+
+    The default is a hexagonal prism as high as it is wide; many sides approximate a cylinder."""
+    _check_positive("prism", [sides - 2, diameter, height])
+    rim, top = 0.5 * diameter, 0.5 * height
+    profile = [(0.0, top), (rim, top), (rim, -top), (0.0, -top)]
+    return _joined("prism", [_revolved(profile, ("",) * 3, sides)])
+
+
 def _check_positive(name, values):
     """Refuse a model with a dimension or a number of pieces that is not positive."""
     if not np.all(np.isfinite(values) & (np.asarray(values) > 0.0)):
@@ -217,5 +237,10 @@ MODELS = {
     "box-with-wings": (box_with_wings, SURFACES["box_with_wings"]),
     "dish-on-bus": (dish_on_bus, SURFACES["dish_on_bus"]),
     "upper-stage": (upper_stage, SURFACES["upper_stage"]),
+    "cube": (box, None),
+    "box": (partial(box, (1.0, 1.3, 1.6)), None),
+    "hexagonal-prism": (prism, None),
+    "cylinder": (partial(prism, 32), None),
 }
-"""Function and surface of each model, by its name in settings and tables."""
+"""Function and surface of each model, by its name in settings and tables; a surface None stands for
+the material of the settings."""

@@ -9,19 +9,27 @@ distribution of slopes, the integral over all view directions is a mean over smo
 that even a narrow glint is resolved.
 """
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.facets import fresnel_reflectance
-from cislunar.photometry.materials import Material, PhotometryModel
+from cislunar.photometry.materials import TABULATED, Material, PhotometryModel
+from cislunar.photometry.reflection.laws import directional_hemispherical_reflectance
+from cislunar.photometry.reflection.tables import NO_TABLE, load_reflectance_table
 
 Array = NDArray[np.float64]
 
 
 _NODES = 64
 """Nodes of each integral; the error is below 1e-3 of the returned light for slopes up to 1."""
+
+_VIEW_NODES = 160
+"""Gauss-Legendre nodes per axis of the integral over views of a law other than the paper's; the
+error is below 1e-5 of the returned light for slopes from 0.1."""
 
 
 def phase_function(phase_angle: ArrayLike) -> Array:
@@ -151,9 +159,11 @@ def returned_light(
         conserve energy.
     """
     model = PhotometryModel() if model is None else model
+    if model.law > 0:
+        table = load_reflectance_table(model.reflection) if model.law == TABULATED else NO_TABLE
+        given = model.law, incidence, material.as_array(), table
+        return float(directional_hemispherical_reflectance(*given, *_view_nodes()))
     middle = (np.arange(_NODES) + 0.5) / _NODES
-    if model.phong:
-        return _returned_by_phong(material, incidence, middle)
     # for the slopes of microfacets exp(-tan^2 / delta^2) is uniform, and so is the azimuth
     tilt = np.arctan(material.rms_slope * np.sqrt(-np.log(middle)))[:, None]
     azimuth = 2.0 * np.pi * middle
@@ -170,17 +180,11 @@ def returned_light(
     return float(diffuse + 4.0 * material.specular_weight * glint.mean())
 
 
-def _returned_by_phong(material: Material, incidence: float, middle: Array) -> float:
-    """`returned_light` of the Lambert-Phong law of `cislunar.photometry.body_blocks`."""
-    steepness = material.rms_slope**-2
-    exponent = 0.5 * steepness
-    # for views around the mirrored Sun cos^(n + 1) is uniform, and so is the azimuth
-    along = middle[:, None] ** (1.0 / (exponent + 1.0))
-    across = np.sqrt(1.0 - along**2) * np.cos(2.0 * np.pi * middle)
-    seen = np.maximum(along * np.cos(incidence) + across * np.sin(incidence), 0.0)
-    peak = material.specular_weight * material.normal_reflectance * steepness
-    diffuse = material.diffuse_weight * material.diffuse_albedo
-    return float(diffuse + 2.0 * peak / (exponent + 1.0) * seen.mean())
+@cache
+def _view_nodes() -> tuple[Array, Array]:
+    """Nodes and weights of the integral over views, on (0, 1)."""
+    nodes, weights = np.polynomial.legendre.leggauss(_VIEW_NODES)
+    return 0.5 * (nodes + 1.0), 0.5 * weights
 
 
 def equal_sphere_coefficient(material: Material, model: PhotometryModel | None = None) -> float:

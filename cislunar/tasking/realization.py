@@ -70,6 +70,8 @@ def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Reali
         forces=truth.forces,
         inertia=truth.surfaces.inertia,
         angular_acceleration=truth.angular_acceleration,
+        torque=truth.torque,
+        surfaces=truth.surfaces,
         observations=(
             settings.schedule.observers_per_target
             if not settings.association.in_field
@@ -191,7 +193,7 @@ def _learned(inputs: SimulationInputs, own: Realization) -> dict[str, list[Array
             own.estimator.estimated_parameters,
             inputs.surfaces,
             own.truth.surfaces,
-            own.truth.angular_acceleration,
+            np.full(3, np.nan) if own.truth.torque else own.truth.angular_acceleration,
         )
         found |= {"parameter_error": [true - mean], "parameter_sigma": [sigma]}
         found["searches"] = [own.estimator.searches]

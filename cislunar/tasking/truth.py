@@ -9,17 +9,27 @@ from cislunar.attitude import grp
 from cislunar.attitude.attitude_propagation import propagate_attitudes
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.quaternion import compose, multiply_components, normalize
+from cislunar.attitude.torque_model import TorqueModel
+from cislunar.attitude.varying_torque import RandomTorque, SunPressure, propagate_varying
 from cislunar.compiled import njit_noalloc
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import require_span
 from cislunar.estimation.estimator import Estimates, InitialEstimate
-from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.body_parameters import BodyParameterPrior, require_freedom
 from cislunar.observation.body_sampling import sample_rotations, sample_surfaces
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
 from cislunar.observation.target_surfaces import TargetSurfaces
-from cislunar.tasking.initial_conditions import BODY, INITIAL_ERROR, MEASUREMENT, stream
+from cislunar.runtime.arguments import require_kind
+from cislunar.tasking.initial_conditions import (
+    BODY,
+    INITIAL_ERROR,
+    MEASUREMENT,
+    PRESSURE,
+    TORQUE,
+    stream,
+)
 
 Array = NDArray[np.float64]
 
@@ -43,6 +53,11 @@ class TruthModel(NamedTuple):
         Standard deviations of the body-parameter deviations of the targets in each realization.
     sensor : Sensor, sequence of Sensor, or None
         True sensors, if noise depends on observer or magnitude.
+    parameter_freedom : float or None
+        Degrees of freedom, above 2, of Student's t distribution of the body-parameter deviations,
+        which keep their standard deviations; None for the normal distribution.
+    torque : TorqueModel
+        Torques that vary, in addition to the constant one.
     """
 
     surfaces: TargetSurfaces
@@ -51,11 +66,15 @@ class TruthModel(NamedTuple):
     forces: tuple = EARTH_MOON
     parameter_sigma: BodyParameterPrior = BodyParameterPrior()
     sensor: Sensors | None = None
+    parameter_freedom: float | None = None
+    torque: TorqueModel = TorqueModel()
 
     def sampled(self, seed: int, target_ids: ArrayLike) -> "TruthModel":
         """The truth of one realization, with its body-parameter deviations sampled; the same
         object, if there is no `parameter_sigma`. The identity of each target, `target_ids`
-        (target,), selects its random numbers with the seed."""
+        (target,), selects its random numbers with the seed. ConfigurationError if
+        `parameter_freedom` is impossible."""
+        require_freedom(self.parameter_sigma, self.parameter_freedom)
         if not self.parameter_sigma:
             return self
         ids = np.asarray(target_ids)
@@ -63,12 +82,14 @@ class TruthModel(NamedTuple):
         def generator(j: int, number: int) -> np.random.Generator:
             return stream(BODY, seed, ids[j], number)
 
-        surfaces = sample_surfaces(self.surfaces, self.parameter_sigma, generator)
-        inertia, forced = sample_rotations(surfaces.inertia, self.parameter_sigma, generator)
+        given = self.parameter_sigma, generator, self.parameter_freedom
+        surfaces = sample_surfaces(self.surfaces, *given)
+        inertia, forced = sample_rotations(surfaces.inertia, *given)
         return self._replace(
             surfaces=surfaces._replace(inertia=inertia),
             angular_acceleration=self.angular_acceleration + forced,
             parameter_sigma=BodyParameterPrior(),
+            parameter_freedom=None,
         )
 
 
@@ -107,6 +128,10 @@ class TrueMotion:
         Inertia matrices, body frame; spherical if omitted.
     angular_acceleration : array_like, shape (3,) or (target, 3)
         See `TruthModel`; without torque if omitted.
+    torque : TorqueModel, optional
+        Torques that vary; none if omitted.
+    surfaces : TargetSurfaces, optional
+        True bodies, for the torque of sunlight.
     observations : int
         Largest number of observations of a target at a time; a larger number does not change the
         errors of the first ones.
@@ -123,6 +148,8 @@ class TrueMotion:
         forces: tuple = EARTH_MOON,
         inertia: ArrayLike | None = None,
         angular_acceleration: ArrayLike = (0.0, 0.0, 0.0),
+        torque: TorqueModel | None = None,
+        surfaces: TargetSurfaces | None = None,
         observations: int = 1,
     ) -> None:
         ids = np.asarray(target_ids)
@@ -137,7 +164,15 @@ class TrueMotion:
         self._translation = initial.translation + error[:, 6:]
         self._attitude = compose(grp.to_quaternion(error[:, :3]), initial.quaternion)
         self._rate = initial.angular_velocity + error[:, 3:6]
-        integrated = ~self._bodies.spherical | np.any(self._forced, axis=1)
+        self._varying = None
+        if torque:
+            require_kind("surfaces", surfaces, TargetSurfaces, "give those of the truth")
+            streams = [stream(TORQUE, seed, j) for j in ids]
+            sigma = np.deg2rad(torque.random_deg_h2) / 3600.0**2
+            random = RandomTorque(sigma, 3600.0 * torque.random_hours / scene.step_s, streams)
+            streams = [stream(PRESSURE, seed, j) for j in ids]
+            self._varying = random, _sun_pressure(torque, surfaces, streams)
+        integrated = ~self._bodies.spherical | np.any(self._forced, axis=1) | bool(torque)
         self._attitude[integrated] = normalize(self._attitude[integrated])
         keys = [()] + [(observation,) for observation in range(1, observations)]
         self._streams = [[stream(MEASUREMENT, seed, j, *key) for key in keys] for j in ids]
@@ -157,12 +192,44 @@ class TrueMotion:
         )
         elapsed = scene.step_s * np.arange(first, first + n_steps + 1)
         quaternion, omega = (np.empty((n_targets, n_steps + 1, n)) for n in (4, 3))
-        given = elapsed, self._bodies, self._forced, _TOLERANCE
-        propagate_attitudes(*given, self._attitude, self._rate, quaternion, omega)
+        moved = self._attitude, self._rate, quaternion, omega
+        if self._varying is None:
+            propagate_attitudes(elapsed, self._bodies, self._forced, _TOLERANCE, *moved)
+        else:
+            random, pressure = self._varying
+            forced = self._forced[:, None] + random.next(n_steps)
+            here = slice(first, first + n_steps + 1)
+            away = scene.sun_position[here] - translation[..., :3]
+            sun = np.einsum("tij,btj->bti", scene.frame_axes[here], away)
+            sun /= np.linalg.norm(sun, axis=-1, keepdims=True)
+            propagate_varying(elapsed, self._bodies, forced, sun, pressure, _TOLERANCE, *moved)
         noise = np.concatenate([self._last, self._draw(n_steps)], axis=1)
         self._translation, self._last = translation[:, -1].copy(), noise[:, -1:].copy()
         self._index += n_steps
         return Truth(translation, quaternion, omega, noise)
+
+
+def _sun_pressure(
+    torque: TorqueModel, surfaces: TargetSurfaces, streams: list[np.random.Generator]
+) -> SunPressure:
+    """Facets on which sunlight exerts a torque, with centers of pressure drawn from `streams`, one
+    generator per target. A facet reflects d rho diffusely and 4 s F0, or what is left, specularly.
+    """
+    counts = np.diff(surfaces.first)
+    rows = surfaces.rows + np.repeat(surfaces.first_material[:-1], counts)
+    d, s, rho, _, f0 = surfaces.material[rows].T
+    diffuse = np.minimum(d * rho, 1.0)
+    area = np.add.reduceat(surfaces.areas, surfaces.first[:-1])
+    # that of a homogeneous sphere, 2/5 m R^2 about each axis on average, with 4 pi R^2 the area
+    mean = 0.4 * torque.mass_kg * area / (4.0 * np.pi)
+    ratios = surfaces.inertia / np.trace(surfaces.inertia, axis1=1, axis2=2)[:, None, None]
+    inverse = np.linalg.inv(3.0 * mean[:, None, None] * ratios)
+    center = [torque.center_of_pressure_sigma_m * each.standard_normal(3) for each in streams]
+    specular = np.minimum(4.0 * s * f0, 1.0 - diffuse)
+    return SunPressure(
+        surfaces.first, surfaces.areas, surfaces.normals, diffuse, specular, np.array(center),
+        inverse,
+    )  # fmt: skip
 
 
 def draw_truth(

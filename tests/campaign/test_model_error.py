@@ -109,8 +109,12 @@ def test_a_remedy_is_named_and_its_error_is_relative_to_the_assumed_model(task2)
         "shape": {"targets": [50], "change": {"truth": {"body": {"shape": "other.obj"}}}},
         "inner": {"targets": [50], "change": {"truth": {"body": {"inertia": [1, 2, 2.5]}}}},
         "absent": {"targets": [], "change": {"truth": truth}},
+        "torque": {"targets": [50], "change": {"truth": {"torque": {"random_deg_h2": 0.1}}}},
+        "tails": {"targets": [50], "change": {"truth": {"parameter_freedom": 3}}},
     }
-    remedied, two, shape, inner, absent = model_errors(task2)
+    remedied, two, shape, inner, absent, *without_size = model_errors(task2)
+    assert [each.kind for each in without_size] == ["torque.random_deg_h2", "parameter_freedom"]
+    assert np.isnan([each.size for each in without_size]).all()
     assert (remedied.size, remedied.also) == (0.0, "sensor.magnitude_noise = 0.2")
     assert two.kind == SEVERAL and np.isnan(two.size)
     assert np.isnan(shape.size)

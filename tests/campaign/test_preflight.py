@@ -118,6 +118,25 @@ def test_a_mesh_that_cannot_be_used_is_named(config, tmp_path, key, named, conte
         check_inputs(merged(config, change))
 
 
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, "there is no such table"),
+        ("incidence_deg,emission_deg,brdf_per_sr\n0,0,0.1\n90,90,0.1\n", "no brdf_per_sr at"),
+    ],
+)
+def test_a_table_of_a_reflection_law_is_checked_before_anything_runs(
+    config, tmp_path, content, said
+):
+    table = tmp_path / "law.csv"
+    if content is not None:
+        table.write_text(content, encoding="utf-8")
+    change = {"task2": {"truth": {"reflection": str(table)}}}
+    message = rf"'task2\.truth\.reflection': .*law\.csv: {said}"
+    with pytest.raises(InputFileError, match=message):
+        check_inputs(merged(config, change))
+
+
 CUBE = """
 v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1
 usemtl tank\nf 1 3 2\nf 1 2 4\nf 1 4 3\nusemtl nozzle\nf 2 3 4

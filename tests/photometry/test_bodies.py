@@ -5,6 +5,7 @@ import pytest
 from numba import njit
 from oracles.geometries import geometries, unit
 from oracles.ray_cast import cast_shares, random_points
+from oracles.reflection import TRILINEAR
 
 from cislunar.attitude.quaternion import attitude_matrix, compose, from_rotation_vector
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
@@ -48,6 +49,7 @@ from cislunar.photometry.materials import (
     PANEL,
     PRINTED,
     REFLECTANCE,
+    REFLECTION_LAWS,
     SCALE,
     SHARE,
     SLOPE,
@@ -311,7 +313,11 @@ VARIED = {
     "axis scales": lambda body: perturbed_body(
         np.array([AXIS_SCALE, AXIS_SCALE + 2]), np.array([0.2, -0.3]), body
     ),
-    "lambert-phong": lambda body: body._replace(phong=True),
+    **{
+        name: lambda body, law=law: body._replace(law=law, table=TRILINEAR)
+        for law, name in enumerate([*REFLECTION_LAWS, "tabulated"])
+        if law > 0
+    },
 }
 
 
@@ -334,9 +340,9 @@ def test_derivatives_by_a_turn_against_differences(bodies, name, varied):
         np.testing.assert_allclose(block[TURN + c][smooth], slope, rtol=2e-6, atol=2e-6)
 
 
-@pytest.mark.parametrize("phong", [False, True])
-def test_derivatives_by_directions_and_deviations_against_differences(bodies, phong):
-    body = bodies["dish_on_bus"]._replace(phong=phong)
+@pytest.mark.parametrize("law", range(len(REFLECTION_LAWS)))
+def test_derivatives_by_directions_and_deviations_against_differences(bodies, law):
+    body = bodies["dish_on_bus"]._replace(law=law)
     quaternion, sun, view = geometries(LANES, 6)
     kinds = np.array(
         [ALBEDO, SLOPE, REFLECTANCE, SHARE, SCALE, *range(AXIS_SCALE, FACET), FACET + 40]
@@ -391,7 +397,7 @@ def test_scaled_axes_keep_the_shadow_table():
 def test_lambert_phong_reflection_against_its_formula():
     """Lambert-Phong reflection facet by facet, and the reflected light."""
     material = Material(0.4, 0.2, 0.5, 0.3, 0.3)
-    body = build_body(CUBE, material)._replace(composite=True, phong=True)
+    body = build_body(CUBE, material)._replace(composite=True, law=1)
     quaternion, sun, view = geometries(50, 5)
     exponent = 0.5 / 0.3**2
     for q, s, v in zip(quaternion, sun, view, strict=True):

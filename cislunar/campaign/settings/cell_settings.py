@@ -7,6 +7,7 @@ from cislunar.campaign.settings.cell_tree import CellSettings, Tasking
 from cislunar.campaign.settings.reading import merged, typed
 from cislunar.errors import ConfigurationError
 from cislunar.observation.body_spec import ICOSAHEDRON, load_body_table
+from cislunar.photometry.materials import REFLECTION_LAWS
 from cislunar.photometry.spacecraft import MODELS
 
 RECOMMENDED = {"detection": "learned", "slot_minutes": 20, "expected_measurements": 20}
@@ -48,7 +49,8 @@ def true_settings(settings: CellSettings) -> CellSettings:
 
 
 def body_files(settings: Mapping[str, Any]) -> list[str]:
-    """Meshes and tables of bodies a cell depends on, assumed and true, each once."""
+    """Meshes, tables of bodies and of a reflection law that a cell depends on, assumed and true,
+    each once."""
     assumed = typed(settings, CellSettings)
     found: list[str] = []
     for body in (assumed.body, true_settings(assumed).body):
@@ -57,4 +59,6 @@ def body_files(settings: Mapping[str, Any]) -> list[str]:
             found.append(body.table)
             shapes += [each.shape for each in load_body_table(body.table).values()]
         found += [shape for shape in shapes if shape != ICOSAHEDRON and shape not in MODELS]
+    if assumed.truth.reflection not in REFLECTION_LAWS:
+        found.append(assumed.truth.reflection)
     return list(dict.fromkeys(found))

@@ -8,6 +8,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from cislunar.association.model import AssociationModel
+from cislunar.attitude.torque_model import TorqueModel
 from cislunar.campaign.settings.observing.sensor_tree import GroupName, SensorGroup, Station
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.fusion.methods import FUSIONS
@@ -17,7 +18,12 @@ from cislunar.evaluation.custody import Custody
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.body_spec import BodySpec
 from cislunar.observation.sensor import Sensor
-from cislunar.photometry.materials import REFLECTION_LAWS, Material, PhotometryReading
+from cislunar.photometry.materials import (
+    REFLECTION_LAWS,
+    Material,
+    PhotometryReading,
+    Reflection,
+)
 from cislunar.runtime.settings_fields import (
     Count,
     Flag,
@@ -154,9 +160,11 @@ class Truth(Partial):
     material: partial(Material) = None
     body: partial(BodySpec) = None
     sensor: partial(Sensor, ("magnitude_noise", "angle_noise_arcsec")) = None
-    reflection: Literal[REFLECTION_LAWS] = REFLECTION_LAWS[0]
+    reflection: Reflection = REFLECTION_LAWS[0]
     angular_acceleration_deg_h2: Three = Field([0, 0, 0])
     parameter_sigma: partial(BodyParameterPrior) = partial(BodyParameterPrior)()
+    parameter_freedom: number(gt=2) | None = None
+    torque: partial(TorqueModel) = partial(TorqueModel)()
 
 
 class CellSettings(Section):
@@ -224,12 +232,15 @@ class CellSettings(Section):
     truth: Truth = setting(
         "true properties of targets and sensors that differ from the assumed model: any of "
         "`material`, `body` (their keys), `sensor.magnitude_noise`, `sensor.angle_noise_arcsec`, "
-        "`reflection` (law by which targets reflect, `cook-torrance` or `lambert-phong`), "
+        "`reflection` (law by which targets reflect: `cook-torrance`, `lambert-phong`, "
+        "`lommel-seeliger-phong`, `lommel-seeliger-ggx`, or a table of a law, `.csv` or `.nc`), "
         "`angular_acceleration_deg_h2` (three numbers in deg/h^2, the effect on every target of a "
-        "torque constant along the body axes) and `parameter_sigma` (keys of "
+        "torque constant along the body axes), `parameter_sigma` (keys of "
         "`batch.estimated_parameters`, standard deviations of the random body-parameter deviations "
-        "of each target in each realization). `{}`: no difference. The random numbers stay the "
-        "same", default=Truth())
+        "of each target in each realization), `parameter_freedom` (degrees of freedom, above 2, of "
+        "Student's t distribution of these deviations; null: normal) and `torque` (torques that "
+        "vary, docs/bodies.md: `center_of_pressure_sigma_m`, `mass_kg`, `random_deg_h2`, "
+        "`random_hours`). `{}`: no difference. The random numbers stay the same", default=Truth())
 
 
 CellChange = partial(CellSettings)

@@ -7,6 +7,7 @@ import xarray as xr
 
 from cislunar.architecture.information.tables import ObservationSettings
 from cislunar.attitude.inertia import inertia_matrix
+from cislunar.attitude.torque_model import TorqueModel
 from cislunar.campaign.settings import cell_tree, tree
 from cislunar.campaign.settings.cell_settings import true_settings
 from cislunar.estimation.estimator import EstimatorFactory
@@ -98,6 +99,8 @@ def truth_model(cell: cell_tree.CellSettings, names: Sequence[Sequence[str]]) ->
         true.sensor.noise,
         np.deg2rad(deg_h2) / 3600.0**2,
         parameter_sigma=BodyParameterPrior(**cell.truth.parameter_sigma.model_dump()),
+        parameter_freedom=cell.truth.parameter_freedom,
+        torque=TorqueModel(**cell.truth.torque.model_dump()),
     )
 
 

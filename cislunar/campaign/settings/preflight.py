@@ -29,9 +29,10 @@ from cislunar.campaign.settings.scenarios import (
     tracked_names,
 )
 from cislunar.ephemeris.sampling import check_coverage
-from cislunar.errors import CislunarError, ConfigurationError
+from cislunar.errors import CislunarError, ConfigurationError, InputFileError
 from cislunar.observation.body_spec import BodySpec, load_body_table
-from cislunar.photometry.materials import Material
+from cislunar.photometry.materials import REFLECTION_LAWS, Material
+from cislunar.photometry.reflection.tables import load_reflectance_table
 from cislunar.runtime.settings_fields import MOST_STEPS
 from cislunar.targets.missions import load_missions
 from cislunar.targets.tables import (
@@ -183,6 +184,10 @@ def _check_bodies(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
     seen = set()
     for place, settings in cells.items():
         cell = typed(settings, CellSettings)
+        reflection = cell.truth.reflection
+        if reflection not in REFLECTION_LAWS and reflection not in seen:
+            _check_reflection(reflection, f"{place}truth.reflection")
+            seen.add(reflection)
         for key, of in (("body", cell), ("truth.body", true_settings(cell))):
             body, usual, table = of.body, of.material, of.body.table
             bare = body.model_copy(update={"materials": None})
@@ -194,6 +199,14 @@ def _check_bodies(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
             if table is not None and known not in seen:
                 _check_table(table, f"{place}{key}.table", config, scenarios[place], usual)
                 seen.add(known)
+
+
+def _check_reflection(path: str, key: str) -> None:
+    """Refuse a faulty table of a reflection law."""
+    try:
+        load_reflectance_table(path)
+    except InputFileError as error:
+        raise InputFileError(f"configuration key '{key}': {error}") from None
 
 
 def _check_body(body: BodySpec, usual: Material) -> None:

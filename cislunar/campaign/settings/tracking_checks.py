@@ -18,9 +18,9 @@ from cislunar.campaign.settings.observing.sensors import observer_sensors
 from cislunar.campaign.settings.reading import typed
 from cislunar.campaign.settings.scenarios import scenario_settings, tracked_count
 from cislunar.errors import ConfigurationError
-from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.body_parameters import BodyParameterPrior, require_freedom
 from cislunar.observation.body_spec import ICOSAHEDRON, BodySpec
-from cislunar.photometry.materials import group_materials
+from cislunar.photometry.materials import PhotometryModel, group_materials
 from cislunar.photometry.spacecraft import MODELS
 from cislunar.runtime.settings_fields import (
     is_multiple,
@@ -203,12 +203,13 @@ def _check_cell(
             "diffuse_weight and diffuse_albedo, or specular_weight and normal_reflectance"
         )
     true, sampled = true_settings(settings), settings.truth.parameter_sigma.model_dump()
-    for name, prior, of in (
-        ("batch.estimated_parameters", settings.batch.estimated_parameters, settings),
-        ("truth.parameter_sigma", BodyParameterPrior(**sampled), true),
+    law = PhotometryModel(reflection=settings.truth.reflection).law
+    for name, prior, of, number in (
+        ("batch.estimated_parameters", settings.batch.estimated_parameters, settings, 0),
+        ("truth.parameter_sigma", BodyParameterPrior(**sampled), true, law),
     ):
         try:
-            prior.require_possible(_materials(of))
+            prior.require_possible(_materials(of), number)
         except ConfigurationError as error:
             raise ConfigurationError(f"{key(name)}: {error}") from None
     estimated = settings.batch.estimated_parameters
@@ -217,6 +218,10 @@ def _check_cell(
             f"{key('filter.estimate_parameters')} needs standard deviations above 0 in "
             "'batch.estimated_parameters', and none in log_facets, whose states would be too many"
         )
+    try:
+        require_freedom(BodyParameterPrior(**sampled), settings.truth.parameter_freedom)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{key('truth.parameter_freedom')}: {error}") from None
     _check_body(f"{place}body", settings.body)
     _check_body(f"{place}truth.body", true.body)
 
@@ -254,7 +259,8 @@ def _materials(settings: CellSettings) -> list[Array]:
     if body.materials is not None:
         found = group_materials("task2.body", body.materials, usual).values()
     else:
-        found = MODELS[body.shape][1].values() if body.shape in MODELS else [usual]
+        own = MODELS[body.shape][1] if body.shape in MODELS else None
+        found = [usual] if own is None else own.values()
     return [material.as_array() for material in found]
 
 

@@ -52,10 +52,8 @@ def _size(kind: str, settings: CellSettings) -> tuple[float, str]:
         size = float(np.linalg.norm(settings.truth.angular_acceleration_deg_h2))
         return 0.5 * size * settings.duration_hours**2, "degree"
     section, _, key = kind.partition(".")
-    if section in (
-        "parameter_sigma",
-        "reflection",
-    ):  # each target has its own; another law has no size
+    # random deviations differ from target to target, and another law or torque has no size
+    if section in ("parameter_sigma", "parameter_freedom", "reflection", "torque"):
         return np.nan, "%"
     true = true_settings(settings)
     true_value, assumed = (getattr(getattr(each, section), key) for each in (true, settings))
