@@ -1,9 +1,7 @@
 """Tables of exposures and detections, with the names of the Astrometry Data Exchange Standard.
 
-Columns that the standard (ADES, IAU 2018) has are named as there: ``obsTime`` (UTC), ``stn``,
-``ra`` and ``dec`` (ICRF, deg), ``rmsRA`` (of right ascension times cos(declination)) and
-``rmsDec`` (arcsec), ``rmsCorr``, ``mag``, ``rmsMag`` and ``obsID``. ``expID`` names the exposure.
-No column states what a detection is of.
+Columns are those of `cislunar.exchange.observations`; ``expID``, which the standard does not have,
+names the exposure. No column states what a detection is of.
 """
 
 from pathlib import Path
@@ -13,8 +11,15 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.detection.exposures import Detections, Exposures
-from cislunar.ephemeris.time_scales import clock_text, tdb_seconds, tdb_to_clock
 from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.exchange.ades import read_ades
+from cislunar.exchange.observations import (
+    RANGES,
+    numbers_within,
+    observation_dates,
+    observation_times,
+    require,
+)
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND
 
@@ -27,14 +32,6 @@ DETECTION_COLUMNS = (
 )
 
 _NAMES = ("obsID", "expID", "stn")
-
-_RANGES = {
-    **dict.fromkeys(("ra", "mag"), (-np.inf, np.inf, "be a finite number")),
-    **dict.fromkeys(("rmsRA", "rmsDec", "rmsMag"), (0.0, np.inf, "be a positive number")),
-    "dec": (-90.0, 90.0, "be a number between -90 and 90"),
-    "rmsCorr": (-1.0, 1.0, "be a number between -1 and 1"),
-}
-"""Columns of numbers, and the open intervals in which they lie."""
 
 
 def exposure_table(
@@ -128,7 +125,10 @@ def read_detections(source: str | Path | pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     source : str, Path or DataFrame
-        Comma-separated, or a table, with `DETECTION_COLUMNS`; further columns are kept.
+        Comma-separated, or a table, with `DETECTION_COLUMNS`; further columns are kept. Or a
+        pipe-separated ADES file, named ``*.psv``, with identifiers, standard deviations and
+        magnitudes: its detections from one station at one time are of one exposure, and an empty
+        correlation is zero.
 
     Returns
     -------
@@ -143,48 +143,45 @@ def read_detections(source: str | Path | pd.DataFrame) -> pd.DataFrame:
     """
     fault = ConfigurationError if isinstance(source, pd.DataFrame) else InputFileError
     place = "detections" if isinstance(source, pd.DataFrame) else str(source)
-    try:
-        # as text, since codes of stations have leading zeros
-        names = dict.fromkeys(_NAMES, str)
-        given = source if isinstance(source, pd.DataFrame) else pd.read_csv(source, dtype=names)
-    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        reason = " ".join(str(error).split())
-        raise InputFileError(f"{place}: no readable table ({reason})") from error
+    given = source if isinstance(source, pd.DataFrame) else _table(source)
     missing = [name for name in DETECTION_COLUMNS if name not in given]
     if missing:
         raise fault(f"{place}: columns {', '.join(missing)} are missing; the table needs "
                     f"{', '.join(DETECTION_COLUMNS)}")  # fmt: skip
-
-    def require(name: str, right: ArrayLike, rule: str) -> None:
-        for row in np.flatnonzero(~np.asarray(right, dtype=bool))[:1].tolist():
-            value = given[name].iloc[row]
-            raise fault(f"{place}, row {row + 1}: {name} = {value} must {rule}")
-
     table = given.copy()
     for name in _NAMES:
-        require(name, given[name].notna(), "be given")
+        require(given, name, given[name].notna() & (given[name] != ""), "be given", fault, place)
         table[name] = given[name].astype(str)
-    require("obsID", ~table["obsID"].duplicated(), "not occur twice")
-    for name, (least, most, rule) in _RANGES.items():
-        table[name] = pd.to_numeric(given[name], errors="coerce").astype(float)
-        require(name, (table[name] > least) & (table[name] < most), rule)
-    seconds: dict[str, float] = {}
-    for row, date in enumerate(given["obsTime"].astype(str)):
-        try:
-            seconds[date] = seconds[date] if date in seconds else tdb_seconds(date)
-        except ConfigurationError as error:
-            raise fault(f"{place}, row {row + 1}: obsTime: {error}") from error
-    table["tdb"] = given["obsTime"].astype(str).map(seconds).astype(float)
+    once = ~table["obsID"].duplicated()
+    require(given, "obsID", once, "not occur twice", fault, place)
+    for name in RANGES:
+        if name in DETECTION_COLUMNS:
+            table[name] = numbers_within(given, name, fault, place)
+    table["tdb"] = observation_times(given, fault, place)
     early = np.diff(table["tdb"], prepend=-np.inf) < 0.0
-    require("obsTime", ~early, "not be before that of the row above; sort the table by time")
+    rule = "not be before that of the row above; sort the table by time"
+    require(given, "obsTime", ~early, rule, fault, place)
     return table
+
+
+def _table(path: str | Path) -> pd.DataFrame:
+    """The table in a comma-separated or pipe-separated file."""
+    if Path(path).suffix.lower() == ".psv":
+        given = read_ades(path)
+        given["expID"] = given["stn"] + "-" + given["obsTime"]
+        return given.assign(rmsCorr=given["rmsCorr"].fillna(0.0) if "rmsCorr" in given else 0.0)
+    try:
+        # as text, since codes of stations have leading zeros
+        return pd.read_csv(path, dtype=dict.fromkeys(_NAMES, str))
+    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        reason = " ".join(str(error).split())
+        raise InputFileError(f"{path}: no readable table ({reason})") from error
 
 
 def _dates(index: NDArray[np.int64], scene: Scene, epoch_tdb: float) -> list[str]:
     """Dates, UTC, of times of the scene."""
     times, row = np.unique(index, return_inverse=True)
-    clock = tdb_to_clock(epoch_tdb + scene.step_s * times, "UTC")
-    dates = [f"{clock_text(seconds)}Z" for seconds in clock.tolist()]
+    dates = observation_dates(epoch_tdb + scene.step_s * times)
     return [dates[k] for k in row]
 
 
