@@ -58,7 +58,7 @@ def exposure_table(
         Rotations from the propagation frame to the ICRF at the scene's times.
     """
     index = first + exposures.step
-    ra, dec, _ = _in_icrf(exposures.boresight, None, index, scene, axes)
+    ra, dec, _ = icrf_directions(exposures.boresight, None, _turns(index, scene, axes))
     width = np.rad2deg(2.0 * exposures.half_field)
     side = np.rad2deg(2.0 * np.tan(exposures.half_field))
     return pd.DataFrame(
@@ -86,10 +86,8 @@ def detection_table(
     """Detections by `DETECTION_COLUMNS`; see `exposure_table` for the arguments."""
     of = detections.exposure
     index = first + exposures.step[of]
-    ra, dec, covariance = _in_icrf(
-        detections.value[:, 1:], detections.variance[:, 1:], index, scene, axes
-    )
-    rms = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    turn = _turns(index, scene, axes)
+    ra, dec, covariance = icrf_directions(detections.value[:, 1:], detections.variance[:, 1:], turn)
     name = np.array(exposure_names(exposures, first), dtype=object)[of]
     begin = np.searchsorted(of, of)
     return pd.DataFrame(
@@ -102,9 +100,7 @@ def detection_table(
             "obsTime": _dates(index, scene, epoch_tdb),
             "ra": ra,
             "dec": dec,
-            "rmsRA": rms[:, 0] / ARCSECOND,
-            "rmsDec": rms[:, 1] / ARCSECOND,
-            "rmsCorr": covariance[:, 0, 1] / rms.prod(axis=1),
+            **direction_errors(covariance),
             "mag": detections.value[:, 0],
             "rmsMag": np.sqrt(detections.variance[:, 0]),
         }
@@ -185,17 +181,28 @@ def _dates(index: NDArray[np.int64], scene: Scene, epoch_tdb: float) -> list[str
     return [dates[k] for k in row]
 
 
-def _in_icrf(
-    direction: Array,
-    variance: Array | None,
-    index: NDArray[np.int64],
-    scene: Scene,
-    axes: ArrayLike,
+def icrf_directions(
+    direction: ArrayLike, variance: ArrayLike | None, turn: ArrayLike
 ) -> tuple[Array, Array, Array]:
-    """Right ascension and declination in the ICRF, deg, and the covariance of the arcs along them,
-    rad^2, of directions in the body frames of observers."""
-    turn = np.asarray(axes, dtype=float)[index] @ scene.observer_axes[index].swapaxes(1, 2)
-    ra, dec = direction.T
+    """Directions in the ICRF.
+
+    Parameters
+    ----------
+    direction, variance : array_like, shape (n, 2)
+        Right ascension and declination, rad, in any frame, and their variances, rad^2; None for
+        directions without errors.
+    turn : array_like, shape (n, 3, 3)
+        Rotations from that frame to the ICRF.
+
+    Returns
+    -------
+    ra, dec : ndarray, shape (n,)
+        Deg, ICRF.
+    covariance : ndarray, shape (n, 2, 2)
+        Of the arcs along right ascension and declination, rad^2.
+    """
+    turn = np.asarray(turn, dtype=float)
+    ra, dec = np.asarray(direction, dtype=float).T
     unit, along = _tangents(ra, dec)
     x, y, z = np.einsum("nij,nj->in", turn, unit)
     ra_new, dec_new = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
@@ -206,6 +213,21 @@ def _in_icrf(
         scaled = variance * np.column_stack([np.cos(dec) ** 2, np.ones(dec.size)])
         covariance = np.einsum("nab,nb,ncb->nac", mixed, scaled, mixed)
     return np.rad2deg(ra_new) % 360.0, np.rad2deg(dec_new), covariance
+
+
+def direction_errors(covariance: Array) -> dict[str, Array]:
+    """Columns ``rmsRA``, ``rmsDec`` (arcsec) and ``rmsCorr`` of covariances (n, 2, 2), rad^2."""
+    rms = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    return {
+        "rmsRA": rms[:, 0] / ARCSECOND,
+        "rmsDec": rms[:, 1] / ARCSECOND,
+        "rmsCorr": covariance[:, 0, 1] / rms.prod(axis=1),
+    }
+
+
+def _turns(index: NDArray[np.int64], scene: Scene, axes: ArrayLike) -> Array:
+    """Rotations from the body frames of observers to the ICRF, of times of the scene."""
+    return np.asarray(axes, dtype=float)[index] @ scene.observer_axes[index].swapaxes(1, 2)
 
 
 def _tangents(ra: Array, dec: Array) -> tuple[Array, Array]:

@@ -7,10 +7,10 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "ades": ["VERSIONS", "ades_text", "read_ades"],
     "aem": ["AttitudeSegment", "BODY", "aem_text", "read_aem"],
-    "arcs": ["COMMENTS", "arc", "rotating_arc"],
+    "arcs": ["COMMENTS", "EPHEMERIS_COMMENTS", "arc", "inertial_arc", "rotating_arc"],
     "catalog": ["COLUMNS", "is_catalog", "read_catalog"],
     "csv_lines": ["listed", "read_lines"],
-    "inertial": ["Epoch", "epoch_at", "rotating_states"],
+    "inertial": ["CENTERS", "Epoch", "epoch_at", "icrf_axes", "rotating_states"],
     "key_values": ["FRAMES"],
     "observations": ["OBJECT_NAMES", "POSITION_COLUMNS", "RANGES", "REQUIRED", "numbers_within",
         "observation_dates", "observation_times", "require"],
