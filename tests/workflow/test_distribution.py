@@ -73,7 +73,9 @@ def test_metadata_of_the_wheel(wheel):
     assert (said["License-Expression"], said["License-File"]) == ("MIT", "LICENSE")
     # what the indexes of packages show
     assert len(said["Summary"]) > 20 and said["Requires-Python"] == ">=3.11"
-    assert said["Description-Content-Type"] == "text/markdown" and "light curves" in said["Keywords"]
+    assert (
+        said["Description-Content-Type"] == "text/markdown" and "light curves" in said["Keywords"]
+    )
     kinds = said.get_all("Classifier")
     assert {each for each in kinds if each.startswith("Programming Language :: Python :: 3.")} == {
         f"Programming Language :: Python :: 3.{minor}" for minor in (11, 12, 13)
