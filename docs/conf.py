@@ -6,6 +6,7 @@ network.
 """
 
 import importlib
+import inspect
 import pkgutil
 import re
 from pathlib import Path
@@ -25,7 +26,6 @@ version = release = cislunar.__version__
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
-    "sphinx.ext.autosummary",
     "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx-mathjax-offline",
@@ -41,7 +41,6 @@ default_role = "code"
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
 
-autosummary_generate = False
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_preserve_defaults = True
 autodoc_typehints_format = "short"
@@ -57,6 +56,7 @@ sphinx_gallery_conf = {
     "within_subsection_order": "FileNameSortKey",
     "download_all_examples": False,
     "backreferences_dir": None,
+    "capture_repr": (),
     "show_signature": False,
     "thumbnail_size": (400, 280),
     "write_computation_times": False,
@@ -88,8 +88,25 @@ def _listed(directive, names):
 
 
 def _summaries(names):
-    """Names with the first sentences of their docstrings."""
-    return _listed(".. autosummary::", names)
+    """A table of names, relative to the package if they have no ``~``, with the first paragraphs of
+    their docstrings."""
+    rows = [
+        f"   * - :py:obj:`{name}`\n     - {' '.join(_summary(name.removeprefix('~')).split())}"
+        for name in names
+    ]
+    return "\n".join([".. list-table::", "   :widths: 35 65", "", *rows, "", ""])
+
+
+def _summary(name):
+    """First paragraph of the docstring of a module, function or class."""
+    home, _, last = name.rpartition(".")
+    try:
+        found = importlib.import_module(name)
+    except ModuleNotFoundError:
+        found = getattr(importlib.import_module(home), last)
+    lines = [inspect.cleandoc(found.__doc__ or "").partition("\n\n")[0]]
+    plain_bars(None, None, None, None, None, lines)
+    return lines[0]
 
 
 def _below(pages):
@@ -118,7 +135,7 @@ def write_reference(app):
         # The modules describe the names of the interface.
         text += _interface(package) if package != "cislunar" else "\n"
         if package != "cislunar" and below + modules:
-            text += _summaries([name.removeprefix(f"{package}.") for name in below + modules])
+            text += _summaries([f"~{name}" for name in below + modules])
             text += _below(below)
         for name in modules:
             text += f"{name}\n{'-' * len(name)}\n\n.. automodule:: {name}\n\n"

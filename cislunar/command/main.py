@@ -5,6 +5,7 @@ import click
 import cislunar as package
 from cislunar.command.base import Group
 from cislunar.command.campaign import docs, report, resume, run, verify
+from cislunar.command.export import export
 from cislunar.command.orbits import orbits
 from cislunar.command.propagate import propagate
 from cislunar.command.see import see
@@ -23,5 +24,5 @@ def cislunar() -> None:
     """
 
 
-for each in (orbits, propagate, see, run, resume, verify, report, docs):
+for each in (orbits, propagate, see, run, resume, verify, report, export, docs):
     cislunar.add_command(each)

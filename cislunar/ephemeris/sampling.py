@@ -74,7 +74,7 @@ def sample_ephemeris(
     step_minutes : float
         Spacing, minutes.
     kernel : str or Path
-        ``"de421"``, or the path of an SPK file.
+        ``"de421"``, ``"de440"``, or the path of an SPK file.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def sample_ephemeris(
         epoch_jd = julian_date(epoch_jd)
     elapsed = _grid(duration_days, step_minutes)
     et = float(utc_to_tdb(epoch_jd)) + elapsed
-    require_kind("kernel", kernel, (str, Path), "give 'de421' or the path of an SPK file")
+    require_kind("kernel", kernel, (str, Path), "give 'de421', 'de440' or the path of an SPK file")
     path = kernel_path(kernel)
 
     import spiceypy

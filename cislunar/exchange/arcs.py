@@ -1,12 +1,25 @@
-"""Conversion of arcs between the rotating frame and the messages and tables of
+"""Conversion of arcs between the frames of the library and the messages and tables of
 `cislunar.exchange`."""
+
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
+from cislunar.dynamics.ephemeris import UNITS
+from cislunar.dynamics.frames import BARYCENTER, recenter
+from cislunar.ephemeris.bodies import tabulate_bodies
+from cislunar.ephemeris.kernel import DEFAULT_KERNEL
 from cislunar.ephemeris.time_scales import tdb_after, tdb_since
-from cislunar.exchange.inertial import Epoch, inertial_covariances, inertial_states, rotating_states
+from cislunar.errors import ConfigurationError
+from cislunar.exchange.inertial import (
+    CENTERS,
+    Epoch,
+    inertial_covariances,
+    inertial_states,
+    rotating_states,
+)
 from cislunar.exchange.oem import Segment
 
 Array = NDArray[np.float64]
@@ -19,7 +32,12 @@ COMMENTS = (
     "These are the axes of that frame, turned into the ICRF by the ephemeris at the epoch.",
     "The Moon of these states is on that circle: it is not the ephemeris Moon.",
 )
-"""Definition of the states, for the header of a message."""
+"""Definition of the states of the circular problem, for the header of a message."""
+
+EPHEMERIS_COMMENTS = ("States in dynamics with Earth, Moon and Sun from an ephemeris, ICRF axes.",)
+"""Definition of the states in ephemeris dynamics."""
+
+_BARYCENTER = "EARTH BARYCENTER"
 
 
 def arc(
@@ -64,6 +82,58 @@ def arc(
     turned = inertial_covariances(covariance, times, epoch)
     symmetric = (turned + np.swapaxes(turned, -1, -2)) / 2.0
     return found._replace(covariance_tdb_s=found.tdb_s, covariance=symmetric)
+
+
+def inertial_arc(
+    name: str,
+    state: ArrayLike,
+    tdb_s: ArrayLike,
+    *,
+    object_id: str = "",
+    center: str = "EARTH",
+    covariance: ArrayLike | None = None,
+    kernel: str | Path = DEFAULT_KERNEL,
+) -> Segment:
+    """An arc of ephemeris dynamics in the ICRF, for messages and tables.
+
+    Parameters
+    ----------
+    name : str
+        Name of the object.
+    state : array_like, shape (time, 6)
+        Nondimensional, barycentric frame with J2000 axes.
+    tdb_s : array_like, shape (time,)
+        TDB seconds past J2000.
+    object_id : str
+        International designator; `name` if omitted.
+    center : str
+        Origin, one of `cislunar.exchange.inertial.CENTERS`: the Earth or the Moon of the ephemeris,
+        or the barycenter.
+    covariance : array_like, shape (time, 6, 6), optional
+        Nondimensional, J2000 axes.
+    kernel : str or Path
+        Ephemeris of the dynamics, which has the position of Earth and Moon.
+
+    Raises
+    ------
+    ConfigurationError
+        If the center is unknown.
+    InputFileError
+        If the kernel is missing or does not cover the arc.
+    """
+    times = np.asarray(tdb_s, dtype=float)
+    if center not in CENTERS:
+        raise ConfigurationError(f"center {center!r} is unknown: use one of {list(CENTERS)}")
+    moved = np.asarray(state, dtype=float) * UNITS
+    if center != _BARYCENTER:
+        table = tabulate_bodies(float(times.min()), float(times.max()), kernel)
+        moved = recenter(moved, table, times, old=BARYCENTER, new=center.lower())
+    found = Segment(name, object_id or name, center, times, moved)
+    if covariance is None:
+        return found
+    scaled = np.asarray(covariance, dtype=float) * np.outer(UNITS, UNITS)
+    symmetric = (scaled + np.swapaxes(scaled, -1, -2)) / 2.0
+    return found._replace(covariance_tdb_s=times, covariance=symmetric)
 
 
 def rotating_arc(segment: Segment, epoch: Epoch) -> tuple[Array, Array]:

@@ -74,6 +74,16 @@ def inertial_covariances(covariance: ArrayLike, elapsed_s: ArrayLike, epoch: Epo
     return turn @ np.asarray(covariance, dtype=float) @ np.swapaxes(turn, -1, -2)
 
 
+def icrf_axes(elapsed_s: ArrayLike, epoch: Epoch) -> Array:
+    """Rotations (time, 3, 3) from the rotating frame to the ICRF, `elapsed_s` seconds (time,) since
+    the epoch."""
+    angle = np.asarray(elapsed_s, dtype=float) / TIME_UNIT_S
+    zero, one = np.zeros_like(angle), np.ones_like(angle)
+    cos, sin = np.cos(angle), np.sin(angle)
+    turned = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one], axis=-1)
+    return epoch.rotation.T @ turned.reshape(*angle.shape, 3, 3)
+
+
 def _origin(center: str) -> Array:
     if center not in CENTERS:
         raise ConfigurationError(f"center {center!r} is unknown: use one of {list(CENTERS)}")
@@ -82,13 +92,9 @@ def _origin(center: str) -> Array:
 
 def _to_inertial(elapsed_s: ArrayLike, epoch: Epoch) -> Array:
     """Matrices (time, 6, 6) from the rotating frame, nondimensional, to the ICRF, km and km/s."""
-    angle = np.asarray(elapsed_s, dtype=float) / TIME_UNIT_S
-    zero, one = np.zeros_like(angle), np.ones_like(angle)
-    cos, sin = np.cos(angle), np.sin(angle)
-    turned = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one], axis=-1)
-    axes = epoch.rotation.T @ turned.reshape(*angle.shape, 3, 3)
+    axes = icrf_axes(elapsed_s, epoch)
     rate = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    out = np.zeros((*angle.shape, 6, 6))
+    out = np.zeros((*axes.shape[:-2], 6, 6))
     out[..., :3, :3] = LENGTH_UNIT_KM * axes
     out[..., 3:, 3:] = LENGTH_UNIT_KM / TIME_UNIT_S * axes
     out[..., 3:, :3] = out[..., 3:, 3:] @ rate

@@ -1,12 +1,9 @@
 """CCSDS Orbit Ephemeris Messages (CCSDS 502.0-B, section 5) in keyword-value notation.
 
 Versions 1 to 3 are read: header (5.2.2), metadata (5.2.3), ephemeris data lines (5.2.4) and
-covariance matrices (5.2.5). Accelerations, interpolation hints and comments are ignored. Frames are
-the ICRF and those within 0.02 arcsec of it. Truncated files are refused, unlike by the readers on
-PyPI (oem 0.4.5, ccsds-ndm 3.1.1).
+covariance matrices (5.2.5). Accelerations, interpolation hints and comments are ignored.
 """
 
-import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -16,33 +13,32 @@ from numpy.typing import NDArray
 from scipy.interpolate import KroghInterpolator
 
 from cislunar.constants import DATE_SYSTEM
-from cislunar.ephemeris.time_scales import (
-    TIME_SYSTEMS,
-    clock_seconds,
-    clock_text,
-    clock_to_tdb,
-    tdb_to_clock,
+from cislunar.ephemeris.time_scales import clock_text
+from cislunar.errors import InputFileError
+from cislunar.exchange.key_values import (
+    FRAMES,
+    KNOWN,
+    ORIGINS,
+    SAME_TIME_S,
+    Lines,
+    assignment,
+    assignments,
+    block,
+    cut,
+    dates,
+    from_lower_triangle,
+    header,
+    message_lines,
+    number_row,
+    read_date,
+    read_number,
+    require_stop,
+    segments_of,
+    timed_rows,
 )
-from cislunar.errors import ConfigurationError, InputFileError
 
 Array = NDArray[np.float64]
 
-FRAMES = ("ICRF", "GCRF", "EME2000", "J2000")
-"""Values of REF_FRAME that are treated as the ICRF."""
-
-_ORIGINS = {
-    "EARTH": "EARTH",
-    "MOON": "MOON",
-    "EARTH BARYCENTER": "EARTH BARYCENTER",
-    "EARTH-MOON BARYCENTER": "EARTH BARYCENTER",
-    "EMB": "EARTH BARYCENTER",
-}
-"""Values of CENTER_NAME, and their names in `cislunar.exchange.inertial.CENTERS`."""
-
-SAME_TIME_S = 2e-6
-"""Dates closer than this are equal, because they are written to the microsecond."""
-
-_KEY = re.compile(r"([A-Z][A-Z0-9_]*)\s*=\s*(.*)")
 _REQUIRED = (
     "OBJECT_NAME",
     "OBJECT_ID",
@@ -52,7 +48,6 @@ _REQUIRED = (
     "START_TIME",
     "STOP_TIME",
 )
-_LOWER = np.tril_indices(6)
 
 
 class Segment(NamedTuple):
@@ -106,32 +101,24 @@ def oem_text(
     time_system : {"UTC", "TAI", "TT", "TDB"}
         Time scale of the dates, which are written to the microsecond.
     """
-    clock_seconds(created)
-    lines = ["CCSDS_OEM_VERS = 2.0", *(f"COMMENT {line}" for line in comments)]
-    lines += [f"CREATION_DATE = {created}", f"ORIGINATOR = {originator}"]
+    lines = header("OEM", "2.0", created, comments, originator)
     for segment in segments:
-        dates = [clock_text(each) for each in tdb_to_clock(segment.tdb_s, time_system)]
-        values = segment.name, segment.object_id, segment.center, "ICRF", time_system
-        lines += ["", "META_START"]
+        dated = dates(segment.tdb_s, time_system)
+        values = segment.name, segment.object_id, segment.center, FRAMES[0], time_system
+        meta = dict(zip(_REQUIRED, (*values, dated[0], dated[-1]), strict=True))
+        lines += ["", *block("META", meta), ""]
         lines += [
-            f"{key} = {value}"
-            for key, value in zip(_REQUIRED, (*values, dates[0], dates[-1]), strict=True)
+            f"{date} {number_row(state)}" for date, state in zip(dated, segment.state, strict=True)
         ]
-        lines += ["META_STOP", ""]
-        lines += [f"{date} {_row(state)}" for date, state in zip(dates, segment.state, strict=True)]
         if len(segment.covariance):
-            lines += ["", "COVARIANCE_START"]
-            for each, matrix in zip(
-                tdb_to_clock(segment.covariance_tdb_s, time_system), segment.covariance, strict=True
+            matrices = []
+            for date, matrix in zip(
+                dates(segment.covariance_tdb_s, time_system), segment.covariance, strict=True
             ):
-                lines.append(f"EPOCH = {clock_text(each)}")
-                lines += [_row(matrix[row, : row + 1]) for row in range(6)]
-            lines.append("COVARIANCE_STOP")
+                rows = [number_row(matrix[row, : row + 1]) for row in range(6)]
+                matrices += [f"EPOCH = {date}", *rows]
+            lines += ["", *block("COVARIANCE", {}, matrices)]
     return "\n".join(lines) + "\n"
-
-
-def _row(values: Array) -> str:
-    return " ".join(f"{value:.16e}" for value in values)
 
 
 def read_oem(path: str | Path) -> list[Segment]:
@@ -153,144 +140,62 @@ def read_oem(path: str | Path) -> list[Segment]:
         If the file is not such a message, is truncated, or has a frame, center, time scale or unit
         that cannot be converted. The message names file and line.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise InputFileError(f"{path}: no such file; give the path of an OEM") from error
-    except (OSError, ValueError) as error:
-        raise InputFileError(f"{path}: cannot be read as text ({error})") from error
-    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]
-    lines = [(number, line) for number, line in lines if line and not line.startswith("COMMENT")]
-    if not lines or not re.fullmatch(r"CCSDS_OEM_VERS\s*=\s*[123]\.0", lines[0][1]):
-        raise InputFileError(
-            f"{path}, line 1: not an OEM in keyword-value notation, which begins with "
-            "CCSDS_OEM_VERS = 1.0, 2.0 or 3.0; convert the file"
-        )
-    starts = [at for at, (_, line) in enumerate(lines) if line == "META_START"]
-    if not starts:
-        raise InputFileError(f"{path}: no META_START; the file is cut short or empty")
-    stops = [*starts[1:], len(lines)]
-    return [_segment(path, lines[start:stop]) for start, stop in zip(starts, stops, strict=True)]
+    lines = message_lines(path, "OEM", ("1.0", "2.0", "3.0"))
+    return [_segment(path, each) for each in segments_of(path, lines)]
 
 
-def _segment(path: str | Path, lines: list[tuple[int, str]]) -> Segment:
+def _segment(path: str | Path, lines: Lines) -> Segment:
     """A segment from its META_START to the line before the next one."""
-    words = [line for _, line in lines]
-    if "META_STOP" not in words:
-        raise InputFileError(f"{path}, line {lines[0][0]}: no META_STOP; the file is cut short")
-    end = words.index("META_STOP")
-    meta = _metadata(path, lines[0][0], lines[1:end])
+    metadata, rest = cut(path, lines, "META")
+    meta = assignments(path, lines[0][0], metadata, _REQUIRED, {"REF_FRAME": FRAMES, **KNOWN})
     system = meta["TIME_SYSTEM"]
-    cut = words.index("COVARIANCE_START") if "COVARIANCE_START" in words else len(words)
-    states, dates = [], []
-    for number, line in lines[end + 1 : cut]:
-        date, *fields = line.split()
-        if len(fields) not in (6, 9):
-            raise InputFileError(
-                f"{path}, line {number}: {len(fields)} numbers after the date where a state has 6 "
-                "(km and km/s without units, or 9 with accelerations); complete the line"
-            )
-        dates.append(_date(f"{path}, line {number}", date, system))
-        states.append([_number(f"{path}, line {number}", field) for field in fields[:6]])
-        if len(dates) > 1 and not dates[-1] > dates[-2]:
-            raise InputFileError(
-                f"{path}, line {number}: not later than the line before; sort them"
-            )
-    stop = _date(f"{path}, STOP_TIME", meta["STOP_TIME"], system)
-    if not dates or dates[-1] < stop - SAME_TIME_S:
-        raise InputFileError(
-            f"{path}, line {lines[cut - 1][0]}: the states of {meta['OBJECT_NAME']} end before "
-            f"STOP_TIME = {meta['STOP_TIME']}; the file is cut short; get the complete file"
-        )
-    tdb, state = np.array(dates), np.array(states)
-    _require_units(f"{path}, line {lines[end + 1][0]}", tdb, state)
-    covariances = _covariances(path, lines[cut:], system)
-    center = _ORIGINS[meta["CENTER_NAME"]]
+    words = [line for _, line in rest]
+    end = words.index("COVARIANCE_START") if "COVARIANCE_START" in words else len(rest)
+    row = "a state has 6 (km and km/s without units, or 9 with accelerations)"
+    tdb, state = timed_rows(path, rest[:end], system, (6, 9), row)
+    require_stop(path, rest[:end] or lines, meta, tdb, "states")
+    require_units(f"{path}, line {rest[0][0]}", tdb, state)
+    covariances = _covariances(path, rest[end:], system)
+    center = ORIGINS[meta["CENTER_NAME"]]
     return Segment(meta["OBJECT_NAME"], meta["OBJECT_ID"], center, tdb, state, *covariances)
 
 
-def _metadata(path: str | Path, first: int, lines: list[tuple[int, str]]) -> dict[str, str]:
-    """Keywords of a segment, including all required ones, with valid values."""
-    meta, line_of = {}, {}
-    for number, line in lines:
-        found = _KEY.fullmatch(line)
-        if not found or found[1] in meta:
-            raise InputFileError(
-                f"{path}, line {number}: {line[:40]!r} is no keyword, or a second one"
-            )
-        meta[found[1]], line_of[found[1]] = found[2].strip(), number
-    for key in _REQUIRED:
-        if not meta.get(key):
-            raise InputFileError(f"{path}, line {first}: the segment lacks {key}; add it")
-    for key, known in (
-        ("REF_FRAME", FRAMES),
-        ("CENTER_NAME", _ORIGINS),
-        ("TIME_SYSTEM", TIME_SYSTEMS),
-    ):
-        meta[key] = meta[key].upper()
-        if meta[key] not in known:
-            raise InputFileError(
-                f"{path}, line {line_of[key]}: {key} = {meta[key]} cannot be used; convert to "
-                f"one of {', '.join(known)}"
-            )
-    return meta
-
-
-def _covariances(
-    path: str | Path, lines: list[tuple[int, str]], system: str
-) -> tuple[Array, Array]:
+def _covariances(path: str | Path, lines: Lines, system: str) -> tuple[Array, Array]:
     """Times and matrices of the covariance section, which is optional."""
     if not lines:
         return np.empty(0), np.empty((0, 6, 6))
-    if lines[-1][1] != "COVARIANCE_STOP":
+    inside, after = cut(path, lines, "COVARIANCE")
+    if after:
         raise InputFileError(
-            f"{path}, line {lines[-1][0]}: no COVARIANCE_STOP; the file is cut short"
+            f"{path}, line {after[0][0]}: {after[0][1][:40]!r} after COVARIANCE_STOP; give the "
+            "covariances of a segment in one section"
         )
-    dates, matrices, rows = [], [], []
-    for number, line in lines[1:-1]:
-        place, found = f"{path}, line {number}", _KEY.fullmatch(line)
-        if found and found[1] == "EPOCH":
-            dates.append(_date(place, found[2], system))
-        elif found and (found[1] != "COV_REF_FRAME" or found[2].strip().upper() not in FRAMES):
+    times, matrices, rows = [], [], []
+    for number, line in inside:
+        place, found = f"{path}, line {number}", assignment(line)
+        if found and found[0] == "EPOCH":
+            times.append(read_date(place, found[1], system))
+        elif found and (found[0] != "COV_REF_FRAME" or found[1].upper() not in FRAMES):
             raise InputFileError(
                 f"{place}: {line[:40]} cannot be used; give covariances in {FRAMES[0]}"
             )
         elif not found:
-            rows.append([_number(place, field) for field in line.split()])
-            if len(rows[-1]) != len(rows) or not dates:
+            rows.append([read_number(place, field) for field in line.split()])
+            if len(rows[-1]) != len(rows) or not times:
                 raise InputFileError(
                     f"{place}: {len(rows[-1])} numbers in row {len(rows)} of a lower triangle"
                 )
             if len(rows) == 6:
-                matrix = np.zeros((6, 6))
-                matrix[_LOWER] = np.concatenate(rows)
-                matrices.append(matrix + np.tril(matrix, -1).T)
+                matrices.append(from_lower_triangle(np.concatenate(rows)))
                 rows = []
-    if rows or len(dates) != len(matrices):
+    if rows or len(times) != len(matrices):
         raise InputFileError(
             f"{path}, line {lines[-1][0]}: a covariance matrix lacks rows or its EPOCH"
         )
-    return np.array(dates), np.array(matrices)
+    return np.array(times), np.array(matrices)
 
 
-def _date(place: str, text: str, system: str) -> float:
-    try:
-        return float(clock_to_tdb(clock_seconds(text), system))
-    except ConfigurationError as error:
-        raise InputFileError(f"{place}: {error}") from error
-
-
-def _number(place: str, field: str) -> float:
-    try:
-        value = float(field)
-    except ValueError:
-        value = float("nan")
-    if not np.isfinite(value):
-        raise InputFileError(f"{place}: {field!r} must be a finite number")
-    return value
-
-
-def _require_units(place: str, tdb: Array, state: Array) -> None:
+def require_units(place: str, tdb: Array, state: Array) -> None:
     """Refuse positions whose displacements contradict the velocities, as in other units."""
     if len(tdb) < 2:
         return

@@ -24,7 +24,8 @@ from cislunar.ephemeris.time_scales import (
 from cislunar.errors import InputFileError
 from cislunar.exchange.csv_lines import listed, read_lines
 from cislunar.exchange.inertial import CENTERS
-from cislunar.exchange.oem import FRAMES, SAME_TIME_S, Segment
+from cislunar.exchange.key_values import FRAMES, SAME_TIME_S
+from cislunar.exchange.oem import Segment
 
 _STATE_COLUMNS = ("x_km", "y_km", "z_km", "vx_km_s", "vy_km_s", "vz_km_s")
 _LABELS = ("object", "object_id", "center")

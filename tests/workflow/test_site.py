@@ -1,9 +1,12 @@
 """The site: built without a warning, complete without a network, and shown by a browser."""
 
 import ast
+import html
 import importlib
 import inspect
+import json
 import pkgutil
+import re
 import shutil
 from html.parser import HTMLParser
 from urllib.parse import unquote, urlsplit
@@ -117,6 +120,36 @@ def test_example_has_a_caption_and_a_plot(path, site):
     assert [*(site / "_images").glob(f"sphx_glr_{path.stem}_001.png")]
 
 
+def test_every_page_has_one_title_of_its_own(site):
+    titles = {}
+    for path in (site / "docs").rglob("*.html"):
+        text = path.read_text(encoding="utf-8")
+        if "<article" not in text:
+            continue
+        assert len(re.findall(r"<h1[ >]", text)) == 1, path
+        titles.setdefault(re.search(r"<title>(.*?)</title>", text, re.DOTALL)[1], []).append(path)
+    assert len(titles) > 50 and not [paths for paths in titles.values() if len(paths) > 1]
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_is_offered_as_a_notebook_and_prints_no_object(path, site, pages):
+    page = site / f"docs/gallery/{path.parent.name}/{path.stem}.html"
+    (notebook,) = {link for link in pages[page].links if link.endswith(".ipynb")}
+    cells = json.loads((page.parent / unquote(notebook)).read_text(encoding="utf-8"))["cells"]
+    assert any(cell["cell_type"] == "code" for cell in cells)
+    shown = page.read_text(encoding="utf-8")
+    assert not re.search(r"(Text\(|&lt;matplotlib|object at 0x)", shown)
+
+
+def test_the_reference_shows_whole_summaries(site):
+    page = (site / "docs/reference.html").read_text(encoding="utf-8")
+    shown = " ".join(html.unescape(re.sub(r"<[^>]*>", "", page)).split())
+    for name, home in cislunar._HOMES.items():
+        value = getattr(importlib.import_module(f"cislunar.{home}"), name)
+        first = " ".join(inspect.getdoc(value).partition("\n\n")[0].split()).replace("`", "")
+        assert first in shown, name
+
+
 INSPECTION = """
 if (document.readyState !== "complete") await new Promise(done => addEventListener("load", done));
 if (window.MathJax && MathJax.startup) await MathJax.startup.promise;
@@ -142,8 +175,7 @@ return {
 )
 def test_page_opens_in_a_browser(name, width, formulas, site):
     page = site / f"{name}.html"
-    html = page.read_text(encoding="utf-8")
-    found, troubles = probe(html, page.parent, INSPECTION, width=width)
+    found, troubles = probe(page.read_text(encoding="utf-8"), page.parent, INSPECTION, width=width)
     assert not troubles
     assert not found["empty"]
     assert found["formulas"] >= formulas

