@@ -166,6 +166,27 @@ def is_admissible(
         )
 
 
+def sphere_offsets(offset: ArrayLike, angles: Angles) -> Array:
+    """Magnitudes less those of a sphere of 1 m^2 at the place of the object.
+
+    Parameters
+    ----------
+    offset : array_like, shape (row, 3)
+        Object less observer, nondimensional.
+    angles : Angles
+        Of the same rows.
+
+    Returns
+    -------
+    ndarray, shape (row,)
+        mag; NaN where the magnitude or the position of the Sun is unknown.
+    """
+    way = np.asarray(offset, dtype=float)
+    meters = np.linalg.norm(way, axis=1) * LENGTH_UNIT_KM * 1e3
+    phase = phase_angle(way, angles.place + way - angles.sun)
+    return angles.magnitude - sphere_magnitude(meters, phase)
+
+
 def implied_size(offset: ArrayLike, angles: Angles) -> tuple[float, float]:
     """Size of the sphere that is as bright as an object, and the scatter about its magnitude.
 
@@ -182,13 +203,10 @@ def implied_size(offset: ArrayLike, angles: Angles) -> tuple[float, float]:
         Diffuse reflection coefficient times squared radius, and standard deviation of magnitudes;
         NaN if no row has a magnitude and a position of the Sun.
     """
-    way = np.asarray(offset, dtype=float)
-    known = np.isfinite(angles.magnitude) & np.all(np.isfinite(angles.sun), axis=1)
-    if not known.any():
+    own = sphere_offsets(offset, angles)
+    own = own[~np.isnan(own)]
+    if own.size == 0:
         return np.nan, np.nan
-    way, from_sun = way[known], (angles.place + way - angles.sun)[known]
-    meters = np.linalg.norm(way, axis=1) * LENGTH_UNIT_KM * 1e3
-    own = angles.magnitude[known] - sphere_magnitude(meters, phase_angle(way, from_sun))
     return float(10.0 ** (-0.4 * np.mean(own))), float(np.std(own))
 
 

@@ -10,7 +10,7 @@ solutions that agree with them and are admissible are kept, best first.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, equations_of_motion, propagate, require_span
@@ -129,7 +129,7 @@ def initial_orbits(
         return _found(DIRECTION_ONLY, nothing, angles, region, settings, 0)
     times, states = _starts(angles, forces, region, settings)
     fits = fit_orbits(angles, [all_rows] * len(states), states, times, forces=forces)
-    fits = _at_epoch(_distinct(fits), angles, epoch, forces)
+    fits = fits_at(_distinct(fits), angles, epoch, forces=forces)
     good = agrees(fits, settings.verdict.significance)
     allowed = good & _admissible(fits, angles, forces, region)
     if allowed.any():
@@ -270,16 +270,37 @@ def _distinct(fits: OrbitFits) -> OrbitFits:
     return fits.take(kept)
 
 
-def _at_epoch(fits: OrbitFits, angles: Angles, epoch: float, forces: tuple) -> OrbitFits:
-    """The converged solutions at another epoch, from new fits that begin there, and the others."""
-    states, rows = [], []
+def fits_at(
+    fits: OrbitFits, angles: Angles, epoch: ArrayLike, *, forces: tuple = EARTH_MOON
+) -> OrbitFits:
+    """Converged solutions at other epochs, from new fits that begin there.
+
+    Parameters
+    ----------
+    fits : OrbitFits
+    angles : Angles
+    epoch : array_like, shape () or (fit,)
+        Nondimensional.
+    forces : NamedTuple
+        Force model.
+
+    Returns
+    -------
+    OrbitFits
+        Those that have converged and can be propagated; all fits unchanged if none can.
+    """
+    states, rows, times = [], [], []
+    epochs = np.broadcast_to(np.asarray(epoch, dtype=float), fits.epoch.shape)
     for k in np.flatnonzero(fits.status == CONVERGED).tolist():
         start = float(fits.epoch[k])
         try:
-            states.append(propagate(fits.state[k], [epoch - start], forces=forces, start=start)[0])
+            states.append(
+                propagate(fits.state[k], [epochs[k] - start], forces=forces, start=start)[0]
+            )
         except (ConvergenceError, ConfigurationError):
             continue
         rows.append(fits.row[fits.begin[k] : fits.begin[k + 1]])
+        times.append(epochs[k])
     if not states:
         return fits
-    return fit_orbits(angles, rows, np.array(states), epoch, forces=forces)
+    return fit_orbits(angles, rows, np.array(states), times, forces=forces)

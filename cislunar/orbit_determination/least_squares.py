@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.compiled import njit_noalloc
 from cislunar.dynamics import EARTH_MOON, require_span
 from cislunar.dynamics.adaptive import DOP853, OK, integrate
 from cislunar.errors import ConfigurationError
@@ -89,7 +90,7 @@ def whitened(angles: Angles) -> Array:
     return np.linalg.solve(np.linalg.cholesky(angles.covariance), angles.basis)
 
 
-@njit(cache=True, error_model="numpy")
+@njit_noalloc
 def _factor(matrix, scale, damping, root):
     """Cholesky factor of a matrix scaled to unit diagonal, with damping; false if there is none."""
     n = scale.size
@@ -113,7 +114,7 @@ def _factor(matrix, scale, damping, root):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit_noalloc
 def _solve(root, scale, right, out):
     """Solution of the scaled system of `_factor`."""
     n = scale.size

@@ -292,7 +292,14 @@ def pair_starts(
     return PairStarts(first, second, cost, tracklets.time[first], state)
 
 
-def pairs_within(tracklets: Attributables, hours: float, least_hours: float = 0.0) -> Indices:
+def pairs_within(
+    tracklets: Attributables,
+    hours: float,
+    least_hours: float = 0.0,
+    *,
+    begin: int = 0,
+    end: int | None = None,
+) -> Indices:
     """Pairs of tracklets whose times differ by no more than some hours.
 
     Parameters
@@ -300,6 +307,8 @@ def pairs_within(tracklets: Attributables, hours: float, least_hours: float = 0.
     tracklets : Attributables
     hours, least_hours : float
         Largest difference, and the one from which on pairs are returned.
+    begin, end : int
+        Range of the earlier tracklets.
 
     Returns
     -------
@@ -312,6 +321,8 @@ def pairs_within(tracklets: Attributables, hours: float, least_hours: float = 0.
         np.searchsorted(t, t, side="right"), np.searchsorted(t, t + least_hours / unit)
     )
     count = np.maximum(np.searchsorted(t, t + hours / unit, side="right") - after, 0)
+    count[:begin] = 0
+    count[t.size if end is None else end :] = 0
     first = np.repeat(np.arange(t.size), count)
     second = after[first] + np.arange(first.size) - np.repeat(np.cumsum(count) - count, count)
     spread = np.array([rows.max() for rows in tracklets.detections] or [0])
