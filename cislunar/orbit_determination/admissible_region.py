@@ -126,7 +126,7 @@ def rotating_states(state: ArrayLike, time: ArrayLike, forces: tuple) -> Array:
         For another force model, which has no rotating frame.
     """
     states = np.asarray(state, dtype=float)
-    if isinstance(forces, CR3BP):
+    if isinstance(forces, CR3BP) or len(states) == 0:
         return states
     if not isinstance(forces, EphemerisForces):
         raise ConfigurationError(

@@ -41,6 +41,18 @@ class Grown(NamedTuple):
 
 
 @njit_noalloc
+def _is_near(here, place, u, basis):
+    """Whether a predicted position is near the direction of a tracklet."""
+    along = east = north = 0.0
+    for c in range(3):
+        way = here[c] - place[c]
+        along += u[c] * way
+        east += basis[0, c] * way
+        north += basis[1, c] * way
+    return along > 0.0 and max(abs(east), abs(north)) <= _FARTHEST * along
+
+
+@njit_noalloc
 def _predict(rate, here, place, velocity, u, motion, basis, noise, covariance, work):
     """Squared innovation of a tracklet and ln det S; infinite if the object is behind."""
     design, mapped, s, nu, way, speed, q = work
@@ -56,12 +68,6 @@ def _predict(rate, here, place, velocity, u, motion, basis, noise, covariance, w
     for c in range(3):
         upward += u[c] * speed[c]
     d = 1.0 / along
-    for a in range(2):
-        x = 0.0
-        for c in range(3):
-            x += basis[a, c] * way[c] * d
-        if not abs(x) <= _FARTHEST:
-            return np.inf, np.inf
     for a in range(2):
         x = f = wanted = 0.0
         for c in range(3):
@@ -126,45 +132,59 @@ def _matches(forces, rate, orbits, begin, end, tracklets, gate, out):
     count, longest = 0, 0
     for k in range(epoch.size):
         longest = max(longest, end[k] - begin[k])
-    path, elapsed, nothing = np.empty((longest, 42)), np.empty(longest), np.empty(0)
+    elapsed, nothing = np.empty(longest), np.empty(0)
+    paths, near = (np.empty((longest, 6)), np.empty((longest, 42))), np.empty(longest, np.int64)
     work = (
         np.empty((4, 6)), np.empty((4, 6)), np.empty((4, 4)), np.empty(4), np.empty(3), np.empty(3),
         np.empty(3),
     )  # fmt: skip
-    y = np.zeros(42)
+    starts = np.empty(6), np.zeros(42)
+    for i in range(6):
+        starts[1][6 + 7 * i] = 1.0
     for k in range(epoch.size):
-        first, n = 0, end[k] - begin[k]
-        while first < n and time[begin[k] + first] < epoch[k]:
-            first += 1
+        starts[0][:] = state[k]
+        starts[1][:6] = state[k]
+        n = end[k] - begin[k]
         for m in range(n):
-            q = begin[k] + (first - 1 - m if m < first else m)
-            elapsed[m] = time[q] - epoch[k]
-        y[:] = 0.0
-        y[:6] = state[k]
-        for i in range(6):
-            y[6 + 7 * i] = 1.0
-        for low, high in ((0, first), (first, n)):
-            if high == low:
-                continue
-            status, _ = integrate(
-                DOP853, forces, epoch[k], y, elapsed[low:high], _TOLERANCE, _TOLERANCE,
-                path[low:high], nothing, nothing,
-            )  # fmt: skip
-            if status != OK:
-                continue
-            for m in range(low, high):
-                q = begin[k] + (first - 1 - m if m < first else m)
-                distance, log_det = _predict(
-                    rate, path[m], place[q], velocity[q], direction[q], motion[q], basis[q],
-                    noise[q], covariance[k], work,
-                )  # fmt: skip
-                if not distance <= gate:
+            near[m] = begin[k] + m
+        # the transition matrix is needed near the predicted directions alone
+        for stage in range(2):
+            path, first, kept = paths[stage], 0, 0
+            while first < n and time[near[first]] < epoch[k]:
+                first += 1
+            near[:first] = near[:first][::-1].copy()
+            for m in range(n):
+                elapsed[m] = time[near[m]] - epoch[k]
+            for low, high in ((0, first), (first, n)):
+                if high == low:
                     continue
-                if count == which.size:
-                    return -1
-                which[count], found[count], squared[count] = k, q, distance
-                log_density[count] = -0.5 * (distance + log_det) - 2.0 * np.log(2.0 * np.pi)
-                count += 1
+                status, _ = integrate(
+                    DOP853, forces, epoch[k], starts[stage], elapsed[low:high], _TOLERANCE,
+                    _TOLERANCE, path[low:high], nothing, nothing,
+                )  # fmt: skip
+                if status != OK:
+                    continue
+                for m in range(low, high):
+                    q = near[m]
+                    if stage == 0:
+                        if _is_near(path[m], place[q], direction[q], basis[q]):
+                            near[kept] = q
+                            kept += 1
+                        continue
+                    distance, log_det = _predict(
+                        rate, path[m], place[q], velocity[q], direction[q], motion[q], basis[q],
+                        noise[q], covariance[k], work,
+                    )  # fmt: skip
+                    if not distance <= gate:
+                        continue
+                    if count == which.size:
+                        return -1
+                    which[count], found[count], squared[count] = k, q, distance
+                    log_density[count] = -0.5 * (distance + log_det) - 2.0 * np.log(2.0 * np.pi)
+                    count += 1
+            if stage == 0:
+                n = kept
+                near[:n] = np.sort(near[:n])
     return count
 
 
