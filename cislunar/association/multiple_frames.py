@@ -215,13 +215,26 @@ def _packed(window: Window, track: Indices, score: NDArray, pairs: Indices) -> l
     for rows, _ in clusters(track[number[among]], detection[among]):
         own = np.unique(number[among[rows]])
         sets = [window.detection[pairs[k][pairs[k] >= 0]] for k in own]
-        chosen += own[_set_packing(track[own], sets, score[own])].tolist()
+        chosen += own[set_packing(track[own], sets, score[own])].tolist()
     return chosen
 
 
-def _set_packing(track: Indices, sets: list[Indices], score: NDArray) -> Indices:
-    """Indices of the best compatible hypotheses of a cluster, proven by HiGHS. A hypothesis has a
-    track and a set of detections."""
+def set_packing(track: Indices, sets: list[Indices], score: NDArray) -> Indices:
+    """Compatible hypotheses of the largest sum of scores, proven by HiGHS.
+
+    Parameters
+    ----------
+    track : ndarray of int, shape (hypothesis,)
+        Tracks, of which each may have one hypothesis.
+    sets : list of ndarray of int
+        Detections of each hypothesis, of which each may be in one.
+    score : ndarray, shape (hypothesis,)
+
+    Returns
+    -------
+    ndarray of int
+        Indices of the chosen hypotheses.
+    """
     items: dict[tuple[str, int], int] = {}
     entries = []
     for k, (own, detections) in enumerate(zip(track.tolist(), sets, strict=True)):

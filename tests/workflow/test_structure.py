@@ -28,6 +28,7 @@ LAYERS = (
     "observation",
     "visibility detection estimation",
     "architecture association evaluation",
+    "orbit_determination",
     "tasking",
     "campaign.settings",
     "campaign.data",

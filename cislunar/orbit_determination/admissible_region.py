@@ -1,0 +1,329 @@
+"""Admissible region of an attributable, and its samples: distance, energy and brightness.
+
+An attributable leaves the range and the range rate of an object open. They are constrained by the
+range, by the distance from the barycenter, by the Jacobi constant, which bounds the energy in the
+Earth-Moon system, and by the size that the brightness implies (Milani et al. 2004, Icarus 168, 1;
+Tommei, Milani & Rossi 2007, Celest. Mech. Dyn. Astron. 97, 289, for the Earth alone). In ephemeris
+dynamics the Jacobi constant is that of the pulsating frame at the time.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM, MU, TIME_UNIT_S
+from cislunar.dynamics import (
+    CR3BP,
+    EARTH_MOON,
+    UNITS,
+    EphemerisForces,
+    from_inertial,
+    jacobi_constant,
+    primary_distances,
+    pulsating_frame,
+)
+from cislunar.errors import ConfigurationError
+from cislunar.orbit_determination.angles import Angles, frame_rate
+from cislunar.orbit_determination.attributables import Attributables
+from cislunar.photometry import phase_angle, sphere_magnitude
+from cislunar.runtime.settings_fields import Number, Positive, Section, setting
+
+Array = NDArray[np.float64]
+
+
+class AdmissibleRegion(Section):
+    """Which orbits are possible before any angle is known."""
+
+    # fmt: off
+
+    least_range_km: Positive = setting(
+        "least distance from an observer, which excludes the solution that moves along with it",
+        "km", default=2500)
+    largest_distance_km: Positive = setting(
+        "largest distance from the Earth-Moon barycenter", "km", default=730_360)
+    least_jacobi: Number = setting(
+        "least Jacobi constant, which bounds the speed", "1", default=2)
+    largest_jacobi: Number = setting("largest Jacobi constant", "1", default=6.5)
+    least_size_m2: Positive = setting(
+        "least product of diffuse reflection coefficient and squared radius of the sphere that is "
+        "as bright", "m^2", default=0.016)
+    largest_size_m2: Positive = setting("largest such product", "m^2", default=10)
+    magnitude_scatter: Positive = setting(
+        "largest standard deviation of the magnitudes of one object about that of a sphere", "mag",
+        default=0.9)
+
+    # fmt: on
+
+    @property
+    def radius(self) -> float:
+        """Largest distance from the barycenter, nondimensional."""
+        return self.largest_distance_km / LENGTH_UNIT_KM
+
+    @property
+    def position_sigma(self) -> float:
+        """Standard deviation of one coordinate of a uniform distribution in that sphere."""
+        return self.radius / np.sqrt(5.0)
+
+    @property
+    def velocity_sigma(self) -> float:
+        """Standard deviation of one component of the velocity, uniform up to the speed that the
+        least Jacobi constant permits at half the largest distance, nondimensional."""
+        return float(np.sqrt(self._fastest2(0.5 * self.radius) / 5.0))
+
+    @property
+    def log_density(self) -> float:
+        """Logarithm of the density of states, uniform over those spheres, nondimensional."""
+        speed = np.sqrt(self._fastest2(0.5 * self.radius))
+        return -float(2.0 * np.log(4.0 * np.pi / 3.0) + 3.0 * np.log(self.radius * speed))
+
+    def _fastest2(self, distance: float) -> float:
+        return max(distance**2 + 2.0 / distance - self.least_jacobi, 1e-3)
+
+
+class OrbitBank(NamedTuple):
+    """Samples of the admissible region of an attributable.
+
+    Attributes
+    ----------
+    time : float
+        Of the states, nondimensional.
+    state : ndarray, shape (sample, 6)
+        Nondimensional, propagation frame.
+    range, range_rate : ndarray, shape (sample,)
+        Nondimensional.
+    weight : ndarray, shape (sample,)
+        Share of the phase-space volume that a sample stands for, rho^2 times the area of its cell.
+    """
+
+    time: float
+    state: Array
+    range: Array
+    range_rate: Array
+    weight: Array
+
+
+def rotating_states(state: ArrayLike, time: ArrayLike, forces: tuple) -> Array:
+    """States in the rotating frame of Earth and Moon.
+
+    Parameters
+    ----------
+    state : array_like, shape (n, 6)
+        Nondimensional, propagation frame.
+    time : array_like, shape () or (n,)
+        Nondimensional, since the epoch of the force model.
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+
+    Returns
+    -------
+    ndarray, shape (n, 6)
+        Nondimensional; the same states in the CR3BP, the pulsating frame else.
+
+    Raises
+    ------
+    ConfigurationError
+        For another force model, which has no rotating frame.
+    """
+    states = np.asarray(state, dtype=float)
+    if isinstance(forces, CR3BP) or len(states) == 0:
+        return states
+    if not isinstance(forces, EphemerisForces):
+        raise ConfigurationError(
+            f"forces = {type(forces).__name__} has no rotating frame of Earth and Moon; use CR3BP "
+            "or ephemeris forces"
+        )
+    tdb = forces.epoch + np.broadcast_to(time, len(states)) * TIME_UNIT_S
+    return from_inertial(states * UNITS, pulsating_frame(forces.table, tdb))
+
+
+def is_admissible(
+    state: ArrayLike, time: ArrayLike, forces: tuple, region: AdmissibleRegion
+) -> NDArray[np.bool_]:
+    """Whether states are outside both bodies, near enough, and have a permitted Jacobi constant.
+
+    Parameters
+    ----------
+    state, time, forces
+        See `rotating_states`.
+    region : AdmissibleRegion
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    states = rotating_states(state, time, forces)
+    mu = getattr(forces, "mu", MU)
+    earth, moon = primary_distances(states, mu)
+    with np.errstate(all="ignore"):
+        jacobi = jacobi_constant(states, mu)
+        return (
+            (np.linalg.norm(states[:, :3], axis=1) <= region.radius)
+            & (earth > EARTH_RADIUS_KM / LENGTH_UNIT_KM)
+            & (moon > MOON_RADIUS_KM / LENGTH_UNIT_KM)
+            & (jacobi >= region.least_jacobi)
+            & (jacobi <= region.largest_jacobi)
+        )
+
+
+def sphere_offsets(offset: ArrayLike, angles: Angles) -> Array:
+    """Magnitudes less those of a sphere of 1 m^2 at the place of the object.
+
+    Parameters
+    ----------
+    offset : array_like, shape (row, 3)
+        Object less observer, nondimensional.
+    angles : Angles
+        Of the same rows.
+
+    Returns
+    -------
+    ndarray, shape (row,)
+        mag; NaN where the magnitude or the position of the Sun is unknown.
+    """
+    way = np.asarray(offset, dtype=float)
+    meters = np.linalg.norm(way, axis=1) * LENGTH_UNIT_KM * 1e3
+    phase = phase_angle(way, angles.place + way - angles.sun)
+    return angles.magnitude - sphere_magnitude(meters, phase)
+
+
+def implied_size(offset: ArrayLike, angles: Angles) -> tuple[float, float]:
+    """Size of the sphere that is as bright as an object, and the scatter about its magnitude.
+
+    Parameters
+    ----------
+    offset : array_like, shape (row, 3)
+        Object less observer, nondimensional.
+    angles : Angles
+        Of the same rows.
+
+    Returns
+    -------
+    size_m2, scatter_mag : float
+        Diffuse reflection coefficient times squared radius, and standard deviation of magnitudes;
+        NaN if no row has a magnitude and a position of the Sun.
+    """
+    own = sphere_offsets(offset, angles)
+    own = own[~np.isnan(own)]
+    if own.size == 0:
+        return np.nan, np.nan
+    return float(10.0 ** (-0.4 * np.mean(own))), float(np.std(own))
+
+
+def is_bright_as_allowed(offset: ArrayLike, angles: Angles, region: AdmissibleRegion) -> bool:
+    """Whether the size and the scatter of `implied_size` lie in the region; true if unknown.
+
+    Parameters
+    ----------
+    offset, angles
+        See `implied_size`.
+    region : AdmissibleRegion
+    """
+    size, scatter = implied_size(offset, angles)
+    if np.isnan(size):
+        return True
+    right = region.least_size_m2 <= size <= region.largest_size_m2
+    return bool(right and scatter <= region.magnitude_scatter)
+
+
+def ranges_of(region: AdmissibleRegion, count: int) -> Array:
+    """Ranges from the least to twice the largest distance, equally spaced in their logarithms.
+
+    Parameters
+    ----------
+    region : AdmissibleRegion
+    count : int
+    """
+    least = region.least_range_km / LENGTH_UNIT_KM
+    return np.geomspace(least, 2.0 * region.radius, count)
+
+
+def states_at(
+    tracklets: Attributables,
+    which: ArrayLike,
+    ranges: ArrayLike,
+    range_rates: ArrayLike,
+    rate: float,
+) -> Array:
+    """States of objects at given ranges and range rates (`cislunar.orbit_determination
+    .attributables`, equation 1).
+
+    Parameters
+    ----------
+    tracklets : Attributables
+    which : array_like of int, shape (n,)
+        Their indices.
+    ranges, range_rates : array_like, shape (n,)
+        Nondimensional.
+    rate : float
+        Angular rate of the propagation frame.
+
+    Returns
+    -------
+    ndarray, shape (n, 6)
+        Nondimensional, propagation frame, at the times of the tracklets.
+    """
+    k = np.asarray(which)
+    rho, speed = (np.asarray(each, dtype=float)[:, None] for each in (ranges, range_rates))
+    position = tracklets.place[k] + rho * tracklets.direction[k]
+    velocity = tracklets.velocity[k] + speed * tracklets.direction[k] + rho * tracklets.rate[k]
+    velocity = velocity - rate * np.stack(
+        [-position[:, 1], position[:, 0], np.zeros(len(position))], axis=1
+    )
+    return np.concatenate([position, velocity], axis=1)
+
+
+def sample_region(
+    tracklets: Attributables,
+    which: int,
+    region: AdmissibleRegion,
+    *,
+    forces: tuple = EARTH_MOON,
+    n_ranges: int = 40,
+    n_rates: int = 11,
+) -> OrbitBank:
+    """Orbit bank: states of the admissible region of an attributable.
+
+    Parameters
+    ----------
+    tracklets : Attributables
+    which : int
+        Index of the attributable.
+    region : AdmissibleRegion
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+    n_ranges, n_rates : int
+        Ranges, equally spaced in their logarithms, and range rates at each, equally spaced between
+        the limits by the least Jacobi constant.
+
+    Returns
+    -------
+    OrbitBank
+        Possibly without samples.
+    """
+    ranges, rate = ranges_of(region, n_ranges), frame_rate(forces)
+    one = np.full(n_ranges, which)
+    base, moved = (
+        rotating_states(
+            states_at(tracklets, one, ranges, speed, rate), tracklets.time[which], forces
+        )
+        for speed in (np.zeros(n_ranges), np.ones(n_ranges))
+    )
+    # |v + rho' w|^2 <= 2 U - C, a quadratic inequality in the range rate
+    v, w = base[:, 3:], moved[:, 3:] - base[:, 3:]
+    fastest2 = jacobi_constant(base, getattr(forces, "mu", MU)) + np.sum(v**2, axis=1)
+    fastest2 -= region.least_jacobi
+    steep, along = np.sum(w**2, axis=1), np.sum(v * w, axis=1)
+    root2 = along**2 - steep * (np.sum(v**2, axis=1) - fastest2)
+    half = np.sqrt(np.maximum(root2, 0.0)) / steep
+    share = (np.arange(n_rates) + 0.5) / n_rates
+    rates = (-along / steep - half)[:, None] + 2.0 * half[:, None] * share
+    rho = np.repeat(ranges, n_rates)
+    states = states_at(tracklets, np.full(rho.size, which), rho, rates.ravel(), rate)
+    kept = is_admissible(states, tracklets.time[which], forces, region)
+    kept &= np.repeat(half > 0.0, n_rates)
+    area = rho**3 * np.repeat(half, n_rates)  # a cell of the logarithm is rho wide
+    weight = area[kept] / max(area[kept].sum(), np.finfo(float).tiny)
+    return OrbitBank(
+        float(tracklets.time[which]), states[kept], rho[kept], rates.ravel()[kept], weight
+    )

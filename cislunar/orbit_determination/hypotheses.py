@@ -1,0 +1,126 @@
+"""Hypotheses of linking: orbits with their detections, and the best compatible set of them."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.association import clusters, set_packing
+from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.orbit_determination.admissible_region import AdmissibleRegion, is_admissible
+from cislunar.orbit_determination.angles import Angles
+from cislunar.orbit_determination.attributables import Attributables
+from cislunar.orbit_determination.growth import Grown, grow
+from cislunar.orbit_determination.least_squares import OrbitFits, fit_orbits
+from cislunar.orbit_determination.scores import LinkingSettings, log_scores
+from cislunar.orbit_determination.verdicts import agrees
+
+Array = NDArray[np.float64]
+
+_SAME = 1e-2
+"""Largest difference of positions, relative to the range, of two hypotheses of one orbit."""
+
+
+def is_plausible(fits, forces, region) -> NDArray[np.bool_]:
+    """Which fits are admissible at their epochs and nowhere too near to an observer."""
+    good = is_admissible(fits.state, fits.epoch, forces, region)
+    near = np.linalg.norm(fits.position, axis=1) * LENGTH_UNIT_KM < region.least_range_km
+    of = np.repeat(np.arange(fits.epoch.size), np.diff(fits.begin))
+    return good & (np.bincount(of, near, minlength=fits.epoch.size) == 0)
+
+
+def same_orbit(one: OrbitFits, other: OrbitFits) -> bool:
+    """Whether two fits have the same positions at the detections that they share."""
+    _, a, b = np.intersect1d(one.row, other.row, return_indices=True)
+    way = other.position[b]
+    apart = np.linalg.norm(one.position[a] - way, axis=1)
+    return bool(np.all(apart <= _SAME * np.linalg.norm(way, axis=1)))
+
+
+class Hypotheses:
+    """Hypotheses that have been generated, one for each set of tracklets."""
+
+    def __init__(
+        self,
+        angles: Angles,
+        tracklets: Attributables,
+        forces: tuple,
+        region: AdmissibleRegion,
+        settings: LinkingSettings,
+        log_clutter: ArrayLike,
+        log_misses: Callable[[OrbitFits], Array] | None,
+    ) -> None:
+        self.data = angles, tracklets, forces, region, settings
+        self.score_of = lambda fits: log_scores(
+            fits, angles, region, settings, log_clutter, log_misses
+        )
+        self.fits: list[OrbitFits] = []
+        self.members: list[tuple[int, ...]] = []
+        self.scores: list[float] = []
+        self.place: dict[tuple[int, ...], int] = {}
+        self.by_row: dict[int, list[int]] = {}
+        self.empty = fit_orbits(angles, [], np.empty((0, 6)), 0.0, forces=forces)
+
+    def add(self, orbits: Grown) -> None:
+        """Add the hypotheses that agree, are plausible and beat detections of nothing."""
+        _, _, forces, region, settings = self.data
+        good = agrees(orbits.fits, settings.verdict.significance)
+        good &= is_plausible(orbits.fits, forces, region)
+        score = self.score_of(orbits.fits)
+        for k in np.flatnonzero(good & (score > 0.0)).tolist():
+            members = orbits.tracklets[k]
+            at = self.place.get(members)
+            if at is None:
+                self.place[members] = len(self.members)
+                self.fits.append(orbits.fits.take([k]))
+                self.members.append(members)
+                self.scores.append(float(score[k]))
+                for row in self.fits[-1].row.tolist():
+                    self.by_row.setdefault(row, []).append(self.place[members])
+            elif score[k] > self.scores[at]:
+                self.fits[at], self.scores[at] = orbits.fits.take([k]), float(score[k])
+
+    def grown(self, orbits: Grown, usable: NDArray[np.bool_]) -> Grown:
+        """The orbits with all tracklets that they can take of the usable ones."""
+        angles, tracklets, forces, _, settings = self.data
+        return grow(
+            angles, tracklets, orbits, usable, forces=forces, spans_h=settings.spans_h,
+            gate_probability=settings.gate_probability,
+            significance=settings.verdict.significance,
+        )  # fmt: skip
+
+    def chosen(self) -> list[int]:
+        """The compatible hypotheses of the largest sum of scores."""
+        _, tracklets, *_ = self.data
+        sets = [np.concatenate([tracklets.detections[t] for t in each]) for each in self.members]
+        if not sets:
+            return []
+        number = np.repeat(np.arange(len(sets)), [each.size for each in sets])
+        found: list[int] = []
+        for rows, _ in clusters(number, np.concatenate(sets)):
+            own = np.unique(number[rows])
+            score = np.array([self.scores[k] for k in own])
+            best = set_packing(own, [sets[k] for k in own], score) if own.size > 1 else [0]
+            found += own[best].tolist()
+        return sorted(found)
+
+    def sharing(self, k: int) -> list[int]:
+        """Other hypotheses that share detections with one."""
+        found = {m for row in self.fits[k].row.tolist() for m in self.by_row[row]}
+        return sorted(found - {k})
+
+    def instead_of(self, k: int, chosen: list[int]) -> tuple[float, list[int]]:
+        """Best sum of scores of other orbits that use detections of a chosen one, and none of those
+        of the others that are chosen; and these hypotheses."""
+        taken = {row for m in chosen if m != k for row in self.fits[m].row.tolist()}
+        others = [
+            m
+            for m in self.sharing(k)
+            if not taken.intersection(self.fits[m].row.tolist())
+            and not same_orbit(self.fits[m], self.fits[k])
+        ]
+        if not others:
+            return 0.0, []
+        score = np.array([self.scores[m] for m in others])
+        best = set_packing(np.array(others), [self.fits[m].row for m in others], score)
+        return float(score[best].sum()), [others[m] for m in best.tolist()]

@@ -1,0 +1,306 @@
+"""Initial orbits of one object from its angles: starts, least squares, and all solutions.
+
+The rows are grouped into tracklets. Starts are the orbits through pairs of tracklets
+(`cislunar.orbit_determination.pairs`) and samples of the admissible regions of single tracklets.
+Where no observer has two detections, the starts are ballistic: a constant acceleration along the
+lines of sight, as in Laplace's method for several observers. All starts are fitted to all angles;
+solutions that agree with them and are admissible are kept, best first.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.dynamics import EARTH_MOON, equations_of_motion, propagate, require_span
+from cislunar.errors import ConfigurationError, ConvergenceError
+from cislunar.orbit_determination.admissible_region import (
+    AdmissibleRegion,
+    is_admissible,
+    is_bright_as_allowed,
+    sample_region,
+)
+from cislunar.orbit_determination.angles import Angles, frame_rate
+from cislunar.orbit_determination.attributables import Attributables, attributables
+from cislunar.orbit_determination.least_squares import CONVERGED, SINGULAR, OrbitFits, fit_orbits
+from cislunar.orbit_determination.pairs import PairSettings, pair_starts
+from cislunar.orbit_determination.verdicts import (
+    CONTRADICTORY,
+    DIRECTION_ONLY,
+    NO_ORBIT,
+    ORBIT,
+    SEVERAL_ORBITS,
+    VerdictSettings,
+    agrees,
+    log_evidence,
+    open_directions,
+)
+from cislunar.runtime.settings_fields import Count, Positive, Section, setting
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+_SAME = 1e-3
+"""Largest difference of positions, relative to the range, of two fits of the same minimum."""
+
+
+class InitialOrbitSettings(Section):
+    """Starts of the search for all orbits of one object."""
+
+    # fmt: off
+
+    pass_min: Positive = setting(
+        "longest part of a pass of one observer that is reduced to one tracklet", "min", default=15)
+    n_tracklets: Count = setting(
+        "tracklets, spread over the time of all, whose pairs and regions give starts", "1",
+        default=5)
+    n_ranges: Count = setting("ranges of a sampled region", "1", default=24)
+    n_rates: Count = setting("range rates of a sampled region", "1", default=7)
+    verdict: VerdictSettings = setting("", default=VerdictSettings())
+
+    # fmt: on
+
+
+class InitialOrbits(NamedTuple):
+    """Orbits of one object and what is determined of them.
+
+    Attributes
+    ----------
+    verdict : str
+        See `cislunar.orbit_determination.verdicts`.
+    fits : OrbitFits
+        Admissible solutions that agree with the angles, by decreasing evidence, at one epoch.
+    log_evidence : ndarray, shape (fit,)
+        See `cislunar.orbit_determination.verdicts.log_evidence`.
+    open_directions : ndarray of int, shape (fit,)
+    n_starts : int
+    """
+
+    verdict: str
+    fits: OrbitFits
+    log_evidence: Array
+    open_directions: Indices
+    n_starts: int
+
+
+def initial_orbits(
+    angles: Angles,
+    *,
+    forces: tuple = EARTH_MOON,
+    region: AdmissibleRegion | None = None,
+    settings: InitialOrbitSettings | None = None,
+    epoch: float | None = None,
+) -> InitialOrbits:
+    """Determine all orbits of one object that its angles permit, without a first guess.
+
+    Parameters
+    ----------
+    angles : Angles
+        All rows are of the object.
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+    region : AdmissibleRegion, optional
+    settings : InitialOrbitSettings, optional
+    epoch : float, optional
+        Time of the solutions, nondimensional; by default the mean time of the angles.
+
+    Returns
+    -------
+    InitialOrbits
+        Without fits if the verdict is that the angles are contradictory or give no orbit.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no row, or the force model does not cover the times.
+    """
+    region = AdmissibleRegion() if region is None else region
+    settings = InitialOrbitSettings() if settings is None else settings
+    n = angles.time.size
+    if n == 0:
+        raise ConfigurationError("angles have no row; give the detections of an object")
+    epoch = float(np.mean(angles.time)) if epoch is None else float(epoch)
+    require_span(forces, min(epoch, angles.time[0]), max(epoch, angles.time[-1]))
+    all_rows = np.arange(n)
+    nothing = fit_orbits(angles, [], np.empty((0, 6)), 0.0, forces=forces)
+    if n < 3:
+        return _found(DIRECTION_ONLY, nothing, angles, region, settings, 0)
+    times, states = _starts(angles, forces, region, settings)
+    fits = fit_orbits(angles, [all_rows] * len(states), states, times, forces=forces)
+    fits = fits_at(_distinct(fits), angles, epoch, forces=forces)
+    good = agrees(fits, settings.verdict.significance)
+    allowed = good & _admissible(fits, angles, forces, region)
+    if allowed.any():
+        kept = _distinct(fits.take(np.flatnonzero(allowed)))
+        return _found("", kept, angles, region, settings, len(states))
+    if good.any():
+        verdict = NO_ORBIT
+    elif np.any(fits.status == CONVERGED):
+        verdict = CONTRADICTORY
+    else:
+        verdict = DIRECTION_ONLY if np.any(fits.status == SINGULAR) else NO_ORBIT
+    return _found(verdict, nothing, angles, region, settings, len(states))
+
+
+def _found(verdict, fits, angles, region, settings, n_starts) -> InitialOrbits:
+    """Solutions in order of evidence, and the verdict if it is not given."""
+    evidence = log_evidence(fits, angles, region)
+    order = np.argsort(-evidence, kind="stable")
+    fits, evidence = fits.take(order), evidence[order]
+    free = open_directions(fits, region, settings.verdict)
+    if not verdict:
+        rivals = evidence >= evidence[0] - settings.verdict.rival_log_ratio
+        verdict = SEVERAL_ORBITS if np.count_nonzero(rivals) > 1 else ORBIT
+        verdict = DIRECTION_ONLY if np.any(free[rivals] > 0) else verdict
+    return InitialOrbits(verdict, fits, evidence, free, n_starts)
+
+
+def _starts(angles, forces, region, settings) -> tuple[Array, Array]:
+    """Times and states from which the solutions are sought."""
+    rate = frame_rate(forces)
+    length = settings.pass_min * 60.0 / TIME_UNIT_S
+    tracklets = attributables(angles, _passes(angles, length), rate=rate)
+    if tracklets.time.size == 0:
+        whole = [np.flatnonzero(angles.observer == each) for each in np.unique(angles.observer)]
+        whole = [rows for rows in whole if np.unique(angles.time[rows]).size >= 2]
+        bent = [min(2, np.unique(angles.time[rows]).size - 1) for rows in whole]
+        for rows, degree in zip(whole, bent, strict=True):
+            tracklets = _with(tracklets, attributables(angles, [rows], rate=rate, degree=degree))
+    count = tracklets.time.size
+    chosen = np.unique(
+        np.linspace(0, count - 1, min(settings.n_tracklets, count)).round().astype(int)
+    )
+    tracklets = tracklets.take(chosen)
+    pairs = [
+        (i, j)
+        for i in range(chosen.size)
+        for j in range(i + 1, chosen.size)
+        if tracklets.time[j] > tracklets.time[i]
+    ]
+    loose = PairSettings(angle_tolerance_deg=1.0, rate_tolerance_arcsec_s=0.5)
+    joined = pair_starts(tracklets, np.array(pairs), region, loose, forces=forces)
+    times, states = [joined.time], [joined.state]
+    for k in range(chosen.size):
+        bank = sample_region(
+            tracklets, k, region, forces=forces, n_ranges=settings.n_ranges,
+            n_rates=settings.n_rates,
+        )  # fmt: skip
+        times.append(np.full(len(bank.state), bank.time))
+        states.append(bank.state)
+    if np.unique(angles.observer).size > 1:
+        time, state = _ballistic(angles, forces)
+        if np.all(np.isfinite(state)):
+            times.append(np.array([time]))
+            states.append(state[None])
+    return np.concatenate(times), np.concatenate(states)
+
+
+def _with(one: Attributables, other: Attributables) -> Attributables:
+    columns = [np.concatenate(pair) for pair in zip(one[:-1], other[:-1], strict=True)]
+    return Attributables(*columns, one.detections + other.detections)
+
+
+def _passes(angles: Angles, length: float) -> list[Indices]:
+    """Rows of each observer within a length of time, at two times at least."""
+    found = []
+    for observer in np.unique(angles.observer):
+        rows = np.flatnonzero(angles.observer == observer)
+        while rows.size:
+            near = angles.time[rows] <= angles.time[rows[0]] + length
+            if np.unique(angles.time[rows[near]]).size >= 2:
+                found.append(rows[near])
+            rows = rows[~near]
+    return found
+
+
+def _ballistic(angles: Angles, forces: tuple) -> tuple[float, Array]:
+    """State of uniform velocity, in the propagation frame, nearest to all lines of sight."""
+    middle = float(np.mean(angles.time))
+    since = angles.time - middle
+    across = angles.basis
+    design = np.concatenate([across, across * since[:, None, None]], axis=2).reshape(-1, 6)
+    right = np.einsum("nac,nc->na", across, angles.place).ravel()
+    state = np.linalg.lstsq(design, right, rcond=None)[0]
+    if frame_rate(forces):
+        # the acceleration at the first solution, once
+        pull = equations_of_motion(state, forces.mu)[3:]
+        bent = np.einsum("nac,c->na", across, pull) * (0.5 * since**2)[:, None]
+        state = np.linalg.lstsq(design, right - bent.ravel(), rcond=None)[0]
+    return middle, state
+
+
+def _admissible(fits, angles, forces, region) -> NDArray[np.bool_]:
+    """Which solutions are admissible at the epoch, by range and by brightness."""
+    out = np.zeros(fits.epoch.size, dtype=bool)
+    for k in np.flatnonzero(fits.status == CONVERGED).tolist():
+        way = fits.position[fits.begin[k] : fits.begin[k + 1]]
+        least = region.least_range_km
+        out[k] = (
+            is_admissible(fits.state[k : k + 1], fits.epoch[k : k + 1], forces, region)[0]
+            and np.linalg.norm(way, axis=1).min() * LENGTH_UNIT_KM >= least
+            and is_bright_as_allowed(
+                way, angles.rows(fits.row[fits.begin[k] : fits.begin[k + 1]]), region
+            )
+        )
+    return out
+
+
+def _distinct(fits: OrbitFits) -> OrbitFits:
+    """Solutions of different minima, by chi squared; those without convergence follow."""
+    order = np.lexsort((fits.chi_squared, fits.status != CONVERGED))
+    kept: list[int] = []
+    for k in order.tolist():
+        way = fits.position[fits.begin[k] : fits.begin[k + 1]]
+        if fits.status[k] != CONVERGED:
+            kept.append(k)
+            continue
+        same = False
+        for other in kept:
+            if fits.status[other] != CONVERGED:
+                continue
+            before = fits.position[fits.begin[other] : fits.begin[other + 1]]
+            same |= bool(
+                np.linalg.norm(way - before, axis=1).max()
+                <= _SAME * np.linalg.norm(before, axis=1).max()
+            )
+        if not same:
+            kept.append(k)
+    return fits.take(kept)
+
+
+def fits_at(
+    fits: OrbitFits, angles: Angles, epoch: ArrayLike, *, forces: tuple = EARTH_MOON
+) -> OrbitFits:
+    """Converged solutions at other epochs, from new fits that begin there.
+
+    Parameters
+    ----------
+    fits : OrbitFits
+    angles : Angles
+    epoch : array_like, shape () or (fit,)
+        Nondimensional.
+    forces : NamedTuple
+        Force model.
+
+    Returns
+    -------
+    OrbitFits
+        Those that have converged and can be propagated; all fits unchanged if none can.
+    """
+    states, rows, times = [], [], []
+    epochs = np.broadcast_to(np.asarray(epoch, dtype=float), fits.epoch.shape)
+    for k in np.flatnonzero(fits.status == CONVERGED).tolist():
+        start = float(fits.epoch[k])
+        try:
+            states.append(
+                propagate(fits.state[k], [epochs[k] - start], forces=forces, start=start)[0]
+            )
+        except (ConvergenceError, ConfigurationError):
+            continue
+        rows.append(fits.row[fits.begin[k] : fits.begin[k + 1]])
+        times.append(epochs[k])
+    if not states:
+        return fits
+    return fit_orbits(angles, rows, np.array(states), times, forces=forces)

@@ -1,0 +1,365 @@
+"""Orbits by least squares from angles, with full covariance, under any force model.
+
+Levenberg-Marquardt iterations (Marquardt 1963, J. SIAM 11, 431) minimize the squared residuals of
+all directions, in their variances, over the six components of the state at an epoch. Derivatives
+come from the state transition matrix. Components are those along and across the first line of
+sight, and the normal equations are scaled to a unit diagonal, since angles determine the range less
+well than the direction by many orders of magnitude. The covariance is the inverse of the normal
+matrix at the solution (Tapley, Schutz & Born 2004, Statistical Orbit Determination, section 4.3).
+
+A residual is the offset of the predicted direction in the plane tangent to the sphere at the
+measured one. Derivatives neglect those of the light time, which are below 1e-4 of the others.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.compiled import njit_noalloc
+from cislunar.dynamics import EARTH_MOON, require_span
+from cislunar.dynamics.adaptive import DOP853, OK, integrate
+from cislunar.errors import ConfigurationError
+from cislunar.orbit_determination.angles import Angles, frame_rate
+from cislunar.runtime.arguments import array_of
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+CONVERGED, NOT_CONVERGED, SINGULAR, NOT_PROPAGATED = 0, 1, 2, 3
+"""Status of a fit. The normal matrix of a singular one has no inverse in double precision; the
+start of one that is not propagated meets a body or is not in front of an observer."""
+
+_TOLERANCE = 1e-11
+"""Of the propagation; its error of some meters in a week is below those of angles."""
+
+_DONE = 1e-6
+"""Decrease of chi squared, as predicted by the normal equations, at which a fit has converged."""
+
+
+class OrbitFits(NamedTuple):
+    """Least-squares solutions.
+
+    Attributes
+    ----------
+    epoch : ndarray, shape (fit,)
+        Nondimensional, since the epoch of the force model.
+    state : ndarray, shape (fit, 6)
+        Nondimensional, propagation frame.
+    covariance : ndarray, shape (fit, 6, 6)
+        NaN unless the fit has converged.
+    chi_squared : ndarray, shape (fit,)
+        Squared residuals in variances; infinite if the start cannot be propagated.
+    degrees : ndarray of int, shape (fit,)
+        Degrees of freedom: twice the number of rows, less six.
+    status : ndarray of int, shape (fit,)
+        CONVERGED, NOT_CONVERGED, SINGULAR or NOT_PROPAGATED.
+    begin : ndarray of int, shape (fit + 1,)
+    row : ndarray of int, shape (n,)
+        Rows ``begin[k]:begin[k + 1]`` of it are the rows of angles of fit k.
+    position : ndarray, shape (n, 3)
+        Of the object at each row of angles, when its light left it, relative to the observer.
+    row_chi_squared : ndarray, shape (n,)
+    """
+
+    epoch: Array
+    state: Array
+    covariance: Array
+    chi_squared: Array
+    degrees: Indices
+    status: Indices
+    begin: Indices
+    row: Indices
+    position: Array
+    row_chi_squared: Array
+
+    def take(self, which: ArrayLike) -> "OrbitFits":
+        """Some of the fits, in the order of their indices."""
+        chosen = np.atleast_1d(np.asarray(which, dtype=np.int64))
+        parts = [np.arange(self.begin[k], self.begin[k + 1]) for k in chosen]
+        members = np.concatenate([np.empty(0, dtype=np.int64), *parts])
+        begin = np.concatenate([[0], np.cumsum([part.size for part in parts])]).astype(np.int64)
+        return OrbitFits(
+            *(each[chosen] for each in self[:6]), begin, *(each[members] for each in self[7:])
+        )
+
+
+def whitened(angles: Angles) -> Array:
+    """Vectors (row, 2, 3) whose products with an offset over the range are standardized errors."""
+    return np.linalg.solve(np.linalg.cholesky(angles.covariance), angles.basis)
+
+
+@njit_noalloc
+def _factor(matrix, scale, damping, root):
+    """Cholesky factor of a matrix scaled to unit diagonal, with damping; false if there is none."""
+    n = scale.size
+    for i in range(n):
+        if not matrix[i, i] > 0.0:
+            return False
+        scale[i] = 1.0 / np.sqrt(matrix[i, i])
+    for i in range(n):
+        for j in range(i + 1):
+            total = matrix[i, j] * scale[i] * scale[j]
+            if i == j:
+                total += damping
+            for k in range(j):
+                total -= root[i, k] * root[j, k]
+            if i == j:
+                if not total > 1e-15:
+                    return False
+                root[i, i] = np.sqrt(total)
+            else:
+                root[i, j] = total / root[j, j]
+    return True
+
+
+@njit_noalloc
+def _solve(root, scale, right, out):
+    """Solution of the scaled system of `_factor`."""
+    n = scale.size
+    for i in range(n):
+        total = right[i] * scale[i]
+        for k in range(i):
+            total -= root[i, k] * out[k]
+        out[i] = total / root[i, i]
+    for i in range(n - 1, -1, -1):
+        total = out[i]
+        for k in range(i + 1, n):
+            total -= root[k, i] * out[k]
+        out[i] = total / root[i, i]
+    for i in range(n):
+        out[i] *= scale[i]
+
+
+@njit(cache=True, error_model="numpy")
+def _evaluate(forces, rate, data, rows, epoch, state, axes, work, normal, gradient, position, each):
+    """Chi squared of a state; normal matrix and gradient along `axes`. Infinite if the state cannot
+    be propagated or an observer looks away from it."""
+    time, place, direction, white, drift, delay = data
+    elapsed, path, closest = work
+    n = rows.size
+    y = np.zeros(42)
+    y[:6] = state
+    for i in range(6):
+        y[6 + 7 * i] = 1.0
+    first = 0
+    while first < n and time[rows[first]] < epoch:
+        first += 1
+    for k in range(first):
+        elapsed[k] = time[rows[first - 1 - k]] - epoch
+    for k in range(first, n):
+        elapsed[k] = time[rows[k]] - epoch
+    for low, high in ((0, first), (first, n)):
+        if high > low:
+            status, _ = integrate(
+                DOP853, forces, epoch, y, elapsed[low:high], _TOLERANCE, _TOLERANCE,
+                path[low:high], closest, closest,
+            )  # fmt: skip
+            if status != OK:
+                return np.inf
+    normal[:] = 0.0
+    gradient[:] = 0.0
+    total = 0.0
+    partial, turned = np.empty((2, 3)), np.empty((2, 6))
+    for q in range(n):
+        k = first - 1 - q if q < first else q
+        row, here = rows[q], path[k]
+        v = here[3] - rate * here[1], here[4] + rate * here[0], here[5]
+        distance = 0.0
+        for c in range(3):
+            position[q, c] = here[c] - place[row, c]
+            distance += position[q, c] ** 2
+        lag = delay * np.sqrt(distance)
+        along = 0.0
+        for c in range(3):
+            position[q, c] -= lag * (v[c] + drift[row, c])
+            along += position[q, c] * direction[row, c]
+        if not along > 0.0:
+            return np.inf
+        each[q] = 0.0
+        turned[:] = 0.0
+        for a in range(2):
+            error = 0.0
+            for c in range(3):
+                error += white[row, a, c] * position[q, c]
+            error /= along
+            for c in range(3):
+                partial[a, c] = (white[row, a, c] - error * direction[row, c]) / along
+            for i in range(6):
+                change = 0.0
+                for c in range(3):
+                    change += partial[a, c] * here[6 + 6 * c + i]
+                for m in range(3):
+                    turned[a, m + (3 if i >= 3 else 0)] += change * axes[m, i % 3]
+            each[q] += error * error
+            for i in range(6):
+                gradient[i] -= turned[a, i] * error
+                for j in range(i + 1):
+                    normal[i, j] += turned[a, i] * turned[a, j]
+        total += each[q]
+    for i in range(6):
+        for j in range(i):
+            normal[j, i] = normal[i, j]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _fit_all(forces, rate, data, begin, row, epoch, axes, limits, out):
+    """Fit every start in place; see `fit_orbits`."""
+    state, covariance, chi_squared, status, position, each = out
+    most, hopeless, tries = limits
+    longest = 0
+    for k in range(epoch.size):
+        longest = max(longest, begin[k + 1] - begin[k])
+    work = np.empty(longest), np.empty((longest, 42)), np.empty(0)
+    normals, gradients = np.empty((2, 6, 6)), np.empty((2, 6))
+    positions, parts = np.empty((2, longest, 3)), np.empty((2, longest))
+    root, scale, step, trial = np.zeros((6, 6)), np.empty(6), np.empty(6), np.empty(6)
+    unit, inverse = np.zeros(6), np.empty((6, 6))
+    for k in range(epoch.size):
+        rows = row[begin[k] : begin[k + 1]]
+        n, now = rows.size, 0
+        best = _evaluate(
+            forces, rate, data, rows, epoch[k], state[k], axes[k], work, normals[0], gradients[0],
+            positions[0], parts[0],
+        )  # fmt: skip
+        covariance[k] = np.nan
+        chi_squared[k] = best
+        if not np.isfinite(best):
+            status[k] = NOT_PROPAGATED
+            continue
+        damping, growth, code = 1e-3, 4.0, NOT_CONVERGED
+        for iteration in range(most):
+            if iteration == tries and best > hopeless:
+                break
+            if not _factor(normals[now], scale, damping, root):
+                code = SINGULAR
+                break
+            _solve(root, scale, gradients[now], step)
+            gain = 0.0
+            for i in range(6):
+                gain += step[i] * (gradients[now, i] + damping * step[i] / scale[i] ** 2)
+            if gain < _DONE:
+                code = CONVERGED
+                break
+            for c in range(6):
+                trial[c] = state[k, c]
+                for m in range(3):
+                    trial[c] += axes[k, m, c % 3] * step[m + (3 if c >= 3 else 0)]
+            later = 1 - now
+            value = _evaluate(
+                forces, rate, data, rows, epoch[k], trial, axes[k], work, normals[later],
+                gradients[later], positions[later], parts[later],
+            )  # fmt: skip
+            if value < best:
+                # the faster, the better the prediction (Nielsen 1999, IMM-REP-1999-05)
+                ratio = (best - value) / gain
+                damping = max(damping * max(1.0 / 10.0, 1.0 - (2.0 * ratio - 1.0) ** 3), 1e-14)
+                growth, best, now = 4.0, value, later
+                state[k] = trial
+            else:
+                damping *= growth
+                growth *= 2.0
+                if damping > 1e12:
+                    break
+        chi_squared[k], status[k] = best, code
+        position[begin[k] : begin[k + 1]] = positions[now, :n]
+        each[begin[k] : begin[k + 1]] = parts[now, :n]
+        if code != CONVERGED:
+            continue
+        if not _factor(normals[now], scale, 0.0, root):
+            status[k] = SINGULAR
+            continue
+        for i in range(6):
+            unit[:] = 0.0
+            unit[i] = 1.0
+            _solve(root, scale, unit, step)
+            inverse[i] = step
+        for i in range(6):
+            for j in range(6):
+                total = 0.0
+                for m in range(3):
+                    for p in range(3):
+                        total += (
+                            axes[k, m, i % 3]
+                            * inverse[m + (3 if i >= 3 else 0), p + (3 if j >= 3 else 0)]
+                            * axes[k, p, j % 3]
+                        )
+                covariance[k, i, j] = total
+
+
+def fit_orbits(
+    angles: Angles,
+    rows: list[ArrayLike],
+    state: ArrayLike,
+    epoch: ArrayLike,
+    *,
+    forces: tuple = EARTH_MOON,
+    iterations: int = 40,
+    hopeless: float = np.inf,
+    tries: int = 4,
+) -> OrbitFits:
+    """Fit orbits to sets of directions, each from a start of its own.
+
+    Parameters
+    ----------
+    angles : Angles
+    rows : list of array_like of int
+        Rows of the angles of each fit, at least three, in increasing order.
+    state : array_like, shape (fit, 6)
+        Starts, nondimensional, propagation frame.
+    epoch : array_like, shape () or (fit,)
+        Times of the starts and of the solutions, nondimensional.
+    forces : NamedTuple
+        Force model.
+    iterations : int
+        Largest number of evaluations of a fit.
+    hopeless : float
+        A fit whose chi squared exceeds this after `tries` evaluations is given up.
+
+    Returns
+    -------
+    OrbitFits
+        A fit that does not converge has its status and no covariance.
+
+    Raises
+    ------
+    ConfigurationError
+        If a fit has fewer than three rows, shapes disagree, or the force model does not cover the
+        times.
+    """
+    starts = np.array(array_of("state", state, finite=False)).reshape(-1, 6)
+    parts = [np.asarray(each, dtype=np.int64) for each in rows]
+    if len(parts) != len(starts):
+        raise ConfigurationError(f"{len(parts)} sets of rows do not belong to {len(starts)} starts")
+    for k, part in enumerate(parts):
+        if part.size < 3:
+            raise ConfigurationError(
+                f"fit {k} has {part.size} directions; six components need at least three"
+            )
+    epochs = np.array(np.broadcast_to(np.asarray(epoch, dtype=float), len(starts)))
+    begin = np.concatenate([[0], np.cumsum([part.size for part in parts])]).astype(np.int64)
+    row = np.concatenate([np.empty(0, dtype=np.int64), *parts])
+    n, m = len(starts), row.size
+    out = OrbitFits(
+        epochs, starts, np.full((n, 6, 6), np.nan), np.full(n, np.inf), 2 * np.diff(begin) - 6,
+        np.full(n, NOT_PROPAGATED), begin, row, np.full((m, 3), np.nan), np.full(m, np.nan),
+    )  # fmt: skip
+    if n == 0:
+        return out
+    lowest = min(epochs.min(), angles.time[row].min())
+    require_span(forces, lowest, max(epochs.max(), angles.time[row].max()))
+    first = row[begin[:-1]]
+    axes = np.concatenate([angles.direction[first][:, None], angles.basis[first]], axis=1)
+    data = (
+        angles.time, angles.place, angles.direction, whitened(angles), angles.origin_velocity,
+        float(angles.light_delay),
+    )  # fmt: skip
+    _fit_all(
+        forces, frame_rate(forces), data, begin, row, epochs, axes,
+        (int(iterations), float(hopeless), int(tries)),
+        (out.state, out.covariance, out.chi_squared, out.status, out.position,
+         out.row_chi_squared),
+    )  # fmt: skip
+    return out

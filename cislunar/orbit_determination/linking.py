@@ -1,0 +1,341 @@
+"""Linking of tracklets without identity to orbits.
+
+Hypotheses are orbits with their detections. They come from pairs of tracklets (of neighboring times
+first, then of longer gaps among those that are left), which are fitted and grown
+(`cislunar.orbit_determination.growth`), and from orbits that are known already, which are grown
+first. Their scores are those of `cislunar.orbit_determination.scores`. Of all hypotheses the
+compatible set of the largest sum of scores is chosen, proven by HiGHS
+(`cislunar.association.set_packing`; Poore 1994, Computational Optimization and Applications 3, 27).
+Pairs of chosen orbits that may be of one object add their joint fit as a hypothesis, and the choice
+is repeated. The rivals of a chosen orbit are the best compatible hypotheses for its detections
+without it, if their sum of scores is nearly as large, and further solutions for all its detections.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import TIME_UNIT_S
+from cislunar.dynamics import EARTH_MOON, require_span
+from cislunar.errors import ConfigurationError
+from cislunar.orbit_determination.admissible_region import AdmissibleRegion
+from cislunar.orbit_determination.angles import Angles
+from cislunar.orbit_determination.attributables import Attributables
+from cislunar.orbit_determination.growth import Grown, concatenate_fits, tracklet_matches
+from cislunar.orbit_determination.hypotheses import Hypotheses, is_plausible, same_orbit
+from cislunar.orbit_determination.initial_orbits import (
+    fits_at,
+    initial_orbits,
+)
+from cislunar.orbit_determination.least_squares import OrbitFits, fit_orbits
+from cislunar.orbit_determination.pairs import pair_starts, pairs_within
+from cislunar.orbit_determination.scores import LinkingSettings
+from cislunar.orbit_determination.verdicts import (
+    DIRECTION_ONLY,
+    ORBIT,
+    SEVERAL_ORBITS,
+    agrees,
+    open_directions,
+)
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_CHUNK, _GROWN = 500, 100
+"""Tracklets whose pairs are scanned at once, and seeds that are grown at once."""
+
+_HOPELESS, _ITERATIONS = 1e4, 15
+"""Chi squared of a pair from which its fit is given up early, and most evaluations of a fit."""
+
+
+_SPLIT_STARTS = 8
+"""Most hypotheses of one observer from which fits to all its tracklets of an orbit begin."""
+
+
+class LinkedOrbits(NamedTuple):
+    """Chosen orbits, by decreasing score, each at the time of its last detection.
+
+    Attributes
+    ----------
+    fits : OrbitFits
+        Its rows of angles are the detections of each orbit.
+    log_ratio : ndarray, shape (orbit,)
+        Scores (`log_scores`).
+    verdict : tuple of str
+        ORBIT, SEVERAL_ORBITS or DIRECTION_ONLY of `cislunar.orbit_determination.verdicts`.
+    open_directions : ndarray of int, shape (orbit,)
+    confirmed : ndarray of bool, shape (orbit,)
+        Otherwise it is a candidate.
+    rivals : tuple of OrbitFits
+        Other orbits through some or all of the detections, of nearly the same evidence.
+    n_hypotheses : int
+        Over which the choice is optimal.
+    """
+
+    fits: OrbitFits
+    log_ratio: Array
+    verdict: tuple[str, ...]
+    open_directions: Indices
+    confirmed: NDArray[np.bool_]
+    rivals: tuple[OrbitFits, ...]
+    n_hypotheses: int
+
+    def detections(self, k: int) -> Indices:
+        """Rows of the angles that orbit k takes."""
+        return self.fits.row[self.fits.begin[k] : self.fits.begin[k + 1]]
+
+
+def link(
+    angles: Angles,
+    tracklets: Attributables,
+    *,
+    forces: tuple = EARTH_MOON,
+    region: AdmissibleRegion | None = None,
+    settings: LinkingSettings | None = None,
+    log_clutter: ArrayLike = 0.0,
+    log_misses: Callable[[OrbitFits], Array] | None = None,
+    known: LinkedOrbits | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> LinkedOrbits:
+    """Link tracklets to orbits.
+
+    Parameters
+    ----------
+    angles : Angles
+        Detections of unknown origin, in order of time.
+    tracklets : Attributables
+        Of these detections; a detection may be in several.
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+    region : AdmissibleRegion, optional
+    settings : LinkingSettings, optional
+    log_clutter, log_misses
+        See `log_scores`.
+    known : LinkedOrbits, optional
+        Result for the first rows of the same angles, which is continued: its orbits take new
+        tracklets first, and only tracklets of the window that they leave are linked.
+    progress : callable, optional
+        Called with (tracklets scanned, tracklets in all) of each gap.
+
+    Returns
+    -------
+    LinkedOrbits
+
+    Raises
+    ------
+    ConfigurationError
+        If `log_clutter` is not finite or the force model does not cover the times.
+    """
+    region = AdmissibleRegion() if region is None else region
+    settings = LinkingSettings() if settings is None else settings
+    if not np.all(np.isfinite(log_clutter)):
+        raise ConfigurationError("log_clutter must be finite; give a small density for no clutter")
+    if angles.time.size:
+        require_span(forces, angles.time[0], angles.time[-1])
+    found = Hypotheses(angles, tracklets, forces, region, settings, log_clutter, log_misses)
+    n = tracklets.time.size
+    everything, free = np.ones(n, dtype=bool), np.ones(n, dtype=bool)
+    if known is not None and known.log_ratio.size:
+        _continue(found, known, everything, free)
+    if n:
+        free &= tracklets.time >= tracklets.time[-1] - settings.window_h * 3600.0 / TIME_UNIT_S
+    shortest = 0.0
+    for gap in settings.gaps_h:
+        _link_pairs(found, free, shortest, gap, progress)
+        shortest = gap
+    _merge(found)
+    _split(found)
+    return _described(found, found.chosen())
+
+
+def _continue(found: Hypotheses, known: LinkedOrbits, everything, free) -> None:
+    """Grow known orbits by all tracklets, and mark these as no longer free."""
+    angles, tracklets, forces, *_ = found.data
+    own = [set(known.detections(k).tolist()) for k in range(known.log_ratio.size)]
+    home: dict[int, list[int]] = {}
+    for k, rows in enumerate(own):
+        for row in rows:
+            home.setdefault(row, []).append(k)
+    members: list[list[int]] = [[] for _ in own]
+    for t, rows in enumerate(tracklets.detections):
+        for k in home.get(int(rows[0]), ()):
+            if own[k].issuperset(rows.tolist()):
+                members[k].append(t)
+    # largest tracklets of disjoint detections
+    for k, each in enumerate(members):
+        used: set[int] = set()
+        kept = []
+        for t in sorted(each, key=lambda t: (-tracklets.detections[t].size, t)):
+            if not used & set(tracklets.detections[t].tolist()):
+                kept.append(t)
+                used.update(tracklets.detections[t].tolist())
+        members[k] = sorted(kept)
+    which = [k for k, each in enumerate(members) if len(each) >= 2]
+    rows = [np.unique(np.concatenate([tracklets.detections[t] for t in members[k]])) for k in which]
+    fits = fit_orbits(angles, rows, known.fits.state[which], known.fits.epoch[which], forces=forces)
+    good = np.flatnonzero(agrees(fits, found.data[4].verdict.significance))
+    before = Grown(fits.take(good), tuple(tuple(members[which[k]]) for k in good.tolist()))
+    found.add(before)
+    _grow_and_claim(found, before, everything, free, least=2)
+
+
+def _grow_and_claim(found: Hypotheses, orbits: Grown, usable, free, least: int) -> None:
+    grown = found.grown(orbits, usable)
+    found.add(grown)
+    tracklets = found.data[1]
+    taken = [
+        tracklets.detections[t]
+        for members in grown.tracklets
+        if len(members) >= least and members in found.place
+        for t in members
+    ]
+    if taken:
+        used = np.zeros(found.data[0].time.size, dtype=bool)
+        used[np.concatenate(taken)] = True
+        free &= ~np.array([used[rows].any() for rows in tracklets.detections])
+
+
+def _link_pairs(found: Hypotheses, free, shortest: float, longest: float, progress) -> None:
+    """Hypotheses from pairs of free tracklets whose gap lies between two limits. Orbits take their
+    tracklets before later pairs are sought."""
+    angles, tracklets, forces, region, settings = found.data
+    begin = 0
+    while True:
+        usable = begin + np.flatnonzero(free[begin:])
+        if usable.size == 0:
+            return
+        own, end = tracklets.take(usable), min(_CHUNK, usable.size)
+        pairs = pairs_within(own, longest, shortest, end=end)
+        starts = pair_starts(own, pairs, region, settings.pairs, forces=forces)
+        rows = [
+            np.union1d(own.detections[i], own.detections[j])
+            for i, j in zip(starts.first.tolist(), starts.second.tolist(), strict=True)
+        ]
+        seeds = fit_orbits(
+            angles, rows, starts.state, starts.time, forces=forces, iterations=_ITERATIONS,
+            hopeless=_HOPELESS,
+        )  # fmt: skip
+        good = agrees(seeds, settings.verdict.significance) & is_plausible(seeds, forces, region)
+        score = np.full(good.size, -np.inf)
+        score[good] = found.score_of(seeds.take(np.flatnonzero(good)))
+        order = np.argsort(-score, kind="stable")
+        order = order[np.isfinite(score[order])]
+        members = {
+            k: (int(usable[starts.first[k]]), int(usable[starts.second[k]])) for k in order.tolist()
+        }
+        found.add(Grown(seeds.take(order), tuple(members[k] for k in order.tolist())))
+        while order.size:
+            # a seed of tracklets that an orbit has taken would grow to the same orbit
+            still = [free[members[k][0]] and free[members[k][1]] for k in order.tolist()]
+            order = order[still]
+            now, order = order[:_GROWN], order[_GROWN:]
+            orbits = Grown(seeds.take(now), tuple(members[k] for k in now.tolist()))
+            _grow_and_claim(found, orbits, free.copy(), free, settings.claiming)
+        begin = int(usable[end - 1]) + 1
+        if progress is not None:
+            progress(begin, free.size)
+
+
+def _merge(found: Hypotheses) -> None:
+    """Add joint fits of chosen orbits of which one predicts tracklets of another."""
+    angles, tracklets, forces, _, settings = found.data
+    tried: set[tuple[int, int]] = set()
+    while True:
+        chosen = found.chosen()
+        if len(chosen) < 2:
+            return
+        owner = {t: k for k in chosen for t in found.members[k]}
+        fits = concatenate_fits([found.fits[k] for k in chosen], found.empty)
+        span = settings.spans_h[-1] * 3600.0 / TIME_UNIT_S
+        ends = tracklets.time[
+            np.array([[found.members[k][0], found.members[k][-1]] for k in chosen])
+        ]
+        which, hit, *_ = tracklet_matches(
+            fits, tracklets, ends[:, 0] - span, ends[:, 1] + span, settings.gate_probability,
+            forces=forces,
+        )  # fmt: skip
+        pairs = {
+            tuple(sorted((chosen[a], owner[t])))
+            for a, t in zip(which.tolist(), hit.tolist(), strict=True)
+            if owner.get(t, chosen[a]) != chosen[a]
+        }
+        pairs = sorted(pairs - tried)
+        if not pairs:
+            return
+        tried.update(pairs)
+        trials = [(k, pair) for pair in pairs for k in pair]
+        rows = [np.union1d(found.fits[a].row, found.fits[b].row) for _, (a, b) in trials]
+        joint = fit_orbits(
+            angles, rows, np.array([found.fits[k].state[0] for k, _ in trials]),
+            np.array([found.fits[k].epoch[0] for k, _ in trials]), forces=forces,
+        )  # fmt: skip
+        found.add(
+            Grown(
+                joint,
+                tuple(
+                    tuple(sorted({*found.members[a], *found.members[b]})) for _, (a, b) in trials
+                ),
+            )
+        )
+
+
+def _split(found: Hypotheses) -> None:
+    """Add fits of the tracklets of each observer alone, for chosen orbits of two observers. Two
+    observers of different objects may agree on an orbit where neither object is."""
+    angles, tracklets, forces, *_ = found.data
+    parts, starts = [], []
+    for k in found.chosen():
+        members = np.array(found.members[k])
+        owners = tracklets.observer[members]
+        if np.unique(owners).size != 2:
+            continue
+        for each in np.unique(owners):
+            own = tuple(members[owners == each].tolist())
+            if len(own) >= 2:
+                within = [m for m in found.sharing(k) if set(found.members[m]).issubset(own)]
+                within = sorted(within, key=lambda m: -found.scores[m])[:_SPLIT_STARTS]
+                starts += [found.fits[m] for m in (k, *within)]
+                parts += [own] * (1 + len(within))
+    rows = [np.unique(np.concatenate([tracklets.detections[t] for t in own])) for own in parts]
+    fits = fit_orbits(
+        angles, rows, np.array([each.state[0] for each in starts]).reshape(-1, 6),
+        np.array([each.epoch[0] for each in starts]), forces=forces,
+    )  # fmt: skip
+    found.add(Grown(fits, tuple(parts)))
+
+
+def _described(found: Hypotheses, chosen: list[int]) -> LinkedOrbits:
+    """Chosen orbits with verdicts, rivals and confirmation."""
+    angles, tracklets, forces, region, settings = found.data
+    chosen = sorted(chosen, key=lambda k: (-found.scores[k], found.members[k]))
+    parts = [
+        fits_at(found.fits[k], angles, angles.time[found.fits[k].row[-1]], forces=forces)
+        for k in chosen
+    ]
+    fits = concatenate_fits(parts, found.empty)
+    free = open_directions(fits, region, settings.verdict)
+    verdicts, rivals, confirmed = [], [], []
+    for position, k in enumerate(chosen):
+        value, instead = found.instead_of(k, chosen)
+        rival = value >= found.scores[k] - settings.verdict.rival_log_ratio
+        others = [found.fits[m] for m in instead] if rival else []
+        observers = tracklets.observer[list(found.members[k])]
+        few = len(found.members[k]) < settings.several_starts_below
+        if few or np.unique(observers).size == 1:
+            own = angles.rows(found.fits[k].row)
+            again = initial_orbits(own, forces=forces, region=region, settings=settings.starts)
+            best = again.log_evidence.max(initial=-np.inf) - settings.verdict.rival_log_ratio
+            for m in np.flatnonzero(again.log_evidence >= best).tolist():
+                one = again.fits.take([m])._replace(row=found.fits[k].row)
+                if not same_orbit(one, found.fits[k]):
+                    others.append(one)
+        verdict = SEVERAL_ORBITS if others else ORBIT
+        verdicts.append(DIRECTION_ONLY if free[position] else verdict)
+        rivals.append(concatenate_fits(others, found.empty))
+        confirmed.append(settings.confirmation.confirms(observers, verdicts[-1], found.scores[k]))
+    return LinkedOrbits(
+        fits, np.array([found.scores[k] for k in chosen]), tuple(verdicts), free,
+        np.array(confirmed, dtype=bool), tuple(rivals), len(found.members),
+    )  # fmt: skip

@@ -1,0 +1,339 @@
+"""Orbits through two tracklets: ranges at which the motions of both agree.
+
+For a range of the first tracklet, gravity is nearly known, and the motion between the tracklets is
+ballistic in axes that do not rotate,
+
+    r_2 = r_1 + v_1 dt + (2 g_1 + g_2) dt^2 / 6,    v_2 = v_1 + (g_1 + g_2) dt / 2.             (1)
+
+With equation (1) of `cislunar.orbit_determination.attributables` both sides are linear in the range
+rate of the first and the range of the second tracklet, for which five equations hold: the position
+at the second tracklet and the two components of its rate across the line of sight. Least squares
+leave three residuals, which are measured in tolerances that allow for what equation (1) neglects.
+They are minimized on the straight line between the ranges of a grid, since a tracklet of minutes
+permits a narrower interval of ranges than a grid resolves.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.compiled import njit_noalloc
+from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.dynamics import EARTH_MOON, acceleration, at
+from cislunar.observation import ARCSECOND
+from cislunar.orbit_determination.admissible_region import AdmissibleRegion, ranges_of, states_at
+from cislunar.orbit_determination.angles import frame_rate
+from cislunar.orbit_determination.attributables import Attributables
+from cislunar.runtime.settings_fields import Count, Positive, Section, setting
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+_COARSE = 4
+"""Ratio of the fine to the coarse grid of ranges."""
+
+_LOOSE = 25.0
+"""Squared residual, in tolerances, above which the coarse grid excludes a pair."""
+
+
+class PairSettings(Section):
+    """Which pairs of tracklets may be of one object."""
+
+    # fmt: off
+
+    n_ranges: Count = setting("ranges, equally spaced in their logarithms", "1", default=40)
+    angle_tolerance_deg: Positive = setting(
+        "largest residual of the direction at the second tracklet", "deg", default=0.3)
+    rate_tolerance_arcsec_s: Positive = setting(
+        "largest residual of its rate", "arcsec/s", default=0.1)
+
+    # fmt: on
+
+
+class PairStarts(NamedTuple):
+    """Approximate orbits through two tracklets.
+
+    Attributes
+    ----------
+    first, second : ndarray of int, shape (start,)
+        Indices of the tracklets.
+    cost : ndarray, shape (start,)
+        Squared residuals in tolerances.
+    time : ndarray, shape (start,)
+        That of the first tracklet.
+    state : ndarray, shape (start, 6)
+        At that time, nondimensional, propagation frame.
+    """
+
+    first: Indices
+    second: Indices
+    cost: Array
+    time: Array
+    state: Array
+
+
+@njit_noalloc
+def _gravity(forces, rate, t, x, y, z):
+    """Acceleration in axes that do not rotate, of an object at rest in them."""
+    ax, ay, az = acceleration(at(forces, t), x, y, z, rate * y, -rate * x, 0.0)
+    return ax + rate * rate * x, ay + rate * rate * y, az
+
+
+@njit_noalloc
+def _turn(cosine, sine, vector, out):
+    out[0] = cosine * vector[0] - sine * vector[1]
+    out[1] = sine * vector[0] + cosine * vector[1]
+    out[2] = vector[2]
+
+
+@njit_noalloc
+def _residuals(forces, rate, t, dt, turn, r, v, u, g, second, passes, units, work, out):
+    """Residuals (5,) of both tracklets into `out`; range rate of the first, range of the second.
+    `g` is the gravity at the first, at which the object is at r with the velocity v less that along
+    u. Rows of `second`: position, velocity, direction, rate and basis of the second tracklet."""
+    speed, distance, wa, wr = 0.0, 0.0, 0.0, 0.0
+    later, gap, jump = work[0], work[1], work[2]
+    for c in range(3):
+        later[c] = g[c]
+    for number in range(passes):
+        span = 0.0
+        for c in range(3):
+            bend = (2.0 * g[c] + later[c]) * dt * dt / 6.0
+            gap[c] = second[0, c] - r[c] - v[c] * dt - bend
+            jump[c] = v[c] + 0.5 * (g[c] + later[c]) * dt - second[1, c]
+            span += gap[c] * gap[c]
+        # unknown: range rate s and second range d; dt s u - d toward = gap, and the components of
+        # (jump + s u) across the second line of sight are d motion
+        scale = distance if distance > 1e-3 else max(np.sqrt(span), 1e-2)
+        wa, wr = 1.0 / (units[0] * scale), 1.0 / (units[1] * scale)
+        n11 = n12 = n22 = b1 = b2 = 0.0
+        for c in range(3):
+            a1, a2 = dt * u[c], -second[2, c]
+            n11 += a1 * a1
+            n12 += a1 * a2
+            n22 += a2 * a2
+            b1 += a1 * gap[c]
+            b2 += a2 * gap[c]
+        square = wa * wa
+        n11, n12, n22, b1, b2 = n11 * square, n12 * square, n22 * square, b1 * square, b2 * square
+        square = wr * wr
+        for i in range(4, 6):
+            a1 = a2 = b = 0.0
+            for c in range(3):
+                a1 += second[i, c] * u[c]
+                a2 -= second[i, c] * second[3, c]
+                b -= second[i, c] * jump[c]
+            n11 += a1 * a1 * square
+            n12 += a1 * a2 * square
+            n22 += a2 * a2 * square
+            b1 += a1 * b * square
+            b2 += a2 * b * square
+        determinant = n11 * n22 - n12 * n12
+        speed = (n22 * b1 - n12 * b2) / determinant
+        distance = (n11 * b2 - n12 * b1) / determinant
+        if number + 1 < passes:
+            far = distance if distance > 0.0 else scale
+            x = second[0, 0] + far * second[2, 0]
+            y = second[0, 1] + far * second[2, 1]
+            z = second[0, 2] + far * second[2, 2]
+            c, s = turn
+            gx, gy, gz = _gravity(forces, rate, t + dt, c * x + s * y, c * y - s * x, z)
+            later[0], later[1], later[2] = c * gx - s * gy, s * gx + c * gy, gz
+    for c in range(3):
+        out[c] = (dt * u[c] * speed - distance * second[2, c] - gap[c]) * wa
+    for i in range(4, 6):
+        total = 0.0
+        for c in range(3):
+            total += second[i, c] * (jump[c] + speed * u[c] - distance * second[3, c])
+        out[i - 1] = total * wr
+    return speed, distance
+
+
+@njit_noalloc
+def _between(error, far, k, m):
+    """Least squared residual between two ranges of the grid, and the place of it."""
+    up = down = cost = 0.0
+    for c in range(5):
+        step = error[m, c] - error[k, c]
+        up -= error[k, c] * step
+        down += step * step
+    s = min(max(up / down, 0.0), 1.0) if down > 0.0 else 0.0
+    for c in range(5):
+        cost += (error[k, c] + s * (error[m, c] - error[k, c])) ** 2
+    return cost, s
+
+
+@njit_noalloc
+def _scan(forces, rate, tracklets, pairs, ranges, units, largest, scratch, out):
+    """Local minima of the residuals of all pairs; returns their number, -1 if there is no room."""
+    time, place, velocity, direction, motion, basis = tracklets
+    first, second, found_cost, found_range, found_rate = out
+    start, gravity, speed, error, values, later, work = scratch
+    rho_rate, far, inside, low_cost, low_range, low_rate = values
+    count, n, last, least = 0, ranges.size, -1, ranges[0]
+    for p in range(pairs.shape[0]):
+        i, j = pairs[p, 0], pairs[p, 1]
+        t, dt, u = time[i], time[j] - time[i], direction[i]
+        if i != last:
+            last = i
+            for k in range(n):
+                for c in range(3):
+                    start[k, c] = place[i, c] + ranges[k] * u[c]
+                    speed[k, c] = velocity[i, c] + ranges[k] * motion[i, c]
+                inside[k] = start[k, 0] ** 2 + start[k, 1] ** 2 + start[k, 2] ** 2
+                gravity[k, 0], gravity[k, 1], gravity[k, 2] = _gravity(
+                    forces, rate, t, start[k, 0], start[k, 1], start[k, 2]
+                )
+        c, s = np.cos(rate * dt), np.sin(rate * dt)
+        _turn(c, s, place[j], later[0])
+        _turn(c, s, velocity[j], later[1])
+        _turn(c, s, direction[j], later[2])
+        _turn(c, s, motion[j], later[3])
+        _turn(c, s, basis[j, 0], later[4])
+        _turn(c, s, basis[j, 1], later[5])
+        # a coarse grid with the gravity of the first tracklet alone excludes most pairs
+        best = np.inf
+        for k in range(0, n, _COARSE):
+            far[k] = -1.0
+            if inside[k] <= largest * largest:
+                _, far[k] = _residuals(
+                    forces, rate, t, dt, (c, s), start[k], speed[k], u, gravity[k], later, 1, units,
+                    work, error[k],
+                )  # fmt: skip
+            if k >= _COARSE and (far[k] > 0.0 or far[k - _COARSE] > 0.0):
+                best = min(best, _between(error, far, k - _COARSE, k)[0])
+        if not best <= _LOOSE:
+            continue
+        for k in range(n):
+            far[k] = -1.0
+            if inside[k] <= largest * largest:
+                rho_rate[k], far[k] = _residuals(
+                    forces, rate, t, dt, (c, s), start[k], speed[k], u, gravity[k], later, 2, units,
+                    work, error[k],
+                )  # fmt: skip
+        minima = 0
+        for k in range(n - 1):
+            if far[k] > least and far[k + 1] > least:
+                low_cost[minima], s = _between(error, far, k, k + 1)
+                low_range[minima] = ranges[k] + s * (ranges[k + 1] - ranges[k])
+                low_rate[minima] = rho_rate[k] + s * (rho_rate[k + 1] - rho_rate[k])
+                minima += 1
+        for m in range(minima):
+            if not low_cost[m] <= 1.0:
+                continue
+            if m > 0 and low_cost[m - 1] < low_cost[m]:
+                continue
+            if m + 1 < minima and low_cost[m + 1] <= low_cost[m]:
+                continue
+            if count == first.size:
+                return -1
+            first[count], second[count] = i, j
+            found_cost[count], found_range[count] = low_cost[m], low_range[m]
+            found_rate[count] = low_rate[m]
+            count += 1
+    return count
+
+
+def pair_starts(
+    tracklets: Attributables,
+    pairs: NDArray[np.int64],
+    region: AdmissibleRegion,
+    settings: PairSettings | None = None,
+    *,
+    forces: tuple = EARTH_MOON,
+) -> PairStarts:
+    """Approximate orbits through pairs of tracklets.
+
+    Parameters
+    ----------
+    tracklets : Attributables
+    pairs : ndarray of int, shape (pair, 2)
+        Indices of tracklets at different times, the earlier one first.
+    region : AdmissibleRegion
+        Limits of the ranges.
+    settings : PairSettings, optional
+    forces : NamedTuple
+        Force model.
+
+    Returns
+    -------
+    PairStarts
+        All local minima over the range within the tolerances, in the order of the pairs; none for a
+        pair that no orbit joins.
+    """
+    settings = PairSettings() if settings is None else settings
+    rate = frame_rate(forces)
+    pairs = np.ascontiguousarray(pairs, dtype=np.int64).reshape(-1, 2)
+    ranges = ranges_of(region, settings.n_ranges)
+    data = (
+        tracklets.time, tracklets.place, tracklets.velocity, tracklets.direction, tracklets.rate,
+        tracklets.basis,
+    )  # fmt: skip
+    per_unit = ARCSECOND * TIME_UNIT_S
+    units = np.deg2rad(settings.angle_tolerance_deg), settings.rate_tolerance_arcsec_s * per_unit
+    n, room = ranges.size, 2 * len(pairs) + 64
+    scratch = (
+        np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 5)),
+        tuple(np.empty(n) for _ in range(6)), np.empty((6, 3)), np.empty((3, 3)),
+    )  # fmt: skip
+    while True:
+        out = (
+            np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64),
+            np.empty(room), np.empty(room), np.empty(room),
+        )  # fmt: skip
+        count = _scan(forces, rate, data, pairs, ranges, units, region.radius, scratch, out)
+        if count >= 0:
+            break
+        room *= 4
+    first, second, cost, rho, speed = (each[:count] for each in out)
+    state = states_at(tracklets, first, rho, speed, rate)
+    return PairStarts(first, second, cost, tracklets.time[first], state)
+
+
+def pairs_within(
+    tracklets: Attributables,
+    hours: float,
+    least_hours: float = 0.0,
+    *,
+    begin: int = 0,
+    end: int | None = None,
+) -> Indices:
+    """Pairs of tracklets whose times differ by no more than some hours.
+
+    Parameters
+    ----------
+    tracklets : Attributables
+    hours, least_hours : float
+        Largest difference, and the one from which on pairs are returned.
+    begin, end : int
+        Range of the earlier tracklets.
+
+    Returns
+    -------
+    ndarray of int, shape (pair, 2)
+        The earlier tracklet first; without pairs that share a detection.
+    """
+    unit = 24.0 / SECONDS_PER_DAY * TIME_UNIT_S
+    t = tracklets.time
+    after = np.maximum(
+        np.searchsorted(t, t, side="right"), np.searchsorted(t, t + least_hours / unit)
+    )
+    count = np.maximum(np.searchsorted(t, t + hours / unit, side="right") - after, 0)
+    count[:begin] = 0
+    count[t.size if end is None else end :] = 0
+    first = np.repeat(np.arange(t.size), count)
+    second = after[first] + np.arange(first.size) - np.repeat(np.cumsum(count) - count, count)
+    spread = np.array([rows.max() for rows in tracklets.detections] or [0])
+    begins = np.array([rows.min() for rows in tracklets.detections] or [0])
+    kept = np.ones(first.size, dtype=bool)
+    near = (tracklets.observer[first] == tracklets.observer[second]) & (
+        begins[second] <= spread[first]
+    )
+    for k in np.flatnonzero(near).tolist():
+        shared = np.intersect1d(
+            tracklets.detections[first[k]], tracklets.detections[second[k]], assume_unique=True
+        )
+        kept[k] = shared.size == 0
+    return np.stack([first[kept], second[kept]], axis=1)

@@ -1,0 +1,125 @@
+"""Settings of linking, and scores of links.
+
+The score of a hypothesis, an orbit with its detections, is the logarithm of its likelihood ratio to
+detections of nothing that is linked,
+
+    ln n_0 + ln p(angles) + ln p(magnitudes) + n ln P_D + ln p(misses) - sum ln kappa,          (1)
+
+with the expected number n_0 of objects in the region, `log_evidence`, the magnitudes of a sphere of
+unknown size with a scatter, the detection probability P_D, and the density kappa of detections that
+are of nothing that is linked. All constants are included, so that hypotheses with different
+numbers of detections compare.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.orbit_determination.admissible_region import AdmissibleRegion, sphere_offsets
+from cislunar.orbit_determination.angles import Angles
+from cislunar.orbit_determination.confirmation import ConfirmationRule
+from cislunar.orbit_determination.initial_orbits import InitialOrbitSettings
+from cislunar.orbit_determination.least_squares import OrbitFits
+from cislunar.orbit_determination.pairs import PairSettings
+from cislunar.orbit_determination.verdicts import VerdictSettings, log_evidence
+from cislunar.runtime.settings_fields import Count, Positive, Section, number, setting
+
+Array = NDArray[np.float64]
+
+
+class LinkingSettings(Section):
+    """Generation and choice of links."""
+
+    # fmt: off
+
+    gaps_h: tuple[Positive, ...] = setting(
+        "longest times between the tracklets of a pair, one after the other", "h",
+        default=(3, 8, 24))
+    spans_h: tuple[Positive, ...] = setting(
+        "times before and after an orbit's tracklets within which others are sought, one after the "
+        "other", "h", default=(3, 6, 12, 24))
+    window_h: Positive = setting(
+        "time before the last tracklet within which tracklets that are in no orbit are linked", "h",
+        default=36)
+    gate_probability: number(gt=0, lt=1) = setting(
+        "probability that the gate keeps a tracklet of an orbit", "1", default=0.9999)
+    claiming: Count = setting(
+        "tracklets from which on an orbit excludes its tracklets from further pairs", "1",
+        default=3)
+    several_starts_below: Count = setting(
+        "tracklets below which all solutions for the detections of a link are sought", "1",
+        default=4)
+    expected_objects: Positive = setting(
+        "expected number of unknown objects in the region", "1", default=200)
+    detection_probability: number(gt=0, lt=1) = setting(
+        "probability of detecting an object that is in the field", "1", default=0.9)
+    magnitude_sigma: Positive = setting(
+        "standard deviation of an object's magnitudes about those of a sphere", "mag", default=0.4)
+    pairs: PairSettings = setting("", default=PairSettings())
+    verdict: VerdictSettings = setting("", default=VerdictSettings())
+    starts: InitialOrbitSettings = setting(
+        "", default=InitialOrbitSettings(n_tracklets=2, n_ranges=16, n_rates=5))
+    confirmation: ConfirmationRule = setting("", default=ConfirmationRule())
+
+    # fmt: on
+
+
+def log_scores(
+    fits: OrbitFits,
+    angles: Angles,
+    region: AdmissibleRegion,
+    settings: LinkingSettings,
+    log_clutter: ArrayLike,
+    log_misses: Callable[[OrbitFits], Array] | None = None,
+) -> Array:
+    """Scores (1) of hypotheses; minus infinity for those that are not admissible.
+
+    Parameters
+    ----------
+    fits : OrbitFits
+    angles : Angles
+    region : AdmissibleRegion
+    settings : LinkingSettings
+    log_clutter : array_like, shape () or (row,)
+        Logarithm of the density of detections of nothing that is linked, per steradian and, for
+        rows with a magnitude and a position of the Sun, per magnitude
+        (`cislunar.detection.DetectionProcess.log_intensity`).
+    log_misses : callable, optional
+        Logarithm of the probability that the exposures of all observers did not detect each fit
+        elsewhere; by default 0.
+
+    Returns
+    -------
+    ndarray, shape (fit,)
+    """
+    n = np.diff(fits.begin)
+    score = log_evidence(fits, angles, region) + np.log(settings.expected_objects)
+    kappa = np.broadcast_to(np.asarray(log_clutter, dtype=float), angles.time.shape)
+    each = np.log(settings.detection_probability) - kappa[fits.row]
+    own = sphere_offsets(fits.position, angles.rows(fits.row))
+    variance = settings.magnitude_sigma**2 + angles.magnitude_variance[fits.row]
+    known = np.isfinite(own) & np.isfinite(variance)
+    # minus infinity of the sphere: unlit, though detected
+    each = np.where(np.isinf(own), -np.inf, each)
+    weight = np.where(known, 1.0 / np.where(known, variance, 1.0), 0.0)
+    value = np.where(known, own, 0.0)
+    of = np.repeat(np.arange(n.size), n)
+
+    def summed(values: Array) -> Array:
+        return np.bincount(of, values, minlength=n.size)
+
+    total = summed(weight)
+    some = total > 0.0
+    mean = summed(weight * value) / np.where(some, total, 1.0)
+    log_normal = np.where(known, 0.5 * np.log(np.where(known, weight, 1.0) / (2.0 * np.pi)), 0.0)
+    each = each + log_normal - 0.5 * weight * (value - mean[of]) ** 2
+    width = 2.5 * np.log10(region.largest_size_m2 / region.least_size_m2)
+    size = 0.5 * np.log(2.0 * np.pi / np.where(some, total, 1.0)) - np.log(width)
+    score += summed(each) + np.where(some, size, 0.0)
+    # brightness as a constraint, too: sizes outside of the region have no density
+    largest, least = -2.5 * np.log10([region.least_size_m2, region.largest_size_m2])
+    score[some & ((mean < least) | (mean > largest))] = -np.inf
+    if log_misses is not None and n.size:
+        score += np.asarray(log_misses(fits), dtype=float)
+    return score

@@ -1,0 +1,140 @@
+"""What data determine of an orbit: evidence, directions left open, and a verdict.
+
+A converged fit is not a determined orbit. The covariance P of a solution is compared with that of
+the admissible region, P_0: a direction of state space is open if its standard deviation is not
+small against that of the region, by the eigenvalues of P relative to P_0. The range is open, too,
+if its error is not small against the range itself, since the covariance then describes the possible
+orbits badly.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigvalsh
+from scipy.stats import chi2
+
+from cislunar.orbit_determination.admissible_region import AdmissibleRegion
+from cislunar.orbit_determination.angles import Angles
+from cislunar.orbit_determination.least_squares import CONVERGED, OrbitFits
+from cislunar.runtime.settings_fields import Section, number, setting
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+ORBIT = "orbit"
+SEVERAL_ORBITS = "several orbits"
+DIRECTION_ONLY = "direction only"
+CONTRADICTORY = "contradictory angles"
+NO_ORBIT = "no orbit"
+"""Verdicts: one determined orbit; several that fit; fits that leave the range or another direction
+open, or too few angles for any fit; fits that all disagree with the angles; no fit that converges
+to an admissible orbit."""
+
+
+class VerdictSettings(Section):
+    """When a fit agrees with its angles, and when it is determined."""
+
+    # fmt: off
+
+    significance: number(gt=0, lt=0.5) = setting(
+        "probability of a larger chi squared below which a fit disagrees with its angles", "1",
+        default=1e-4)
+    open_share: number(gt=0, lt=1) = setting(
+        "standard deviation, relative to that of the admissible region, from which a direction of "
+        "state space is open", "1", default=0.1)
+    open_range_share: number(gt=0, lt=1) = setting(
+        "standard deviation of the range, relative to the range, from which it is open", "1",
+        default=0.1)
+    rival_log_ratio: number(gt=0) = setting(
+        "logarithm of the ratio of evidence up to which another solution is a rival of the best",
+        "1", default=7)
+
+    # fmt: on
+
+
+def region_covariance(region: AdmissibleRegion) -> Array:
+    """Covariance (6, 6) of states that are uniform over the admissible region.
+
+    Parameters
+    ----------
+    region : AdmissibleRegion
+    """
+    return np.diag(np.repeat([region.position_sigma**2, region.velocity_sigma**2], 3))
+
+
+def agrees(fits: OrbitFits, significance: float) -> NDArray[np.bool_]:
+    """Which fits have converged with a chi squared that is no less probable than `significance`.
+
+    Parameters
+    ----------
+    fits : OrbitFits
+    significance : float
+    """
+    # without degrees of freedom residuals vanish; the tolerance is that of the iteration
+    limit = np.where(fits.degrees > 0, chi2.isf(significance, np.maximum(fits.degrees, 1)), 1e-2)
+    return (fits.status == CONVERGED) & (fits.chi_squared <= limit)
+
+
+def open_directions(
+    fits: OrbitFits, region: AdmissibleRegion, settings: VerdictSettings | None = None
+) -> Indices:
+    """Number of directions of state space that each fit leaves open; 6 if it has not converged.
+
+    Parameters
+    ----------
+    fits : OrbitFits
+    region : AdmissibleRegion
+    settings : VerdictSettings, optional
+
+    Returns
+    -------
+    ndarray of int, shape (fit,)
+        At least 1 if the range is open.
+    """
+    settings = VerdictSettings() if settings is None else settings
+    prior = region_covariance(region)
+    scale = 1.0 / np.sqrt(np.diag(prior))
+    out = np.full(fits.epoch.size, 6, dtype=np.int64)
+    for k in np.flatnonzero(fits.status == CONVERGED).tolist():
+        covariance = fits.covariance[k]
+        share = eigvalsh(scale[:, None] * covariance * scale)
+        out[k] = np.count_nonzero(share > settings.open_share**2)
+        way = fits.position[fits.begin[k] : fits.begin[k + 1]]
+        # that of the row of least range, as an estimate for the epoch
+        nearest = way[np.argmin(np.sum(way**2, axis=1))]
+        distance = np.linalg.norm(nearest)
+        line = nearest / distance
+        sigma = np.sqrt(line @ covariance[:3, :3] @ line)
+        out[k] = max(out[k], int(sigma > settings.open_range_share * distance))
+    return out
+
+
+def log_evidence(fits: OrbitFits, angles: Angles, region: AdmissibleRegion) -> Array:
+    """Logarithm of the density of the angles of each fit, for an object anywhere in the region.
+
+    By Laplace's method about the solution (MacKay 2003, Information Theory, Inference, and Learning
+    Algorithms, chapter 27), with all constants:
+
+        sum ln N(residual; 0, R) + ln p(state) + 3 ln(2 pi) + ln det(P^-1 + P_0^-1)^(-1/2).
+
+    Parameters
+    ----------
+    fits : OrbitFits
+    angles : Angles
+    region : AdmissibleRegion
+        States are uniform over the spheres of its largest distance and speed.
+
+    Returns
+    -------
+    ndarray, shape (fit,)
+        Of a density per steradian for each detection; minus infinity for a fit that has not
+        converged.
+    """
+    prior = np.linalg.inv(region_covariance(region))
+    noise = np.log(2.0 * np.pi) + 0.5 * np.linalg.slogdet(angles.covariance)[1]
+    out = np.full(fits.epoch.size, -np.inf)
+    for k in np.flatnonzero(fits.status == CONVERGED).tolist():
+        rows = fits.row[fits.begin[k] : fits.begin[k + 1]]
+        information = np.linalg.inv(fits.covariance[k]) + prior
+        volume = 3.0 * np.log(2.0 * np.pi) - 0.5 * np.linalg.slogdet(information)[1]
+        out[k] = -0.5 * fits.chi_squared[k] - noise[rows].sum() + region.log_density + volume
+    return out

@@ -1,0 +1,204 @@
+"""Linking against brute force, importance sampling, and simulated objects among false alarms."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from cislunar.constants import TIME_UNIT_S
+from cislunar.dynamics import EARTH_MOON, propagate
+from cislunar.errors import ConfigurationError
+from cislunar.orbit_determination import (
+    DIRECTION_ONLY,
+    ORBIT,
+    SEVERAL_ORBITS,
+    AdmissibleRegion,
+    Angles,
+    ConfirmationRule,
+    LinkingSettings,
+    attributables,
+    fit_orbits,
+    form_tracklets,
+    link,
+    log_evidence,
+    make_angles,
+)
+from cislunar.orbit_determination.growth import Grown
+from cislunar.orbit_determination.hypotheses import Hypotheses
+
+SIGMA = np.pi / 648_000.0
+HOUR = 3600.0 / TIME_UNIT_S
+OBJECTS = np.array(
+    [[1.125424, 0.0, -0.1817, 0.0, -0.225458, 0.0], [1.05, 0.1, 0.0, 0.0, -0.4, 0.02],
+     [0.82, 0.0, 0.05, 0.0, 0.15, 0.0], [0.5, 0.8, 0.05, 0.0, 0.0, 0.1]]
+)  # fmt: skip
+OBSERVERS = np.array(
+    [[0.92, 0.0, 0.0, 0.0, 0.501, 0.0], [0.85, 0.1, 0.17, 0.0, 0.26, 0.0],
+     [1.15, -0.1, 0.1, 0.0, -0.2, 0.0]]
+)  # fmt: skip
+LOG_CLUTTER = np.log(1.0 / np.deg2rad(3.0) ** 2)
+
+
+def night(objects, hours, alarms, seed):
+    """Detections of objects by all observers, twice, ten minutes apart, at some hours; false alarms
+    within three degrees of the objects; and the origins."""
+    rng, rows = np.random.default_rng(seed), []
+    for hour in hours:
+        for number, observer in enumerate(OBSERVERS):
+            for visit in (0.0, 10.0):
+                t = (hour + (visit + 3.0 * number) / 60.0) * HOUR
+                here = propagate(observer, [t], method="dop853")[0, :3]
+                for origin, state in enumerate(objects):
+                    way = propagate(state, [t], method="dop853")[0, :3] - here
+                    unit = way / np.linalg.norm(way)
+                    rows.append([t, number, origin, *here, *(unit + SIGMA * rng.normal(size=3))])
+                    for _ in range(rng.poisson(alarms)):
+                        off = unit + np.deg2rad(1.5) * rng.uniform(-1.0, 1.0, 3)
+                        rows.append([t, number, -1, *here, *off])
+    table = np.array(rows)
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    angles = make_angles(table[:, 0], table[:, 1].astype(int), table[:, 3:6], table[:, 6:], SIGMA)
+    return angles, table[:, 2].astype(int)
+
+
+def linked(angles, **given):
+    return link(
+        angles, attributables(angles, form_tracklets(angles)), log_clutter=LOG_CLUTTER, **given
+    )
+
+
+def origins(found, origin):
+    return [np.unique(origin[found.detections(k)]).tolist() for k in range(found.log_ratio.size)]
+
+
+def test_objects_among_false_alarms_are_linked_and_confirmed():
+    angles, origin = night(OBJECTS, [0.0, 2.0, 5.0], 1.0, 1)
+    assert np.count_nonzero(origin < 0) > 50
+    assert not any("origin" in name and name != "origin_velocity" for name in Angles._fields)
+    found = linked(angles)
+    assert origins(found, origin)[:4] and sorted(origins(found, origin)[:4]) == [[0], [1], [2], [3]]
+    assert found.confirmed[:4].all() and not found.confirmed[4:].any()
+    assert found.verdict[:4] == (ORBIT,) * 4
+    for k in range(4):
+        assert found.detections(k).size >= 16
+        truth = propagate(OBJECTS[origin[found.detections(k)[0]]], [found.fits.epoch[k]])[0]
+        error = found.fits.state[k] - truth
+        assert error @ np.linalg.solve(found.fits.covariance[k], error) < 25.0
+    again = linked(angles)
+    np.testing.assert_array_equal(again.fits.state, found.fits.state)
+    np.testing.assert_array_equal(again.log_ratio, found.log_ratio)
+
+
+def test_false_alarms_alone_give_no_confirmed_orbit():
+    angles, origin = night(OBJECTS, [0.0, 2.0, 5.0], 2.0, 2)
+    alarms = angles.rows(np.flatnonzero(origin < 0))
+    assert alarms.time.size > 100
+    found = linked(alarms)
+    assert not found.confirmed.any() and found.log_ratio.size <= 2
+
+
+def test_known_orbits_are_continued():
+    angles, origin = night(OBJECTS, [0.0, 2.0, 5.0, 9.0], 0.5, 3)
+    early = np.count_nonzero(angles.time < 4.0 * HOUR)
+    first = linked(angles.rows(np.arange(early)))
+    later = linked(angles, known=first)
+    at_once = linked(angles)
+    for found in (later, at_once):
+        assert sorted(origins(found, origin)[:4]) == [[0], [1], [2], [3]]
+        assert [found.detections(k).size for k in range(4)] == [24] * 4
+    order = [np.argsort([origin[x.detections(k)[0]] for k in range(4)]) for x in (later, at_once)]
+    sigma = np.sqrt(np.diagonal(at_once.fits.covariance[order[1]], axis1=1, axis2=2))
+    apart = later.fits.state[order[0]] - at_once.fits.state[order[1]]
+    assert np.abs(apart / sigma).max() < 1e-2
+
+
+def test_the_choice_is_that_of_brute_force():
+    angles, _ = night(OBJECTS[:3], [0.0, 0.5], 0.5, 4)
+    tracklets = attributables(angles, form_tracklets(angles))
+    settings, region = LinkingSettings(), AdmissibleRegion()
+    found = Hypotheses(angles, tracklets, EARTH_MOON, region, settings, LOG_CLUTTER, None)
+    rng, n = np.random.default_rng(5), tracklets.time.size
+    drawn = {tuple(sorted(rng.choice(n, 3, replace=False).tolist())) for _ in range(14)}
+    rows = [np.unique(np.concatenate([tracklets.detections[t] for t in each])) for each in drawn]
+    for number, (each, own) in enumerate(zip(sorted(drawn), rows, strict=True)):
+        fit = fit_orbits(angles, [own], OBJECTS[:1], 0.0)
+        found.fits.append(fit)
+        found.members.append(each)
+        found.scores.append(float(rng.uniform(1.0, 10.0)) + number * 1e-3)
+    sets = [
+        {row for t in each for row in tracklets.detections[t].tolist()} for each in found.members
+    ]
+    best = 0.0
+    for size in range(1, len(sets) + 1):
+        for some in combinations(range(len(sets)), size):
+            if sum(len(sets[k]) for k in some) == len(set().union(*(sets[k] for k in some))):
+                best = max(best, sum(found.scores[k] for k in some))
+    chosen = found.chosen()
+    assert sum(found.scores[k] for k in chosen) == pytest.approx(best)
+    assert 1 < len(chosen) < len(sets)
+
+
+def test_the_evidence_is_that_of_importance_sampling():
+    """The integral over states, by samples from a wider Gaussian and exact residuals."""
+    angles, _ = night(OBJECTS[:1], [0.0, 2.0], 0.0, 6)
+    region, rng, n = AdmissibleRegion(), np.random.default_rng(7), 4000
+    rows = np.arange(angles.time.size)
+    fit = fit_orbits(angles, [rows], OBJECTS[:1], 0.0)
+    wide = multivariate_normal(fit.state[0], 1.5 * fit.covariance[0], allow_singular=True)
+    sample = wide.rvs(n, random_state=rng)
+    density = []
+    for state in sample:
+        way = propagate(state, angles.time, method="dop853")[:, :3] - angles.place
+        along = np.einsum("ni,ni->n", way, angles.direction)
+        miss = np.einsum("nai,ni->na", angles.basis, way) / along[:, None] / SIGMA
+        density.append(-0.5 * np.sum(miss**2) - miss.size * 0.5 * np.log(2.0 * np.pi * SIGMA**2))
+    expected = logsumexp(np.array(density) - wide.logpdf(sample)) - np.log(n) + region.log_density
+    assert log_evidence(fit, angles, region)[0] == pytest.approx(expected, abs=0.1)
+
+
+def test_a_link_of_one_observer_states_what_it_leaves_open():
+    """Three tracklets of one observer permit two orbits of one object and leave the range of
+    another open; the true orbit is among those that are kept."""
+    for number, observer, verdict in ((1, 1, SEVERAL_ORBITS), (3, 1, DIRECTION_ONLY)):
+        angles, _ = night(OBJECTS[number : number + 1], [0.0, 2.0, 5.0], 0.0, 20)
+        found = linked(angles.rows(np.flatnonzero(angles.observer == observer)))
+        assert found.verdict == (verdict,) and not found.confirmed.any()
+        if verdict == DIRECTION_ONLY:
+            assert found.open_directions[0] > 0
+            continue
+        states = [found.fits.state[0], *found.rivals[0].state]
+        epochs = [found.fits.epoch[0], *found.rivals[0].epoch]
+        ways = [
+            np.linalg.norm(state[:3] - propagate(OBJECTS[number], [t])[0, :3])
+            for state, t in zip(states, epochs, strict=True)
+        ]
+        assert len(states) == 2 and min(ways) < 0.01 < max(ways)
+
+
+def test_confirmation_needs_observers_tracklets_and_a_determined_orbit():
+    rule = ConfirmationRule()
+    for observers, verdict, ratio, expected in (
+        ([0, 1, 2], ORBIT, 30.0, True),
+        ([0, 1, 2], SEVERAL_ORBITS, 30.0, False),
+        ([0, 1, 2], ORBIT, 5.0, False),
+        ([0, 0, 1, 1], ORBIT, 30.0, False),
+        ([0, 0, 0, 1, 1], ORBIT, 30.0, True),
+        ([0, 0, 0, 0, 1], ORBIT, 30.0, False),
+        ([0] * 9, ORBIT, 90.0, False),
+        ([0, 0, 0, 1, 1], DIRECTION_ONLY, 30.0, False),
+    ):
+        assert rule.confirms(observers, verdict, ratio) is expected
+
+
+def test_bad_input_and_nothing_to_link():
+    angles, _ = night(OBJECTS[:1], [0.0], 0.0, 8)
+    empty = linked(angles.rows([]))
+    assert empty.log_ratio.size == 0 and empty.verdict == ()
+    with pytest.raises(ConfigurationError, match="log_clutter must be finite"):
+        link(angles, attributables(angles, []), log_clutter=-np.inf)
+    with pytest.raises(ConfigurationError, match="gate_probability"):
+        LinkingSettings(gate_probability=1.5)
+    grown = Grown(fit_orbits(angles, [], np.empty((0, 6)), 0.0), ())
+    assert grown.fits.take([]).epoch.size == 0
