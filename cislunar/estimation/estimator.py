@@ -273,6 +273,12 @@ class Estimator(Protocol):
         """
         ...
 
+    def widen(self, covariance: Array) -> None:
+        """Add covariances, shape (target, 6, 6), to those of position and velocity at the time of
+        the last processed step. An orbit that is a Gaussian mixture and a failed estimate do not
+        change."""
+        ...
+
     def add(
         self,
         initial: InitialEstimate,

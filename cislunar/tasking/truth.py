@@ -14,6 +14,7 @@ from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import require_span
 from cislunar.estimation.estimator import Estimates, InitialEstimate
+from cislunar.estimation.navigation.errors import ObserverErrorSigma
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.body_sampling import sample_rotations, sample_surfaces
 from cislunar.observation.scene import Scene
@@ -43,6 +44,11 @@ class TruthModel(NamedTuple):
         Standard deviations of the body-parameter deviations of the targets in each realization.
     sensor : Sensor, sequence of Sensor, or None
         True sensors, if noise depends on observer or magnitude.
+    observer_sigma : ObserverErrorSigma
+        Standard deviations of the errors of the observers in each realization.
+    observer_errors : ndarray, shape (observer, 6), or None
+        Constant errors of the observers in all realizations; m, arcsec and s, see
+        `cislunar.estimation.navigation.errors`.
     """
 
     surfaces: TargetSurfaces
@@ -51,6 +57,8 @@ class TruthModel(NamedTuple):
     forces: tuple = EARTH_MOON
     parameter_sigma: BodyParameterPrior = BodyParameterPrior()
     sensor: Sensors | None = None
+    observer_sigma: ObserverErrorSigma = ObserverErrorSigma()
+    observer_errors: Array | None = None
 
     def sampled(self, seed: int, target_ids: ArrayLike) -> "TruthModel":
         """The truth of one realization, with its body-parameter deviations sampled; the same

@@ -11,6 +11,7 @@ from cislunar.campaign.settings import cell_tree, tree
 from cislunar.campaign.settings.cell_settings import true_settings
 from cislunar.estimation.estimator import EstimatorFactory
 from cislunar.estimation.fusion.catalogs import catalogs
+from cislunar.estimation.navigation.navigated import navigated
 from cislunar.estimation.registry import estimator_named
 from cislunar.observation.body_factory import body_from_spec, equal_sphere_of
 from cislunar.observation.body_parameters import BodyParameterPrior
@@ -98,6 +99,7 @@ def truth_model(cell: cell_tree.CellSettings, names: Sequence[Sequence[str]]) ->
         true.sensor.noise,
         np.deg2rad(deg_h2) / 3600.0**2,
         parameter_sigma=BodyParameterPrior(**cell.truth.parameter_sigma.model_dump()),
+        observer_sigma=cell.observer_errors.truth,
     )
 
 
@@ -136,4 +138,6 @@ def estimator_factory(name: str, cell: cell_tree.CellSettings) -> EstimatorFacto
         splitting=cell.filter.splitting,
         batch_settings=cell.batch,
     )
-    return catalogs(common, cell.fusion)
+    errors = cell.observer_errors
+    given = common, errors.treatment, errors.assumed
+    return catalogs(navigated(*given, process_noise=cell.process_noise), cell.fusion)

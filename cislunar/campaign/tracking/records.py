@@ -9,12 +9,18 @@ import xarray as xr
 
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.navigation.errors import OBSERVER_PARAMETERS
 from cislunar.exchange.arcs import arc
 from cislunar.exchange.inertial import Epoch
 from cislunar.exchange.oem import Segment
 from cislunar.observation.scene import Scene
 
 _TRANSLATION = ["x", "y", "z", "vx", "vy", "vz"]
+
+_OBSERVER = (
+    "component of an observer's error: position along the axes of the propagation frame (m), "
+    "right ascension and declination (arcsec), clock (s)"
+)
 
 RECORD_COORDINATES = {
     "translation": ("translation", _TRANSLATION, "1", "position and velocity"),
@@ -29,6 +35,8 @@ RECORD_COORDINATES = {
         "1",
         "GOSPA distance (km), and the parts of its square (km2)",
     ),
+    "observer_parameter": ("observer_parameter", [*OBSERVER_PARAMETERS], "1", _OBSERVER),
+    "observer_parameter_2": ("observer_parameter_2", [*OBSERVER_PARAMETERS], "1", _OBSERVER),
 }
 """Coordinates of the recorded variables: dimensions, values, unit and description."""
 

@@ -156,6 +156,10 @@ class _Catalogs:
         kept = spread if covariance else spread[:, :0]
         return Estimates(quaternion, rate, fused, sigma, kept, used)
 
+    def widen(self, covariance: Array) -> None:
+        """Raise ConfigurationError: see `Estimator.widen`."""
+        raise ConfigurationError("fusion: orbits are widened with fusion = 'common' only")
+
     def add(self, *_: object, **__: object) -> None:
         """Raise ConfigurationError: see `Estimator.add`."""
         raise ConfigurationError("fusion: tracks are added with fusion = 'common' only")

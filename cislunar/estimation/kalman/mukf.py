@@ -41,6 +41,7 @@ from cislunar.estimation.track_arrays import (
     remaining_tracks,
     selected_tracks,
     starting_index,
+    widened_roots,
 )
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.records import Measurements, no_measurements
@@ -48,6 +49,8 @@ from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
 from cislunar.observation.target_surfaces import TargetSurfaces, joined_surfaces, surfaces_of
 from cislunar.runtime.threads import share_out
+
+Array = NDArray[np.float64]
 
 
 class MultiplicativeUKF:
@@ -156,6 +159,12 @@ class MultiplicativeUKF:
         share_out(lambda start, stop: advance((start, stop), *given), len(self._state.failed))
         self._index += measurements.offset.shape[1] - 1
         return out
+
+    def widen(self, covariance: Array) -> None:
+        """See `Estimator.widen`."""
+        single = (self._state.failed == HEALTHY) & (self._mixture.count == 0)
+        root = widened_roots(self._state.root, covariance, single)
+        self._state = self._state._replace(root=root)
 
     def add(
         self,

@@ -47,6 +47,7 @@ from cislunar.estimation.track_arrays import (
     remaining_tracks,
     selected_tracks,
     starting_index,
+    widened_roots,
 )
 from cislunar.observation.body_parameters import HOUR, BodyParameterPrior
 from cislunar.observation.records import Measurements, no_measurements
@@ -263,6 +264,12 @@ class BatchEstimator:
         if final:
             self._open = 0
         return out
+
+    def widen(self, covariance: Array) -> None:
+        """See `Estimator.widen`."""
+        tracks = self._tracks
+        single = (tracks.fit.condition == HEALTHY) & (tracks.mixture.count == 0)
+        self._tracks = tracks._replace(root=widened_roots(tracks.root, covariance, single))
 
     def add(
         self,

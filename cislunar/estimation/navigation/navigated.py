@@ -1,0 +1,395 @@
+"""Estimates of targets whose observers have errors: considered (Schmidt) or calibrated.
+
+A filter runs as if its observers were exact: its estimate m of a target has the covariance D given
+the observers' errors c. Beside it, a recursion that is linear about m carries what c changes.
+
+Calibrated. Given c, the true state is m + V c with the covariance D, and an innovation of the
+filter is G c plus white noise of covariance S, with G = H V + J, J the derivative of the measured
+angles by c, and V <- (I - K H) Phi V - K J (the separated bias of Friedland 1969). Targets are
+independent given c, so that their information on it adds up: at the end of every interval
+
+    I = P_c^-1 + sum over the rows of all targets of G^T S^-1 G,
+
+in which the rows of target j are P_cj^-1 - P_c^-1, with P_cj the covariance of c by that target
+alone. The estimate of a target at a step is m + V c_j, its covariance D + V P_cj V^T, where c_j
+includes the intervals before from all targets, and the present one from its own rows. For linear
+models and constant errors the result at the end of an interval is that of one filter of all targets
+and errors. A random walk adds Q to P_c; V is then replaced by V P_c (P_c + Q)^-1, the filter's D
+grows by V (P_c - P_c (P_c + Q)^-1 P_c) V^T, and the correlation of targets given c that arises is
+neglected.
+
+Considered. The state has the gain of the Schmidt-Kalman filter (Schmidt 1966; Jazwinski 1970,
+section 8.4), which contains the covariance of the errors and its correlation with the state; the
+errors themselves stay at zero with their prior covariance.
+
+Assumptions and limitations
+---------------------------
+- The magnitude of a target determines its orbit much less than the angles; the recursions neglect
+  its part in the gain. They also neglect the part of errors in attitudes and body parameters.
+- A Gaussian mixture is represented by its moments, and its components do not grow by a random walk.
+- Errors along the axes of the propagation frame are constant, or a random walk. Those of an
+  observer in free fall are neither for longer than part of its period; the walk has to cover that.
+- A clock error shifts a direction by the relative velocity, to first order in the time. The
+  observer's attitude is measured at the exposure and therefore does not depend on the clock.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation as SpatialRotation
+
+from cislunar.constants import TIME_UNIT_S
+from cislunar.dynamics.forces import of_targets
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.estimator import (
+    HEALTHY,
+    Estimates,
+    Estimator,
+    EstimatorFactory,
+    InitialEstimate,
+    OrbitEstimates,
+    Prediction,
+)
+from cislunar.estimation.initial_sigma import ProcessNoise
+from cislunar.estimation.navigation.calibration import calibrate
+from cislunar.estimation.navigation.errors import (
+    N_PARAMETERS,
+    TREATMENTS,
+    UNITS,
+    ObserverErrorSigma,
+)
+from cislunar.estimation.navigation.linearization import SIZE, ObserverModel, carry_corrections
+from cislunar.estimation.navigation.schmidt import consider
+from cislunar.estimation.track_arrays import remaining_tracks, widened_roots
+from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.records import Measurements, rows_of
+from cislunar.observation.scene import Scene
+from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime.arguments import require_kind
+from cislunar.runtime.threads import share_out
+
+Array = NDArray[np.float64]
+
+_BLOCK_S = 300.0
+"""Time in which a random walk of the observers' errors counts as constant, s."""
+
+
+class ObserverEstimate(NamedTuple):
+    """Estimated errors of the observers: `mean` (observer, 6) and `covariance` (observer, 6, 6), in
+    the order of `OBSERVER_PARAMETERS`; m, arcsec and s. Components that are not estimated have a
+    mean of zero and their prior variance."""
+
+    mean: Array
+    covariance: Array
+
+
+def frame_rotation(scene: Scene) -> Array:
+    """Angular velocity of the propagation frame relative to the inertial frame, shape (3,),
+    nondimensional, along the axes of the propagation frame."""
+    turn = scene.frame_axes[0].T @ scene.frame_axes[min(1, scene.frame_axes.shape[0] - 1)]
+    return SpatialRotation.from_matrix(turn).as_rotvec() / scene.step
+
+
+def observer_velocities(scene: Scene) -> Array:
+    """Velocities of the observers, shape (observer, time, 3), nondimensional, propagation frame, by
+    differences of their positions."""
+    position = scene.observer_position
+    if position.shape[1] < 3:
+        return np.gradient(position, scene.step, axis=1) if position.shape[1] > 1 else 0 * position
+    return np.gradient(position, scene.step, axis=1, edge_order=2)
+
+
+class NavigatedEstimator:
+    """An `Estimator` that runs another one and treats the errors of its observers.
+
+    Parameters
+    ----------
+    inner : Estimator
+        Estimator that takes its observers for exact.
+    scene : Scene
+        Believed positions of the observers.
+    forces : NamedTuple
+        Assumed force model.
+    sigma : ObserverErrorSigma
+        Assumed standard deviations of the observers' errors.
+    treatment : {"considered", "calibrated"}
+    process_noise : ProcessNoise, optional
+        That of the inner estimator.
+    n_targets : int
+    """
+
+    def __init__(
+        self,
+        inner: Estimator,
+        scene: Scene,
+        forces: tuple,
+        sigma: ObserverErrorSigma,
+        treatment: str,
+        process_noise: ProcessNoise | None,
+        n_targets: int,
+    ) -> None:
+        constant, walk = sigma.constant(), sigma.walk()
+        scale = np.hypot(constant, walk)
+        some = np.flatnonzero(scale > 0.0)
+        column = np.full(N_PARAMETERS, -1, dtype=np.int64)
+        column[some] = np.arange(some.size)
+        variance, both = (ProcessNoise() if process_noise is None else process_noise).covariance(
+            scene.step_s
+        )
+        process = np.diag(variance[6:])
+        process[np.arange(3), np.arange(3, 6)] = process[np.arange(3, 6), np.arange(3)] = both
+        self._inner, self._scene, self._forces = inner, scene, forces
+        self._calibrated = treatment == "calibrated"
+        self._model = ObserverModel(
+            column,
+            some.size,
+            np.where(scale > 0.0, scale, 1.0),
+            np.ascontiguousarray(observer_velocities(scene)),
+            frame_rotation(scene),
+            TIME_UNIT_S if scene.step == 0.0 else scene.step_s / scene.step,
+            process,
+        )
+        n_observers = scene.observer_position.shape[0]
+        n = n_observers * some.size
+        relative = (constant[some] / scale[some]) ** 2, (walk[some] / scale[some]) ** 2
+        prior, self._growth = (np.tile(each, n_observers) for each in relative)
+        self._growth = self._growth / 86_400.0  # per second
+        self._mean, self._covariance = np.zeros(n), np.diag(prior)
+        # calibrated: V, with a column of a constant; considered: covariance with the errors
+        self._sensitivity = np.zeros((n_targets, SIZE, n + 1 if self._calibrated else n))
+        self._shift = np.zeros((n_targets, SIZE))
+        self._spread = np.zeros((n_targets, SIZE, SIZE))
+
+    @property
+    def failed(self) -> NDArray[np.uint8]:
+        """See `Estimator.failed`."""
+        return self._inner.failed
+
+    @property
+    def counters(self) -> NDArray[np.int64]:
+        """See `Estimator.counters`."""
+        return self._inner.counters
+
+    @property
+    def estimated_parameters(self) -> BodyParameterPrior:
+        """See `Estimator.estimated_parameters`."""
+        return self._inner.estimated_parameters
+
+    @property
+    def searches(self) -> NDArray[np.int64]:
+        """See `cislunar.estimation.light_curves.batch.BatchEstimator.searches`."""
+        return self._inner.searches
+
+    def learned(self) -> tuple[Array, Array]:
+        """See `cislunar.estimation.light_curves.batch.BatchEstimator.learned`."""
+        return self._inner.learned()
+
+    def observers(self) -> ObserverEstimate:
+        """Estimated errors of the observers at the time of the last processed step."""
+        m, unit = self._model.per_observer, self._model.unit / UNITS
+        some = np.flatnonzero(self._model.column >= 0)
+        n_observers = self._scene.observer_position.shape[0]
+        mean = np.zeros((n_observers, N_PARAMETERS))
+        covariance = np.zeros((n_observers, N_PARAMETERS, N_PARAMETERS))
+        mean[:, some] = self._mean.reshape(n_observers, m) * unit[some]
+        scale = unit[some] * unit[some][:, None]
+        for o in range(n_observers):
+            own = slice(m * o, m * o + m)
+            covariance[o][np.ix_(some, some)] = scale * self._covariance[own, own]
+        return ObserverEstimate(mean, covariance)
+
+    def predict(self) -> Prediction:
+        """See `Estimator.predict`."""
+        ahead, now = self._inner.predict(), self._inner.orbits()
+        shift, spread = self._shift.copy(), self._spread.copy()
+        carry_corrections(now.index, self._scene, self._forces, now.translation, shift, spread)
+        corrected = ahead._replace(
+            translation=ahead.translation + shift, covariance=ahead.covariance + spread
+        )
+        if ahead.root is None:
+            return corrected
+        sound = (self.failed == HEALTHY) & np.isfinite(ahead.translation[:, 0])
+        return corrected._replace(root=widened_roots(ahead.root, spread, sound))
+
+    def orbits(self) -> OrbitEstimates:
+        """See `Estimator.orbits`."""
+        now = self._inner.orbits()
+        return now._replace(
+            translation=now.translation + self._shift, covariance=now.covariance + self._spread
+        )
+
+    def advance(
+        self, measurements: Measurements, *, covariance: bool = False, final: bool = True
+    ) -> Estimates:
+        """See `Estimator.advance`. The information of all targets on the errors is added up at the
+        end of the steps."""
+        if not np.any(self._growth > 0.0):
+            found = self._advance(measurements, final)
+        else:
+            found = self._walked(measurements, final)
+        return found if covariance else found._replace(covariance=found.covariance[:, :0])
+
+    def _walked(self, measurements: Measurements, final: bool) -> Estimates:
+        """Process steps in short blocks, in each of which the random walk is that of its middle."""
+        n_steps, step_s = measurements.offset.shape[1] - 1, self._scene.step_s
+        size = max(1, int(_BLOCK_S / step_s))
+        _, step = rows_of(measurements)
+        used, several, done = np.empty(step.size, dtype=bool), [], 0
+        while done < n_steps or not several:
+            stop = min(done + size, n_steps)
+            self._walk(0.5 * (stop - done) * step_s)
+            rows = (step >= done) & (step < stop)
+            part = measurements.where(rows)
+            offset = np.ascontiguousarray(part.offset[:, done : stop + 1])
+            found = self._advance(part._replace(offset=offset), final and stop == n_steps)
+            self._walk(0.5 * (stop - done) * step_s)
+            used[rows], done = found.used, stop
+            several.append(found[:-1])
+        histories = (np.concatenate(each, axis=1) for each in zip(*several, strict=True))
+        return Estimates(*histories, used)
+
+    def _advance(self, measurements: Measurements, final: bool) -> Estimates:
+        """Process steps with constant errors."""
+        start = self._inner.orbits()
+        found = self._inner.advance(measurements, covariance=True, final=final)
+        first, model = start.index + 1, (self._scene, self._forces, self._model)
+        orbits = start.translation, start.covariance, found.translation, found.covariance
+        out = np.empty_like(found.translation), np.empty_like(found.covariance)
+        if self._calibrated:
+            self._calibrate(first, model, measurements, found.used, orbits, out)
+        else:
+            own = self._shift, self._spread, self._sensitivity
+            given = first, model, measurements, (found.used, *orbits), own
+            variance = np.diag(self._covariance).copy()
+            share_out(
+                lambda start, stop: consider((start, stop), *given, variance, out),
+                self.failed.size,
+            )
+        sigma = found.sigma.copy()
+        sigma[..., SIZE:] = np.sqrt(np.diagonal(out[1], axis1=2, axis2=3))
+        return found._replace(translation=out[0], sigma=sigma, covariance=out[1])
+
+    def _calibrate(
+        self,
+        first: int,
+        model: tuple,
+        measurements: Measurements,
+        used: NDArray[np.bool_],
+        orbits: tuple[Array, ...],
+        out: tuple[Array, Array],
+    ) -> None:
+        """Run the recursion over an interval and update the errors by all of its rows."""
+        n, row_of = self._mean.size, np.cumsum(used) - 1
+        white, residual = np.empty((used.sum(), 2, n)), np.empty((used.sum(), 2))
+        parameters = self._mean, self._covariance
+        given = first, model, measurements, (used, row_of, *orbits), self._sensitivity, parameters
+        share_out(
+            lambda start, stop: calibrate((start, stop), *given, (*out, white, residual)),
+            self.failed.size,
+        )
+        rows, errors = white.reshape(-1, n), residual.ravel()
+        # P = (I + P_c sum G^T S^-1 G)^-1 P_c needs no inverse of the prior, which may be singular
+        information = rows.T @ rows
+        found = np.linalg.solve(np.eye(n) + self._covariance @ information, self._covariance)
+        self._covariance = 0.5 * (found + found.T)
+        self._mean = self._mean + self._covariance @ (rows.T @ (errors - rows @ self._mean))
+        self._correct()
+
+    def _correct(self) -> None:
+        """Corrections of the present estimates by the errors as they are known now."""
+        by_errors, constant = self._sensitivity[..., :-1], self._sensitivity[..., -1]
+        self._shift = by_errors @ self._mean + constant
+        self._spread = by_errors @ self._covariance @ by_errors.swapaxes(1, 2)
+
+    def _walk(self, elapsed_s: float) -> None:
+        """Add the random walk of a time to the errors."""
+        added, before = self._growth * elapsed_s, self._covariance
+        self._covariance = before + np.diag(added)
+        if not self._calibrated:
+            return
+        kept = np.linalg.solve(self._covariance, before).T  # P_c (P_c + Q)^-1
+        by_errors = self._sensitivity[..., :-1].copy()
+        self._sensitivity[..., :-1] = by_errors @ kept
+        self._sensitivity[..., -1] += by_errors @ (self._mean - kept @ self._mean)
+        gained = before - kept @ before
+        gained = by_errors @ (0.5 * (gained + gained.T)) @ by_errors.swapaxes(1, 2)
+        self._inner.widen(gained)
+        self._correct()
+
+    def widen(self, covariance: Array) -> None:
+        """See `Estimator.widen`."""
+        self._inner.widen(covariance)
+
+    def add(
+        self,
+        initial: InitialEstimate,
+        surfaces: TargetSurfaces,
+        rng: np.random.Generator | None = None,
+        *,
+        index: int | None = None,
+        forces: tuple | None = None,
+    ) -> None:
+        """See `Estimator.add`. The estimates of new tracks are independent of the errors."""
+        self._inner.add(initial, surfaces, rng, index=index, forces=forces)
+        self._forces = self._forces if forces is None else forces
+        n_new = initial.translation.shape[0]
+        for name in ("_sensitivity", "_shift", "_spread"):
+            old = getattr(self, name)
+            setattr(self, name, np.concatenate([old, np.zeros((n_new, *old.shape[1:]))]))
+
+    def remove(self, targets: ArrayLike) -> None:
+        """See `Estimator.remove`."""
+        left = remaining_tracks(self.failed.size, targets)
+        self._inner.remove(targets)
+        self._forces = of_targets(self._forces, left)
+        for name in ("_sensitivity", "_shift", "_spread"):
+            setattr(self, name, getattr(self, name)[left])
+
+
+def navigated(
+    factory: EstimatorFactory,
+    treatment: str,
+    sigma: ObserverErrorSigma,
+    *,
+    process_noise: ProcessNoise | None = None,
+) -> EstimatorFactory:
+    """Factory of estimators that treat the errors of the observers; see `NavigatedEstimator`.
+
+    Parameters
+    ----------
+    factory : EstimatorFactory
+        Factory of estimators that take the observers for exact.
+    treatment : {"none", "considered", "calibrated"}
+        "none" returns `factory`.
+    sigma : ObserverErrorSigma
+        Assumed standard deviations of the observers' errors.
+    process_noise : ProcessNoise, optional
+        That of the estimators of `factory`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the treatment is unknown, or all standard deviations are zero.
+    """
+    if treatment not in TREATMENTS:
+        raise ConfigurationError(
+            f"treatment = {treatment!r} is unknown: use one of {list(TREATMENTS)}"
+        )
+    if treatment == "none":
+        return factory
+    require_kind("sigma", sigma, ObserverErrorSigma, "give an ObserverErrorSigma")
+    if not sigma.present:
+        raise ConfigurationError(
+            f"treatment = {treatment!r} needs a prior: give position_m, pointing_arcsec or clock_s"
+        )
+
+    def make(scene, surfaces, sensor, initial, rng, forces):
+        inner = factory(scene, surfaces, sensor, initial, rng, forces)
+        n_targets = initial.translation.shape[0]
+        return NavigatedEstimator(inner, scene, forces, sigma, treatment, process_noise, n_targets)
+
+    make.estimated_parameters = getattr(factory, "estimated_parameters", BodyParameterPrior())
+    return make
