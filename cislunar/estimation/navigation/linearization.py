@@ -49,6 +49,7 @@ class RecursionScratch(NamedTuple):
     slopes: Array
     stage: Array
     mean: Array
+    beside: Array
     phi: Array
     square: Array
     rows: Array
@@ -61,9 +62,10 @@ class RecursionScratch(NamedTuple):
 def make_scratch():
     """Scratch arrays of a recursion."""
     return RecursionScratch(
-        np.empty((SIZE, SIZE + 1)),
-        np.empty((STAGES8, SIZE, SIZE + 1)),
-        np.empty((SIZE, SIZE + 1)),
+        np.empty((SIZE, SIZE + 2)),
+        np.empty((STAGES8, SIZE, SIZE + 2)),
+        np.empty((SIZE, SIZE + 2)),
+        np.empty(SIZE),
         np.empty(SIZE),
         np.empty((SIZE, SIZE)),
         np.empty((SIZE, SIZE)),
@@ -75,17 +77,19 @@ def make_scratch():
 
 
 @njit_noalloc
-def transition(forces, k, scene, state, work):
-    """Propagate a state (6,) over the step from time k, into `work.mean`, with the transition
-    matrix into `work.phi`."""
+def transition(forces, k, scene, state, other, work):
+    """Propagate a state (6,) and another one nearby over the step from time k, into `work.mean` and
+    `work.beside`, with the transition matrix of the first into `work.phi`."""
     bundle = work.bundle
     for c in range(SIZE):
         for i in range(SIZE + 1):
             bundle[c, i] = state[c]
         bundle[c, 1 + c] += _OFFSET
+        bundle[c, SIZE + 1] = other[c]
     step_cloud(forces, k * scene.step, bundle, scene.step, work.slopes, work.stage)
     for c in range(SIZE):
         work.mean[c] = bundle[c, 0]
+        work.beside[c] = bundle[c, SIZE + 1]
         for i in range(SIZE):
             work.phi[c, i] = (bundle[c, 1 + i] - bundle[c, 0]) / _OFFSET
 
@@ -114,17 +118,11 @@ def carry_covariance(phi, covariance, work):
 
 
 @njit_noalloc
-def carry_vector(phi, vector):
-    """Replace a vector (6,) by phi times it."""
-    t0 = t1 = t2 = t3 = t4 = t5 = 0.0
-    for c in range(SIZE):
-        t0 += phi[0, c] * vector[c]
-        t1 += phi[1, c] * vector[c]
-        t2 += phi[2, c] * vector[c]
-        t3 += phi[3, c] * vector[c]
-        t4 += phi[4, c] * vector[c]
-        t5 += phi[5, c] * vector[c]
-    vector[0], vector[1], vector[2], vector[3], vector[4], vector[5] = t0, t1, t2, t3, t4, t5
+def residual_angles(state, value, place, axes, out):
+    """Measured less expected right ascension and declination, into `out` (2,)."""
+    dx, dy, dz = state[0] - place[0], state[1] - place[1], state[2] - place[2]
+    ra, dec = direction_angles(dx, dy, dz, axes)
+    out[0], out[1] = wrap_angle(value[1] - ra), value[2] - dec
 
 
 @njit_noalloc
@@ -133,10 +131,9 @@ def linearize(state, value, o, k, scene, observers, work):
     derivatives by the state's position go into `work.rows`, by the parameters of the observer, J,
     into `work.own` (2, m)."""
     place, axes = scene.observer_position[o, k], scene.observer_axes[k]
+    residual_angles(state, value, place, axes, work.angles)
     dx, dy, dz = state[0] - place[0], state[1] - place[1], state[2] - place[2]
-    ra, dec = direction_angles(dx, dy, dz, axes)
-    angles, rows, own = work.angles, work.rows, work.own
-    angles[0], angles[1] = wrap_angle(value[1] - ra), value[2] - dec
+    rows, own = work.rows, work.own
     angle_rows(dx, dy, dz, axes, rows)
     own[:, :] = 0.0
     for c in range(6):
@@ -200,9 +197,13 @@ def use_exactly(covariance, variance, work):
 def carry_corrections(k, scene, forces, mean, shift, spread):
     """Propagate shifts (target, 6) and covariances (target, 6, 6) of estimates over the step from
     time k, in place; `mean` (target, 6) are the filter's estimates."""
-    work = make_scratch()
+    work, place = make_scratch(), np.empty(SIZE)
     for j in range(mean.shape[0]):
-        if np.isfinite(mean[j, 0]):
-            transition(of_state(forces, j), k, scene, mean[j], work)
-            carry_vector(work.phi, shift[j])
-            carry_covariance(work.phi, spread[j], work.square)
+        if not np.isfinite(mean[j, 0]):
+            continue
+        for c in range(SIZE):
+            place[c] = mean[j, c] + shift[j, c]
+        transition(of_state(forces, j), k, scene, place, mean[j], work)
+        for c in range(SIZE):
+            shift[j, c] = work.mean[c] - work.beside[c]
+        carry_covariance(work.phi, spread[j], work.square)

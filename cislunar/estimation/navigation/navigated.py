@@ -158,8 +158,9 @@ class NavigatedEstimator:
         prior, self._growth = (np.tile(each, n_observers) for each in relative)
         self._growth = self._growth / 86_400.0  # per second
         self._mean, self._covariance = np.zeros(n), np.diag(prior)
-        # calibrated: V, with a column of a constant; considered: covariance with the errors
-        self._sensitivity = np.zeros((n_targets, SIZE, n + 1 if self._calibrated else n))
+        # calibrated: derivatives V by the errors; considered: covariance with the errors
+        self._sensitivity = np.zeros((n_targets, SIZE, n))
+        # of the estimates less those of the inner estimator
         self._shift = np.zeros((n_targets, SIZE))
         self._spread = np.zeros((n_targets, SIZE, SIZE))
 
@@ -285,7 +286,8 @@ class NavigatedEstimator:
         n, row_of = self._mean.size, np.cumsum(used) - 1
         white, residual = np.empty((used.sum(), 2, n)), np.empty((used.sum(), 2))
         parameters = self._mean, self._covariance
-        given = first, model, measurements, (used, row_of, *orbits), self._sensitivity, parameters
+        own = self._shift, self._sensitivity
+        given = first, model, measurements, (used, row_of, *orbits), own, parameters
         share_out(
             lambda start, stop: calibrate((start, stop), *given, (*out, white, residual)),
             self.failed.size,
@@ -296,13 +298,12 @@ class NavigatedEstimator:
         found = np.linalg.solve(np.eye(n) + self._covariance @ information, self._covariance)
         self._covariance = 0.5 * (found + found.T)
         self._mean = self._mean + self._covariance @ (rows.T @ (errors - rows @ self._mean))
-        self._correct()
+        self._shift += self._sensitivity @ self._mean
+        self._spread = self._of_errors(self._covariance)
 
-    def _correct(self) -> None:
-        """Corrections of the present estimates by the errors as they are known now."""
-        by_errors, constant = self._sensitivity[..., :-1], self._sensitivity[..., -1]
-        self._shift = by_errors @ self._mean + constant
-        self._spread = by_errors @ self._covariance @ by_errors.swapaxes(1, 2)
+    def _of_errors(self, covariance: Array) -> Array:
+        """Covariance (target, 6, 6) of the estimates due to a covariance (n, n) of the errors."""
+        return self._sensitivity @ covariance @ self._sensitivity.swapaxes(1, 2)
 
     def _walk(self, elapsed_s: float) -> None:
         """Add the random walk of a time to the errors."""
@@ -311,13 +312,10 @@ class NavigatedEstimator:
         if not self._calibrated:
             return
         kept = np.linalg.solve(self._covariance, before).T  # P_c (P_c + Q)^-1
-        by_errors = self._sensitivity[..., :-1].copy()
-        self._sensitivity[..., :-1] = by_errors @ kept
-        self._sensitivity[..., -1] += by_errors @ (self._mean - kept @ self._mean)
         gained = before - kept @ before
-        gained = by_errors @ (0.5 * (gained + gained.T)) @ by_errors.swapaxes(1, 2)
-        self._inner.widen(gained)
-        self._correct()
+        self._inner.widen(self._of_errors(0.5 * (gained + gained.T)))
+        self._sensitivity = self._sensitivity @ kept
+        self._spread = self._of_errors(self._covariance)
 
     def widen(self, covariance: Array) -> None:
         """See `Estimator.widen`."""

@@ -10,11 +10,11 @@ from cislunar.dynamics.forces import of_state
 from cislunar.estimation.navigation.linearization import (
     SIZE,
     carry_covariance,
-    carry_vector,
     innovation_root,
     linearize,
     make_scratch,
     multiply,
+    residual_angles,
     transition,
     use_exactly,
 )
@@ -81,18 +81,20 @@ def _consider_target(j, first, model, records, orbit, own, parameter_variance, o
     forced = of_state(forces, j)
     offset = records.offset[j]
     path, moved, carried = np.eye(SIZE), np.empty((SIZE, SIZE)), np.empty(cross.shape)
-    state, before, gain = start.copy(), spread_start.copy(), np.empty((SIZE, 2))
-    place, whole = np.empty(SIZE), np.empty((SIZE, SIZE))
+    gain, whole, error = np.empty((SIZE, 2)), np.empty((SIZE, SIZE)), np.empty(2)
+    # of the filter beside, and the one that considers errors
+    state, before, place = start.copy(), spread_start.copy(), start + shift
     for i in range(offset.shape[0] - 1):
         k = first + i
         if not np.isfinite(mean[i, 0]):
             translation[i:], total[i:] = np.nan, np.nan
             return
-        transition(forced, k - 1, scene, state, work)
+        transition(forced, k - 1, scene, place, state, work)
         phi = work.phi
         multiply(phi, path, moved)
         copy_into(path, moved)
-        carry_vector(phi, shift)
+        copy_into(place, work.mean)
+        copy_into(state, work.beside)
         carry_covariance(phi, excess, work.square)
         any_used = False
         for row in range(offset[i], offset[i + 1]):
@@ -107,23 +109,31 @@ def _consider_target(j, first, model, records, orbit, own, parameter_variance, o
                 path[:, :] = 0.0
                 for c in range(SIZE):
                     path[c, c] = 1.0
-                    place[c] = work.mean[c] + shift[c]
                     for d in range(SIZE):
                         whole[c, d] = before[c, d] + excess[c, d]
-            o, variance = records.observer[row], records.variance[row, 1:]
-            linearize(place, records.value[row], o, k, scene, observers, work)
+            o, value, variance = (
+                records.observer[row],
+                records.value[row],
+                records.variance[row, 1:],
+            )
+            linearize(place, value, o, k, scene, observers, work)
             _consider(place, whole, cross, parameter_variance, variance, o, observers, work, gain)
             use_exactly(before, variance, work)
-        if any_used:
+            axes = scene.observer_axes[k]
+            residual_angles(state, value, scene.observer_position[o, k], axes, error)
             for c in range(SIZE):
-                shift[c] = place[c] - mean[i, c]
-                for d in range(SIZE):
-                    excess[c, d] = whole[c, d] - before[c, d]
-        copy_into(state, mean[i])
-        copy_into(before, covariance[i])
+                state[c] += work.gain[c, 0] * error[0] + work.gain[c, 1] * error[1]
         for a in range(SIZE):
-            translation[i, a] = mean[i, a] + shift[a]
+            shift[a] = place[a] - state[a]
             for b in range(SIZE):
+                if any_used:
+                    excess[a, b] = whole[a, b] - before[a, b]
+        # the filter itself decides on mean and covariance, from which the next step begins
+        for a in range(SIZE):
+            state[a] = mean[i, a]
+            place[a] = translation[i, a] = mean[i, a] + shift[a]
+            for b in range(SIZE):
+                before[a, b] = covariance[i, a, b]
                 total[i, a, b] = covariance[i, a, b] + excess[a, b]
     multiply(path, cross, carried)
     copy_into(cross, carried)
