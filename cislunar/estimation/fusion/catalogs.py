@@ -156,7 +156,7 @@ class _Catalogs:
         kept = spread if covariance else spread[:, :0]
         return Estimates(quaternion, rate, fused, sigma, kept, used)
 
-    def widen(self, covariance: Array) -> None:
+    def widen(self, covariance: Array) -> NDArray[np.bool_]:
         """Raise ConfigurationError: see `Estimator.widen`."""
         raise ConfigurationError("fusion: orbits are widened with fusion = 'common' only")
 

@@ -160,11 +160,12 @@ class MultiplicativeUKF:
         self._index += measurements.offset.shape[1] - 1
         return out
 
-    def widen(self, covariance: Array) -> None:
+    def widen(self, covariance: Array) -> NDArray[np.bool_]:
         """See `Estimator.widen`."""
         single = (self._state.failed == HEALTHY) & (self._mixture.count == 0)
         root = widened_roots(self._state.root, covariance, single)
         self._state = self._state._replace(root=root)
+        return single
 
     def add(
         self,

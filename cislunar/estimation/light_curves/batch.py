@@ -265,11 +265,12 @@ class BatchEstimator:
             self._open = 0
         return out
 
-    def widen(self, covariance: Array) -> None:
+    def widen(self, covariance: Array) -> NDArray[np.bool_]:
         """See `Estimator.widen`."""
         tracks = self._tracks
         single = (tracks.fit.condition == HEALTHY) & (tracks.mixture.count == 0)
         self._tracks = tracks._replace(root=widened_roots(tracks.root, covariance, single))
+        return single
 
     def add(
         self,

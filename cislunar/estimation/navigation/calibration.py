@@ -10,11 +10,11 @@ from cislunar.dynamics.forces import of_state
 from cislunar.estimation.navigation.linearization import (
     SIZE,
     carry_covariance,
+    follow,
     innovation_root,
     linearize,
     make_scratch,
     multiply,
-    residual_angles,
     transition,
     use_exactly,
 )
@@ -84,6 +84,7 @@ def _calibrate_target(j, first, model, records, orbit, own, parameters, out, wor
     spread, change = np.empty((SIZE, SIZE)), np.empty(n)
     product, carried, partial = np.empty((2, n)), np.empty((SIZE, n)), np.empty((2, n))
     path, moved, error = np.eye(SIZE), np.empty((SIZE, SIZE)), np.empty(2)
+    beside = np.empty((SIZE, SIZE))
     # of the filter beside, and the calibrated one
     state, before, place = start.copy(), spread_start.copy(), start + shift
     _spread_of(sensitivity, own_covariance, product[0], spread)
@@ -107,6 +108,7 @@ def _calibrate_target(j, first, model, records, orbit, own, parameters, out, wor
                 any_used = True
                 carry_covariance(phi, before, work.square)
                 before += observers.process
+                copy_into(beside, before)
                 multiply(path, sensitivity, carried)
                 copy_into(sensitivity, carried)
                 path[:, :] = 0.0
@@ -142,10 +144,7 @@ def _calibrate_target(j, first, model, records, orbit, own, parameters, out, wor
                 for d in range(n):
                     sensitivity[c, d] -= gain[c, 0] * partial[0, d] + gain[c, 1] * partial[1, d]
                     place[c] += sensitivity[c, d] * change[d]
-            axes = scene.observer_axes[k]
-            residual_angles(state, value, scene.observer_position[o, k], axes, error)
-            for c in range(SIZE):
-                state[c] += gain[c, 0] * error[0] + gain[c, 1] * error[1]
+            follow(state, beside, value, records.variance[row, 1:], o, k, scene, work)
         if any_used:
             _spread_of(sensitivity, own_covariance, product[0], spread)
         # the filter itself decides on mean and covariance, from which the next step begins

@@ -118,23 +118,23 @@ def carry_covariance(phi, covariance, work):
 
 
 @njit_noalloc
-def residual_angles(state, value, place, axes, out):
-    """Measured less expected right ascension and declination, into `out` (2,)."""
+def _by_state(state, value, o, k, scene, work):
+    """Measured less expected right ascension and declination, into `work.angles`, and the
+    derivatives of the expected ones by the state's position, into `work.rows`."""
+    place, axes = scene.observer_position[o, k], scene.observer_axes[k]
     dx, dy, dz = state[0] - place[0], state[1] - place[1], state[2] - place[2]
     ra, dec = direction_angles(dx, dy, dz, axes)
-    out[0], out[1] = wrap_angle(value[1] - ra), value[2] - dec
+    work.angles[0], work.angles[1] = wrap_angle(value[1] - ra), value[2] - dec
+    angle_rows(dx, dy, dz, axes, work.rows)
+    return dx, dy, dz
 
 
 @njit_noalloc
 def linearize(state, value, o, k, scene, observers, work):
-    """Residual of measured angles (right ascension, declination) into `work.angles`. Their
-    derivatives by the state's position go into `work.rows`, by the parameters of the observer, J,
-    into `work.own` (2, m)."""
-    place, axes = scene.observer_position[o, k], scene.observer_axes[k]
-    residual_angles(state, value, place, axes, work.angles)
-    dx, dy, dz = state[0] - place[0], state[1] - place[1], state[2] - place[2]
+    """As `_by_state`; the derivatives by the parameters of the observer, J, go into `work.own` (2,
+    m)."""
+    dx, dy, dz = _by_state(state, value, o, k, scene, work)
     rows, own = work.rows, work.own
-    angle_rows(dx, dy, dz, axes, rows)
     own[:, :] = 0.0
     for c in range(6):
         column = observers.column[c]
@@ -191,6 +191,16 @@ def use_exactly(covariance, variance, work):
         gain[c, 1] /= l22
         gain[c, 0] = (gain[c, 0] - l21 * gain[c, 1]) / l11
     return l11, l21, l22
+
+
+@njit_noalloc
+def follow(state, covariance, value, variance, o, k, scene, work):
+    """Update of the filter beside: its state (6,) and covariance (6, 6), by two angles."""
+    _by_state(state, value, o, k, scene, work)
+    use_exactly(covariance, variance, work)
+    gain, angles = work.gain, work.angles
+    for c in range(SIZE):
+        state[c] += gain[c, 0] * angles[0] + gain[c, 1] * angles[1]
 
 
 @njit(cache=True, error_model="numpy")

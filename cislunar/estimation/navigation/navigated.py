@@ -73,8 +73,14 @@ from cislunar.runtime.threads import share_out
 
 Array = NDArray[np.float64]
 
-_BLOCK_S = 300.0
-"""Time in which a random walk of the observers' errors counts as constant, s."""
+_BLOCK_S = 600.0
+"""Time after which the information of all targets is added up, and in which a random walk of the
+observers' errors counts as constant, s."""
+
+
+_LARGEST_BEND = 0.1
+"""Departure of an orbit's uncertainty from the tangent, due to the errors of observers, in standard
+deviations of the orbit given the errors, up to which their correlation is linear."""
 
 
 class ObserverEstimate(NamedTuple):
@@ -225,22 +231,14 @@ class NavigatedEstimator:
     def advance(
         self, measurements: Measurements, *, covariance: bool = False, final: bool = True
     ) -> Estimates:
-        """See `Estimator.advance`. The information of all targets on the errors is added up at the
-        end of the steps."""
-        if not np.any(self._growth > 0.0):
-            found = self._advance(measurements, final)
-        else:
-            found = self._walked(measurements, final)
-        return found if covariance else found._replace(covariance=found.covariance[:, :0])
-
-    def _walked(self, measurements: Measurements, final: bool) -> Estimates:
-        """Process steps in short blocks, in each of which the random walk is that of its middle."""
+        """See `Estimator.advance`."""
         n_steps, step_s = measurements.offset.shape[1] - 1, self._scene.step_s
         size = max(1, int(_BLOCK_S / step_s))
         _, step = rows_of(measurements)
         used, several, done = np.empty(step.size, dtype=bool), [], 0
         while done < n_steps or not several:
             stop = min(done + size, n_steps)
+            # in a block, the random walk is that of its middle
             self._walk(0.5 * (stop - done) * step_s)
             rows = (step >= done) & (step < stop)
             part = measurements.where(rows)
@@ -250,7 +248,8 @@ class NavigatedEstimator:
             used[rows], done = found.used, stop
             several.append(found[:-1])
         histories = (np.concatenate(each, axis=1) for each in zip(*several, strict=True))
-        return Estimates(*histories, used)
+        found = Estimates(*histories, used)
+        return found if covariance else found._replace(covariance=found.covariance[:, :0])
 
     def _advance(self, measurements: Measurements, final: bool) -> Estimates:
         """Process steps with constant errors."""
@@ -269,6 +268,7 @@ class NavigatedEstimator:
                 lambda start, stop: consider((start, stop), *given, variance, out),
                 self.failed.size,
             )
+        self._decouple()
         sigma = found.sigma.copy()
         sigma[..., SIZE:] = np.sqrt(np.diagonal(out[1], axis1=2, axis2=3))
         return found._replace(translation=out[0], sigma=sigma, covariance=out[1])
@@ -301,6 +301,23 @@ class NavigatedEstimator:
         self._shift += self._sensitivity @ self._mean
         self._spread = self._of_errors(self._covariance)
 
+    def _decouple(self) -> None:
+        """Give up the correlation of orbits with the errors where it is no longer linear: the inner
+        estimator gets the whole covariance, and what it knows of curved distributions applies. A
+        displacement s along an orbit of radius R leaves its tangent by s^2 / (2 R)."""
+        now = self._inner.orbits()
+        place = now.translation[:, None, :3] - self._scene.primaries[now.index]
+        radius = np.linalg.norm(place, axis=2).min(axis=1)
+        displaced, known = (
+            np.trace(each[:, :3, :3], axis1=1, axis2=2) for each in (self._spread, now.covariance)
+        )
+        curved = displaced > _LARGEST_BEND * 2.0 * radius * np.sqrt(known)  # false for NaN
+        if not np.any(curved):
+            return
+        added = self._spread + self._shift[:, :, None] * self._shift[:, None]
+        curved = self._inner.widen(np.where(curved[:, None, None], added, 0.0)) & curved
+        self._sensitivity[curved], self._shift[curved], self._spread[curved] = 0.0, 0.0, 0.0
+
     def _of_errors(self, covariance: Array) -> Array:
         """Covariance (target, 6, 6) of the estimates due to a covariance (n, n) of the errors."""
         return self._sensitivity @ covariance @ self._sensitivity.swapaxes(1, 2)
@@ -308,6 +325,8 @@ class NavigatedEstimator:
     def _walk(self, elapsed_s: float) -> None:
         """Add the random walk of a time to the errors."""
         added, before = self._growth * elapsed_s, self._covariance
+        if not np.any(added > 0.0):
+            return
         self._covariance = before + np.diag(added)
         if not self._calibrated:
             return
@@ -317,9 +336,9 @@ class NavigatedEstimator:
         self._sensitivity = self._sensitivity @ kept
         self._spread = self._of_errors(self._covariance)
 
-    def widen(self, covariance: Array) -> None:
+    def widen(self, covariance: Array) -> NDArray[np.bool_]:
         """See `Estimator.widen`."""
-        self._inner.widen(covariance)
+        return self._inner.widen(covariance)
 
     def add(
         self,

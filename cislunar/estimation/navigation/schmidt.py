@@ -10,13 +10,12 @@ from cislunar.dynamics.forces import of_state
 from cislunar.estimation.navigation.linearization import (
     SIZE,
     carry_covariance,
+    follow,
     innovation_root,
     linearize,
     make_scratch,
     multiply,
-    residual_angles,
     transition,
-    use_exactly,
 )
 
 
@@ -81,7 +80,7 @@ def _consider_target(j, first, model, records, orbit, own, parameter_variance, o
     forced = of_state(forces, j)
     offset = records.offset[j]
     path, moved, carried = np.eye(SIZE), np.empty((SIZE, SIZE)), np.empty(cross.shape)
-    gain, whole, error = np.empty((SIZE, 2)), np.empty((SIZE, SIZE)), np.empty(2)
+    gain, whole = np.empty((SIZE, 2)), np.empty((SIZE, SIZE))
     # of the filter beside, and the one that considers errors
     state, before, place = start.copy(), spread_start.copy(), start + shift
     for i in range(offset.shape[0] - 1):
@@ -118,11 +117,7 @@ def _consider_target(j, first, model, records, orbit, own, parameter_variance, o
             )
             linearize(place, value, o, k, scene, observers, work)
             _consider(place, whole, cross, parameter_variance, variance, o, observers, work, gain)
-            use_exactly(before, variance, work)
-            axes = scene.observer_axes[k]
-            residual_angles(state, value, scene.observer_position[o, k], axes, error)
-            for c in range(SIZE):
-                state[c] += work.gain[c, 0] * error[0] + work.gain[c, 1] * error[1]
+            follow(state, before, value, variance, o, k, scene, work)
         for a in range(SIZE):
             shift[a] = place[a] - state[a]
             for b in range(SIZE):
