@@ -273,10 +273,22 @@ class Estimator(Protocol):
         """
         ...
 
-    def widen(self, covariance: Array) -> None:
-        """Add covariances, shape (target, 6, 6), to those of position and velocity at the time of
-        the last processed step. An orbit that is a Gaussian mixture and a failed estimate do not
-        change."""
+    def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
+        """Change orbits at the time of the last processed step.
+
+        Parameters
+        ----------
+        shift : ndarray, shape (target, 6)
+            Added to position and velocity.
+        covariance : ndarray, shape (target, 6, 6)
+            Added to their covariance.
+
+        Returns
+        -------
+        ndarray of bool, shape (target,)
+            Which orbits have changed: not those of failed estimates, nor Gaussian mixtures, nor, if
+            Gaussians are split, any without an update at that time.
+        """
         ...
 
     def add(

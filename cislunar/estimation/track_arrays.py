@@ -56,15 +56,17 @@ def widened_roots(root: Array, covariance: Array, tracks: NDArray[np.bool_]) -> 
     root : ndarray, shape (track, n, n)
         Lower Cholesky factors.
     covariance : ndarray, shape (track, m, m)
-        Covariances that are added to those of the last m states.
+        Covariances that are added to those of the last m states. A factor to which nothing is added
+        stays as it is.
     tracks : ndarray of bool, shape (track,)
-        Tracks whose factors change.
+        Tracks whose factors may change.
     """
     out, m = root.copy(), covariance.shape[-1]
-    whole = root[tracks] @ root[tracks].swapaxes(1, 2)
-    whole[:, -m:, -m:] += covariance[tracks]
+    changed = tracks & np.any(covariance != 0.0, axis=(1, 2))
+    whole = root[changed] @ root[changed].swapaxes(1, 2)
+    whole[:, -m:, -m:] += covariance[changed]
     # in units of the deviations, so that rounding cannot make a covariance indefinite
     scale = np.sqrt(np.diagonal(whole, axis1=1, axis2=2))
     correlation = whole / (scale[:, :, None] * scale[:, None]) + 1e-12 * np.eye(root.shape[1])
-    out[tracks] = scale[:, :, None] * np.linalg.cholesky(correlation)
+    out[changed] = scale[:, :, None] * np.linalg.cholesky(correlation)
     return out

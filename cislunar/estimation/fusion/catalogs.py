@@ -156,9 +156,9 @@ class _Catalogs:
         kept = spread if covariance else spread[:, :0]
         return Estimates(quaternion, rate, fused, sigma, kept, used)
 
-    def widen(self, covariance: Array) -> NDArray[np.bool_]:
-        """Raise ConfigurationError: see `Estimator.widen`."""
-        raise ConfigurationError("fusion: orbits are widened with fusion = 'common' only")
+    def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
+        """Raise ConfigurationError: see `Estimator.correct`."""
+        raise ConfigurationError("fusion: orbits are corrected with fusion = 'common' only")
 
     def add(self, *_: object, **__: object) -> None:
         """Raise ConfigurationError: see `Estimator.add`."""

@@ -160,11 +160,14 @@ class MultiplicativeUKF:
         self._index += measurements.offset.shape[1] - 1
         return out
 
-    def widen(self, covariance: Array) -> NDArray[np.bool_]:
-        """See `Estimator.widen`."""
+    def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
+        """See `Estimator.correct`."""
+        # a gap keeps the Gaussian of its begin for a later split
         single = (self._state.failed == HEALTHY) & (self._mixture.count == 0)
+        single &= self._mixture.since < 0
         root = widened_roots(self._state.root, covariance, single)
-        self._state = self._state._replace(root=root)
+        translation = self._state.translation + np.where(single[:, None], shift, 0.0)
+        self._state = self._state._replace(root=root, translation=translation)
         return single
 
     def add(

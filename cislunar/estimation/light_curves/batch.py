@@ -265,11 +265,15 @@ class BatchEstimator:
             self._open = 0
         return out
 
-    def widen(self, covariance: Array) -> NDArray[np.bool_]:
-        """See `Estimator.widen`."""
+    def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
+        """See `Estimator.correct`."""
         tracks = self._tracks
+        # a gap keeps the Gaussian of its begin for a later split
         single = (tracks.fit.condition == HEALTHY) & (tracks.mixture.count == 0)
-        self._tracks = tracks._replace(root=widened_roots(tracks.root, covariance, single))
+        single &= tracks.mixture.since < 0
+        root = widened_roots(tracks.root, covariance, single)
+        translation = tracks.translation + np.where(single[:, None], shift, 0.0)
+        self._tracks = tracks._replace(root=root, translation=translation)
         return single
 
     def add(

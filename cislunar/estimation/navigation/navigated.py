@@ -268,7 +268,7 @@ class NavigatedEstimator:
                 lambda start, stop: consider((start, stop), *given, variance, out),
                 self.failed.size,
             )
-        self._decouple()
+        self._settle()
         sigma = found.sigma.copy()
         sigma[..., SIZE:] = np.sqrt(np.diagonal(out[1], axis1=2, axis2=3))
         return found._replace(translation=out[0], sigma=sigma, covariance=out[1])
@@ -301,10 +301,11 @@ class NavigatedEstimator:
         self._shift += self._sensitivity @ self._mean
         self._spread = self._of_errors(self._covariance)
 
-    def _decouple(self) -> None:
-        """Give up the correlation of orbits with the errors where it is no longer linear: the inner
-        estimator gets the whole covariance, and what it knows of curved distributions applies. A
-        displacement s along an orbit of radius R leaves its tangent by s^2 / (2 R)."""
+    def _settle(self) -> None:
+        """Correct the inner estimator, so that it stays near the estimates. Where the correlation
+        with the errors is no longer linear, it is given up: the inner estimator gets the whole
+        covariance. A displacement s along an orbit of radius R leaves its tangent by s^2 / (2 R).
+        """
         now = self._inner.orbits()
         place = now.translation[:, None, :3] - self._scene.primaries[now.index]
         radius = np.linalg.norm(place, axis=2).min(axis=1)
@@ -312,11 +313,11 @@ class NavigatedEstimator:
             np.trace(each[:, :3, :3], axis1=1, axis2=2) for each in (self._spread, now.covariance)
         )
         curved = displaced > _LARGEST_BEND * 2.0 * radius * np.sqrt(known)  # false for NaN
-        if not np.any(curved):
-            return
-        added = self._spread + self._shift[:, :, None] * self._shift[:, None]
-        curved = self._inner.widen(np.where(curved[:, None, None], added, 0.0)) & curved
-        self._sensitivity[curved], self._shift[curved], self._spread[curved] = 0.0, 0.0, 0.0
+        corrected = self._inner.correct(
+            self._shift, np.where(curved[:, None, None], self._spread, 0.0)
+        )
+        self._shift[corrected] = 0.0
+        self._sensitivity[corrected & curved], self._spread[corrected & curved] = 0.0, 0.0
 
     def _of_errors(self, covariance: Array) -> Array:
         """Covariance (target, 6, 6) of the estimates due to a covariance (n, n) of the errors."""
@@ -332,13 +333,15 @@ class NavigatedEstimator:
             return
         kept = np.linalg.solve(self._covariance, before).T  # P_c (P_c + Q)^-1
         gained = before - kept @ before
-        self._inner.widen(self._of_errors(0.5 * (gained + gained.T)))
-        self._sensitivity = self._sensitivity @ kept
+        gained = self._of_errors(0.5 * (gained + gained.T))
+        corrected = self._inner.correct(np.zeros_like(self._shift), gained)
+        # the others keep an estimate that moves with the errors, of a larger variance
+        self._sensitivity[corrected] = self._sensitivity[corrected] @ kept
         self._spread = self._of_errors(self._covariance)
 
-    def widen(self, covariance: Array) -> NDArray[np.bool_]:
-        """See `Estimator.widen`."""
-        return self._inner.widen(covariance)
+    def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
+        """See `Estimator.correct`."""
+        return self._inner.correct(shift, covariance)
 
     def add(
         self,
