@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation.errors import N_PARAMETERS, UNITS, ObserverErrorSigma
-from cislunar.estimation.navigation.navigated import frame_rotation, observer_velocities
+from cislunar.estimation.navigation.rates import frame_rotation, observer_velocities
 from cislunar.observation.scene import Scene
 from cislunar.observation.sightline import wrap_angle
 from cislunar.runtime.arguments import array_of

@@ -17,7 +17,7 @@ from cislunar.estimation.estimator import (
     Prediction,
 )
 from cislunar.estimation.navigation.errors import N_PARAMETERS
-from cislunar.estimation.navigation.navigated import NavigatedEstimator, ObserverEstimate
+from cislunar.estimation.navigation.navigated_estimator import NavigatedEstimator, ObserverEstimate
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation
 from cislunar.observation.body_sampling import true_deviations

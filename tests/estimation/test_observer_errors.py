@@ -12,8 +12,9 @@ from cislunar.errors import CislunarError
 from cislunar.estimation.estimator import InitialEstimate
 from cislunar.estimation.kalman.mukf import mukf
 from cislunar.estimation.light_curves.batch import batch
+from cislunar.estimation.navigation import navigated_estimator
 from cislunar.estimation.navigation.errors import UNITS, ObserverErrors, ObserverErrorSigma
-from cislunar.estimation.navigation.navigated import navigated
+from cislunar.estimation.navigation.factory import navigated
 from cislunar.estimation.navigation.table import errors_of_observers, load_observer_errors
 from cislunar.observation.records import Measurements, rows_of, schedule
 from cislunar.observation.sensor import Sensor
@@ -181,8 +182,9 @@ def test_the_calibration_is_the_least_squares_of_all_targets_and_errors(
     assert np.sqrt(np.diag(errors.covariance[0]))[3] < 0.7 * unit[3]
 
 
-def test_an_estimate_at_a_step_is_that_of_its_own_target_alone(case, linear):
+def test_an_estimate_at_a_step_is_that_of_its_own_target_alone(case, linear, monkeypatch):
     """Before the information is added up, a target has its own rows."""
+    monkeypatch.setattr(navigated_estimator, "_BLOCK_S", 3600.0 * HOURS)
     _, found = advanced(case, "calibrated", mukf(use_magnitude=False))
     design, residual = linear
     for j in range(N_TARGETS):

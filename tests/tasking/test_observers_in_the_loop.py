@@ -7,7 +7,7 @@ from cislunar.association.model import AssociationModel
 from cislunar.estimation.kalman.mukf import mukf
 from cislunar.estimation.light_curves.batch import batch
 from cislunar.estimation.navigation.errors import UNITS, ObserverErrorSigma
-from cislunar.estimation.navigation.navigated import navigated
+from cislunar.estimation.navigation.factory import navigated
 from cislunar.observation.sensor import Sensor
 from cislunar.tasking import realization
 from cislunar.tasking.closed_loop import run_closed_loop

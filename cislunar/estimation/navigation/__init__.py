@@ -7,8 +7,9 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "errors": ["N_PARAMETERS", "OBSERVER_PARAMETERS", "ObserverErrorSigma", "ObserverErrors",
         "TREATMENTS", "UNITS"],
-    "navigated": ["NavigatedEstimator", "ObserverEstimate", "frame_rotation", "navigated",
-        "observer_velocities"],
+    "factory": ["navigated"],
+    "navigated_estimator": ["NavigatedEstimator", "ObserverEstimate"],
+    "rates": ["frame_rotation", "observer_velocities"],
     "table": ["errors_of_observers", "load_observer_errors"],
 })
 # fmt: on

@@ -1,5 +1,5 @@
 """Compiled calibration: what the angles of a target tell of the errors of its observers; see
-`cislunar.estimation.navigation.navigated`. The recursion runs beside a filter that takes its
+`cislunar.estimation.navigation.navigated_estimator`. The recursion runs beside a filter that takes its
 observers for exact, and is linear about its estimates."""
 
 import numpy as np

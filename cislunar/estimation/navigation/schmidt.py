@@ -1,5 +1,5 @@
 """Compiled Schmidt-Kalman filter of a target whose observers have errors; see
-`cislunar.estimation.navigation.navigated`. The recursion runs beside a filter that takes its
+`cislunar.estimation.navigation.navigated_estimator`. The recursion runs beside a filter that takes its
 observers for exact, and is linear about its estimates."""
 
 import numpy as np

@@ -26,6 +26,8 @@ Assumptions and limitations
 ---------------------------
 - The magnitude of a target determines its orbit much less than the angles; the recursions neglect
   its part in the gain. They also neglect the part of errors in attitudes and body parameters.
+- A direction next to the pole of an observer's frame is not used where its right ascension is not
+  linear over the errors.
 - A Gaussian mixture is represented by its moments, and its components do not grow by a random walk.
 - Errors along the axes of the propagation frame are constant, or a random walk. Those of an
   observer in free fall are neither for longer than part of its period; the walk has to cover that.
@@ -39,16 +41,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation as SpatialRotation
 
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.forces import of_targets
-from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import (
     HEALTHY,
     Estimates,
     Estimator,
-    EstimatorFactory,
     InitialEstimate,
     OrbitEstimates,
     Prediction,
@@ -57,18 +56,17 @@ from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.navigation.calibration import calibrate
 from cislunar.estimation.navigation.errors import (
     N_PARAMETERS,
-    TREATMENTS,
     UNITS,
     ObserverErrorSigma,
 )
 from cislunar.estimation.navigation.linearization import SIZE, ObserverModel, carry_corrections
+from cislunar.estimation.navigation.rates import frame_rotation, observer_velocities
 from cislunar.estimation.navigation.schmidt import consider
 from cislunar.estimation.track_arrays import remaining_tracks, widened_roots
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.observation.target_surfaces import TargetSurfaces
-from cislunar.runtime.arguments import require_kind
 from cislunar.runtime.threads import share_out
 
 Array = NDArray[np.float64]
@@ -90,22 +88,6 @@ class ObserverEstimate(NamedTuple):
 
     mean: Array
     covariance: Array
-
-
-def frame_rotation(scene: Scene) -> Array:
-    """Angular velocity of the propagation frame relative to the inertial frame, shape (3,),
-    nondimensional, along the axes of the propagation frame."""
-    turn = scene.frame_axes[0].T @ scene.frame_axes[min(1, scene.frame_axes.shape[0] - 1)]
-    return SpatialRotation.from_matrix(turn).as_rotvec() / scene.step
-
-
-def observer_velocities(scene: Scene) -> Array:
-    """Velocities of the observers, shape (observer, time, 3), nondimensional, propagation frame, by
-    differences of their positions."""
-    position = scene.observer_position
-    if position.shape[1] < 3:
-        return np.gradient(position, scene.step, axis=1) if position.shape[1] > 1 else 0 * position
-    return np.gradient(position, scene.step, axis=1, edge_order=2)
 
 
 class NavigatedEstimator:
@@ -242,14 +224,34 @@ class NavigatedEstimator:
             self._walk(0.5 * (stop - done) * step_s)
             rows = (step >= done) & (step < stop)
             part = measurements.where(rows)
-            offset = np.ascontiguousarray(part.offset[:, done : stop + 1])
-            found = self._advance(part._replace(offset=offset), final and stop == n_steps)
+            part = part._replace(offset=np.ascontiguousarray(part.offset[:, done : stop + 1]))
+            kept = self._far_from_pole(part)
+            found = self._advance(part.where(kept), final and stop == n_steps)
             self._walk(0.5 * (stop - done) * step_s)
-            used[rows], done = found.used, stop
+            kept[kept] = found.used
+            used[rows], done = kept, stop
             several.append(found[:-1])
         histories = (np.concatenate(each, axis=1) for each in zip(*several, strict=True))
         found = Estimates(*histories, used)
         return found if covariance else found._replace(covariance=found.covariance[:, :0])
+
+    def _far_from_pole(self, measurements: Measurements) -> NDArray[np.bool_]:
+        """Whether right ascension is linear over the errors of observer and orbit, shape (row,): a
+        displacement s at the distance d from the polar axis of the observer's frame turns it by s /
+        d, to first order, and the second order s^2 / d^2 must not exceed the noise. Measurements
+        without a value count as linear."""
+        now, observer = self.orbits(), measurements.observer
+        target, step = rows_of(measurements)
+        index = now.index + 1 + step
+        way = now.translation[target, :3] - self._scene.observer_position[observer, index]
+        axis = np.linalg.norm(way, axis=1) * np.cos(measurements.value[:, 2])
+        unit, column = self._model.unit[:3], self._model.column[:3]
+        variance = np.zeros(self._scene.observer_position.shape[0])
+        if column[0] >= 0:
+            own = np.diag(self._covariance).reshape(variance.size, -1)[:, column]
+            variance = own @ unit**2
+        moved = variance[observer] + np.trace(self._spread[target, :3, :3], axis1=1, axis2=2)
+        return ~(moved > axis**2 * np.sqrt(measurements.variance[:, 1]))
 
     def _advance(self, measurements: Measurements, final: bool) -> Estimates:
         """Process steps with constant errors."""
@@ -367,49 +369,3 @@ class NavigatedEstimator:
         self._forces = of_targets(self._forces, left)
         for name in ("_sensitivity", "_shift", "_spread"):
             setattr(self, name, getattr(self, name)[left])
-
-
-def navigated(
-    factory: EstimatorFactory,
-    treatment: str,
-    sigma: ObserverErrorSigma,
-    *,
-    process_noise: ProcessNoise | None = None,
-) -> EstimatorFactory:
-    """Factory of estimators that treat the errors of the observers; see `NavigatedEstimator`.
-
-    Parameters
-    ----------
-    factory : EstimatorFactory
-        Factory of estimators that take the observers for exact.
-    treatment : {"none", "considered", "calibrated"}
-        "none" returns `factory`.
-    sigma : ObserverErrorSigma
-        Assumed standard deviations of the observers' errors.
-    process_noise : ProcessNoise, optional
-        That of the estimators of `factory`.
-
-    Raises
-    ------
-    ConfigurationError
-        If the treatment is unknown, or all standard deviations are zero.
-    """
-    if treatment not in TREATMENTS:
-        raise ConfigurationError(
-            f"treatment = {treatment!r} is unknown: use one of {list(TREATMENTS)}"
-        )
-    if treatment == "none":
-        return factory
-    require_kind("sigma", sigma, ObserverErrorSigma, "give an ObserverErrorSigma")
-    if not sigma.present:
-        raise ConfigurationError(
-            f"treatment = {treatment!r} needs a prior: give position_m, pointing_arcsec or clock_s"
-        )
-
-    def make(scene, surfaces, sensor, initial, rng, forces):
-        inner = factory(scene, surfaces, sensor, initial, rng, forces)
-        n_targets = initial.translation.shape[0]
-        return NavigatedEstimator(inner, scene, forces, sigma, treatment, process_noise, n_targets)
-
-    make.estimated_parameters = getattr(factory, "estimated_parameters", BodyParameterPrior())
-    return make
