@@ -273,6 +273,24 @@ class Estimator(Protocol):
         """
         ...
 
+    def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
+        """Change orbits at the time of the last processed step.
+
+        Parameters
+        ----------
+        shift : ndarray, shape (target, 6)
+            Added to position and velocity.
+        covariance : ndarray, shape (target, 6, 6)
+            Added to their covariance.
+
+        Returns
+        -------
+        ndarray of bool, shape (target,)
+            Which orbits have changed: not those of failed estimates, nor Gaussian mixtures, nor, if
+            Gaussians are split, any without an update at that time.
+        """
+        ...
+
     def add(
         self,
         initial: InitialEstimate,

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.errors import ConfigurationError
 
+Array = NDArray[np.float64]
 Values = TypeVar("Values", NDArray, list, tuple)
 
 
@@ -45,3 +46,27 @@ def starting_index(index: int | None, present: int) -> int:
             f"index = {index}: tracks are added from a time between 0 and the present, {present}"
         )
     return present if index is None else int(index)
+
+
+def widened_roots(root: Array, covariance: Array, tracks: NDArray[np.bool_]) -> Array:
+    """Lower Cholesky factors of covariances to which others are added.
+
+    Parameters
+    ----------
+    root : ndarray, shape (track, n, n)
+        Lower Cholesky factors.
+    covariance : ndarray, shape (track, m, m)
+        Covariances that are added to those of the last m states. A factor to which nothing is added
+        stays as it is.
+    tracks : ndarray of bool, shape (track,)
+        Tracks whose factors may change.
+    """
+    out, m = root.copy(), covariance.shape[-1]
+    changed = tracks & np.any(covariance != 0.0, axis=(1, 2))
+    whole = root[changed] @ root[changed].swapaxes(1, 2)
+    whole[:, -m:, -m:] += covariance[changed]
+    # in units of the deviations, so that rounding cannot make a covariance indefinite
+    scale = np.sqrt(np.diagonal(whole, axis1=1, axis2=2))
+    correlation = whole / (scale[:, :, None] * scale[:, None]) + 1e-12 * np.eye(root.shape[1])
+    out[changed] = scale[:, :, None] * np.linalg.cholesky(correlation)
+    return out

@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "ground": ["station_positions", "station_tracks"],
     "measurement": ["DETECTED", "EXCLUDED", "FAINT", "NOT_TASKED", "OCCULTED", "detectable_targets",
         "measure", "observe"],
-    "measurement_derivatives": ["deviation_row", "measurement_rows"],
+    "measurement_derivatives": ["angle_rows", "deviation_row", "measurement_rows"],
     "records": ["Measurements", "arranged", "constant_schedule", "highest", "no_measurements",
         "pointed_schedule", "rows_of"],
     "scene": ["Scene", "make_scene"],

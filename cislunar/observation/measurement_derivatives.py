@@ -38,7 +38,7 @@ def _across(ux, uy, uz, gx, gy, gz):
 
 
 @njit_noalloc
-def _angle_rows(dx, dy, dz, axes, rows):
+def angle_rows(dx, dy, dz, axes, rows):
     """Derivatives of right ascension and declination by position, into rows 1 and 2."""
     bx, by, bz = rotate(axes, dx, dy, dz)
     flat2 = bx * bx + by * by
@@ -89,7 +89,7 @@ def measurement_rows(state, quaternion, observer, k, j, scene, surfaces, rows):
     dz = z - scene.observer_position[observer, k, 2]
     sun = scene.sun_position[k]
     rows[1:, :3] = 0.0
-    _angle_rows(dx, dy, dz, scene.observer_axes[k], rows)
+    angle_rows(dx, dy, dz, scene.observer_axes[k], rows)
     _magnitude_row(
         dx,
         dy,

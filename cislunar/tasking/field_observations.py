@@ -145,6 +145,12 @@ def observe_field(
         start=prediction.index * scene.step,
     )
     exposures = point_at(scene, settings.sensor, start + 1, command, place)
+    true_scene, pointed = own.scene(inputs), exposures
+    if own.observers is not None:
+        at = exposures.observer, start + 1 + exposures.step
+        pointed = exposures._replace(
+            boresight=exposures.boresight - own.observers.error[at][:, 3:5]
+        )
     kept = np.ones((place.shape[0], n_steps, n_observers), dtype=bool)
     if model.detection_loss > 0.0:
         for j, number in enumerate(inputs.ids):
@@ -152,9 +158,9 @@ def observe_field(
             kept[j] = rng.random((n_steps, n_observers)) >= model.detection_loss
     detections, origin, outcome = expose(
         start + 1,
-        exposures,
+        pointed,
         model,
-        scene,
+        true_scene,
         own.truth.surfaces,
         settings.sensor,
         motion.translation,
@@ -168,6 +174,9 @@ def observe_field(
         true=own.truth.sensor,
         dimmed=dimmed,
     )
+    if own.observers is not None:
+        given = exposures, detections, origin
+        detections, origin = own.observers.measured(true_scene, start, motion.translation, *given)
     followed = command[exposures.step, exposures.observer]
     return FieldObservations(exposures, detections, followed, origin, outcome)
 

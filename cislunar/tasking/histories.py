@@ -58,6 +58,7 @@ def _estimated(_settings: LoopSettings, estimated: bool) -> bool:
 
 _STATE, _PARAMETER = ("target", "component"), ("target", "parameter")
 _STATE_UNIT, _PARAMETER_UNIT = "see component_unit", "see parameter_unit"
+_OBSERVER, _OBSERVER_UNIT = ("observer", "observer_parameter"), "see observer_parameter"
 _FRAME = "{frame}"
 
 
@@ -152,6 +153,18 @@ HISTORIES = {
         "GOSPA metric (p = 2, alpha = 2) of the positions of tracks against those of targets, "
         "after the interval: distance (km), and its parts localization, missed and false (km^2)",
         _associated),
+    "observer_error": History(
+        "epoch", _OBSERVER, "f8", _OBSERVER_UNIT,
+        "true error of the observer after the interval, truth less belief",
+        _in_record("observers")),
+    "estimated_observer_error": History(
+        "epoch", _OBSERVER, "f8", _OBSERVER_UNIT,
+        "estimated error of the observer after the interval; NaN if errors are not treated",
+        _in_record("observers")),
+    "observer_error_covariance": History(
+        "epoch", (*_OBSERVER, "observer_parameter_2"), "f8", "products of those of "
+        "observer_parameter", "covariance of the estimated error of the observer",
+        _in_record("observers")),
     "visible": History(
         "epoch", ("target",), "bool", "1",
         "1 where any observer could have detected the target in the interval, at its true "

@@ -17,6 +17,8 @@ from cislunar.estimation.estimator import (
     Estimates,
     Prediction,
 )
+from cislunar.estimation.navigation.errors import N_PARAMETERS
+from cislunar.estimation.navigation.navigated_estimator import NavigatedEstimator, ObserverEstimate
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation
 from cislunar.observation.body_sampling import true_deviations
@@ -37,6 +39,7 @@ from cislunar.tasking.decision import Decision, decide
 from cislunar.tasking.field_observations import associate_interval, observe_field
 from cislunar.tasking.histories import kept_histories
 from cislunar.tasking.initial_conditions import ESTIMATOR, TASKING, stream
+from cislunar.tasking.observer_truth import draw_observer_errors, shifted_angles
 from cislunar.tasking.planning.assignment import IDLE
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.pending import expected_update
@@ -61,6 +64,8 @@ def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Reali
     """A realization at the epoch."""
     scene, settings = inputs.scene, inputs.settings
     truth = inputs.truth.sampled(seed, inputs.ids)
+    observers = draw_observer_errors(truth.observer_sigma, truth.observer_errors, scene, seed)
+    true_scene = scene if observers is None else observers.scene(scene)
     motion = TrueMotion(
         inputs.initial,
         scene,
@@ -90,7 +95,7 @@ def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Reali
     given = settings.sensor, inputs.initial, own, inputs.forces
     estimator = inputs.factory(scene, inputs.surfaces, *given)
     bound = CramerRaoBound(
-        scene,
+        true_scene,
         truth.surfaces,
         inputs.initial.sigma,
         estimated_parameters=estimator.estimated_parameters,
@@ -106,12 +111,13 @@ def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Reali
             arrivals(settings.communication, scene),
             settings.steps_between_updates,
             (estimator, bound),
-            (scene, inputs.surfaces, truth.surfaces, inputs.forces, truth.forces),
+            (scene, true_scene, inputs.surfaces, truth.surfaces, inputs.forces, truth.forces),
             inputs.ids.size,
         )
     return Realization(
         number, seed, truth, variance, motion, estimator, bound, evaluation, detection, pointing,
         reception, known_tracks(inputs.ids.size) if settings.association.in_field else None,
+        observers,
     )  # fmt: skip
 
 
@@ -166,6 +172,7 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
         "pair_information": [tasking.pairs],
         "visible": [visible],
         **_learned(inputs, own),
+        **_observer_errors(inputs, own, start + n_steps),
         **of_tracks,
         **recorded_motion(
             names, start, tasking.target_by_step, motion, estimates, settings, inputs.scene
@@ -200,6 +207,24 @@ def _learned(inputs: SimulationInputs, own: Realization) -> dict[str, list[Array
     return found
 
 
+def _observer_errors(
+    inputs: SimulationInputs, own: Realization, index: int
+) -> dict[str, list[Array]]:
+    """Values of the histories of the observers' errors, true at a time of the scene."""
+    if "observers" not in inputs.settings.record:
+        return {}
+    shape = inputs.scene.observer_position.shape[0], N_PARAMETERS
+    true = np.zeros(shape) if own.observers is None else own.observers.at(index)
+    nothing = ObserverEstimate(np.full(shape, np.nan), np.full((*shape, N_PARAMETERS), np.nan))
+    treated = isinstance(own.estimator, NavigatedEstimator)
+    found = own.estimator.observers() if treated else nothing
+    return {
+        "observer_error": [true],
+        "estimated_observer_error": [found.mean],
+        "observer_error_covariance": [found.covariance],
+    }
+
+
 def _in_slots(target: NDArray[np.int64], settings: LoopSettings) -> NDArray[np.int64]:
     """Targets (slot, observer), filled up to the number of slots; without slots (observer,)."""
     if settings.slots is None:
@@ -223,7 +248,7 @@ def _moved(
         dimmed = dimming(motion.translation[..., :3], *given)
     visible = None
     if "visibility" in inputs.settings.record:
-        true = scene, own.truth.surfaces, sensor, motion.translation, motion.quaternion
+        true = own.scene(inputs), own.truth.surfaces, sensor, motion.translation, motion.quaternion
         # index 0 of the scene is the start of the run, without a measurement
         visible = detectable_targets(start + 1, *true, origin=start, dimmed=dimmed)
     return motion, dimmed, visible
@@ -238,10 +263,11 @@ def _observed(
     dimmed: Array,
 ) -> tuple[Measurements, NDArray[np.uint8]]:
     """Measurements of the tasked targets from the step `start` on, and detection outcomes."""
-    return measure(
+    scene = own.scene(inputs)
+    measurements, outcome = measure(
         start + 1,
         pointed_schedule(tasking.target_by_step, inputs.ids.size),
-        inputs.scene,
+        scene,
         own.truth.surfaces,
         inputs.settings.sensor,
         motion.translation,
@@ -251,6 +277,12 @@ def _observed(
         true=own.truth.sensor,
         dimmed=dimmed,
     )
+    if own.observers is None:
+        return measurements, outcome
+    target, step = rows_of(measurements)
+    rows = measurements.observer, start + 1 + step, motion.translation[target, step + 1]
+    offset = own.observers.offsets(scene, *rows)
+    return measurements._replace(value=shifted_angles(measurements.value, offset)), outcome
 
 
 def _report(

@@ -24,7 +24,15 @@ Array = NDArray[np.float64]
 HISTORIES = ("errors", "bound")
 """Histories that a run keeps by default."""
 
-RECORDABLE = ("truth", "estimates", "covariance", "measurements", "pointing", "visibility")
+RECORDABLE = (
+    "truth",
+    "estimates",
+    "covariance",
+    "measurements",
+    "pointing",
+    "visibility",
+    "observers",
+)
 """Further quantities that a run can keep."""
 
 

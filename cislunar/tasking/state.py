@@ -14,6 +14,7 @@ from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
 from cislunar.observation.scene import Scene
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.tasking.communication.reception import Reception
+from cislunar.tasking.observer_truth import ObserverTruth
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.truth import TrueMotion, TruthModel
@@ -37,7 +38,8 @@ class SimulationInputs(NamedTuple):
 class Realization(NamedTuple):
     """State of one realization; its objects change in place. `variance` is that of the true noise
     (3,). If the truth has sensors of its own, it is the excess of each observer's true variance
-    (observer, 3) over the variance that measurements state."""
+    (observer, 3) over the variance that measurements state. `observers` are their true errors, if
+    there are any."""
 
     number: int
     seed: int
@@ -51,6 +53,11 @@ class Realization(NamedTuple):
     pointing: NDArray[np.int64]
     reception: Reception | None
     tracks: TrackStatus | None
+    observers: ObserverTruth | None
+
+    def scene(self, inputs: SimulationInputs) -> Scene:
+        """The scene with the true positions of the observers."""
+        return inputs.scene if self.observers is None else self.observers.scene(inputs.scene)
 
     @property
     def end(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:

@@ -16,6 +16,7 @@ from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import require_span
 from cislunar.estimation.estimator import Estimates, InitialEstimate
+from cislunar.estimation.navigation.errors import ObserverErrorSigma
 from cislunar.observation.body_parameters import BodyParameterPrior, require_freedom
 from cislunar.observation.body_sampling import sample_rotations, sample_surfaces
 from cislunar.observation.scene import Scene
@@ -58,6 +59,11 @@ class TruthModel(NamedTuple):
         which keep their standard deviations; None for the normal distribution.
     torque : TorqueModel
         Torques that vary, in addition to the constant one.
+    observer_sigma : ObserverErrorSigma
+        Standard deviations of the errors of the observers in each realization.
+    observer_errors : ndarray, shape (observer, 6), or None
+        Constant errors of the observers in all realizations; m, arcsec and s, see
+        `cislunar.estimation.navigation.errors`.
     """
 
     surfaces: TargetSurfaces
@@ -68,6 +74,8 @@ class TruthModel(NamedTuple):
     sensor: Sensors | None = None
     parameter_freedom: float | None = None
     torque: TorqueModel = TorqueModel()
+    observer_sigma: ObserverErrorSigma = ObserverErrorSigma()
+    observer_errors: Array | None = None
 
     def sampled(self, seed: int, target_ids: ArrayLike) -> "TruthModel":
         """The truth of one realization, with its body-parameter deviations sampled; the same

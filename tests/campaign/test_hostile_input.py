@@ -17,7 +17,7 @@ from campaign_folder import read_campaign
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from cislunar.campaign.settings.cell_settings import body_files, cell_settings
+from cislunar.campaign.settings.cell_settings import cell_files, cell_settings
 from cislunar.campaign.settings.cells import campaign_cells
 from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.families import with_families
@@ -148,7 +148,7 @@ def assert_workflow_can_use(config):
     assert len(cells) < MOST_CELLS
     for cell in cells:
         chosen = cell_settings(task2, cell.variant)
-        assert len(body_files(chosen)) < 2
+        assert len(cell_files(chosen)) < 2
         assert 3600.0 * chosen["duration_hours"] / chosen["step_s"] < 1e7
     for name in figure_architectures(task2):
         for made in (target_count_cells, selected_cell, interval_cells, high_load_cells):

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 from campaign_folder import read_campaign
 
-from cislunar.campaign.settings.cell_settings import body_files, cell_settings, true_settings
+from cislunar.campaign.settings.cell_settings import cell_files, cell_settings, true_settings
 from cislunar.campaign.settings.cell_tree import CellSettings, Filter
 from cislunar.campaign.settings.cells import (
     TRACKED_TARGETS,
@@ -653,10 +653,10 @@ def test_body_from_a_mesh_file_sets_the_tasking_sphere(tmp_path):
     settings = _small(body=body)
     radius = loop_settings(CellSettings(**settings), 60).tasking.radius_m
     assert radius == pytest.approx(np.sqrt(area / (4.0 * np.pi)))
-    assert body_files(settings) == [str(path)]
-    assert body_files(_small()) == []
-    assert body_files(_small(truth={"body": body})) == [str(path)]
-    assert body_files(_small(body=body, truth={"body": body})) == [str(path)]
+    assert cell_files(settings) == [str(path)]
+    assert cell_files(_small()) == []
+    assert cell_files(_small(truth={"body": body})) == [str(path)]
+    assert cell_files(_small(body=body, truth={"body": body})) == [str(path)]
     larger = _facets(body | {"axis_scale": [2, 2, 2]})
     assert larger.total_area == pytest.approx(4.0 * area)
 
@@ -684,7 +684,7 @@ def test_table_of_bodies_is_of_the_targets_it_names(tmp_path):
     assert (
         loop_settings(settings, 60).tasking == loop_settings(CellSettings(**_small()), 60).tasking
     )
-    assert body_files(settings.model_dump()) == [str(table)]
+    assert cell_files(settings.model_dump()) == [str(table)]
 
 
 def test_settings_of_bodies_are_said_where_they_are_unusual(config):

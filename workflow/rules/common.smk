@@ -26,7 +26,7 @@ from cislunar.campaign.settings.scenarios import (
     tracked_count,
     tracked_epoch,
 )
-from cislunar.campaign.settings.cell_settings import body_files, cell_settings
+from cislunar.campaign.settings.cell_settings import cell_files, cell_settings
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell, check_cell, estimator_names
 from cislunar.campaign.settings.tracking_checks import shortened_intervals
@@ -256,7 +256,7 @@ def kept_realizations(wildcards):
 
 def tracking_mesh(wildcards):
     """Mesh files of the targets, if they have any."""
-    return body_files(tracking_settings(wildcards))
+    return cell_files(tracking_settings(wildcards))
 
 
 def tracking_bodies(wildcards):
@@ -311,7 +311,7 @@ def objective_mesh(wildcards, entry=None):
     """Mesh files of the moving targets, if their brightness matters and they have any."""
     if entry is not None and entry["objective"] not in ("information", "attitude"):
         return []
-    return body_files(comparison_settings(wildcards))
+    return cell_files(comparison_settings(wildcards))
 
 
 def fronts_of(scenario):

@@ -246,7 +246,7 @@ rule tasking_comparison_cell:
         tracked=shared("orbits/tracked"),
         sun=shared("ephemeris/sun"),
         bodies=lambda wildcards: bodies_for(wildcards.scenario, comparison_settings(wildcards)),
-        mesh=lambda wildcards: body_files(comparison_settings(wildcards)),
+        mesh=lambda wildcards: cell_files(comparison_settings(wildcards)),
     output:
         results("task2/tasking/{scenario}_{architecture}_nt{n}.nc"),
     log:

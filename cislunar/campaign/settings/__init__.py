@@ -4,7 +4,7 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "cell_settings": ["body_files", "true_settings"],
+    "cell_settings": ["cell_files", "true_settings"],
     "cell_tree": ["CellSettings", "Dynamics"],
     "cells": ["Cell", "FEWEST_RANKED", "PAPER_ARCHITECTURES", "PAPER_FILTER", "campaign_cells",
         "check_cell", "estimator_names", "grid_cells", "most_alike", "paper_cells",

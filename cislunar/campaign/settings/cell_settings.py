@@ -48,11 +48,13 @@ def true_settings(settings: CellSettings) -> CellSettings:
     return typed(merged(settings.model_dump(), changed), CellSettings)
 
 
-def body_files(settings: Mapping[str, Any]) -> list[str]:
-    """Meshes, tables of bodies and of a reflection law that a cell depends on, assumed and true,
-    each once."""
+def cell_files(settings: Mapping[str, Any]) -> list[str]:
+    """Meshes and tables that a cell depends on, each once: of bodies and of a reflection law,
+    assumed and true, and of the errors of observers."""
     assumed = typed(settings, CellSettings)
     found: list[str] = []
+    if assumed.observer_errors.table is not None:
+        found.append(assumed.observer_errors.table)
     for body in (assumed.body, true_settings(assumed).body):
         shapes = [body.shape]
         if body.table is not None:

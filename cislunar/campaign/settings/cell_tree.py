@@ -14,6 +14,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.fusion.methods import FUSIONS
 from cislunar.estimation.initial_sigma import InitialSigma, ProcessNoise
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.estimation.navigation.errors import ObserverErrors
 from cislunar.evaluation.custody import Custody
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.body_spec import BodySpec
@@ -46,7 +47,7 @@ from cislunar.tasking.planning.schedule_model import ScheduleModel
 
 History = Literal["errors", "bound"]
 Recordable = Literal[
-    "truth", "estimates", "covariance", "measurements", "pointing", "visibility"
+    "truth", "estimates", "covariance", "measurements", "pointing", "visibility", "observers"
 ]
 
 
@@ -171,7 +172,8 @@ class CellSettings(Section):
     """Settings of a cell, which a variant may change."""
 
     omitted = ("first_realization", "start_day", "histories", "record", "eclipse", "fusion",
-               "sensors", "stations", "dynamics", "communication", "association")
+               "sensors", "stations", "dynamics", "communication", "association",
+               "observer_errors")
 
     seeds: whole(ge=1, le=10_000) = setting(
         "number of realizations of truth and noise of each cell. All cells have the same "
@@ -203,13 +205,15 @@ class CellSettings(Section):
     record: several(Recordable) = setting(
         "further quantities that a cell keeps for other tools: any of `truth` and `estimates` "
         "(states at the recorded times), `covariance` (of position and velocity), `measurements` "
-        "(every observation of every step), `pointing` (directions of the observers) and "
+        "(every observation of every step), `pointing` (directions of the observers), "
         "`visibility` (targets that any observer could have detected, by interval, for the "
-        "quantities `never_visible` and `missed`)", default=[])
+        "quantities `never_visible` and `missed`) and `observers` (true and estimated errors of "
+        "the observers, by interval)", default=[])
     tasking: Tasking = setting("")
     sensor: Sensor = setting("")
     sensors: dict[GroupName, SensorGroup] = setting("", default={})
     stations: dict[GroupName, Station] = setting("", default={})
+    observer_errors: ObserverErrors = ObserverErrors()
     initial_sigma: InitialSigma = setting("")
     eclipse: Flag = setting(
         "true: targets are dimmer in the penumbra of Earth and Moon and invisible in the umbra, "

@@ -30,6 +30,7 @@ from cislunar.campaign.settings.scenarios import (
 )
 from cislunar.ephemeris.sampling import check_coverage
 from cislunar.errors import CislunarError, ConfigurationError, InputFileError
+from cislunar.estimation.navigation.table import load_observer_errors
 from cislunar.observation.body_spec import BodySpec, load_body_table
 from cislunar.photometry.materials import REFLECTION_LAWS, Material
 from cislunar.photometry.reflection.tables import load_reflectance_table
@@ -168,7 +169,8 @@ def _check_ephemerides(config: Mapping[str, Any]) -> None:
 
 
 def _check_bodies(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
-    """Refuse faulty bodies and tables of bodies, assumed or true, of cells and variants."""
+    """Refuse faulty bodies and tables, of bodies, assumed or true, and of the errors of observers,
+    of cells and variants."""
     task2 = config["task2"]
     scenarios = {"task2.": task2["variants"]["scenario"]}
     cells = {"task2.": cell_settings(task2)}
@@ -199,6 +201,10 @@ def _check_bodies(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
             if table is not None and known not in seen:
                 _check_table(table, f"{place}{key}.table", config, scenarios[place], usual)
                 seen.add(known)
+        errors = cell.observer_errors.table
+        if errors is not None and errors not in seen:
+            load_observer_errors(errors)
+            seen.add(errors)
 
 
 def _check_reflection(path: str, key: str) -> None:

@@ -230,6 +230,12 @@ def _check_fusion(place: str, settings: CellSettings) -> None:
     """Refuse what catalogs of single observers do not support."""
     if settings.fusion == "common":
         return
+    if settings.observer_errors.treatment != "none":
+        raise ConfigurationError(
+            f"configuration key '{place}observer_errors.treatment' = "
+            f"{settings.observer_errors.treatment!r}: the errors of observers are treated in one "
+            f"estimate of all, but fusion = {settings.fusion!r}; set fusion to 'common'"
+        )
     if settings.association.in_field:
         raise ConfigurationError(
             f"configuration key '{place}association.detections' = 'all-in-field': detections are "

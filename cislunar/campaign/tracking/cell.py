@@ -37,6 +37,7 @@ from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.propagation import advance_orbits
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.navigation.table import errors_of_observers, load_observer_errors
 from cislunar.observation.scene import Scene, make_scene
 from cislunar.observation.sensor import Sensors
 from cislunar.observation.target_surfaces import TargetSurfaces
@@ -144,7 +145,10 @@ def tracking_problem(
     forces: tuple = EARTH_MOON
     slots = np.repeat(np.arange(orbit.size), satellites)
     sensors = observer_sensors(settings, slots.size, own_sensors(orbits, orbit[slots]))
-    truth = truth._replace(sensor=true_sensors(settings, sensors))
+    truth = truth._replace(
+        sensor=true_sensors(settings, sensors),
+        observer_errors=_observer_errors(settings, orbits, orbit[slots]),
+    )
     if settings.dynamics.truth == "ephemeris":
         ephemeris = _cell_ephemeris(bodies, settings)
         tracks = observer_tracks(
@@ -180,6 +184,25 @@ def tracking_problem(
         forces,
         sensors,
     )
+
+
+def _observer_errors(
+    settings: CellSettings, orbits: xr.Dataset, rows: NDArray[np.int64]
+) -> NDArray[np.float64] | None:
+    """Constant errors of the observers by the table of the settings, (observer, 6), if there is
+    one; `rows` are the orbits of the flying observers."""
+    path = settings.observer_errors.table
+    if path is None:
+        return None
+    names = [[str(number)] for number in range(rows.size + len(settings.stations))]
+    for number, station in enumerate(settings.stations, start=rows.size):
+        names[number].append(station)
+    if "name" in orbits:
+        own = orbits["name"].values[rows].astype(str)
+        for number, name in enumerate(own):
+            if np.sum(own == name) == 1:  # satellites that share an orbit have numbers alone
+                names[number].append(str(name))
+    return errors_of_observers(path, load_observer_errors(path), names)
 
 
 def _cell_ephemeris(bodies: xr.Dataset | None, settings: CellSettings) -> CellEphemeris:

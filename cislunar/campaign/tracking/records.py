@@ -19,6 +19,7 @@ from cislunar.ephemeris.kernel import DEFAULT_KERNEL
 from cislunar.ephemeris.sampling import rotating_frame
 from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.navigation.errors import OBSERVER_PARAMETERS
 from cislunar.exchange.aem import AttitudeSegment
 from cislunar.exchange.arcs import arc, inertial_arc
 from cislunar.exchange.inertial import Epoch, icrf_axes
@@ -30,6 +31,11 @@ Array = NDArray[np.float64]
 
 _SPLINE_DEGREE = 7
 _TRANSLATION = ["x", "y", "z", "vx", "vy", "vz"]
+
+_OBSERVER = (
+    "component of an observer's error: position along the axes of the propagation frame (m), "
+    "right ascension and declination (arcsec), clock (s)"
+)
 
 RECORD_COORDINATES = {
     "translation": ("translation", _TRANSLATION, "1", "position and velocity"),
@@ -44,6 +50,8 @@ RECORD_COORDINATES = {
         "1",
         "GOSPA distance (km), and the parts of its square (km2)",
     ),
+    "observer_parameter": ("observer_parameter", [*OBSERVER_PARAMETERS], "1", _OBSERVER),
+    "observer_parameter_2": ("observer_parameter_2", [*OBSERVER_PARAMETERS], "1", _OBSERVER),
 }
 """Coordinates of the recorded variables: dimensions, values, unit and description."""
 

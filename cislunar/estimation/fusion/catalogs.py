@@ -156,6 +156,10 @@ class _Catalogs:
         kept = spread if covariance else spread[:, :0]
         return Estimates(quaternion, rate, fused, sigma, kept, used)
 
+    def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
+        """Raise ConfigurationError: see `Estimator.correct`."""
+        raise ConfigurationError("fusion: orbits are corrected with fusion = 'common' only")
+
     def add(self, *_: object, **__: object) -> None:
         """Raise ConfigurationError: see `Estimator.add`."""
         raise ConfigurationError("fusion: tracks are added with fusion = 'common' only")

@@ -44,6 +44,7 @@ from cislunar.estimation.track_arrays import (
     remaining_tracks,
     selected_tracks,
     starting_index,
+    widened_roots,
 )
 from cislunar.observation.body_parameters import HOUR, BodyParameterPrior
 from cislunar.observation.records import Measurements, no_measurements
@@ -231,6 +232,16 @@ class MultiplicativeUKF:
         share_out(lambda start, stop: advance((start, stop), *given), len(self._state.failed))
         self._index += measurements.offset.shape[1] - 1
         return out
+
+    def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
+        """See `Estimator.correct`."""
+        # a gap keeps the Gaussian of its begin for a later split
+        single = (self._state.failed == HEALTHY) & (self._mixture.count == 0)
+        single &= self._mixture.since < 0
+        root = widened_roots(self._state.root, covariance, single)
+        translation = self._state.translation + np.where(single[:, None], shift, 0.0)
+        self._state = self._state._replace(root=root, translation=translation)
+        return single
 
     def add(
         self,

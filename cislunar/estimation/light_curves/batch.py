@@ -47,6 +47,7 @@ from cislunar.estimation.track_arrays import (
     remaining_tracks,
     selected_tracks,
     starting_index,
+    widened_roots,
 )
 from cislunar.observation.body_parameters import HOUR, BodyParameterPrior
 from cislunar.observation.records import Measurements, no_measurements
@@ -263,6 +264,17 @@ class BatchEstimator:
         if final:
             self._open = 0
         return out
+
+    def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
+        """See `Estimator.correct`."""
+        tracks = self._tracks
+        # a gap keeps the Gaussian of its begin for a later split
+        single = (tracks.fit.condition == HEALTHY) & (tracks.mixture.count == 0)
+        single &= tracks.mixture.since < 0
+        root = widened_roots(tracks.root, covariance, single)
+        translation = tracks.translation + np.where(single[:, None], shift, 0.0)
+        self._tracks = tracks._replace(root=root, translation=translation)
+        return single
 
     def add(
         self,

@@ -1,0 +1,15 @@
+"""Errors of the observers' believed positions, pointing and clocks: their sizes, and estimates of
+targets that consider or calibrate them."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "errors": ["N_PARAMETERS", "OBSERVER_PARAMETERS", "ObserverErrorSigma", "ObserverErrors",
+        "TREATMENTS", "UNITS"],
+    "factory": ["navigated"],
+    "navigated_estimator": ["NavigatedEstimator", "ObserverEstimate"],
+    "rates": ["frame_rotation", "observer_velocities"],
+    "table": ["errors_of_observers", "load_observer_errors"],
+})
+# fmt: on

@@ -1,0 +1,55 @@
+"""Factory of estimators that treat the errors of the observers."""
+
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.estimator import EstimatorFactory
+from cislunar.estimation.initial_sigma import ProcessNoise
+from cislunar.estimation.navigation.errors import TREATMENTS, ObserverErrorSigma
+from cislunar.estimation.navigation.navigated_estimator import NavigatedEstimator
+from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.runtime.arguments import require_kind
+
+
+def navigated(
+    factory: EstimatorFactory,
+    treatment: str,
+    sigma: ObserverErrorSigma,
+    *,
+    process_noise: ProcessNoise | None = None,
+) -> EstimatorFactory:
+    """Factory of estimators that treat the errors of the observers; see `NavigatedEstimator`.
+
+    Parameters
+    ----------
+    factory : EstimatorFactory
+        Factory of estimators that take the observers for exact.
+    treatment : {"none", "considered", "calibrated"}
+        "none" returns `factory`.
+    sigma : ObserverErrorSigma
+        Assumed standard deviations of the observers' errors.
+    process_noise : ProcessNoise, optional
+        That of the estimators of `factory`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the treatment is unknown, or all standard deviations are zero.
+    """
+    if treatment not in TREATMENTS:
+        raise ConfigurationError(
+            f"treatment = {treatment!r} is unknown: use one of {list(TREATMENTS)}"
+        )
+    if treatment == "none":
+        return factory
+    require_kind("sigma", sigma, ObserverErrorSigma, "give an ObserverErrorSigma")
+    if not sigma.present:
+        raise ConfigurationError(
+            f"treatment = {treatment!r} needs a prior: give position_m, pointing_arcsec or clock_s"
+        )
+
+    def make(scene, surfaces, sensor, initial, rng, forces):
+        inner = factory(scene, surfaces, sensor, initial, rng, forces)
+        n_targets = initial.translation.shape[0]
+        return NavigatedEstimator(inner, scene, forces, sigma, treatment, process_noise, n_targets)
+
+    make.estimated_parameters = getattr(factory, "estimated_parameters", BodyParameterPrior())
+    return make

@@ -1,0 +1,371 @@
+"""Estimates of targets whose observers have errors: considered (Schmidt) or calibrated.
+
+A filter runs as if its observers were exact: its estimate m of a target has the covariance D given
+the observers' errors c. Beside it, a recursion that is linear about m carries what c changes.
+
+Calibrated. Given c, the true state is m + V c with the covariance D, and an innovation of the
+filter is G c plus white noise of covariance S, with G = H V + J, J the derivative of the measured
+angles by c, and V <- (I - K H) Phi V - K J (the separated bias of Friedland 1969). Targets are
+independent given c, so that their information on it adds up: at the end of every interval
+
+    I = P_c^-1 + sum over the rows of all targets of G^T S^-1 G,
+
+in which the rows of target j are P_cj^-1 - P_c^-1, with P_cj the covariance of c by that target
+alone. The estimate of a target at a step is m + V c_j, its covariance D + V P_cj V^T, where c_j
+includes the intervals before from all targets, and the present one from its own rows. For linear
+models and constant errors the result at the end of an interval is that of one filter of all targets
+and errors. A random walk adds Q to P_c; V is then replaced by V P_c (P_c + Q)^-1, the filter's D
+grows by V (P_c - P_c (P_c + Q)^-1 P_c) V^T, and the correlation of targets given c that arises is
+neglected.
+
+Considered. The state has the gain of the Schmidt-Kalman filter (Schmidt 1966; Jazwinski 1970,
+section 8.4), which contains the covariance of the errors and its correlation with the state; the
+errors themselves stay at zero with their prior covariance.
+
+Assumptions and limitations
+---------------------------
+- The magnitude of a target determines its orbit much less than the angles; the recursions neglect
+  its part in the gain. They also neglect the part of errors in attitudes and body parameters.
+- A direction next to the pole of an observer's frame is not used where its right ascension is not
+  linear over the errors.
+- A Gaussian mixture is represented by its moments, and its components do not grow by a random walk.
+- Errors along the axes of the propagation frame are constant, or a random walk. Those of an
+  observer in free fall are neither for longer than part of its period; the walk has to cover that.
+- A clock error shifts a direction by the relative velocity, to first order in the time. The
+  observer's attitude is measured at the exposure and therefore does not depend on the clock.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import TIME_UNIT_S
+from cislunar.dynamics.forces import of_targets
+from cislunar.estimation.estimator import (
+    HEALTHY,
+    Estimates,
+    Estimator,
+    InitialEstimate,
+    OrbitEstimates,
+    Prediction,
+)
+from cislunar.estimation.initial_sigma import ProcessNoise
+from cislunar.estimation.navigation.calibration import calibrate
+from cislunar.estimation.navigation.errors import (
+    N_PARAMETERS,
+    UNITS,
+    ObserverErrorSigma,
+)
+from cislunar.estimation.navigation.linearization import SIZE, ObserverModel, carry_corrections
+from cislunar.estimation.navigation.rates import frame_rotation, observer_velocities
+from cislunar.estimation.navigation.schmidt import consider
+from cislunar.estimation.track_arrays import remaining_tracks, widened_roots
+from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.records import Measurements, rows_of
+from cislunar.observation.scene import Scene
+from cislunar.observation.target_surfaces import TargetSurfaces
+from cislunar.runtime.threads import share_out
+
+Array = NDArray[np.float64]
+
+_BLOCK_S = 600.0
+"""Time after which the information of all targets is added up, and in which a random walk of the
+observers' errors counts as constant, s."""
+
+
+_LARGEST_BEND = 0.1
+"""Departure of an orbit's uncertainty from the tangent, due to the errors of observers, in standard
+deviations of the orbit given the errors, up to which their correlation is linear."""
+
+
+class ObserverEstimate(NamedTuple):
+    """Estimated errors of the observers: `mean` (observer, 6) and `covariance` (observer, 6, 6), in
+    the order of `OBSERVER_PARAMETERS`; m, arcsec and s. Components that are not estimated have a
+    mean of zero and their prior variance."""
+
+    mean: Array
+    covariance: Array
+
+
+class NavigatedEstimator:
+    """An `Estimator` that runs another one and treats the errors of its observers.
+
+    Parameters
+    ----------
+    inner : Estimator
+        Estimator that takes its observers for exact.
+    scene : Scene
+        Believed positions of the observers.
+    forces : NamedTuple
+        Assumed force model.
+    sigma : ObserverErrorSigma
+        Assumed standard deviations of the observers' errors.
+    treatment : {"considered", "calibrated"}
+    process_noise : ProcessNoise, optional
+        That of the inner estimator.
+    n_targets : int
+    """
+
+    def __init__(
+        self,
+        inner: Estimator,
+        scene: Scene,
+        forces: tuple,
+        sigma: ObserverErrorSigma,
+        treatment: str,
+        process_noise: ProcessNoise | None,
+        n_targets: int,
+    ) -> None:
+        constant, walk = sigma.constant(), sigma.walk()
+        scale = np.hypot(constant, walk)
+        some = np.flatnonzero(scale > 0.0)
+        column = np.full(N_PARAMETERS, -1, dtype=np.int64)
+        column[some] = np.arange(some.size)
+        variance, both = (ProcessNoise() if process_noise is None else process_noise).covariance(
+            scene.step_s
+        )
+        process = np.diag(variance[6:])
+        process[np.arange(3), np.arange(3, 6)] = process[np.arange(3, 6), np.arange(3)] = both
+        self._inner, self._scene, self._forces = inner, scene, forces
+        self._calibrated = treatment == "calibrated"
+        self._model = ObserverModel(
+            column,
+            some.size,
+            np.where(scale > 0.0, scale, 1.0),
+            np.ascontiguousarray(observer_velocities(scene)),
+            frame_rotation(scene),
+            TIME_UNIT_S if scene.step == 0.0 else scene.step_s / scene.step,
+            process,
+        )
+        n_observers = scene.observer_position.shape[0]
+        n = n_observers * some.size
+        relative = (constant[some] / scale[some]) ** 2, (walk[some] / scale[some]) ** 2
+        prior, self._growth = (np.tile(each, n_observers) for each in relative)
+        self._growth = self._growth / 86_400.0  # per second
+        self._mean, self._covariance = np.zeros(n), np.diag(prior)
+        # calibrated: derivatives V by the errors; considered: covariance with the errors
+        self._sensitivity = np.zeros((n_targets, SIZE, n))
+        # of the estimates less those of the inner estimator
+        self._shift = np.zeros((n_targets, SIZE))
+        self._spread = np.zeros((n_targets, SIZE, SIZE))
+
+    @property
+    def failed(self) -> NDArray[np.uint8]:
+        """See `Estimator.failed`."""
+        return self._inner.failed
+
+    @property
+    def counters(self) -> NDArray[np.int64]:
+        """See `Estimator.counters`."""
+        return self._inner.counters
+
+    @property
+    def estimated_parameters(self) -> BodyParameterPrior:
+        """See `Estimator.estimated_parameters`."""
+        return self._inner.estimated_parameters
+
+    @property
+    def searches(self) -> NDArray[np.int64]:
+        """See `cislunar.estimation.light_curves.batch.BatchEstimator.searches`."""
+        return self._inner.searches
+
+    def learned(self) -> tuple[Array, Array]:
+        """See `cislunar.estimation.light_curves.batch.BatchEstimator.learned`."""
+        return self._inner.learned()
+
+    def observers(self) -> ObserverEstimate:
+        """Estimated errors of the observers at the time of the last processed step."""
+        m, unit = self._model.per_observer, self._model.unit / UNITS
+        some = np.flatnonzero(self._model.column >= 0)
+        n_observers = self._scene.observer_position.shape[0]
+        mean = np.zeros((n_observers, N_PARAMETERS))
+        covariance = np.zeros((n_observers, N_PARAMETERS, N_PARAMETERS))
+        mean[:, some] = self._mean.reshape(n_observers, m) * unit[some]
+        scale = unit[some] * unit[some][:, None]
+        for o in range(n_observers):
+            own = slice(m * o, m * o + m)
+            covariance[o][np.ix_(some, some)] = scale * self._covariance[own, own]
+        return ObserverEstimate(mean, covariance)
+
+    def predict(self) -> Prediction:
+        """See `Estimator.predict`."""
+        ahead, now = self._inner.predict(), self._inner.orbits()
+        shift, spread = self._shift.copy(), self._spread.copy()
+        carry_corrections(now.index, self._scene, self._forces, now.translation, shift, spread)
+        corrected = ahead._replace(
+            translation=ahead.translation + shift, covariance=ahead.covariance + spread
+        )
+        if ahead.root is None:
+            return corrected
+        sound = (self.failed == HEALTHY) & np.isfinite(ahead.translation[:, 0])
+        return corrected._replace(root=widened_roots(ahead.root, spread, sound))
+
+    def orbits(self) -> OrbitEstimates:
+        """See `Estimator.orbits`."""
+        now = self._inner.orbits()
+        return now._replace(
+            translation=now.translation + self._shift, covariance=now.covariance + self._spread
+        )
+
+    def advance(
+        self, measurements: Measurements, *, covariance: bool = False, final: bool = True
+    ) -> Estimates:
+        """See `Estimator.advance`."""
+        n_steps, step_s = measurements.offset.shape[1] - 1, self._scene.step_s
+        size = max(1, int(_BLOCK_S / step_s))
+        _, step = rows_of(measurements)
+        used, several, done = np.empty(step.size, dtype=bool), [], 0
+        while done < n_steps or not several:
+            stop = min(done + size, n_steps)
+            # in a block, the random walk is that of its middle
+            self._walk(0.5 * (stop - done) * step_s)
+            rows = (step >= done) & (step < stop)
+            part = measurements.where(rows)
+            part = part._replace(offset=np.ascontiguousarray(part.offset[:, done : stop + 1]))
+            kept = self._far_from_pole(part)
+            found = self._advance(part.where(kept), final and stop == n_steps)
+            self._walk(0.5 * (stop - done) * step_s)
+            kept[kept] = found.used
+            used[rows], done = kept, stop
+            several.append(found[:-1])
+        histories = (np.concatenate(each, axis=1) for each in zip(*several, strict=True))
+        found = Estimates(*histories, used)
+        return found if covariance else found._replace(covariance=found.covariance[:, :0])
+
+    def _far_from_pole(self, measurements: Measurements) -> NDArray[np.bool_]:
+        """Whether right ascension is linear over the errors of observer and orbit, shape (row,): a
+        displacement s at the distance d from the polar axis of the observer's frame turns it by s /
+        d, to first order, and the second order s^2 / d^2 must not exceed the noise. Measurements
+        without a value count as linear."""
+        now, observer = self.orbits(), measurements.observer
+        target, step = rows_of(measurements)
+        index = now.index + 1 + step
+        way = now.translation[target, :3] - self._scene.observer_position[observer, index]
+        axis = np.linalg.norm(way, axis=1) * np.cos(measurements.value[:, 2])
+        unit, column = self._model.unit[:3], self._model.column[:3]
+        variance = np.zeros(self._scene.observer_position.shape[0])
+        if column[0] >= 0:
+            own = np.diag(self._covariance).reshape(variance.size, -1)[:, column]
+            variance = own @ unit**2
+        moved = variance[observer] + np.trace(self._spread[target, :3, :3], axis1=1, axis2=2)
+        return ~(moved > axis**2 * np.sqrt(measurements.variance[:, 1]))
+
+    def _advance(self, measurements: Measurements, final: bool) -> Estimates:
+        """Process steps with constant errors."""
+        start = self._inner.orbits()
+        found = self._inner.advance(measurements, covariance=True, final=final)
+        first, model = start.index + 1, (self._scene, self._forces, self._model)
+        orbits = start.translation, start.covariance, found.translation, found.covariance
+        out = np.empty_like(found.translation), np.empty_like(found.covariance)
+        if self._calibrated:
+            self._calibrate(first, model, measurements, found.used, orbits, out)
+        else:
+            own = self._shift, self._spread, self._sensitivity
+            given = first, model, measurements, (found.used, *orbits), own
+            variance = np.diag(self._covariance).copy()
+            share_out(
+                lambda start, stop: consider((start, stop), *given, variance, out),
+                self.failed.size,
+            )
+        self._settle()
+        sigma = found.sigma.copy()
+        sigma[..., SIZE:] = np.sqrt(np.diagonal(out[1], axis1=2, axis2=3))
+        return found._replace(translation=out[0], sigma=sigma, covariance=out[1])
+
+    def _calibrate(
+        self,
+        first: int,
+        model: tuple,
+        measurements: Measurements,
+        used: NDArray[np.bool_],
+        orbits: tuple[Array, ...],
+        out: tuple[Array, Array],
+    ) -> None:
+        """Run the recursion over an interval and update the errors by all of its rows."""
+        n, row_of = self._mean.size, np.cumsum(used) - 1
+        white, residual = np.empty((used.sum(), 2, n)), np.empty((used.sum(), 2))
+        parameters = self._mean, self._covariance
+        own = self._shift, self._sensitivity
+        given = first, model, measurements, (used, row_of, *orbits), own, parameters
+        share_out(
+            lambda start, stop: calibrate((start, stop), *given, (*out, white, residual)),
+            self.failed.size,
+        )
+        rows, errors = white.reshape(-1, n), residual.ravel()
+        # P = (I + P_c sum G^T S^-1 G)^-1 P_c needs no inverse of the prior, which may be singular
+        information = rows.T @ rows
+        found = np.linalg.solve(np.eye(n) + self._covariance @ information, self._covariance)
+        self._covariance = 0.5 * (found + found.T)
+        self._mean = self._mean + self._covariance @ (rows.T @ (errors - rows @ self._mean))
+        self._shift += self._sensitivity @ self._mean
+        self._spread = self._of_errors(self._covariance)
+
+    def _settle(self) -> None:
+        """Correct the inner estimator, so that it stays near the estimates. Where the correlation
+        with the errors is no longer linear, it is given up: the inner estimator gets the whole
+        covariance. A displacement s along an orbit of radius R leaves its tangent by s^2 / (2 R).
+        """
+        now = self._inner.orbits()
+        place = now.translation[:, None, :3] - self._scene.primaries[now.index]
+        radius = np.linalg.norm(place, axis=2).min(axis=1)
+        displaced, known = (
+            np.trace(each[:, :3, :3], axis1=1, axis2=2) for each in (self._spread, now.covariance)
+        )
+        curved = displaced > _LARGEST_BEND * 2.0 * radius * np.sqrt(known)  # false for NaN
+        corrected = self._inner.correct(
+            self._shift, np.where(curved[:, None, None], self._spread, 0.0)
+        )
+        self._shift[corrected] = 0.0
+        self._sensitivity[corrected & curved], self._spread[corrected & curved] = 0.0, 0.0
+
+    def _of_errors(self, covariance: Array) -> Array:
+        """Covariance (target, 6, 6) of the estimates due to a covariance (n, n) of the errors."""
+        return self._sensitivity @ covariance @ self._sensitivity.swapaxes(1, 2)
+
+    def _walk(self, elapsed_s: float) -> None:
+        """Add the random walk of a time to the errors."""
+        added, before = self._growth * elapsed_s, self._covariance
+        if not np.any(added > 0.0):
+            return
+        self._covariance = before + np.diag(added)
+        if not self._calibrated:
+            return
+        kept = np.linalg.solve(self._covariance, before).T  # P_c (P_c + Q)^-1
+        gained = before - kept @ before
+        gained = self._of_errors(0.5 * (gained + gained.T))
+        corrected = self._inner.correct(np.zeros_like(self._shift), gained)
+        # the others keep an estimate that moves with the errors, of a larger variance
+        self._sensitivity[corrected] = self._sensitivity[corrected] @ kept
+        self._spread = self._of_errors(self._covariance)
+
+    def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
+        """See `Estimator.correct`."""
+        return self._inner.correct(shift, covariance)
+
+    def add(
+        self,
+        initial: InitialEstimate,
+        surfaces: TargetSurfaces,
+        rng: np.random.Generator | None = None,
+        *,
+        index: int | None = None,
+        forces: tuple | None = None,
+    ) -> None:
+        """See `Estimator.add`. The estimates of new tracks are independent of the errors."""
+        self._inner.add(initial, surfaces, rng, index=index, forces=forces)
+        self._forces = self._forces if forces is None else forces
+        n_new = initial.translation.shape[0]
+        for name in ("_sensitivity", "_shift", "_spread"):
+            old = getattr(self, name)
+            setattr(self, name, np.concatenate([old, np.zeros((n_new, *old.shape[1:]))]))
+
+    def remove(self, targets: ArrayLike) -> None:
+        """See `Estimator.remove`."""
+        left = remaining_tracks(self.failed.size, targets)
+        self._inner.remove(targets)
+        self._forces = of_targets(self._forces, left)
+        for name in ("_sensitivity", "_shift", "_spread"):
+            setattr(self, name, getattr(self, name)[left])

@@ -1,0 +1,164 @@
+"""True errors of the observers: what they believe of their positions, pointing and clocks is not
+exact. See `cislunar.estimation.navigation.errors` for the components.
+
+Targets are seen from the true positions. Measured right ascension and declination have the
+zero-point offsets of their observer, and are those of a time that differs from the time stamp by
+the clock error. Estimators, association and tasking know the believed positions alone.
+
+Assumptions and limitations
+---------------------------
+- Over the clock error, the motion of target and observer is uniform: at 1 s and in a low lunar
+  orbit, the position is inexact by less than 1 m.
+- Magnitude, occultation and the field of view are those of the time stamp.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.navigation.errors import N_PARAMETERS, UNITS, ObserverErrorSigma
+from cislunar.estimation.navigation.rates import frame_rotation, observer_velocities
+from cislunar.observation.scene import Scene
+from cislunar.observation.sightline import wrap_angle
+from cislunar.runtime.arguments import array_of
+from cislunar.tasking.initial_conditions import OBSERVER, stream
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class ObserverTruth(NamedTuple):
+    """True errors of the observers in a realization, truth less belief.
+
+    Attributes
+    ----------
+    error : ndarray, shape (observer, time, 6)
+        In the order of `OBSERVER_PARAMETERS`; nondimensional, rad and s.
+    """
+
+    error: Array
+
+    def at(self, index: int) -> Array:
+        """Errors (observer, 6) at a time of the scene; m, arcsec and s."""
+        return self.error[:, index] / UNITS
+
+    def scene(self, believed: Scene) -> Scene:
+        """The scene with the true positions of the observers."""
+        return believed._replace(
+            observer_position=np.ascontiguousarray(believed.observer_position + self.error[..., :3])
+        )
+
+    def offsets(self, scene: Scene, observer: Indices, index: Indices, translation: Array) -> Array:
+        """Differences of measured from true angles without noise, shape (row, 2), rad.
+
+        Parameters
+        ----------
+        scene : Scene
+            With the true positions.
+        observer, index : ndarray of int, shape (row,)
+            Observer of each measurement, and its time, an index of the scene.
+        translation : ndarray, shape (row, 6)
+            True state of the measured target, nondimensional, propagation frame.
+        """
+        error = self.error[observer, index]
+        clock = error[:, 5] * (scene.step / scene.step_s)
+        if not np.any(clock):
+            return error[:, 3:5].copy()
+        way = translation[:, :3] - scene.observer_position[observer, index]
+        velocity = translation[:, 3:] - observer_velocities(scene)[observer, index]
+        velocity += np.cross(frame_rotation(scene), way)
+        axes = scene.observer_axes[index]
+        before, after = _angles(axes, way), _angles(axes, way + clock[:, None] * velocity)
+        return error[:, 3:5] + wrap_angle(after - before)
+
+    def measured(
+        self,
+        scene: Scene,
+        start: int,
+        translation: Array,
+        exposures: Exposures,
+        detections: Detections,
+        origin: Indices,
+    ) -> tuple[Detections, Indices]:
+        """Detections with the angles that the observers measure, and their origins.
+
+        Parameters
+        ----------
+        scene : Scene
+            With the true positions.
+        start : int
+            Index of the time before the first step.
+        translation : ndarray, shape (target, time, 6)
+            True states from that time on.
+        exposures, detections, origin
+            See `cislunar.detection.exposures.expose`, with angles relative to the true axes.
+        """
+        step, observer = (each[detections.exposure] for each in exposures[:2])
+        # a false alarm has no motion, so that the clock does not matter to it
+        offset = self.error[observer, start + 1 + step][:, 3:5]
+        real = np.flatnonzero(origin != FALSE_ALARM)
+        index, states = start + 1 + step[real], translation[origin[real], step[real] + 1]
+        offset[real] = self.offsets(scene, observer[real], index, states)
+        value = shifted_angles(detections.value, offset)
+        order = np.lexsort((value[:, 1], detections.exposure))
+        exposure, variance = detections.exposure[order], detections.variance[order]
+        return Detections(exposure, value[order], variance), origin[order]
+
+
+def _angles(axes: Array, way: Array) -> Array:
+    """Right ascension and declination, shape (row, 2)."""
+    x, y, z = np.einsum("nij,nj->in", axes, way)
+    return np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1)
+
+
+def shifted_angles(value: Array, offset: Array) -> Array:
+    """Measurements (row, 3) whose angles are increased by offsets (row, 2)."""
+    out = value.copy()
+    out[:, 1] = wrap_angle(out[:, 1] + offset[:, 0])
+    out[:, 2] += offset[:, 1]
+    return out
+
+
+def draw_observer_errors(
+    sigma: ObserverErrorSigma, constant: ArrayLike | None, scene: Scene, seed: int
+) -> ObserverTruth | None:
+    """Sample the errors of the observers of a realization; None if there are none.
+
+    Parameters
+    ----------
+    sigma : ObserverErrorSigma
+        Standard deviations of constant errors and random walks.
+    constant : array_like, shape (observer, 6), or None
+        Constant errors in addition to the random ones; m, arcsec and s.
+    scene : Scene
+    seed : int
+        Seed of the realization, which with the index of an observer selects its random numbers.
+
+    Raises
+    ------
+    ConfigurationError
+        If `constant` has another shape or is not finite.
+    """
+    n_observers, n_times = scene.observer_position.shape[:2]
+    given = np.zeros((n_observers, N_PARAMETERS))
+    if constant is not None:
+        given = array_of("observer_errors", constant, ("observer", N_PARAMETERS))
+        if given.shape[0] != n_observers:
+            raise ConfigurationError(
+                f"observer_errors are those of {given.shape[0]} observers; give {n_observers} rows"
+            )
+    if not sigma.present and not np.any(given):
+        return None
+    error = np.empty((n_observers, n_times, N_PARAMETERS))
+    step_s = scene.step_s
+    for o in range(n_observers):
+        drawn = sigma.constant() * stream(OBSERVER, seed, o).standard_normal(N_PARAMETERS)
+        error[o] = given[o] * UNITS + drawn
+        steps = stream(OBSERVER, seed, o, 1).standard_normal((n_times - 1, N_PARAMETERS))
+        error[o, 1:] += np.cumsum(sigma.walk(step_s) * steps, axis=0)
+    return ObserverTruth(error)
