@@ -131,7 +131,9 @@ def write_reference(app):
         inside = [each for each in found if each.name.rpartition(".")[0] == package]
         modules = [each.name for each in inside if not each.ispkg and "__" not in each.name]
         below = [each.name for each in inside if each.ispkg]
-        text = f"{package}\n{'=' * len(package)}\n\n.. automodule:: {package}\n"
+        # the front page is titled by the name of the package alone
+        title = package if package != "cislunar" else "Constants and top-level modules"
+        text = f"{title}\n{'=' * len(title)}\n\n.. automodule:: {package}\n"
         # The modules describe the names of the interface.
         text += _interface(package) if package != "cislunar" else "\n"
         if package != "cislunar" and below + modules:
@@ -149,6 +151,8 @@ def write_reference(app):
 
 def adapt_markdown(app, docname, source):
     """Adapt links to gallery scripts and Mermaid graphs, which only GitHub shows as written."""
+    if docname == "README":  # whose heading is that of the repository
+        source[0] = source[0].replace("# cislunar\n", "# Start\n", 1)
     source[0] = EXAMPLE.sub(lambda m: f"(/docs/gallery/{m[1]}/{m[2] or 'index'}.rst)", source[0])
     source[0] = MERMAID.sub(_graph_as_table, source[0])
 
