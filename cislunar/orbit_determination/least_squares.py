@@ -85,9 +85,12 @@ class OrbitFits(NamedTuple):
         )
 
 
-def whitened(angles: Angles) -> Array:
-    """Vectors (row, 2, 3) whose products with an offset over the range are standardized errors."""
-    return np.linalg.solve(np.linalg.cholesky(angles.covariance), angles.basis)
+def _whitened(angles: Angles, rows: Indices) -> Array:
+    """Vectors (row, 2, 3) whose products with an offset over the range are standardized errors; of
+    the given rows."""
+    out, used = np.zeros(angles.basis.shape), np.unique(rows)
+    out[used] = np.linalg.solve(np.linalg.cholesky(angles.covariance[used]), angles.basis[used])
+    return out
 
 
 @njit_noalloc
@@ -353,7 +356,7 @@ def fit_orbits(
     first = row[begin[:-1]]
     axes = np.concatenate([angles.direction[first][:, None], angles.basis[first]], axis=1)
     data = (
-        angles.time, angles.place, angles.direction, whitened(angles), angles.origin_velocity,
+        angles.time, angles.place, angles.direction, _whitened(angles, row), angles.origin_velocity,
         float(angles.light_delay),
     )  # fmt: skip
     _fit_all(

@@ -130,11 +130,11 @@ def log_evidence(fits: OrbitFits, angles: Angles, region: AdmissibleRegion) -> A
         converged.
     """
     prior = np.linalg.inv(region_covariance(region))
-    noise = np.log(2.0 * np.pi) + 0.5 * np.linalg.slogdet(angles.covariance)[1]
+    noise = np.log(2.0 * np.pi) + 0.5 * np.linalg.slogdet(angles.covariance[fits.row])[1]
     out = np.full(fits.epoch.size, -np.inf)
     for k in np.flatnonzero(fits.status == CONVERGED).tolist():
-        rows = fits.row[fits.begin[k] : fits.begin[k + 1]]
+        each = noise[fits.begin[k] : fits.begin[k + 1]]
         information = np.linalg.inv(fits.covariance[k]) + prior
         volume = 3.0 * np.log(2.0 * np.pi) - 0.5 * np.linalg.slogdet(information)[1]
-        out[k] = -0.5 * fits.chi_squared[k] - noise[rows].sum() + region.log_density + volume
+        out[k] = -0.5 * fits.chi_squared[k] - each.sum() + region.log_density + volume
     return out
