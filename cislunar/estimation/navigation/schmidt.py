@@ -1,6 +1,6 @@
 """Compiled Schmidt-Kalman filter of a target whose observers have errors; see
-`cislunar.estimation.navigation.navigated_estimator`. The recursion runs beside a filter that takes its
-observers for exact, and is linear about its estimates."""
+`cislunar.estimation.navigation.navigated_estimator`. The recursion runs beside a filter that takes
+its observers for exact, and is linear about the corrected estimate."""
 
 import numpy as np
 from numba import njit
