@@ -143,7 +143,7 @@ def test_the_prior_of_the_estimator_stays(problem, factor, freedom):
     ("sigma", "freedom", "message"),
     [
         (EVERY, 2.0, "parameter_freedom = 2.0 must be above 2"),
-        (BodyParameterPrior(), 4.0, "the standard deviation of every body parameter is 0"),
+        (BodyParameterPrior(), 4.0, "every standard deviation of parameter_sigma is 0"),
     ],
 )
 def test_a_distribution_without_spread_is_refused(problem, sigma, freedom, message):
