@@ -103,7 +103,7 @@ _UNMATCHED = {
     "priors-half": "half the assumed spread of bodies",
     "priors-double": "twice the assumed spread of bodies",
     "priors-heavy": "heavy-tailed spread of bodies",
-    "priors-double-robust": "twice the assumed spread of bodies, heavy-tailed prior",
+    "priors-wide": "prior of twice the spread of bodies",
     "stretched": "bodies stretched by 1.1, 1 and 0.95",
     "stretched-random": "bodies stretched at random by 10 %",
     "facets-20": "facets' reflectivity at random by 20 %",

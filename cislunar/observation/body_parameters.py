@@ -139,22 +139,20 @@ def _unknown(groups: Iterable[tuple[NDArray, float]]) -> tuple[NDArray[np.int64]
     return np.concatenate(kinds), np.concatenate(sigma)
 
 
-def require_freedom(
-    prior: BodyParameterPrior, freedom: float | None, name: str = "parameter_freedom"
-) -> None:
-    """Refuse degrees of freedom of Student's t distribution, an argument of the given name, without
-    a variance, or without deviations that follow it."""
+def require_freedom(prior: BodyParameterPrior, freedom: float | None) -> None:
+    """Refuse degrees of freedom of Student's t distribution without a variance, or without
+    deviations that follow it."""
     if freedom is None:
         return
     if not freedom > 2.0:
         raise ConfigurationError(
-            f"{name} = {freedom} must be above 2: Student's t distribution has no "
+            f"parameter_freedom = {freedom} must be above 2: Student's t distribution has no "
             "standard deviation below"
         )
     if not prior:
         raise ConfigurationError(
-            f"{name} = {freedom}: the standard deviation of every body parameter is 0; give one "
-            f"above 0, or omit {name}"
+            f"parameter_freedom = {freedom}: every standard deviation of parameter_sigma is 0; "
+            "give one above 0, or omit parameter_freedom"
         )
 
 

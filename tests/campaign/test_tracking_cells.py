@@ -196,8 +196,6 @@ def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
         ("task2.truth.parameter_freedom", 4),  # of no deviation
         ("task2.truth.torque", {"random_deg_h2": -1}),
         ("task2.truth.body", {"shape": "sphere"}),
-        ("task2.batch.prior_freedom", 2),
-        ("task2.batch", {"prior_freedom": 4}),  # of no estimated parameter
         ("task2.batch.estimated_parameters", {"log_slope": -0.1}),
         ("task2.batch.noise_freedom", 0),
     ],

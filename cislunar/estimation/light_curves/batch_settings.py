@@ -5,14 +5,13 @@ from typing import NamedTuple
 from pydantic import model_validator
 
 from cislunar.errors import ConfigurationError
-from cislunar.observation.body_parameters import BodyParameterPrior, require_freedom
+from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.runtime.settings_fields import (
     Count,
     Flag,
     NotNegative,
     Positive,
     Section,
-    number,
     setting,
     whole,
 )
@@ -45,7 +44,7 @@ class SearchSettings(NamedTuple):
 class BatchSettings(Section):
     """How the attitude is fitted."""
 
-    omitted = ("noise_freedom", "most_searches", "prior_freedom", "estimated_parameters")
+    omitted = ("noise_freedom", "most_searches", "estimated_parameters")
 
     modes: Count = setting(
         "maximum number of modes of the attitude's posterior that the estimator `batch` keeps (16 "
@@ -78,10 +77,6 @@ class BatchSettings(Section):
     most_searches: Count = setting(
         "maximum number of searches of a fit whose residuals are too large or whose modes "
         "disagree", default=1)
-    prior_freedom: number(gt=2) | None = setting(
-        "degrees of freedom, above 2, of Student's t distribution as the prior of the estimated "
-        "parameters, which keeps their standard deviations and gives bodies far from the assumed "
-        "one more weight; null: normal", "1", default=None)
     estimated_parameters: BodyParameterPrior = BodyParameterPrior()
 
     # fmt: on
@@ -96,12 +91,6 @@ class BatchSettings(Section):
         if self.memory_hours is not None and self.window_hours is None:
             raise ConfigurationError(
                 f"memory_hours = {self.memory_hours} needs window_hours: only condensed data fade"
-            )
-        require_freedom(self.estimated_parameters, self.prior_freedom, "prior_freedom")
-        if self.prior_freedom is not None and self.window_hours is not None:
-            raise ConfigurationError(
-                f"prior_freedom = {self.prior_freedom} and window_hours = {self.window_hours} "
-                "exclude each other: condensed data contain the prior"
             )
         if self.noise_freedom is None:
             return self

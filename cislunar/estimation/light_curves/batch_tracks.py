@@ -128,5 +128,4 @@ def _light_curve_model(
         bool(surfaces.fresnel_sqrt),
         float((settings.magnitude_noise_factor * sensor.magnitude_noise) ** 2),
         float(settings.noise_freedom or 0.0),
-        float(settings.prior_freedom or 0.0),
     )

@@ -49,7 +49,6 @@ from cislunar.estimation.light_curves.row_blocks import (
     read_attitude,
     turn_evenly,
 )
-from cislunar.estimation.prior_tails import add_tail_derivatives, tail_cost
 from cislunar.photometry.bodies import Body
 from cislunar.photometry.body_blocks import (
     body_magnitude_deviations,
@@ -79,9 +78,7 @@ class LightCurveModel(NamedTuple):
     `inertia`, `inverse_inertia` (3, 3): assumed, any unit; `even`: whether the angular velocity is
     constant, whatever the parameters. `surface`: assumed `Body`. `irradiance_4pi`, `fresnel_sqrt`:
     see `cislunar.photometry.materials.PhotometryModel`. `noise_variance`: R, mag^2, of a row of
-    weight 1; `noise_freedom`: degrees of freedom of the prior knowledge of R, 0 if R is known.
-    `prior_freedom`: degrees of freedom of Student's t prior of the body parameters, 0 for a normal
-    prior (`cislunar.estimation.prior_tails`)."""
+    weight 1; `noise_freedom`: degrees of freedom of the prior knowledge of R, 0 if R is known."""
 
     quaternion: Array
     omega: Array
@@ -96,7 +93,6 @@ class LightCurveModel(NamedTuple):
     fresnel_sqrt: bool
     noise_variance: float
     noise_freedom: float
-    prior_freedom: float = 0.0
 
 
 class Anchor(NamedTuple):
@@ -212,7 +208,7 @@ def cost(u, data, anchor, model, stop_above):
 def cost_with(work, u, data, anchor, model, stop_above):
     """`cost` with given scratch."""
     _set_motion(u, model, False, work)
-    total = anchor_cost(u, anchor) + tail_cost(u, ROTATION, model.prior_freedom)
+    total = anchor_cost(u, anchor)
     if model.surface_kinds.shape[0] > 0:
         return _sum_of_perturbed_rows(total, u, data, model, stop_above, work)
     return _sum_of_rows(total, data, model, model.surface, stop_above, work)
@@ -281,7 +277,7 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
 def derivatives_with(work, u, data, anchor, model, gradient, information):
     """`cost_and_derivatives` with given scratch."""
     _set_motion(u, model, True, work)
-    size, total = u.shape[0], anchor_cost(u, anchor) + tail_cost(u, ROTATION, model.prior_freedom)
+    size, total = u.shape[0], anchor_cost(u, anchor)
     if model.surface_kinds.shape[0] > 0:
         total, squares, seen = _products_of_perturbed(total, u, data, model, work)
     else:
@@ -294,7 +290,6 @@ def derivatives_with(work, u, data, anchor, model, gradient, information):
         for j in range(size):
             gradient[i] += anchor.information[i, j] * (u[j] - anchor.mean[j])
             information[i, j] = anchor.information[i, j] + trust * curvatures[i, j]
-    add_tail_derivatives(u, ROTATION, model.prior_freedom, gradient, information)
     return total + _misfit(squares, seen, model)
 
 
