@@ -107,6 +107,11 @@ def tracking_kernels(settings: Mapping[str, Any]) -> str:
     return kernel_set(f"tracking-{dynamics['filter']}" if ephemeris else "tracking")
 
 
+def tracking_files(settings: Mapping[str, Any]) -> set[str]:
+    """Files of the kernels of a tracking cell with these settings; it may not need all of them."""
+    return KERNEL_SETS[tracking_kernels(settings).rpartition(":")[2]].files()
+
+
 if __name__ == "__main__":
     drop_stale_kernels()
     for each in sys.argv[1:] or ("tracking", "search"):

@@ -8,6 +8,7 @@ from cislunar.command.campaign import docs, report, resume, run, verify
 from cislunar.command.orbits import orbits
 from cislunar.command.propagate import propagate
 from cislunar.command.see import see
+from cislunar.command.study import study
 
 
 @click.group(cls=Group)
@@ -19,9 +20,10 @@ def cislunar() -> None:
     Examples:
       cislunar orbits members Halo_L2_S --jacobi 3.05
       cislunar see --observer Halo_L2_S,period=6.5 --target Lyap_L2,period=15
+      cislunar study my_study.yaml
       cislunar run --configfile config/quick.yaml
     """
 
 
-for each in (orbits, propagate, see, run, resume, verify, report, docs):
+for each in (orbits, propagate, see, study, run, resume, verify, report, docs):
     cislunar.add_command(each)
