@@ -4,6 +4,8 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "estimation": ["ObservedResult", "estimate"],
+    "observed": ["Observed", "read_observations", "reduce_interval"],
     "orbit_text": ["FORM", "Orbit", "member_of", "members_of", "read_orbit"],
     "objects": ["StudyObject", "read_objects"],
     "placement": ["place_objects"],

@@ -31,8 +31,6 @@ Array = NDArray[np.float64]
 _SPEED_KM_S = LENGTH_UNIT_KM / TIME_UNIT_S
 _DEG_H = float(np.rad2deg(3600.0))
 _CREATED = "2000-01-01T00:00:00"
-PLOTS = ("errors", "schedule", "light_curve", "geometry")
-"""Kinds of figures."""
 
 
 class StudyResult:
@@ -46,7 +44,11 @@ class StudyResult:
         All results, as the file of a cell of a campaign has them, in its units.
     sun : xarray.Dataset
         Epoch, axes of the rotating frame and Sun.
+    plots : tuple of str
+        Kinds of figures.
     """
+
+    plots: tuple[str, ...] = ("errors", "schedule", "light_curve", "geometry")
 
     def __init__(self, study: Any, cell: xr.Dataset, sun: xr.Dataset) -> None:
         self.study, self.cell, self.sun = study, cell, sun
@@ -94,19 +96,14 @@ class StudyResult:
             for j in range(status.shape[1])
         ]
         columns["measurements"] = np.mean(np.sum(cell["outcome"].values == USED, axis=1), axis=0)
-        for name, each in last.items():
-            angle = attitude_angle_deg(each[..., :3]) if name == "error" else None
-            norms = {
-                "position_km": np.linalg.norm(each[..., 6:9], axis=-1) * LENGTH_UNIT_KM,
-                "velocity_m_s": np.linalg.norm(each[..., 9:], axis=-1) * 1e3 * _SPEED_KM_S,
-                "attitude_deg": (
-                    np.rad2deg(np.linalg.norm(each[..., :3], axis=-1)) if angle is None else angle
-                ),
-            }
-            for quantity, values in norms.items():
-                columns[f"{quantity.replace('_', f'_{name}_', 1)}"] = np.sqrt(
-                    np.mean(values**2, axis=0)
-                )
+        error = last["error"]
+        norms = {
+            "position_error_km": np.linalg.norm(error[..., 6:9], axis=-1) * LENGTH_UNIT_KM,
+            "velocity_error_m_s": np.linalg.norm(error[..., 9:], axis=-1) * 1e3 * _SPEED_KM_S,
+            "attitude_error_deg": attitude_angle_deg(error),
+        }
+        columns |= {key: np.sqrt(np.mean(each**2, axis=0)) for key, each in norms.items()}
+        columns |= sigma_columns(last["sigma"])
         return pd.DataFrame(columns, index=pd.Index(self.targets, name="target"))
 
     def to_xarray(self) -> xr.Dataset:
@@ -130,6 +127,8 @@ class StudyResult:
         factors = (np.rad2deg(1.0), _DEG_H, LENGTH_UNIT_KM, _SPEED_KM_S)
         rows, found = ("seed", "time", "target"), {}
         for name, words in (("error", "truth less estimate"), ("sigma", "standard deviation")):
+            if name not in cell:
+                continue
             for (part, (columns, unit)), factor in zip(parts.items(), factors, strict=True):
                 values = cell[name].values[..., columns].astype(float) * factor
                 if (name, part) == ("error", "attitude"):
@@ -139,6 +138,8 @@ class StudyResult:
                 )  # fmt: skip
         vectors = ("position", slice(0, 3), "km"), ("velocity", slice(3, 6), "km/s")
         for which in ("true", "estimated"):
+            if f"{which}_translation" not in cell:
+                continue
             states = cell[f"{which}_translation"].values * scale
             for part, some, unit in vectors:
                 described = {"units": unit, "long_name": f"{which} {part}"}
@@ -152,21 +153,23 @@ class StudyResult:
             cell["covariance"].values * np.outer(scale, scale),
             {"units": "km, km/s", "long_name": "covariance of position and velocity"},
         )
-        found["assigned_target"] = self._assigned()
+        if "assignment" in cell:
+            found["assigned_target"] = self._assigned()
         found |= self._observed()
         names = ["x", "y", "z", "vx", "vy", "vz"]
         coords = {
             "time": self.utc(cell["time"].values),
-            "epoch": self.utc(cell["epoch"].values),
             "target": self.targets,
             "observer": self.study.observer_names,
-            "seed": cell["seed"].values,
+            "seed": np.arange(cell.sizes["seed"]),
             "axis": ["x", "y", "z"],
             "quaternion": ["q1", "q2", "q3", "q4"],
             "component": names,
             "component_2": names,
         }
-        moving = self.study.settings.dynamics.truth == "ephemeris"
+        if "epoch" in cell:
+            coords["epoch"] = self.utc(cell["epoch"].values)
+        moving = self._inertial
         frame = "barycentric, J2000 axes" if moving else "rotating, Earth-Moon barycenter"
         attrs = {key: cell.attrs[key] for key in ("title", "source", "settings", "seed")}
         return xr.Dataset(found, coords, {**attrs, "frame": frame, "time_scale": "UTC"})
@@ -209,8 +212,71 @@ class StudyResult:
             )  # fmt: skip
         return found
 
-    def plot(self, kind: Literal["errors", "schedule", "light_curve", "geometry"] = "errors",
-             target: str | None = None) -> Figure:  # fmt: skip
+    def observations(self, seed: int = 0) -> pd.DataFrame:
+        """Measurements of a realization, with the names of ADES.
+
+        Parameters
+        ----------
+        seed : int
+            Index of the realization.
+
+        Returns
+        -------
+        DataFrame
+            ``obsTime`` (UTC), ``stn`` (observer), ``artSat`` (target), ``ra`` and ``dec`` (ICRF,
+            deg), ``mag``, and the standard deviations ``rmsRA``, ``rmsDec`` (arcsec), ``rmsMag``,
+            in order of time. Directions are geometric, without light time.
+        """
+        self._check_seed(seed)
+        cell = self.cell
+        value = cell["observation_magnitude"].values
+        kept = (cell["observation_seed"].values == seed) & np.isfinite(value)
+        kept = np.flatnonzero(kept)
+        kept = kept[np.argsort(cell["observation_step"].values[kept], kind="stable")]
+        rows = {
+            name.removeprefix("observation_"): cell[name].values[kept]
+            for name in cell
+            if str(name).startswith("observation_")
+        }
+        ra, dec, step = rows["right_ascension"], rows["declination"], rows["step"]
+        elapsed = cell["step"].values[step]
+        unit = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
+        x, y, z = np.einsum("nji,nj->in", cell["observer_axes"].values[step], unit)
+        if not self._inertial:
+            # the rotating frame turns uniformly, see `cislunar.exchange.inertial`
+            angle = elapsed / TIME_UNIT_S
+            cos, sin = np.cos(angle), np.sin(angle)
+            turned = np.stack([cos * x - sin * y, sin * x + cos * y, z])
+            x, y, z = self.sun["moon_rotation"].values[0].T @ turned
+        arcsec = np.rad2deg(np.sqrt(rows["angle_variance"])) * 3600.0
+        return pd.DataFrame(
+            {
+                "obsTime": [f"{clock_text(each)}Z" for each in self._clock(elapsed)],
+                "stn": np.array(self.study.observer_names, dtype=object)[rows["observer"]],
+                "artSat": np.array(self.targets, dtype=object)[rows["target"]],
+                "ra": np.rad2deg(np.arctan2(y, x)) % 360.0,
+                "dec": np.rad2deg(np.arctan2(z, np.hypot(x, y))),
+                "mag": rows["magnitude"],
+                "rmsRA": arcsec,
+                "rmsDec": arcsec,
+                "rmsMag": np.sqrt(rows["magnitude_variance"]),
+            }
+        )
+
+    @property
+    def _inertial(self) -> bool:
+        """Whether the propagation frame has the axes of the ICRF."""
+        return self.study.settings.dynamics.truth == "ephemeris"
+
+    def _index(self, target: str | None) -> int | None:
+        """Index of a target by its name."""
+        if target is not None and target not in self.targets:
+            raise ConfigurationError(
+                f"target = {shown(target)} is none of {', '.join(self.targets)}"
+            )
+        return None if target is None else self.targets.index(target)
+
+    def plot(self, kind: str = "errors", target: str | None = None) -> Figure:
         """Draw a figure of the first realization.
 
         Parameters
@@ -225,17 +291,12 @@ class StudyResult:
         -------
         matplotlib.figure.Figure
         """
-        if kind not in PLOTS:
+        if kind not in self.plots:
             raise ConfigurationError(
-                f"kind = {shown(kind)} is no figure of a study: choose one of {', '.join(PLOTS)}"
+                f"kind = {shown(kind)} is no figure of a study: choose one of "
+                f"{', '.join(self.plots)}"
             )
-        chosen = None
-        if target is not None:
-            if target not in self.targets:
-                raise ConfigurationError(
-                    f"target = {shown(target)} is none of {', '.join(self.targets)}"
-                )
-            chosen = self.targets.index(target)
+        chosen = self._index(target)
         if kind == "geometry":
             return self.study.plot()
         from cislunar.figures.tracking import single_run
@@ -247,11 +308,14 @@ class StudyResult:
             return single_run.schedule_figure(self.cell, names)
         return single_run.light_curve_figure(self.cell, names, chosen)
 
-    def _arcs(self, which: str, seed: int) -> list:
+    def _check_seed(self, seed: int) -> None:
         if not isinstance(seed, int) or not 0 <= seed < self.cell.sizes["seed"]:
             raise ConfigurationError(
                 f"seed = {shown(seed)}: the realizations are 0 .. {self.cell.sizes['seed'] - 1}"
             )
+
+    def _arcs(self, which: str, seed: int) -> list:
+        self._check_seed(seed)
         if which not in ("estimated", "true"):
             raise ConfigurationError(f"which = {shown(which)} must be 'estimated' or 'true'")
         return cell_arcs(self.cell, self.sun, which, seed=seed)
@@ -277,7 +341,7 @@ class StudyResult:
         str
             The message.
         """
-        moving = self.study.settings.dynamics.truth == "ephemeris"
+        moving = self._inertial
         comments = () if moving else COMMENTS
         text = oem_text(self._arcs(which, seed), created=created, comments=comments)
         return _save(text, path)
@@ -287,6 +351,31 @@ class StudyResult:
         """Write the states of all targets as a table (`cislunar.exchange.state_tables`); see
         `to_oem` for arguments and result."""
         return _save(segments_csv(self._arcs(which, seed)), path)
+
+
+def sigma_columns(sigma: Array) -> dict[str, Array]:
+    """Columns of standard deviations in practical units.
+
+    Parameters
+    ----------
+    sigma : ndarray, shape (seed, target, 12)
+        See `cislunar.estimation.estimator.Estimates`.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (target,)
+        Root sums of squares of three components, root mean square over realizations.
+    """
+    given = np.asarray(sigma, dtype=float)
+    units = {
+        "position_sigma_km": (slice(6, 9), LENGTH_UNIT_KM),
+        "velocity_sigma_m_s": (slice(9, 12), 1e3 * _SPEED_KM_S),
+        "attitude_sigma_deg": (slice(0, 3), np.rad2deg(1.0)),
+    }
+    return {
+        key: unit * np.sqrt(np.mean(np.sum(given[..., part] ** 2, axis=-1), axis=0))
+        for key, (part, unit) in units.items()
+    }
 
 
 def _save(text: str, path: str | Path | None) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,12 +26,16 @@ from cislunar.dynamics.cr3bp import jacobi_constant
 from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError
 from cislunar.exchange.inertial import epoch_at
+from cislunar.observation.sensor import sensors_of
 from cislunar.quantities import date_of
-from cislunar.runtime.arguments import count_of
+from cislunar.runtime.arguments import count_of, require_kind
 from cislunar.runtime.compilation import announced
 from cislunar.runtime.progress import logger, on_terminal, progress_log
+from cislunar.runtime.provenance import provenance
 from cislunar.runtime.settings_fields import shortened_interval
+from cislunar.study.estimation import ObservedResult, estimate
 from cislunar.study.objects import StudyObject, read_objects
+from cislunar.study.observed import Observed, read_observations
 from cislunar.study.placement import place_objects
 from cislunar.study.results import StudyResult
 from cislunar.study.settings import StudySettings, study_settings
@@ -67,6 +72,13 @@ class Study:
         tables or OEM files; see `cislunar.study.objects`. Their names stay in all results.
     epoch : str or float
         UTC, ISO 8601 or Julian date.
+    observations : DataFrame, str or Path, optional
+        Real observations (`cislunar.study.observed`), from which `run` estimates orbits and
+        attitudes, without a simulation. The dynamics are then those of the ephemeris unless
+        ``dynamics`` states others.
+    light_time : bool
+        Whether directions of `observations` are astrometric, so that light left the target earlier;
+        False if they are geometric.
     **settings
         Those of a cell of a campaign (``sensor``, ``body``, ``dynamics``, ``duration_hours``,
         ``step_s``, ``seeds`` and so on), and ``estimator``, ``interval_minutes``, ``kernel`` and
@@ -90,15 +102,39 @@ class Study:
     'a'
     """
 
-    def __init__(self, observers: Any, targets: Any, epoch: Any = None, **settings: Any) -> None:
+    def __init__(
+        self,
+        observers: Any,
+        targets: Any,
+        epoch: Any = None,
+        *,
+        observations: Any = None,
+        light_time: bool = True,
+        **settings: Any,
+    ) -> None:
         given = settings if epoch is None else {**settings, "epoch": date_of(epoch)}
+        require_kind("light_time", light_time, bool, "give True or False")
+        if observations is not None:
+            given = {"dynamics": {"truth": "ephemeris", "filter": "ephemeris"}} | given
         chosen = study_settings(given)
         days = chosen.duration_hours / 24.0
         start = epoch_at(chosen.epoch, chosen.kernel)
         self.observers: list[StudyObject] = read_objects("observer", observers, start, days)
         self.targets: list[StudyObject] = read_objects("target", targets, start, days)
         self.settings: StudySettings = self._with_sensors(chosen)
+        self._observed: Observed | None = None
+        self._light_time = light_time
         self._check()
+        if observations is not None:
+            sensors = sensors_of(self._loop(self._inputs())[1].sensor, self.n_observers)
+            names = self.observer_names, [each.name for each in self.targets], sensors
+            self._observed = read_observations(observations, *names, start.tdb_s)
+            last = float(self._observed.elapsed_s[-1])
+            if last > 3600.0 * chosen.duration_hours:
+                raise ConfigurationError(
+                    f"observations: the last one is {last / 3600.0:.4g} h after the epoch, but "
+                    f"duration_hours = {chosen.duration_hours:g}; raise duration_hours"
+                )
 
     def __repr__(self) -> str:
         own = self.settings
@@ -221,7 +257,7 @@ class Study:
         return geometry_figure(*self.paths())
 
     def run(self, seeds: int | None = None) -> StudyResult:
-        """Simulate the study.
+        """Simulate the study, or estimate from its observations.
 
         Progress with the remaining time is logged to ``cislunar``, or shown on the terminal if no
         logging is configured. Kernels that are not yet compiled are compiled first.
@@ -234,16 +270,16 @@ class Study:
         Returns
         -------
         StudyResult
+            With `observations` an `ObservedResult`, which has residuals in place of errors.
         """
+        if self._observed is not None:
+            return self._estimated()
         count = self.settings.seeds if seeds is None else count_of("seeds", seeds)
         inputs, kept = self._inputs(), {**self._kept, "seeds": count}
-        with ExitStack() as stack:
-            if not logger.hasHandlers():
-                stack.enter_context(on_terminal())
-            own = self.settings
+        own = self.settings
+        with _shown(kept):
             if shortened := shortened_interval(own.duration_hours, own.interval_minutes):
                 logger.warning("warning: %s", shortened)
-            stack.enter_context(announced(tracking_files(kept)))
             found = cell_dataset(
                 self._cell,
                 inputs,
@@ -257,6 +293,36 @@ class Study:
         title = f"Study of {len(self.targets)} targets by {self.n_observers} observers"
         found = found.assign_attrs(title=title)
         return StudyResult(self, found, inputs.sun)
+
+    def _estimated(self) -> ObservedResult:
+        """Estimates from the observations."""
+        inputs, kept = self._inputs(), self._kept
+        moving = self.settings.dynamics.truth == "ephemeris"
+        rotation = None if moving else frame_epoch(inputs.sun).rotation
+        with _shown(kept):
+            loop = self._loop(inputs)[0]
+            found = estimate(
+                loop.inputs,
+                self._observed,
+                rotation,
+                self.settings.seed,
+                progress_log("intervals"),
+                light_time=self._light_time,
+            )
+        title = f"Estimates of {len(self.targets)} targets from observations"
+        found = found.assign_coords(target_name=("target", [each.name for each in self.targets]))
+        attrs = provenance(title, settings=kept, seed=self.settings.seed)
+        return ObservedResult(self, found.assign_attrs(attrs), inputs.sun)
+
+
+@contextmanager
+def _shown(settings: Mapping[str, Any]) -> Iterator[None]:
+    """Show progress on the terminal if no logging is configured, and that of compilation."""
+    with ExitStack() as stack:
+        if not logger.hasHandlers():
+            stack.enter_context(on_terminal())
+        stack.enter_context(announced(tracking_files(settings)))
+        yield
 
 
 def _path(orbit: StudyObject, duration: float) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ import yaml
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.figures.style import save_figure
 from cislunar.runtime.netcdf import write_dataset, write_text
-from cislunar.study.results import PLOTS, StudyResult
+from cislunar.study.results import StudyResult
 from cislunar.study.study import Study
 
 
@@ -84,7 +84,7 @@ def write_study(result: StudyResult, folder: str | Path) -> list[Path]:
     result.to_oem(place / names[2])
     result.to_csv(place / names[3])
     figures = []
-    for kind in PLOTS:
+    for kind in result.plots:
         both = [place / f"{kind}.{ending}" for ending in ("png", "pdf")]
         save_figure(result.plot(kind), *both)
         figures += both

@@ -14,7 +14,8 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "norms": ["error_norms_figure", "selected_targets_figure"],
     "pooled": ["pooled_figure"],
     "representative": ["representative_target_figure"],
-    "single_run": ["light_curve_figure", "run_errors_figure", "schedule_figure"],
+    "single_run": ["light_curve_figure", "residuals_figure", "run_errors_figure",
+        "schedule_figure"],
     "tasking": ["tasking_figure"],
     "trends": ["against_interval_figure", "against_targets_figure"],
 })

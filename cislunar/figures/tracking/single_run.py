@@ -128,13 +128,60 @@ def light_curve_figure(
             axes.set_xlabel("time since the epoch, h")
     if not chosen:
         layout.note_empty(grid.place(figure, 0, 0), "no target was detected")
-    handles = [
+    handles = _observer_handles(observers)
+    layout.legend_below(figure, handles, 0.07, min(len(handles), 6))
+    return figure
+
+
+@style.house_style()
+def residuals_figure(
+    data: xr.Dataset, observers: Sequence[str], target: int | None = None
+) -> Figure:
+    """Draw measured less estimated right ascension, declination and magnitude over time.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Residuals of observations (`cislunar.study.estimation`).
+    observers : sequence of str
+        Names of the observers.
+    target : int, optional
+        Index of the target; all by default.
+    """
+    of = data["observation_target"].values
+    kept = np.full(of.size, True) if target is None else of == target
+    hours = data["observation_elapsed"].values / _SECONDS_PER_HOUR
+    by = data["observation_observer"].values
+    rows = (
+        ("residual_right_ascension", "right ascension,\narcsec"),
+        ("residual_declination", "declination,\narcsec"),
+        ("residual_magnitude", "magnitude, mag"),
+    )
+    grid = layout.Grid(3, 1, style.PAGE_WIDTH_IN - 0.95, 1.15, 0.8, 0.75, 0.0, 0.14)
+    figure = style.new_figure(grid.foot + grid.size[1] + 0.4)
+    whose = "all targets" if target is None else str(data["target_name"].values[target])
+    layout.title_above(figure, f"Measured less estimated values of {whose}")
+    for row, (name, label) in enumerate(rows):
+        axes = grid.place(figure, row, 0)
+        for k in range(len(observers)):
+            some = kept & (by == k)
+            axes.plot(hours[some], data[name].values[some], linestyle="none", markersize=2.0,
+                      marker=_MARKERS[k % len(_MARKERS)], markeredgewidth=0,
+                      color=_COLORS[k % len(_COLORS)])  # fmt: skip
+        axes.axhline(0.0, color=style.GRAY, linewidth=0.6, zorder=1)
+        axes.set_ylabel(label)
+        axes.tick_params(labelbottom=row == 2)
+    axes.set_xlabel("time since the epoch, h")
+    layout.legend_below(figure, _observer_handles(observers), 0.07, min(len(observers), 6))
+    return figure
+
+
+def _observer_handles(observers: Sequence[str]) -> list[Line2D]:
+    return [
         Line2D([], [], linestyle="none", markersize=3.0, marker=_MARKERS[k % len(_MARKERS)],
                color=_COLORS[k % len(_COLORS)], label=name)
         for k, name in enumerate(observers)
     ]  # fmt: skip
-    layout.legend_below(figure, handles, 0.07, min(len(handles), 6))
-    return figure
 
 
 def _title(data: xr.Dataset) -> str:
