@@ -60,8 +60,9 @@ def estimate(
     settings, forces = inputs.settings, inputs.forces
     turning = rotation is not None
     icrf = rotation.T @ inputs.scene.frame_axes if turning else np.eye(3)
-    axes = np.broadcast_to(icrf, inputs.scene.observer_axes.shape)
-    scene = inputs.scene._replace(observer_axes=np.ascontiguousarray(axes))
+    axes = np.empty_like(inputs.scene.observer_axes)
+    axes[:] = icrf
+    scene = inputs.scene._replace(observer_axes=axes)
     given = settings.sensor, inputs.initial, stream(ESTIMATOR, seed), forces
     estimator = inputs.factory(scene, inputs.surfaces, *given)
     kept: dict[str, list[Array]] = {}

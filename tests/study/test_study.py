@@ -234,3 +234,41 @@ def test_read_study_is_a_study(tmp_path):
     path = tmp_path / "own.yaml"
     path.write_text("observers: {a: 'Halo_L2_S,period=6.56'}\ntargets: {b: 'Lyap_L2,period=15'}\n")
     assert read_study(path).targets[0].name == "b"
+
+
+def test_observations_give_the_estimates_of_the_simulation(result):
+    """The table alone, with directions in the ICRF, leads to the truth within its standard
+    deviations, and to residuals as large as the noise; on another grid of times as well."""
+    table = result.observations(seed=1)
+    truth = result.to_xarray()["true_position"].values[1, -1]
+    given = SETTINGS | {"dynamics": {"truth": "cr3bp"}, "light_time": False, "seeds": 1}
+    found = []
+    for step in (60, 50):
+        study = cs.Study(OBSERVERS, TARGETS, EPOCH, observations=table, **given | {"step_s": step})
+        estimated = study.run()
+        data = estimated.to_xarray()
+        apart = (truth - data["estimated_position"].values[0, -1]).ravel()
+        sigma = data["position_sigma"].values[0, -1].ravel()
+        assert np.all(np.abs(apart) < 4.0 * sigma)
+        counts = estimated.summary()["observations"]
+        assert counts.tolist() == [np.sum(table["artSat"] == name) for name in TARGETS]
+        residuals = data["residual_declination"].values
+        assert 0.7 * 3.0 < np.sqrt(np.mean(residuals**2)) < 1.3 * 3.0
+        assert not {"position_error", "true_position"} & {*data}
+        found.append(data["estimated_position"].values[0, -1])
+    spread = np.linalg.norm(found[1] - found[0], axis=1)
+    assert np.all(spread < 0.5 * np.linalg.norm(sigma.reshape(-1, 3), axis=1))
+
+
+def test_motion_is_reduced_in_axes_that_do_not_turn():
+    """A turning frame adds the apparent accelerations, to second order in time."""
+    from cislunar.study.observed import _moved
+
+    position, rate = np.array([[1.1, 0.2, 0.0]]), np.array([[0.3, -0.1, 0.2]])
+    bend, elapsed = np.array([[0.05, 0.0, -0.02]]), np.array([1e-3])
+    # in axes that do not turn: p(t) = R(t) (p + v t + a t^2 / 2)
+    moved = position + elapsed * rate + 0.5 * elapsed**2 * bend
+    cos, sin = np.cos(1e-3), np.sin(1e-3)
+    turned = moved @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    assert _moved(position, rate, bend, 1.0, elapsed) == pytest.approx(turned, abs=1e-9)
+    assert _moved(position, rate, bend, 0.0, elapsed) == pytest.approx(moved, abs=1e-15)
