@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.campaign.data.inputs import bodies_dataset, sun_dataset, variables
+from cislunar.campaign.data.inputs import (
+    bodies_dataset,
+    orbit_set_dataset,
+    sun_dataset,
+    variables,
+)
 from cislunar.campaign.kernels import tracking_files
 from cislunar.campaign.settings.cell_settings import cell_settings
 from cislunar.campaign.settings.cell_tree import CellSettings
@@ -23,13 +29,16 @@ from cislunar.campaign.tracking.dataset import cell_dataset
 from cislunar.campaign.tracking.records import frame_epoch
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import jacobi_constant
-from cislunar.dynamics.propagation import propagate, propagate_periodic
+from cislunar.dynamics.propagation import closest_approaches, propagate, propagate_periodic
 from cislunar.errors import ConfigurationError
 from cislunar.exchange.inertial import epoch_at
 from cislunar.observation.sensor import sensors_of
+from cislunar.orbits.families import OrbitSet
+from cislunar.orbits.stability import stability_index
 from cislunar.quantities import date_of
 from cislunar.runtime.arguments import count_of, require_kind
 from cislunar.runtime.compilation import announced
+from cislunar.runtime.netcdf import write_text
 from cislunar.runtime.progress import logger, on_terminal, progress_log
 from cislunar.runtime.provenance import provenance
 from cislunar.runtime.settings_fields import shortened_interval
@@ -207,9 +216,7 @@ class Study:
         bodies = bodies_dataset(given) if needs or own.stations else None
         rows = np.arange(len(self.observers))
         chosen = xr.Dataset({"orbit": ("slot", rows), "satellites": ("slot", np.ones_like(rows))})
-        placed = (_orbits(each, "orbit") for each in (self.observers, self.targets))
-        observed, tracked = placed
-        tracked = tracked.rename(orbit="target")
+        observed, tracked = _orbits(self.observers, "orbit"), _orbits(self.targets, "target")
         return CellInputs(chosen, observed, tracked, sun_dataset(given), bodies)
 
     def _placement(self, inputs: CellInputs) -> Any:
@@ -255,6 +262,39 @@ class Study:
         from cislunar.figures.space.geometry import geometry_figure
 
         return geometry_figure(*self.paths())
+
+    def page(self, path: str | Path | None = None) -> str:
+        """Interactive page of the orbits in three dimensions, with targets that move for a day.
+
+        Observers on orbits that are not closed are not shown.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            File to write; none if omitted.
+
+        Returns
+        -------
+        str
+            HTML.
+        """
+        from cislunar.figures.space.orbits_page import orbits_page
+
+        closed = [each for each in self.observers if each.period]
+        distances = [closest_approaches(each.state, each.period) for each in closed]
+        found = OrbitSet(
+            np.array([each.name for each in closed]),
+            np.array([each.state for each in closed]).reshape(-1, 6),
+            np.array([each.period for each in closed]),
+            np.array([jacobi_constant(each.state) for each in closed]),
+            np.array([stability_index(each.state, each.period) for each in closed]),
+            *LENGTH_UNIT_KM * np.array(distances).reshape(-1, 2).T[::-1],
+        )
+        orbits = orbit_set_dataset(found, "orbit", "Observers of a study", {})
+        text = orbits_page(orbits, _orbits(self.targets, "target"), {}, {})
+        if path is not None:
+            write_text(text, path)
+        return text
 
     def run(self, seeds: int | None = None) -> StudyResult:
         """Simulate the study, or estimate from its observations.

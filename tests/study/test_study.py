@@ -272,3 +272,62 @@ def test_motion_is_reduced_in_axes_that_do_not_turn():
     turned = moved @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
     assert _moved(position, rate, bend, 1.0, elapsed) == pytest.approx(turned, abs=1e-9)
     assert _moved(position, rate, bend, 0.0, elapsed) == pytest.approx(moved, abs=1e-15)
+
+
+def test_a_page_names_observers_and_targets(tmp_path):
+    import base64
+    import gzip
+    import re
+
+    text = cs.Study(OBSERVERS, TARGETS, EPOCH, **SETTINGS).page(tmp_path / "page.html")
+    packed = re.search(r'atob\("([^"]+)"\)', text)[1]
+    script = gzip.decompress(base64.b64decode(packed)).decode()
+    assert all(f'"{name}, ' in script for name in TARGETS)
+    assert all(f'"{name} (1)"' in script for name in OBSERVERS)
+    assert (tmp_path / "page.html").read_text(encoding="utf-8") == text
+
+
+def test_light_time_and_times_off_the_grid_are_reduced():
+    """The direction that an observer at t has of a target at t less the light time becomes that of
+    the target at the nearest time of the grid, both by propagation and in inertial axes."""
+    from types import SimpleNamespace
+
+    from cislunar.exchange.inertial import inertial_states
+    from cislunar.study.observed import Observed, reduce_interval
+
+    study = cs.Study(OBSERVERS, TARGETS, EPOCH, **SETTINGS)
+    loop, problem = study._loop(study._inputs())
+    epoch, scene = epoch_at(study.settings.epoch), problem.scene
+    seen_s, grid_s = 17.37 * 60.0, 17.0 * 60.0
+    target, observer = problem.epoch_state[1], study.observers[0]
+
+    def place(elapsed_s, state, period=0.0):
+        times = [elapsed_s / TIME_UNIT_S]
+        path = (
+            cs.propagate_periodic(state, period, times, method="dop853")
+            if period
+            else cs.propagate(state, times, method="dop853")
+        )
+        return inertial_states(path, [elapsed_s], epoch, "EARTH BARYCENTER")[0, :3]
+
+    def angles(vector):
+        x, y, z = vector
+        return np.array([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
+
+    here = place(seen_s, observer.state, observer.period)
+    light_s = 0.0
+    for _ in range(4):
+        light_s = np.linalg.norm(place(seen_s - light_s, target) - here) / 299_792.458
+    assert light_s > 0.1
+    measured = angles(place(seen_s - light_s, target) - here)
+    expected = angles(place(grid_s, target) - place(grid_s, observer.state, observer.period))
+    given = Observed(
+        np.array([seen_s]), np.array([0]), np.array([1]),
+        np.array([[15.0, *measured]]), np.full((1, 3), 0.1),
+    )  # fmt: skip
+    turned = scene._replace(observer_axes=epoch.rotation.T @ scene.frame_axes)
+    tracker = SimpleNamespace(orbits=lambda: SimpleNamespace(translation=problem.epoch_state))
+    found = reduce_interval(given, turned, 1.0, tracker, loop.inputs.forces, 0, 30)
+    arcsec = np.rad2deg(found.measurements.value[0, 1:] - expected) * 3600.0
+    assert np.abs(np.rad2deg(measured - expected)).max() * 3600.0 > 5.0
+    assert np.abs(arcsec).max() < 1e-4
