@@ -7,6 +7,16 @@ packages, such as `cislunar.orbits`.
 __version__ = "0.1.0"
 
 _HOMES = {
+    "BatchSettings": "estimation.light_curves.batch_settings",
+    "BodySpec": "observation.body_spec",
+    "Dynamics": "campaign.settings.cell_tree",
+    "InitialSigma": "estimation.initial_sigma",
+    "Material": "photometry.materials",
+    "PhotonNoise": "observation.sensor",
+    "ProcessNoise": "estimation.initial_sigma",
+    "Sensor": "observation.sensor",
+    "Study": "study.study",
+    "Tasking": "campaign.settings.cell_tree",
     "apparent_magnitude": "photometry.facets",
     "coordinate_search": "architecture.coordinate_search",
     "count_visibility": "visibility.counts",

@@ -9,6 +9,7 @@ from cislunar.command.export import export
 from cislunar.command.orbits import orbits
 from cislunar.command.propagate import propagate
 from cislunar.command.see import see
+from cislunar.command.study import study
 
 
 @click.group(cls=Group)
@@ -20,9 +21,10 @@ def cislunar() -> None:
     Examples:
       cislunar orbits members Halo_L2_S --jacobi 3.05
       cislunar see --observer Halo_L2_S,period=6.5 --target Lyap_L2,period=15
+      cislunar study my_study.yaml
       cislunar run --configfile config/quick.yaml
     """
 
 
-for each in (orbits, propagate, see, run, resume, verify, report, export, docs):
+for each in (orbits, propagate, see, study, run, resume, verify, report, export, docs):
     cislunar.add_command(each)

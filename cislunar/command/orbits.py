@@ -7,9 +7,9 @@ from typing import Any
 import click
 
 from cislunar.command.base import Group, progress
-from cislunar.command.orbit_argument import members_of
 from cislunar.command.table import OUTPUT, UNITS, Column, show, state_columns
 from cislunar.errors import ConfigurationError
+from cislunar.study.orbit_text import members_of
 
 logger = logging.getLogger("cislunar")
 

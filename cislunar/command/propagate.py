@@ -3,8 +3,8 @@
 import click
 
 from cislunar.command.base import Command
-from cislunar.command.orbit_argument import FORM, OrbitType, read_orbit
-from cislunar.command.table import OUTPUT, UNITS, Column, Number, show, state_columns
+from cislunar.command.table import OUTPUT, UNITS, Column, Number, OrbitType, show, state_columns
+from cislunar.study.orbit_text import FORM, read_orbit
 
 
 @click.command(cls=Command, epilog=FORM)

@@ -3,7 +3,6 @@
 import click
 
 from cislunar.command.base import Command
-from cislunar.command.orbit_argument import FORM, OrbitType, read_orbit
 from cislunar.command.table import (
     OUTPUT,
     POSITIVE,
@@ -12,8 +11,10 @@ from cislunar.command.table import (
     Column,
     Number,
     NumberRange,
+    OrbitType,
     show,
 )
+from cislunar.study.orbit_text import FORM, read_orbit
 
 
 @click.command(cls=Command, epilog=FORM)

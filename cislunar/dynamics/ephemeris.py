@@ -22,6 +22,7 @@ from cislunar.ephemeris.bodies import require_within, tabulate_bodies
 from cislunar.ephemeris.kernel import DEFAULT_KERNEL
 from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.errors import ConfigurationError
+from cislunar.quantities import in_kilometers
 from cislunar.runtime.arguments import require_kind
 
 Array = NDArray[np.float64]
@@ -121,7 +122,9 @@ def propagate_utc(
         )
     table = forces.table
     require_within(table, *reached)
-    begin = recenter(state_vector(state), table, first, old=center, new=BARYCENTER)
+    begin = recenter(
+        state_vector(in_kilometers("state", state)), table, first, old=center, new=BARYCENTER
+    )
     require_kilometers("state", begin)
     for body, radius in _RADII_KM.items():
         distance = np.linalg.norm(recenter(begin, table, first, old=BARYCENTER, new=body)[..., :3])

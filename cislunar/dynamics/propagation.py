@@ -15,6 +15,7 @@ from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON, primary_positions
 from cislunar.dynamics.forces import require_span
 from cislunar.errors import ConfigurationError, ConvergenceError
+from cislunar.quantities import nondimensional
 from cislunar.runtime.arguments import array_of, number_of
 
 Array = NDArray[np.float64]
@@ -41,6 +42,7 @@ def _method_and_tolerances(
 
 def state_vector(state: ArrayLike) -> Array:
     """A state as an array of 6 finite numbers; raises a `ConfigurationError` otherwise."""
+    state = nondimensional("state", state, "state")
     vector = np.array(array_of("state", state, finite=False))
     if vector.shape != (6,) or not np.all(np.isfinite(vector)):
         raise ConfigurationError(f"a state must be 6 finite numbers, got {vector.tolist()}")
@@ -98,7 +100,8 @@ def propagate(
     Parameters
     ----------
     state : array_like, shape (6,)
-        State at `start`, nondimensional, propagation frame.
+        State at `start`, nondimensional, propagation frame. Position and velocity may be quantities
+        of `astropy.units`, as well as `times` and `start`.
     times : array_like, shape (m,)
         Nondimensional times since `start`, in any order; negative times are reached backwards.
     forces : NamedTuple
@@ -126,8 +129,8 @@ def propagate(
     y0 = state_vector(state)
     if isinstance(forces, CR3BP):
         require_nondimensional("state", y0)
-    times = array_of("times", times, finite=False)
-    start = number_of("start", start)
+    times = array_of("times", nondimensional("times", times, "time"), finite=False)
+    start = number_of("start", nondimensional("start", start, "time"))
     if times.ndim != 1 or not np.all(np.isfinite(times)):
         raise ConfigurationError("times must be a one-dimensional array of finite numbers")
     out = np.empty((times.size, 6))
@@ -254,8 +257,8 @@ def propagate_periodic(
     ndarray, shape (m, 6)
         Nondimensional, rotating frame.
     """
-    period = number_of("period", period, positive=True)
-    wrapped = _wrapped(array_of("times", times), period)
+    period = number_of("period", nondimensional("period", period, "time"), positive=True)
+    wrapped = _wrapped(array_of("times", nondimensional("times", times, "time")), period)
     return propagate(state, wrapped, forces=CR3BP(mu), method=method, rtol=rtol, atol=atol)
 
 

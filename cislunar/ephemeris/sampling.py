@@ -34,6 +34,7 @@ from cislunar.ephemeris.kernel import (
 )
 from cislunar.ephemeris.time_scales import julian_date, tai_minus_utc, utc_to_tdb
 from cislunar.errors import ConfigurationError
+from cislunar.quantities import date_of, in_unit
 from cislunar.runtime.arguments import number_of, require_kind
 
 Array = NDArray[np.float64]
@@ -81,9 +82,11 @@ def sample_ephemeris(
     InputFileError
         If the kernel is missing, lacks a body, or does not cover the dates.
     """
+    epoch_jd = date_of(epoch_jd)
     if isinstance(epoch_jd, str):
         epoch_jd = julian_date(epoch_jd)
-    elapsed = _grid(duration_days, step_minutes)
+    duration_days = in_unit("duration_days", duration_days, "d")
+    elapsed = _grid(duration_days, in_unit("step_minutes", step_minutes, "min"))
     et = float(utc_to_tdb(epoch_jd)) + elapsed
     require_kind("kernel", kernel, (str, Path), "give 'de421', 'de440' or the path of an SPK file")
     path = kernel_path(kernel)

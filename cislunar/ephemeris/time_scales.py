@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.errors import ConfigurationError
+from cislunar.quantities import date_of
 
 Array = NDArray[np.float64]
 
@@ -146,7 +147,7 @@ def tdb_seconds(instant: str | float) -> float:
 
     Parameters
     ----------
-    instant : str or float
+    instant : str, float or astropy.time.Time
         ISO 8601 date (see `clock_seconds`), or Julian date (see `utc_to_tdb`).
 
     Raises
@@ -154,6 +155,7 @@ def tdb_seconds(instant: str | float) -> float:
     ConfigurationError
         If the text is not such a date, or the date lies before 1972.
     """
+    instant = date_of(instant)
     if isinstance(instant, str):
         return float(clock_to_tdb(clock_seconds(instant), "UTC"))
     if isinstance(instant, bool) or not isinstance(instant, Real):

@@ -84,6 +84,12 @@ def icrf_axes(elapsed_s: ArrayLike, epoch: Epoch) -> Array:
     return epoch.rotation.T @ turned.reshape(*angle.shape, 3, 3)
 
 
+def rotating_covariances(covariance: ArrayLike, elapsed_s: ArrayLike, epoch: Epoch) -> Array:
+    """Transform covariances from the ICRF, km^2, km^2/s, km^2/s^2, to the rotating frame."""
+    back = np.linalg.inv(_to_inertial(elapsed_s, epoch))
+    return back @ np.asarray(covariance, dtype=float) @ np.swapaxes(back, -1, -2)
+
+
 def _origin(center: str) -> Array:
     if center not in CENTERS:
         raise ConfigurationError(f"center {center!r} is unknown: use one of {list(CENTERS)}")

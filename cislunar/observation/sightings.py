@@ -17,6 +17,7 @@ from cislunar.observation.measurement import DETECTED, EXCLUDED, FAINT, OCCULTED
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.sightline import BRIGHT, CLEAR, obstacle
 from cislunar.photometry.sphere import phase_angle, sphere_magnitude
+from cislunar.quantities import in_unit, nondimensional
 from cislunar.runtime.arguments import array_of, number_of, require_kind
 
 Array = NDArray[np.float64]
@@ -69,7 +70,8 @@ def sightings(
     Parameters
     ----------
     observer, target, sun : array_like, shape (time, 3)
-        Positions at the same times, nondimensional, rotating frame.
+        Positions at the same times, nondimensional, rotating frame, or quantities of
+        `astropy.units`.
     sensor : Sensor, optional
         Limiting magnitude, exclusion angles and occultation; the paper's if omitted.
     radius_m, diffuse_reflection_coefficient : float
@@ -84,14 +86,15 @@ def sightings(
     """
     given = {"observer": observer, "target": target, "sun": sun}
     positions = [
-        np.ascontiguousarray(array_of(name, each, ("time", 3))) for name, each in given.items()
+        np.ascontiguousarray(array_of(name, nondimensional(name, each, "length"), ("time", 3)))
+        for name, each in given.items()
     ]
     if len({position.shape for position in positions}) != 1:
         raise ConfigurationError(
             f"observer, target and sun have shapes {[each.shape for each in positions]}; give one "
             "position of each at every time, shape (time, 3)"
         )
-    radius_m = number_of("radius_m", radius_m, positive=True)
+    radius_m = number_of("radius_m", in_unit("radius_m", radius_m, "m"), positive=True)
     diffuse_reflection_coefficient = number_of(
         "diffuse_reflection_coefficient", diffuse_reflection_coefficient, positive=True
     )

@@ -12,6 +12,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "spaced_members"],
     "observers": ["SENSOR_COLUMNS", "load_observers", "observer_orbits"],
     "selection": ["clear_part"],
+    "stability": ["stability_index"],
     "station_keeping": ["station_keeping_m_s"],
     "tracked": ["tracked_targets"],
 })

@@ -27,6 +27,7 @@ from cislunar.orbits.corrector import Z
 from cislunar.orbits.extent import CATALOG_EXTENT, altitude_km, branch_seed, measure_of
 from cislunar.orbits.families import FAMILIES, OrbitSet, orbit_set, root_of
 from cislunar.orbits.selection import DAY, clear_part, select, spread_members, value_and_extent
+from cislunar.quantities import in_unit, nondimensional
 from cislunar.runtime.arguments import count_of, number_of, number_or_range, require_kind
 
 Array = NDArray[np.float64]
@@ -308,7 +309,7 @@ def periodic_orbits(
         Name in `CATALOG`, such as "Halo_L2_S", "Vertical_L1", "DPO" or "Resonant_3:2".
     jacobi, period, stability : float or (float, float)
         Jacobi constant and period, nondimensional, and stability index: a value, for at most one of
-        the three, or a range.
+        the three, or a range. The period may be a quantity of `astropy.units`.
     period_days : float or (float, float)
         Period in days, instead of `period`.
     count : int, optional
@@ -340,13 +341,13 @@ def periodic_orbits(
     entry, mu = family_named(family), number_of("mu", mu)
     given = {
         "jacobi": number_or_range("jacobi", jacobi),
-        "period": number_or_range("period", period),
+        "period": number_or_range("period", nondimensional("period", period, "time")),
         "stability_index": number_or_range("stability", stability),
     }
     if period_days is not None:
         if period is not None:
             raise ConfigurationError(f"members of {family}: give period or period_days, not both")
-        days = number_or_range("period_days", period_days)
+        days = number_or_range("period_days", in_unit("period_days", period_days, "d"))
         given["period"] = DAY * days if isinstance(days, float) else tuple(DAY * d for d in days)
     ranges = {key: each for key, each in given.items() if isinstance(each, tuple)}
     values = {key: each for key, each in given.items() if isinstance(each, float)}

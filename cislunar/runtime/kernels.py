@@ -117,6 +117,12 @@ class KernelSet(NamedTuple):
     load: Callable[[], None]
     modules: tuple[str, ...] = ()
 
+    def files(self) -> set[str]:
+        """Paths of the modules and of all that they import."""
+        modules = [_PACKAGE / name for name in self.modules]
+        found = _closure(modules, lambda path: filter(Path.is_file, _imports(path.read_text())))
+        return {*map(str, found)}
+
 
 def compile_kernels(of: str) -> None:
     """Compile and cache a `KernelSet`, given as ``package.module:NAME:key`` with the key of a
@@ -124,11 +130,9 @@ def compile_kernels(of: str) -> None:
     wait and then load it. Progress is logged to the terminal."""
     module, table, key = of.split(":")
     kind = getattr(importlib.import_module(module), table)[key]
-    modules = [_PACKAGE / name for name in kind.modules]
-    files = _closure(modules, lambda path: filter(Path.is_file, _imports(path.read_text())))
     with on_terminal(), contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):
             # sets of one kind, such as those of the estimators, have kernels in common
             stack.enter_context(_one_at_a_time(f"compiling_kernels_of_{key.partition('-')[0]}"))
-        stack.enter_context(announced({*map(str, files)}))
+        stack.enter_context(announced(kind.files()))
         kind.load()

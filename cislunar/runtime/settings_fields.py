@@ -7,6 +7,7 @@ them. A number stays as it was written, 60 or 60.0, since settings are kept with
 import math
 from collections.abc import Mapping
 from functools import cache
+from inspect import Parameter, Signature
 from typing import Annotated, Any, ClassVar
 
 from pydantic import (
@@ -24,6 +25,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from cislunar.errors import ConfigurationError
+from cislunar.quantities import in_unit
 from cislunar.runtime.settings_words import faults_of_arguments
 
 
@@ -44,6 +46,16 @@ class Section(BaseModel):
     omitted: ClassVar[tuple[str, ...]] = ()
     """Keys that are left out of the settings kept with results while they have their defaults."""
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Show the arguments in help by their names and defaults alone."""
+        cls.__signature__ = Signature(
+            [
+                Parameter(key, Parameter.KEYWORD_ONLY, default=_shown_default(field))
+                for key, field in cls.model_fields.items()
+            ]
+        )
+
     def __init__(self, *values: Any, **given: Any) -> None:
         keys = list(type(self).model_fields)[: len(values)]
         twice = [key for key in keys if key in given]
@@ -57,13 +69,25 @@ class Section(BaseModel):
         given |= dict(zip(keys, values, strict=True))
         usual = {key: _of_paper(field) for key, field in type(self).model_fields.items()}
         given = {key: value for key, value in usual.items() if value is not None} | given
+        cls = type(self)
         try:
-            super().__init__(**{key: _plain(value) for key, value in given.items()})
+            super().__init__(**{key: cls.in_own_unit(key, value) for key, value in given.items()})
         except ValidationError as error:
             raise ConfigurationError(faults_of_arguments(error, type(self))) from None
 
     # The configuration is validated without `__init__`, so that a fault keeps its key.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    @classmethod
+    def in_own_unit(cls, key: str, value: Any) -> Any:
+        """A number of Python for a scalar of NumPy, or for a quantity of `astropy.units` in the
+        unit of the setting."""
+        field = cls.model_fields.get(key)
+        extra = field.json_schema_extra if field else None
+        value = in_unit(key, value, extra.get("unit", "") if isinstance(extra, dict) else "")
+        if hasattr(value, "tolist"):
+            return value.tolist()
+        return value
 
     @classmethod
     def kept(cls, settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -81,6 +105,27 @@ class Section(BaseModel):
         return found
 
 
+class _OfPaper:
+    """A section with the paper's values, in help."""
+
+    def __init__(self, kind: type) -> None:
+        self.kind = kind
+
+    def __repr__(self) -> str:
+        return f"{self.kind.__name__}()"
+
+
+def _shown_default(field: FieldInfo) -> Any:
+    """Default of an argument in help; that of the paper if there is no other."""
+    if not field.is_required():
+        return field.default
+    extra, kind = field.json_schema_extra, field.annotation
+    if isinstance(kind, type) and issubclass(kind, Section):
+        return _OfPaper(kind)
+    paper = extra.get("paper") if isinstance(extra, dict) else None
+    return Parameter.empty if paper is None or isinstance(paper, str) else paper
+
+
 def _of_paper(field: FieldInfo) -> Any:
     """The paper's value of an argument without a default; None if there is no such value."""
     kind, extra = field.annotation, field.json_schema_extra
@@ -93,11 +138,6 @@ def _of_paper(field: FieldInfo) -> Any:
             return None  # not every argument of the section may be omitted
     paper = extra.get("paper") if isinstance(extra, dict) else None
     return None if isinstance(paper, str) else paper
-
-
-def _plain(value: Any) -> Any:
-    """A number of Python for a scalar of NumPy."""
-    return value.item() if hasattr(value, "item") and getattr(value, "ndim", 1) == 0 else value
 
 
 def _without_defaults(schema: dict[str, Any]) -> None:

@@ -14,7 +14,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "monitored_targets"],
     "realization": ["OUTCOME_NAMES", "USED"],
     "recording": ["Piece", "collect", "fill"],
-    "settings": ["LoopSettings"],
+    "settings": ["LoopSettings", "RECORDABLE"],
     "truth": ["TruthModel", "draw_truth"],
 })
 # fmt: on

@@ -19,6 +19,7 @@ PACKAGES = {name for name, path in PATHS.items() if path.name == "__init__.py"}
 
 LAYERS = (
     "constants errors compiled elementary parzen",
+    "quantities",
     "runtime",
     "ephemeris",
     "dynamics",
@@ -36,6 +37,7 @@ LAYERS = (
     "campaign.tracking campaign.readings",
     "campaign.kernels campaign.verify",
     "figures",
+    "study",
     "command",
     "__main__",
 )

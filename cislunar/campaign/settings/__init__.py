@@ -4,8 +4,8 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "cell_settings": ["cell_files", "true_settings"],
-    "cell_tree": ["CellSettings", "Dynamics"],
+    "cell_settings": ["cell_files", "cell_settings", "true_settings"],
+    "cell_tree": ["CellSettings", "Dynamics", "Tasking"],
     "cells": ["Cell", "FEWEST_RANKED", "PAPER_ARCHITECTURES", "PAPER_FILTER", "campaign_cells",
         "check_cell", "estimator_names", "grid_cells", "most_alike", "paper_cells",
         "variant_cells"],
@@ -18,6 +18,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "scenarios": ["in_study", "information_of", "longest_horizon", "orbits_of", "scenario_settings",
         "shared_dataset", "tracked_count", "tracked_epoch"],
     "schema": ["SCHEMA_FILE", "schema_text", "stated_keys"],
-    "tree": ["Campaign", "Orbits", "Targets", "Visibility"],
+    "tracking_checks": ["require_consistent"],
+    "tree": ["Campaign", "Date", "EphemerisSettings", "Orbits", "Targets", "Visibility"],
 })
 # fmt: on

@@ -156,7 +156,35 @@ def _check_cell(
 ) -> None:
     """Refuse settings of a cell or a variant that do not fit each other or the scenario."""
     settings = typed(cell_settings(task2, variant), CellSettings)
-    step, hours, minutes = settings.step_s, settings.duration_hours, task2["interval_minutes"]
+    days = config["visibility"]["duration_days"]
+    require_consistent(place, settings, task2["interval_minutes"], days)
+
+
+def require_consistent(
+    place: str,
+    settings: CellSettings,
+    minutes: float,
+    days: float,
+    interval: str = "task2.interval_minutes",
+) -> None:
+    """Refuse settings of a cell that do not fit each other, the tasking interval or the ephemeris.
+
+    Parameters
+    ----------
+    place : str
+        Beginning of the keys of the settings in messages.
+    settings : CellSettings
+    minutes, days : float
+        Tasking interval, min, and duration of the ephemeris, d.
+    interval : str
+        Key of the tasking interval.
+
+    Raises
+    ------
+    ConfigurationError
+        If two settings exclude each other; the message names the keys.
+    """
+    step, hours = settings.step_s, settings.duration_hours
 
     def named(*section: str) -> Callable[[str], str]:
         return lambda key: f"configuration key '{place}{'.'.join([*section, key])}'"
@@ -166,7 +194,7 @@ def _check_cell(
     require_multiple(key("record_minutes"), settings.record_minutes, 60.0, step)
     if not is_multiple(60.0 * minutes, step):
         raise ConfigurationError(
-            f"{key('step_s')} = {step} s does not divide 'task2.interval_minutes' = {minutes}"
+            f"{key('step_s')} = {step} s does not divide '{interval}' = {minutes}"
         )
     tasking = settings.tasking
     tasking.require_possible(step, tasking.method, tasking.states, named("tasking"))
@@ -186,7 +214,7 @@ def _check_cell(
             "attitude; leave one of them out"
         )
     _check_fusion(place, settings)
-    days, start = config["visibility"]["duration_days"], settings.start_day
+    start = settings.start_day
     if hours > 24.0 * (days - start):
         raise ConfigurationError(
             f"{key('duration_hours')} = {hours} exceeds the ephemeris, which covers "

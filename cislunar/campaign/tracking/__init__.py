@@ -4,10 +4,11 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "cell": ["read_inputs"],
+    "cell": ["CellInputs", "Placement", "cell_ephemeris", "cell_loop", "read_inputs",
+        "scene_times"],
     "checkpoint": ["Checkpoint"],
     "comparisons": ["certain", "non_inferiority", "paired", "pairs_interval", "slopes"],
-    "dataset": ["tracked_dataset", "write_cell"],
+    "dataset": ["cell_dataset", "tracked_dataset", "write_cell"],
     "ephemeris_inputs": ["CellEphemeris", "assumed_forces", "ephemeris_scene", "ephemeris_states",
         "flown_dataset", "observer_tracks", "true_forces"],
     "model_errors": ["NONE", "plotted_errors"],

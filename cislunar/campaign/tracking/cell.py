@@ -37,6 +37,7 @@ from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.propagation import advance_orbits
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.estimator import InitialEstimate
 from cislunar.estimation.navigation.table import errors_of_observers, load_observer_errors
 from cislunar.observation.scene import Scene, make_scene
 from cislunar.observation.sensor import Sensors
@@ -92,6 +93,22 @@ class Problem(NamedTuple):
     sensor: Sensors
 
 
+class Placement(NamedTuple):
+    """Observers in orbit and targets of a cell, in the propagation frame.
+
+    `tracks`, shape (observer, time, 3), are positions of the observers at all times of the scene,
+    `epoch_state`, shape (target, 6), the targets' mean states at the start of the run, all
+    nondimensional. `low_lunar`, shape (target,), tells which targets are in low lunar orbits. For
+    `target_ids` see `Problem`. `initial` has initial estimates other than the paper's.
+    """
+
+    tracks: NDArray[np.float64]
+    epoch_state: NDArray[np.float64]
+    low_lunar: NDArray[np.bool_]
+    target_ids: NDArray[np.int64]
+    initial: InitialEstimate | None = None
+
+
 def orbits_file(cell: Cell, orbits: xr.Dataset) -> str:
     """File of the orbits of a cell's observers; those of a user's table have names."""
     return orbits_of(cell.architecture, own="name" in orbits)
@@ -117,30 +134,26 @@ def realization_seeds(seed: int, count: int, first: int = 0) -> list[int]:
 
 
 def tracking_problem(
-    cell: Cell, inputs: CellInputs, settings: CellSettings, propagator: str, loop: LoopSettings
+    cell: Cell,
+    inputs: CellInputs,
+    settings: CellSettings,
+    propagator: str,
+    loop: LoopSettings,
+    placement: Placement | None = None,
 ) -> Problem:
-    """Observers, targets and Sun of a cell; a `ConfigurationError` if its data sets do not fit."""
-    architecture, orbits, tracked, sun, bodies, refined = inputs
-    where = f"architecture/{cell.scenario}/{cell.architecture}.nc"
+    """Observers, targets and Sun of a cell; a `ConfigurationError` if its data sets do not fit.
+
+    Without a `placement`, which has all targets, the observers are those of the architecture, and
+    the targets are selected and placed on their orbits at random."""
+    architecture, orbits, tracked, sun, bodies, _ = inputs
     orbit, satellites = architecture["orbit"].values, architecture["satellites"].values
-    if satellites.sum() < 1:
-        raise ConfigurationError(
-            f"{where} has no observers: every slot has 0 satellites; choose another architecture"
-        )
-    if orbit.min() < 0 or orbit.max() >= orbits.sizes["orbit"]:
-        raise ConfigurationError(
-            f"{where} refers to orbit {orbit.max()} of a library of {orbits.sizes['orbit']}: it "
-            f"was made with another {orbits_file(cell, orbits)}; delete it and run snakemake again"
-        )
-    start = settings.start_day * SECONDS_PER_DAY / TIME_UNIT_S
-    times = start + loop.elapsed_s / TIME_UNIT_S
-    flown = orbits["state"].values[orbit], orbits["period"].values[orbit]
-    phase = phases_of(architecture)
-    ids = monitored_targets(tracked.sizes["target"], cell.targets, settings.monitored_seed)
-    # All targets get a state, so that a target starts at the same point in every monitored set.
-    periods, names = tracked["period"].values, target_names(tracked, ids.tolist())
-    states = epoch_states(tracked["state"].values, periods, settings.monitored_seed)
-    placed = advance_orbits(states[ids], periods[ids], start)
+    moving = settings.dynamics.truth == "ephemeris"
+    ephemeris = cell_ephemeris(bodies, settings) if moving or settings.stations else None
+    if placement is None:
+        _check_architecture(cell, orbit, satellites, orbits)
+        placement = _drawn_placement(cell, inputs, settings, propagator, loop, ephemeris)
+    tracks, placed, low_lunar, ids, _ = placement
+    names = target_names(tracked, ids.tolist())
     truth = truth_model(settings, names)
     forces: tuple = EARTH_MOON
     slots = np.repeat(np.arange(orbit.size), satellites)
@@ -149,31 +162,15 @@ def tracking_problem(
         sensor=true_sensors(settings, sensors),
         observer_errors=_observer_errors(settings, orbits, orbit[slots]),
     )
-    if settings.dynamics.truth == "ephemeris":
-        ephemeris = _cell_ephemeris(bodies, settings)
-        tracks = observer_tracks(
-            ephemeris,
-            settings.dynamics,
-            *flown,
-            satellites_ahead(architecture),
-            loop.elapsed_s,
-            None if refined is None else flown_paths(refined),
-        )
-        tracks = np.concatenate(
-            [tracks, ground_station_tracks(ephemeris, settings, loop, inertial=True)]
-        )
+    if ephemeris is not None:
+        stations = ground_station_tracks(ephemeris, settings, loop, inertial=moving)
+        tracks = np.concatenate([tracks, stations])
+    if moving:
         scene = ephemeris_scene(ephemeris, tracks, loop)
-        placed, low_lunar = ephemeris_states(ephemeris, placed)
         truth = truth._replace(forces=true_forces(ephemeris, settings.dynamics))
         forces = assumed_forces(ephemeris, settings, loop, low_lunar)
     else:
-        tracks = architecture_tracks(*flown, satellites, times, phase=phase, propagator=propagator)
-        if settings.stations:
-            stations = ground_station_tracks(
-                _cell_ephemeris(bodies, settings), settings, loop, inertial=False
-            )
-            tracks = np.concatenate([tracks, stations])
-        scene = make_scene(tracks, sun_at(sun, times), loop.step_s)
+        scene = make_scene(tracks, sun_at(sun, scene_times(settings, loop)), loop.step_s)
     return Problem(
         scene,
         nominal_surfaces(settings, names),
@@ -184,6 +181,61 @@ def tracking_problem(
         forces,
         sensors,
     )
+
+
+def scene_times(settings: CellSettings, loop: LoopSettings) -> NDArray[np.float64]:
+    """Nondimensional times of the scene since the epoch."""
+    start = settings.start_day * SECONDS_PER_DAY / TIME_UNIT_S
+    return start + loop.elapsed_s / TIME_UNIT_S
+
+
+def _check_architecture(
+    cell: Cell, orbit: NDArray, satellites: NDArray, orbits: xr.Dataset
+) -> None:
+    """Refuse an architecture without observers, or of another library of orbits."""
+    where = f"architecture/{cell.scenario}/{cell.architecture}.nc"
+    if satellites.sum() < 1:
+        raise ConfigurationError(
+            f"{where} has no observers: every slot has 0 satellites; choose another architecture"
+        )
+    if orbit.min() < 0 or orbit.max() >= orbits.sizes["orbit"]:
+        raise ConfigurationError(
+            f"{where} refers to orbit {orbit.max()} of a library of {orbits.sizes['orbit']}: it "
+            f"was made with another {orbits_file(cell, orbits)}; delete it and run snakemake again"
+        )
+
+
+def _drawn_placement(
+    cell: Cell,
+    inputs: CellInputs,
+    settings: CellSettings,
+    propagator: str,
+    loop: LoopSettings,
+    ephemeris: CellEphemeris | None,
+) -> Placement:
+    """Observers of the architecture, and targets selected and placed on their orbits at random."""
+    architecture, orbits, tracked, *_ = inputs
+    orbit, satellites = architecture["orbit"].values, architecture["satellites"].values
+    times = scene_times(settings, loop)
+    flown = orbits["state"].values[orbit], orbits["period"].values[orbit]
+    phase = phases_of(architecture)
+    ids = monitored_targets(tracked.sizes["target"], cell.targets, settings.monitored_seed)
+    # All targets get a state, so that a target starts at the same point in every monitored set.
+    periods = tracked["period"].values
+    states = epoch_states(tracked["state"].values, periods, settings.monitored_seed)
+    placed = advance_orbits(states[ids], periods[ids], times[0])
+    if settings.dynamics.truth == "ephemeris":
+        tracks = observer_tracks(
+            ephemeris,
+            settings.dynamics,
+            *flown,
+            satellites_ahead(architecture),
+            loop.elapsed_s,
+            None if inputs.flown is None else flown_paths(inputs.flown),
+        )
+        return Placement(tracks, *ephemeris_states(ephemeris, placed), ids)
+    tracks = architecture_tracks(*flown, satellites, times, phase=phase, propagator=propagator)
+    return Placement(tracks, placed, np.zeros(ids.size, dtype=bool), ids)
 
 
 def _observer_errors(
@@ -205,7 +257,7 @@ def _observer_errors(
     return errors_of_observers(path, load_observer_errors(path), names)
 
 
-def _cell_ephemeris(bodies: xr.Dataset | None, settings: CellSettings) -> CellEphemeris:
+def cell_ephemeris(bodies: xr.Dataset | None, settings: CellSettings) -> CellEphemeris:
     """Ephemeris and times of a cell."""
     if bodies is None:
         raise ConfigurationError(
@@ -224,16 +276,17 @@ def cell_loop(
     propagator: str,
     seed: int,
     keep_information: bool = False,
+    placement: Placement | None = None,
 ) -> tuple[ClosedLoop, Problem]:
     """The closed loop of a cell with all its realizations, from the `seed` of the campaign.
 
-    `settings` are those of `cell_settings`, `propagator` is that of the observers. Raises
-    `ConfigurationError` if the cell cannot be run.
+    `settings` are those of `cell_settings`, `propagator` is that of the observers; for `placement`
+    see `tracking_problem`. Raises `ConfigurationError` if the cell cannot be run.
     """
     chosen = typed(settings, CellSettings)
     check_cell(cell, chosen, inputs.tracked.sizes["target"])
     loop = loop_settings(chosen, cell.interval_minutes, keep_information=keep_information)
-    problem = tracking_problem(cell, inputs, chosen, propagator, loop)
+    problem = tracking_problem(cell, inputs, chosen, propagator, loop, placement)
     run = ClosedLoop(
         problem.scene,
         problem.surfaces,
@@ -242,6 +295,7 @@ def cell_loop(
         realization_seeds(seed, chosen.seeds, chosen.first_realization),
         replace(loop, sensor=problem.sensor),
         estimator=estimator_factory(cell.estimator, chosen),
+        initial=None if placement is None else placement.initial,
         truth=problem.truth,
         forces=problem.forces,
     )

@@ -13,6 +13,7 @@ from cislunar.campaign.data.inputs import orbit_set_dataset
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.tracking.cell import (
     CellInputs,
+    Placement,
     Problem,
     cell_loop,
     orbits_file,
@@ -85,12 +86,15 @@ def cell_dataset(
     propagator: str,
     seed: int,
     progress: Progress | None = None,
+    placement: Placement | None = None,
+    names: SettingNames = _KEYS,
 ) -> xr.Dataset:
     """Run a cell in memory; `write_cell` writes the same data set to a file, with less memory.
 
-    See `cell_loop` for the arguments.
+    See `cell_loop` for the arguments. Warnings name settings by `names`.
     """
-    loop, problem = cell_loop(cell, inputs, settings, propagator=propagator, seed=seed)
+    given = {"propagator": propagator, "seed": seed, "placement": placement}
+    loop, problem = cell_loop(cell, inputs, settings, **given)
     pieces = list(loop.pieces(progress))
     used = {**settings, "propagator": propagator, **cell._asdict()}
     described, sizes = _histories(loop), _sizes(loop)
@@ -98,7 +102,7 @@ def cell_dataset(
         name: np.empty([sizes[dim] for dim in each.dims], each.dtype)
         for name, each in described.items()
     }
-    report_outcomes(_fill(whole, pieces, loop), loop.inputs, _KEYS)
+    report_outcomes(_fill(whole, pieces, loop), loop.inputs, names)
     _report_estimated_parameters(whole, loop)
     values = {name: (each.dims, whole[name], *each[2:]) for name, each in described.items()}
     return _dataset(cell, inputs, loop, problem, values, _provenance(cell, used, seed))

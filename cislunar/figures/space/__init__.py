@@ -6,6 +6,7 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "architectures": ["selected_orbits_figure"],
     "facet": ["facet_geometry_figure"],
+    "geometry": ["geometry_figure"],
     "library": ["family_map_figure", "orbit_library_figure"],
 })
 # fmt: on

@@ -37,19 +37,24 @@ _SCALES = {"Earth": 1.0, "Moon": 0.67}
 
 
 def draw_bodies(
-    axes: Axes, mu: float, plane: Sequence[int], bounds: Array, size: float = 5.0
+    axes: Axes,
+    mu: float,
+    plane: Sequence[int],
+    bounds: Array,
+    size: float = 5.0,
+    scale: float = 1.0,
 ) -> None:
     """Mark the Earth (blue) and the Moon (black) if they are within bounds, not to scale.
 
     `plane` holds the coordinates shown, e.g. (0, 2) for x and z; `size` is the diameter of the
-    Earth's marker, points.
+    Earth's marker, points, and `scale` the unit of length in that of the axes.
     """
     for name, (place, color) in bodies(mu).items():
         if np.any(place < bounds[:, 0]) or np.any(place > bounds[:, 1]):
             continue
         drawn = {"linestyle": "none", "marker": "o", "markersize": size * _SCALES[name]}
         drawn |= {"markeredgecolor": "white", "markeredgewidth": 0.4}
-        axes.plot(*([place[k]] for k in plane), color=color, zorder=10, label=name, **drawn)
+        axes.plot(*([scale * place[k]] for k in plane), color=color, zorder=10, label=name, **drawn)
 
 
 def body_handles(size: float = 5.0) -> list[Line2D]:

@@ -203,10 +203,19 @@ def _moving_layer(tracked: xr.Dataset) -> _Layer:
         **_xyz(track[0]), mode="markers", name=f"moving targets ({len(names)})",
         legendgrouptitle={"text": "Targets"}, legendgroup="moving targets",
         marker={"color": "#111111", "size": 3, "symbol": "diamond"},
-        text=[f"{name}, moving target {k}" for k, name in enumerate(names.tolist())],
+        text=_target_texts(tracked),
         hovertemplate=f"%{{text}}{_HOVER_POSITION}",
     )  # fmt: skip
     return _Layer([points, path], {0: track})
+
+
+def _target_texts(tracked: xr.Dataset) -> list[str]:
+    """Names of the moving targets, where they have any, and their orbit classes."""
+    families = tracked["family"].values.astype(str).tolist()
+    if "name" not in tracked:
+        return [f"{family}, moving target {k}" for k, family in enumerate(families)]
+    names = tracked["name"].values.astype(str).tolist()
+    return [f"{name}, {family}" for name, family in zip(names, families, strict=True)]
 
 
 def _static_layer(scenario: str, targets: xr.Dataset, orbits: xr.Dataset) -> _Layer:

@@ -11,9 +11,11 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "heatmaps": ["high_load_figure", "intervals_figure", "target_counts_figure"],
     "learned": ["learned_figure"],
     "model_error": ["model_error_figure"],
-    "norms": ["selected_targets_figure"],
+    "norms": ["error_norms_figure", "selected_targets_figure"],
     "pooled": ["pooled_figure"],
     "representative": ["representative_target_figure"],
+    "single_run": ["light_curve_figure", "residuals_figure", "run_errors_figure",
+        "schedule_figure"],
     "tasking": ["tasking_figure"],
     "trends": ["against_interval_figure", "against_targets_figure"],
 })

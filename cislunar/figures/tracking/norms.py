@@ -1,5 +1,7 @@
 """Estimation errors of single targets as norms in degrees and kilometers, over time."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -16,14 +18,18 @@ _LEFT, _RIGHT, _GAP, _BETWEEN = 0.78, 0.12, 0.14, 0.12
 _PANEL_IN, _HEAD, _FOOT = 1.15, 0.8, 0.66
 
 
-@house_style()
 def selected_targets_figure(cell: Cell, data: xr.Dataset) -> Figure:
     """Draw error norms of a few targets: a column for each, a row for each part of the state."""
-    chosen = errors.selected_targets(data)
+    return error_norms_figure(errors.cell_title(cell, data), data, errors.selected_targets(data))
+
+
+@house_style()
+def error_norms_figure(title: str, data: xr.Dataset, chosen: Mapping[int, str]) -> Figure:
+    """Draw error norms of targets, given by their indices with a reason for each."""
     width_in = (PAGE_WIDTH_IN - _LEFT - _RIGHT - _GAP * (errors.SELECTED - 1)) / errors.SELECTED
     grid = Grid(len(PARTS), errors.SELECTED, width_in, _PANEL_IN, _LEFT, _FOOT, _GAP, _BETWEEN)
     figure = new_figure(_HEAD + grid.size[1] + _FOOT)
-    title_above(figure, errors.cell_title(cell, data))
+    title_above(figure, title)
     for row, part in enumerate(PARTS):
         drawn, shown_values = [], [np.empty(0)]
         for column, (target, why) in enumerate(chosen.items()):

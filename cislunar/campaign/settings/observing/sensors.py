@@ -50,17 +50,18 @@ def observer_sensors(
 def own_sensors(orbits: xr.Dataset, rows: Sequence[int]) -> list[dict[str, Any]]:
     """Changes of sensors that rows of ``orbits/observers_{architecture}.nc`` state."""
     columns = [column for column in SENSOR_COLUMNS if f"sensor_{column}" in orbits]
-    found: list[dict[str, Any]] = []
-    for row in rows:
-        own: dict[str, Any] = {}
-        for column in columns:
-            value = float(orbits[f"sensor_{column}"][row])
-            if np.isfinite(value):
-                body = column.replace("_exclusion_deg", "")
-                change = {column: value} if body == column else {"exclusion_deg": {body: value}}
-                own = merged(own, change)
-        found.append(own)
-    return found
+    rows_of = ({c: float(orbits[f"sensor_{c}"][row]) for c in columns} for row in rows)
+    return [sensor_change({c: v for c, v in each.items() if np.isfinite(v)}) for each in rows_of]
+
+
+def sensor_change(columns: Mapping[str, float]) -> dict[str, Any]:
+    """Settings of a sensor from the columns of a row in a table of observers."""
+    own: dict[str, Any] = {}
+    for column, value in columns.items():
+        body = column.replace("_exclusion_deg", "")
+        change = {column: value} if body == column else {"exclusion_deg": {body: value}}
+        own = merged(own, change)
+    return own
 
 
 def true_sensors(cell: CellSettings, assumed: Sensors) -> Sensors | None:

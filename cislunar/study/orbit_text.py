@@ -1,8 +1,7 @@
-"""Orbits as arguments of commands: a member of a family, or a state."""
+"""Orbits in one line of text, for studies and commands: a member of a family, or a state."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
-
-import click
 
 from cislunar.errors import ConfigurationError
 
@@ -18,6 +17,7 @@ class Orbit(NamedTuple):
 
     state: Any
     period: float
+    family: str = "own"
 
     def states(self, times: Any) -> Any:
         """States at nondimensional times since the epoch, shape (time, 6), rotating frame."""
@@ -102,11 +102,6 @@ def _state(text: str, parts: list[str], units: str) -> Any:
 
 
 def _member(text: str, family: str, options: list[str]) -> Orbit:
-    import numpy as np
-
-    from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
-    from cislunar.dynamics.propagation import propagate_periodic
-
     given = {}
     for option in options:
         key, _, value = option.partition("=")
@@ -119,11 +114,37 @@ def _member(text: str, family: str, options: list[str]) -> Orbit:
     chosen = [key for key in ("jacobi", "period") if key in given]
     if len(chosen) != 1:
         raise ConfigurationError(f"orbit {text!r}: give either jacobi= or period=, and only one")
-    members = members_of(family, **{chosen[0]: given[chosen[0]]})
+    return member_of(f"orbit {text!r}", family, given)
+
+
+def member_of(place: str, family: str, given: Mapping[str, float]) -> Orbit:
+    """A single member of a family, at its phase.
+
+    Parameters
+    ----------
+    place : str
+        What is specified, for messages.
+    family : str
+        Name of the family.
+    given : mapping
+        One of `jacobi` and `period` (days), and optionally `member`, counted from 1, and `phase`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the family has no such member, or several.
+    """
+    import numpy as np
+
+    from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+    from cislunar.dynamics.propagation import propagate_periodic
+
+    quantity = "jacobi" if "jacobi" in given else "period"
+    members = members_of(family, **{quantity: given[quantity]})
     number = given.get("member", 1.0 if members.period.size == 1 else 0.0)
     if number not in range(1, members.period.size + 1):
         raise ConfigurationError(
-            f"orbit {text!r}: {family} has {members.period.size} such members; add member=N, "
+            f"{place}: {family} has {members.period.size} such members; add member=N, "
             f"counted from 1, of those with Jacobi constants {members.jacobi.round(4).tolist()} "
             "and periods of "
             f"{(members.period * TIME_UNIT_S / SECONDS_PER_DAY).round(3).tolist()} days"
@@ -131,10 +152,4 @@ def _member(text: str, family: str, options: list[str]) -> Orbit:
     state, period = members.state[int(number) - 1], float(members.period[int(number) - 1])
     if phase := given.get("phase"):
         (state,) = propagate_periodic(state, period, np.array([phase % 1.0 * period]))
-    return Orbit(state, period)
-
-
-class OrbitType(click.ParamType):
-    """Text of an orbit; commands parse it once the units are known."""
-
-    name = "ORBIT"
+    return Orbit(state, period, family)

@@ -1,0 +1,310 @@
+"""Observers and targets of a study, from orbits by name, states, tables and messages.
+
+A collection is a mapping of names to objects, a sequence of objects, which get numbers, an array of
+states of shape (object, 6), or a file: a table (``*.csv``, see `cislunar.orbits.observers` and
+`cislunar.targets.tables`) or an OEM (``*.oem``). An object is
+
+- text, as `cislunar.study.orbit_text.FORM` states, or the path of an OEM with this object alone,
+- six numbers, a nondimensional state in the rotating frame at the epoch,
+- one or several members of a family (`cislunar.orbits.families.OrbitSet`), or
+- a mapping with the keys of `OBJECT_KEYS`.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.campaign.settings.observing.sensors import sensor_change
+from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.errors import CislunarError, ConfigurationError, did_you_mean
+from cislunar.exchange.inertial import Epoch, rotating_states
+from cislunar.exchange.oem import Segment, read_oem, state_at
+from cislunar.exchange.table_rows import check_state
+from cislunar.orbits.families import OrbitSet
+from cislunar.orbits.observers import load_observers, observer_orbits
+from cislunar.quantities import in_kilometers, in_unit, nondimensional
+from cislunar.runtime.arguments import array_of, number_of
+from cislunar.runtime.settings_words import shown
+from cislunar.study.orbit_text import Orbit, member_of, members_of, read_orbit
+from cislunar.targets.tables import check_closed_targets, load_target_states
+
+Array = NDArray[np.float64]
+
+OWN_FAMILY = "own"
+"""Family of an object that is given by its state."""
+
+_OF_FAMILY = ("family", "jacobi", "period_days", "member", "phase", "count")
+_WAYS = ("family", "state", "state_km", "icrf_km", "oem")
+"""Keys that determine an orbit."""
+_PRECISE = ("covariance_km", "quaternion", "angular_velocity_deg_h")
+OBJECT_KEYS = {
+    "observer": (*_OF_FAMILY, "state", "state_km", "oem", "sensor"),
+    "target": (*_OF_FAMILY, "state", "state_km", "icrf_km", "center", "oem", *_PRECISE),
+}
+"""Keys of an object. `count` members are spread along the family. `state_km` is in km and km/s,
+rotating frame; `icrf_km` in km and km/s, ICRF, relative to `center` (EARTH, MOON or EARTH
+BARYCENTER). `covariance_km` (6, 6) is that of position and velocity in the frame of the state,
+`quaternion` leads from the inertial frame to the body frame."""
+
+_NAMES = ("x", "y", "z", "vx", "vy", "vz")
+_KM = np.repeat([LENGTH_UNIT_KM, LENGTH_UNIT_KM / TIME_UNIT_S], 3)
+
+
+class StudyObject(NamedTuple):
+    """An observer or a target.
+
+    Attributes
+    ----------
+    name : str
+        Name in all results.
+    family : str
+        Orbit family, or `OWN_FAMILY`.
+    state : ndarray, shape (6,)
+        At the epoch, nondimensional, rotating frame of the CR3BP.
+    period : float
+        Nondimensional; 0 for an orbit that is not closed.
+    segments : tuple of Segment
+        Ephemeris of the object, or its state at the epoch, in the ICRF; empty without one.
+    sensor : dict
+        Settings of the observer's sensor that differ.
+    covariance_km : ndarray, shape (6, 6), or None
+        Initial covariance in the frame of the state: rotating, or the ICRF with `segments`.
+    quaternion, angular_velocity_deg_h : tuple of float or None
+        Initial estimate of the rotation.
+    """
+
+    name: str
+    family: str
+    state: Array
+    period: float = 0.0
+    segments: tuple[Segment, ...] = ()
+    sensor: Mapping[str, Any] = {}
+    covariance_km: Array | None = None
+    quaternion: tuple[float, ...] | None = None
+    angular_velocity_deg_h: tuple[float, ...] | None = None
+
+
+def read_objects(what: str, given: Any, epoch: Epoch, days: float) -> list[StudyObject]:
+    """Objects of a study.
+
+    Parameters
+    ----------
+    what : {"observer", "target"}
+        Kind of the objects.
+    given : mapping, sequence, array_like, OrbitSet, str or Path
+        The collection, see `cislunar.study.objects`.
+    epoch : Epoch
+        Epoch of the study and its axes.
+    days : float
+        Duration of the study, d.
+
+    Returns
+    -------
+    list of StudyObject
+        In the order given, with different names.
+
+    Raises
+    ------
+    ConfigurationError, InputFileError
+        If an object cannot be read; the message names it.
+    """
+    place = f"{what}s"
+    if isinstance(given, str | Path) and Path(given).suffix.lower() in (".csv", ".oem"):
+        found = _of_file(what, Path(given), epoch, days)
+    elif isinstance(given, str | Path):
+        raise ConfigurationError(
+            f"{place} = {shown(str(given))}: give a mapping of names to orbits, a table (*.csv) or "
+            "an OEM (*.oem)"
+        )
+    elif isinstance(given, OrbitSet):
+        found = _members("", given)
+    elif isinstance(given, Mapping):
+        found = [each for name, own in given.items() for each in _objects(what, name, own, epoch)]
+    elif isinstance(given, Iterable):
+        found = [
+            each
+            for number, own in enumerate(given, 1)
+            for each in _objects(what, f"{what} {number}", own, epoch)
+        ]
+    else:
+        raise ConfigurationError(f"{place} = {shown(given)}: give a mapping of names to orbits")
+    names = [each.name for each in found]
+    if not found:
+        raise ConfigurationError(f"{place}: none is given; give at least one")
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise ConfigurationError(f"{place}: the name {twice[0]!r} occurs twice; rename one")
+    return found
+
+
+def _of_file(what: str, path: Path, epoch: Epoch, days: float) -> list[StudyObject]:
+    """Objects of a table or an OEM."""
+    if path.suffix.lower() == ".oem":
+        return _of_message(path, epoch)
+    if what == "observer":
+        rows = load_observers(path)
+        orbits = observer_orbits(rows, days)
+        return [
+            StudyObject(row.name, row.family, state, float(period), (), sensor_change(row.sensor))
+            for row, state, period in zip(rows, orbits.state, orbits.period, strict=True)
+        ]
+    targets = load_target_states(path)
+    check_closed_targets(path, targets)
+    return [StudyObject(*row) for row in zip(*targets, strict=True)]
+
+
+def _of_message(path: Path, epoch: Epoch) -> list[StudyObject]:
+    """Objects of an OEM, each with its segments and its covariance at the epoch."""
+    objects: dict[str, list[Segment]] = {}
+    for segment in read_oem(path):
+        objects.setdefault(segment.name, []).append(segment)
+    return [_with_segments(str(path), name, each, epoch) for name, each in objects.items()]
+
+
+def _with_segments(place: str, name: str, segments: Sequence[Segment], epoch: Epoch) -> StudyObject:
+    try:
+        given, center = state_at(segments, epoch.tdb_s)
+    except CislunarError as error:
+        raise type(error)(f"{place}: {error}") from error
+    state = rotating_states(given[None], [0.0], epoch, center)[0]
+    check_state(f"{place}, object {name!r}", _NAMES, state, "km")
+    known = [
+        matrix
+        for each in segments
+        for time, matrix in zip(each.covariance_tdb_s, each.covariance, strict=True)
+        if abs(time - epoch.tdb_s) < 1.0
+    ]
+    covariance = known[0] if known else None
+    return StudyObject(name, OWN_FAMILY, state, 0.0, tuple(segments), {}, covariance)
+
+
+def _objects(what: str, name: Any, given: Any, epoch: Epoch) -> list[StudyObject]:
+    """Objects of one entry of a collection, which are several for several members of a family."""
+    place = f"{what} {name!r}" if name != f"{what} {str(name).split(' ')[-1]}" else str(name)
+    if not isinstance(name, str) or not name.strip() or not name.isprintable():
+        raise ConfigurationError(f"{what}s: {shown(name)} is no name; give a text, in quotes")
+    if isinstance(given, OrbitSet):
+        return _members(name, given)
+    if isinstance(given, str | Path):
+        if Path(given).suffix.lower() != ".oem":
+            orbit = read_orbit(str(given), "km")
+            return [StudyObject(name, orbit.family, np.array(orbit.state), orbit.period)]
+        given = {"oem": given}
+    if isinstance(given, Mapping):
+        return _of_mapping(what, name, place, given, epoch)
+    return [StudyObject(name, OWN_FAMILY, _state(place, "state", given, ""))]
+
+
+def _members(name: str, members: OrbitSet) -> list[StudyObject]:
+    """Members of families, with a number after the name if there are several."""
+    several = members.period.size > 1 or not name
+    return [
+        StudyObject(
+            f"{name or family} {number}" if several else name, str(family), state, float(period)
+        )
+        for number, (family, state, period) in enumerate(
+            zip(members.family, members.state, members.period, strict=True), 1
+        )
+    ]
+
+
+def _of_mapping(
+    what: str, name: str, place: str, given: Mapping[str, Any], epoch: Epoch
+) -> list[StudyObject]:
+    """Objects of a mapping with keys of `OBJECT_KEYS`."""
+    known = OBJECT_KEYS[what]
+    for key in given:
+        if key not in known:
+            remedy = did_you_mean(str(key), known) or f"known keys: {', '.join(known)}"
+            raise ConfigurationError(f"{place}: unknown key {key!r}: {remedy}")
+    ways = [key for key in _WAYS if key in given]
+    if len(ways) != 1:
+        possible = ", ".join(key for key in known if key in _WAYS)
+        raise ConfigurationError(
+            f"{place}: {' and '.join(ways) or 'no orbit'} given; give one of {possible}"
+        )
+    for key in _OF_FAMILY[1:]:
+        if key in given and ways != ["family"]:
+            raise ConfigurationError(f"{place}: {key} belongs to a family, not to {ways[0]}")
+    if "center" in given and ways != ["icrf_km"]:
+        raise ConfigurationError(f"{place}: center belongs to icrf_km, not to {ways[0]}")
+    found = _of_way(ways[0], name, place, given, epoch)
+    more = {key: _estimate(place, key, given[key]) for key in _PRECISE if key in given}
+    if "sensor" in given:
+        more["sensor"] = given["sensor"]
+    return [each._replace(**more) for each in found]
+
+
+def _of_way(
+    way: str, name: str, place: str, given: Mapping[str, Any], epoch: Epoch
+) -> list[StudyObject]:
+    """Objects without the keys that do not concern the orbit."""
+    if way == "family":
+        return _of_family(name, place, given)
+    if way == "oem":
+        if not isinstance(given["oem"], str | Path):
+            raise ConfigurationError(f"{place}: oem = {shown(given['oem'])} must be a path")
+        objects = _of_message(Path(given["oem"]), epoch)
+        if len(objects) != 1:
+            raise ConfigurationError(
+                f"{place}: {given['oem']} has {len(objects)} objects; give the file in place of "
+                "the names, or a file with one object"
+            )
+        return [objects[0]._replace(name=name)]
+    if way == "icrf_km":
+        center = str(given.get("center", "EARTH")).upper()
+        values = array_of(f"{place}: icrf_km", in_kilometers(place, given["icrf_km"]), (6,))
+        segment = Segment(name, name, center, np.array([epoch.tdb_s]), values[None])
+        return [_with_segments(place, name, [segment], epoch)]
+    unit = "km" if way == "state_km" else ""
+    return [StudyObject(name, OWN_FAMILY, _state(place, way, given[way], unit))]
+
+
+def _of_family(name: str, place: str, given: Mapping[str, Any]) -> list[StudyObject]:
+    """One member of a family, or `count` members."""
+    family = given["family"]
+    values = {"jacobi": given.get("jacobi"), "period": given.get("period_days")}
+    values["period"] = in_unit(f"{place}: period_days", values["period"], "d")
+    if "count" in given:
+        for key in ("member", "phase"):
+            if key in given:
+                raise ConfigurationError(f"{place}: {key} is of one member; leave out count")
+        return _members(name, members_of(family, **values, count=given["count"]))
+    chosen = {key: value for key, value in values.items() if value is not None}
+    if len(chosen) != 1:
+        raise ConfigurationError(
+            f"{place}: give one of jacobi and period_days, which chooses the member of {family}, "
+            "or count"
+        )
+    chosen |= {key: given[key] for key in ("member", "phase") if key in given}
+    numbers = {key: number_of(f"{place}: {key}", value) for key, value in chosen.items()}
+    orbit: Orbit = member_of(place, family, numbers)
+    return [StudyObject(name, orbit.family, np.array(orbit.state), orbit.period)]
+
+
+def _state(place: str, key: str, given: Any, unit: str) -> Array:
+    """A state in the rotating frame, nondimensional."""
+    converted = in_kilometers(place, given) if unit else nondimensional(place, given, "state")
+    values = array_of(f"{place}: {key}", converted, (6,))
+    state = values / _KM if unit else values
+    check_state(f"{place}: {key}", _NAMES, state, unit)
+    return state
+
+
+def _estimate(place: str, key: str, given: Any) -> Any:
+    """A key of the initial estimate."""
+    axes = {"covariance_km": (6, 6), "quaternion": (4,), "angular_velocity_deg_h": (3,)}[key]
+    values = array_of(f"{place}: {key}", given, axes)
+    if key == "quaternion" and abs(np.linalg.norm(values) - 1.0) > 1e-6:
+        raise ConfigurationError(
+            f"{place}: quaternion has norm {np.linalg.norm(values):.9g}; divide it by its norm"
+        )
+    if key == "covariance_km" and (
+        not np.allclose(values, values.T, rtol=1e-9, atol=0.0)
+        or np.linalg.eigvalsh(values).min() <= 0.0
+    ):
+        raise ConfigurationError(f"{place}: covariance_km is not symmetric and positive definite")
+    return values if key == "covariance_km" else tuple(values.tolist())

@@ -1,0 +1,246 @@
+"""Orbits and attitudes from a user's observations, without a simulated truth.
+
+A table of observations has the names of the Astrometry Data Exchange Standard (ADES): ``obsTime``
+(UTC), ``stn`` (name of the observer), ``ra`` and ``dec`` (ICRF, deg) and ``mag``; the object is
+named by ``artSat``, ``provID`` or ``permID``. Standard deviations are ``rmsRA`` (of right
+ascension times cos(declination)) and ``rmsDec`` in arcsec and ``rmsMag``; where they are missing,
+those of the observer's sensor are taken. Errors of right ascension and declination are taken as
+independent.
+
+An estimator works on a grid of times. Each observation is reduced to the nearest of them by the
+predicted motion of target and observer, which neglects the error of the predicted rate over at
+most half a step. Directions are astrometric: light left the target earlier by the light time,
+which is corrected, and stellar aberration has been removed.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.dynamics.bundle import propagate_bundle
+from cislunar.ephemeris.time_scales import tdb_seconds, tdb_since
+from cislunar.errors import CislunarError, ConfigurationError, InputFileError
+from cislunar.estimation.estimator import Estimator
+from cislunar.observation.records import Measurements, arranged
+from cislunar.observation.scene import Scene
+from cislunar.observation.sensor import ARCSECOND, Sensor, noise_at
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+COLUMNS = ("obsTime", "stn", "ra", "dec", "mag")
+OBJECTS = ("artSat", "provID", "permID")
+_RMS = ("rmsMag", "rmsRA", "rmsDec")
+_LIGHT_SPEED = 299_792.458 / LENGTH_UNIT_KM * TIME_UNIT_S
+_RANGES = {"ra": (-360.0, 360.0), "dec": (-90.0, 90.0), "mag": (-40.0, 60.0)}
+
+
+class Observed(NamedTuple):
+    """Observations in order of time.
+
+    Attributes
+    ----------
+    elapsed_s : ndarray, shape (row,)
+        Times since the epoch, s of UTC.
+    observer, target : ndarray of int, shape (row,)
+        Indices.
+    value, sigma : ndarray, shape (row, 3)
+        Magnitude, right ascension and declination (ICRF) with standard deviations; mag, rad. That
+        of right ascension is not multiplied by cos(declination).
+    """
+
+    elapsed_s: Array
+    observer: Indices
+    target: Indices
+    value: Array
+    sigma: Array
+
+
+def read_observations(
+    source: str | Path | pd.DataFrame,
+    observers: Sequence[str],
+    targets: Sequence[str],
+    sensors: Sequence[Sensor],
+    epoch_tdb: float,
+) -> Observed:
+    """Read and check a table of observations.
+
+    Parameters
+    ----------
+    source : str, Path or DataFrame
+        Comma-separated, or a table; see the module.
+    observers, targets : sequence of str
+        Names. Those of observers are compared without case.
+    sensors : sequence of Sensor
+        Sensor of each observer.
+    epoch_tdb : float
+        Epoch, TDB seconds past J2000.
+
+    Raises
+    ------
+    ConfigurationError, InputFileError
+        If a column is missing, or a row is impossible; the message names it.
+    """
+    place = "observations" if isinstance(source, pd.DataFrame) else str(source)
+    fault: type[CislunarError] = InputFileError
+    if isinstance(source, pd.DataFrame):
+        table, fault = source, ConfigurationError
+    elif isinstance(source, str | Path):
+        names = dict.fromkeys(("stn", *OBJECTS), str)
+        try:
+            table = pd.read_csv(source, dtype=names, skipinitialspace=True)
+        except (OSError, UnicodeDecodeError, ValueError) as error:
+            reason = " ".join(str(error).split())
+            raise InputFileError(f"{place}: no readable table ({reason})") from error
+    else:
+        raise ConfigurationError("observations: give a table (DataFrame) or the path of a CSV file")
+    missing = [name for name in COLUMNS if name not in table]
+    named = [name for name in OBJECTS if name in table]
+    if missing or not named:
+        missing += [] if named else [" or ".join(OBJECTS)]
+        raise fault(f"{place}: columns {', '.join(missing)} are missing; the table needs "
+                    f"{', '.join(COLUMNS)} and {' or '.join(OBJECTS)}")  # fmt: skip
+    if table.empty:
+        raise fault(f"{place}: contains no observation; add a row per observation")
+
+    def row_fault(row: int, text: str) -> CislunarError:
+        return fault(f"{place}, row {row + 1}: {text}")
+
+    of_observer = {name.casefold(): k for k, name in enumerate(observers)}
+    of_target = {name: k for k, name in enumerate(targets)}
+    rows = []
+    for row, given in enumerate(table.to_dict("records")):
+        try:
+            tdb = tdb_seconds(str(given["obsTime"]))
+        except ConfigurationError as error:
+            raise row_fault(row, f"obsTime: {error}") from error
+        station = str(given["stn"])
+        if station.casefold() not in of_observer:
+            raise row_fault(row, f"stn = {station!r} is none of {', '.join(observers)}")
+        name = next((str(given[key]) for key in named if not pd.isna(given[key])), "")
+        if name not in of_target:
+            raise row_fault(row, f"object {name!r} is none of the targets {', '.join(targets)}")
+        observer = of_observer[station.casefold()]
+        values = []
+        for key, (least, most) in _RANGES.items():
+            number = pd.to_numeric(given[key], errors="coerce")
+            if not least <= number <= most:
+                raise row_fault(row, f"{key} = {given[key]} must be within {least:g} .. {most:g}")
+            values.append(float(number))
+        usual = noise_at(sensors[observer], values[2])
+        sigma = [usual[0], usual[1] / ARCSECOND, usual[2] / ARCSECOND]
+        for k, key in enumerate(_RMS):
+            if key in table and not pd.isna(given[key]):
+                sigma[k] = pd.to_numeric(given[key], errors="coerce")
+                if not 0.0 < sigma[k] < np.inf:
+                    raise row_fault(row, f"{key} = {given[key]} must be a positive number")
+        ra, dec, magnitude = values
+        rows.append((tdb, observer, of_target[name], magnitude, ra, dec, *sigma))
+    columns = [np.array(column) for column in zip(*rows, strict=True)]
+    elapsed = tdb_since(epoch_tdb, columns[0])
+    if np.any(elapsed <= 0.0):
+        early = int(np.argmin(elapsed))
+        raise row_fault(early, f"obsTime = {table['obsTime'].iloc[early]} is not after the epoch")
+    value = np.column_stack([columns[3], np.deg2rad(columns[4]), np.deg2rad(columns[5])])
+    sigma = np.column_stack([columns[6], *(ARCSECOND * each for each in columns[7:9])])
+    sigma[:, 1] /= np.maximum(np.cos(value[:, 2]), 1e-6)
+    order = np.argsort(elapsed, kind="stable")
+    found = Observed(elapsed, columns[1], columns[2], value, sigma)
+    return Observed(*(column[order] for column in found))
+
+
+class Reduced(NamedTuple):
+    """Observations of the steps of an interval: measurements, and the row of each among all
+    observations."""
+
+    measurements: Measurements
+    rows: Indices
+
+
+def reduce_interval(
+    observed: Observed,
+    scene: Scene,
+    rotation: float,
+    estimator: Estimator,
+    forces: tuple,
+    start: int,
+    n_steps: int,
+    light_time: bool = True,
+) -> Reduced:
+    """Observations of an interval, reduced to the times of the grid.
+
+    Parameters
+    ----------
+    observed : Observed
+    scene : Scene
+        Whose `observer_axes` are the rotations into the ICRF.
+    rotation : float
+        Angular velocity of the propagation frame about z, nondimensional: 1 in the CR3BP.
+    estimator : Estimator
+        At the index `start` of the scene.
+    forces : NamedTuple
+        Assumed force model.
+    start, n_steps : int
+        Index of the last processed time, and number of steps of the interval.
+    light_time : bool
+        See `cislunar.study.estimation.estimate`.
+    """
+    nearest = np.maximum(np.rint(observed.elapsed_s / scene.step_s).astype(np.int64), 1)
+    rows = np.flatnonzero((nearest > start) & (nearest <= start + n_steps))
+    at, target, observer = nearest[rows], observed.target[rows], observed.observer[rows]
+    begin = estimator.orbits().translation
+    path = propagate_bundle(begin, scene.step, n_steps, forces=forces, start=start * scene.step)
+    step = at - start
+    low, high = np.maximum(step - 1, 0), np.minimum(step + 1, n_steps)
+    speeds = path[target, high, 3:] - path[target, low, 3:]
+    bend = speeds / ((high - low) * scene.step)[:, None]
+    body = path[target, step, :3], path[target, step, 3:], bend
+    place = _observer_motion(scene, observer, at)
+    elapsed = observed.elapsed_s[rows] / TIME_UNIT_S - at * scene.step
+    light = light_time * np.linalg.norm(body[0] - place[0], axis=1) / _LIGHT_SPEED
+    seen = _moved(*body, rotation, elapsed - light) - _moved(*place, rotation, elapsed)
+    on_grid, apart = (
+        _angles(np.einsum("nij,nj->ni", scene.observer_axes[at], each))
+        for each in (body[0] - place[0], seen)
+    )
+    value = observed.value[rows].copy()
+    value[:, 1:] += on_grid - apart
+    value[:, 1] = (value[:, 1] + np.pi) % (2.0 * np.pi) - np.pi
+    variance = observed.sigma[rows] ** 2
+    found, order = arranged(target, step - 1, observer, value, variance, path.shape[0], n_steps)
+    return Reduced(found, rows[order])
+
+
+def _observer_motion(scene: Scene, observer: Indices, at: Indices) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration (row, 3) of observers by differences of the grid."""
+    last = scene.observer_position.shape[1] - 1
+    middle = np.clip(at, 1, last - 1)
+    low, here, high = (scene.observer_position[observer, middle + k] for k in (-1, 0, 1))
+    bend = (high - 2.0 * here + low) / scene.step**2
+    rate = (high - low) / (2.0 * scene.step) + ((at - middle) * scene.step)[:, None] * bend
+    return scene.observer_position[observer, at], rate, bend
+
+
+def _moved(position: Array, rate: Array, bend: Array, rotation: float, elapsed: Array) -> Array:
+    """Positions (row, 3) after `elapsed` (row,), to second order, in the axes of the propagation
+    frame before, which do not turn with it."""
+
+    def across(vector: Array) -> Array:
+        x, y, _ = vector.T
+        return rotation * np.stack([-y, x, np.zeros_like(x)], axis=-1)
+
+    after = elapsed[:, None]
+    speed = rate + across(position)
+    pull = bend + 2.0 * across(rate) + across(across(position))
+    return position + after * speed + 0.5 * after**2 * pull
+
+
+def _angles(direction: Array) -> Array:
+    """Right ascension and declination (row, 2), rad."""
+    x, y, z = direction.T
+    return np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=-1)

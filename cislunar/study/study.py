@@ -1,0 +1,393 @@
+"""A study of own observers and targets, from their orbits to figures and messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from cislunar.campaign.data.inputs import (
+    bodies_dataset,
+    orbit_set_dataset,
+    sun_dataset,
+    variables,
+)
+from cislunar.campaign.kernels import tracking_files
+from cislunar.campaign.settings.cell_settings import cell_settings
+from cislunar.campaign.settings.cell_tree import CellSettings
+from cislunar.campaign.settings.cells import Cell, check_cell
+from cislunar.campaign.settings.library import loop_settings
+from cislunar.campaign.settings.reading import typed
+from cislunar.campaign.settings.tracking_checks import require_consistent
+from cislunar.campaign.tracking.cell import CellInputs, cell_ephemeris, cell_loop
+from cislunar.campaign.tracking.dataset import cell_dataset
+from cislunar.campaign.tracking.records import frame_epoch
+from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
+from cislunar.dynamics.cr3bp import jacobi_constant
+from cislunar.dynamics.propagation import closest_approaches, propagate, propagate_periodic
+from cislunar.errors import ConfigurationError
+from cislunar.exchange.inertial import epoch_at
+from cislunar.observation.sensor import sensors_of
+from cislunar.orbits.families import OrbitSet
+from cislunar.orbits.stability import stability_index
+from cislunar.quantities import date_of
+from cislunar.runtime.arguments import count_of, require_kind
+from cislunar.runtime.compilation import announced
+from cislunar.runtime.netcdf import write_text
+from cislunar.runtime.progress import logger, on_terminal, progress_log
+from cislunar.runtime.provenance import provenance
+from cislunar.runtime.settings_fields import shortened_interval
+from cislunar.study.estimation import ObservedResult, estimate
+from cislunar.study.objects import StudyObject, read_objects
+from cislunar.study.observed import Observed, read_observations
+from cislunar.study.placement import place_objects
+from cislunar.study.results import StudyResult
+from cislunar.study.settings import StudySettings, study_settings
+from cislunar.tasking.detection_outcomes import SettingNames
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_NAMES = SettingNames(
+    limit="sensor.limiting_magnitude",
+    body="material and body",
+    irradiance="photometry.irradiance",
+    sphere="tasking.diffuse_reflection_coefficient",
+    exclusion="sensor.exclusion_deg",
+    interval="interval_minutes",
+)
+"""Names of settings in warnings."""
+
+
+_SAMPLES = 721
+"""Points of the path of an orbit in a figure."""
+
+
+class Study:
+    """Tasking and tracking of own targets by own observers.
+
+    The observers are tasked with the targets, take measurements, and one estimator determines
+    orbit and attitude of every target. All arguments are checked before anything runs.
+
+    Parameters
+    ----------
+    observers, targets : mapping, sequence, array_like, OrbitSet, str or Path
+        Orbits by name, such as ``{"eye": "Halo_L2_S,period=6.56"}`` (period in days), states,
+        tables or OEM files; see `cislunar.study.objects`. Their names stay in all results.
+    epoch : str or float
+        UTC, ISO 8601 or Julian date.
+    observations : DataFrame, str or Path, optional
+        Real observations (`cislunar.study.observed`), from which `run` estimates orbits and
+        attitudes, without a simulation. The dynamics are then those of the ephemeris unless
+        ``dynamics`` states others.
+    light_time : bool
+        Whether directions of `observations` are astrometric, so that light left the target earlier;
+        False if they are geometric.
+    **settings
+        Those of a cell of a campaign (``sensor``, ``body``, ``dynamics``, ``duration_hours``,
+        ``step_s``, ``seeds`` and so on), and ``estimator``, ``interval_minutes``, ``kernel`` and
+        ``seed``; see `cislunar.study.settings.StudySettings`. Sections are mappings, or objects of
+        their classes such as `cislunar.Sensor`. Quantities of `astropy.units` are converted.
+
+    Attributes
+    ----------
+    observers, targets : list of StudyObject
+    settings : StudySettings
+
+    Raises
+    ------
+    ConfigurationError, InputFileError
+        If an object, a setting or a file is impossible; one line says how to correct it.
+
+    Examples
+    --------
+    >>> study = Study({"eye": "Halo_L2_S,period=6.56"}, {"a": "Lyap_L2,period=15"})
+    >>> study.targets[0].name
+    'a'
+    """
+
+    def __init__(
+        self,
+        observers: Any,
+        targets: Any,
+        epoch: Any = None,
+        *,
+        observations: Any = None,
+        light_time: bool = True,
+        **settings: Any,
+    ) -> None:
+        given = settings if epoch is None else {**settings, "epoch": date_of(epoch)}
+        require_kind("light_time", light_time, bool, "give True or False")
+        if observations is not None:
+            given = {"dynamics": {"truth": "ephemeris", "filter": "ephemeris"}} | given
+        chosen = study_settings(given)
+        days = chosen.duration_hours / 24.0
+        start = epoch_at(chosen.epoch, chosen.kernel)
+        self.observers: list[StudyObject] = read_objects("observer", observers, start, days)
+        self.targets: list[StudyObject] = read_objects("target", targets, start, days)
+        self.settings: StudySettings = self._with_sensors(chosen)
+        self._observed: Observed | None = None
+        self._light_time = light_time
+        self._check()
+        if observations is not None:
+            sensors = sensors_of(self._loop(self._inputs())[1].sensor, self.n_observers)
+            names = self.observer_names, [each.name for each in self.targets], sensors
+            self._observed = read_observations(observations, *names, start.tdb_s)
+            last = float(self._observed.elapsed_s[-1])
+            if last > 3600.0 * chosen.duration_hours:
+                raise ConfigurationError(
+                    f"observations: the last one is {last / 3600.0:.4g} h after the epoch, but "
+                    f"duration_hours = {chosen.duration_hours:g}; raise duration_hours"
+                )
+
+    def __repr__(self) -> str:
+        own = self.settings
+        return (
+            f"<Study of {len(self.targets)} targets by {self.n_observers} observers, "
+            f"{own.duration_hours:g} h, estimator {own.estimator}>"
+        )
+
+    @property
+    def n_observers(self) -> int:
+        """Number of observers, those on the ground included."""
+        return len(self.observers) + len(self.settings.stations)
+
+    @property
+    def observer_names(self) -> list[str]:
+        """Names of the observers, those on the ground last."""
+        return [*(each.name for each in self.observers), *self.settings.stations]
+
+    def _with_sensors(self, settings: StudySettings) -> StudySettings:
+        """The settings with a group of sensors for each observer with a sensor of its own."""
+        groups: dict[str, Any] = {}
+        for number, each in enumerate(self.observers):
+            if each.sensor:
+                groups[f"observer-{number}"] = {"observers": [number], "sensor": each.sensor}
+        if not groups:
+            return settings
+        whole = settings.model_dump()
+        return study_settings({**whole, "sensors": {**whole["sensors"], **groups}})
+
+    @property
+    def _cell(self) -> Cell:
+        own = self.settings
+        return Cell("study", "own", own.estimator, len(self.targets), own.interval_minutes)
+
+    @property
+    def _kept(self) -> dict[str, Any]:
+        """Settings of the cell, as results keep them."""
+        return cell_settings(self.settings.model_dump())
+
+    def _check(self) -> None:
+        """Refuse settings that do not fit each other."""
+        own = self.settings
+        if own.start_day:
+            raise ConfigurationError("start_day: a study begins at its epoch; change epoch")
+        twice = {each.name for each in self.observers} & own.stations.keys()
+        if twice:
+            name = min(twice)
+            raise ConfigurationError(f"stations: {name!r} is an observer already; rename one")
+        try:
+            cell = typed(self._kept, CellSettings)
+            require_consistent("", cell, own.interval_minutes, self._days, "interval_minutes")
+            check_cell(self._cell, cell, len(self.targets))
+            # targets, sensors and settings of the loop, which nothing else checks before a run
+            self._loop(self._inputs())
+        except ConfigurationError as error:
+            raise ConfigurationError(_own_words(str(error))) from None
+
+    @property
+    def _days(self) -> float:
+        return self.settings.duration_hours / 24.0
+
+    def _inputs(self) -> CellInputs:
+        """Data sets of the cell."""
+        own, needs = self.settings, self.settings.dynamics.truth == "ephemeris"
+        given = {
+            "epoch_jd": own.epoch,
+            "ephemeris": {"kernel": own.kernel, "step_minutes": 10},
+            "visibility": {"duration_days": self._days},
+        }
+        bodies = bodies_dataset(given) if needs or own.stations else None
+        rows = np.arange(len(self.observers))
+        chosen = xr.Dataset({"orbit": ("slot", rows), "satellites": ("slot", np.ones_like(rows))})
+        observed, tracked = _orbits(self.observers, "orbit"), _orbits(self.targets, "target")
+        return CellInputs(chosen, observed, tracked, sun_dataset(given), bodies)
+
+    def _placement(self, inputs: CellInputs) -> Any:
+        own = typed(self._kept, CellSettings)
+        ephemeris = cell_ephemeris(inputs.bodies, own) if inputs.bodies is not None else None
+        moving = ephemeris if own.dynamics.truth == "ephemeris" else None
+        loop = loop_settings(own, self.settings.interval_minutes)
+        epoch = frame_epoch(inputs.sun)
+        return place_objects(self.observers, self.targets, own, loop, epoch, moving)
+
+    def _loop(self, inputs: CellInputs) -> Any:
+        placement = self._placement(inputs)
+        given = {"propagator": "dop853", "seed": self.settings.seed, "placement": placement}
+        return cell_loop(self._cell, inputs, self._kept, **given)
+
+    def paths(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Paths of observers and targets, for figures.
+
+        Returns
+        -------
+        observers, targets : dict of str to (ndarray, ndarray)
+            By name, the position at the epoch, shape (3,), and the path, shape (time, 3): one
+            period of a closed orbit, else that of the run; nondimensional, rotating frame of the
+            CR3BP.
+        """
+        run = self.settings.duration_hours * 3600.0 / TIME_UNIT_S
+        found = (
+            {each.name: (each.state[:3], _path(each, run)) for each in objects}
+            for objects in (self.observers, self.targets)
+        )
+        observers, targets = found
+        return observers, targets
+
+    def plot(self) -> Figure:
+        """Draw the orbits of observers and targets in space.
+
+        Closed orbits are drawn over a period, others over the run, in the rotating frame.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from cislunar.figures.space.geometry import geometry_figure
+
+        return geometry_figure(*self.paths())
+
+    def page(self, path: str | Path | None = None) -> str:
+        """Interactive page of the orbits in three dimensions, with targets that move for a day.
+
+        Observers on orbits that are not closed are not shown.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            File to write; none if omitted.
+
+        Returns
+        -------
+        str
+            HTML.
+        """
+        from cislunar.figures.space.orbits_page import orbits_page
+
+        closed = [each for each in self.observers if each.period]
+        distances = [closest_approaches(each.state, each.period) for each in closed]
+        found = OrbitSet(
+            np.array([each.name for each in closed]),
+            np.array([each.state for each in closed]).reshape(-1, 6),
+            np.array([each.period for each in closed]),
+            np.array([jacobi_constant(each.state) for each in closed]),
+            np.array([stability_index(each.state, each.period) for each in closed]),
+            *LENGTH_UNIT_KM * np.array(distances).reshape(-1, 2).T[::-1],
+        )
+        orbits = orbit_set_dataset(found, "orbit", "Observers of a study", {})
+        text = orbits_page(orbits, _orbits(self.targets, "target"), {}, {})
+        if path is not None:
+            write_text(text, path)
+        return text
+
+    def run(self, seeds: int | None = None) -> StudyResult:
+        """Simulate the study, or estimate from its observations.
+
+        Progress with the remaining time is logged to ``cislunar``, or shown on the terminal if no
+        logging is configured. Kernels that are not yet compiled are compiled first.
+
+        Parameters
+        ----------
+        seeds : int, optional
+            Number of realizations of truth and noise; ``settings.seeds`` if omitted.
+
+        Returns
+        -------
+        StudyResult
+            With `observations` an `ObservedResult`, which has residuals in place of errors.
+        """
+        if self._observed is not None:
+            return self._estimated()
+        count = self.settings.seeds if seeds is None else count_of("seeds", seeds)
+        inputs, kept = self._inputs(), {**self._kept, "seeds": count}
+        own = self.settings
+        with _shown(kept):
+            if shortened := shortened_interval(own.duration_hours, own.interval_minutes):
+                logger.warning("warning: %s", shortened)
+            found = cell_dataset(
+                self._cell,
+                inputs,
+                kept,
+                propagator="dop853",
+                seed=own.seed,
+                progress=progress_log("tasking epochs of all realizations"),
+                placement=self._placement(inputs),
+                names=_NAMES,
+            )
+        title = f"Study of {len(self.targets)} targets by {self.n_observers} observers"
+        found = found.assign_attrs(title=title)
+        return StudyResult(self, found, inputs.sun)
+
+    def _estimated(self) -> ObservedResult:
+        """Estimates from the observations."""
+        inputs, kept = self._inputs(), self._kept
+        moving = self.settings.dynamics.truth == "ephemeris"
+        rotation = None if moving else frame_epoch(inputs.sun).rotation
+        with _shown(kept):
+            loop = self._loop(inputs)[0]
+            found = estimate(
+                loop.inputs,
+                self._observed,
+                rotation,
+                self.settings.seed,
+                progress_log("intervals"),
+                light_time=self._light_time,
+            )
+        title = f"Estimates of {len(self.targets)} targets from observations"
+        found = found.assign_coords(target_name=("target", [each.name for each in self.targets]))
+        attrs = provenance(title, settings=kept, seed=self.settings.seed)
+        return ObservedResult(self, found.assign_attrs(attrs), inputs.sun)
+
+
+@contextmanager
+def _shown(settings: Mapping[str, Any]) -> Iterator[None]:
+    """Show progress on the terminal if no logging is configured, and that of compilation."""
+    with ExitStack() as stack:
+        if not logger.hasHandlers():
+            stack.enter_context(on_terminal())
+        stack.enter_context(announced(tracking_files(settings)))
+        yield
+
+
+def _path(orbit: StudyObject, duration: float) -> NDArray[np.float64]:
+    """Positions (time, 3) over a period, or a nondimensional duration."""
+    if not orbit.period:
+        return propagate(orbit.state, np.linspace(0.0, duration, _SAMPLES))[:, :3]
+    times = np.linspace(-0.5, 0.5, _SAMPLES) * orbit.period
+    return propagate_periodic(orbit.state, orbit.period, times)[:, :3]
+
+
+def _orbits(objects: list[StudyObject], dim: str) -> xr.Dataset:
+    """Objects as a data set of orbits."""
+    states = np.array([each.state for each in objects])
+    return xr.Dataset(
+        variables(
+            name=(dim, [each.name for each in objects], "1", "name"),
+            family=(dim, [each.family for each in objects], "1", "orbit family"),
+            state=((dim, "component"), states, "1", "state at the epoch, rotating frame"),
+            period=(dim, [each.period for each in objects], "1", "period in units of time_unit_s"),
+            jacobi=(dim, jacobi_constant(states), "1", "Jacobi constant"),
+        ),
+        attrs={"mu": MU, "length_unit_km": LENGTH_UNIT_KM, "time_unit_s": TIME_UNIT_S},
+    )
+
+
+def _own_words(message: str) -> str:
+    """A message of the campaign with the keys of a study."""
+    return message.replace("configuration key ", "setting ").replace("task2.", "")

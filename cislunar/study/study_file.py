@@ -1,0 +1,91 @@
+"""Studies in YAML files: the arguments of `cislunar.Study`, and the files of results."""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.figures.style import save_figure
+from cislunar.runtime.netcdf import write_dataset, write_text
+from cislunar.study.results import StudyResult
+from cislunar.study.study import Study
+
+
+def read_study(path: str | Path) -> Study:
+    """Read a study from a YAML file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file: a mapping with ``observers``, ``targets`` and settings, as the arguments of
+        `cislunar.Study`. Paths in it are relative to the working folder.
+
+    Raises
+    ------
+    InputFileError
+        If the file cannot be read.
+    ConfigurationError, InputFileError
+        If the study is impossible, see `cislunar.Study`.
+    """
+    try:
+        given: Any = yaml.safe_load(Path(path).read_text(encoding="utf-8-sig"))
+    except FileNotFoundError as error:
+        raise InputFileError(f"{path}: no such file; give the path of a study in YAML") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputFileError(f"{path}: cannot be read as text ({error})") from error
+    except yaml.YAMLError as error:
+        raise InputFileError(f"{path}: no YAML ({' '.join(str(error).split())})") from error
+    if not isinstance(given, dict):
+        raise ConfigurationError(
+            f"{path}: a study is a mapping with the keys observers, targets and settings"
+        )
+    wrong = [key for key in given if not isinstance(key, str)]
+    if wrong:
+        raise ConfigurationError(f"{path}: the key {wrong[0]!r} is no text; write it in quotes")
+    for key in ("observers", "targets"):
+        if key not in given:
+            raise ConfigurationError(f"{path}: {key} is missing; name them with their orbits")
+    try:
+        return Study(**given)
+    except (ConfigurationError, InputFileError) as error:
+        lines = str(error).splitlines()
+        raise type(error)("\n".join(f"{path}: {line}" for line in lines)) from error
+
+
+def run_study_file(path: str | Path, folder: str | Path, seeds: int | None = None) -> StudyResult:
+    """Run a study of a file, and write its results.
+
+    Parameters
+    ----------
+    path : str or Path
+        The study, see `read_study`.
+    folder : str or Path
+        Folder of the results, created if missing: ``study.nc`` (the data set of a cell),
+        ``summary.csv``, ``estimates.oem``, ``estimates.csv`` and figures.
+    seeds : int, optional
+        Number of realizations, in place of that of the file.
+
+    Returns
+    -------
+    StudyResult
+    """
+    result = read_study(path).run(seeds)
+    write_study(result, folder)
+    return result
+
+
+def write_study(result: StudyResult, folder: str | Path) -> list[Path]:
+    """Write the results of a study; see `run_study_file`. Returns the paths."""
+    place = Path(folder)
+    names = ("study.nc", "summary.csv", "estimates.oem", "estimates.csv")
+    write_dataset(result.cell, place / names[0])
+    write_text(result.summary().to_csv(lineterminator="\n"), place / names[1])
+    result.to_oem(place / names[2])
+    result.to_csv(place / names[3])
+    figures = []
+    for kind in result.plots:
+        both = [place / f"{kind}.{ending}" for ending in ("png", "pdf")]
+        save_figure(result.plot(kind), *both)
+        figures += both
+    return [*(place / name for name in names), *figures]
