@@ -14,7 +14,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "model_errors": ["NONE", "plotted_errors"],
     "realizations": ["CELL", "PRACTICAL_UNITS", "cells_of", "select", "usual_interval",
         "values_of"],
-    "records": ["cell_arcs", "frame_epoch"],
+    "records": ["RECORD_COORDINATES", "cell_arcs", "frame_epoch"],
     "summary": ["read_cell_metrics", "summary_dataset"],
     "sweep_table": ["architecture_values", "plotted_values", "sweep_rows"],
     "tables": ["estimator_rows", "model_error_rows", "pooled_rows", "rank_rows", "reading_rows",
