@@ -10,11 +10,12 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "detection_outcomes": ["OBSERVATION_OUTCOMES", "SettingNames", "count_outcomes",
         "outcome_shares", "report_estimated_parameters", "report_outcomes"],
     "histories": ["HISTORIES", "OBSERVATION_COLUMNS", "kept_histories"],
-    "initial_conditions": ["INITIAL_RATE_DEG_H", "epoch_states", "initial_estimate",
-        "monitored_targets"],
+    "initial_conditions": ["ESTIMATOR", "INITIAL_RATE_DEG_H", "epoch_states",
+        "initial_estimate", "monitored_targets", "stream"],
     "realization": ["OUTCOME_NAMES", "USED"],
     "recording": ["Piece", "collect", "fill"],
     "settings": ["LoopSettings", "RECORDABLE"],
+    "state": ["SimulationInputs"],
     "truth": ["TruthModel", "draw_truth"],
 })
 # fmt: on
