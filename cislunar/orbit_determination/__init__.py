@@ -5,7 +5,7 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "admissible_region": ["AdmissibleRegion", "OrbitBank", "implied_size", "is_admissible",
-        "is_bright_as_allowed", "ranges_of", "rotating_states", "sample_region",
+        "is_bright_as_allowed", "ranges_of", "states_in_rotating_frame", "sample_region",
         "sphere_offsets", "states_at"],
     "angles": ["Angles", "POSITION_COLUMNS", "angles_from_table", "frame_rate", "make_angles",
         "tangent_basis"],

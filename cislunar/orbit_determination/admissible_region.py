@@ -103,7 +103,7 @@ class OrbitBank(NamedTuple):
     weight: Array
 
 
-def rotating_states(state: ArrayLike, time: ArrayLike, forces: tuple) -> Array:
+def states_in_rotating_frame(state: ArrayLike, time: ArrayLike, forces: tuple) -> Array:
     """States in the rotating frame of Earth and Moon.
 
     Parameters
@@ -145,14 +145,14 @@ def is_admissible(
     Parameters
     ----------
     state, time, forces
-        See `rotating_states`.
+        See `states_in_rotating_frame`.
     region : AdmissibleRegion
 
     Returns
     -------
     ndarray of bool, shape (n,)
     """
-    states = rotating_states(state, time, forces)
+    states = states_in_rotating_frame(state, time, forces)
     mu = getattr(forces, "mu", MU)
     earth, moon = primary_distances(states, mu)
     with np.errstate(all="ignore"):
@@ -304,7 +304,7 @@ def sample_region(
     ranges, rate = ranges_of(region, n_ranges), frame_rate(forces)
     one = np.full(n_ranges, which)
     base, moved = (
-        rotating_states(
+        states_in_rotating_frame(
             states_at(tracklets, one, ranges, speed, rate), tracklets.time[which], forces
         )
         for speed in (np.zeros(n_ranges), np.ones(n_ranges))

@@ -37,7 +37,7 @@ def same_orbit(one: OrbitFits, other: OrbitFits) -> bool:
     return bool(np.all(apart <= _SAME * np.linalg.norm(way, axis=1)))
 
 
-class Hypotheses:
+class LinkHypotheses:
     """Hypotheses that have been generated, one for each set of tracklets."""
 
     def __init__(

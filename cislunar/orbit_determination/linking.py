@@ -24,7 +24,7 @@ from cislunar.orbit_determination.admissible_region import AdmissibleRegion
 from cislunar.orbit_determination.angles import Angles
 from cislunar.orbit_determination.attributables import Attributables
 from cislunar.orbit_determination.growth import Grown, concatenate_fits, tracklet_matches
-from cislunar.orbit_determination.hypotheses import Hypotheses, is_plausible, same_orbit
+from cislunar.orbit_determination.hypotheses import LinkHypotheses, is_plausible, same_orbit
 from cislunar.orbit_determination.initial_orbits import (
     fits_at,
     initial_orbits,
@@ -134,7 +134,7 @@ def link(
         raise ConfigurationError("log_clutter must be finite; give a small density for no clutter")
     if angles.time.size:
         require_span(forces, angles.time[0], angles.time[-1])
-    found = Hypotheses(angles, tracklets, forces, region, settings, log_clutter, log_misses)
+    found = LinkHypotheses(angles, tracklets, forces, region, settings, log_clutter, log_misses)
     n = tracklets.time.size
     everything, free = np.ones(n, dtype=bool), np.ones(n, dtype=bool)
     if known is not None and known.log_ratio.size:
@@ -150,7 +150,7 @@ def link(
     return _described(found, found.chosen())
 
 
-def _continue(found: Hypotheses, known: LinkedOrbits, everything, free) -> None:
+def _continue(found: LinkHypotheses, known: LinkedOrbits, everything, free) -> None:
     """Grow known orbits by all tracklets, and mark these as no longer free."""
     angles, tracklets, forces, *_ = found.data
     own = [set(known.detections(k).tolist()) for k in range(known.log_ratio.size)]
@@ -181,7 +181,7 @@ def _continue(found: Hypotheses, known: LinkedOrbits, everything, free) -> None:
     _grow_and_claim(found, before, everything, free, least=2)
 
 
-def _grow_and_claim(found: Hypotheses, orbits: Grown, usable, free, least: int) -> None:
+def _grow_and_claim(found: LinkHypotheses, orbits: Grown, usable, free, least: int) -> None:
     grown = found.grown(orbits, usable)
     found.add(grown)
     tracklets = found.data[1]
@@ -197,7 +197,7 @@ def _grow_and_claim(found: Hypotheses, orbits: Grown, usable, free, least: int) 
         free &= ~np.array([used[rows].any() for rows in tracklets.detections])
 
 
-def _link_pairs(found: Hypotheses, free, shortest: float, longest: float, progress) -> None:
+def _link_pairs(found: LinkHypotheses, free, shortest: float, longest: float, progress) -> None:
     """Hypotheses from pairs of free tracklets whose gap lies between two limits. Orbits take their
     tracklets before later pairs are sought."""
     angles, tracklets, forces, region, settings = found.data
@@ -238,7 +238,7 @@ def _link_pairs(found: Hypotheses, free, shortest: float, longest: float, progre
             progress(begin, free.size)
 
 
-def _merge(found: Hypotheses) -> None:
+def _merge(found: LinkHypotheses) -> None:
     """Add joint fits of chosen orbits of which one predicts tracklets of another."""
     angles, tracklets, forces, _, settings = found.data
     tried: set[tuple[int, int]] = set()
@@ -281,7 +281,7 @@ def _merge(found: Hypotheses) -> None:
         )
 
 
-def _split(found: Hypotheses) -> None:
+def _split(found: LinkHypotheses) -> None:
     """Add fits of the tracklets of each observer alone, for chosen orbits of two observers. Two
     observers of different objects may agree on an orbit where neither object is."""
     angles, tracklets, forces, *_ = found.data
@@ -306,7 +306,7 @@ def _split(found: Hypotheses) -> None:
     found.add(Grown(fits, tuple(parts)))
 
 
-def _described(found: Hypotheses, chosen: list[int]) -> LinkedOrbits:
+def _described(found: LinkHypotheses, chosen: list[int]) -> LinkedOrbits:
     """Chosen orbits with verdicts, rivals and confirmation."""
     angles, tracklets, forces, region, settings = found.data
     chosen = sorted(chosen, key=lambda k: (-found.scores[k], found.members[k]))

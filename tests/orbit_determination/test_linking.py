@@ -26,7 +26,7 @@ from cislunar.orbit_determination import (
     make_angles,
 )
 from cislunar.orbit_determination.growth import Grown
-from cislunar.orbit_determination.hypotheses import Hypotheses
+from cislunar.orbit_determination.hypotheses import LinkHypotheses
 
 SIGMA = np.pi / 648_000.0
 HOUR = 3600.0 / TIME_UNIT_S
@@ -118,7 +118,7 @@ def test_the_choice_is_that_of_brute_force():
     angles, _ = night(OBJECTS[:3], [0.0, 0.5], 0.5, 4)
     tracklets = attributables(angles, form_tracklets(angles))
     settings, region = LinkingSettings(), AdmissibleRegion()
-    found = Hypotheses(angles, tracklets, EARTH_MOON, region, settings, LOG_CLUTTER, None)
+    found = LinkHypotheses(angles, tracklets, EARTH_MOON, region, settings, LOG_CLUTTER, None)
     rng, n = np.random.default_rng(5), tracklets.time.size
     drawn = {tuple(sorted(rng.choice(n, 3, replace=False).tolist())) for _ in range(14)}
     rows = [np.unique(np.concatenate([tracklets.detections[t] for t in each])) for each in drawn]
