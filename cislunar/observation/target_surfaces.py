@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.bodies import Body, plain_body
+from cislunar.photometry.law_mixture.blocks import COOK_TORRANCE
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shadows.concatenated import joined_shadows
 from cislunar.photometry.shadows.table import Shadows
@@ -85,6 +86,8 @@ def body_of(surfaces, j):
         surfaces.lengths[j],
         surfaces.composite[j],
         surfaces.phong[j],
+        False,
+        COOK_TORRANCE,
     )
 
 

@@ -15,8 +15,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.photometry.body_blocks import body_magnitudes
-from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, QUATERNION, RANGE, SUN, TOTAL, VIEW
+from cislunar.photometry.facet_blocks import (
+    BLOCK_ROWS,
+    LANES,
+    PHASE_ANGLE,
+    QUATERNION,
+    RANGE,
+    SUN,
+    TOTAL,
+    VIEW,
+)
 from cislunar.photometry.facets import apparent_magnitude, broadcast_geometries
+from cislunar.photometry.law_mixture.blocks import COOK_TORRANCE, phase_magnitude
 from cislunar.photometry.materials import Material, PhotometryModel, material_rows
 from cislunar.photometry.meshes import Mesh
 from cislunar.photometry.shadows.table import STEPS, Shadows, no_shadows, shadow_table
@@ -47,6 +57,11 @@ class Body(NamedTuple):
         faster kernels of `cislunar.photometry.facet_blocks` are used.
     phong : bool
         Whether the body follows the Lambert-Phong law, see `cislunar.photometry.body_blocks`.
+    mixed : bool
+        Whether the reflection law deviates from Cook-Torrance by `law`; such a body is composite.
+    law : tuple of float, length 4
+        Share of the Lambert-Phong lobe, share of Lommel-Seeliger reflection, and the phase
+        coefficients b1 (mag/rad) and b2 (mag/rad^2), see `cislunar.photometry.law_mixture`.
     """
 
     areas: Array
@@ -57,6 +72,8 @@ class Body(NamedTuple):
     lengths: Array
     composite: bool = False
     phong: bool = False
+    mixed: bool = False
+    law: tuple[float, float, float, float] = COOK_TORRANCE
 
     @property
     def facets(self) -> Facets:
@@ -167,4 +184,9 @@ def _light_thrown_back(quaternion, sun, view, body, fresnel_sqrt):
             block[SUN : SUN + 3, k], block[VIEW : VIEW + 3, k] = sun[first + k], view[first + k]
         body_magnitudes(block, count, body, False, fresnel_sqrt)
         result[first : first + count] = block[TOTAL, :count]
+        if body.mixed:
+            for k in range(count):
+                result[first + k] *= 10.0 ** (
+                    -0.4 * phase_magnitude(block[PHASE_ANGLE, k], body.law)
+                )
     return result

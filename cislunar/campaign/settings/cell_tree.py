@@ -14,7 +14,7 @@ from cislunar.estimation.fusion.methods import FUSIONS
 from cislunar.estimation.initial_sigma import InitialSigma, ProcessNoise
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.evaluation.custody import Custody
-from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.body_parameters import REFLECTION_LAW, BodyParameterPrior
 from cislunar.observation.body_spec import BodySpec
 from cislunar.observation.sensor import Sensor
 from cislunar.photometry.materials import REFLECTION_LAWS, Material, PhotometryReading
@@ -121,13 +121,20 @@ class Filter(Section):
         "(docs/dynamics.md)", paper="one Gaussian", default=True)
 
 
+_TrueDeviations = partial(
+    BodyParameterPrior,
+    tuple(key for key in BodyParameterPrior.model_fields if key not in REFLECTION_LAW),
+)
+"""A true body has one reflection law."""
+
+
 class Truth(Partial):
     material: partial(Material) = None
     body: partial(BodySpec) = None
     sensor: partial(Sensor, ("magnitude_noise", "angle_noise_arcsec")) = None
     reflection: Literal[REFLECTION_LAWS] = REFLECTION_LAWS[0]
     angular_acceleration_deg_h2: Three = Field([0, 0, 0])
-    parameter_sigma: partial(BodyParameterPrior) = partial(BodyParameterPrior)()
+    parameter_sigma: _TrueDeviations = _TrueDeviations()
 
 
 class CellSettings(Section):

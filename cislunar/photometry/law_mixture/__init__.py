@@ -1,0 +1,1 @@
+"""Reflection laws between Cook-Torrance, Lambert-Phong and Lommel-Seeliger."""
