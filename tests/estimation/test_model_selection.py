@@ -7,9 +7,20 @@ from oracles.reflection import lambert_phong_magnitude
 from scipy.stats import multivariate_normal
 
 from cislunar.attitude.grp import from_quaternion
-from cislunar.attitude.quaternion import compose, from_rotation_vector
+from cislunar.attitude.quaternion import attitude_matrix, compose, from_rotation_vector
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.light_curves.batch import batch
+from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.light_curves.light_curve import cost, cost_and_derivatives, initial_state
+from cislunar.estimation.light_curves.model_selection.characterization import (
+    AMBIGUOUS,
+    UNIQUE,
+    UNKNOWN_BODY,
+    amplitude_of,
+    area_albedo_of,
+    attitude_status,
+    characterize,
+)
 from cislunar.estimation.light_curves.model_selection.correlated import (
     CorrelatedFit,
     ModelError,
@@ -22,9 +33,22 @@ from cislunar.estimation.light_curves.model_selection.ladder import (
 )
 from cislunar.estimation.light_curves.model_selection.report import rotation_at
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
-from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, SEEN, TIME, VIEW, WEIGHT
-from cislunar.photometry.materials import Material
+from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
+from cislunar.estimation.light_curves.row_blocks import (
+    MAGNITUDE,
+    RANGE,
+    SEEN,
+    SUN,
+    TIME,
+    VIEW,
+    WEIGHT,
+)
+from cislunar.observation.target_surfaces import target_surfaces
+from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import scale_axes
+from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.truth import TruthModel
 
 HOURS = 20.0
 """Duration of the light curves."""
@@ -192,6 +216,79 @@ def test_a_wrong_model_is_recognized_and_the_attitude_kept(truth):
         distances.append(error @ np.linalg.solve(estimate.covariance[:3, :3], error) / 3.0)
     assert np.median(errors) < 5.0
     assert np.mean(distances) < 2.0
+
+
+def test_what_is_known_without_an_attitude():
+    """Intervals contain the truth, and an unknown frame widens the attitude, not the rate."""
+    inside = []
+    for seed in range(3):
+        data, model, _, u = _simulated(
+            lambda attitudes, rows: lambert_phong_magnitude(attitudes, rows, FACETS, Material()),
+            seed,
+        )
+        selected = select_model(data, model, np.random.default_rng(1))
+        found = characterize(selected, data, model, np.random.default_rng(2))
+        attitudes, omega = _motion(model, u, data[:, TIME])
+        clean = lambert_phong_magnitude(attitudes, data, FACETS, Material())
+        axis = attitude_matrix(_motion(model, u, [0.0])[0][0]).T @ omega / np.linalg.norm(omega)
+        inside += [
+            found.spin_period_h.contains(2.0 * np.pi / np.linalg.norm(omega) / 3600.0),
+            np.rad2deg(np.arccos(axis @ found.spin_axis)) < found.spin_axis_radius_deg,
+            found.amplitude_mag.contains(amplitude_of(clean, data, False)),
+            found.area_albedo_m2.contains(area_albedo_of(clean, data, False)),
+        ]
+        assert found.spin_period_h.high / found.spin_period_h.low < 1.05  # prior: a fifth
+        assert found.status in (UNIQUE, AMBIGUOUS)
+    assert np.sum(inside) >= 10
+    wide = selected._replace(log_evidence={**selected.log_evidence, "large deviations": 1e6})
+    assert attitude_status(wide, model) == UNKNOWN_BODY
+    narrow, broad = (rotation_at(each, model, 7200.0) for each in (selected, wide))
+    added = np.diag(broad.covariance - narrow.covariance)[:3]
+    np.testing.assert_allclose(np.rad2deg(np.sqrt(added)), 5.0, rtol=0.03)
+    assert attitude_status(selected._replace(model_error_mag=0.3), model) == UNKNOWN_BODY
+
+
+def test_area_times_albedo_is_that_of_a_sphere():
+    """A diffuse sphere of known radius, by the library's own magnitudes of spheres."""
+    data = _observed(50)
+    phase = np.arccos(np.sum(data[:, SUN] * data[:, VIEW], axis=1))
+    light = 2.0 / 3.0 * 0.4 * 1.5**2 * (np.sin(phase) + (np.pi - phase) * np.cos(phase))
+    magnitude = -26.74 - 2.5 * np.log10(light / (np.pi * data[:, RANGE] ** 2))
+    assert area_albedo_of(magnitude, data, False) == pytest.approx(0.4 * np.pi * 1.5**2, rel=1e-9)
+    assert amplitude_of(magnitude, data, False) == pytest.approx(0.0, abs=1e-9)
+    faint = magnitude + 2.5 * np.log10(4.0 * np.pi)
+    assert area_albedo_of(faint, data, True) == pytest.approx(0.4 * np.pi * 1.5**2, rel=1e-9)
+
+
+def test_models_are_chosen_in_the_closed_loop():
+    """With a Lambert-Phong truth, of which the estimators know nothing."""
+    problem = tracking_problem(6, 4, PhotometryModel(), duration_hours=6.0)
+    surfaces = target_surfaces(FACETS, Material(), 4, PhotometryModel(reflection="lambert-phong"))
+    truth = TruthModel(surfaces, problem.loop.sensor.noise, np.zeros(3))
+    found = {}
+    for effort in (0, 1):
+        settings = BatchSettings(model_selection=ModelSelectionSettings(effort))
+        found[effort] = run_closed_loop(
+            *problem[:4], [1], problem.loop, estimator=batch(settings), truth=truth
+        )
+    usual, chosen = found[0], found[1]
+    assert usual.attitude_status is None
+    assert chosen.attitude_status.shape == (1, 6, 4)
+    consistent = [
+        np.mean(np.abs(each.error[0, -1, :, :3]) <= 3.0 * each.sigma[0, -1, :, :3])
+        for each in (usual, chosen)
+    ]
+    assert consistent[0] < 0.7 and consistent[1] > 0.9
+    doubtful = chosen.attitude_status[0, -1] != UNIQUE
+    assert not np.any(chosen.metrics.custody_attitude[0] & doubtful)
+
+
+@pytest.mark.parametrize(
+    "other", [{"noise_freedom": 4.0}, {"window_hours": 2.0}, {"use_non_detections": True}]
+)
+def test_settings_that_exclude_the_choice(other):
+    with pytest.raises(ConfigurationError, match="exclude each other"):
+        BatchSettings(model_selection=ModelSelectionSettings(1), **other)
 
 
 def test_rows_that_cannot_be_used_are_refused():

@@ -30,6 +30,9 @@ Array = NDArray[np.float64]
 UNIQUE, AMBIGUOUS, UNKNOWN_BODY = range(3)
 """Status of an attitude: modes agree; modes disagree; shape or law is not as believed."""
 
+STATUS_NAMES = ("unique", "ambiguous", "unknown")
+"""Names of the status, in the order of its numbers."""
+
 _SAME_ATTITUDE_DEG = 5.0
 _UNIQUE_SHARE = 0.95
 _LARGE_MODEL_ERROR_MAG = 0.25
@@ -133,9 +136,11 @@ def reduced_brightness(magnitude: Array, data: Array, irradiance_4pi: bool) -> t
 
 
 def amplitude_of(magnitude: Array, data: Array, irradiance_4pi: bool) -> float:
-    """See `Characterization.amplitude_mag`; dark rows are left out."""
+    """See `Characterization.amplitude_mag`; of the lit rows, NaN if there are none."""
     total, sphere = reduced_brightness(magnitude, data, irradiance_4pi)
     lit = total > 0.0
+    if not lit.any():
+        return np.nan
     low, high = np.percentile(-2.5 * np.log10(total[lit] / sphere[lit]), _PERCENTILES)
     return float(high - low)
 
@@ -179,21 +184,32 @@ def characterize(
     mean = axes.mean(axis=0)
     mean /= np.linalg.norm(mean)
     angles = np.arccos(np.clip(axes @ mean, -1.0, 1.0))
-    tau = selected.model_error_mag
+    mean_noise = np.sqrt(model.noise_variance / len(data))
+    error = float(np.hypot(selected.model_error_mag, mean_noise))
     reading = model.irradiance_4pi
-    spans = np.array([amplitude_of(each, data, reading) for each in brightness])
-    logs = np.log([area_albedo_of(each, data, reading) for each in brightness])
-    wide = 1.96 * np.hypot(spans.std(ddof=1), tau)
-    broad = 1.96 * np.hypot(logs.std(ddof=1), 0.4 * np.log(10.0) * tau)
-    span, size = float(spans.mean()), float(logs.mean())
+    with np.errstate(divide="ignore"):
+        spans = np.array([amplitude_of(each, data, reading) for each in brightness])
+        logs = np.log([area_albedo_of(each, data, reading) for each in brightness])
+    size = _normal_interval(logs, 0.4 * np.log(10.0) * error)
+    span = _normal_interval(spans, error)
     return Characterization(
         Interval(float(np.median(period)), float(low), float(high)),
         mean,
         float(np.rad2deg(np.quantile(angles, 0.95))),
-        Interval(span, max(span - wide, 0.0), span + wide),
-        Interval(*(float(np.exp(each)) for each in (size, size - broad, size + broad))),
+        span._replace(low=max(span.low, 0.0)),
+        Interval(*(float(np.exp(each)) for each in size)),
         attitude_status(selected, model),
     )
+
+
+def _normal_interval(samples: Array, error: float) -> Interval:
+    """Mean and 95 % interval of samples and an independent error; NaN if fewer than two samples are
+    finite. A sample is not if no row is lit."""
+    finite = samples[np.isfinite(samples)]
+    if finite.size < 2:
+        return Interval(np.nan, np.nan, np.nan)
+    mean, wide = float(finite.mean()), 1.96 * float(np.hypot(finite.std(ddof=1), error))
+    return Interval(mean, mean - wide, mean + wide)
 
 
 def _samples(

@@ -130,14 +130,24 @@ class CorrelatedFit:
         error, bins = self._error, self._bins
         if error.tau == 0.0:
             return
-        mean = bins.mean(directions, self._data[:, WEIGHT])
-        squares = np.sum(mean**2, axis=1)
-        distance2 = squares[:, None] + squares - 2.0 * mean @ mean.T
-        covariance = error.tau**2 * np.exp(-np.maximum(distance2, 0.0) / (2.0 * error.length**2))
+        covariance = error.tau**2 * self._correlation(directions)
         noise = self._model.noise_variance / bins.weight
         covariance[np.diag_indices_from(covariance)] += noise
         self._factor = cholesky(covariance, lower=True)
         self._log_det = float(np.sum(2.0 * np.log(np.diag(self._factor)) - np.log(noise)))
+
+    def _correlation(self, directions: Array) -> Array:
+        """K of the bins, for the directions of the rows."""
+        mean = self._bins.mean(directions, self._data[:, WEIGHT])
+        squares = np.sum(mean**2, axis=1)
+        distance2 = squares[:, None] + squares - 2.0 * mean @ mean.T
+        return np.exp(-np.maximum(distance2, 0.0) / (2.0 * self._error.length**2))
+
+    def equal_white_noise(self, u: Array) -> float:
+        """Variance of a white noise of the rows that leaves as much uncertainty as the noise and
+        the model error together, mag^2: the error of a row counts for all rows that share it."""
+        shared = self._correlation(self.rows(u)[1]) @ self._bins.weight
+        return self._model.noise_variance + self._error.tau**2 * float(shared.mean())
 
     def rows(self, u: Array) -> tuple[Array, Array, Array]:
         """See `expected_rows`."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from cislunar.errors import ConfigurationError
-from cislunar.estimation.light_curves.batch_settings import SearchSettings
+from cislunar.estimation.light_curves.batch_settings import BatchSettings, SearchSettings
 from cislunar.estimation.light_curves.hypotheses import prior_hypotheses, search
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.model_selection.correlated import (
@@ -69,6 +69,7 @@ _DROP = 12.0
 _CLEARLY_LESS = 5.0
 """Difference in log evidence from which on the wide rungs are not searched."""
 _NO_ERROR = ModelError(0.0, 1.0)
+_MOST_MODES = 32
 _MERGE_DISTANCE = 2.0
 _FIRST_ROWS, _GROWTH = 12, 1.5
 """Rows of the first search, and the factor by which the rows grow from search to search."""
@@ -154,7 +155,9 @@ def select_model(
     ConfigurationError
         If there are no rows, a row is a non-detection, or the noise variance is not known.
     """
-    settings = ModelSelectionSettings() if settings is None else settings
+    settings = ModelSelectionSettings(effort=1) if settings is None else settings
+    if settings.effort == 0:
+        raise ConfigurationError("effort = 0: models are not chosen; set it to 1 or above")
     if len(data) == 0 or not np.all(data[:, SEEN] == 1.0):
         raise ConfigurationError(
             "light curve: the choice of a model needs detections and no other rows; leave out "
@@ -167,6 +170,25 @@ def select_model(
         )
     selection = _Selection(np.ascontiguousarray(data), model, rng, settings)
     return selection.run()
+
+
+def refitted(
+    selected: SelectedModel, data: Array, model: LightCurveModel, settings: ModelSelectionSettings
+) -> SelectedModel:
+    """The same models fitted to a light curve that has grown, from the modes of before; see
+    `select_model`."""
+    rng = np.random.default_rng(0)  # no random start is drawn
+    selection = _Selection(np.ascontiguousarray(data), model, rng, settings)
+    starts: dict[tuple[str, ModelError], list[Array]] = {}
+    for each in selected.candidates:
+        starts.setdefault((each.rung, each.error), []).append(each.minimum.u)
+    found = [
+        candidate
+        for (rung, error), own in starts.items()
+        for candidate in selection.fit(rung, error, own, settings.warm_iterations)
+    ]
+    candidates, weight = _mixture(found)
+    return selected._replace(candidates=candidates, weight=weight)
 
 
 class _Selection:
@@ -183,6 +205,8 @@ class _Selection:
         self.bins: Bins = bins_of_rows(data, settings.bins)
         self.models = {rung: model_of_rung(model, rung) for rung in RUNGS}
         self.carried = ROTATION + model.rotation_kinds.size
+        usual = BatchSettings().search_settings()
+        self.search_settings = usual._replace(starts=settings.effort * usual.starts)
 
     def fit(
         self, rung: str, error: ModelError, starts: Iterable[Array], iterations: int
@@ -231,7 +255,7 @@ class _Selection:
     def _searched(self, rung: str) -> list[Candidate]:
         """Minima of a rung without a model error, by a search."""
         settings = self.settings
-        modes = search_modes(self.data, self.models[rung], settings.search_settings(), self.rng)
+        modes = search_modes(self.data, self.models[rung], self.search_settings, self.rng)
         return self.fit(rung, _NO_ERROR, modes, settings.iterations)
 
     def _checks(self, exact: list[Candidate]) -> list[Candidate]:
@@ -306,11 +330,16 @@ class _Selection:
             ]  # fmt: skip
             starts = [other.minimum.u for other in same]
             model = self.models[rung]
-            noise = (model.noise_variance + error.tau**2) / beta
-            search_settings = settings.search_settings()._replace(modes=settings.new_starts)
+            white = CorrelatedFit(self.data, self.bins, model, each.error)
+            noise = white.equal_white_noise(each.minimum.u) / beta
+            search_settings = self.search_settings._replace(modes=settings.new_starts)
             starts += search_modes(
                 self.data, model._replace(noise_variance=noise), search_settings, self.rng
             )
+            for _ in range(settings.new_starts):
+                start = np.zeros(model.sigma.size)
+                start[: self.carried] = self.rng.standard_normal(self.carried)
+                starts.append(start)
             found += self.fit(rung, error, starts, settings.iterations)
         return found
 
@@ -319,6 +348,6 @@ def _mixture(candidates: list[Candidate]) -> tuple[tuple[Candidate, ...], Array]
     """The likely candidates, best first, and their weights."""
     ordered = sorted(candidates, key=lambda each: -each.minimum.log_evidence)
     evidence = np.array([each.minimum.log_evidence for each in ordered])
-    kept = evidence > evidence[0] - _DROP
-    weight = np.exp(evidence[kept] - evidence[0])
-    return tuple(ordered[: kept.sum()]), weight / weight.sum()
+    kept = min(int(np.sum(evidence > evidence[0] - _DROP)), _MOST_MODES)
+    weight = np.exp(evidence[:kept] - evidence[0])
+    return tuple(ordered[:kept]), weight / weight.sum()

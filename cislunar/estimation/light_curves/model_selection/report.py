@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cislunar.attitude.quaternion import attitude_matrix, compose, from_rotation_vector
 from cislunar.estimation.light_curves.hypotheses import mixture_points, prior_hypotheses
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.mixture import mixture_moments, step_points
@@ -19,6 +20,9 @@ Array = NDArray[np.float64]
 
 _FRAME_SIGMA = np.deg2rad(5.0)
 """Standard deviation of the body frame of an unknown shape about each axis, rad (empirical)."""
+
+_FRAME_ANGLE = np.sqrt(3.0) * _FRAME_SIGMA
+"""Six rotations by this angle have that variance about each axis."""
 
 
 class RotationPoints(NamedTuple):
@@ -57,6 +61,20 @@ def points_of(selected: SelectedModel, model: LightCurveModel) -> RotationPoints
         mixture_points(modes, own, quaternion, omega, weight, deviations)
         weight *= selected.weight[number]
         parts.append((quaternion, omega, weight, deviations, np.full(size, number)))
+    points = RotationPoints(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+    return _of_uncertain_frames(points) if selected.rung in UNKNOWN_SHAPE else points
+
+
+def _of_uncertain_frames(points: RotationPoints) -> RotationPoints:
+    """The points in body frames that are rotated about each axis, with the variance of an uncertain
+    frame. Angular velocities are rotated as well, so that the attitude keeps its offset."""
+    parts = []
+    for axis in range(3):
+        for angle in (_FRAME_ANGLE, -_FRAME_ANGLE):
+            turn = from_rotation_vector(angle * np.eye(3)[axis])
+            quaternion = compose(turn, points.quaternion)
+            omega = points.omega @ attitude_matrix(turn).T
+            parts.append((quaternion, omega, points.weight / 6.0, points.deviations, points.mode))
     return RotationPoints(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
@@ -79,6 +97,4 @@ def rotation_at(
     mean, rate, differences = np.empty(4), np.empty(3), np.empty((points.weight.size, 6))
     mixture_moments(quaternion, omega, points.weight, mean, rate, differences)
     covariance = (differences.T * points.weight) @ differences
-    if selected.rung in UNKNOWN_SHAPE:
-        covariance[:3, :3] += _FRAME_SIGMA**2 * np.eye(3)
     return RotationEstimate(mean, rate, covariance)

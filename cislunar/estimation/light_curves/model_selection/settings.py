@@ -2,25 +2,28 @@
 
 from typing import ClassVar
 
-from cislunar.estimation.light_curves.batch_settings import BatchSettings, SearchSettings
-from cislunar.runtime.settings_fields import Count, Section, setting
+from cislunar.runtime.settings_fields import Section, setting, whole
 
 
 class ModelSelectionSettings(Section):
-    """How hard models are searched and fitted."""
+    """How hard models of a body are searched and fitted."""
 
     # fmt: off
 
-    effort: Count = setting(
-        "effort of the choice between models: factor on the number of modes and of starts",
-        default=1)
+    effort: whole(ge=0) = setting(
+        "effort of the choice between models of a body by the evidence of its light curve at "
+        "tasking epochs, a factor on the numbers of modes and starts (docs/attitude.md); 0: the "
+        "body is as `batch.estimated_parameters` states", default=0)
 
     # fmt: on
 
-    @property
-    def bins(self) -> int:
-        """Bins of the light curve, between which model errors are correlated."""
-        return 200
+    bins: ClassVar[int] = 200
+    """Bins of a light curve, between which model errors are correlated."""
+
+    iterations: ClassVar[int] = 8
+    warm_iterations: ClassVar[int] = 3
+    model_errors_mag: ClassVar[tuple[float, ...]] = (0.03, 0.06, 0.12, 0.25, 0.5, 1.0)
+    lengths: ClassVar[tuple[float, ...]] = (0.35, 1.0)
 
     @property
     def kept_modes(self) -> int:
@@ -29,15 +32,5 @@ class ModelSelectionSettings(Section):
 
     @property
     def new_starts(self) -> int:
-        """Modes of the tempered likelihood that are searched for."""
+        """Searched modes and random starts of the tempered likelihood."""
         return 6 * self.effort
-
-    iterations: ClassVar[int] = 8
-    warm_iterations: ClassVar[int] = 3
-    model_errors_mag: ClassVar[tuple[float, ...]] = (0.03, 0.06, 0.12, 0.25, 0.5, 1.0)
-    lengths: ClassVar[tuple[float, ...]] = (0.35, 1.0)
-
-    def search_settings(self) -> SearchSettings:
-        """Searches of one model."""
-        usual = BatchSettings().search_settings()
-        return usual._replace(starts=self.effort * usual.starts)
