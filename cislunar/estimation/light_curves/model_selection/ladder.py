@@ -214,6 +214,10 @@ class _Selection:
         """Distinct minima from the starts, best first."""
         fit = CorrelatedFit(self.data, self.bins, self.models[rung], error)
         found = [fit.refined(start, iterations) for start in starts]
+        if rung in WIDE:  # all model errors are as likely beforehand
+            settings = self.settings
+            number = 1 + len(settings.model_errors_mag) * len(settings.lengths)
+            found = [e._replace(log_evidence=e.log_evidence - np.log(number)) for e in found]
         found.sort(key=lambda each: -each.log_evidence)
         kept: list[Minimum] = []
         for each in found:
