@@ -198,7 +198,12 @@ class Evaluation:
         return np.arange(self._done, self._done + n_steps) >= self._begin
 
     def update(
-        self, error: Array, sigma: Array, observed: ArrayLike, bound: Array | None = None
+        self,
+        error: Array,
+        sigma: Array,
+        observed: ArrayLike,
+        bound: Array | None = None,
+        known: ArrayLike | None = None,
     ) -> None:
         """Add an interval.
 
@@ -212,11 +217,15 @@ class Evaluation:
         bound : ndarray, shape (target, time, 12), optional
             Standard deviations of the Cramer-Rao bound, of which those of the final hours count.
             Metrics that depend on it are NaN without it.
+        known : array_like of bool, shape (target,), optional
+            Whether the estimator takes the attitude as known; all, if omitted. Other attitudes are
+            not in custody.
         """
         least = np.full(error.shape, np.nan) if bound is None else bound
         before = min(max(self._begin - self._done, 0), error.shape[1])
         self._observed |= np.asarray(observed)
-        self._in_custody = self._custody.satisfied(error[:, -1])
+        position, attitude = self._custody.satisfied(error[:, -1])
+        self._in_custody = position, attitude if known is None else attitude & np.asarray(known)
         _add(before, error, sigma, least, self._sums)
         self._done += error.shape[1]
         last = slice(self._done - error.shape[1] + before - self._begin, self._done - self._begin)

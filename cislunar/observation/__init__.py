@@ -5,7 +5,7 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "body_factory": ["body_from_spec", "equal_sphere_of"],
-    "body_parameters": ["BodyParameterPrior", "HOUR", "require_freedom"],
+    "body_parameters": ["BodyParameterPrior", "HOUR", "REFLECTION_LAW", "require_freedom"],
     "body_sampling": ["sample_rotations", "sample_surfaces", "surface_table", "true_deviations"],
     "body_spec": ["BodySpec", "ICOSAHEDRON", "bodies_of_targets", "load_body_table"],
     "ground": ["station_positions", "station_tracks"],

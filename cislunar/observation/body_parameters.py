@@ -12,6 +12,10 @@ from cislunar.photometry.materials import (
     ALBEDO,
     AXIS_SCALE,
     FACET,
+    LOMMEL_SEELIGER_SHARE,
+    PHASE_CURVATURE,
+    PHASE_SLOPE,
+    PHONG_SHARE,
     REFLECTANCE,
     SCALE,
     SHARE,
@@ -23,6 +27,9 @@ from cislunar.runtime.settings_fields import NotNegative, Section, setting
 Array = NDArray[np.float64]
 
 HOUR = 3600.0
+
+REFLECTION_LAW = ("phong_share", "lommel_seeliger_share", "phase_slope", "phase_curvature")
+"""Deviations from the Cook-Torrance law; an estimator may have them, a true body another law."""
 
 
 # fmt: off
@@ -62,8 +69,22 @@ class BodyParameterPrior(Section):
     angular_acceleration_deg_h2: NotNegative = setting(
         "prior standard deviation of the angular acceleration by a torque that is constant in the "
         "body frame, along each body axis", "deg/h^2", default=0)
+    phong_share: NotNegative = setting(
+        "prior standard deviation of the share of a Lambert-Phong lobe in the specular light; only "
+        "as the prior of an estimator, like the three that follow", "1", default=0)
+    lommel_seeliger_share: NotNegative = setting(
+        "prior standard deviation of the share of Lommel-Seeliger reflection in the diffuse light",
+        "1", default=0)
+    phase_slope: NotNegative = setting(
+        "prior standard deviation of the change of the magnitude per phase angle", "mag/rad",
+        default=0)
+    phase_curvature: NotNegative = setting(
+        "prior standard deviation of the change of the magnitude per squared phase angle",
+        "mag/rad^2", default=0)
 
     # fmt: on
+
+    omitted = REFLECTION_LAW
 
     def __bool__(self) -> bool:
         """Whether any parameter is uncertain."""
@@ -117,6 +138,11 @@ class BodyParameterPrior(Section):
                 "diffuse_weight and specular_weight",
                 np.any(diffuse * specular > 0.0),
             ),
+            "phong_share": ("specular_weight and normal_reflectance", shines),
+            "lommel_seeliger_share": (
+                "diffuse_weight and diffuse_albedo",
+                np.any(diffuse * albedo > 0.0),
+            ),
         }
         for key, (needed, there) in wanting.items():
             if getattr(self, key) > 0.0 and law == TABULATED:
@@ -166,4 +192,8 @@ def surface_groups(n_facets: int) -> dict[str, tuple[int, int]]:
         "log_scale": (SCALE, 1),
         "log_axis_scale": (AXIS_SCALE, 3),
         "log_facets": (FACET, n_facets),
+        "phong_share": (PHONG_SHARE, 1),
+        "lommel_seeliger_share": (LOMMEL_SEELIGER_SHARE, 1),
+        "phase_slope": (PHASE_SLOPE, 1),
+        "phase_curvature": (PHASE_CURVATURE, 1),
     }

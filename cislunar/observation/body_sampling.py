@@ -8,7 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.attitude.inertia import TORQUE, inertia_matrix
 from cislunar.attitude.parameter_deviations import perturbed_rotation
 from cislunar.errors import ConfigurationError
-from cislunar.observation.body_parameters import BodyParameterPrior, surface_groups
+from cislunar.observation.body_parameters import (
+    REFLECTION_LAW,
+    BodyParameterPrior,
+    surface_groups,
+)
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 from cislunar.photometry.materials import NOTHING, TABULATED
 from cislunar.photometry.parameter_deviations import perturbed_body
@@ -66,7 +70,18 @@ def sample_surfaces(
     freedom : float, optional
         Degrees of freedom, above 2, of Student's t distribution of the deviations, which has these
         standard deviations; normal if omitted.
+
+    Raises
+    ------
+    ConfigurationError
+        If the reflection law is to deviate, or the light does not depend on a parameter.
     """
+    for key in REFLECTION_LAW:
+        if getattr(prior, key) > 0.0:
+            raise ConfigurationError(
+                f"{key} = {getattr(prior, key)}: true bodies have one reflection law; set it to 0 "
+                "and choose the law by truth.reflection"
+            )
     areas, normals, material, lengths = (
         each.copy()
         for each in (surfaces.areas, surfaces.normals, surfaces.material, surfaces.lengths)

@@ -17,7 +17,7 @@ from cislunar.photometry.body_blocks import (
 )
 from cislunar.photometry.facet_blocks import LANES
 from cislunar.photometry.materials import AXIS_SCALE, FACET
-from cislunar.photometry.parameter_deviations import deviation_rows
+from cislunar.photometry.parameter_deviations import deviation_rows, with_law
 
 
 @njit_noalloc
@@ -121,7 +121,7 @@ def deviation_row(state, quaternion, observer, k, j, scene, surfaces, kinds, sig
         sun[2] - z,
         scene.frame_axes[k],
     )
-    body, reading = body_of(surfaces, j), surfaces.fresnel_sqrt
+    body, reading = with_law(kinds, body_of(surfaces, j)), surfaces.fresnel_sqrt
     block = one_geometry(quaternion, light, view, distance * METERS)
     shares = np.empty((body.areas.shape[0] if np.any(kinds >= FACET) else 0, LANES))
     scaled = np.any((kinds >= AXIS_SCALE) & (kinds < FACET))

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.bodies import Body, plain_body
+from cislunar.photometry.law_mixture.blocks import COOK_TORRANCE
 from cislunar.photometry.materials import TABULATED, Material, PhotometryModel
 from cislunar.photometry.reflection.tables import (
     NO_TABLE,
@@ -94,6 +95,8 @@ def body_of(surfaces, j):
         surfaces.composite[j],
         surfaces.law[j],
         surfaces.table,
+        False,
+        COOK_TORRANCE,
     )
 
 

@@ -15,8 +15,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.photometry.body_blocks import body_magnitudes
-from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, QUATERNION, RANGE, SUN, TOTAL, VIEW
+from cislunar.photometry.facet_blocks import (
+    BLOCK_ROWS,
+    LANES,
+    PHASE_ANGLE,
+    QUATERNION,
+    RANGE,
+    SUN,
+    TOTAL,
+    VIEW,
+)
 from cislunar.photometry.facets import apparent_magnitude, broadcast_geometries
+from cislunar.photometry.law_mixture.blocks import COOK_TORRANCE, phase_magnitude
 from cislunar.photometry.materials import Material, PhotometryModel, material_rows
 from cislunar.photometry.meshes import Mesh
 from cislunar.photometry.reflection.tables import NO_TABLE, ReflectanceTable
@@ -51,6 +61,12 @@ class Body(NamedTuple):
         A body with another law than 0 is composite.
     table : ReflectanceTable
         Table of a tabulated law.
+    mixed : bool
+        Whether the reflection law deviates from Cook-Torrance by `mixture`; such a body is
+        composite.
+    mixture : tuple of float, length 4
+        Share of the Lambert-Phong lobe, share of Lommel-Seeliger reflection, and the phase
+        coefficients b1 (mag/rad) and b2 (mag/rad^2), see `cislunar.photometry.law_mixture`.
     """
 
     areas: Array
@@ -62,6 +78,8 @@ class Body(NamedTuple):
     composite: bool = False
     law: int = 0
     table: ReflectanceTable = NO_TABLE
+    mixed: bool = False
+    mixture: tuple[float, float, float, float] = COOK_TORRANCE
 
     @property
     def facets(self) -> Facets:
@@ -172,4 +190,9 @@ def _light_thrown_back(quaternion, sun, view, body, fresnel_sqrt):
             block[SUN : SUN + 3, k], block[VIEW : VIEW + 3, k] = sun[first + k], view[first + k]
         body_magnitudes(block, count, body, False, fresnel_sqrt)
         result[first : first + count] = block[TOTAL, :count]
+        if body.mixed:
+            for k in range(count):
+                result[first + k] *= 10.0 ** (
+                    -0.4 * phase_magnitude(block[PHASE_ANGLE, k], body.mixture)
+                )
     return result

@@ -4,7 +4,8 @@ A `cislunar.photometry.bodies.Body` that is not composite is passed to
 `cislunar.photometry.facet_blocks` and gives bit-identical results. The facets of a composite body
 take their material from a table, contribute with the share of their area that is both lit and seen
 (`cislunar.photometry.shadows`), and may follow another reflection law
-(`cislunar.photometry.reflection`).
+(`cislunar.photometry.reflection`) or a
+mixture of laws (`cislunar.photometry.law_mixture`).
 
 The lit and seen share is piecewise linear in the interpolation variables of the table. Derivatives
 are exactly those of the returned magnitude, one-sided at the edges of the table's triangles.
@@ -67,6 +68,11 @@ from cislunar.photometry.facets import (
     fresnel_reflectance,
     reflection_constants,
 )
+from cislunar.photometry.law_mixture.blocks import (
+    add_mixed_facet,
+    add_phase_terms,
+    clear_mixture,
+)
 from cislunar.photometry.materials import TABULATED
 from cislunar.photometry.reflection.laws import reflectance
 from cislunar.photometry.shadows.blocks import (
@@ -123,13 +129,15 @@ def _add_parts(b, count, whole, steepness, far):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _add_odds(b, count, rows, specular_share):
-    """Add a facet's derivatives by the odds of its material and through its Fresnel factor."""
+def _add_odds(b, count, rows, specular_share, one_law):
+    """Add a facet's derivatives by the odds of its material and through its Fresnel factor; the
+    latter only for `one_law`, since a mixture has added them."""
     for k in range(count):
         shine, own = b[_OWN_SHINE, k], b[OWN_IN_FULL, k] * b[FREE, k]
         b[OWN, k] = own
-        b[BY_REFLECTANCE, k] += shine * rows[1, k]
-        b[BY_HALF2, k] += shine * rows[2, k]
+        if one_law:
+            b[BY_REFLECTANCE, k] += shine * rows[1, k]
+            b[BY_HALF2, k] += shine * rows[2, k]
         b[BY_ODDS, k] += shine * (1.0 - specular_share) - (own - shine) * specular_share
 
 
@@ -182,6 +190,7 @@ def _sum_body(block, shares, scaled, count, body, fresnel_sqrt, derivatives):
     if derivatives != _NOTHING:
         b[BY_LIT : BY_REFLECTANCE + 2, :count] = 0.0
         shares[:, :count] = 0.0
+        clear_mixture(b, count)
     last, left, word, shaded = -1, 0, -1, True
     diffuse, steepness, far, specular_share = 0.0, 0.0, 0.0, 0.0
     for i in range(areas.shape[0]):
@@ -214,6 +223,12 @@ def _sum_body(block, shares, scaled, count, body, fresnel_sqrt, derivatives):
                 specular_share = 1.0  # so that the derivative by the shares is zero
         if law != 0:
             _add_by_law(b, count, areas[i], nx, ny, nz, materials[last], law, body.table)
+        elif body.mixed:
+            normal, sums = (nx, ny, nz), (diffuse, steepness, far)
+            add_mixed_facet(
+                b, count, areas[i], normal, sums, materials[last], specular[last], body.mixture,
+                derivatives != _NOTHING,
+            )  # fmt: skip
         elif derivatives == _NOTHING:
             add_facet(b, count, areas[i], diffuse, steepness, far, True)
         else:
@@ -223,9 +238,9 @@ def _sum_body(block, shares, scaled, count, body, fresnel_sqrt, derivatives):
         if derivatives == _NOTHING:
             continue
         if derivatives == _PARTS:
-            if law == 0:
+            if law == 0 and not body.mixed:
                 _add_parts(b, count, areas[i], steepness, far)
-            _add_odds(b, count, specular[last], specular_share)
+            _add_odds(b, count, specular[last], specular_share, not body.mixed)
             if scaled:
                 add_axis_scale(b, count, nx, ny, nz)
             if i < shares.shape[0]:
@@ -251,7 +266,10 @@ def body_magnitudes(block, count, body, irradiance_4pi, fresnel_sqrt):
         )
         return
     _sums(block, block[:0], False, count, body, fresnel_sqrt, _NOTHING)
-    magnitudes_of_totals(known_shape(block), count, irradiance_4pi)
+    b = known_shape(block)
+    magnitudes_of_totals(b, count, irradiance_4pi)
+    if body.mixed:
+        add_phase_terms(b, count, body.mixture)
 
 
 @njit_noalloc
@@ -267,6 +285,8 @@ def body_magnitude_gradients(block, count, body, irradiance_4pi, fresnel_sqrt):
     b = known_shape(block)
     magnitudes_of_totals(b, count, irradiance_4pi)
     turns_of_slopes(b, count)
+    if body.mixed:
+        add_phase_terms(b, count, body.mixture)
 
 
 @njit_noalloc
@@ -284,6 +304,8 @@ def body_magnitude_deviations(block, shares, scaled, count, body, irradiance_4pi
     b = known_shape(block)
     magnitudes_of_totals(b, count, irradiance_4pi)
     turns_of_slopes(b, count)
+    if body.mixed:
+        add_phase_terms(b, count, body.mixture)
 
 
 @njit_alloc

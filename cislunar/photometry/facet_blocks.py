@@ -35,7 +35,10 @@ _PARTS_END = 34
 # the normal reflectance and of the specular share; the lit and seen share of a facet, and its
 # contribution if all of it were lit and seen.
 BY_HALF2, BY_REFLECTANCE, BY_ODDS, FREE, OWN_IN_FULL = 34, 35, 36, 37, 38
-BLOCK_ROWS = 39
+# Only for `cislunar.photometry.law_mixture`: derivatives of the sum by the shares of the
+# Lambert-Phong lobe and of Lommel-Seeliger reflection, and the phase angle, rad.
+BY_PHONG_SHARE, BY_LOMMEL_SEELIGER_SHARE, PHASE_ANGLE = 39, 40, 41
+BLOCK_ROWS = 42
 
 
 @njit(cache=True, error_model="numpy", inline="always")

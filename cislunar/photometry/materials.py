@@ -32,8 +32,11 @@ Reflection = Annotated[str, Field(pattern=REFLECTION)]
 """Name of a reflection law, or the file of a table of its values."""
 
 # Kinds of body-parameter deviation, see `cislunar.photometry.parameter_deviations`; AXIS_SCALE has
-# one for each axis, FACET one for each facet.
-ALBEDO, SLOPE, REFLECTANCE, SHARE, SCALE, AXIS_SCALE, FACET = 0, 1, 2, 3, 4, 5, 8
+# one for each axis, FACET one for each facet. Those from PHONG_SHARE to PHASE_CURVATURE change the
+# reflection law, see `cislunar.photometry.law_mixture`.
+ALBEDO, SLOPE, REFLECTANCE, SHARE, SCALE = 0, 1, 2, 3, 4
+PHONG_SHARE, LOMMEL_SEELIGER_SHARE, PHASE_SLOPE, PHASE_CURVATURE = 5, 6, 7, 8
+AXIS_SCALE, FACET = 9, 12
 NOTHING = -1
 """A kind without effect, which fills up tables."""
 

@@ -2,13 +2,15 @@
 
 A body-parameter deviation is a kind and an amount x, with 0 for no deviation. Lengths, areas and
 factors are multiplied by exp(x), and so are the odds of shares between 0 and 1; therefore every
-amount is possible:
+amount is possible. Amounts of the reflection law are added:
 
     ALBEDO        diffuse albedo rho, which enters only through the product d rho
     SLOPE         root mean square slope of the microfacets
     REFLECTANCE   odds of the normal reflectance F0
     SHARE         odds of the specular share s / (d + s), at constant d + s
     SCALE         all reflected light
+    PHONG_SHARE, LOMMEL_SEELIGER_SHARE, PHASE_SLOPE, PHASE_CURVATURE
+                  the law's deviations from Cook-Torrance, `cislunar.photometry.law_mixture`
     AXIS_SCALE + c   length of the body along axis c
     FACET + i     light reflected by facet i
 
@@ -23,21 +25,29 @@ from cislunar.photometry.bodies import Body
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
     BY_AXIS_SCALE,
+    BY_LOMMEL_SEELIGER_SHARE,
     BY_ODDS,
+    BY_PHONG_SHARE,
     BY_REFLECTANCE,
     BY_SLOPE,
     INVERSE_HALF2,
     LANES,
     MAGNITUDE,
+    PHASE_ANGLE,
     SHINE,
     TOTAL,
 )
 from cislunar.photometry.facet_derivatives import fresnel_by_reflectance
 from cislunar.photometry.facets import FLOOR_MAGNITUDE, LN10, fresnel_reflectance
+from cislunar.photometry.law_mixture.blocks import phase_terms
 from cislunar.photometry.materials import (
     ALBEDO,
     AXIS_SCALE,
     FACET,
+    LOMMEL_SEELIGER_SHARE,
+    PHASE_CURVATURE,
+    PHASE_SLOPE,
+    PHONG_SHARE,
     REFLECTANCE,
     SCALE,
     SHARE,
@@ -76,6 +86,7 @@ def perturbed_body(kinds, amounts, body):
     materials of the body."""
     areas, normals, materials = body.areas.copy(), body.normals.copy(), body.materials.copy()
     lengths = np.ones(3)
+    phong_share, lommel_seeliger, slope, curvature = body.mixture
     for i in range(kinds.shape[0]):
         kind, factor = kinds[i], _factor(amounts[i])
         if kind == SCALE:
@@ -84,16 +95,60 @@ def perturbed_body(kinds, amounts, body):
             areas[kind - FACET] *= factor
         elif kind >= AXIS_SCALE:
             lengths[kind - AXIS_SCALE] *= factor
+        elif kind == PHONG_SHARE:
+            phong_share += amounts[i]
+        elif kind == LOMMEL_SEELIGER_SHARE:
+            lommel_seeliger += amounts[i]
+        elif kind == PHASE_SLOPE:
+            slope += amounts[i]
+        elif kind == PHASE_CURVATURE:
+            curvature += amounts[i]
         elif kind >= ALBEDO:
             for m in range(materials.shape[0]):
                 _perturb(kind, factor, materials[m])
     if lengths[0] != 1.0 or lengths[1] != 1.0 or lengths[2] != 1.0:
         _axis_scale(lengths, areas, normals)
     lengths *= body.lengths
+    mixed = body.mixed or law_deviates(kinds)
     return Body(
-        areas, normals, body.rows, materials, body.shadows, lengths, body.composite, body.law,
+        areas,
+        normals,
+        body.rows,
+        materials,
+        body.shadows,
+        lengths,
+        body.composite or mixed,
+        body.law,
         body.table,
-    )  # fmt: skip
+        mixed,
+        (phong_share, lommel_seeliger, slope, curvature),
+    )
+
+
+@njit_alloc
+def law_deviates(kinds):
+    """Whether deviations of the reflection law are among the kinds."""
+    return np.any((kinds >= PHONG_SHARE) & (kinds <= PHASE_CURVATURE))
+
+
+@njit_alloc
+def with_law(kinds, body):
+    """The body, with derivatives by the deviations of the reflection law if they are among the
+    kinds; its arrays are shared."""
+    mixed = body.mixed or law_deviates(kinds)
+    return Body(
+        body.areas,
+        body.normals,
+        body.rows,
+        body.materials,
+        body.shadows,
+        body.lengths,
+        body.composite or mixed,
+        body.law,
+        body.table,
+        mixed,
+        body.mixture,
+    )
 
 
 @njit_noalloc
@@ -153,6 +208,14 @@ def deviation_rows(block, shares, count, kinds, sigma, body, fresnel_sqrt, out):
                 change = b[BY_ODDS, k]
             elif kind == SCALE:
                 change = total
+            elif kind == PHONG_SHARE:
+                change = b[BY_PHONG_SHARE, k]
+            elif kind == LOMMEL_SEELIGER_SHARE:
+                change = b[BY_LOMMEL_SEELIGER_SHARE, k]
+            elif kind == PHASE_SLOPE:  # of the magnitude itself
+                change = -LN10 / 2.5 * total * phase_terms(b[PHASE_ANGLE, k])[0]
+            elif kind == PHASE_CURVATURE:
+                change = -LN10 / 2.5 * total * phase_terms(b[PHASE_ANGLE, k])[1]
             elif kind >= FACET:
                 change = shares[kind - FACET, k]
             elif kind >= AXIS_SCALE:

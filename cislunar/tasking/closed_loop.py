@@ -41,7 +41,7 @@ from cislunar.tasking.detection_outcomes import (
     report_estimated_parameters,
     report_outcomes,
 )
-from cislunar.tasking.histories import HISTORIES, ObservationLog, histories_text
+from cislunar.tasking.histories import HISTORIES, ObservationLog, Outputs, histories_text
 from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.realization import USED, advance_interval, start_realization
 from cislunar.tasking.recording import Piece, collect, concatenate
@@ -197,6 +197,12 @@ class ClosedLoop:
         return getattr(self.inputs.factory, "estimated_parameters", BodyParameterPrior()).named(
             n_facets
         )
+
+    @property
+    def outputs(self) -> Outputs:
+        """What the estimator returns besides the motion."""
+        chosen = getattr(self.inputs.factory, "chooses_models", False)
+        return Outputs(bool(self.estimated_parameters), chosen)
 
     @property
     def lengths(self) -> dict[str, int]:

@@ -16,44 +16,56 @@ from cislunar.tasking.settings import LoopSettings
 Array = NDArray[np.float64]
 
 
+class Outputs(NamedTuple):
+    """What an estimator returns besides the motion: estimated body parameters, and the status of
+    the attitude after a choice between models of the body."""
+
+    parameters: bool = False
+    models: bool = False
+
+
 class History(NamedTuple):
     """A quantity that a run keeps of every realization.
     `along`: time axis, "epoch" (tasking epochs), "step" (measurement times) or "time" (recorded
     times); `dims`: dimensions after realization and time; `dtype`: NumPy type; `unit`: "1" if there
     is none; `long_name`: description, in which ``{frame}`` stands for the unit and frame of
     positions and velocities; `kept`: whether a run keeps the quantity, given its `LoopSettings` and
-    whether its estimator estimates body parameters."""
+    the `Outputs` of its estimator."""
 
     along: str
     dims: tuple[str, ...]
     dtype: str
     unit: str
     long_name: str
-    kept: Callable[[LoopSettings, bool], bool]
+    kept: Callable[[LoopSettings, Outputs], bool]
 
 
-def _always(_settings: LoopSettings, _estimated: bool) -> bool:
+def _always(_settings: LoopSettings, _outputs: Outputs) -> bool:
     return True
 
 
-def _in_histories(name: str) -> Callable[[LoopSettings, bool], bool]:
+def _in_histories(name: str) -> Callable[[LoopSettings, Outputs], bool]:
     return lambda settings, _: name in settings.histories
 
 
-def _in_record(name: str) -> Callable[[LoopSettings, bool], bool]:
+def _in_record(name: str) -> Callable[[LoopSettings, Outputs], bool]:
     return lambda settings, _: name in settings.record
 
 
-def _learned(settings: LoopSettings, _estimated: bool) -> bool:
+def _learned(settings: LoopSettings, _outputs: Outputs) -> bool:
     return settings.tasking.detection is not None
 
 
-def _associated(settings: LoopSettings, _estimated: bool) -> bool:
+def _associated(settings: LoopSettings, _outputs: Outputs) -> bool:
     return settings.association.in_field
 
 
-def _estimated(_settings: LoopSettings, estimated: bool) -> bool:
-    return estimated
+def _estimated(_settings: LoopSettings, outputs: Outputs) -> bool:
+    return outputs.parameters
+
+
+def _chosen(_settings: LoopSettings, outputs: Outputs) -> bool:
+    return outputs.models
 
 
 _STATE, _PARAMETER = ("target", "component"), ("target", "parameter")
@@ -121,6 +133,10 @@ HISTORIES = {
     "searches": History(
         "epoch", ("target",), "i4", "1", "searches for the modes of the fits up to the epoch",
         _estimated),
+    "attitude_status": History(
+        "epoch", ("target",), "u1", "1",
+        "status of the attitude after the interval: 0 unique, 1 ambiguous, 2 unknown since shape "
+        "or reflection law is not as believed", _chosen),
     **_motion("true", "truth"),
     **_motion("estimated", "estimates"),
     "covariance": History(
@@ -173,16 +189,16 @@ HISTORIES = {
 """Histories by name."""
 
 
-def kept_histories(settings: LoopSettings, estimated: bool) -> dict[str, History]:
+def kept_histories(settings: LoopSettings, outputs: Outputs) -> dict[str, History]:
     """The histories that a run keeps, with the dimension of the slots if intervals have slots.
 
     Parameters
     ----------
     settings : LoopSettings
-    estimated : bool
-        Whether the estimator estimates body parameters.
+    outputs : Outputs
+        What the estimator returns besides the motion.
     """
-    found = {name: each for name, each in HISTORIES.items() if each.kept(settings, estimated)}
+    found = {name: each for name, each in HISTORIES.items() if each.kept(settings, outputs)}
     if settings.slots is not None:
         found["assignment"] = found["assignment"]._replace(dims=("slot", "observer"))
     return found

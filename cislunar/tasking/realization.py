@@ -17,6 +17,7 @@ from cislunar.estimation.estimator import (
     Estimates,
     Prediction,
 )
+from cislunar.estimation.light_curves.model_selection.characterization import UNIQUE
 from cislunar.estimation.navigation.errors import N_PARAMETERS
 from cislunar.estimation.navigation.navigated_estimator import NavigatedEstimator, ObserverEstimate
 from cislunar.evaluation.cramer_rao import CramerRaoBound
@@ -37,7 +38,7 @@ from cislunar.tasking.communication.contact import arrivals
 from cislunar.tasking.communication.reception import Reception
 from cislunar.tasking.decision import Decision, decide
 from cislunar.tasking.field_observations import associate_interval, observe_field
-from cislunar.tasking.histories import kept_histories
+from cislunar.tasking.histories import Outputs, kept_histories
 from cislunar.tasking.initial_conditions import ESTIMATOR, TASKING, stream
 from cislunar.tasking.observer_truth import draw_observer_errors, shifted_angles
 from cislunar.tasking.planning.assignment import IDLE
@@ -157,8 +158,11 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
     outcome[estimates.used & (outcome == DETECTED)] = USED
     _report(own, start, tasking, measurements, outcome, commanded, shaded)
     error = estimation_errors(1, motion, estimates)
-    own.evaluation.update(error, estimates.sigma, observed, least)
-    names = kept_histories(settings, bool(own.estimator.estimated_parameters))
+    chosen = getattr(inputs.factory, "chooses_models", False)
+    known = own.estimator.attitude_status == UNIQUE if chosen else None
+    own.evaluation.update(error, estimates.sigma, observed, least, known)
+    outputs = Outputs(bool(own.estimator.estimated_parameters), chosen)
+    names = kept_histories(settings, outputs)
     some = settings.recorded_within(start, n_steps)
     values = {
         "assignment": _in_slots(tasking.target, settings)[None],
@@ -204,6 +208,8 @@ def _learned(inputs: SimulationInputs, own: Realization) -> dict[str, list[Array
         )
         found |= {"parameter_error": [true - mean], "parameter_sigma": [sigma]}
         found["searches"] = [own.estimator.searches]
+    if getattr(inputs.factory, "chooses_models", False):
+        found["attitude_status"] = [own.estimator.attitude_status]
     return found
 
 

@@ -27,6 +27,8 @@ from cislunar.tasking.truth import TruthModel
 MATERIAL = BodyParameterPrior(log_albedo=0.25, log_slope=0.25, logit_reflectance=0.5)
 ROTATION = BodyParameterPrior(log_inertia=0.1, angular_acceleration_deg_h2=0.05)
 ALL = BodyParameterPrior(0.25, 0.25, 0.5, 0.3, 0.2, 0.1, 0.2, 0.1, 0.05)
+LAW = {"phong_share": 0.7, "lommel_seeliger_share": 0.5, "phase_slope": 0.1, "phase_curvature": 0.1}
+ALL_AND_LAW = ALL.model_copy(update=LAW)
 
 
 def _light_curve(n=120):
@@ -44,6 +46,7 @@ def _light_curve(n=120):
         (MATERIAL, 8.0, False),
         (ALL, 8.0, False),
         (ALL, 0.0, True),
+        (ALL_AND_LAW, 0.0, False),
         (BodyParameterPrior(), 8.0, False),
         (ROTATION, 0.0, False),
     ],
@@ -66,7 +69,7 @@ def test_gradient_against_differences(estimated_parameters, freedom, unseen):
 
 def test_information_includes_every_estimated_parameter():
     """The matrix of Gauss and Newton is that of the magnitudes' derivatives, from differences."""
-    model, data = model_of(estimated_parameters=ALL), _light_curve(60)
+    model, data = model_of(estimated_parameters=ALL_AND_LAW), _light_curve(60)
     size = model.sigma.size
     u = 0.3 * np.random.default_rng(2).standard_normal(size)
     gradient, information = np.empty(size), np.empty((size, size))
@@ -256,6 +259,10 @@ def test_settings_that_do_not_combine_are_refused(wrong, match):
 def test_impossible_priors_of_a_surface_are_refused():
     with pytest.raises(ConfigurationError, match="log_slope = -1"):
         BodyParameterPrior(log_slope=-1.0)
+    other = target_surfaces(FACETS, Material(), 2)
+    law = BodyParameterPrior(phong_share=0.7)
+    with pytest.raises(ConfigurationError, match="true bodies have one"):
+        TruthModel(other, np.ones(3), np.zeros(3), parameter_sigma=law).sampled(1, [0, 1])
     dull = target_surfaces(FACETS, Material(specular_weight=0.0), 2)
     truth = TruthModel(
         dull, np.ones(3), np.zeros(3), parameter_sigma=BodyParameterPrior(logit_reflectance=0.5)

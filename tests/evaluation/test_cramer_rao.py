@@ -7,7 +7,7 @@ from measured import during, evaluate
 from cislunar.attitude import grp
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.attitude.parameter_deviations import parameter_transition, perturbed_rotation
-from cislunar.attitude.quaternion import compose, from_rotation_vector
+from cislunar.attitude.quaternion import compose, from_rotation_vector, normalize
 from cislunar.attitude.rigid_body import (
     propagate_torque_free,
     propagate_under_torque,
@@ -18,11 +18,13 @@ from cislunar.errors import ConfigurationError
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.measurement import target_magnitude
-from cislunar.observation.measurement_derivatives import measurement_rows
+from cislunar.observation.measurement_derivatives import deviation_row, measurement_rows
 from cislunar.observation.records import Measurements, schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.sightline import direction_angles
 from cislunar.observation.target_surfaces import body_of
+from cislunar.photometry.bodies import apparent_body_magnitude
+from cislunar.photometry.materials import PhotometryModel
 from cislunar.photometry.parameter_deviations import perturbed_body
 from cislunar.tasking.closed_loop import run_closed_loop
 from cislunar.tasking.demonstration import tracking_problem
@@ -217,6 +219,38 @@ def test_bound_with_estimated_surface(problem):
     np.testing.assert_allclose(least[1], _brute_force(problem, 1, estimated_parameters), rtol=2e-4)
     assert np.all(least[:, :6] > known[:, :6])
     assert (least[:, :3] / known[:, :3]).max() > 1.1
+
+
+def test_bound_with_estimated_reflection_law(problem):
+    """The derivatives by the law are those of the magnitude, and an unknown law costs accuracy."""
+    estimated_parameters = BodyParameterPrior(
+        phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.1, phase_curvature=0.1
+    )
+    least = problem.bound(estimated_parameters=estimated_parameters)[:, -1]
+    assert np.all(least[:, :6] > problem.bound()[:, -1, :6])
+    scene, surfaces, truth = problem.scene, problem.surfaces, problem.truth
+    kinds, sigma = estimated_parameters.surface_kinds(20)
+    row, checked = np.empty(4), 0
+    for j, k, observer in ((0, 5, 0), (1, 40, 1), (2, 77, 2), (0, 150, 2)):
+        q, state = truth.quaternion[j, k], truth.translation[j, k]
+        deviation_row(state, q, observer, k, j, scene, surfaces, kinds, sigma, row)
+        away = state[:3] - scene.observer_position[observer, k]
+        light = scene.frame_axes[k] @ (scene.sun_position[k] - state[:3])
+        view = -scene.frame_axes[k] @ away
+        body = body_of(surfaces, j)
+        reading = PhotometryModel(fresnel="sqrt" if surfaces.fresnel_sqrt else "printed")
+        for i in range(4):
+            ends = [
+                apparent_body_magnitude(
+                    q, normalize(light), normalize(view), 1e7,
+                    perturbed_body(kinds, side * 1e-5 * np.eye(4)[i], body), reading,
+                )
+                for side in (1.0, -1.0)
+            ]  # fmt: skip
+            if np.isfinite(ends).all():
+                assert row[i] == pytest.approx(sigma[i] * (ends[0] - ends[1]) / 2e-5, rel=1e-6)
+                checked += 1
+    assert checked >= 8
 
 
 def test_bound_with_estimated_inertia_and_torque(tumbling):

@@ -47,6 +47,8 @@ from cislunar.photometry.materials import (
     FOIL,
     PAINT,
     PANEL,
+    PHASE_CURVATURE,
+    PHONG_SHARE,
     PRINTED,
     REFLECTANCE,
     REFLECTION_LAWS,
@@ -340,12 +342,19 @@ def test_derivatives_by_a_turn_against_differences(bodies, name, varied):
         np.testing.assert_allclose(block[TURN + c][smooth], slope, rtol=2e-6, atol=2e-6)
 
 
-@pytest.mark.parametrize("law", range(len(REFLECTION_LAWS)))
+LAWS = np.arange(PHONG_SHARE, PHASE_CURVATURE + 1)
+
+
+@pytest.mark.parametrize("law", [*range(len(REFLECTION_LAWS)), "mixed"])
 def test_derivatives_by_directions_and_deviations_against_differences(bodies, law):
-    body = bodies["dish_on_bus"]._replace(law=law)
+    if law == "mixed":
+        body = perturbed_body(LAWS, np.array([0.4, 0.3, 0.1, -0.2]), bodies["dish_on_bus"])
+    else:
+        body = bodies["dish_on_bus"]._replace(law=law)
     quaternion, sun, view = geometries(LANES, 6)
     kinds = np.array(
         [ALBEDO, SLOPE, REFLECTANCE, SHARE, SCALE, *range(AXIS_SCALE, FACET), FACET + 40]
+        + (list(LAWS) if law == "mixed" else [])
     )
     block, shares = filled(quaternion, sun, view), np.empty((body.areas.size, LANES))
     body_magnitude_deviations(block, shares, True, LANES, body, True, True)
@@ -418,6 +427,37 @@ def test_lambert_phong_reflection_against_its_formula():
     assert returned_light(material, 0.6, model) == pytest.approx(
         4.0 * np.pi * sent.mean(), rel=0.02
     )
+
+
+def test_mixed_reflection_against_its_formula():
+    """At its ends the law is that of Cook-Torrance or Lambert-Phong, between them the formula."""
+    material = Material(0.4, 0.2, 0.5, 0.3, 0.3)
+    body = build_body(CUBE, material)
+    quaternion, sun, view = geometries(50, 5)
+    given = quaternion, sun, view, 1.0
+
+    def magnitude(body):
+        return apparent_body_magnitude(*given, body, sun_magnitude=0.0)
+
+    def mixed(*amounts):
+        return magnitude(perturbed_body(LAWS, np.array(amounts), body))
+
+    plain, phong = magnitude(body), magnitude(body._replace(composite=True, law=1))
+    np.testing.assert_allclose(mixed(0.0, 0.0, 0.0, 0.0), plain, rtol=1e-12)
+    np.testing.assert_allclose(mixed(1.0, 0.0, 0.0, 0.0), phong, rtol=1e-12)
+    angle = np.arccos(np.sum(sun * view, axis=1))
+    terms = 0.1 * (angle - 1.2) - 0.2 * ((angle - 1.2) ** 2 - 0.3)
+    np.testing.assert_allclose(mixed(0.0, 0.0, 0.1, -0.2), plain + terms, rtol=1e-12)
+    turns = [attitude_matrix(q) for q in quaternion]
+    lit, seen = (
+        np.maximum(np.einsum("nij,nj->ni", turns, each) @ body.normals.T, 0.0)
+        for each in (sun, view)
+    )
+    both = np.where(lit + seen > 0.0, lit + seen, 1.0)
+    lommel = np.sum(body.areas * 0.2 * lit * seen * (1.4 / both - 1.0), axis=1)
+    expected = 0.6 * 10 ** (-0.4 * plain) + 0.4 * 10 ** (-0.4 * phong) + 0.3 * lommel / np.pi
+    found = 10.0 ** (-0.4 * mixed(0.4, 0.3, 0.0, 0.0))
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
 def test_targets_with_different_bodies(bodies):

@@ -16,7 +16,7 @@ from cislunar.estimation.initial_sigma import InitialSigma, ProcessNoise
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.navigation.errors import ObserverErrors
 from cislunar.evaluation.custody import Custody
-from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.body_parameters import REFLECTION_LAW, BodyParameterPrior
 from cislunar.observation.body_spec import BodySpec
 from cislunar.observation.sensor import Sensor
 from cislunar.photometry.materials import (
@@ -157,13 +157,20 @@ class Filter(Section):
         return self
 
 
+_TrueDeviations = partial(
+    BodyParameterPrior,
+    tuple(key for key in BodyParameterPrior.model_fields if key not in REFLECTION_LAW),
+)
+"""A true body has one reflection law."""
+
+
 class Truth(Partial):
     material: partial(Material) = None
     body: partial(BodySpec) = None
     sensor: partial(Sensor, ("magnitude_noise", "angle_noise_arcsec")) = None
     reflection: Reflection = REFLECTION_LAWS[0]
     angular_acceleration_deg_h2: Three = Field([0, 0, 0])
-    parameter_sigma: partial(BodyParameterPrior) = partial(BodyParameterPrior)()
+    parameter_sigma: _TrueDeviations = _TrueDeviations()
     parameter_freedom: number(gt=2) | None = None
     torque: partial(TorqueModel) = partial(TorqueModel)()
 

@@ -273,6 +273,7 @@ def _check_fusion(place: str, settings: CellSettings) -> None:
     for key, unfit in (
         ("tasking.states", settings.tasking.states != "translation"),
         ("batch.estimated_parameters", settings.batch.estimated_parameters),
+        ("batch.model_selection", settings.batch.model_selection.effort),
     ):
         if unfit:
             raise ConfigurationError(

@@ -29,6 +29,9 @@ from cislunar.campaign.tracking.records import (
 )
 from cislunar.dynamics.cr3bp import CR3BP
 from cislunar.estimation.estimator import CHOLESKY_FAILURES, FLOOR_HITS, OUT_OF_FIELD, UPDATES
+from cislunar.estimation.light_curves.model_selection.characterization import (
+    STATUS_NAMES as ATTITUDE_STATUS_NAMES,
+)
 from cislunar.evaluation.metrics import PARTS, STATUS_NAMES
 from cislunar.orbits.tracked import tracked_targets
 from cislunar.runtime.netcdf import Later, growing_dataset, variable
@@ -250,6 +253,7 @@ _FLAGS = {
     "status": _flags(STATUS_NAMES),
     "status_rotation": _flags(STATUS_NAMES),
     "status_translation": _flags(STATUS_NAMES),
+    "attitude_status": _flags(ATTITUDE_STATUS_NAMES),
     "track_status": _flags(TRACK_STATUS_NAMES),
 }
 
@@ -278,7 +282,7 @@ def _histories(loop: ClosedLoop) -> dict[str, _Described]:
             each.unit,
             each.long_name.format(frame=frame),
         )
-        for name, each in kept_histories(settings, bool(loop.estimated_parameters)).items()
+        for name, each in kept_histories(settings, loop.outputs).items()
     }
     found["valid"] = _Described(
         ("seed", "time", "target"), "i1", "1", "1 where a measurement was used"

@@ -225,6 +225,11 @@ def catalogs(factory: EstimatorFactory, fusion: str) -> EstimatorFactory:
             f"fusion = {fusion!r}: body parameters are estimated with fusion = 'common' only"
         )
 
+    if getattr(factory, "chooses_models", False):
+        raise ConfigurationError(
+            f"fusion = {fusion!r}: models of bodies are chosen with fusion = 'common' only"
+        )
+
     def make(scene, surfaces, sensor, initial, rng, forces):
         some = partial(_of_some, factory, scene, surfaces, sensor, initial, rng, forces)
         counts = scene.observer_position.shape[0], initial.translation.shape[0]

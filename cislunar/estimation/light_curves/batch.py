@@ -41,6 +41,12 @@ from cislunar.estimation.light_curves.batch_kernels import (
 from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
 from cislunar.estimation.light_curves.batch_tracks import starting_tracks
 from cislunar.estimation.light_curves.light_curve import Anchor, LightCurveModel
+from cislunar.estimation.light_curves.model_selection.in_loop import (
+    report_points,
+    reported_points,
+    status_of,
+    updated_selection,
+)
 from cislunar.estimation.light_curves.row_blocks import ROTATION
 from cislunar.estimation.track_arrays import (
     joined_tracks,
@@ -170,6 +176,12 @@ class BatchEstimator:
         return np.array([modes.count[1] for modes in self._tracks.hypotheses])
 
     @property
+    def attitude_status(self) -> NDArray[np.int64]:
+        """Per target, status of the attitude, see
+        `cislunar.estimation.light_curves.model_selection.characterization`."""
+        return np.array([status_of(each) for each in self._tracks.selections], dtype=np.int64)
+
+    @property
     def light_curve_rows(self) -> NDArray[np.int64]:
         """Per target, number of rows (measurements and non-detections) of its light curve that are
         kept."""
@@ -263,6 +275,8 @@ class BatchEstimator:
         self._index += n_steps
         if final:
             self._open = 0
+            if self._settings.model_selection.effort > 0:
+                self._select_models(out)
         return out
 
     def correct(self, shift: Array, covariance: Array) -> NDArray[np.bool_]:
@@ -275,6 +289,26 @@ class BatchEstimator:
         translation = tracks.translation + np.where(single[:, None], shift, 0.0)
         self._tracks = tracks._replace(root=root, translation=translation)
         return single
+
+    def _select_models(self, out: Estimates) -> None:
+        """Choose models of the bodies for the light curves at a tasking epoch, and report their
+        mixtures from there on. The sigma and attitude of the last step are replaced."""
+        tracks, settings = self._tracks, self._settings.model_selection
+        for j, model in enumerate(tracks.models):
+            rows = int(tracks.fit.rows[j])
+            if tracks.fit.condition[j] != HEALTHY or rows == 0:
+                continue
+            rng = tracks.rngs[j].spawn(1)[0]
+            data = tracks.data[j][:rows].copy()
+            selection = updated_selection(tracks.selections[j], data, model, rng, settings)
+            elapsed = (self._index - int(tracks.fit.epoch[j])) * self._scene.step_s
+            room = tracks.points[j][2].size
+            points, count = reported_points(selection, model, elapsed, room)
+            tracks.selections[j], tracks.points[j] = selection, points
+            tracks.fit.points[j] = count
+            if out.sigma.shape[1] > 0:
+                mean, rate = out.quaternion[j, -1], out.angular_velocity[j, -1]
+                report_points(points, count, mean, rate, out.sigma[j, -1, :ROTATION])
 
     def add(
         self,
@@ -321,7 +355,7 @@ def _batch_constants(
         filter_constants(SIZE, scene, sensor, process_noise, forces, False, splitting),
         sensor_limits(sensor, scene.observer_position.shape[0]),
         settings.search_settings(),
-        float(settings.refit_growth),
+        0.0 if settings.model_selection.effort else float(settings.refit_growth),
         window,
         memory,
         settings.use_non_detections,
@@ -357,4 +391,5 @@ def batch(
         )
 
     make.estimated_parameters = settings.estimated_parameters
+    make.chooses_models = settings.model_selection.effort > 0
     return make

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from pydantic import model_validator
 
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.runtime.settings_fields import (
     Count,
@@ -38,13 +39,24 @@ class SearchSettings(NamedTuple):
     searches: int
 
 
+_KNOWN_NOISE = (
+    ("window_hours", None, "condensed data have a noise of their own"),
+    ("use_non_detections", False, "a limit has the known noise"),
+)
+_ALL_ROWS = (
+    ("window_hours", None, "a correlated model error needs all rows"),
+    ("use_non_detections", False, "a correlated model error is one of magnitudes"),
+    ("noise_freedom", None, "evidence needs a known noise variance"),
+)
+"""Keys that exclude `noise_freedom` or `model_selection`, their usual values, and the reason."""
+
 # fmt: off
 
 
 class BatchSettings(Section):
     """How the attitude is fitted."""
 
-    omitted = ("noise_freedom", "most_searches", "estimated_parameters")
+    omitted = ("noise_freedom", "most_searches", "estimated_parameters", "model_selection")
 
     modes: Count = setting(
         "maximum number of modes of the attitude's posterior that the estimator `batch` keeps (16 "
@@ -78,6 +90,7 @@ class BatchSettings(Section):
         "maximum number of searches of a fit whose residuals are too large or whose modes "
         "disagree", default=1)
     estimated_parameters: BodyParameterPrior = BodyParameterPrior()
+    model_selection: ModelSelectionSettings = ModelSelectionSettings()
 
     # fmt: on
 
@@ -92,17 +105,17 @@ class BatchSettings(Section):
             raise ConfigurationError(
                 f"memory_hours = {self.memory_hours} needs window_hours: only condensed data fade"
             )
-        if self.noise_freedom is None:
-            return self
-        for key, usual, why in (
-            ("window_hours", None, "condensed data have a noise of their own"),
-            ("use_non_detections", False, "a limit has the known noise"),
+        effort = self.model_selection.effort
+        for name, value, others in (
+            ("noise_freedom", self.noise_freedom, _KNOWN_NOISE),
+            ("model_selection.effort", effort or None, _ALL_ROWS),
         ):
-            if getattr(self, key) != usual:
-                raise ConfigurationError(
-                    f"noise_freedom = {self.noise_freedom} and {key} = {getattr(self, key)} "
-                    f"exclude each other: {why}"
-                )
+            for other, usual, why in others if value is not None else ():
+                if getattr(self, other) != usual:
+                    raise ConfigurationError(
+                        f"{name} = {value} and {other} = {getattr(self, other)} exclude each "
+                        f"other: {why}"
+                    )
         return self
 
     def search_settings(self) -> SearchSettings:

@@ -12,6 +12,7 @@ from cislunar.estimation.light_curves.batch_kernels import FitState
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.light_curves.hypotheses import Hypotheses, mixture_points, prior_hypotheses
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
+from cislunar.estimation.light_curves.model_selection.in_loop import Selection
 from cislunar.estimation.light_curves.row_blocks import COLUMNS, ROTATION
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
@@ -30,6 +31,8 @@ class BatchTracks(NamedTuple):
     models, hypotheses, rngs, points, data
         Fit of the light curve: model, modes, generator of random starts, points of the mixture and
         rows.
+    selections
+        Selected models of the bodies, None without any.
     """
 
     translation: Array
@@ -42,6 +45,7 @@ class BatchTracks(NamedTuple):
     rngs: list[np.random.Generator]
     points: list[tuple[Array, ...]]
     data: list[Array]
+    selections: list[Selection | None]
 
     def make_room(self, j: int, rows: int) -> None:
         """Enlarge the data array of a target; it doubles, so that copies are rare."""
@@ -83,6 +87,7 @@ def starting_tracks(
         rng.spawn(n_targets),
         [_prior_points(*each) for each in zip(hypotheses, models, strict=True)],
         [np.empty((0, COLUMNS)) for _ in range(n_targets)],
+        [None] * n_targets,
     )
 
 

@@ -147,7 +147,7 @@ def propagated_parameters(model):
 
 
 @njit_noalloc
-def _set_motion(u, model, with_columns, work):
+def set_motion(u, model, with_columns, work):
     """Motion and body at the epoch, given the parameters, into the work."""
     initial_state(u, model, work.start, work.omega)
     carried = propagated_parameters(model)
@@ -167,6 +167,13 @@ def _surface(u, model):
     """Shape and material of a body with surface deviations, given the parameters."""
     carried = propagated_parameters(model)
     return perturbed_body(model.surface_kinds, model.sigma[carried:] * u[carried:], model.surface)
+
+
+@njit_alloc
+def surface_and_shares(u, model):
+    """A body with surface deviations, and room for the contribution of each of its facets."""
+    surface, with_shares = _surface(u, model), np.any(model.surface_kinds >= FACET)
+    return surface, np.empty((surface.areas.shape[0] if with_shares else 0, LANES))
 
 
 @njit_noalloc
@@ -207,7 +214,7 @@ def cost(u, data, anchor, model, stop_above):
 @njit_noalloc
 def cost_with(work, u, data, anchor, model, stop_above):
     """`cost` with given scratch."""
-    _set_motion(u, model, False, work)
+    set_motion(u, model, False, work)
     total = anchor_cost(u, anchor)
     if model.surface_kinds.shape[0] > 0:
         return _sum_of_perturbed_rows(total, u, data, model, stop_above, work)
@@ -276,7 +283,7 @@ def cost_and_derivatives(u, data, anchor, model, gradient, information):
 @njit_alloc
 def derivatives_with(work, u, data, anchor, model, gradient, information):
     """`cost_and_derivatives` with given scratch."""
-    _set_motion(u, model, True, work)
+    set_motion(u, model, True, work)
     size, total = u.shape[0], anchor_cost(u, anchor)
     if model.surface_kinds.shape[0] > 0:
         total, squares, seen = _products_of_perturbed(total, u, data, model, work)
@@ -296,35 +303,43 @@ def derivatives_with(work, u, data, anchor, model, gradient, information):
 @njit_alloc
 def _products_of_perturbed(total, u, data, model, work):
     """`_sum_of_products` for a body with surface deviations."""
-    surface = _surface(u, model)
-    with_shares = np.any(model.surface_kinds >= FACET)
-    shares = np.empty((surface.areas.shape[0] if with_shares else 0, LANES))
+    surface, shares = surface_and_shares(u, model)
     return _sum_of_products(total, data, model, surface, shares, work)
+
+
+@njit_noalloc
+def differentiate_block(first, rows, data, model, surface, shares, work):
+    """Magnitudes of a block's rows from `first` on, and their derivatives, into the work. Those by
+    the rotation are with respect to a small rotation of the initial attitude in the inertial frame
+    and to the initial angular velocity."""
+    block, w, track, times = work.block, work.rows, work.track, work.times
+    even, kinds, carried = model.even, model.rotation_kinds, propagated_parameters(model)
+    turn = TURN_IF_KNOWN if kinds.shape[0] == 0 else TURN_PER_STEP
+    fill_block(block, w, data, first, rows)
+    if even:
+        turn_evenly(block, w, rows, work.start, work.omega)
+    else:
+        read_attitude(block, w, rows, track, times, COLUMNS, work.body, turn)
+    if model.surface_kinds.shape[0] > 0:
+        _magnitudes_and_deviations(block, shares, w, rows, surface, model)
+    else:
+        readings = model.irradiance_4pi, model.fresnel_sqrt
+        body_magnitude_gradients(block, rows, surface, *readings)
+    pull_back(block, w, rows, work.omega, even, kinds, model.sigma[ROTATION:carried])
 
 
 @njit_noalloc
 def _sum_of_products(total, data, model, surface, shares, work):
     """Add the rows as `_sum_of_rows` does, and the products of the derivatives. Returns the cost
     without the detections, the sum of their squares, and their number."""
-    block, w, track, times = work.block, work.rows, work.track, work.times
+    block, w = work.block, work.rows
     work.products[:, :] = 0.0
-    squares, seen, even = 0.0, 0, model.even
-    kinds, carried = model.rotation_kinds, propagated_parameters(model)
-    turn = TURN_IF_KNOWN if kinds.shape[0] == 0 else TURN_PER_STEP
+    squares, seen = 0.0, 0
     inverse_variance = 1.0 / model.noise_variance
     inverse_noise = np.sqrt(inverse_variance)
     for first in range(0, data.shape[0], LANES):
         rows = min(LANES, data.shape[0] - first)
-        fill_block(block, w, data, first, rows)
-        if even:
-            turn_evenly(block, w, rows, work.start, work.omega)
-        else:
-            read_attitude(block, w, rows, track, times, COLUMNS, work.body, turn)
-        if model.surface_kinds.shape[0] > 0:
-            _magnitudes_and_deviations(block, shares, w, rows, surface, model)
-        else:
-            readings = model.irradiance_4pi, model.fresnel_sqrt
-            body_magnitude_gradients(block, rows, surface, *readings)
+        differentiate_block(first, rows, data, model, surface, shares, work)
         for k in range(rows):
             h, weight = block[EXPECTED, k], data[first + k, WEIGHT]
             if data[first + k, SEEN] == 1.0:
@@ -341,6 +356,5 @@ def _sum_of_products(total, data, model, surface, shares, work):
                 slope *= sharpness
                 curvature *= weight * inverse_variance
             w[MISFIT_SLOPE, k], w[CURVATURE, k] = slope, curvature
-        pull_back(block, w, rows, work.omega, even, kinds, model.sigma[ROTATION:carried])
         add_products(w, rows, work.products)
     return total, squares, seen

@@ -1,0 +1,15 @@
+"""Attitude and characterization of objects whose body is not as believed."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "characterization": ["AMBIGUOUS", "Characterization", "STATUS_NAMES", "UNIQUE", "UNKNOWN_BODY",
+        "amplitude_of", "area_albedo_of", "attitude_status", "characterize"],
+    "correlated": ["ModelError"],
+    "in_loop": ["Selection", "report_points", "reported_points", "status_of", "updated_selection"],
+    "ladder": ["RUNGS", "SelectedModel", "select_model"],
+    "report": ["RotationEstimate", "rotation_at"],
+    "settings": ["ModelSelectionSettings"],
+})
+# fmt: on

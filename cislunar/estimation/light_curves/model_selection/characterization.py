@@ -1,0 +1,227 @@
+"""What a light curve tells of an object whose attitude may be unknown.
+
+Spin period, spin axis, amplitude, and area times albedo, each with an interval of 95 % from the
+mixture over models of the body and over modes. Where shape or reflection law are not as believed,
+the attitude is often unknown although these are.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from cislunar.attitude.quaternion import attitude_matrix
+from cislunar.constants import SUN_APPARENT_MAGNITUDE
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.light_curves.light_curve import LightCurveModel, initial_state
+from cislunar.estimation.light_curves.model_selection.ladder import (
+    UNKNOWN_SHAPE,
+    SelectedModel,
+    model_of_rung,
+)
+from cislunar.estimation.light_curves.model_selection.rows import expected_rows
+from cislunar.estimation.light_curves.row_blocks import RANGE, SUN, VIEW
+from cislunar.photometry.facets import FLOOR_MAGNITUDE
+from cislunar.photometry.sphere import phase_function
+
+Array = NDArray[np.float64]
+
+UNIQUE, AMBIGUOUS, UNKNOWN_BODY = range(3)
+"""Status of an attitude: modes agree; modes disagree; shape or law is not as believed."""
+
+STATUS_NAMES = ("unique", "ambiguous", "unknown")
+"""Names of the status, in the order of its numbers."""
+
+_SAME_ATTITUDE_DEG = 5.0
+_UNIQUE_SHARE = 0.95
+_LARGE_MODEL_ERROR_MAG = 0.25
+_ROTATIONS, _BRIGHTNESSES = 1000, 40
+"""Samples of the posterior for the rotation and for the brightness, which costs more."""
+_LEVELS = (0.025, 0.975)
+_PERCENTILES = (5.0, 95.0)
+"""Of the magnitudes, between which the amplitude is taken."""
+
+
+class Interval(NamedTuple):
+    """An estimate, and the ends of its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+    def contains(self, value: float) -> bool:
+        """Whether a value is within the interval."""
+        return self.low <= value <= self.high
+
+
+class Characterization(NamedTuple):
+    """Properties of an object from its light curve.
+
+    Attributes
+    ----------
+    spin_period_h : Interval
+        2 pi over the angular velocity at the epoch.
+    spin_axis : ndarray, shape (3,)
+        Mean direction of the angular velocity at the epoch, inertial frame.
+    spin_axis_radius_deg : float
+        Angle from it within which the axis lies with 95 %.
+    amplitude_mag : Interval
+        From the 5th to the 95th percentile of the magnitudes of the rows, reduced to one range and
+        by the phase function of a diffuse sphere.
+    area_albedo_m2 : Interval
+        Cross-section times albedo of the diffuse sphere that is as bright on average.
+    status : int
+        `UNIQUE`, `AMBIGUOUS` or `UNKNOWN_BODY`.
+    """
+
+    spin_period_h: Interval
+    spin_axis: Array
+    spin_axis_radius_deg: float
+    amplitude_mag: Interval
+    area_albedo_m2: Interval
+    status: int
+
+
+def attitude_status(selected: SelectedModel, model: LightCurveModel) -> int:
+    """Whether a light curve determines an attitude.
+
+    Parameters
+    ----------
+    selected : SelectedModel
+    model : LightCurveModel
+        The one given to `select_model`.
+
+    Returns
+    -------
+    int
+        `UNKNOWN_BODY` if the shape is not as believed or the model error exceeds 0.25 mag, else
+        `AMBIGUOUS` if modes that differ from the best by more than 5 deg at the epoch have more
+        than 5 % of the weight, else `UNIQUE`.
+    """
+    if selected.rung in UNKNOWN_SHAPE or selected.model_error_mag > _LARGE_MODEL_ERROR_MAG:
+        return UNKNOWN_BODY
+    quaternion, omega = np.empty(4), np.empty(3)
+    attitudes = []
+    for candidate in selected.candidates:
+        initial_state(candidate.minimum.u, model_of_rung(model, candidate.rung), quaternion, omega)
+        attitudes.append(quaternion.copy())
+    cosine = np.abs(np.array(attitudes) @ attitudes[0])
+    near = cosine >= np.cos(0.5 * np.deg2rad(_SAME_ATTITUDE_DEG))
+    return UNIQUE if selected.weight[near].sum() >= _UNIQUE_SHARE else AMBIGUOUS
+
+
+def reduced_brightness(magnitude: Array, data: Array, irradiance_4pi: bool) -> tuple[Array, Array]:
+    """Facet sums of magnitudes, and those of a diffuse sphere of 1 m^2 cross-section times albedo.
+
+    Parameters
+    ----------
+    magnitude : ndarray, shape (n,)
+    data : ndarray, shape (n, COLUMNS)
+        Geometry, see `cislunar.estimation.light_curves.light_curve.cost`.
+    irradiance_4pi : bool
+        See `cislunar.photometry.materials.PhotometryModel`.
+
+    Returns
+    -------
+    total, sphere : ndarray, shape (n,)
+        m^2 and dimensionless. A sphere reflects 2 / (3 pi) Phi(alpha) of its cross-section times
+        albedo (Paul & Fan, eqs. 18, 19).
+    """
+    spread = np.pi * data[:, RANGE] ** 2 * (4.0 * np.pi if irradiance_4pi else 1.0)
+    total = 10.0 ** (-0.4 * (magnitude - SUN_APPARENT_MAGNITUDE)) * spread
+    total = np.where(magnitude < FLOOR_MAGNITUDE, total, 0.0)
+    cosine = np.clip(np.sum(data[:, SUN] * data[:, VIEW], axis=1), -1.0, 1.0)
+    return total, 2.0 / (3.0 * np.pi) * phase_function(np.arccos(cosine))
+
+
+def amplitude_of(magnitude: Array, data: Array, irradiance_4pi: bool) -> float:
+    """See `Characterization.amplitude_mag`; of the lit rows, NaN if there are none."""
+    total, sphere = reduced_brightness(magnitude, data, irradiance_4pi)
+    lit = total > 0.0
+    if not lit.any():
+        return np.nan
+    low, high = np.percentile(-2.5 * np.log10(total[lit] / sphere[lit]), _PERCENTILES)
+    return float(high - low)
+
+
+def area_albedo_of(magnitude: Array, data: Array, irradiance_4pi: bool) -> float:
+    """See `Characterization.area_albedo_m2`."""
+    total, sphere = reduced_brightness(magnitude, data, irradiance_4pi)
+    return float(total.sum() / sphere.sum())
+
+
+def characterize(
+    selected: SelectedModel, data: Array, model: LightCurveModel, rng: np.random.Generator
+) -> Characterization:
+    """Properties of an object with their intervals.
+
+    Parameters
+    ----------
+    selected : SelectedModel
+        From `select_model`.
+    data : ndarray, shape (n, COLUMNS)
+        The same light curve.
+    model : LightCurveModel
+        The one given to `select_model`.
+    rng : numpy.random.Generator
+        Samples of the posterior.
+    """
+    if len(data) == 0:
+        raise ConfigurationError("light curve: it has no rows; leave out targets never seen")
+    sampled = _samples(selected, rng, _ROTATIONS)
+    quaternion, omega = np.empty(4), np.empty(3)
+    rates, axes, brightness = np.empty(_ROTATIONS), np.empty((_ROTATIONS, 3)), []
+    for number, (rung, u) in enumerate(sampled):
+        own = model_of_rung(model, rung)
+        initial_state(u, own, quaternion, omega)
+        rates[number] = np.linalg.norm(omega)
+        axes[number] = attitude_matrix(quaternion).T @ omega / rates[number]
+        if number < _BRIGHTNESSES:
+            brightness.append(expected_rows(u, data, own)[0])
+    period = 2.0 * np.pi / rates / 3600.0
+    low, high = np.quantile(period, _LEVELS)
+    mean = axes.mean(axis=0)
+    mean /= np.linalg.norm(mean)
+    angles = np.arccos(np.clip(axes @ mean, -1.0, 1.0))
+    mean_noise = np.sqrt(model.noise_variance / len(data))
+    error = float(np.hypot(selected.model_error_mag, mean_noise))
+    reading = model.irradiance_4pi
+    with np.errstate(divide="ignore"):
+        spans = np.array([amplitude_of(each, data, reading) for each in brightness])
+        logs = np.log([area_albedo_of(each, data, reading) for each in brightness])
+    size = _normal_interval(logs, 0.4 * np.log(10.0) * error)
+    span = _normal_interval(spans, error)
+    return Characterization(
+        Interval(float(np.median(period)), float(low), float(high)),
+        mean,
+        float(np.rad2deg(np.quantile(angles, 0.95))),
+        span._replace(low=max(span.low, 0.0)),
+        Interval(*(float(np.exp(each)) for each in size)),
+        attitude_status(selected, model),
+    )
+
+
+def _normal_interval(samples: Array, error: float) -> Interval:
+    """Mean and 95 % interval of samples and an independent error; NaN if fewer than two samples are
+    finite. A sample is not if no row is lit."""
+    finite = samples[np.isfinite(samples)]
+    if finite.size < 2:
+        return Interval(np.nan, np.nan, np.nan)
+    mean, wide = float(finite.mean()), 1.96 * float(np.hypot(finite.std(ddof=1), error))
+    return Interval(mean, mean - wide, mean + wide)
+
+
+def _samples(
+    selected: SelectedModel, rng: np.random.Generator, count: int
+) -> list[tuple[str, Array]]:
+    """Rung and parameters of random samples of the mixture."""
+    numbers = rng.choice(len(selected.candidates), size=count, p=selected.weight)
+    roots = [np.linalg.cholesky(each.minimum.information) for each in selected.candidates]
+    found = []
+    for number in numbers:
+        candidate = selected.candidates[number]
+        normal = rng.standard_normal(candidate.minimum.u.size)
+        step = solve_triangular(roots[number], normal, lower=True, trans="T")
+        found.append((candidate.rung, candidate.minimum.u + step))
+    return found

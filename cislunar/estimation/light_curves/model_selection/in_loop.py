@@ -1,0 +1,94 @@
+"""The choice between models of a body in the tasking loop, at tasking epochs."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.estimation.light_curves.light_curve import LightCurveModel
+from cislunar.estimation.light_curves.mixture import (
+    mixture_moments,
+    step_points,
+    weighted_deviations,
+)
+from cislunar.estimation.light_curves.model_selection.characterization import (
+    UNIQUE,
+    attitude_status,
+)
+from cislunar.estimation.light_curves.model_selection.ladder import (
+    EXACT,
+    SelectedModel,
+    refitted,
+    select_model,
+)
+from cislunar.estimation.light_curves.model_selection.report import points_of
+from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
+from cislunar.estimation.light_curves.row_blocks import ROTATION
+
+Array = NDArray[np.float64]
+
+_GROWTH = 1.5
+"""Factor by which a light curve grows until its models are searched again."""
+
+
+class Selection(NamedTuple):
+    """State of a target: the model selected last, the numbers of rows at the last search and at
+    the last fit, and the status of the attitude, see `characterization`."""
+
+    selected: SelectedModel
+    searched: int
+    fitted: int
+    status: int
+
+
+def updated_selection(
+    last: Selection | None,
+    data: Array,
+    model: LightCurveModel,
+    rng: np.random.Generator,
+    settings: ModelSelectionSettings,
+) -> Selection:
+    """Selection for a light curve that may have grown. A model that describes the light to the
+    noise is chosen anew with any new row, which is fast; the search of the wider ones is repeated
+    after a growth by half, and between searches their modes are fitted again."""
+    rows = len(data)
+    if last is not None and rows == last.fitted:
+        return last
+    if last is None or last.selected.rung in EXACT or rows >= _GROWTH * last.searched:
+        selected, searched = select_model(data, model, rng, settings), rows
+    else:
+        selected, searched = refitted(last.selected, data, model, settings), last.searched
+    return Selection(selected, searched, rows, attitude_status(selected, model))
+
+
+def reported_points(
+    selection: Selection, model: LightCurveModel, elapsed_s: float, room: int
+) -> tuple[tuple[Array, ...], int]:
+    """Attitude, rate, weight and rotation deviations of the points of a selection at a time after
+    the epoch, in arrays with room for at least `room` points, and their number."""
+    points = points_of(selection.selected, model)
+    count = points.weight.size
+    size = max(count, room)
+    out = []
+    for each in points[:4]:
+        array = np.zeros((size, *each.shape[1:]))
+        array[:count] = each
+        out.append(array)
+    quaternion, omega, _, deviations = out
+    step_points(quaternion[:count], omega[:count], deviations[:count], elapsed_s, model)
+    return tuple(out), count
+
+
+def report_points(
+    points: tuple[Array, ...], count: int, quaternion: Array, omega: Array, sigma: Array
+) -> None:
+    """Write mean attitude (4,), mean rate (3,) and standard deviations (6,) of the points."""
+    differences = np.empty((count, ROTATION))
+    weight = points[2][:count]
+    mixture_moments(points[0][:count], points[1][:count], weight, quaternion, omega, differences)
+    weighted_deviations(differences, weight, sigma)
+
+
+def status_of(selection: Selection | None) -> int:
+    """Status of the attitude; of a target without a light curve that of its prior."""
+    return UNIQUE if selection is None else selection.status
