@@ -6,14 +6,14 @@ the observers' errors c. Beside it, a recursion that is linear about m carries w
 Calibrated. Given c, the true state is m + V c with the covariance D, and an innovation of the
 filter is G c plus white noise of covariance S, with G = H V + J, J the derivative of the measured
 angles by c, and V <- (I - K H) Phi V - K J (the separated bias of Friedland 1969). Targets are
-independent given c, so that their information on it adds up: at the end of every interval
+independent given c, so that their information on it adds up: at the end of every block of steps
 
     I = P_c^-1 + sum over the rows of all targets of G^T S^-1 G,
 
 in which the rows of target j are P_cj^-1 - P_c^-1, with P_cj the covariance of c by that target
 alone. The estimate of a target at a step is m + V c_j, its covariance D + V P_cj V^T, where c_j
-includes the intervals before from all targets, and the present one from its own rows. For linear
-models and constant errors the result at the end of an interval is that of one filter of all targets
+includes the blocks before from all targets, and the present one from its own rows. For linear
+models and constant errors the result at the end of a block is that of one filter of all targets
 and errors. A random walk adds Q to P_c; V is then replaced by V P_c (P_c + Q)^-1, the filter's D
 grows by V (P_c - P_c (P_c + Q)^-1 P_c) V^T, and the correlation of targets given c that arises is
 neglected.
