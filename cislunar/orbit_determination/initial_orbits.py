@@ -2,9 +2,10 @@
 
 The rows are grouped into tracklets. Starts are the orbits through pairs of tracklets
 (`cislunar.orbit_determination.pairs`) and samples of the admissible regions of single tracklets.
-Where no observer has two detections, the starts are ballistic: a constant acceleration along the
-lines of sight, as in Laplace's method for several observers. All starts are fitted to all angles;
-solutions that agree with them and are admissible are kept, best first.
+Angles of several observers add the uniform motion nearest to all lines of sight, bent by the
+acceleration at its middle in the CR3BP. All starts are fitted to all angles; solutions that agree
+with them and are admissible are kept, best first. Where the angles leave a direction of state space
+open, the solutions are samples of a valley of nearly equal residuals.
 """
 
 from typing import NamedTuple

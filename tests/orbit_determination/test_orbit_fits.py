@@ -11,8 +11,11 @@ from cislunar.orbit_determination import (
     CONVERGED,
     NOT_PROPAGATED,
     SINGULAR,
+    AdmissibleRegion,
+    attributables,
     fit_orbits,
     make_angles,
+    pair_starts,
 )
 
 SIGMA = np.pi / 648_000.0
@@ -84,7 +87,9 @@ def test_the_covariance_is_that_of_repeated_measurements():
 
 
 def test_normalized_errors_of_many_objects_are_consistent():
-    """Objects about all libration points and in resonances, in three tracklets of two observers."""
+    """Objects about the libration points and in resonances, in three tracklets of two observers,
+    without a first guess: starts through pairs of tracklets, and the solution of least chi
+    squared."""
     rng, n = np.random.default_rng(3), 240
     base = np.array(
         [HALO, [0.82, 0.0, 0.05, 0.0, 0.15, 0.0], [0.2, 0.0, 0.0, 0.0, 2.6, 0.0],
@@ -92,15 +97,23 @@ def test_normalized_errors_of_many_objects_are_consistent():
     )  # fmt: skip
     truth = base[np.arange(n) % 5] + rng.normal(scale=0.02, size=(n, 6))
     path = propagate_many(truth, TIMES, method="dop853")[:, :, :3]
-    at, errors = places(TIMES, OWNERS), []
+    at, errors, region = places(TIMES, OWNERS), [], AdmissibleRegion()
+    pairs, chi_squared = np.array([[0, 1], [1, 2]]), []
     for k in range(n):
         angles = make_angles(TIMES, OWNERS, at, noisy(path[k] - at, rng), SIGMA)
-        start = truth[k : k + 1] + rng.normal(scale=1e-3, size=(1, 6))
+        tracklets = attributables(angles, [[0, 1], [2, 3], [4, 5]])
+        starts = pair_starts(tracklets, pairs, region)
+        fits = fit_orbits(angles, [np.arange(6)] * len(starts.state), starts.state, starts.time)
+        good = np.flatnonzero(fits.status == CONVERGED)
+        best = good[np.argmin(fits.chi_squared[good])]
+        start = propagate(fits.state[best], [-fits.epoch[best]], method="dop853")
         fit = fit_orbits(angles, [np.arange(6)], start, 0.0)
-        assert fit.status[0] == CONVERGED
         error = fit.state[0] - truth[k]
         errors.append(error @ np.linalg.solve(fit.covariance[0], error))
-    assert 5.5 < np.mean(errors) < 7.0
+        chi_squared.append(fit.chi_squared[0])
+    assert len(errors) == n
+    assert 5.5 < np.mean(errors) < 7.0 and max(errors) < 40.0
+    assert np.mean(chi_squared) == pytest.approx(6.0, abs=5.0 * np.sqrt(12.0 / n))
 
 
 def test_light_time_is_that_of_an_iteration_in_inertial_axes():
