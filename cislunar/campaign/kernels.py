@@ -113,9 +113,9 @@ def tracking_kernels(settings: Mapping[str, Any], estimator: str) -> str:
     return kernel_set(f"tracking-{estimator}{assumed}")
 
 
-def tracking_files(settings: Mapping[str, Any]) -> set[str]:
-    """Files of the kernels of a tracking cell with these settings; it may not need all of them."""
-    return KERNEL_SETS[tracking_kernels(settings).rpartition(":")[2]].files()
+def tracking_files(settings: Mapping[str, Any], estimator: str) -> set[str]:
+    """Files of the kernels of a tracking cell, which may not need all of them."""
+    return KERNEL_SETS[tracking_kernels(settings, estimator).rpartition(":")[2]].files()
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.campaign.tracking.records import cell_arcs
+from cislunar.campaign.tracking.records import cell_arcs, cell_observations, observer_names
 from cislunar.constants import DATE_SYSTEM, LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.ephemeris.time_scales import clock_text, tdb_after, tdb_to_clock
 from cislunar.errors import ConfigurationError
@@ -19,6 +19,7 @@ from cislunar.evaluation.metrics import STATUS_NAMES
 from cislunar.exchange.arcs import COMMENTS
 from cislunar.exchange.oem import oem_text
 from cislunar.exchange.state_tables import segments_csv
+from cislunar.exchange.tdm import tdm_text
 from cislunar.runtime.netcdf import write_text
 from cislunar.runtime.settings_words import shown
 from cislunar.tasking.realization import USED
@@ -223,45 +224,15 @@ class StudyResult:
         Returns
         -------
         DataFrame
-            ``obsTime`` (UTC), ``stn`` (observer), ``artSat`` (target), ``ra`` and ``dec`` (ICRF,
-            deg), ``mag``, and the standard deviations ``rmsRA``, ``rmsDec`` (arcsec), ``rmsMag``,
-            in order of time. Directions are geometric, without light time.
+            In order of time: ``obsTime`` (UTC), ``stn`` (observer) with its position, ``artSat``
+            (target), ``ra`` and ``dec`` (ICRF, deg), ``mag``, and their standard deviations; see
+            `cislunar.exchange.observations`. Directions are geometric, without light time.
         """
         self._check_seed(seed)
-        cell = self.cell
-        value = cell["observation_magnitude"].values
-        kept = (cell["observation_seed"].values == seed) & np.isfinite(value)
-        kept = np.flatnonzero(kept)
-        kept = kept[np.argsort(cell["observation_step"].values[kept], kind="stable")]
-        rows = {
-            name.removeprefix("observation_"): cell[name].values[kept]
-            for name in cell
-            if str(name).startswith("observation_")
-        }
-        ra, dec, step = rows["right_ascension"], rows["declination"], rows["step"]
-        elapsed = cell["step"].values[step]
-        unit = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
-        x, y, z = np.einsum("nji,nj->in", cell["observer_axes"].values[step], unit)
-        if not self._inertial:
-            # the rotating frame turns uniformly, see `cislunar.exchange.inertial`
-            angle = elapsed / TIME_UNIT_S
-            cos, sin = np.cos(angle), np.sin(angle)
-            turned = np.stack([cos * x - sin * y, sin * x + cos * y, z])
-            x, y, z = self.sun["moon_rotation"].values[0].T @ turned
-        arcsec = np.rad2deg(np.sqrt(rows["angle_variance"])) * 3600.0
-        return pd.DataFrame(
-            {
-                "obsTime": [f"{clock_text(each)}Z" for each in self._clock(elapsed)],
-                "stn": np.array(self.study.observer_names, dtype=object)[rows["observer"]],
-                "artSat": np.array(self.targets, dtype=object)[rows["target"]],
-                "ra": np.rad2deg(np.arctan2(y, x)) % 360.0,
-                "dec": np.rad2deg(np.arctan2(z, np.hypot(x, y))),
-                "mag": rows["magnitude"],
-                "rmsRA": arcsec,
-                "rmsDec": arcsec,
-                "rmsMag": np.sqrt(rows["magnitude_variance"]),
-            }
-        )
+        table = cell_observations(self.cell, self.sun, seed=seed)
+        names = self.study.observer_names
+        own = dict(zip(observer_names(len(names)), names, strict=True))
+        return table.assign(stn=table["stn"].map(own))
 
     @property
     def _inertial(self) -> bool:
@@ -345,6 +316,12 @@ class StudyResult:
         comments = () if moving else COMMENTS
         text = oem_text(self._arcs(which, seed), created=created, comments=comments)
         return _save(text, path)
+
+    def to_tdm(self, path: str | Path | None = None, *, seed: int = 0, created: str = _CREATED
+               ) -> str:  # fmt: skip
+        """Write the observations of a realization as a CCSDS TDM; see `observations` and
+        `to_oem` for arguments and result."""
+        return _save(tdm_text(self.observations(seed), created=created), path)
 
     def to_csv(self, path: str | Path | None = None, which: Literal["estimated", "true"] =
                "estimated", *, seed: int = 0) -> str:  # fmt: skip

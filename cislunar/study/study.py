@@ -317,7 +317,7 @@ class Study:
         count = self.settings.seeds if seeds is None else count_of("seeds", seeds)
         inputs, kept = self._inputs(), {**self._kept, "seeds": count}
         own = self.settings
-        with _shown(kept):
+        with _shown(kept, self.settings.estimator):
             if shortened := shortened_interval(own.duration_hours, own.interval_minutes):
                 logger.warning("warning: %s", shortened)
             found = cell_dataset(
@@ -339,7 +339,7 @@ class Study:
         inputs, kept = self._inputs(), self._kept
         moving = self.settings.dynamics.truth == "ephemeris"
         rotation = None if moving else frame_epoch(inputs.sun).rotation
-        with _shown(kept):
+        with _shown(kept, self.settings.estimator):
             loop = self._loop(inputs)[0]
             found = estimate(
                 loop.inputs,
@@ -356,12 +356,12 @@ class Study:
 
 
 @contextmanager
-def _shown(settings: Mapping[str, Any]) -> Iterator[None]:
+def _shown(settings: Mapping[str, Any], estimator: str) -> Iterator[None]:
     """Show progress on the terminal if no logging is configured, and that of compilation."""
     with ExitStack() as stack:
         if not logger.hasHandlers():
             stack.enter_context(on_terminal())
-        stack.enter_context(announced(tracking_files(settings)))
+        stack.enter_context(announced(tracking_files(settings, estimator)))
         yield
 
 

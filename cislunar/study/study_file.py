@@ -62,7 +62,7 @@ def run_study_file(path: str | Path, folder: str | Path, seeds: int | None = Non
         The study, see `read_study`.
     folder : str or Path
         Folder of the results, created if missing: ``study.nc`` (the data set of a cell),
-        ``summary.csv``, ``estimates.oem``, ``estimates.csv`` and figures.
+        ``summary.csv``, ``estimates.oem``, ``estimates.csv``, ``observations.tdm`` and figures.
     seeds : int, optional
         Number of realizations, in place of that of the file.
 
@@ -78,11 +78,12 @@ def run_study_file(path: str | Path, folder: str | Path, seeds: int | None = Non
 def write_study(result: StudyResult, folder: str | Path) -> list[Path]:
     """Write the results of a study; see `run_study_file`. Returns the paths."""
     place = Path(folder)
-    names = ("study.nc", "summary.csv", "estimates.oem", "estimates.csv")
+    names = ("study.nc", "summary.csv", "estimates.oem", "estimates.csv", "observations.tdm")
     write_dataset(result.cell, place / names[0])
     write_text(result.summary().to_csv(lineterminator="\n"), place / names[1])
     result.to_oem(place / names[2])
     result.to_csv(place / names[3])
+    result.to_tdm(place / names[4])
     figures = []
     for kind in result.plots:
         both = [place / f"{kind}.{ending}" for ending in ("png", "pdf")]

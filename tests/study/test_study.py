@@ -12,6 +12,7 @@ from cislunar.exchange.arcs import rotating_arc
 from cislunar.exchange.inertial import epoch_at
 from cislunar.exchange.oem import read_oem
 from cislunar.exchange.state_tables import read_segments
+from cislunar.exchange.tdm import read_tdm
 from cislunar.photometry.materials import Material
 from cislunar.study.objects import StudyObject, read_objects
 from cislunar.study.study_file import read_study, run_study_file
@@ -165,6 +166,17 @@ def test_states_of_a_message_are_those_of_the_study_that_wrote_it(result, tmp_pa
     placed = study._placement(study._inputs())
     assert placed.epoch_state[1] == pytest.approx(states[5], abs=1e-9)
     assert placed.tracks[1, ::5] == pytest.approx(states[5:12, :3], abs=1e-8)
+
+
+def test_observations_are_written_as_a_message_and_read_back(result, tmp_path):
+    path = tmp_path / "observations.tdm"
+    result.to_tdm(path)
+    read, written = read_tdm(path), result.observations()
+    order = ["stn", "artSat", "obsTime"]
+    read, written = (each.sort_values(order, ignore_index=True) for each in (read, written))
+    assert len(read) == len(written) and set(read["stn"]) <= set(result.study.observer_names)
+    for column in ("ra", "dec", "mag"):
+        np.testing.assert_array_equal(read[column], written[column])
 
 
 def test_a_covariance_given_by_the_user_is_that_of_the_estimate():
