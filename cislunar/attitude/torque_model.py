@@ -1,4 +1,4 @@
-"""Settings of a torque that varies. No function here needs compiled kernels."""
+"""Settings of varying torques. No function here needs compiled kernels."""
 
 from cislunar.runtime.settings_fields import NotNegative, Positive, Section, setting
 
@@ -9,11 +9,12 @@ class TorqueModel(Section):
     """Varying torques on the targets; see `cislunar.attitude.varying_torque`."""
 
     center_of_pressure_sigma_m: NotNegative = setting(
-        "standard deviation, along each body axis, of the point on which the sunlight acts, "
-        "relative to the center of mass; 0: no torque of sunlight", "m", default=0)
+        "standard deviation, along each body axis, of the center of pressure of sunlight relative "
+        "to the center of mass; 0: no torque of sunlight", "m", default=0)
     mass_kg: Positive = setting(
-        "mass of a target, whose inertia is that of a homogeneous sphere of its surface area with "
-        "the ratios of its moments; for the torque of sunlight", "kg", default=300)
+        "mass of a target for the torque of sunlight; the mean of its moments of inertia is that "
+        "of a homogeneous sphere of its surface area, with the ratios of its own moments", "kg",
+        default=300)
     random_deg_h2: NotNegative = setting(
         "standard deviation, about each body axis, of the angular acceleration by a random torque",
         "deg/h^2", default=0)
@@ -23,5 +24,5 @@ class TorqueModel(Section):
     # fmt: on
 
     def __bool__(self) -> bool:
-        """Whether there is such a torque."""
+        """Whether there is a varying torque."""
         return self.center_of_pressure_sigma_m > 0.0 or self.random_deg_h2 > 0.0

@@ -65,7 +65,7 @@ class BodySpec(Section):
     meters_per_unit: Positive = setting("length unit of the mesh file", "m", default=1)
     axis_scale: ThreePositive = setting(
         "axis scales: factors on the shape along its body axes, before it is scaled to `radius_m`; "
-        "those of the bodies in `table`, too",
+        "they also apply to the bodies of `table`",
         "1", default=[1, 1, 1])
     materials: Text | None = setting(
         "material of each facet group, `group=material; group=material`: `panel`, `foil`, `paint`, "

@@ -136,7 +136,7 @@ HISTORIES = {
     "attitude_status": History(
         "epoch", ("target",), "u1", "1",
         "status of the attitude after the interval: 0 unique, 1 ambiguous, 2 unknown since shape "
-        "or reflection law is not as believed", _chosen),
+        "or reflection law differs from the assumed one", _chosen),
     **_motion("true", "truth"),
     **_motion("estimated", "estimates"),
     "covariance": History(
@@ -171,7 +171,7 @@ HISTORIES = {
         _associated),
     "observer_error": History(
         "epoch", _OBSERVER, "f8", _OBSERVER_UNIT,
-        "true error of the observer after the interval, truth less belief",
+        "error of the observer after the interval, true minus assumed values",
         _in_record("observers")),
     "estimated_observer_error": History(
         "epoch", _OBSERVER, "f8", _OBSERVER_UNIT,

@@ -1,9 +1,9 @@
-"""True errors of the observers: what they believe of their positions, pointing and clocks is not
-exact. See `cislunar.estimation.navigation.errors` for the components.
+"""True errors of the positions, the pointing and the clocks of observers. See
+`cislunar.estimation.navigation.errors` for the components.
 
-Targets are seen from the true positions. Measured right ascension and declination have the
-zero-point offsets of their observer, and are those of a time that differs from the time stamp by
-the clock error. Estimators, association and tasking know the believed positions alone.
+Targets are observed from the true positions. Measured right ascension and declination contain the
+zero-point offsets of the observer, and refer to a time that differs from the time stamp by the
+clock error. Estimators, association and tasking use the assumed positions.
 
 Assumptions and limitations
 ---------------------------
@@ -33,7 +33,7 @@ Indices = NDArray[np.int64]
 
 
 class ObserverTruth(NamedTuple):
-    """True errors of the observers in a realization, truth less belief.
+    """True errors of the observers in a realization, true minus assumed values.
 
     Attributes
     ----------
@@ -47,10 +47,10 @@ class ObserverTruth(NamedTuple):
         """Errors (observer, 6) at a time of the scene; m, arcsec and s."""
         return self.error[:, index] / UNITS
 
-    def scene(self, believed: Scene) -> Scene:
+    def scene(self, assumed: Scene) -> Scene:
         """The scene with the true positions of the observers."""
-        return believed._replace(
-            observer_position=np.ascontiguousarray(believed.observer_position + self.error[..., :3])
+        return assumed._replace(
+            observer_position=np.ascontiguousarray(assumed.observer_position + self.error[..., :3])
         )
 
     def offsets(self, scene: Scene, observer: Indices, index: Indices, translation: Array) -> Array:

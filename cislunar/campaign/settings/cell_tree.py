@@ -130,15 +130,15 @@ class Filter(Section):
         "does not suffice, as after a gap between measurements or at short range "
         "(docs/dynamics.md)", paper="one Gaussian", default=True)
     use_magnitude: Flag = setting(
-        "false: the estimator `mukf` uses the two angles of a measurement alone. Its estimate of "
-        "the attitude is then the initial one, propagated", paper="true", default=True)
+        "false: the estimator `mukf` uses the two angles of a measurement alone. Its attitude "
+        "estimate is then the propagated initial estimate", paper="true", default=True)
     extra_magnitude_noise: NotNegative = setting(
-        "standard deviation that the estimator `mukf` adds in quadrature to the magnitude noise of "
-        "the sensor, for errors of the brightness model", "mag", default=0)
+        "standard deviation of brightness-model errors, which the estimator `mukf` adds in "
+        "quadrature to the magnitude noise of the sensor", "mag", default=0)
     noise_memory: number(gt=1) | None = setting(
-        "number of magnitudes over which the estimator `mukf` averages their variance, which it "
-        "then estimates for each target by the variational Bayesian filter of Sarkka & Nummenmaa "
-        "(2009); null: the variance is known", "1", default=None)
+        "number of magnitudes over which the estimator `mukf` estimates their noise variance, for "
+        "each target, by the variational Bayesian filter of Sarkka & Nummenmaa (2009); null: the "
+        "variance is known", "1", default=None)
     estimate_parameters: Flag = setting(
         "true: the estimator `mukf` estimates the body parameters of `batch.estimated_parameters` "
         "as further states", default=False)
@@ -187,9 +187,9 @@ class CellSettings(Section):
         "realizations, and a larger number keeps the first ones", "1", "1 (a single run)",
         default=10)
     first_realization: whole(ge=0) = setting(
-        "number of the first realization. All cells with the same numbers have the same random "
-        "draws of truth and noise; cells of different days or targets that are pooled are "
-        "independent if they have different numbers", "1", default=0)
+        "number of the first realization, which selects its random draws of truth and noise. Cells "
+        "of different days or targets that are pooled have independent draws if their numbers "
+        "differ", "1", default=0)
     monitored_seed: whole(ge=0) = setting(
         "seed that selects the monitored targets (a larger set contains the smaller ones) and "
         "their initial phases on their orbits", "1", '"a fixed random seed"', default=20241001)
@@ -249,8 +249,8 @@ class CellSettings(Section):
         "torque constant along the body axes), `parameter_sigma` (keys of "
         "`batch.estimated_parameters`, standard deviations of the random body-parameter deviations "
         "of each target in each realization), `parameter_freedom` (degrees of freedom, above 2, of "
-        "Student's t distribution of these deviations; null: normal) and `torque` (torques that "
-        "vary, docs/bodies.md: `center_of_pressure_sigma_m`, `mass_kg`, `random_deg_h2`, "
+        "Student's t distribution of these deviations; null: normal) and `torque` (varying "
+        "torques, docs/bodies.md: `center_of_pressure_sigma_m`, `mass_kg`, `random_deg_h2`, "
         "`random_hours`). `{}`: no difference. The random numbers stay the same", default=Truth())
 
 

@@ -170,7 +170,7 @@ class VariantFamily(Family):
         "in place of `key` and `values`: changed settings of a cell by the names of the variants",
         default=None, name="")
     pooled: several(VariantName) = _optional(
-        "those of `task2.variants.pooled` with which the cells of the family are repeated; left "
+        "entries of `task2.variants.pooled` with which the cells of the family are repeated; left "
         "out: all")
     combine: dict[VariantName, several(VariantName)] = setting(
         "in place of or in addition to the former: variants with which the named variant is "
@@ -210,7 +210,7 @@ class Variants(Section):
         "numbers of targets of all variants, in place of those of the families; null: not replaced",
         "1", default=None)
     pooled: dict[VariantName, CellChange] = setting(
-        "changes of the day, the targets and the random draws by their names, such as "
+        "named changes of the day, the targets and the random draws, such as "
         "`{start_day: 3, monitored_seed: 1, first_realization: 1}`. Every cell, changed or not, is "
         "repeated with each of them (`nt50_dt60_{pooled}.nc`, `nt50_dt60_{variant}-{pooled}.nc`), "
         "and its realizations are pooled with those of its repetitions in `tables/pooled.csv` and "

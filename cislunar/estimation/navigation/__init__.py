@@ -1,5 +1,5 @@
-"""Errors of the observers' believed positions, pointing and clocks: their sizes, and estimates of
-targets that consider or calibrate them."""
+"""Errors of the positions, the pointing and the clocks of observers, and estimators that consider
+or calibrate them."""
 
 import lazy_loader as _lazy
 

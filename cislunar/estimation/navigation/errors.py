@@ -1,10 +1,10 @@
-"""Sizes of the errors of the observers' believed positions, pointing and clocks, and how estimates
-treat them. Nothing here needs compiled kernels.
+"""Standard deviations of the errors of observers (position, pointing, clock), and the treatment of
+the errors by estimators. No function here needs compiled kernels.
 
-An error is the truth less the belief. It has six components, `OBSERVER_PARAMETERS`: position along
-the axes of the propagation frame; zero-point offsets of measured right ascension and declination,
-as the index errors of a mount (Meeks, Ball & Hull 1968); and the time by which an exposure is taken
-later than its time stamp says. Position and offsets are a constant plus a random walk, the clock
+An error is the true minus the assumed value. It has six components, `OBSERVER_PARAMETERS`: position
+along the axes of the propagation frame; zero-point offsets of measured right ascension and
+declination, as the index errors of a mount (Meeks, Ball & Hull 1968); and the time of an exposure
+minus its time stamp. Position and offsets are the sum of a constant and a random walk; the clock
 error is constant.
 """
 
@@ -34,12 +34,12 @@ PARAMETER_UNITS = ("m",) * 3 + ("arcsec",) * 2 + ("s",)
 """Unit of each component in settings, tables and data sets."""
 
 UNITS = np.array([1e-3 / LENGTH_UNIT_KM] * 3 + [np.deg2rad(1.0 / 3600.0)] * 2 + [1.0], dtype=float)
-"""The same in the units of states and measurements: nondimensional, rad and s."""
+"""The same units in those of states and measurements: nondimensional, rad and s."""
 
 N_PARAMETERS = len(OBSERVER_PARAMETERS)
 
 TREATMENTS = ("none", "considered", "calibrated")
-"""How estimates treat the errors of the observers."""
+"""Treatments of the errors of the observers by estimators."""
 
 # fmt: off
 
@@ -48,7 +48,7 @@ class ObserverErrorSigma(Section):
     """Standard deviations of the errors of every observer, independent and equal on all axes."""
 
     position_m: NotNegative = setting(
-        "standard deviation of the constant error of each component of an observer's believed "
+        "standard deviation of the constant error of each component of an observer's assumed "
         "position", "m", default=0)
     position_walk_m: NotNegative = setting(
         "standard deviation that a random walk of each component of the position error "
@@ -86,27 +86,27 @@ class ObserverErrorSigma(Section):
 
 
 class ObserverErrors(ObserverErrorSigma):
-    """True errors of the observers, and how estimates treat them."""
+    """True errors of the observers, and their treatment by estimators."""
 
     omitted = ("table", "prior")
 
     table: Annotated[str, Field(min_length=1)] | None = setting(
-        "table of the constant errors of observers, which replace random ones "
+        "table of constant errors of observers, which replace the random ones "
         "(docs/observers.md). Observers that are not in the table have no constant error",
         "path", default=None)
     treatment: Literal[TREATMENTS] = setting(
-        "how estimates treat the errors: `none` ignores them, `considered` includes their "
-        "covariance in the updates without estimating them (Schmidt), `calibrated` estimates them "
-        "from the measurements of all targets", default="none")
+        "how estimators treat the errors: `none` ignores them, `considered` includes their "
+        "covariance in the updates without estimating them (Schmidt-Kalman filter), `calibrated` "
+        "estimates them from the measurements of all targets", default="none")
     prior: partial(ObserverErrorSigma) = setting(
-        "standard deviations that the treatment assumes, where they differ from the true ones: any "
-        "of the keys above", default=partial(ObserverErrorSigma)())
+        "prior standard deviations of the treatment, where they differ from the true ones: any of "
+        "the keys in m, arcsec and s above", default=partial(ObserverErrorSigma)())
 
     # fmt: on
 
     @property
     def truth(self) -> ObserverErrorSigma:
-        """Standard deviations of the true errors; none of the constant ones with a table."""
+        """Standard deviations of the true errors; 0 for constant errors with a table."""
         own = {key: getattr(self, key) for key in ObserverErrorSigma.model_fields}
         if self.table is not None:
             own |= {"position_m": 0.0, "pointing_arcsec": 0.0, "clock_s": 0.0}
@@ -114,7 +114,7 @@ class ObserverErrors(ObserverErrorSigma):
 
     @property
     def assumed(self) -> ObserverErrorSigma:
-        """Standard deviations that the treatment assumes."""
+        """Prior standard deviations of the treatment."""
         own = {key: getattr(self, key) for key in ObserverErrorSigma.model_fields}
         return ObserverErrorSigma(**(own | self.prior.model_dump()))
 

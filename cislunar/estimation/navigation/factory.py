@@ -21,13 +21,17 @@ def navigated(
     Parameters
     ----------
     factory : EstimatorFactory
-        Factory of estimators that take the observers for exact.
+        Factory of estimators that assume observers without errors.
     treatment : {"none", "considered", "calibrated"}
         "none" returns `factory`.
     sigma : ObserverErrorSigma
-        Assumed standard deviations of the observers' errors.
+        Prior standard deviations of the observers' errors.
     process_noise : ProcessNoise, optional
-        That of the estimators of `factory`.
+        Process noise of the estimators of `factory`; none if omitted.
+
+    Returns
+    -------
+    EstimatorFactory
 
     Raises
     ------

@@ -1,38 +1,42 @@
-"""Estimates of targets whose observers have errors: considered (Schmidt) or calibrated.
+"""Estimators of targets whose observers have errors, which are considered or calibrated.
 
-A filter runs as if its observers were exact: its estimate m of a target has the covariance D given
-the observers' errors c. Beside it, a recursion that is linear about m carries what c changes.
+A filter assumes observers without errors. Given the errors c of the observers, its estimate m of a
+target has the covariance D. A second recursion, linear about the corrected estimate, determines the
+effect of c.
 
-Calibrated. Given c, the true state is m + V c with the covariance D, and an innovation of the
-filter is G c plus white noise of covariance S, with G = H V + J, J the derivative of the measured
-angles by c, and V <- (I - K H) Phi V - K J (the separated bias of Friedland 1969). Targets are
-independent given c, so that their information on it adds up: at the end of every block of steps
+Calibrated. Given c, the true state has the mean m + V c and the covariance D. An innovation of the
+filter is G c plus white noise of covariance S, with G = H V + J, where H and J are the derivatives
+of the measured angles by the state and by c, and V <- (I - K H) Phi V - K J (separated bias,
+Friedland 1969). Targets are independent given c. At the end of every block of steps, the
+information is therefore the sum over the measurements of all targets
 
-    I = P_c^-1 + sum over the rows of all targets of G^T S^-1 G,
+    I = P_c^-1 + sum of G^T S^-1 G,
 
-in which the rows of target j are P_cj^-1 - P_c^-1, with P_cj the covariance of c by that target
-alone. The estimate of a target at a step is m + V c_j, its covariance D + V P_cj V^T, where c_j
-includes the blocks before from all targets, and the present one from its own rows. For linear
-models and constant errors the result at the end of a block is that of one filter of all targets
-and errors. A random walk adds Q to P_c; V is then replaced by V P_c (P_c + Q)^-1, the filter's D
-grows by V (P_c - P_c (P_c + Q)^-1 P_c) V^T, and the correlation of targets given c that arises is
-neglected.
+in which the terms of target j sum to P_cj^-1 - P_c^-1, with P_cj the covariance of c after the
+measurements of that target alone. Within a block, the estimate of target j is m + V c_j with the
+covariance D + V P_cj V^T, where c_j uses all targets in earlier blocks and target j in the present
+one. For linear models and constant errors, the result at the end of a block is that of one filter
+of all targets and errors. A random walk adds Q to P_c. V is then replaced by V P_c (P_c + Q)^-1,
+and D increases by V (P_c - P_c (P_c + Q)^-1 P_c) V^T; the resulting correlation between targets,
+given c, is neglected.
 
-Considered. The state has the gain of the Schmidt-Kalman filter (Schmidt 1966; Jazwinski 1970,
-section 8.4), which contains the covariance of the errors and its correlation with the state; the
-errors themselves stay at zero with their prior covariance.
+Considered. The gain is that of the Schmidt-Kalman filter (Schmidt 1966; Jazwinski 1970, section
+8.4). It contains the covariance of the errors and their correlation with the state. The estimated
+errors remain zero, with their prior covariance.
 
 Assumptions and limitations
 ---------------------------
-- The magnitude of a target determines its orbit much less than the angles; the recursions neglect
-  its part in the gain. They also neglect the part of errors in attitudes and body parameters.
-- A direction next to the pole of an observer's frame is not used where its right ascension is not
-  linear over the errors.
-- A Gaussian mixture is represented by its moments, and its components do not grow by a random walk.
-- Errors along the axes of the propagation frame are constant, or a random walk. Those of an
-  observer in free fall are neither for longer than part of its period; the walk has to cover that.
-- A clock error shifts a direction by the relative velocity, to first order in the time. The
-  observer's attitude is measured at the exposure and therefore does not depend on the clock.
+- The recursions use the angles alone, since the magnitude determines the orbit much less. They
+  neglect the effect of the errors on attitudes and body parameters.
+- A measurement near the pole of the frame in which an observer measures is not used if its right
+  ascension is nonlinear over the errors.
+- A Gaussian mixture is represented by its mean and covariance, and a random walk does not increase
+  the covariances of its components.
+- Errors along the axes of the propagation frame are constant or a random walk. The position error
+  of an observer in free fall is neither over more than a part of its period, which the random walk
+  has to cover.
+- A clock error displaces a direction by the relative velocity, to first order in time. The attitude
+  of the observer is measured during the exposure and does not depend on the clock.
 """
 
 from __future__ import annotations
@@ -72,19 +76,24 @@ from cislunar.runtime.threads import share_out
 Array = NDArray[np.float64]
 
 _BLOCK_S = 600.0
-"""Time after which the information of all targets is added up, and in which a random walk of the
-observers' errors counts as constant, s."""
-
+"""Duration of a block, s, in which the observers' errors are constant."""
 
 _LARGEST_BEND = 0.1
-"""Departure of an orbit's uncertainty from the tangent, due to the errors of observers, in standard
-deviations of the orbit given the errors, up to which their correlation is linear."""
+"""Largest second-order displacement of an orbit by the errors of observers, in standard deviations
+of the orbit given the errors, with which their correlation counts as linear."""
 
 
 class ObserverEstimate(NamedTuple):
-    """Estimated errors of the observers: `mean` (observer, 6) and `covariance` (observer, 6, 6), in
-    the order of `OBSERVER_PARAMETERS`; m, arcsec and s. Components that are not estimated have a
-    mean of zero and their prior variance."""
+    """Estimated errors of the observers.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (observer, 6)
+        In the order of `OBSERVER_PARAMETERS`; m, arcsec and s. Zero for components that are not
+        estimated.
+    covariance : ndarray, shape (observer, 6, 6)
+        For components that are not estimated, the prior covariance.
+    """
 
     mean: Array
     covariance: Array
@@ -96,17 +105,18 @@ class NavigatedEstimator:
     Parameters
     ----------
     inner : Estimator
-        Estimator that takes its observers for exact.
+        Estimator that assumes observers without errors.
     scene : Scene
-        Believed positions of the observers.
+        Assumed positions of the observers.
     forces : NamedTuple
-        Assumed force model.
+        Assumed force model, see `cislunar.dynamics.forces`.
     sigma : ObserverErrorSigma
-        Assumed standard deviations of the observers' errors.
+        Prior standard deviations of the observers' errors.
     treatment : {"considered", "calibrated"}
     process_noise : ProcessNoise, optional
-        That of the inner estimator.
+        Process noise of the inner estimator; none if omitted.
     n_targets : int
+        Number of targets of the inner estimator.
     """
 
     def __init__(
@@ -236,10 +246,10 @@ class NavigatedEstimator:
         return found if covariance else found._replace(covariance=found.covariance[:, :0])
 
     def _far_from_pole(self, measurements: Measurements) -> NDArray[np.bool_]:
-        """Whether right ascension is linear over the errors of observer and orbit, shape (row,): a
-        displacement s at the distance d from the polar axis of the observer's frame turns it by s /
-        d, to first order, and the second order s^2 / d^2 must not exceed the noise. Measurements
-        without a value count as linear."""
+        """Whether right ascension is linear over the errors of observer and orbit, shape (row,): at
+        a distance d from the polar axis of the observer's frame, a displacement s changes it by
+        s / d to first order, and the second-order term s^2 / d^2 must not exceed the noise.
+        Measurements without a value count as linear."""
         now, observer = self.orbits(), measurements.observer
         target, step = rows_of(measurements)
         index = now.index + 1 + step
@@ -304,10 +314,10 @@ class NavigatedEstimator:
         self._spread = self._of_errors(self._covariance)
 
     def _settle(self) -> None:
-        """Correct the inner estimator, so that it stays near the estimates. Where the correlation
-        with the errors is no longer linear, it is given up: the inner estimator gets the whole
-        covariance. A displacement s along an orbit of radius R leaves its tangent by s^2 / (2 R).
-        """
+        """Correct the inner estimator, so that it stays near the corrected estimates. Where the
+        correlation with the errors is no longer linear it is dropped, and the inner estimator gets
+        the whole covariance. A displacement s along an orbit of radius R differs from one along the
+        tangent by s^2 / (2 R)."""
         now = self._inner.orbits()
         place = now.translation[:, None, :3] - self._scene.primaries[now.index]
         radius = np.linalg.norm(place, axis=2).min(axis=1)

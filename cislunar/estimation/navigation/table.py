@@ -1,8 +1,9 @@
 """Tables of the constant errors of observers.
 
-A table is comma-separated, UTF-8, an observer to a row. The column `observer` has its number or
-name; `position_x_m`, `position_y_m`, `position_z_m`, `right_ascension_arcsec`, `declination_arcsec`
-and `clock_s` have its errors, truth less belief. A missing column or an empty field is zero.
+A table is comma-separated, in UTF-8, with one row for each observer. The column `observer` has its
+number or name. The columns `position_x_m`, `position_y_m`, `position_z_m`,
+`right_ascension_arcsec`, `declination_arcsec` and `clock_s` have its errors, true minus assumed
+values. A missing column or an empty field is zero.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,16 +34,18 @@ def load_observer_errors(path: str | Path) -> dict[str, Array]:
     Parameters
     ----------
     path : str or Path
+        Comma-separated table, see the module.
 
     Returns
     -------
     dict of str to ndarray, shape (6,)
-        By the observers' names or numbers, in the order of `OBSERVER_PARAMETERS`; m, arcsec and s.
+        Errors of each observer by its name or number, in the order of `OBSERVER_PARAMETERS`; m,
+        arcsec and s.
 
     Raises
     ------
     InputFileError
-        If the table is faulty; the message names the file and the row as an editor numbers it.
+        If the table is faulty; the message names the file and the line.
     """
     header, rows = named_rows(path, "observer", "observer")
     known = [column for column in COLUMNS if column in header]
@@ -67,16 +70,21 @@ def load_observer_errors(path: str | Path) -> dict[str, Array]:
 def errors_of_observers(
     path: str | Path, errors: Mapping[str, Array], names: Sequence[Sequence[str]]
 ) -> Array:
-    """Constant errors of all observers, shape (observer, 6); m, arcsec and s.
+    """Constant errors of all observers from the rows of a table.
 
     Parameters
     ----------
     path : str or Path
-        Table of the errors, for messages.
+        Path of the table, for messages.
     errors : mapping of str to ndarray, shape (6,)
         See `load_observer_errors`.
     names : sequence of sequence of str
-        Names of each observer, each of which a table may use.
+        Names of each observer, any of which the table may use.
+
+    Returns
+    -------
+    ndarray, shape (observer, 6)
+        In the order of `OBSERVER_PARAMETERS`; m, arcsec and s. Zero without a row.
 
     Raises
     ------

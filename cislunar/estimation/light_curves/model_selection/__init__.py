@@ -1,4 +1,4 @@
-"""Attitude and characterization of objects whose body is not as believed."""
+"""Attitude and characterization of objects whose body may differ from the assumed body."""
 
 import lazy_loader as _lazy
 

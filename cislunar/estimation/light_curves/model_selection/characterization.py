@@ -1,8 +1,7 @@
-"""What a light curve tells of an object whose attitude may be unknown.
+"""Properties of an object that its light curve determines, also where the attitude is unknown.
 
-Spin period, spin axis, amplitude, and area times albedo, each with an interval of 95 % from the
-mixture over models of the body and over modes. Where shape or reflection law are not as believed,
-the attitude is often unknown although these are.
+These are spin period, spin axis, amplitude, and area times albedo. Each has a 95 % interval from
+the mixture over models of the body and over modes.
 """
 
 from typing import NamedTuple
@@ -28,7 +27,8 @@ from cislunar.photometry.sphere import phase_function
 Array = NDArray[np.float64]
 
 UNIQUE, AMBIGUOUS, UNKNOWN_BODY = range(3)
-"""Status of an attitude: modes agree; modes disagree; shape or law is not as believed."""
+"""Status of an attitude: the modes agree; the modes disagree; shape or reflection law differs from
+the assumed one."""
 
 STATUS_NAMES = ("unique", "ambiguous", "unknown")
 """Names of the status, in the order of its numbers."""
@@ -61,16 +61,17 @@ class Characterization(NamedTuple):
     Attributes
     ----------
     spin_period_h : Interval
-        2 pi over the angular velocity at the epoch.
+        2 pi divided by the angular rate at the epoch, h.
     spin_axis : ndarray, shape (3,)
         Mean direction of the angular velocity at the epoch, inertial frame.
     spin_axis_radius_deg : float
-        Angle from it within which the axis lies with 95 %.
+        Angle from `spin_axis` within which the axis lies with a probability of 95 %, deg.
     amplitude_mag : Interval
-        From the 5th to the 95th percentile of the magnitudes of the rows, reduced to one range and
-        by the phase function of a diffuse sphere.
+        Difference between the 95th and the 5th percentile of the magnitudes of the rows, mag, which
+        are reduced to one range and by the phase function of a diffuse sphere.
     area_albedo_m2 : Interval
-        Cross-section times albedo of the diffuse sphere that is as bright on average.
+        Cross-section times albedo, m^2, of the diffuse sphere that reflects as much light, summed
+        over the rows.
     status : int
         `UNIQUE`, `AMBIGUOUS` or `UNKNOWN_BODY`.
     """
@@ -90,14 +91,14 @@ def attitude_status(selected: SelectedModel, model: LightCurveModel) -> int:
     ----------
     selected : SelectedModel
     model : LightCurveModel
-        The one given to `select_model`.
+        Model given to `select_model`.
 
     Returns
     -------
     int
-        `UNKNOWN_BODY` if the shape is not as believed or the model error exceeds 0.25 mag, else
-        `AMBIGUOUS` if modes that differ from the best by more than 5 deg at the epoch have more
-        than 5 % of the weight, else `UNIQUE`.
+        `UNKNOWN_BODY` if a rung of `UNKNOWN_SHAPE` has the greatest evidence or the model error
+        exceeds 0.25 mag; else `AMBIGUOUS` if modes that differ from the best one by more than 5 deg
+        at the epoch have more than 5 % of the weight; else `UNIQUE`.
     """
     if selected.rung in UNKNOWN_SHAPE or selected.model_error_mag > _LARGE_MODEL_ERROR_MAG:
         return UNKNOWN_BODY
@@ -112,7 +113,8 @@ def attitude_status(selected: SelectedModel, model: LightCurveModel) -> int:
 
 
 def reduced_brightness(magnitude: Array, data: Array, irradiance_4pi: bool) -> tuple[Array, Array]:
-    """Facet sums of magnitudes, and those of a diffuse sphere of 1 m^2 cross-section times albedo.
+    """Facet sums that correspond to magnitudes, and those of a diffuse sphere whose cross-section
+    times albedo is 1 m^2.
 
     Parameters
     ----------
@@ -136,7 +138,8 @@ def reduced_brightness(magnitude: Array, data: Array, irradiance_4pi: bool) -> t
 
 
 def amplitude_of(magnitude: Array, data: Array, irradiance_4pi: bool) -> float:
-    """See `Characterization.amplitude_mag`; of the lit rows, NaN if there are none."""
+    """Amplitude of magnitudes (n,), see `Characterization.amplitude_mag`; NaN if all rows are dark,
+    and without the dark rows otherwise. For the arguments see `reduced_brightness`."""
     total, sphere = reduced_brightness(magnitude, data, irradiance_4pi)
     lit = total > 0.0
     if not lit.any():
@@ -146,7 +149,8 @@ def amplitude_of(magnitude: Array, data: Array, irradiance_4pi: bool) -> float:
 
 
 def area_albedo_of(magnitude: Array, data: Array, irradiance_4pi: bool) -> float:
-    """See `Characterization.area_albedo_m2`."""
+    """Area times albedo of magnitudes (n,), m^2, see `Characterization.area_albedo_m2`. For the
+    arguments see `reduced_brightness`."""
     total, sphere = reduced_brightness(magnitude, data, irradiance_4pi)
     return float(total.sum() / sphere.sum())
 
@@ -154,18 +158,27 @@ def area_albedo_of(magnitude: Array, data: Array, irradiance_4pi: bool) -> float
 def characterize(
     selected: SelectedModel, data: Array, model: LightCurveModel, rng: np.random.Generator
 ) -> Characterization:
-    """Properties of an object with their intervals.
+    """Properties of an object from its light curve, with intervals.
 
     Parameters
     ----------
     selected : SelectedModel
-        From `select_model`.
+        Result of `select_model`.
     data : ndarray, shape (n, COLUMNS)
-        The same light curve.
+        Light curve given to `select_model`.
     model : LightCurveModel
-        The one given to `select_model`.
+        Model given to `select_model`.
     rng : numpy.random.Generator
-        Samples of the posterior.
+        Generator of the samples of the posterior.
+
+    Returns
+    -------
+    Characterization
+
+    Raises
+    ------
+    ConfigurationError
+        If there are no rows.
     """
     if len(data) == 0:
         raise ConfigurationError("light curve: it has no rows; leave out targets never seen")

@@ -1,21 +1,23 @@
 """Least squares on a light curve with a correlated model error.
 
-A wrong reflection law or shape makes errors that are alike for similar directions of Sun and
-observer in the body frame. Rows are therefore grouped into bins, and with r the residuals, R the
-noise variance and w_k the weight of row k the negative logarithm of the posterior is
+A wrong reflection law or shape causes errors of the magnitude that are similar for similar
+directions of Sun and observer in the body frame. Rows are grouped into bins. With the residuals r,
+the noise variance R and the weight w_k of row k, the negative logarithm of the posterior is
 
     cost(u) = |u|^2 / 2 + beta / 2 (sum_k w_k (r_k - r_b(k))^2 / R + r_b^T C^-1 r_b)
               + ln det(C W / R) / 2,      C = R W^-1 + tau^2 K,
 
-where r_b are the weighted means of the bins, W = diag(sum of the weights of a bin), and
+where r_b are the weighted means of the bins, b(k) is the bin of row k, W is the diagonal matrix of
+the bins' sums of weights, and
 
     K_ij = exp(-(|L_i - L_j|^2 + |V_i - V_j|^2) / (2 l^2))
 
 has the mean directions of Sun (L) and observer (V) of bins i and j in the body frame (a Gaussian
-process, Rasmussen & Williams 2006, section 4.2). This is exact for an error that is constant within
-a bin, and with tau = 0 it is the cost of `cislunar.estimation.light_curves.light_curve`. The
-exponent beta below 1 tempers the likelihood (Gruenwald & van Ommen 2017). K depends on the unknown
-rotation; it is kept while steps are taken and computed anew after every fourth.
+process, Rasmussen & Williams 2006, section 4.2). With beta = 1 this is exact for an error that is
+constant within a bin, and with tau = 0 it is the cost of
+`cislunar.estimation.light_curves.light_curve`. An exponent beta below 1 tempers the likelihood
+(Gruenwald & van Ommen 2017). K depends on the rotation; it is computed anew after every fourth step
+and constant in between.
 """
 
 from typing import NamedTuple
@@ -42,8 +44,17 @@ _SMALLEST_DECREASE = 0.02
 
 
 class Bins(NamedTuple):
-    """Groups of rows: `order` (n,) has the rows bin by bin, `first` (bin,) the place of the first
-    row of each bin in that order, `weight` (bin,) the sum of its rows' weights."""
+    """Groups of rows.
+
+    Attributes
+    ----------
+    order : ndarray of int, shape (n,)
+        Rows in the order of their bins.
+    first : ndarray of int, shape (bin,)
+        Index in `order` of the first row of each bin.
+    weight : ndarray, shape (bin,)
+        Sum of the weights of the rows of each bin.
+    """
 
     order: NDArray[np.int64]
     first: NDArray[np.int64]
@@ -56,8 +67,17 @@ class Bins(NamedTuple):
 
 
 class ModelError(NamedTuple):
-    """Correlated error of a model: standard deviation `tau`, mag, correlation length `length` of
-    directions, rad, and the exponent `beta` of the likelihood."""
+    """Correlated error of a model.
+
+    Attributes
+    ----------
+    tau : float
+        Standard deviation, mag.
+    length : float
+        Correlation length of the directions, rad.
+    beta : float
+        Exponent of the likelihood.
+    """
 
     tau: float
     length: float
@@ -65,8 +85,17 @@ class ModelError(NamedTuple):
 
 
 class Minimum(NamedTuple):
-    """A minimum of a cost: parameters `u` (p,) in prior standard deviations, their information
-    (p, p), and Laplace's logarithm of the evidence."""
+    """A minimum of a cost.
+
+    Attributes
+    ----------
+    u : ndarray, shape (p,)
+        Parameters in prior standard deviations.
+    information : ndarray, shape (p, p)
+        Gauss-Newton matrix.
+    log_evidence : float
+        Laplace's approximation of the logarithm of the evidence, up to a constant.
+    """
 
     u: Array
     information: Array
@@ -76,15 +105,19 @@ class Minimum(NamedTuple):
 def bins_of_rows(data: Array, most: int) -> Bins:
     """Bins of a light curve, about `most` for a light curve without gaps.
 
-    A bin has consecutive rows of one observer, recognized by the direction, within 15 minutes. A
-    bin that crossed a change of observer would mix directions whose model errors differ.
+    A bin has rows of one observer, recognized by its direction, within 15 minutes. Rows of several
+    observers have different directions, and so different model errors.
 
     Parameters
     ----------
     data : ndarray, shape (n, COLUMNS)
         Detections of a light curve in the order of time.
     most : int
-        Number of bins to aim for.
+        Desired number of bins.
+
+    Returns
+    -------
+    Bins
     """
     capacity = -(-len(data) // most)
     number = np.empty(len(data), dtype=np.int64)
@@ -144,8 +177,9 @@ class CorrelatedFit:
         return np.exp(-np.maximum(distance2, 0.0) / (2.0 * self._error.length**2))
 
     def equal_white_noise(self, u: Array) -> float:
-        """Variance of a white noise of the rows that leaves as much uncertainty as the noise and
-        the model error together, mag^2: the error of a row counts for all rows that share it."""
+        """Variance of white noise, mag^2, that is equivalent to the noise and the model error of
+        the rows: the variance of the model error is multiplied by the mean number of rows that are
+        correlated with a row."""
         shared = self._correlation(self.rows(u)[1]) @ self._bins.weight
         return self._model.noise_variance + self._error.tau**2 * float(shared.mean())
 

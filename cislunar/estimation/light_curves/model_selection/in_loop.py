@@ -32,8 +32,16 @@ _GROWTH = 1.5
 
 
 class Selection(NamedTuple):
-    """State of a target: the model selected last, the numbers of rows at the last search and at
-    the last fit, and the status of the attitude, see `characterization`."""
+    """Last selection of a target.
+
+    Attributes
+    ----------
+    selected : SelectedModel
+    searched, fitted : int
+        Numbers of rows of the light curve at the last search and at the last fit.
+    status : int
+        Status of the attitude, see `attitude_status`.
+    """
 
     selected: SelectedModel
     searched: int
@@ -48,9 +56,9 @@ def updated_selection(
     rng: np.random.Generator,
     settings: ModelSelectionSettings,
 ) -> Selection:
-    """Selection for a light curve that may have grown. A model that describes the light to the
-    noise is chosen anew with any new row, which is fast; the search of the wider ones is repeated
-    after a growth by half, and between searches their modes are fitted again."""
+    """Selection for a light curve that may have grown. If a rung of `EXACT` was best, which makes
+    the selection fast, it is repeated with any new row. Otherwise it is repeated after a growth by
+    half, and its modes are fitted again in between."""
     rows = len(data)
     if last is not None and rows == last.fitted:
         return last
@@ -64,8 +72,8 @@ def updated_selection(
 def reported_points(
     selection: Selection, model: LightCurveModel, elapsed_s: float, room: int
 ) -> tuple[tuple[Array, ...], int]:
-    """Attitude, rate, weight and rotation deviations of the points of a selection at a time after
-    the epoch, in arrays with room for at least `room` points, and their number."""
+    """Attitude, angular velocity, weight and rotation deviations of the points of a selection at a
+    time after the epoch, in arrays of at least `room` points, and the number of points."""
     points = points_of(selection.selected, model)
     count = points.weight.size
     size = max(count, room)
@@ -82,7 +90,8 @@ def reported_points(
 def report_points(
     points: tuple[Array, ...], count: int, quaternion: Array, omega: Array, sigma: Array
 ) -> None:
-    """Write mean attitude (4,), mean rate (3,) and standard deviations (6,) of the points."""
+    """Write mean attitude (4,), mean angular velocity (3,) and standard deviations (6,) of the
+    points into the last three arguments."""
     differences = np.empty((count, ROTATION))
     weight = points[2][:count]
     mixture_moments(points[0][:count], points[1][:count], weight, quaternion, omega, differences)
@@ -90,5 +99,5 @@ def report_points(
 
 
 def status_of(selection: Selection | None) -> int:
-    """Status of the attitude; of a target without a light curve that of its prior."""
+    """Status of the attitude; `UNIQUE` for a target without a light curve."""
     return UNIQUE if selection is None else selection.status

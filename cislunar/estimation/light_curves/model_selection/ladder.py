@@ -1,10 +1,11 @@
 """Choice between models of a body by the evidence of its light curve.
 
-The rungs of the ladder differ in what they leave unknown, from the body as believed to one whose
-shape, surface and reflection law are only roughly so. All of them are fitted, the wider ones with
-a correlated model error of several magnitudes and lengths, and weighted by Laplace's approximation
-of the evidence. If the best fit needs a model error, the likelihood is tempered, because the error
-is then only roughly described. docs/attitude.md derives and measures the method.
+The models, called rungs, differ in the prior standard deviations of shape, surface and reflection
+law, from the assumed body to one that is known only roughly. All of them are fitted, the wider ones
+also with a correlated model error of several standard deviations and correlation lengths, and
+weighted by Laplace's approximation of the evidence. If the best model is one of the wider ones, the
+likelihood is tempered, because its model error is described only roughly. docs/attitude.md has the
+equations.
 """
 
 from collections.abc import Iterable
@@ -53,21 +54,21 @@ RUNGS = {
 """Prior standard deviations of the models, from the narrowest to the widest."""
 
 EXACT = ("known", "material")
-"""Rungs that describe the light to the noise and are fitted without a model error."""
+"""Rungs that are fitted without a model error."""
 
 WIDE = ("small deviations", "medium deviations", "large deviations")
-"""Rungs that are fitted with a model error."""
+"""Rungs that are also fitted with a model error."""
 
 UNKNOWN_SHAPE = ("medium deviations", "large deviations")
-"""Rungs with which the frame of the body is uncertain, as its shape is."""
+"""Rungs with which the body frame is uncertain, because the shape is."""
 
 _TEMPERING_MAG = {"small deviations": 0.1, "medium deviations": 0.05, "large deviations": 0.05}
-"""Model error from which on the likelihood of a rung is tempered by half (empirical)."""
+"""Model error, mag, at which the exponent of the likelihood is 1/2 (empirical)."""
 _LEAST_TEMPERING = 0.9
 _DROP = 12.0
-"""Difference in log evidence below which a minimum is given up."""
+"""Difference in log evidence from the best minimum beyond which a minimum is dropped."""
 _CLEARLY_LESS = 5.0
-"""Difference in log evidence from which on the wide rungs are not searched."""
+"""Difference in log evidence beyond which the wide rungs are not fitted."""
 _NO_ERROR = ModelError(0.0, 1.0)
 _MOST_MODES = 32
 _MERGE_DISTANCE = 2.0
@@ -76,7 +77,7 @@ _FIRST_ROWS, _GROWTH = 12, 1.5
 
 
 class Candidate(NamedTuple):
-    """A minimum with its rung and its model error."""
+    """A minimum of the cost, with its rung and its model error."""
 
     rung: str
     error: ModelError
@@ -93,11 +94,12 @@ class SelectedModel(NamedTuple):
     weight : ndarray, shape (mode,)
         Their shares in the posterior, which sum to 1.
     log_evidence : dict of str to float
-        Of each rung, before tempering, up to a common constant; -inf for one that was not needed.
+        Of each rung, before tempering, up to a common constant; -inf for a rung that was not
+        fitted.
     model_error_mag : float
         Root mean square of the correlated model error over the posterior.
     tempering : float
-        Exponent beta of the likelihood of the reported mixture, 1 for none.
+        Exponent beta of the likelihood of the mixture; 1 without tempering.
     """
 
     candidates: tuple[Candidate, ...]
@@ -113,8 +115,8 @@ class SelectedModel(NamedTuple):
 
 
 def model_of_rung(model: LightCurveModel, rung: str) -> LightCurveModel:
-    """The light-curve model with the unknown surface of a rung. Deviations of the rotation, inertia
-    and torque, are those of the given model."""
+    """The light-curve model with the surface deviations of a rung. The rotation deviations (inertia
+    and torque) are those of the given model."""
     kinds, sigma = RUNGS[rung].surface_kinds(model.surface.areas.size)
     rotation = model.sigma[: ROTATION + model.rotation_kinds.size]
     return model._replace(sigma=np.concatenate([rotation, sigma]), surface_kinds=kinds)
@@ -144,16 +146,22 @@ def select_model(
     data : ndarray, shape (n, COLUMNS)
         Light curve, see `cislunar.estimation.light_curves.light_curve.cost`; detections only.
     model : LightCurveModel
-        Rotation at the epoch, body as believed, and noise. Its estimated surface deviations do not
-        matter.
+        Initial rotation, assumed body, rotation deviations and noise. Its surface deviations are
+        not used.
     rng : numpy.random.Generator
-        Random starts.
+        Generator of the random starts.
     settings : ModelSelectionSettings, optional
+        Settings with `effort` 1 if omitted.
+
+    Returns
+    -------
+    SelectedModel
 
     Raises
     ------
     ConfigurationError
-        If there are no rows, a row is a non-detection, or the noise variance is not known.
+        If `effort` is 0, there are no rows, a row is a non-detection, or the noise variance is not
+        known.
     """
     settings = ModelSelectionSettings(effort=1) if settings is None else settings
     if settings.effort == 0:
@@ -175,7 +183,7 @@ def select_model(
 def refitted(
     selected: SelectedModel, data: Array, model: LightCurveModel, settings: ModelSelectionSettings
 ) -> SelectedModel:
-    """The same models fitted to a light curve that has grown, from the modes of before; see
+    """Fit the same models to a light curve that has grown, starting from their previous modes; see
     `select_model`."""
     rng = np.random.default_rng(0)  # no random start is drawn
     selection = _Selection(np.ascontiguousarray(data), model, rng, settings)
@@ -214,7 +222,7 @@ class _Selection:
         """Distinct minima from the starts, best first."""
         fit = CorrelatedFit(self.data, self.bins, self.models[rung], error)
         found = [fit.refined(start, iterations) for start in starts]
-        if rung in WIDE:  # all model errors are as likely beforehand
+        if rung in WIDE:  # all model errors have equal prior probability
             settings = self.settings
             number = 1 + len(settings.model_errors_mag) * len(settings.lengths)
             found = [e._replace(log_evidence=e.log_evidence - np.log(number)) for e in found]
@@ -264,7 +272,7 @@ class _Selection:
 
     def _checks(self, exact: list[Candidate]) -> list[Candidate]:
         """Minima of the narrowest wide rung near those of the exact ones. If their evidence is
-        clearly less, the wide rungs are not needed."""
+        much smaller, the wide rungs are not fitted."""
         settings, rung = self.settings, WIDE[0]
         middle = settings.model_errors_mag[len(settings.model_errors_mag) // 2 - 1]
         found: list[Candidate] = []
@@ -293,8 +301,8 @@ class _Selection:
         return SelectedModel(*_mixture(tempered), of_rung, model_error, beta)
 
     def _grid(self, rung: str, pool: list[Candidate]) -> list[Candidate]:
-        """Minima of a rung for all magnitudes and lengths of the model error, from the modes of all
-        rungs; only the best starts are followed over the grid."""
+        """Minima of a rung for all standard deviations and correlation lengths of the model error,
+        from the modes of all rungs; only the best starts are fitted on the entire grid."""
         settings = self.settings
         starts = [self.start(rung, each) for each in pool]
         found: list[Candidate] = []

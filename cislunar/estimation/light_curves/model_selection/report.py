@@ -22,14 +22,24 @@ _FRAME_SIGMA = np.deg2rad(5.0)
 """Standard deviation of the body frame of an unknown shape about each axis, rad (empirical)."""
 
 _FRAME_ANGLE = np.sqrt(3.0) * _FRAME_SIGMA
-"""Six rotations by this angle have that variance about each axis."""
+"""Angle, rad, of six equally weighted rotations, two about each axis, with that variance."""
 
 
 class RotationPoints(NamedTuple):
     """Weighted points of a rotation at a time, which have the mean and covariance of a mixture.
 
-    `quaternion` (n, 4) inertial to body frame, `omega` (n, 3) rad/s, `weight` (n,), `deviations`
-    (n, m) of inertia and torque, `mode` (n,) number of the mode of each point."""
+    Attributes
+    ----------
+    quaternion : ndarray, shape (n, 4)
+        Attitudes, inertial to body frame, scalar last.
+    omega : ndarray, shape (n, 3)
+        Angular velocities, body frame, rad/s.
+    weight : ndarray, shape (n,)
+    deviations : ndarray, shape (n, m)
+        Deviations of inertia and torque.
+    mode : ndarray of int, shape (n,)
+        Number of the mode of each point.
+    """
 
     quaternion: Array
     omega: Array
@@ -39,8 +49,17 @@ class RotationPoints(NamedTuple):
 
 
 class RotationEstimate(NamedTuple):
-    """Mean and covariance of a rotation: `quaternion` (4,), `omega` (3,) rad/s, `covariance` (6, 6)
-    of the attitude error (GRP, rad) and of the angular velocity, with that between modes."""
+    """Mean and covariance of a rotation.
+
+    Attributes
+    ----------
+    quaternion : ndarray, shape (4,)
+        Mean attitude, inertial to body frame, scalar last.
+    omega : ndarray, shape (3,)
+        Mean angular velocity, body frame, rad/s.
+    covariance : ndarray, shape (6, 6)
+        Of the attitude error (GRP, rad) and of the angular velocity, within and between modes.
+    """
 
     quaternion: Array
     omega: Array
@@ -67,7 +86,7 @@ def points_of(selected: SelectedModel, model: LightCurveModel) -> RotationPoints
 
 def _of_uncertain_frames(points: RotationPoints) -> RotationPoints:
     """The points in body frames that are rotated about each axis, with the variance of an uncertain
-    frame. Angular velocities are rotated as well, so that the attitude keeps its offset."""
+    frame. Angular velocities are rotated as well, so that the rotations remain constant in time."""
     parts = []
     for axis in range(3):
         for angle in (_FRAME_ANGLE, -_FRAME_ANGLE):
@@ -87,9 +106,13 @@ def rotation_at(
     ----------
     selected : SelectedModel
     model : LightCurveModel
-        The one given to `select_model`.
+        Model given to `select_model`.
     elapsed_s : float
         Time since the epoch of the light curve, s.
+
+    Returns
+    -------
+    RotationEstimate
     """
     points = points_of(selected, model)
     quaternion, omega = points.quaternion.copy(), points.omega.copy()
