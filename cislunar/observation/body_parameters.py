@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 HOUR = 3600.0
 
 REFLECTION_LAW = ("phong_share", "lommel_seeliger_share", "phase_slope", "phase_curvature")
-"""Deviations from the Cook-Torrance law; an estimator may have them, a true body another law."""
+"""Deviations from the Cook-Torrance law that an estimator may have; a true body has one law."""
 
 
 # fmt: off
@@ -70,17 +70,17 @@ class BodyParameterPrior(Section):
         "prior standard deviation of the angular acceleration by a torque that is constant in the "
         "body frame, along each body axis", "deg/h^2", default=0)
     phong_share: NotNegative = setting(
-        "prior standard deviation of the share of a Lambert-Phong lobe in the specular light; only "
-        "as the prior of an estimator, like the three that follow", "1", default=0)
+        "prior standard deviation of the share of a Lambert-Phong lobe in the specular light; for "
+        "estimators only, like the next three keys", "1", default=0)
     lommel_seeliger_share: NotNegative = setting(
         "prior standard deviation of the share of Lommel-Seeliger reflection in the diffuse light",
         "1", default=0)
     phase_slope: NotNegative = setting(
-        "prior standard deviation of the change of the magnitude per phase angle", "mag/rad",
-        default=0)
+        "prior standard deviation of the coefficient of a magnitude that is linear in the phase "
+        "angle", "mag/rad", default=0)
     phase_curvature: NotNegative = setting(
-        "prior standard deviation of the change of the magnitude per squared phase angle",
-        "mag/rad^2", default=0)
+        "prior standard deviation of the coefficient of a magnitude that is quadratic in the phase "
+        "angle", "mag/rad^2", default=0)
 
     # fmt: on
 

@@ -1,6 +1,6 @@
-"""Compiled calibration: what the angles of a target tell of the errors of its observers; see
-`cislunar.estimation.navigation.navigated_estimator`. The recursion runs beside a filter that takes
-its observers for exact, and is linear about the corrected estimate."""
+"""Calibration of the errors of the observers by the angles of a target (compiled); see
+`cislunar.estimation.navigation.navigated_estimator`. The recursion accompanies a filter that
+assumes observers without errors, and is linear about the corrected estimate."""
 
 import numpy as np
 from numba import njit
@@ -85,7 +85,7 @@ def _calibrate_target(j, first, model, records, orbit, own, parameters, out, wor
     product, carried, partial = np.empty((2, n)), np.empty((SIZE, n)), np.empty((2, n))
     path, moved, error = np.eye(SIZE), np.empty((SIZE, SIZE)), np.empty(2)
     beside = np.empty((SIZE, SIZE))
-    # of the filter beside, and the calibrated one
+    # estimate of the filter, then the calibrated estimate
     state, before, place = start.copy(), spread_start.copy(), start + shift
     _spread_of(sensitivity, own_covariance, product[0], spread)
     for i in range(offset.shape[0] - 1):
@@ -147,7 +147,7 @@ def _calibrate_target(j, first, model, records, orbit, own, parameters, out, wor
             follow(state, beside, value, records.variance[row, 1:], o, k, scene, work)
         if any_used:
             _spread_of(sensitivity, own_covariance, product[0], spread)
-        # the filter itself decides on mean and covariance, from which the next step begins
+        # the next step begins with the mean and covariance of the filter itself
         for a in range(SIZE):
             shift[a] = place[a] - state[a]
             state[a] = mean[i, a]
@@ -157,7 +157,7 @@ def _calibrate_target(j, first, model, records, orbit, own, parameters, out, wor
                 total[i, a, b] = covariance[i, a, b] + spread[a, b]
     multiply(path, sensitivity, carried)
     copy_into(sensitivity, carried)
-    # less what the parameters, as this target knows them, contribute
+    # without the contribution of the parameters, as estimated from this target
     for a in range(SIZE):
         for c in range(n):
             shift[a] -= sensitivity[a, c] * own_mean[c]
@@ -167,13 +167,26 @@ def _calibrate_target(j, first, model, records, orbit, own, parameters, out, wor
 def calibrate(targets, first, model, records, orbits, own, parameters, out):
     """Run the calibration over an interval that begins at time `first`, for a range of targets.
 
-    `model` are scene, force model and `ObserverModel`; `orbits` the rows that the filter has used
-    (row,), their numbers, and the filter's mean and covariance at the time before the interval and
-    at its steps. `own`, changed in place: the estimate less that of the filter (target, 6), which
-    in the end is that for parameters of zero, and its derivative by the parameters (target, 6, n).
-    `parameters` are their mean (n,) and covariance (n, n) before the interval. Outputs `out`:
-    states (target, step, 6) and covariances, and the whitened derivatives (used row, 2, n) and
-    residuals (used row, 2) of the parameters.
+    Parameters
+    ----------
+    targets : tuple of int
+        First target, and the one after the last.
+    first : int
+        Index of the first time of the interval.
+    model : tuple
+        Scene, force model and `ObserverModel`.
+    records : Measurements
+    orbits : tuple
+        Rows that the filter has used (row,), their numbers, and the filter's mean and covariance at
+        the time before the interval and at its steps.
+    own : tuple of ndarray, shapes (target, 6) and (target, 6, n)
+        Estimate minus that of the filter, and its derivative by the parameters; changed in place.
+        In the end the difference is that for parameters of zero.
+    parameters : tuple of ndarray, shapes (n,) and (n, n)
+        Mean and covariance of the parameters before the interval.
+    out : tuple of ndarray
+        Outputs: states (target, step, 6) and covariances (target, step, 6, 6), and the whitened
+        derivatives (used row, 2, n) and residuals (used row, 2) of the parameters.
     """
     work = make_scratch()
     used, row_of, start, spread, mean, covariance = orbits

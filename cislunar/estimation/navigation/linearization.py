@@ -1,4 +1,4 @@
-"""Compiled parts of recursions that run beside a filter: transition matrices, and the derivatives
+"""Parts of the recursions for observer errors (compiled): transition matrices, and the derivatives
 of measured angles by the state of a target and by the errors of an observer. Errors are parameters
 in units of their prior standard deviations."""
 
@@ -25,13 +25,25 @@ _OFFSET = 1e-7
 
 
 class ObserverModel(NamedTuple):
-    """Errors of the observers as the recursions see them.
+    """Errors of the observers, in the layout of the recursions.
 
-    `column` (6,): column of each component of an observer's error among its own parameters, -1 if
-    it is not among them; `per_observer`, the number of parameters of an observer; `unit` (6,), one
-    standard deviation of each component (nondimensional, rad, s); `velocity` (observer, time, 3),
-    of the observers, and `turning` (3,), angular velocity of the propagation frame, for the clock;
-    `time_unit_s`; `process` (6, 6), process noise of a step of the orbits."""
+    Attributes
+    ----------
+    column : ndarray of int, shape (6,)
+        Index of each component among the parameters of an observer, -1 without a parameter.
+    per_observer : int
+        Number of parameters of an observer.
+    unit : ndarray, shape (6,)
+        Standard deviation of each component; nondimensional, rad and s.
+    velocity : ndarray, shape (observer, time, 3)
+        Velocities of the observers, nondimensional, propagation frame.
+    turning : ndarray, shape (3,)
+        Angular velocity of the propagation frame, nondimensional.
+    time_unit_s : float
+        Nondimensional unit of time, s.
+    process : ndarray, shape (6, 6)
+        Process noise of the orbits in a step.
+    """
 
     column: Indices
     per_observer: int
@@ -142,7 +154,7 @@ def linearize(state, value, o, k, scene, observers, work):
             continue
         unit = observers.unit[c]
         for a in range(2):
-            if c < 3:  # the observer is further along, so that the target appears further back
+            if c < 3:  # as by the opposite displacement of the target
                 own[a, column] = -rows[1 + a, 3 + c] * unit
             elif c < 5:
                 own[a, column] = unit if c == 3 + a else 0.0
@@ -195,7 +207,7 @@ def use_exactly(covariance, variance, work):
 
 @njit_noalloc
 def follow(state, covariance, value, variance, o, k, scene, work):
-    """Update of the filter beside: its state (6,) and covariance (6, 6), by two angles."""
+    """Update of the filter without errors, its state (6,) and covariance (6, 6), by two angles."""
     _by_state(state, value, o, k, scene, work)
     use_exactly(covariance, variance, work)
     gain, angles = work.gain, work.angles

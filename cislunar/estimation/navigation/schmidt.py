@@ -1,6 +1,6 @@
-"""Compiled Schmidt-Kalman filter of a target whose observers have errors; see
-`cislunar.estimation.navigation.navigated_estimator`. The recursion runs beside a filter that takes
-its observers for exact, and is linear about the corrected estimate."""
+"""Schmidt-Kalman filter of a target whose observers have errors (compiled); see
+`cislunar.estimation.navigation.navigated_estimator`. The recursion accompanies a filter that
+assumes observers without errors, and is linear about the corrected estimate."""
 
 import numpy as np
 from numba import njit
@@ -81,7 +81,7 @@ def _consider_target(j, first, model, records, orbit, own, parameter_variance, o
     offset = records.offset[j]
     path, moved, carried = np.eye(SIZE), np.empty((SIZE, SIZE)), np.empty(cross.shape)
     gain, whole = np.empty((SIZE, 2)), np.empty((SIZE, SIZE))
-    # of the filter beside, and the one that considers errors
+    # estimate of the filter, then the one with considered errors
     state, before, place = start.copy(), spread_start.copy(), start + shift
     for i in range(offset.shape[0] - 1):
         k = first + i
@@ -123,7 +123,7 @@ def _consider_target(j, first, model, records, orbit, own, parameter_variance, o
             for b in range(SIZE):
                 if any_used:
                     excess[a, b] = whole[a, b] - before[a, b]
-        # the filter itself decides on mean and covariance, from which the next step begins
+        # the next step begins with the mean and covariance of the filter itself
         for a in range(SIZE):
             state[a] = mean[i, a]
             place[a] = translation[i, a] = mean[i, a] + shift[a]
@@ -140,9 +140,9 @@ def consider(targets, first, model, records, orbits, own, parameter_variance, ou
     targets.
 
     `model` and `orbits` are as in `calibrate`, without the numbers of rows. `own`, changed in
-    place: the state less the mean of the filter beside (target, 6), the covariance less its own
-    (target, 6, 6), and the covariance with the parameters (target, 6, n), whose variances are
-    `parameter_variance` (n,). Outputs `out`: states (target, step, 6) and covariances.
+    place: the state minus the mean of the filter (target, 6), the covariance minus that of the
+    filter (target, 6, 6), and the covariance with the parameters (target, 6, n), whose variances
+    are `parameter_variance` (n,). Outputs `out`: states (target, step, 6) and covariances.
     """
     work = make_scratch()
     used, start, spread, mean, covariance = orbits

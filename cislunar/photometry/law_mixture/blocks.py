@@ -1,8 +1,8 @@
-"""A reflection law between several laws, for estimators that do not know the law (compiled).
+"""Mixture of reflection laws, for estimators to which the law is unknown (compiled).
 
 The facet sum of a body with a mixed law is, with l = N.L and v = N.V of facet i,
 
-    T = sum_i A_i (d rho ((1 - lambda) l v + 1.4 lambda l v / (l + v))
+    T = sum_i A_i (d rho ((1 - eta) l v + 1.4 eta l v / (l + v))
                    + s ((1 - kappa) C_i + kappa F0 / delta^2 l v cos^n(a))),   n = 1 / (2 delta^2).
 
 C_i is the specular term of Cook & Torrance (`cislunar.photometry.facets`), and the lobe that of the
@@ -13,7 +13,7 @@ Lambertian term at l = v = 0.7. To the magnitude of T
 
     b1 (alpha - 1.2) + b2 ((alpha - 1.2)^2 - 0.3)
 
-is added, with the phase angle alpha in rad. With shares kappa and lambda of 0 and without phase
+is added, with the phase angle alpha in rad. With shares kappa and eta of 0 and without phase
 terms the law is that of Cook & Torrance. Shares below 0 and above 1 are allowed, so that a Gaussian
 prior is possible; where T is then not positive the object is dark.
 """
@@ -47,7 +47,7 @@ from cislunar.photometry.facet_blocks import (
 from cislunar.photometry.facets import FLOOR_MAGNITUDE, LN10
 
 COOK_TORRANCE = (0.0, 0.0, 0.0, 0.0)
-"""The law without deviations: kappa, lambda, b1 and b2."""
+"""The law without deviations: kappa, eta, b1 and b2."""
 
 _LOMMEL_SEELIGER = 1.4
 _MIDDLE_PHASE, _PHASE_SPREAD = 1.2, 0.3
@@ -56,7 +56,7 @@ _MIDDLE_PHASE, _PHASE_SPREAD = 1.2, 0.3
 
 @njit_noalloc
 def clear_mixture(b, count):
-    """Zero the derivatives by the law."""
+    """Set the derivatives by the law to zero."""
     for k in range(count):
         b[BY_PHONG_SHARE, k], b[BY_LOMMEL_SEELIGER_SHARE, k] = 0.0, 0.0
         b[PHASE_ANGLE, k] = 0.0
@@ -64,14 +64,14 @@ def clear_mixture(b, count):
 
 @njit_noalloc
 def phase_terms(angle):
-    """Factors of b1 and of b2 in the magnitude."""
+    """Factors of b1 and of b2 in the magnitude at a phase angle, rad."""
     excess = angle - _MIDDLE_PHASE
     return excess, excess * excess - _PHASE_SPREAD
 
 
 @njit_noalloc
 def phase_magnitude(angle, law):
-    """What the phase terms add to a magnitude."""
+    """Phase terms of a magnitude, mag, at a phase angle, rad; `law` as `COOK_TORRANCE`."""
     first, second = phase_terms(angle)
     return law[2] * first + law[3] * second
 

@@ -2,7 +2,7 @@
 
 A law gives pi f_r, with f_r the bidirectional reflectance distribution function (BRDF), so that
 
-    R_i = A_i / pi (N.L)(N.V) (pi f_r).
+    R_i = A_i / pi * (N.L)(N.V) * pi f_r.
 
 With l = N.L, v = N.V, h = |L + V|, a the angle between the observer and the mirrored Sun, and the
 parameters d, s, rho, delta, F0 of `cislunar.photometry.materials.Material`:
@@ -10,7 +10,7 @@ parameters d, s, rho, delta, F0 of `cislunar.photometry.materials.Material`:
     Lambert             d rho
     Lommel-Seeliger     c d rho / (l + v),   c = 3 / (8 (1 - ln 2))
     Phong               s F0 / delta^2 cos^n(a),   n = 1 / (2 delta^2)
-    GGX                 4 s D G F / (4 l v) * pi
+    GGX                 4 pi s D G F / (4 l v)
 
 Phong's lobe is in the form that is symmetric in Sun and observer (Lafortune & Willems 1994). The
 Lommel-Seeliger law (Seeliger 1884; Hapke, Theory of Reflectance and Emittance Spectroscopy, 2nd

@@ -1,4 +1,4 @@
-"""Expected magnitudes of a light curve with their derivatives, row by row (compiled)."""
+"""Predicted magnitudes of the rows of a light curve, and their derivatives (compiled)."""
 
 import numpy as np
 
@@ -32,7 +32,7 @@ def _fill(u, data, model, surface, shares, work, out):
 
 @njit_alloc
 def expected_rows(u, data, model):
-    """Expected magnitudes of the rows of a light curve.
+    """Predicted magnitudes of the rows of a light curve, and their derivatives.
 
     Parameters
     ----------

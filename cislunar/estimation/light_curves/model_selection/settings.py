@@ -6,19 +6,19 @@ from cislunar.runtime.settings_fields import Section, setting, whole
 
 
 class ModelSelectionSettings(Section):
-    """How hard models of a body are searched and fitted."""
+    """Settings of the choice between models of a body."""
 
     # fmt: off
 
     effort: whole(ge=0) = setting(
-        "effort of the choice between models of a body by the evidence of its light curve at "
-        "tasking epochs, a factor on the numbers of modes and starts (docs/attitude.md); 0: the "
-        "body is as `batch.estimated_parameters` states", default=0)
+        "choice between models of a body, at tasking epochs, by the evidence of its light curve "
+        "(docs/attitude.md): factor on the numbers of modes and starts; 0: no choice, the "
+        "uncertain parameters are those of `batch.estimated_parameters`", default=0)
 
     # fmt: on
 
     bins: ClassVar[int] = 200
-    """Bins of a light curve, between which model errors are correlated."""
+    """Bins of a light curve, between which the model error is correlated."""
 
     iterations: ClassVar[int] = 8
     warm_iterations: ClassVar[int] = 3
@@ -27,10 +27,10 @@ class ModelSelectionSettings(Section):
 
     @property
     def kept_modes(self) -> int:
-        """Modes of a model that are followed."""
+        """Number of modes of a model from which fits of other models start."""
         return 2 * self.effort
 
     @property
     def new_starts(self) -> int:
-        """Searched modes and random starts of the tempered likelihood."""
+        """Number of searched modes, and of random starts, of the tempered likelihood."""
         return 6 * self.effort
