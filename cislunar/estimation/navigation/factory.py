@@ -56,4 +56,5 @@ def navigated(
         return NavigatedEstimator(inner, scene, forces, sigma, treatment, process_noise, n_targets)
 
     make.estimated_parameters = getattr(factory, "estimated_parameters", BodyParameterPrior())
+    make.chooses_models = getattr(factory, "chooses_models", False)
     return make

@@ -182,6 +182,11 @@ class NavigatedEstimator:
         """See `cislunar.estimation.light_curves.batch.BatchEstimator.searches`."""
         return self._inner.searches
 
+    @property
+    def attitude_status(self) -> NDArray[np.int64]:
+        """See `cislunar.estimation.light_curves.batch.BatchEstimator.attitude_status`."""
+        return self._inner.attitude_status
+
     def learned(self) -> tuple[Array, Array]:
         """See `cislunar.estimation.light_curves.batch.BatchEstimator.learned`."""
         return self._inner.learned()
