@@ -28,7 +28,7 @@ class StudySettings(CellSettings):
     epoch: Date = setting(
         "epoch, UTC: ISO 8601 like 2024-10-01T00:00:00, or a Julian date", default=EPOCH_JD)
     kernel: str = setting(
-        "`de421`, or the path of an SPK file", default=EphemerisSettings().kernel)
+        "`de421`, `de440` or the path of an SPK file", default=EphemerisSettings().kernel)
     estimator: EstimatorName = setting(
         "`batch`, the batch estimator, or `mukf`, the multiplicative unscented Kalman filter",
         default="batch")
