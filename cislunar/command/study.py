@@ -1,4 +1,4 @@
-"""``cislunar study``: own observers and targets from a YAML file."""
+"""``cislunar study``: user-defined observers and targets from a YAML file."""
 
 import click
 
@@ -19,7 +19,7 @@ from cislunar.command.base import Command
 )
 @click.option("--check", is_flag=True, help="Check the file, and run nothing.")
 def study(file: str, output: str | None, seeds: int | None, check: bool) -> None:
-    """Track own targets with own observers.
+    """Track your own targets with your own observers.
 
     FILE is a study in YAML: `observers` and `targets` with names and orbits, `epoch`, and settings
     that differ from the defaults. The results are a data set, a summary, an OEM, a table of states

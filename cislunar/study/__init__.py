@@ -1,4 +1,4 @@
-"""Studies of own observers and targets, in Python, for the command and for the workflow."""
+"""Studies of user-defined observers and targets, in Python, by the command and by the workflow."""
 
 import lazy_loader as _lazy
 

@@ -47,6 +47,7 @@ def estimate(
     inputs : SimulationInputs
         Scene, assumed bodies, settings, estimator and initial estimates; its truth is not used.
     observed : Observed
+        The observations.
     rotation : ndarray, shape (3, 3), or None
         Rotation from the ICRF to the rotating frame at the epoch; None if the propagation frame has
         the axes of the ICRF.
@@ -55,7 +56,13 @@ def estimate(
     progress : callable
         Called with (intervals done, all intervals).
     light_time : bool
-        Whether light left the target earlier than it was observed; False for geometric directions.
+        Whether to correct for light time; False for geometric directions.
+
+    Returns
+    -------
+    Dataset
+        Estimated states (nondimensional, propagation frame), attitudes, angular velocities and
+        standard deviations by realization (one), time and target, and residuals by observation.
     """
     settings, forces = inputs.settings, inputs.forces
     turning = rotation is not None
@@ -190,7 +197,19 @@ class ObservedResult(StudyResult):
                         for name in plain}  # fmt: skip
 
     def plot(self, kind: str = "residuals", target: str | None = None) -> Any:
-        """Draw residuals over time, of all targets or one, or the orbits (`kind` "geometry")."""
+        """Draw a figure.
+
+        Parameters
+        ----------
+        kind : {"residuals", "geometry"}
+            Residuals over time, or orbits.
+        target : str, optional
+            Name of the target whose residuals are drawn; all targets if omitted.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
         if kind not in self.plots:
             raise ConfigurationError(
                 f"kind = {shown(kind)} is no figure of observations without truth: choose one of "

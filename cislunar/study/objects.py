@@ -4,7 +4,8 @@ A collection is a mapping of names to objects, a sequence of objects, which get 
 states of shape (object, 6), or a file: a table (``*.csv``, see `cislunar.orbits.observers` and
 `cislunar.targets.tables`) or an OEM (``*.oem``). An object is
 
-- text, as `cislunar.study.orbit_text.FORM` states, or the path of an OEM with this object alone,
+- text, as `cislunar.study.orbit_text.FORM` states, with states in km and km/s, or the path of an
+  OEM that has this object only,
 - six numbers, a nondimensional state in the rotating frame at the epoch,
 - one or several members of a family (`cislunar.orbits.families.OrbitSet`), or
 - a mapping with the keys of `OBJECT_KEYS`.
@@ -46,8 +47,9 @@ OBJECT_KEYS = {
 }
 """Keys of an object. `count` members are spread along the family. `state_km` is in km and km/s,
 rotating frame; `icrf_km` in km and km/s, ICRF, relative to `center` (EARTH, MOON or EARTH
-BARYCENTER). `covariance_km` (6, 6) is that of position and velocity in the frame of the state,
-`quaternion` leads from the inertial frame to the body frame."""
+BARYCENTER). `covariance_km` (6, 6) is that of position and velocity in the frame of the state, in
+km^2, km^2/s and km^2/s^2. `quaternion`, scalar last, is the rotation from the inertial frame to the
+body frame, and `angular_velocity_deg_h` is in the body frame."""
 
 _NAMES = ("x", "y", "z", "vx", "vy", "vz")
 _KM = np.repeat([LENGTH_UNIT_KM, LENGTH_UNIT_KM / TIME_UNIT_S], 3)
@@ -69,11 +71,14 @@ class StudyObject(NamedTuple):
     segments : tuple of Segment
         Ephemeris of the object, or its state at the epoch, in the ICRF; empty without one.
     sensor : dict
-        Settings of the observer's sensor that differ.
+        Settings of the observer's sensor that differ from those of the study.
     covariance_km : ndarray, shape (6, 6), or None
-        Initial covariance in the frame of the state: rotating, or the ICRF with `segments`.
-    quaternion, angular_velocity_deg_h : tuple of float or None
-        Initial estimate of the rotation.
+        Initial covariance, km^2, km^2/s and km^2/s^2, in the ICRF with `segments`, else in the
+        rotating frame.
+    quaternion : tuple of 4 float or None
+        Initial estimate of the attitude, scalar last, from the inertial frame to the body frame.
+    angular_velocity_deg_h : tuple of 3 float or None
+        Initial estimate of the angular velocity, body frame, deg/h.
     """
 
     name: str
@@ -104,7 +109,7 @@ def read_objects(what: str, given: Any, epoch: Epoch, days: float) -> list[Study
     Returns
     -------
     list of StudyObject
-        In the order given, with different names.
+        In the given order, with unique names.
 
     Raises
     ------

@@ -4,13 +4,13 @@ A table of observations has the names of the Astrometry Data Exchange Standard (
 (UTC), ``stn`` (name of the observer), ``ra`` and ``dec`` (ICRF, deg) and ``mag``; the object is
 named by ``artSat``, ``provID`` or ``permID``. Standard deviations are ``rmsRA`` (of right
 ascension times cos(declination)) and ``rmsDec`` in arcsec and ``rmsMag``; where they are missing,
-those of the observer's sensor are taken. Errors of right ascension and declination are taken as
+those of the observer's sensor are used. Errors of right ascension and declination are assumed
 independent.
 
 An estimator works on a grid of times. Each observation is reduced to the nearest of them by the
 predicted motion of target and observer, which neglects the error of the predicted rate over at
-most half a step. Directions are astrometric: light left the target earlier by the light time,
-which is corrected, and stellar aberration has been removed.
+most half a step. Directions are astrometric: stellar aberration has been removed, and the light
+left the target earlier by the light time, for which this module corrects.
 """
 
 from collections.abc import Sequence
@@ -73,18 +73,22 @@ def read_observations(
     Parameters
     ----------
     source : str, Path or DataFrame
-        Comma-separated, or a table; see the module.
+        Path of a comma-separated file, or a table; its columns are those of this module.
     observers, targets : sequence of str
-        Names. Those of observers are compared without case.
+        Names. Upper and lower case of the names of observers are equivalent.
     sensors : sequence of Sensor
         Sensor of each observer.
     epoch_tdb : float
         Epoch, TDB seconds past J2000.
 
+    Returns
+    -------
+    Observed
+
     Raises
     ------
     ConfigurationError, InputFileError
-        If a column is missing, or a row is impossible; the message names it.
+        If a column is missing, or a row cannot be used; the message names it.
     """
     place = "observations" if isinstance(source, pd.DataFrame) else str(source)
     fault: type[CislunarError] = InputFileError
@@ -178,7 +182,7 @@ def reduce_interval(
     ----------
     observed : Observed
     scene : Scene
-        Whose `observer_axes` are the rotations into the ICRF.
+        Its `observer_axes` are the rotations from the propagation frame to the ICRF.
     rotation : float
         Angular velocity of the propagation frame about z, nondimensional: 1 in the CR3BP.
     estimator : Estimator
@@ -189,6 +193,10 @@ def reduce_interval(
         Index of the last processed time, and number of steps of the interval.
     light_time : bool
         See `cislunar.study.estimation.estimate`.
+
+    Returns
+    -------
+    Reduced
     """
     nearest = np.maximum(np.rint(observed.elapsed_s / scene.step_s).astype(np.int64), 1)
     rows = np.flatnonzero((nearest > start) & (nearest <= start + n_steps))

@@ -55,7 +55,18 @@ def members_of(
 
 
 def read_orbit(text: str, units: str) -> Orbit:
-    """The orbit that a text describes; see `FORM`.
+    """The orbit that a text describes.
+
+    Parameters
+    ----------
+    text : str
+        See `FORM`.
+    units : {"km", "nd"}
+        Whether a state is in km and km/s, or nondimensional.
+
+    Returns
+    -------
+    Orbit
 
     Raises
     ------
@@ -127,7 +138,12 @@ def member_of(place: str, family: str, given: Mapping[str, float]) -> Orbit:
     family : str
         Name of the family.
     given : mapping
-        One of `jacobi` and `period` (days), and optionally `member`, counted from 1, and `phase`.
+        One of `jacobi` and `period` (days), and optionally `member`, counted from 1, and `phase`,
+        a fraction of the period.
+
+    Returns
+    -------
+    Orbit
 
     Raises
     ------

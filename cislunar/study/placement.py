@@ -46,8 +46,8 @@ def place_objects(
 ) -> Placement:
     """Positions of observers at all times of the scene, and initial estimates of targets.
 
-    Objects with an ephemeris or a state in the ICRF are where these have them. In ephemeris
-    dynamics this is exact; in the CR3BP see `cislunar.exchange.inertial`.
+    Objects that are given by an ephemeris or a state in the ICRF keep these positions in the ICRF.
+    For their positions in the CR3BP, and its limits, see `cislunar.exchange.inertial`.
 
     Parameters
     ----------
@@ -58,6 +58,10 @@ def place_objects(
         Epoch and its axes.
     ephemeris : CellEphemeris or None
         Ephemeris of the bodies; None in the CR3BP.
+
+    Returns
+    -------
+    Placement
 
     Raises
     ------

@@ -28,7 +28,7 @@ class StudySettings(CellSettings):
     epoch: Date = setting(
         "epoch, UTC: ISO 8601 like 2024-10-01T00:00:00, or a Julian date", default=EPOCH_JD)
     kernel: str = setting(
-        "`de421`, or the path of an SPK file", default=EphemerisSettings().kernel)
+        "`de421`, `de440` or the path of an SPK file", default=EphemerisSettings().kernel)
     estimator: EstimatorName = setting(
         "`batch`, the batch estimator, or `mukf`, the multiplicative unscented Kalman filter",
         default="batch")
@@ -38,7 +38,7 @@ class StudySettings(CellSettings):
 
 
 def default_settings() -> dict[str, Any]:
-    """Settings of a study that states none.
+    """Settings of a study without any setting of its own.
 
     Times and uncertainties are those of `cislunar.tasking.settings.LoopSettings`, and tasking is
     the optimal assignment. Brightness falls with the square of the distance, and tasking assumes
@@ -61,7 +61,7 @@ def default_settings() -> dict[str, Any]:
 
 
 def study_settings(given: Mapping[str, Any]) -> StudySettings:
-    """Settings with defaults, from those that differ.
+    """Complete settings of a study from those that differ from the defaults.
 
     Parameters
     ----------
@@ -69,10 +69,14 @@ def study_settings(given: Mapping[str, Any]) -> StudySettings:
         Settings by their keys; sections are mappings or objects of their classes, and quantities of
         `astropy.units` are converted to the units of their keys.
 
+    Returns
+    -------
+    StudySettings
+
     Raises
     ------
     ConfigurationError
-        If a key is unknown, or a value impossible; a line for each.
+        If a key is unknown, or a value cannot be used; the message has a line for each.
     """
     written = with_types(_written(given, StudySettings), StudySettings)
     found = merged(default_settings(), written)

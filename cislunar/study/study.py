@@ -1,4 +1,4 @@
-"""A study of own observers and targets, from their orbits to figures and messages."""
+"""A study of user-defined observers and targets, from their orbits to figures and messages."""
 
 from __future__ import annotations
 
@@ -69,25 +69,25 @@ _SAMPLES = 721
 
 
 class Study:
-    """Tasking and tracking of own targets by own observers.
+    """Tasking and tracking of user-defined targets by user-defined observers.
 
-    The observers are tasked with the targets, take measurements, and one estimator determines
-    orbit and attitude of every target. All arguments are checked before anything runs.
+    A scheduler assigns observers to targets, the observers take measurements, and one estimator
+    determines orbit and attitude of every target. All arguments are checked before anything runs.
 
     Parameters
     ----------
     observers, targets : mapping, sequence, array_like, OrbitSet, str or Path
         Orbits by name, such as ``{"eye": "Halo_L2_S,period=6.56"}`` (period in days), states,
-        tables or OEM files; see `cislunar.study.objects`. Their names stay in all results.
-    epoch : str or float
-        UTC, ISO 8601 or Julian date.
+        tables or OEM files; see `cislunar.study.objects`. All results use these names.
+    epoch : str, float or astropy.time.Time, optional
+        UTC, ISO 8601 or Julian date; the paper's epoch if omitted.
     observations : DataFrame, str or Path, optional
         Real observations (`cislunar.study.observed`), from which `run` estimates orbits and
         attitudes, without a simulation. The dynamics are then those of the ephemeris unless
         ``dynamics`` states others.
     light_time : bool
-        Whether directions of `observations` are astrometric, so that light left the target earlier;
-        False if they are geometric.
+        Whether the directions of `observations` are astrometric, that is, those of targets at the
+        time at which the light left them; False if they are geometric.
     **settings
         Those of a cell of a campaign (``sensor``, ``body``, ``dynamics``, ``duration_hours``,
         ``step_s``, ``seeds`` and so on), and ``estimator``, ``interval_minutes``, ``kernel`` and
@@ -102,7 +102,7 @@ class Study:
     Raises
     ------
     ConfigurationError, InputFileError
-        If an object, a setting or a file is impossible; one line says how to correct it.
+        If an object, a setting or a file cannot be used; one line says how to correct it.
 
     Examples
     --------
@@ -154,12 +154,12 @@ class Study:
 
     @property
     def n_observers(self) -> int:
-        """Number of observers, those on the ground included."""
+        """Number of observers, including those on the ground."""
         return len(self.observers) + len(self.settings.stations)
 
     @property
     def observer_names(self) -> list[str]:
-        """Names of the observers, those on the ground last."""
+        """Names of the observers in space, followed by those on the ground."""
         return [*(each.name for each in self.observers), *self.settings.stations]
 
     def _with_sensors(self, settings: StudySettings) -> StudySettings:

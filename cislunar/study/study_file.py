@@ -21,12 +21,14 @@ def read_study(path: str | Path) -> Study:
         The file: a mapping with ``observers``, ``targets`` and settings, as the arguments of
         `cislunar.Study`. Paths in it are relative to the working folder.
 
+    Returns
+    -------
+    Study
+
     Raises
     ------
-    InputFileError
-        If the file cannot be read.
     ConfigurationError, InputFileError
-        If the study is impossible, see `cislunar.Study`.
+        If the file cannot be read, or for the reasons of `cislunar.Study`.
     """
     try:
         given: Any = yaml.safe_load(Path(path).read_text(encoding="utf-8-sig"))
@@ -76,7 +78,19 @@ def run_study_file(path: str | Path, folder: str | Path, seeds: int | None = Non
 
 
 def write_study(result: StudyResult, folder: str | Path) -> list[Path]:
-    """Write the results of a study; see `run_study_file`. Returns the paths."""
+    """Write the results of a study.
+
+    Parameters
+    ----------
+    result : StudyResult
+    folder : str or Path
+        Folder of the files that `run_study_file` names, created if missing.
+
+    Returns
+    -------
+    list of Path
+        The files.
+    """
     place = Path(folder)
     names = ("study.nc", "summary.csv", "estimates.oem", "estimates.csv", "observations.tdm")
     write_dataset(result.cell, place / names[0])

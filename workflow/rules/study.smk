@@ -1,4 +1,4 @@
-"""Studies of own observers and targets, as the command `cislunar study` runs them."""
+"""Studies of user-defined observers and targets, as the command `cislunar study` runs them."""
 
 
 rule study:

@@ -1,4 +1,4 @@
-"""Makes studies/{study}/: a study of own observers and targets."""
+"""Makes studies/{study}/: a study of user-defined observers and targets."""
 
 from cislunar.runtime.worker_client import in_worker
 

@@ -1,4 +1,4 @@
-"""Orbits of own observers and targets over a run, in the rotating frame."""
+"""Orbits of user-defined observers and targets over a run, in the rotating frame."""
 
 from collections.abc import Mapping
 
