@@ -27,8 +27,8 @@ times_s = np.arange(0.0, halo.period[0] * TIME_UNIT_S, 600.0)
 path = cs.propagate(halo.state[0], times_s / TIME_UNIT_S)
 
 # %%
-# An Orbit Ephemeris Message cannot name this frame. The states are therefore transformed to the ICRF
-# at an epoch, with the Earth (or the Moon, or the barycenter) as center, in km and km/s.
+# An Orbit Ephemeris Message cannot name this frame. The states are therefore transformed to the
+# ICRF at an epoch, with the Earth (or the Moon, or the barycenter) as center, in km and km/s.
 
 epoch = epoch_at(EPOCH_JD)
 station = arc("STATION", path, times_s, epoch, object_id="2030-001A", center="EARTH")

@@ -43,8 +43,8 @@ telescope, target = (
 )
 
 # %%
-# The table of observations has the column names of ADES. Each row has the position of the telescope,
-# whose code O001 stands for no observatory.
+# The table of observations has the column names of ADES. Each row has the position of the
+# telescope, whose code O001 stands for no observatory.
 
 way = target.state[:, :3] - telescope.state[:, :3]
 rng = np.random.default_rng(1)
