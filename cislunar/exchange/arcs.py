@@ -68,6 +68,15 @@ def arc(
         Origin, one of `cislunar.exchange.inertial.CENTERS`.
     covariance : array_like, shape (time, 6, 6), optional
         Nondimensional, rotating frame.
+
+    Returns
+    -------
+    Segment
+
+    Raises
+    ------
+    ConfigurationError
+        If the center is unknown.
     """
     times = np.asarray(elapsed_s, dtype=float)
     found = Segment(
@@ -112,7 +121,11 @@ def inertial_arc(
     covariance : array_like, shape (time, 6, 6), optional
         Nondimensional, J2000 axes.
     kernel : str or Path
-        Ephemeris of the dynamics, which has the position of Earth and Moon.
+        Ephemeris of the dynamics, which has the positions of Earth and Moon.
+
+    Returns
+    -------
+    Segment
 
     Raises
     ------

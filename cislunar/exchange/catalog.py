@@ -42,7 +42,7 @@ class _CatalogRows(NamedTuple):
 
 
 def is_catalog(header: list[str]) -> bool:
-    """Whether the header of a table is that of the catalog."""
+    """Whether the column names of a table are those of the catalog."""
     return any(name.strip().startswith("x0 (") for name in header)
 
 
@@ -56,8 +56,10 @@ def read_catalog(path: str | Path) -> _CatalogRows:
 
     Returns
     -------
-    CatalogRows
-        In the order of the file.
+    NamedTuple
+        Orbits in the order of the file: ``name`` (their ``Id``), ``state``, shape (row, 6),
+        nondimensional, rotating frame, and ``jacobi``, ``period``, ``stability_index`` and ``mu``
+        (mass ratio), shape (row,).
 
     Raises
     ------

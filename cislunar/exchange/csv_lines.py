@@ -34,6 +34,6 @@ def read_lines(path: str | Path, what: str) -> list[tuple[int, list[str]]]:
 
 
 def listed(header: list[str]) -> str:
-    """Column names for a message, unless they are unreadable."""
+    """Column names as text for an error message; a substitute if they are not printable."""
     text = ", ".join(header) or "no columns"
     return text if text.isprintable() and len(text) < 200 else "no readable names"

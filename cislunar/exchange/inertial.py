@@ -1,10 +1,10 @@
 """Transformation of CR3BP states to inertial axes, for exchange with other tools.
 
-The inertial axes are those of the rotating frame at the epoch, with x towards the ephemeris Moon,
-rotated into the ICRF by the ephemeris. From then on the frame rotates uniformly about z, one radian
-per unit of time, as the CR3BP assumes. Therefore a ballistic path in the rotating frame is
-ballistic with an Earth and a Moon on circular orbits, the transformation is exact in both
-directions, and directions are those that the sensors measure.
+At the epoch, the ephemeris gives the axes of the rotating frame in the ICRF, with x towards the
+ephemeris Moon. After the epoch the frame rotates uniformly about z, one radian per unit of time, as
+the CR3BP assumes. A ballistic path in the rotating frame is therefore ballistic with an Earth and a
+Moon on circular orbits, the transformation has an exact inverse, and directions are those that the
+sensors measure.
 
 Assumptions and limitations
 ---------------------------
@@ -45,8 +45,19 @@ class Epoch(NamedTuple):
 
 
 def epoch_at(epoch_jd: float, kernel: str = DEFAULT_KERNEL) -> Epoch:
-    """Epoch and axes at a Julian date, UTC. For `kernel` and the errors see
-    `cislunar.ephemeris.sampling.sample_ephemeris`."""
+    """Epoch and axes at a date.
+
+    Parameters
+    ----------
+    epoch_jd : float
+        Julian date, UTC.
+    kernel : str
+        See `cislunar.ephemeris.sampling.sample_ephemeris`, also for the errors raised.
+
+    Returns
+    -------
+    Epoch
+    """
     sampled = sample_ephemeris(epoch_jd, 0.0, kernel=kernel)
     return Epoch(float(sampled.et[0]), sampled.moon_rotation[0])
 
@@ -54,8 +65,28 @@ def epoch_at(epoch_jd: float, kernel: str = DEFAULT_KERNEL) -> Epoch:
 def inertial_states(
     state: ArrayLike, elapsed_s: ArrayLike, epoch: Epoch, center: str = "EARTH"
 ) -> Array:
-    """Transform states (..., time, 6), nondimensional, rotating frame, `elapsed_s` seconds (time,)
-    since the epoch, to the ICRF relative to one of `CENTERS`, km and km/s."""
+    """Transform states from the rotating frame to the ICRF.
+
+    Parameters
+    ----------
+    state : array_like, shape (..., time, 6)
+        Nondimensional, rotating frame.
+    elapsed_s : array_like, shape (time,)
+        Times since the epoch, s.
+    epoch : Epoch
+    center : str
+        Origin of the result, one of `CENTERS`.
+
+    Returns
+    -------
+    ndarray, shape (..., time, 6)
+        km and km/s, ICRF.
+
+    Raises
+    ------
+    ConfigurationError
+        If the center is unknown.
+    """
     shifted = np.asarray(state, dtype=float) - _origin(center)
     return np.einsum("tij,...tj->...ti", _to_inertial(elapsed_s, epoch), shifted)
 
@@ -63,20 +94,56 @@ def inertial_states(
 def rotating_states(
     state: ArrayLike, elapsed_s: ArrayLike, epoch: Epoch, center: str = "EARTH"
 ) -> Array:
-    """Transform states from the ICRF, km and km/s, to the rotating frame."""
+    """Transform states from the ICRF to the rotating frame: the inverse of `inertial_states`.
+
+    Parameters
+    ----------
+    state : array_like, shape (..., time, 6)
+        km and km/s, ICRF, relative to `center`.
+    elapsed_s, epoch, center
+        See `inertial_states`, also for the errors raised.
+
+    Returns
+    -------
+    ndarray, shape (..., time, 6)
+        Nondimensional, rotating frame.
+    """
     back = np.linalg.inv(_to_inertial(elapsed_s, epoch))
     return np.einsum("tij,...tj->...ti", back, np.asarray(state, dtype=float)) + _origin(center)
 
 
 def inertial_covariances(covariance: ArrayLike, elapsed_s: ArrayLike, epoch: Epoch) -> Array:
-    """Transform covariances (..., time, 6, 6) like `inertial_states`; km^2, km^2/s, km^2/s^2."""
+    """Transform covariances from the rotating frame to the ICRF.
+
+    Parameters
+    ----------
+    covariance : array_like, shape (..., time, 6, 6)
+        Of position and velocity, nondimensional, rotating frame.
+    elapsed_s, epoch
+        See `inertial_states`.
+
+    Returns
+    -------
+    ndarray, shape (..., time, 6, 6)
+        km^2, km^2/s and km^2/s^2, ICRF.
+    """
     turn = _to_inertial(elapsed_s, epoch)
     return turn @ np.asarray(covariance, dtype=float) @ np.swapaxes(turn, -1, -2)
 
 
 def icrf_axes(elapsed_s: ArrayLike, epoch: Epoch) -> Array:
-    """Rotations (time, 3, 3) from the rotating frame to the ICRF, `elapsed_s` seconds (time,) since
-    the epoch."""
+    """Rotations from the rotating frame to the ICRF.
+
+    Parameters
+    ----------
+    elapsed_s : array_like, shape (time,)
+        Times since the epoch, s.
+    epoch : Epoch
+
+    Returns
+    -------
+    ndarray, shape (time, 3, 3)
+    """
     angle = np.asarray(elapsed_s, dtype=float) / TIME_UNIT_S
     zero, one = np.zeros_like(angle), np.ones_like(angle)
     cos, sin = np.cos(angle), np.sin(angle)
@@ -85,7 +152,21 @@ def icrf_axes(elapsed_s: ArrayLike, epoch: Epoch) -> Array:
 
 
 def rotating_covariances(covariance: ArrayLike, elapsed_s: ArrayLike, epoch: Epoch) -> Array:
-    """Transform covariances from the ICRF, km^2, km^2/s, km^2/s^2, to the rotating frame."""
+    """Transform covariances from the ICRF to the rotating frame: the inverse of
+    `inertial_covariances`.
+
+    Parameters
+    ----------
+    covariance : array_like, shape (..., time, 6, 6)
+        km^2, km^2/s and km^2/s^2, ICRF.
+    elapsed_s, epoch
+        See `inertial_states`.
+
+    Returns
+    -------
+    ndarray, shape (..., time, 6, 6)
+        Nondimensional, rotating frame.
+    """
     back = np.linalg.inv(_to_inertial(elapsed_s, epoch))
     return back @ np.asarray(covariance, dtype=float) @ np.swapaxes(back, -1, -2)
 

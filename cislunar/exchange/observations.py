@@ -25,7 +25,7 @@ REQUIRED = ("stn", "obsTime", "ra", "dec")
 """Columns of every table of observations."""
 
 OBJECT_NAMES = ("permID", "provID", "artSat")
-"""Columns that name the object, the first one given."""
+"""Columns that name the object; the first that is not empty is used."""
 
 POSITION_COLUMNS = ("pos1", "pos2", "pos3")
 
@@ -46,8 +46,27 @@ def require(
     fault: type[CislunarError] = ConfigurationError,
     place: str = "observations",
 ) -> None:
-    """Raise `fault` for the first row of a table of which `right` (row,) is false; the message says
-    that the value of column `name` must obey the rule."""
+    """Refuse a table in which a value breaks a rule.
+
+    Parameters
+    ----------
+    table : DataFrame
+    name : str
+        Column of the values.
+    right : array_like of bool, shape (row,)
+        Whether the value of each row obeys the rule.
+    rule : str
+        The rule after the word "must", for the message.
+    fault : type
+        Class of the error.
+    place : str
+        Name of the table, for the message.
+
+    Raises
+    ------
+    fault
+        For the first row in which `right` is false.
+    """
     for row in np.flatnonzero(~np.asarray(right, dtype=bool))[:1].tolist():
         value = table[name].iloc[row]
         raise fault(f"{place}, row {row + 1}: {name} = {value} must {rule}")
@@ -61,7 +80,28 @@ def numbers_within(
     *,
     optional: bool = False,
 ) -> Array:
-    """Numbers of a column, which must lie in its `RANGES`; with `optional` they may be missing."""
+    """Numbers of a column, which must lie within its interval in `RANGES`.
+
+    Parameters
+    ----------
+    table : DataFrame
+    name : str
+        Column, a key of `RANGES`.
+    fault, place
+        See `require`.
+    optional : bool
+        Whether values may be missing.
+
+    Returns
+    -------
+    ndarray, shape (row,)
+        NaN where a value is missing.
+
+    Raises
+    ------
+    fault
+        If a value is no number or not within the interval.
+    """
     values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
     least, most, rule = RANGES[name]
     absent = _text(table, name) == "" if optional else np.zeros(len(table), dtype=bool)
@@ -74,7 +114,24 @@ def observation_times(
     fault: type[CislunarError] = ConfigurationError,
     place: str = "observations",
 ) -> Array:
-    """TDB seconds past J2000 of the column ``obsTime`` (row,)."""
+    """Times of the column ``obsTime``.
+
+    Parameters
+    ----------
+    table : DataFrame
+    fault, place
+        See `require`.
+
+    Returns
+    -------
+    ndarray, shape (row,)
+        TDB seconds past J2000.
+
+    Raises
+    ------
+    fault
+        If a value is no date.
+    """
     seconds: dict[str, float] = {}
     given = table["obsTime"].astype(str).tolist()
     for row, date in enumerate(given):
@@ -86,7 +143,18 @@ def observation_times(
 
 
 def observation_dates(tdb_s: ArrayLike) -> list[str]:
-    """Dates of the column ``obsTime``, UTC to the microsecond, at TDB seconds past J2000."""
+    """Dates for the column ``obsTime``.
+
+    Parameters
+    ----------
+    tdb_s : array_like, shape (row,)
+        TDB seconds past J2000.
+
+    Returns
+    -------
+    list of str
+        ISO 8601, UTC, to the microsecond, with the letter Z at the end.
+    """
     return [f"{date}Z" for date in dates(tdb_s, DATE_SYSTEM)]
 
 
@@ -103,7 +171,8 @@ def checked(table: pd.DataFrame, optional: Iterable[str]) -> pd.DataFrame:
     Raises
     ------
     ConfigurationError
-        If a required column is missing, a number is not one or out of its range, or a date is none.
+        If a required column is missing or has an empty value, or a number is invalid or outside of
+        its range.
     """
     missing = [name for name in REQUIRED if name not in table]
     if missing:

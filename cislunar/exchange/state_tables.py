@@ -67,9 +67,25 @@ def segments_csv(segments: Iterable[Segment], *, time_system: str = DATE_SYSTEM)
 
 
 def read_segments(path: str | Path) -> list[Segment]:
-    """Read a table of `segments_csv`, in which the rows of an object are consecutive: one segment
-    for each object, in the order of the file. The column ``epoch`` of tables of version 0.1, which
-    do not name a frame, has dates in TDB and states in the ICRF."""
+    """Read a table of `segments_csv`.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file. Tables of version 0.1, which do not name a frame, have a column ``epoch`` with
+        dates in TDB, and states in the ICRF.
+
+    Returns
+    -------
+    list of Segment
+        One for each object and center, in the order of the file.
+
+    Raises
+    ------
+    InputFileError
+        If a column is missing, the time scale or the frame is not stated, or a row cannot be used.
+        The message names file and row.
+    """
     lines = [(number, fields) for number, fields in read_lines(path, "state") if any(fields)]
     header = lines[0][1] if lines else []
     lacking = [name for name in (*_LABELS, *_STATE_COLUMNS) if name not in header]

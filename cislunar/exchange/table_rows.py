@@ -88,7 +88,30 @@ def named_rows(
 def quantity_columns(
     path: str | Path, header: list[str], quantity: Quantity, *, optional: bool = False
 ) -> Columns | None:
-    """Columns that hold a quantity, and the size of its nondimensional unit in their unit."""
+    """Columns of a table that have a quantity.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, for messages.
+    header : list of str
+        Column names.
+    quantity : tuple
+        `POSITION`, `VELOCITY` or `PERIOD`.
+    optional : bool
+        Whether the table may lack the quantity.
+
+    Returns
+    -------
+    tuple of (tuple of str, float), or None
+        Column names, and the size of the nondimensional unit in the unit of these columns; None if
+        the table lacks an optional quantity.
+
+    Raises
+    ------
+    InputFileError
+        If the quantity is missing or given in both units.
+    """
     plain, practical, unit = quantity
     found = [
         (columns, size)
@@ -109,7 +132,7 @@ def quantity_columns(
 
 
 def row_names(rows: list[tuple[str, Row]], what: str, key: str = "id") -> list[str]:
-    """Names of the rows, which must be present and unique."""
+    """Names of the rows; raises `InputFileError` if a row has none or the name of another row."""
     first: dict[str, str] = {}
     for place, row in rows:
         name = row[key]
@@ -125,7 +148,7 @@ def row_names(rows: list[tuple[str, Row]], what: str, key: str = "id") -> list[s
 
 
 def row_numbers(place: str, row: Row, columns: Columns) -> list[float]:
-    """Finite numbers of some columns, nondimensional."""
+    """Numbers of some columns, nondimensional; raises `InputFileError` if one is not finite."""
     names, unit = columns
     values = []
     for name in names:
@@ -150,14 +173,16 @@ def _instead(columns: Columns, quantity: Quantity) -> str:
 
 
 def row_position(place: str, row: Row, columns: Columns) -> list[float]:
-    """Position of a row, nondimensional, which must be near Earth and Moon and outside of both."""
+    """Position of a row, nondimensional, rotating frame; raises `InputFileError` if it is far from
+    Earth and Moon, or inside one of them."""
     position = row_numbers(place, row, columns)
     check_position(place, columns[0], position, _unit(columns), _instead(columns, POSITION))
     return _check_outside(place, position)
 
 
 def row_state(place: str, row: Row, position: Columns, velocity: Columns) -> list[float]:
-    """State of a row, nondimensional, within the bounds that detect a wrong unit."""
+    """State of a row, nondimensional, rotating frame; raises `InputFileError` if it is outside of
+    the bounds that detect a wrong unit."""
     state = [*row_position(place, row, position), *row_numbers(place, row, velocity)]
     check_velocity(place, velocity[0], state, _unit(velocity), _instead(velocity, VELOCITY))
     return state
@@ -173,14 +198,15 @@ def row_period(place: str, row: Row, period: Columns | None) -> float:
 
 
 def check_state(place: str, names: tuple[str, ...], state: Array, unit: str) -> None:
-    """Apply the checks of `row_position` and `check_velocity` to a state."""
+    """Apply the checks of `row_state` to a state of shape (6,), nondimensional, rotating frame."""
     check_position(place, names[:3], state[:3], unit)
     _check_outside(place, list(state[:3]))
     check_velocity(place, names[3:6], state, unit)
 
 
 def check_closed(place: str, state: Array, period: float) -> None:
-    """Refuse a period, nondimensional, that does not close the orbit through a state."""
+    """Raise `InputFileError` if the orbit through a state, nondimensional, rotating frame, does not
+    close within 100 km after a period, nondimensional."""
     # imported here, because a configuration is checked without compiled modules
     from cislunar.dynamics.propagation import propagate
 

@@ -1,4 +1,4 @@
-"""Orbits from angles: tracklets, admissible regions, least squares, and linking."""
+"""Orbit determination from angles: tracklets, admissible regions, least squares, and linking."""
 
 import lazy_loader as _lazy
 

@@ -1,10 +1,11 @@
 """Admissible region of an attributable, and its samples: distance, energy and brightness.
 
-An attributable leaves the range and the range rate of an object open. They are constrained by the
-range, by the distance from the barycenter, by the Jacobi constant, which bounds the energy in the
-Earth-Moon system, and by the size that the brightness implies (Milani et al. 2004, Icarus 168, 1;
-Tommei, Milani & Rossi 2007, Celest. Mech. Dyn. Astron. 97, 289, for the Earth alone). In ephemeris
-dynamics the Jacobi constant is that of the pulsating frame at the time.
+An attributable does not determine the range and the range rate of an object. The admissible region
+bounds them by limits on the range, on the distance from the barycenter, on the Jacobi constant (the
+energy in the Earth-Moon system), and on the size that the brightness implies (Milani et al. 2004,
+Icarus 168, 1; Tommei, Milani & Rossi 2007, Celest. Mech. Dyn. Astron. 97, 289, for the Earth
+alone). In ephemeris dynamics the Jacobi constant is that of the pulsating frame at the time of the
+state.
 """
 
 from typing import NamedTuple
@@ -33,7 +34,7 @@ Array = NDArray[np.float64]
 
 
 class AdmissibleRegion(Section):
-    """Which orbits are possible before any angle is known."""
+    """Limits on the orbits that are possible before any angle is known."""
 
     # fmt: off
 
@@ -62,7 +63,8 @@ class AdmissibleRegion(Section):
 
     @property
     def position_sigma(self) -> float:
-        """Standard deviation of one coordinate of a uniform distribution in that sphere."""
+        """Standard deviation of one coordinate of a uniform distribution in the sphere of `radius`,
+        nondimensional."""
         return self.radius / np.sqrt(5.0)
 
     @property
@@ -73,7 +75,8 @@ class AdmissibleRegion(Section):
 
     @property
     def log_density(self) -> float:
-        """Logarithm of the density of states, uniform over those spheres, nondimensional."""
+        """Logarithm of the density of states that are uniform over the spheres of `radius` and of
+        the largest speed of `velocity_sigma`, nondimensional."""
         speed = np.sqrt(self._fastest2(0.5 * self.radius))
         return -float(2.0 * np.log(4.0 * np.pi / 3.0) + 3.0 * np.log(self.radius * speed))
 
@@ -87,13 +90,14 @@ class OrbitBank(NamedTuple):
     Attributes
     ----------
     time : float
-        Of the states, nondimensional.
+        Time of the states, nondimensional, since the epoch of the force model.
     state : ndarray, shape (sample, 6)
         Nondimensional, propagation frame.
     range, range_rate : ndarray, shape (sample,)
         Nondimensional.
     weight : ndarray, shape (sample,)
-        Share of the phase-space volume that a sample stands for, rho^2 times the area of its cell.
+        Share of the phase-space volume that a sample represents, proportional to rho^2 times the
+        area of its cell; the sum is 1.
     """
 
     time: float
@@ -118,12 +122,12 @@ def states_in_rotating_frame(state: ArrayLike, time: ArrayLike, forces: tuple) -
     Returns
     -------
     ndarray, shape (n, 6)
-        Nondimensional; the same states in the CR3BP, the pulsating frame else.
+        Nondimensional; in the CR3BP the given states, otherwise states in the pulsating frame.
 
     Raises
     ------
     ConfigurationError
-        For another force model, which has no rotating frame.
+        If the force model is another one, which has no rotating frame.
     """
     states = np.asarray(state, dtype=float)
     if isinstance(forces, CR3BP) or len(states) == 0:
@@ -140,7 +144,8 @@ def states_in_rotating_frame(state: ArrayLike, time: ArrayLike, forces: tuple) -
 def is_admissible(
     state: ArrayLike, time: ArrayLike, forces: tuple, region: AdmissibleRegion
 ) -> NDArray[np.bool_]:
-    """Whether states are outside both bodies, near enough, and have a permitted Jacobi constant.
+    """Whether states are outside of both bodies, and within the limits of distance and Jacobi
+    constant.
 
     Parameters
     ----------
@@ -167,12 +172,12 @@ def is_admissible(
 
 
 def sphere_offsets(offset: ArrayLike, angles: Angles) -> Array:
-    """Magnitudes less those of a sphere of 1 m^2 at the place of the object.
+    """Measured magnitudes minus those of a sphere of 1 m^2 at the position of the object.
 
     Parameters
     ----------
     offset : array_like, shape (row, 3)
-        Object less observer, nondimensional.
+        Position of the object minus that of the observer, nondimensional.
     angles : Angles
         Of the same rows.
 
@@ -193,7 +198,7 @@ def implied_size(offset: ArrayLike, angles: Angles) -> tuple[float, float]:
     Parameters
     ----------
     offset : array_like, shape (row, 3)
-        Object less observer, nondimensional.
+        Position of the object minus that of the observer, nondimensional.
     angles : Angles
         Of the same rows.
 
@@ -211,13 +216,18 @@ def implied_size(offset: ArrayLike, angles: Angles) -> tuple[float, float]:
 
 
 def is_bright_as_allowed(offset: ArrayLike, angles: Angles, region: AdmissibleRegion) -> bool:
-    """Whether the size and the scatter of `implied_size` lie in the region; true if unknown.
+    """Whether the size and the scatter of `implied_size` are within the region.
 
     Parameters
     ----------
     offset, angles
         See `implied_size`.
     region : AdmissibleRegion
+
+    Returns
+    -------
+    bool
+        True if the brightness is unknown.
     """
     size, scatter = implied_size(offset, angles)
     if np.isnan(size):
@@ -233,6 +243,12 @@ def ranges_of(region: AdmissibleRegion, count: int) -> Array:
     ----------
     region : AdmissibleRegion
     count : int
+        Number of ranges.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        Nondimensional.
     """
     least = region.least_range_km / LENGTH_UNIT_KM
     return np.geomspace(least, 2.0 * region.radius, count)
@@ -252,11 +268,11 @@ def states_at(
     ----------
     tracklets : Attributables
     which : array_like of int, shape (n,)
-        Their indices.
+        Index of the tracklet of each state.
     ranges, range_rates : array_like, shape (n,)
         Nondimensional.
     rate : float
-        Angular rate of the propagation frame.
+        Angular rate of the propagation frame (`frame_rate`).
 
     Returns
     -------
@@ -282,7 +298,7 @@ def sample_region(
     n_ranges: int = 40,
     n_rates: int = 11,
 ) -> OrbitBank:
-    """Orbit bank: states of the admissible region of an attributable.
+    """Sample the admissible region of an attributable.
 
     Parameters
     ----------
@@ -292,14 +308,16 @@ def sample_region(
     region : AdmissibleRegion
     forces : NamedTuple
         CR3BP or ephemeris forces.
-    n_ranges, n_rates : int
-        Ranges, equally spaced in their logarithms, and range rates at each, equally spaced between
-        the limits by the least Jacobi constant.
+    n_ranges : int
+        Number of ranges, equally spaced in their logarithms.
+    n_rates : int
+        Number of range rates at each range, equally spaced between the limits that the least Jacobi
+        constant gives.
 
     Returns
     -------
     OrbitBank
-        Possibly without samples.
+        Without samples if the region is empty.
     """
     ranges, rate = ranges_of(region, n_ranges), frame_rate(forces)
     one = np.full(n_ranges, which)

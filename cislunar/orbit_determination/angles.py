@@ -1,12 +1,13 @@
 """Measured directions of one or several objects from moving observers, in the propagation frame.
 
-Everything in this package works on `Angles`, which `make_angles` builds from directions in the
-propagation frame of a force model, and `angles_from_table` from a table with the names of the
-Astrometry Data Exchange Standard (ADES).
+The functions of this package that process measurements take `Angles`. `make_angles` builds them
+from directions in the propagation frame of a force model, and `angles_from_table` from a table with
+the column names of the Astrometry Data Exchange Standard (ADES).
 
-A direction is that of the object at the time at which its light left it, less the position of the
-observer at the time of detection, if `light_time` is requested: with the range rho, the position r
-and the inertial velocity v of the object, to first order in the light time tau = rho / c,
+With `light_time`, a direction points from the observer at the time of detection to the object at
+the time at which the light left it. With the range rho, the position r and the inertial velocity v
+of the object, and the position o of the observer, the vector between them is, to first order in the
+light time tau = rho / c,
 
     p = r(t) - tau (v + v_o) - o(t),                                                            (1)
 
@@ -47,6 +48,7 @@ class Angles(NamedTuple):
     time : ndarray, shape (row,)
         Nondimensional, since the epoch of the force model.
     observer : ndarray of int, shape (row,)
+        Number of the observer.
     place : ndarray, shape (row, 3)
         Positions of the observers, nondimensional, propagation frame.
     direction : ndarray, shape (row, 3)
@@ -62,7 +64,7 @@ class Angles(NamedTuple):
     origin_velocity : ndarray, shape (row, 3)
         v_o of equation (1), nondimensional, axes of the propagation frame.
     light_delay : float
-        1 / c, nondimensional; 0 if directions are geometric.
+        1 / c with the speed of light c, nondimensional; 0 if directions are geometric.
     """
 
     time: Array
@@ -78,12 +80,13 @@ class Angles(NamedTuple):
     light_delay: float
 
     def rows(self, which: ArrayLike) -> "Angles":
-        """The rows of an index or mask, in its order."""
+        """The rows that an array of indices or a mask selects, in its order."""
         return Angles(*(each[which] for each in self[:-1]), self.light_delay)
 
 
 def frame_rate(forces: tuple) -> float:
-    """Angular rate of the propagation frame of a force model about z: 1 in the CR3BP, else 0."""
+    """Angular rate of the propagation frame of a force model about z, nondimensional: 1 in the
+    CR3BP, otherwise 0."""
     return 1.0 if isinstance(forces, CR3BP) else 0.0
 
 
@@ -130,13 +133,17 @@ def make_angles(
     direction : array_like, shape (row, 3)
         Vectors of any length from observer to object, propagation frame.
     sigma_rad : array_like, shape () or (row,)
-        Standard deviation along each of two perpendicular directions.
+        Standard deviation along each of two perpendicular directions, rad.
     magnitude, magnitude_sigma : array_like, shape () or (row,)
-        NaN where unknown.
+        mag; NaN where unknown.
     sun : array_like, shape (row, 3), optional
-        Positions of the Sun, nondimensional, propagation frame, for tests of brightness.
+        Positions of the Sun, nondimensional, propagation frame, for the limits of brightness.
     light_time : bool
-        Whether directions are those of equation (1) with v_o = 0; else they are geometric.
+        Whether directions are those of equation (1) with v_o = 0; otherwise they are geometric.
+
+    Returns
+    -------
+    Angles
 
     Raises
     ------
@@ -180,7 +187,7 @@ def angles_from_table(
     bodies: BodyTable | None = None,
     light_time: bool = True,
 ) -> Angles:
-    """Measured directions from a table with the names of ADES.
+    """Measured directions from a table with the column names of ADES.
 
     Parameters
     ----------
@@ -197,7 +204,8 @@ def angles_from_table(
         Positions of Earth and Moon for the CR3BP, whose frame is the pulsating frame. Ephemeris
         forces have a table.
     light_time : bool
-        Whether light time is taken into account; directions of simulations may be geometric.
+        Whether to correct for light time by equation (1); False for geometric directions, such as
+        those of a simulation.
 
     Returns
     -------

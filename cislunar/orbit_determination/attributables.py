@@ -2,13 +2,14 @@
 
 The offsets of the detections in the plane tangent at their mean direction are fitted by a
 polynomial of time, in axes that do not rotate. The same linear estimator is applied to the
-positions of the observer. Position o and velocity w of the observer, as estimated, then belong to
-the direction u and rate d, so that an object at the range rho with the range rate rho' has the
-inertial velocity
+positions of the observer and gives its position o and its velocity w, which correspond to the
+direction u and its rate d. An object at the range rho with the range rate rho' has the inertial
+velocity
 
     v = w + rho' u + rho d                                                                      (1)
 
-(Milani et al. 2004, Icarus 168, 1) without an error by the curvature of the observer's path.
+(Milani et al. 2004, Icarus 168, 1). Since both are estimated in the same way, the curvature of the
+observer's path causes no error in equation (1).
 """
 
 from collections.abc import Sequence
@@ -35,21 +36,22 @@ class Attributables(NamedTuple):
     Attributes
     ----------
     time : ndarray, shape (tracklet,)
-        Weighted mean time of the detections, nondimensional.
+        Weighted mean time of the detections, nondimensional, since the epoch of the force model.
     observer : ndarray of int, shape (tracklet,)
+        Number of the observer.
     place, velocity : ndarray, shape (tracklet, 3)
         Position and inertial velocity of the observer, nondimensional, axes of the propagation
         frame at that time.
     direction, rate : ndarray, shape (tracklet, 3)
         Unit vector, and its derivative in axes that do not rotate; axes of the propagation frame.
     basis : ndarray, shape (tracklet, 2, 3)
-        Along right ascension and declination.
+        Unit vectors along right ascension and declination.
     covariance : ndarray, shape (tracklet, 4, 4)
-        Of direction and rate along the basis, rad^2, nondimensional time.
+        Covariance of direction and rate along the basis, rad and nondimensional time.
     magnitude, magnitude_sigma : ndarray, shape (tracklet,)
-        Weighted mean; NaN if unknown.
+        Weighted mean and its standard deviation, mag; NaN if unknown.
     chi_squared : ndarray, shape (tracklet,)
-        Of the polynomials.
+        Squared residuals of the polynomials in variances.
     detections : tuple of ndarray of int
         Rows of the angles of each tracklet.
     """
@@ -75,7 +77,7 @@ class Attributables(NamedTuple):
 
 
 class TrackletSettings(Section):
-    """Which detections of one observer may be of one pass of an object."""
+    """Conditions on detections of one observer that may belong to one pass of an object."""
 
     # fmt: off
 
@@ -100,6 +102,10 @@ def turned_about_z(vector: ArrayLike, angle: ArrayLike) -> Array:
     vector : array_like, shape (..., 3)
     angle : array_like, shape (...)
         rad, positive from x to y.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
     """
     x, y, z = np.moveaxis(np.asarray(vector, dtype=float), -1, 0)
     c, s = np.cos(angle), np.sin(angle)
@@ -115,12 +121,16 @@ def attributables(
     ----------
     angles : Angles
     tracklets : sequence of array_like of int
-        Rows of the angles, of one observer each, at two different times at least.
+        Rows of the angles of each tracklet, of one observer, at two different times at least.
     rate : float
         Angular rate of the propagation frame (`frame_rate`).
     degree : int, optional
-        Of the polynomials; by default 1, or 2 where the data of four or more detections require it
-        at a significance of 0.001.
+        Degree of the polynomials. By default it is 1, or 2 where detections at four or more times
+        require it at a significance of 0.001.
+
+    Returns
+    -------
+    Attributables
 
     Raises
     ------

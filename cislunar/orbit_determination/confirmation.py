@@ -1,4 +1,4 @@
-"""Rules by which a linked orbit is confirmed."""
+"""Rule by which a linked orbit is confirmed."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,9 +10,10 @@ from cislunar.runtime.settings_fields import Count, Number, Section, setting
 class ConfirmationRule(Section):
     """When a linked orbit is confirmed; otherwise it stays a candidate.
 
-    A confirmed orbit is the only one that its detections permit, leaves no direction of state space
-    open, and has tracklets of enough observers: of `observers_alone`, or of `observers` with
-    `tracklets_each` each and `tracklets` in all.
+    A confirmed orbit is the only one that its detections permit, all directions of state space are
+    determined, and its likelihood ratio is large enough. It also has tracklets of at least
+    `observers_alone` observers, or it has at least `tracklets` tracklets, and at least
+    `observers` observers with `tracklets_each` of them each.
     """
 
     # fmt: off
@@ -38,6 +39,7 @@ class ConfirmationRule(Section):
         verdict : str
             See `cislunar.orbit_determination.verdicts`.
         log_ratio : float
+            Score of the orbit (`cislunar.orbit_determination.scores`).
         """
         counts: NDArray[np.int64] = np.unique(np.asarray(observers), return_counts=True)[1]
         several = counts >= self.tracklets_each

@@ -38,7 +38,7 @@ def same_orbit(one: OrbitFits, other: OrbitFits) -> bool:
 
 
 class LinkHypotheses:
-    """Hypotheses that have been generated, one for each set of tracklets."""
+    """Generated hypotheses, one for each set of tracklets."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class LinkHypotheses:
         self.empty = fit_orbits(angles, [], np.empty((0, 6)), 0.0, forces=forces)
 
     def add(self, orbits: Grown) -> None:
-        """Add the hypotheses that agree, are plausible and beat detections of nothing."""
+        """Add hypotheses that agree with the angles, are plausible and have a positive score."""
         _, _, forces, region, settings = self.data
         good = agrees(orbits.fits, settings.verdict.significance)
         good &= is_plausible(orbits.fits, forces, region)

@@ -2,10 +2,11 @@
 
 The rows are grouped into tracklets. Starts are the orbits through pairs of tracklets
 (`cislunar.orbit_determination.pairs`) and samples of the admissible regions of single tracklets.
-Angles of several observers add the uniform motion nearest to all lines of sight, bent by the
-acceleration at its middle in the CR3BP. All starts are fitted to all angles; solutions that agree
-with them and are admissible are kept, best first. Where the angles leave a direction of state space
-open, the solutions are samples of a valley of nearly equal residuals.
+If there are several observers, another start is the motion at constant velocity that is nearest to
+all lines of sight; in the CR3BP it has the acceleration at its middle. All starts are fitted to all
+angles. Solutions that agree with the angles and are admissible are kept, in order of evidence.
+Where the angles do not determine a direction of state space, the solutions are samples of a set of
+orbits with nearly equal residuals.
 """
 
 from typing import NamedTuple
@@ -65,7 +66,7 @@ class InitialOrbitSettings(Section):
 
 
 class InitialOrbits(NamedTuple):
-    """Orbits of one object and what is determined of them.
+    """Orbits of one object, and a verdict on what its angles determine.
 
     Attributes
     ----------
@@ -76,7 +77,9 @@ class InitialOrbits(NamedTuple):
     log_evidence : ndarray, shape (fit,)
         See `cislunar.orbit_determination.verdicts.log_evidence`.
     open_directions : ndarray of int, shape (fit,)
+        See `cislunar.orbit_determination.verdicts.open_directions`.
     n_starts : int
+        Number of starts.
     """
 
     verdict: str
@@ -99,7 +102,7 @@ def initial_orbits(
     Parameters
     ----------
     angles : Angles
-        All rows are of the object.
+        Directions of this object only.
     forces : NamedTuple
         CR3BP or ephemeris forces.
     region : AdmissibleRegion, optional
@@ -274,7 +277,7 @@ def _distinct(fits: OrbitFits) -> OrbitFits:
 def fits_at(
     fits: OrbitFits, angles: Angles, epoch: ArrayLike, *, forces: tuple = EARTH_MOON
 ) -> OrbitFits:
-    """Converged solutions at other epochs, from new fits that begin there.
+    """Converged solutions at other epochs: propagated to these epochs and fitted again.
 
     Parameters
     ----------

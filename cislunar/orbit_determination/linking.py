@@ -1,14 +1,15 @@
 """Linking of tracklets without identity to orbits.
 
-Hypotheses are orbits with their detections. They come from pairs of tracklets (of neighboring times
-first, then of longer gaps among those that are left), which are fitted and grown
-(`cislunar.orbit_determination.growth`), and from orbits that are known already, which are grown
-first. Their scores are those of `cislunar.orbit_determination.scores`. Of all hypotheses the
-compatible set of the largest sum of scores is chosen, proven by HiGHS
-(`cislunar.association.set_packing`; Poore 1994, Computational Optimization and Applications 3, 27).
-Pairs of chosen orbits that may be of one object add their joint fit as a hypothesis, and the choice
-is repeated. The rivals of a chosen orbit are the best compatible hypotheses for its detections
-without it, if their sum of scores is nearly as large, and further solutions for all its detections.
+A hypothesis is an orbit with its detections; `cislunar.orbit_determination.scores` defines its
+score. Orbits that are already known take further tracklets first
+(`cislunar.orbit_determination.growth`). Pairs of the remaining tracklets, first those with short
+gaps, then those with longer gaps, are fitted and take further tracklets in the same way. Of all
+hypotheses, `link` chooses the compatible set with the largest sum of scores; HiGHS proves that it
+is the largest (`cislunar.association.set_packing`; Poore 1994, Computational Optimization and
+Applications 3, 27). If two chosen orbits may belong to one object, their joint fit becomes a
+hypothesis, and the choice is repeated. The rivals of a chosen orbit are the best compatible
+hypotheses for its detections without it, if their sum of scores is nearly as large, and further
+solutions for all its detections.
 """
 
 from collections.abc import Callable
@@ -60,18 +61,19 @@ class LinkedOrbits(NamedTuple):
     Attributes
     ----------
     fits : OrbitFits
-        Its rows of angles are the detections of each orbit.
+        The orbits; the rows of angles of a fit are the detections of the orbit.
     log_ratio : ndarray, shape (orbit,)
         Scores (`log_scores`).
     verdict : tuple of str
         ORBIT, SEVERAL_ORBITS or DIRECTION_ONLY of `cislunar.orbit_determination.verdicts`.
     open_directions : ndarray of int, shape (orbit,)
+        See `cislunar.orbit_determination.verdicts.open_directions`.
     confirmed : ndarray of bool, shape (orbit,)
-        Otherwise it is a candidate.
+        Whether the orbit satisfies the rule of confirmation; otherwise it is a candidate.
     rivals : tuple of OrbitFits
         Other orbits through some or all of the detections, of nearly the same evidence.
     n_hypotheses : int
-        Over which the choice is optimal.
+        Number of hypotheses among which the choice is optimal.
     """
 
     fits: OrbitFits
@@ -106,7 +108,7 @@ def link(
     angles : Angles
         Detections of unknown origin, in order of time.
     tracklets : Attributables
-        Of these detections; a detection may be in several.
+        Tracklets of these detections; a detection may be in several.
     forces : NamedTuple
         CR3BP or ephemeris forces.
     region : AdmissibleRegion, optional
@@ -114,10 +116,10 @@ def link(
     log_clutter, log_misses
         See `log_scores`.
     known : LinkedOrbits, optional
-        Result for the first rows of the same angles, which is continued: its orbits take new
-        tracklets first, and only tracklets of the window that they leave are linked.
+        Result for the first rows of the same angles, which is continued: its orbits take further
+        tracklets first, and then the remaining tracklets of the window are linked.
     progress : callable, optional
-        Called with (tracklets scanned, tracklets in all) of each gap.
+        Called with (tracklets processed, all tracklets) for each longest gap.
 
     Returns
     -------

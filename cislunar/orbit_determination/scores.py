@@ -1,14 +1,15 @@
-"""Settings of linking, and scores of links.
+"""Settings of linking, and scores of hypotheses.
 
-The score of a hypothesis, an orbit with its detections, is the logarithm of its likelihood ratio to
-detections of nothing that is linked,
+The score of a hypothesis, an orbit with its n detections, is the logarithm of its likelihood ratio
+to the assumption that its detections are clutter, that is, false alarms or detections of objects
+that are not linked:
 
     ln n_0 + ln p(angles) + ln p(magnitudes) + n ln P_D + ln p(misses) - sum ln kappa,          (1)
 
-with the expected number n_0 of objects in the region, `log_evidence`, the magnitudes of a sphere of
-unknown size with a scatter, the detection probability P_D, and the density kappa of detections that
-are of nothing that is linked. All constants are included, so that hypotheses with different
-numbers of detections compare.
+with the expected number n_0 of objects in the region, p(angles) by `log_evidence`, p(magnitudes) of
+a sphere of unknown size with a scatter, the detection probability P_D, and the density kappa of
+clutter. All constants are included, so that hypotheses with different numbers of detections are
+comparable.
 """
 
 from collections.abc import Callable
@@ -73,7 +74,7 @@ def log_scores(
     log_clutter: ArrayLike,
     log_misses: Callable[[OrbitFits], Array] | None = None,
 ) -> Array:
-    """Scores (1) of hypotheses; minus infinity for those that are not admissible.
+    """Scores of hypotheses, equation (1); minus infinity for those that are not admissible.
 
     Parameters
     ----------
@@ -82,12 +83,11 @@ def log_scores(
     region : AdmissibleRegion
     settings : LinkingSettings
     log_clutter : array_like, shape () or (row,)
-        Logarithm of the density of detections of nothing that is linked, per steradian and, for
-        rows with a magnitude and a position of the Sun, per magnitude
-        (`cislunar.detection.DetectionProcess.log_intensity`).
+        Logarithm of the density of clutter, per steradian and, for rows with a magnitude and a
+        position of the Sun, per magnitude (`cislunar.detection.DetectionProcess.log_intensity`).
     log_misses : callable, optional
-        Logarithm of the probability that the exposures of all observers did not detect each fit
-        elsewhere; by default 0.
+        Takes fits, and returns for each the logarithm of the probability that no other exposure of
+        any observer detected the object, shape (fit,); by default 0.
 
     Returns
     -------

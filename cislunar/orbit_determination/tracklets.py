@@ -1,8 +1,9 @@
-"""Tracklets of detections without identity: those of one observer that may be of one pass.
+"""Formation of tracklets from detections without identity.
 
-Consecutive detections form a pair if they lie within the settings' time, rate and difference of
-magnitude. A pair is continued by later detections near its straight path on the sky. A detection
-may be in several tracklets; linking chooses among them.
+A tracklet consists of detections of one observer that may belong to one pass of an object. Two
+detections form a pair if their separation in time, their angular rate and their difference of
+magnitude are within the settings. Later detections near the straight path of the pair on the sky
+extend it. A detection may be in several tracklets; linking chooses among them.
 """
 
 import numpy as np

@@ -1,10 +1,10 @@
-"""What data determine of an orbit: evidence, directions left open, and a verdict.
+"""Evidence of an orbit, directions of state space that angles leave undetermined, and verdicts.
 
-A converged fit is not a determined orbit. The covariance P of a solution is compared with that of
-the admissible region, P_0: a direction of state space is open if its standard deviation is not
-small against that of the region, by the eigenvalues of P relative to P_0. The range is open, too,
-if its error is not small against the range itself, since the covariance then describes the possible
-orbits badly.
+A fit may converge although the angles do not determine the orbit. The covariance P of a solution is
+therefore compared with that of the admissible region, P_0. A direction of state space is *open*
+(undetermined) if its standard deviation is not small compared with that of the region, by the
+eigenvalues of P relative to P_0. The range is also open if its standard deviation is not small
+compared with the range itself, since the covariance then does not describe the possible orbits.
 """
 
 import numpy as np
@@ -25,13 +25,13 @@ SEVERAL_ORBITS = "several orbits"
 DIRECTION_ONLY = "direction only"
 CONTRADICTORY = "contradictory angles"
 NO_ORBIT = "no orbit"
-"""Verdicts: one determined orbit; several that fit; fits that leave the range or another direction
-open, or too few angles for any fit; fits that all disagree with the angles; no fit that converges
-to an admissible orbit."""
+"""Verdicts, in this order: one determined orbit; several orbits that agree with the angles; fits
+that leave the range or another direction open, or too few angles for a fit; converged fits that all
+disagree with the angles; no fit that converges to an admissible orbit."""
 
 
 class VerdictSettings(Section):
-    """When a fit agrees with its angles, and when it is determined."""
+    """Conditions on a fit that agrees with its angles, and on an orbit that is determined."""
 
     # fmt: off
 
@@ -52,22 +52,32 @@ class VerdictSettings(Section):
 
 
 def region_covariance(region: AdmissibleRegion) -> Array:
-    """Covariance (6, 6) of states that are uniform over the admissible region.
+    """Covariance of states that are uniform over the admissible region.
 
     Parameters
     ----------
     region : AdmissibleRegion
+
+    Returns
+    -------
+    ndarray, shape (6, 6)
+        Nondimensional.
     """
     return np.diag(np.repeat([region.position_sigma**2, region.velocity_sigma**2], 3))
 
 
 def agrees(fits: OrbitFits, significance: float) -> NDArray[np.bool_]:
-    """Which fits have converged with a chi squared that is no less probable than `significance`.
+    """Whether fits have converged and agree with their angles.
 
     Parameters
     ----------
     fits : OrbitFits
     significance : float
+        Least probability of a larger chi squared.
+
+    Returns
+    -------
+    ndarray of bool, shape (fit,)
     """
     # without degrees of freedom residuals vanish; the tolerance is that of the iteration
     limit = np.where(fits.degrees > 0, chi2.isf(significance, np.maximum(fits.degrees, 1)), 1e-2)
@@ -109,10 +119,11 @@ def open_directions(
 
 
 def log_evidence(fits: OrbitFits, angles: Angles, region: AdmissibleRegion) -> Array:
-    """Logarithm of the density of the angles of each fit, for an object anywhere in the region.
+    """Logarithm of the evidence of each fit: the density of its angles, for an object anywhere in
+    the region.
 
-    By Laplace's method about the solution (MacKay 2003, Information Theory, Inference, and Learning
-    Algorithms, chapter 27), with all constants:
+    It is approximated by Laplace's method about the solution (MacKay 2003, Information Theory,
+    Inference, and Learning Algorithms, chapter 27), with all constants:
 
         sum ln N(residual; 0, R) + ln p(state) + 3 ln(2 pi) + ln det(P^-1 + P_0^-1)^(-1/2).
 
@@ -126,7 +137,7 @@ def log_evidence(fits: OrbitFits, angles: Angles, region: AdmissibleRegion) -> A
     Returns
     -------
     ndarray, shape (fit,)
-        Of a density per steradian for each detection; minus infinity for a fit that has not
+        The density is per steradian for each detection. Minus infinity for a fit that has not
         converged.
     """
     prior = np.linalg.inv(region_covariance(region))

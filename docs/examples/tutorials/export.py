@@ -2,8 +2,9 @@
 Export a trajectory to another tool
 ===================================
 
-How does a trajectory reach GMAT, Orekit or STK? It is written as a CCSDS Orbit Ephemeris Message
-and read back. :doc:`/docs/tutorials/exchange` does the same for cells of the campaign.
+How is a trajectory passed to another tool, such as Orekit? This example writes it as a CCSDS Orbit
+Ephemeris Message and reads it back. :doc:`/docs/tutorials/exchange` does the same for cells of the
+campaign.
 """
 
 import tempfile
@@ -26,8 +27,8 @@ times_s = np.arange(0.0, halo.period[0] * TIME_UNIT_S, 600.0)
 path = cs.propagate(halo.state[0], times_s / TIME_UNIT_S)
 
 # %%
-# A message cannot name that frame. The states are therefore rotated into the axes of the ICRF at an
-# epoch, with the Earth (or the Moon, or the barycenter) as center, in km and km/s.
+# An Orbit Ephemeris Message cannot name this frame. The states are therefore transformed to the
+# ICRF at an epoch, with the Earth (or the Moon, or the barycenter) as center, in km and km/s.
 
 epoch = epoch_at(EPOCH_JD)
 station = arc("STATION", path, times_s, epoch, object_id="2030-001A", center="EARTH")

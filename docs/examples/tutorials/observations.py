@@ -2,9 +2,10 @@
 Exchange observations with another tool
 =======================================
 
-How do directions and magnitudes reach an orbit determination program, and how are those of others
-read? They are written as a CCSDS Tracking Data Message and in the format of the Minor Planet Center
-(ADES), and read back. :doc:`/docs/tutorials/exchange` does the same for cells of the campaign.
+How are directions and magnitudes passed to an orbit determination program, and how are observations
+from another program read? This example writes them as a CCSDS Tracking Data Message and in the
+format of the Minor Planet Center (ADES), and reads them back. :doc:`/docs/tutorials/exchange` does
+the same for cells of the campaign.
 """
 
 import tempfile
@@ -29,7 +30,7 @@ from cislunar.exchange import (
 
 # %%
 # A telescope on a halo orbit observes an object on a Lyapunov orbit every ten minutes for a day.
-# Both paths are rotated into the axes of the ICRF, with the Earth as center.
+# Both paths are transformed to the ICRF, with the Earth as center.
 
 times_s = np.arange(0.0, 86_400.0, 600.0)
 epoch = epoch_at(EPOCH_JD)
@@ -42,8 +43,8 @@ telescope, target = (
 )
 
 # %%
-# The table of observations has the column names of ADES. The code of the station is one that no
-# observatory has, and its position is given in every row.
+# The table of observations has the column names of ADES. Each row has the position of the
+# telescope, whose code O001 stands for no observatory.
 
 way = target.state[:, :3] - telescope.state[:, :3]
 rng = np.random.default_rng(1)
@@ -68,19 +69,20 @@ table = pd.DataFrame(
 table["ra"] %= 360.0
 
 # %%
-# The Tracking Data Message names the ephemeris of the telescope, which is a message of its own.
+# The Tracking Data Message names the file with the ephemeris of the telescope, an OEM.
 
 message = tdm_text(table, created="2030-01-01T00:00:00", ephemerides={"O001": "telescope.oem"})
 ephemeris = oem_text([telescope], created="2030-01-01T00:00:00")
 print("\n".join(message.splitlines()[:19]))
 
 # %%
-# The ADES file has standard deviations and the position, with the digits that the standard allows.
+# The ADES file also has the standard deviations and the position of the telescope. Its numbers have
+# the digits that the standard allows.
 
 print("\n".join(line[:95] for line in ades_text(table).splitlines()[:4]))
 
 # %%
-# Both are read back into the same table.
+# Both files are read back as tables with the same column names.
 
 with tempfile.TemporaryDirectory() as folder:
     tdm, psv = Path(folder) / "telescope.tdm", Path(folder) / "telescope.psv"
