@@ -28,3 +28,10 @@ def did_you_mean(name: str, known: Iterable[str], likeness: float = 0.6) -> str:
     folded = {each.casefold(): each for each in known}
     close = difflib.get_close_matches(name.casefold(), folded, n=2, cutoff=likeness)
     return f"did you mean {' or '.join(repr(folded[each]) for each in close)}?" if close else ""
+
+
+def known_keys(known: Iterable[str], most: int = 20) -> str:
+    """The first keys that are known, and how many more there are, in the words of a remedy."""
+    names = list(known)
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"known keys: {', '.join(names[:most])}{more}"

@@ -121,6 +121,25 @@ _UNMATCHED = {
 }
 """Truths that differ from the assumed model."""
 
+_FILTERS = {
+    "filter-material": "material as further states",
+    "filter-bodies": "material, inertia and torque as further states",
+    "filter-inflated": "larger magnitude noise assumed",
+    "filter-adaptive": "magnitude noise estimated",
+    "filter-strongest": "bodies and noise estimated, mixtures and process noise",
+    "filter-position": "angles alone",
+}
+"""Variants of the paper's filter that account for errors of the predicted brightness."""
+
+_OBSERVER_ERRORS = {
+    "bias-3arcsec": "a pointing bias of 3 arcsec",
+    "bias-1km": "a position bias of 1 km",
+    "bias-3arcsec-100m": "biases of 3 arcsec and 100 m",
+    "walk-1km": "a random walk of 1 km in a day",
+    "clock-1s": "a clock error of 1 s",
+}
+_TREATMENTS = {"": "ignored", "-considered": "considered", "-calibrated": "calibrated"}
+
 PIPELINES = {
     ("information", "batch", ""): _RECOMMENDED,
     ("information", "batch", "week"): f"{_RECOMMENDED}, seven days",
@@ -145,6 +164,12 @@ PIPELINES = {
     **{
         ("information", "batch", name): f"{_RECOMMENDED}, {label}"
         for name, label in _UNMATCHED.items()
+    },
+    **{("published", "mukf", name): f"{_PAPER}, {label}" for name, label in _FILTERS.items()},
+    **{
+        ("information", "mukf", name + ending): f"observers with {label}, {treatment}"
+        for name, label in _OBSERVER_ERRORS.items()
+        for ending, treatment in _TREATMENTS.items()
     },
 }
 """Pipelines of ``config/real.yaml``: design without its number, estimator and variant."""

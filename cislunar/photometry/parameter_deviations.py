@@ -2,17 +2,19 @@
 
 A body-parameter deviation is a kind and an amount x, with 0 for no deviation. Lengths, areas and
 factors are multiplied by exp(x), and so are the odds of shares between 0 and 1; therefore every
-amount is possible. Amounts of the reflection law are added:
+amount is possible. Amounts of the reflection law are added::
 
-    ALBEDO        diffuse albedo rho, which enters only through the product d rho
-    SLOPE         root mean square slope of the microfacets
-    REFLECTANCE   odds of the normal reflectance F0
-    SHARE         odds of the specular share s / (d + s), at constant d + s
-    SCALE         all reflected light
-    PHONG_SHARE, LOMMEL_SEELIGER_SHARE, PHASE_SLOPE, PHASE_CURVATURE
-                  the law's deviations from Cook-Torrance, `cislunar.photometry.law_mixture`
-    AXIS_SCALE + c   length of the body along axis c
-    FACET + i     light reflected by facet i
+    ALBEDO                   diffuse albedo rho, which enters only through the product d rho
+    SLOPE                    root mean square slope of the microfacets
+    REFLECTANCE              odds of the normal reflectance F0
+    SHARE                    odds of the specular share s / (d + s), at constant d + s
+    SCALE                    all reflected light
+    PHONG_SHARE,
+    LOMMEL_SEELIGER_SHARE,
+    PHASE_SLOPE,
+    PHASE_CURVATURE          deviations from Cook-Torrance, `cislunar.photometry.law_mixture`
+    AXIS_SCALE + c           length of the body along axis c
+    FACET + i                light reflected by facet i
 
 Amounts of the same kind add up, so that a derivative does not depend on the reference.
 """

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from cislunar.errors import did_you_mean
+from cislunar.errors import did_you_mean, known_keys
 
 _LIMITS = (
     ("minimum", "at least"),
@@ -180,7 +180,7 @@ def _described(
         if renamed.get(path[-1]) in known:
             remedy = f"it is now called {renamed[path[-1]]!r}"
         else:
-            remedy = did_you_mean(path[-1], known) or f"known keys: {', '.join(known)}"
+            remedy = did_you_mean(path[-1], known) or known_keys(known)
         return f"unknown configuration key {shown(place)}: {remedy}"
     if path and path[-1] == "[key]":
         expected = fault["ctx"].get("pattern")

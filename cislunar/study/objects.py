@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from cislunar.campaign.settings.observing.sensors import sensor_change
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
-from cislunar.errors import CislunarError, ConfigurationError, did_you_mean
+from cislunar.errors import CislunarError, ConfigurationError, did_you_mean, known_keys
 from cislunar.exchange.inertial import Epoch, rotating_states
 from cislunar.exchange.oem import Segment, read_oem, state_at
 from cislunar.exchange.table_rows import check_state
@@ -223,7 +223,7 @@ def _of_mapping(
     known = OBJECT_KEYS[what]
     for key in given:
         if key not in known:
-            remedy = did_you_mean(str(key), known) or f"known keys: {', '.join(known)}"
+            remedy = did_you_mean(str(key), known) or known_keys(known)
             raise ConfigurationError(f"{place}: unknown key {key!r}: {remedy}")
     ways = [key for key in _WAYS if key in given]
     if len(ways) != 1:

@@ -537,9 +537,15 @@ def all_keys(config):
         "sweeps": {"noise": {"estimators": ["mukf"]}},
         "task2": {
             "variants": {
+                "pooled": {"day3": {}},
                 "families": {
-                    "slope": {"scenario": "D", "architecture": "exact", "other_architectures": []}
-                }
+                    "slope": {
+                        "scenario": "D",
+                        "architecture": "exact",
+                        "other_architectures": [],
+                        "pooled": [],
+                    }
+                },
             },
             "sensors": {"small": dict.fromkeys(SensorGroup.model_fields)},
             "stations": {"tenerife": dict.fromkeys(Station.model_fields)},

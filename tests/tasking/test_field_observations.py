@@ -174,7 +174,12 @@ def still(n_steps, tasked, ids, process, seed=7, start=0):
         ),
     )  # fmt: skip
     surfaces = target_surfaces(icosahedron(), Material(), n)
-    own = SimpleNamespace(seed=seed, truth=SimpleNamespace(surfaces=surfaces, sensor=None))
+    own = SimpleNamespace(
+        seed=seed,
+        truth=SimpleNamespace(surfaces=surfaces, sensor=None),
+        observers=None,
+        scene=lambda given: given.scene,
+    )
     return observe_field(
         inputs, own, start, SimpleNamespace(target_by_step=tasked),
         Prediction(start + 1, states[:, 0], np.tile(np.eye(6), (n, 1, 1))), motion,

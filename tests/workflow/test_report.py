@@ -9,9 +9,9 @@ RULES = sorted((ROOT / "workflow/rules").glob("*.smk"))
 USERS = [ROOT / "Snakefile", *RULES]
 CAPTIONS = sorted((ROOT / "workflow/report").glob("*.rst"))
 SHOWN = re.compile(r'results\(\s*"((?:figures/[^"]+\.(?:png|html))|(?:tables/[^"]+\.csv))"')
-COLLECTED = re.compile(r"tables/claims_\w+\.csv")
+COLLECTED = re.compile(r"tables/(\{extent\})?claims_\w+\.csv")
 """Parts of a table that the report contains as a whole."""
-LONG = {"tables/tracking.csv"}
+LONG = {"tables/tracking.csv", "tables/paper/tracking.csv"}
 """Tables that are too long for the report."""
 
 
