@@ -349,7 +349,8 @@ class EstimatorFactory(Protocol):
     A factory whose estimators estimate body parameters has an attribute `estimated_parameters`. Its
     estimators have `learned` and `searches`, see
     `cislunar.estimation.light_curves.batch.BatchEstimator`. A factory whose estimators choose
-    between models of the body has `chooses_models` = True, and its estimators `attitude_status`.
+    between models of the body has `chooses_models` = True, and its estimators `attitude_status` and
+    `characterizations`.
     """
 
     def __call__(

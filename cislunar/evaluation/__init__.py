@@ -4,6 +4,8 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "characterization": ["CHARACTERIZED_FIELDS", "CharacterizedTargets", "INTERVAL_PARTS",
+        "characterized_targets", "spin_axis_error_deg", "within_intervals"],
     "cramer_rao": ["CramerRaoBound"],
     "custody": ["Custody", "attitude_angle_deg"],
     "gospa": ["CatalogQuality", "FALSE_ALARM", "Gospa", "catalog_quality"],

@@ -160,6 +160,7 @@ COUNTS = (
     "inconsistent_translation_lunar",
     "inconsistent_rotation_only",
     "failed",
+    "bright",
 )
 """Quantities that count targets."""
 

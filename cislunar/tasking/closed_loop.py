@@ -18,7 +18,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,7 @@ from cislunar.dynamics.cr3bp import CR3BP, EARTH_MOON
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import UPDATES, EstimatorFactory, InitialEstimate
 from cislunar.estimation.registry import estimator_named
+from cislunar.evaluation.characterization import CharacterizedTargets
 from cislunar.evaluation.metrics import TrackingMetrics
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.scene import Scene
@@ -76,6 +77,9 @@ class LoopResult:
         factorizations.
     observations : ObservationLog or None
         All observations, if ``settings.record`` has "measurements".
+    characterized : CharacterizedTargets or None
+        What the light curves tell of the targets at the end of the run, arrays with a leading axis
+        over seeds; None unless the estimator chooses between models of the bodies.
     """
 
     elapsed_s: Array
@@ -84,6 +88,7 @@ class LoopResult:
     failed: NDArray[np.uint8]
     counters: NDArray[np.int64]
     observations: ObservationLog | None
+    characterized: CharacterizedTargets | None = None
 
     def __getattr__(self, name: str) -> NDArray | None:
         if name in HISTORIES:
@@ -110,8 +115,8 @@ if LoopResult.__doc__:  # None under python -OO
 
 class State(NamedTuple):
     """Progress of a run, which a checkpoint stores. `done` counts the tasking epochs of all
-    realizations, `observations` the logged observations; `ends` has the `Realization.end` of every
-    completed realization, `current` the one in progress."""
+    realizations, `observations` the logged observations; `ends` has the `End` of every completed
+    realization, `current` the one in progress."""
 
     done: int = 0
     observations: int = 0
@@ -201,8 +206,7 @@ class ClosedLoop:
     @property
     def outputs(self) -> Outputs:
         """What the estimator returns besides the motion."""
-        chosen = getattr(self.inputs.factory, "chooses_models", False)
-        return Outputs(bool(self.estimated_parameters), chosen)
+        return Outputs(bool(self.estimated_parameters), self.inputs.chooses_models)
 
     @property
     def lengths(self) -> dict[str, int]:
@@ -234,7 +238,7 @@ class ClosedLoop:
             if done % n_epochs:
                 self.state = State(done, observations, ends, current)
             else:
-                self.state = State(done, observations, (*ends, current.end))
+                self.state = State(done, observations, (*ends, current.end(self.inputs)))
             yield piece
 
     def split_by_realization(self) -> list[ClosedLoop]:
@@ -255,9 +259,19 @@ class ClosedLoop:
 
     def ends(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:
         """Metrics, reasons of failed estimates and counters of a completed run, by seed first."""
-        metrics, failed, counters = zip(*self.state.ends, strict=True)
-        each = (np.array(column) for column in zip(*metrics, strict=True))
-        return TrackingMetrics(*each), np.array(failed), np.array(counters)
+        metrics, failed, counters, _ = zip(*self.state.ends, strict=True)
+        return _by_seed(metrics), np.array(failed), np.array(counters)
+
+    def characterized(self) -> CharacterizedTargets | None:
+        """What the light curves tell of the targets at the end of a completed run, by seed first;
+        None unless the estimator chooses between models of the bodies."""
+        found = [end.characterized for end in self.state.ends]
+        return _by_seed(found) if self.inputs.chooses_models else None
+
+
+def _by_seed(found: Sequence[Any]) -> Any:
+    """Named tuples of arrays as one, with a leading axis."""
+    return type(found[0])(*(np.array(column) for column in zip(*found, strict=True)))
 
 
 def run_closed_loop(
@@ -334,7 +348,8 @@ def run_closed_loop(
         kept.get("parameter_sigma"), loop.estimated_parameters, counters[..., UPDATES]
     )
     elapsed_s = settings.step_s * (settings.recorded + 1.0)
-    return LoopResult(elapsed_s, kept, metrics, failed, counters, observations)
+    results = elapsed_s, kept, metrics, failed, counters, observations
+    return LoopResult(*results, loop.characterized())
 
 
 def _identities(target_ids: ArrayLike) -> NDArray[np.int64]:

@@ -47,7 +47,7 @@ from cislunar.tasking.planning.pending import expected_update
 from cislunar.tasking.recording import Piece, observation_log, recorded_motion
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.state import Realization, SimulationInputs
-from cislunar.tasking.truth import TrueMotion, Truth, estimation_errors
+from cislunar.tasking.truth import Truth, estimation_errors
 
 Array = NDArray[np.float64]
 
@@ -67,23 +67,7 @@ def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Reali
     truth = inputs.truth.sampled(seed, inputs.ids)
     observers = draw_observer_errors(truth.observer_sigma, truth.observer_errors, scene, seed)
     true_scene = scene if observers is None else observers.scene(scene)
-    motion = TrueMotion(
-        inputs.initial,
-        scene,
-        truth.noise if truth.sensor is None else np.ones(3),
-        seed,
-        inputs.ids,
-        forces=truth.forces,
-        inertia=truth.surfaces.inertia,
-        angular_acceleration=truth.angular_acceleration,
-        torque=truth.torque,
-        surfaces=truth.surfaces,
-        observations=(
-            settings.schedule.observers_per_target
-            if not settings.association.in_field
-            else scene.observer_position.shape[0]
-        ),
-    )
+    motion = inputs.true_motion(truth, seed)
     variance = truth.noise**2
     if truth.sensor is not None:
         # photon noise is as recorded; the constant noise may differ
@@ -158,7 +142,7 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
     outcome[estimates.used & (outcome == DETECTED)] = USED
     _report(own, start, tasking, measurements, outcome, commanded, shaded)
     error = estimation_errors(1, motion, estimates)
-    chosen = getattr(inputs.factory, "chooses_models", False)
+    chosen = inputs.chooses_models
     known = own.estimator.attitude_status == UNIQUE if chosen else None
     own.evaluation.update(error, estimates.sigma, observed, least, known)
     outputs = Outputs(bool(own.estimator.estimated_parameters), chosen)
@@ -208,7 +192,7 @@ def _learned(inputs: SimulationInputs, own: Realization) -> dict[str, list[Array
         )
         found |= {"parameter_error": [true - mean], "parameter_sigma": [sigma]}
         found["searches"] = [own.estimator.searches]
-    if getattr(inputs.factory, "chooses_models", False):
+    if inputs.chooses_models:
         found["attitude_status"] = [own.estimator.attitude_status]
     return found
 

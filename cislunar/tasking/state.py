@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 
 from cislunar.association.tracks import TrackStatus
 from cislunar.estimation.estimator import Estimator, EstimatorFactory, InitialEstimate
+from cislunar.estimation.light_curves.row_blocks import TIME
+from cislunar.evaluation.characterization import CharacterizedTargets, characterized_targets
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
 from cislunar.observation.scene import Scene
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.tasking.communication.reception import Reception
+from cislunar.tasking.initial_conditions import CHARACTERIZATION, stream
 from cislunar.tasking.observer_truth import ObserverTruth
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.settings import LoopSettings
@@ -33,6 +36,42 @@ class SimulationInputs(NamedTuple):
     truth: TruthModel
     ids: NDArray[np.int64]
     forces: tuple
+
+    @property
+    def chooses_models(self) -> bool:
+        """Whether the estimators choose between models of the bodies."""
+        return getattr(self.factory, "chooses_models", False)
+
+    def true_motion(self, truth: TruthModel, seed: int) -> TrueMotion:
+        """The true motion of a realization from the epoch on, given its sampled truth."""
+        settings, scene = self.settings, self.scene
+        return TrueMotion(
+            self.initial,
+            scene,
+            truth.noise if truth.sensor is None else np.ones(3),
+            seed,
+            self.ids,
+            forces=truth.forces,
+            inertia=truth.surfaces.inertia,
+            angular_acceleration=truth.angular_acceleration,
+            torque=truth.torque,
+            surfaces=truth.surfaces,
+            observations=(
+                settings.schedule.observers_per_target
+                if not settings.association.in_field
+                else scene.observer_position.shape[0]
+            ),
+        )
+
+
+class End(NamedTuple):
+    """What remains of a completed realization: metrics, reasons of failed estimates, counters, and
+    the characterization of the targets, None if no models of bodies are chosen."""
+
+    metrics: TrackingMetrics
+    failed: NDArray[np.uint8]
+    counters: NDArray[np.int64]
+    characterized: CharacterizedTargets | None
 
 
 class Realization(NamedTuple):
@@ -59,7 +98,26 @@ class Realization(NamedTuple):
         """The scene with the true positions of the observers."""
         return inputs.scene if self.observers is None else self.observers.scene(inputs.scene)
 
-    @property
-    def end(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:
-        """Metrics, reasons of failed estimates, and counters."""
-        return self.evaluation.result(), self.estimator.failed, self.estimator.counters
+    def end(self, inputs: SimulationInputs) -> End:
+        """Results of the completed realization."""
+        found = self._characterized(inputs) if inputs.chooses_models else None
+        return End(self.evaluation.result(), self.estimator.failed, self.estimator.counters, found)
+
+    def _characterized(self, inputs: SimulationInputs) -> CharacterizedTargets:
+        """What the light curves tell of the targets. The true motion is computed once more, since
+        only its end is kept."""
+        own = self.estimator
+        found = own.characterizations([stream(CHARACTERIZATION, self.seed, j) for j in inputs.ids])
+        rows = [own.light_curve(j)[0] for j in range(inputs.ids.size)]
+        steps = [np.rint(each[:, TIME] / inputs.scene.step_s).astype(np.int64) for each in rows]
+        attitudes = [np.empty((each.size, 4)) for each in steps]
+        motion, settings = inputs.true_motion(self.truth, self.seed), inputs.settings
+        for start in settings.epochs.tolist():
+            stop = min(start + settings.steps_per_interval, settings.n_steps)
+            moved = motion.advance(stop - start)
+            if start == 0:
+                quaternion, omega = moved.quaternion[:, 0], moved.angular_velocity[:, 0]
+            for j, step in enumerate(steps):
+                here = (step > start) & (step <= stop)
+                attitudes[j][here] = moved.quaternion[j, step[here] - start]
+        return characterized_targets(found, rows, attitudes, quaternion, omega, self.truth.surfaces)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from oracles.light_curves import FACETS, anchor_of, geometry, model_of
 from oracles.reflection import lambert_phong_magnitude
+from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from cislunar.attitude.grp import from_quaternion
@@ -139,7 +140,7 @@ def test_cost_with_a_correlated_error_against_the_density(tau):
 
     def found(u):
         rows = fit.rows(u)
-        fit.refresh(rows[1])
+        fit.refresh(rows)
         return fit.cost(u, rows)
 
     def expected(u):
@@ -169,6 +170,89 @@ def test_cost_with_a_correlated_error_against_the_density(tau):
         step = 1e-6 * np.eye(model.sigma.size)[i]
         ends = [fit.cost(points[0] + s * step, fit.rows(points[0] + s * step))[0] for s in (1, -1)]
         assert gradient[i] == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=2e-3 * abs(value))
+
+
+class _LinearFit(CorrelatedFit):
+    """A fit of magnitudes that are linear in the parameters, with fixed directions."""
+
+    def __init__(self, design, directions, *args):
+        super().__init__(*args)
+        self._linear = design, directions
+
+    def rows(self, u):
+        return self._linear[0] @ u, self._linear[1], self._linear[0]
+
+
+def test_evidence_of_an_unknown_noise_against_quadrature():
+    """The marginal likelihood over all parameters and the noise variance, by quadrature over the
+    variance, of models with different numbers of parameters and different model errors."""
+    rng, n, freedom = np.random.default_rng(2), 90, 4.0
+    data = _observed(n)
+    data[:, WEIGHT] = rng.uniform(0.5, 1.0, n)
+    model = model_of()._replace(noise_freedom=freedom)
+    variance, bins = model.noise_variance, bins_of_rows(data, 30)
+    assert bins.first.size < 0.6 * n
+    directions = rng.standard_normal((n, 6))
+    directions[bins.order] = np.repeat(
+        directions[: bins.first.size], np.diff(np.r_[bins.first, n]), axis=0
+    )
+    apart = np.sum((directions[:, None] - directions) ** 2, axis=-1)
+    design = rng.standard_normal((n, 5))
+    noise = np.sqrt(2.2 * variance / data[:, WEIGHT]) * rng.standard_normal(n)
+    data[:, MAGNITUDE] = design @ [0.5, -0.4, 0.3, 0.0, 0.0] + noise
+    logs = np.linspace(np.log(0.5), np.log(50.0), 250)
+    prior = -0.5 * freedom * (logs + np.exp(-logs))  # chi squared of nu / f, in ln f
+
+    def quadrature(columns, tau):
+        fixed = columns @ columns.T + tau**2 * np.exp(-apart / (2.0 * 0.35**2))
+        found = []
+        for f in np.exp(logs):
+            noise = np.diag(f * variance / data[:, WEIGHT])
+            whole = multivariate_normal(np.zeros(n), fixed + noise)
+            # for linear parameters, the density at their most likely values differs by this
+            more = (
+                np.linalg.slogdet(fixed + noise)[1]
+                - np.linalg.slogdet(fixed - columns @ columns.T + noise)[1]
+            )
+            found.append((whole.logpdf(data[:, MAGNITUDE]), 0.5 * more))
+        return np.array(found).T + prior * [[1.0], [0.0]]
+
+    expected, estimated = [], []
+    for size, tau in ((5, 0.0), (3, 0.0), (5, 0.05), (5, 0.2), (2, 0.2)):
+        columns = design[:, :size]
+        fit = _LinearFit(columns, directions, data, bins, model, ModelError(tau, 0.35))
+        found = fit.refined(np.zeros(size), 12)
+        density, more = quadrature(columns, tau)
+        expected.append(logsumexp(density))
+        estimated.append(found.log_evidence)
+        likely = logs[np.argmax(density + more)]
+        assert np.log(found.noise_factor) == pytest.approx(likely, abs=logs[1] - logs[0])
+    assert np.ptp(expected) > 5.0
+    np.testing.assert_allclose(np.diff(estimated), np.diff(expected), atol=0.1)
+
+
+def test_an_unknown_noise_is_estimated_with_the_model():
+    """Three times the assumed noise: an exact model is still recognized, and its cost is that of
+    the fit without a choice."""
+    data, model, true, _ = _simulated(_as_believed)
+    data[:, MAGNITUDE] += 0.1 * np.sqrt(8.0) * np.random.default_rng(4).standard_normal(len(data))
+    unknown = model._replace(noise_freedom=4.0)
+    selected = select_model(data, unknown, np.random.default_rng(1))
+    assert selected.rung == "known" and selected.tempering == 1.0
+    assert selected.noise_factor == pytest.approx(9.0, rel=0.15)
+    estimate = rotation_at(selected, model, 3600.0 * HOURS)
+    angle, error = _angle_deg(estimate, true)
+    assert angle < 3.0
+    assert np.all(np.abs(error) < 4.0 * np.sqrt(np.diag(estimate.covariance)[:3]))
+    own = model_of_rung(unknown, "known")
+    fit = CorrelatedFit(data, bins_of_rows(data, 200), own, ModelError(0.0, 1.0))
+    best = selected.candidates[0].minimum.u
+    costs = [
+        (fit.cost(u, fit.rows(u))[0], cost(u, data, anchor_of(6), own, np.inf))
+        for u in (best, best + 0.01)
+    ]
+    (one, usual), (other, changed) = costs
+    assert other - one == pytest.approx(changed - usual, rel=1e-9)
 
 
 def test_a_body_as_believed_is_recognized():
@@ -283,9 +367,7 @@ def test_models_are_chosen_in_the_closed_loop():
     assert not np.any(chosen.metrics.custody_attitude[0] & doubtful)
 
 
-@pytest.mark.parametrize(
-    "other", [{"noise_freedom": 4.0}, {"window_hours": 2.0}, {"use_non_detections": True}]
-)
+@pytest.mark.parametrize("other", [{"window_hours": 2.0}, {"use_non_detections": True}])
 def test_settings_that_exclude_the_choice(other):
     with pytest.raises(ConfigurationError, match="exclude each other"):
         BatchSettings(model_selection=ModelSelectionSettings(1), **other)
@@ -296,8 +378,6 @@ def test_rows_that_cannot_be_used_are_refused():
     rng = np.random.default_rng(0)
     with pytest.raises(ConfigurationError, match="leave out non-detections"):
         select_model(data[:0], model, rng)
-    with pytest.raises(ConfigurationError, match="set noise_freedom to 0"):
-        select_model(data, model._replace(noise_freedom=4.0), rng)
     data[3, SEEN] = 0.0
     with pytest.raises(ConfigurationError, match="leave out non-detections"):
         select_model(data, model, rng)

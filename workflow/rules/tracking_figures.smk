@@ -2,6 +2,7 @@
 
 from cislunar.campaign.tracking.model_errors import plotted_errors
 from cislunar.figures.tracking.choice import (
+    characterized_cells,
     figure_architectures,
     high_load_cells,
     interval_cells,
@@ -20,6 +21,7 @@ COUNT_COLUMNS = {of: target_count_cells(TASK2, name) for of, name in SHOWN.items
 INTERVAL_COLUMNS = {of: interval_cells(TASK2, name) for of, name in SHOWN.items()}
 SELECTED_CELL = {of: selected_cell(TASK2, name) for of, name in SHOWN.items()}
 LEARNED = learned_cell(TASK2)
+CHARACTERIZED = characterized_cells(TASK2)
 HIGH_LOAD = {of: high_load_cells(TASK2, name) for of, name in SHOWN.items()}
 
 # Cells may omit the errors over time; figures of single targets are then omitted.
@@ -309,10 +311,32 @@ rule pooled_figure:
         "../scripts/figure_pooled.py"
 
 
+rule characterization_figure:
+    input:
+        lambda wildcards: [results(cell.path) for cell in CHARACTERIZED[wildcards.characterized]],
+    output:
+        png=report(
+            results("figures/characterization/{characterized}.png"),
+            caption="../report/figure_characterization.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/characterization/{characterized}.pdf"),
+    log:
+        log_of("figures/characterization/{characterized}"),
+        times=benchmark_of("characterization_figure/{characterized}"),
+    conda:
+        "../envs/cislunar.yaml"
+    message:
+        "Drawing what light curves tell of targets whose bodies are not as believed"
+    script:
+        "../scripts/figure_characterization.py"
+
+
 rule pooled:
     input:
         rules.pooled_table.output,
         rules.pooled_figure.output,
+        expand(rules.characterization_figure.output, characterized=CHARACTERIZED),
 
 
 rule learned_figure:
@@ -363,4 +387,5 @@ rule tracking_figures:
         rules.tasking_figure.output if COMPARED["scenario"] else [],
         rules.model_error_figure.output if plotted_errors(TASK2) else [],
         rules.learned_figure.output if LEARNED else [],
+        expand(rules.characterization_figure.output, characterized=CHARACTERIZED),
         rules.pooled_figure.output if config["task2"]["variants"]["pooled"] else [],

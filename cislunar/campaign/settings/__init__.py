@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "cell_tree": ["CellSettings", "Dynamics", "Tasking"],
     "cells": ["Cell", "FEWEST_RANKED", "PAPER_ARCHITECTURES", "PAPER_FILTER", "campaign_cells",
         "check_cell", "estimator_names", "grid_cells", "most_alike", "paper_cells",
-        "variant_cells"],
+        "unpooled_variant", "variant_cells"],
     "checks": ["check_campaign"],
     "families": ["SweepPoint", "nested", "sweep_points", "swept_cells", "with_families"],
     "library": ["estimator_factory", "family_extent", "loop_settings",

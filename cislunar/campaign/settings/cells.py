@@ -5,7 +5,7 @@ interval, run for all realizations. A variant is a cell with changed settings.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from cislunar.architecture.published import PUBLISHED
@@ -99,6 +99,14 @@ def variant_cells(task2: Mapping[str, Any]) -> list[Cell]:
         for estimator in variant.get("estimators", task2["estimators"][:1])
         for n in counts
     ]
+
+
+def unpooled_variant(variant: str, pooled: Iterable[str]) -> tuple[str, str]:
+    """A variant without the suffix of a pooled variant, and the pooled variant."""
+    for name in pooled:
+        if variant == name or variant.endswith(f"-{name}"):
+            return variant.removesuffix(name).removesuffix("-"), name
+    return variant, ""
 
 
 def _places(task2: Mapping[str, Any], name: str) -> Iterator[tuple[str, str, list[int]]]:

@@ -16,7 +16,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "values_of"],
     "records": ["RECORD_COORDINATES", "cell_arcs", "cell_attitudes", "cell_observations",
         "cell_observer_arcs", "frame_epoch", "is_ephemeris", "observer_names"],
-    "summary": ["read_cell_metrics", "summary_dataset"],
+    "summary": ["BRIGHT_ROWS", "characterized_in", "read_cell_metrics", "summary_dataset"],
     "sweep_table": ["architecture_values", "plotted_values", "sweep_rows"],
     "tables": ["estimator_rows", "model_error_rows", "pooled_rows", "rank_rows", "reading_rows",
         "tracking_rows"],

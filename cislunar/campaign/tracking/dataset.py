@@ -32,6 +32,7 @@ from cislunar.estimation.estimator import CHOLESKY_FAILURES, FLOOR_HITS, OUT_OF_
 from cislunar.estimation.light_curves.model_selection.characterization import (
     STATUS_NAMES as ATTITUDE_STATUS_NAMES,
 )
+from cislunar.evaluation.characterization import CHARACTERIZED_FIELDS, CharacterizedTargets
 from cislunar.evaluation.metrics import PARTS, STATUS_NAMES
 from cislunar.orbits.tracked import tracked_targets
 from cislunar.runtime.netcdf import Later, growing_dataset, variable
@@ -225,6 +226,9 @@ def _dataset(
         coords["parameter"] = "parameter", names, "1", "estimated body parameter"
         coords["parameter_unit"] = "parameter", units, "1", "unit of the parameter"
     described = {**histories, **_results(loop)}
+    if (characterized := loop.characterized()) is not None:
+        described |= _characterized(characterized)
+        coords |= {name: RECORD_COORDINATES[name] for name in ("interval_part", "inertial_axis")}
     described |= observer_variables(settings.record, problem.scene, _frame(loop))
     coords |= {name: RECORD_COORDINATES[name] for name in _record_dims(loop)}
     if settings.slots is not None:
@@ -380,3 +384,11 @@ def _results(loop: ClosedLoop) -> dict[str, tuple]:
         described[name] = (target, counters[..., index].astype(np.int32), "1", meaning)
     described["failed"] = (target, failed, "1", "0, or the reason for which the estimate ended")
     return described
+
+
+def _characterized(found: CharacterizedTargets) -> dict[str, tuple]:
+    """Dimensions, values, unit and description of what light curves tell of the targets."""
+    return {
+        name: (("seed", "target", *each.dims), getattr(found, name), each.unit, each.meaning)
+        for name, each in CHARACTERIZED_FIELDS.items()
+    }

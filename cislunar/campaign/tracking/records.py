@@ -20,6 +20,7 @@ from cislunar.ephemeris.sampling import rotating_frame
 from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation.errors import OBSERVER_PARAMETERS
+from cislunar.evaluation.characterization import INTERVAL_PARTS
 from cislunar.exchange.aem import AttitudeSegment
 from cislunar.exchange.arcs import arc, inertial_arc
 from cislunar.exchange.inertial import Epoch, icrf_axes
@@ -50,6 +51,13 @@ RECORD_COORDINATES = {
         "1",
         "GOSPA distance (km), and the parts of its square (km2)",
     ),
+    "interval_part": (
+        "interval_part",
+        [*INTERVAL_PARTS],
+        "1",
+        "estimate, and ends of its 95 % interval",
+    ),
+    "inertial_axis": ("inertial_axis", ["x", "y", "z"], "1", "axis of the inertial frame"),
     "observer_parameter": ("observer_parameter", [*OBSERVER_PARAMETERS], "1", _OBSERVER),
     "observer_parameter_2": ("observer_parameter_2", [*OBSERVER_PARAMETERS], "1", _OBSERVER),
 }

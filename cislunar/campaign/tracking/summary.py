@@ -16,6 +16,10 @@ from cislunar.association.tracks import DELETED, LOST
 from cislunar.campaign.settings.cells import Cell
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.errors import InputFileError
+from cislunar.estimation.light_curves.model_selection.characterization import (
+    STATUS_NAMES as ATTITUDE_STATUS_NAMES,
+)
+from cislunar.evaluation.characterization import CharacterizedTargets, within_intervals
 from cislunar.evaluation.metrics import FINAL_HOURS, INCONSISTENT, NEVER_OBSERVED, PARTS, TRACKED
 from cislunar.runtime.netcdf import read_dataset, variable
 from cislunar.runtime.provenance import provenance
@@ -82,6 +86,17 @@ PER_CELL = {
 }  # fmt: skip
 """Quantities of a cell with their units."""
 
+BRIGHT_ROWS = 100
+"""Least number of measurements used of a target whose characterization is judged."""
+
+CHARACTERIZED = {
+    "spin_period": "spin period",
+    "spin_axis": "spin axis",
+    "amplitude": "amplitude of the light curve",
+    "area_albedo": "area times albedo",
+}
+"""Estimated properties of targets whose models are chosen."""
+
 WHERE_KEPT = {
     "position_custody_share": ("1", "share of all targets with the last position in custody"),
     "attitude_custody_share": ("1", "share of all targets with the last attitude in custody"),
@@ -96,6 +111,22 @@ WHERE_KEPT = {
     "switched_tracks": ("1", "tracks that end with the detections of another target"),
     "lost_tracks": ("1", "tracks with status lost or deleted at the end"),
     "gospa": ("km", "GOSPA metric of the positions, mean over the final hours"),
+    **{
+        f"{name}_attitude_share": (
+            "1", f"share of observed targets whose attitude has the status {name} at the end")
+        for name in ATTITUDE_STATUS_NAMES
+    },
+    "bright": ("1", f"targets with at least {BRIGHT_ROWS} measurements used"),
+    **{
+        f"{name}_within_share": (
+            "1", f"share of these with the true {meaning} within its 95 % interval")
+        for name, meaning in CHARACTERIZED.items()
+    },
+    **{
+        f"{name}_width_median": (
+            unit, f"half-width of the 95 % interval of the {CHARACTERIZED[name]}, median of these")
+        for name, unit in (("spin_period", "%"), ("spin_axis", "degree"))
+    },
 }  # fmt: skip
 """Quantities of cells that record the necessary histories, in a summary with any such cell."""
 
@@ -250,6 +281,8 @@ def seed_statistics(cell: xr.Dataset) -> dict[str, Array]:
         found["missed"] = (visible & ~observed).sum(axis=1)
     if "gospa" in cell:
         found |= _associated(cell)
+    if "spin_period" in cell:
+        found |= _characterized(cell, observed)
     for name in ("out_of_field", "undetectable_sigma_points", "cholesky_failures"):
         found[name] = cell[name].values.sum(axis=1)
     return {name: np.asarray(values, dtype=float) for name, values in found.items()}
@@ -271,6 +304,29 @@ def _associated(cell: xr.Dataset) -> dict[str, Array]:
         "lost_tracks": np.isin(status, (LOST, DELETED)).sum(axis=1),
         "gospa": cell["gospa"].values[:, final, 0].mean(axis=1),
     }
+
+
+def characterized_in(cell: xr.Dataset) -> CharacterizedTargets:
+    """What light curves tell of the targets of a cell, with a leading axis over realizations."""
+    return CharacterizedTargets(*(cell[name].values for name in CharacterizedTargets._fields))
+
+
+def _characterized(cell: xr.Dataset, observed: NDArray[np.bool_]) -> dict[str, Array]:
+    """Quantities of the characterization of each realization."""
+    status, properties = cell["attitude_status"].values[:, -1], characterized_in(cell)
+    bright = cell["updates"].values >= BRIGHT_ROWS
+    found = {
+        f"{name}_attitude_share": _over_targets(status == number, observed, np.mean)
+        for number, name in enumerate(ATTITUDE_STATUS_NAMES)
+    }
+    found["bright"] = bright.sum(axis=1)
+    for name, inside in within_intervals(properties).items():
+        found[f"{name}_within_share"] = _over_targets(inside, bright, np.mean)
+    value, low, high = np.moveaxis(properties.spin_period, -1, 0)
+    half = {"spin_period": 50.0 * (high - low) / value, "spin_axis": properties.spin_axis_radius}
+    for name, width in half.items():
+        found[f"{name}_width_median"] = _over_targets(width, bright, np.median)
+    return found
 
 
 def summary_dataset(

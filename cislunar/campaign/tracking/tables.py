@@ -9,10 +9,12 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.campaign.settings.cells import FEWEST_RANKED
+from cislunar.campaign.settings.cells import FEWEST_RANKED, unpooled_variant
 from cislunar.campaign.tracking.comparisons import Paired, paired, rank_correlation
 from cislunar.campaign.tracking.model_errors import NONE, ModelError
 from cislunar.campaign.tracking.realizations import CELL, MEASURE, by_measure, realizations, select
+from cislunar.campaign.tracking.summary import CHARACTERIZED
+from cislunar.estimation.light_curves.model_selection.characterization import STATUS_NAMES
 from cislunar.evaluation.intervals import GEOMETRIC, SPANS_DECADES, group_means, interval_of
 
 Array = NDArray[np.float64]
@@ -63,6 +65,11 @@ _POOLED_QUANTITIES = (
     ("inconsistent_rotation", "", "1"),
     ("inconsistent_translation", "", "1"),
     ("failed", "", "1"),
+    *((f"{name}_attitude_share", "", "1") for name in STATUS_NAMES),
+    ("bright", "", "1"),
+    *((f"{name}_within_share", "", "1") for name in CHARACTERIZED),
+    ("spin_period_width_median", "", "%"),
+    ("spin_axis_width_median", "", "degree"),
 )
 """Quantities with part and unit."""
 
@@ -88,7 +95,7 @@ def pooled_rows(summary: xr.Dataset, pooled: Sequence[str]) -> pd.DataFrame:
     """
     frame = realizations(summary).set_index(MEASURE, drop=False)
     frame = frame.loc[frame.index.isin(_POOLED_QUANTITIES)].reset_index(drop=True)
-    places = {name: _repeated(name, pooled) for name in frame["variant"].unique()}
+    places = {name: unpooled_variant(name, pooled) for name in frame["variant"].unique()}
     days = frame["variant"].map({name: place[1] for name, place in places.items()})
     variants = frame["variant"].map({name: place[0] for name, place in places.items()})
     frame = frame.assign(variant=variants, day=days)
@@ -110,14 +117,6 @@ def pooled_rows(summary: xr.Dataset, pooled: Sequence[str]) -> pd.DataFrame:
             )
         )
     return pd.DataFrame(heads).join(pd.DataFrame(found, columns=[*_STATISTICS, "days", "by_day"]))
-
-
-def _repeated(variant: str, pooled: Sequence[str]) -> tuple[str, str]:
-    """A variant without the suffix of a pooled variant, and the pooled variant."""
-    for name in pooled:
-        if variant == name or variant.endswith(f"-{name}"):
-            return variant.removesuffix(name).removesuffix("-"), name
-    return variant, ""
 
 
 def compared(

@@ -10,6 +10,7 @@ Assumptions and limitations
   improved afterwards.
 """
 
+from collections.abc import Sequence
 from copy import copy
 
 import numpy as np
@@ -41,7 +42,9 @@ from cislunar.estimation.light_curves.batch_kernels import (
 from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
 from cislunar.estimation.light_curves.batch_tracks import starting_tracks
 from cislunar.estimation.light_curves.light_curve import Anchor, LightCurveModel
+from cislunar.estimation.light_curves.model_selection.characterization import Characterization
 from cislunar.estimation.light_curves.model_selection.in_loop import (
+    characterized,
     report_points,
     reported_points,
     status_of,
@@ -181,6 +184,19 @@ class BatchEstimator:
         `cislunar.estimation.light_curves.model_selection.characterization`."""
         return np.array([status_of(each) for each in self._tracks.selections], dtype=np.int64)
 
+    def characterizations(
+        self, rngs: Sequence[np.random.Generator]
+    ) -> list[Characterization | None]:
+        """Per target, what its light curve tells of it; None for failed estimates and without a
+        light curve. `rngs` has a generator for each target."""
+        healthy = self._tracks.fit.condition == HEALTHY
+        return [
+            characterized(self._tracks.selections[j], *self.light_curve(j)[:2], rng)
+            if healthy[j]
+            else None
+            for j, rng in enumerate(rngs)
+        ]
+
     @property
     def light_curve_rows(self) -> NDArray[np.int64]:
         """Per target, number of rows (measurements and non-detections) of its light curve that are
@@ -212,20 +228,9 @@ class BatchEstimator:
                 continue
             points = tuple(part.copy() for part in tracks.points[j])
             predict_target(
-                j,
-                self._index,
-                self._scene,
-                self._constants,
-                tracks.models[j],
-                mixture,
-                translation[j],
-                root[j],
-                points,
-                tracks.fit.points[j],
-                mean[j],
-                rate[j],
-                joint[j],
-            )
+                j, self._index, self._scene, self._constants, tracks.models[j], mixture,
+                translation[j], root[j], points, tracks.fit.points[j], mean[j], rate[j], joint[j],
+            )  # fmt: skip
         covariance = root @ np.swapaxes(root, 1, 2)
         rotation = Rotation(mean, rate, joint[:, :6, :6])
         return Prediction(self._index + 1, translation, covariance, mean, joint, rotation)
@@ -250,24 +255,11 @@ class BatchEstimator:
         def work(start: int, stop: int) -> None:
             for j in range(start, stop):
                 advance_target(
-                    j,
-                    self._index + 1,
-                    self._scene,
-                    self._constants,
-                    tracks.models[j],
-                    measurements,
-                    tracks.mixture,
-                    tracks.translation,
-                    tracks.root,
-                    tracks.hypotheses[j],
-                    tracks.points[j],
-                    tracks.data[j],
-                    tracks.fit,
-                    tracks.counters,
-                    tracks.rngs[j],
-                    out,
-                    self._open if final else 0,
-                )
+                    j, self._index + 1, self._scene, self._constants, tracks.models[j],
+                    measurements, tracks.mixture, tracks.translation, tracks.root,
+                    tracks.hypotheses[j], tracks.points[j], tracks.data[j], tracks.fit,
+                    tracks.counters, tracks.rngs[j], out, self._open if final else 0,
+                )  # fmt: skip
 
         n_steps = measurements.offset.shape[1] - 1
         self._open += n_steps

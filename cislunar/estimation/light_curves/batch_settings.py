@@ -46,7 +46,6 @@ _KNOWN_NOISE = (
 _ALL_ROWS = (
     ("window_hours", None, "a correlated model error needs all rows"),
     ("use_non_detections", False, "a correlated model error is one of magnitudes"),
-    ("noise_freedom", None, "evidence needs a known noise variance"),
 )
 """Keys that exclude `noise_freedom` or `model_selection`, their usual values, and the reason."""
 

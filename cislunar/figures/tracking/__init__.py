@@ -5,11 +5,11 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "association": ["association_figure"],
-    "choice": ["figure_architectures", "high_load_cells", "interval_cells", "learned_cell",
-        "selected_cell", "target_count_cells", "tasking_variants"],
+    "choice": ["characterized_cells", "figure_architectures", "high_load_cells", "interval_cells",
+        "learned_cell", "selected_cell", "target_count_cells", "tasking_variants"],
     "errors": ["components_figure"],
     "heatmaps": ["high_load_figure", "intervals_figure", "target_counts_figure"],
-    "learned": ["learned_figure"],
+    "learned": ["characterization_figure", "learned_figure"],
     "model_error": ["model_error_figure"],
     "norms": ["error_norms_figure", "selected_targets_figure"],
     "pooled": ["pooled_figure"],

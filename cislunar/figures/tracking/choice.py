@@ -8,7 +8,7 @@ them at once.
 from collections.abc import Mapping
 from typing import Any
 
-from cislunar.campaign.settings.cells import Cell, grid_cells, variant_cells
+from cislunar.campaign.settings.cells import Cell, grid_cells, unpooled_variant, variant_cells
 
 PREFERRED_ARCHITECTURE = "tpe"
 """Architecture of the paper's tracking figures."""
@@ -126,3 +126,18 @@ def learned_cell(task2: Mapping[str, Any]) -> list[Cell]:
     found = [cell for cell in variant_cells(task2) if cell.estimator == "batch"]
     found = [cell for cell in found if kinds(cell)[0]]
     return [max(found, key=kinds)] if found else []
+
+
+def characterized_cells(task2: Mapping[str, Any]) -> dict[str, list[Cell]]:
+    """The variants in which models of bodies are chosen, a group of cells for each, all days
+    together; by a name that has scenario, architecture, variant and number of targets."""
+    found: dict[str, list[Cell]] = {}
+    for cell in variant_cells(task2):
+        change = task2["variants"]["cells"][cell.variant]["change"]
+        effort = change.get("batch", {}).get("model_selection", {}).get("effort", 0)
+        if cell.estimator != "batch" or effort == 0:
+            continue
+        variant, _ = unpooled_variant(cell.variant, task2["variants"]["pooled"])
+        name = f"{cell.scenario}_{cell.architecture}_{variant}_nt{cell.targets}"
+        found.setdefault(name, []).append(cell)
+    return found

@@ -1,16 +1,29 @@
-"""What light curves reveal about body parameters: deviations and errors over the prior."""
+"""What light curves reveal about body parameters, and about objects whose body is not as believed:
+deviations and errors over the prior, and characterization beside the truth."""
 
 import json
+from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
+from cislunar.campaign.tracking.summary import BRIGHT_ROWS, characterized_in
 from cislunar.errors import InputFileError
+from cislunar.evaluation.characterization import CharacterizedTargets, spin_axis_error_deg
 from cislunar.evaluation.metrics import NEVER_OBSERVED
 from cislunar.figures import style
-from cislunar.figures.axes import Array, Grid, legend_below
+from cislunar.figures.axes import (
+    Array,
+    Grid,
+    legend_below,
+    log_ticks,
+    note_below,
+    panel_title,
+    reach,
+)
 from cislunar.figures.labels import BODY_PARAMETERS
 from cislunar.figures.panels import Row, draw_rows
 
@@ -72,4 +85,78 @@ def learned_figure(cell: xr.Dataset) -> Figure:
     row = Row("ratio to the prior standard\ndeviation, dimensionless", (), log=True)
     draw_rows(figure, grid, [row], [BODY_PARAMETERS[key] for key in shares], draw)
     legend_below(figure, [each.legend_handle() for each in (_ESTIMATED, _TRUE)], 0.2)
+    return figure
+
+
+_STATUS = (
+    style.SeriesStyle("attitude unique", style.BLUE, style.SOLID, "o"),
+    style.SeriesStyle("attitude ambiguous", style.ORANGE, style.SOLID, "s"),
+    style.SeriesStyle("shape or law not as believed", style.VERMILION, style.SOLID, "^"),
+)
+_EQUAL = style.SeriesStyle("estimate equals truth", style.BLACK, style.DASHED, "")
+_INTERVALS = {
+    "spin_period": ("spin period", "h", False),
+    "amplitude": ("amplitude", "mag", False),
+    "area_albedo": ("area times albedo", "m$^2$", True),
+}
+"""Title, unit, and whether the axes are logarithmic."""
+
+
+def _bright(cells: Sequence[xr.Dataset]) -> tuple[CharacterizedTargets, NDArray[np.int64]]:
+    """Characterization and last attitude status of the bright targets of all realizations."""
+    found, status = [], []
+    for cell in cells:
+        if "spin_period" not in cell:
+            raise InputFileError(
+                "the tracking cell chooses no models of bodies: give a variant with "
+                "task2.batch.model_selection.effort numbers of targets, or leave the figure out"
+            )
+        bright = cell["updates"].values >= BRIGHT_ROWS
+        found.append([each[bright] for each in characterized_in(cell)])
+        status.append(cell["attitude_status"].values[:, -1][bright].astype(np.int64))
+    joined = (np.concatenate(each) for each in zip(*found, strict=True))
+    return CharacterizedTargets(*joined), np.concatenate(status)
+
+
+@style.house_style()
+def characterization_figure(cells: Sequence[xr.Dataset]) -> Figure:
+    """Draw what light curves tell of the bright targets of some cells beside the truth."""
+    found, status = _bright(cells)
+    grid = Grid(1, 4, 1.38, 1.38, 0.45, 0.95, 0.5)
+    figure = style.new_figure(0.3 + grid.size[1] + grid.foot, grid.left + grid.size[0] + 0.12)
+
+    def panel(number: int, title: str, x: Array, y: Array, ends: Array, log: bool) -> Axes:
+        axes = grid.place(figure, 0, number)
+        for own, series in enumerate(_STATUS):
+            of = status == own
+            spans = np.abs(ends[of].T - y[of]) if ends.size else None
+            axes.errorbar(
+                x[of], y[of], spans, elinewidth=0.6, ecolor=(series.color, 0.6),
+                **series.point_kwargs(2.8),
+            )  # fmt: skip
+        panel_title(axes, number, title)
+        limits = reach(np.concatenate([x, y]), log=log)
+        scale = {"xscale": "log", "yscale": "log"} if log else {}
+        axes.set(xlim=limits, ylim=limits, **scale)
+        for axis in (axes.xaxis, axes.yaxis) if log else ():
+            log_ticks(axis, *limits)
+        axes.plot(limits, limits, zorder=1, **_EQUAL.line_kwargs())
+        return axes
+
+    for number, (name, (title, unit, log)) in enumerate(_INTERVALS.items()):
+        value, true = getattr(found, name), getattr(found, f"true_{name}")
+        axes = panel(number, title, true, value[:, 0], value[:, 1:], log)
+        axes.set(xlabel=f"truth, {unit}", ylabel=f"estimate, {unit}")
+    error = spin_axis_error_deg(found)
+    axes = panel(3, "spin axis", found.spin_axis_radius, error, np.empty(0), True)
+    axes.set(xlabel="angle of 95 %, deg", ylabel="error, deg")
+    note = (
+        f"{status.size} targets with at least {BRIGHT_ROWS} measurements; bars: intervals of 95 %; "
+        "(d): errors below the line are within the angle that contains 95 %"
+    )
+    bottom = note_below(figure, note)
+    legend_below(
+        figure, [*(each.legend_handle(line=False) for each in _STATUS), _EQUAL.legend_handle()],
+        bottom,
+    )  # fmt: skip
     return figure

@@ -197,7 +197,7 @@ def characterize(
     mean = axes.mean(axis=0)
     mean /= np.linalg.norm(mean)
     angles = np.arccos(np.clip(axes @ mean, -1.0, 1.0))
-    mean_noise = np.sqrt(model.noise_variance / len(data))
+    mean_noise = np.sqrt(selected.noise_factor * model.noise_variance / len(data))
     error = float(np.hypot(selected.model_error_mag, mean_noise))
     reading = model.irradiance_4pi
     with np.errstate(divide="ignore"):

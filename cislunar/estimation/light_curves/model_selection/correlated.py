@@ -13,11 +13,22 @@ the bins' sums of weights, and
     K_ij = exp(-(|L_i - L_j|^2 + |V_i - V_j|^2) / (2 l^2))
 
 has the mean directions of Sun (L) and observer (V) of bins i and j in the body frame (a Gaussian
-process, Rasmussen & Williams 2006, section 4.2). With beta = 1 this is exact for an error that is
-constant within a bin, and with tau = 0 it is the cost of
-`cislunar.estimation.light_curves.light_curve`. An exponent beta below 1 tempers the likelihood
-(Gruenwald & van Ommen 2017). K depends on the rotation; it is computed anew after every fourth step
-and constant in between.
+process, Rasmussen & Williams 2006, section 4.2). This is exact for an error that is constant within
+a bin, and with tau = 0 it is the cost of `cislunar.estimation.light_curves.light_curve`. The
+exponent beta below 1 tempers the likelihood (Gruenwald & van Ommen 2017). K depends on the unknown
+rotation; it is kept while steps are taken and computed anew after every fourth.
+
+If R is known as from nu measurements only, nu R / R_true is chi squared with nu degrees of freedom.
+Then the factor f = R_true / R is estimated with the cost's further terms
+
+    n ln f / 2 + nu (ln f + 1 / f) / 2,
+
+where n is the number of rows, and R f in the place of R: for tau = 0 in closed form, f = (nu + sum
+of w r^2 / R) / (nu + n), which is the misfit of `light_curve`, and otherwise by Fisher scoring in
+ln f whenever C is computed anew. Laplace's approximation of the evidence has ln f as a further
+parameter, whose Fisher information is (n - m + tr((C^-1 R f W^-1)^2) + nu / f) / 2 with m bins;
+that with the other parameters is zero (Magnus & Neudecker 1988, section 15.5). A tempered
+likelihood keeps a given f, since it would estimate the tempering.
 """
 
 from typing import NamedTuple
@@ -38,6 +49,9 @@ _WIDEST_BIN = 0.05
 The directions of two observers of a target differ by more."""
 
 _STEPS_PER_REFRESH = 4
+_NOISE_STEPS, _SETTLED = 10, 0.02
+"""Most steps of Fisher scoring for the noise when C is computed anew, and the change of ln f below
+which it has settled."""
 _DAMPING, _AFTER_SUCCESS, _AFTER_FAILURE, _FAILURES = 1e-3, 0.2, 6.0, 5
 _SMALLEST_DECREASE = 0.02
 """As in `cislunar.estimation.light_curves.levenberg_marquardt`."""
@@ -95,11 +109,14 @@ class Minimum(NamedTuple):
         Gauss-Newton matrix.
     log_evidence : float
         Laplace's approximation of the logarithm of the evidence, up to a constant.
+    noise_factor : float
+        Factor on the noise variance.
     """
 
     u: Array
     information: Array
     log_evidence: float
+    noise_factor: float = 1.0
 
 
 def bins_of_rows(data: Array, most: int) -> Bins:
@@ -152,22 +169,64 @@ class CorrelatedFit:
     bins : Bins
     model : LightCurveModel
     error : ModelError
+    noise_factor : float
+        Factor on the noise variance of the model, with which its estimation begins, if it is
+        estimated.
     """
 
-    def __init__(self, data: Array, bins: Bins, model: LightCurveModel, error: ModelError) -> None:
+    def __init__(
+        self,
+        data: Array,
+        bins: Bins,
+        model: LightCurveModel,
+        error: ModelError,
+        noise_factor: float = 1.0,
+    ) -> None:
         self._data, self._bins, self._model, self._error = data, bins, model, error
         self._factor, self._log_det = np.empty((0, 0)), 0.0
+        self._first_noise = self._noise = noise_factor
+        self._freedom = model.noise_freedom if error.beta == 1.0 else 0.0
+        self._scores = self._freedom > 0.0 and error.tau > 0.0
+        self._information = 0.5 * (self._freedom + len(data))  # of ln f
 
-    def refresh(self, directions: Array) -> None:
-        """Compute C for the directions of the rows in the body frame, (n, 6)."""
-        error, bins = self._error, self._bins
-        if error.tau == 0.0:
+    def refresh(self, rows: tuple[Array, Array, Array]) -> None:
+        """Compute C, and the factor on the noise, for rows as of `expected_rows`."""
+        if self._error.tau == 0.0:
             return
-        covariance = error.tau**2 * self._correlation(directions)
-        noise = self._model.noise_variance / bins.weight
-        covariance[np.diag_indices_from(covariance)] += noise
-        self._factor = cholesky(covariance, lower=True)
+        covariance = self._error.tau**2 * self._correlation(rows[1])
+        self._factorize(covariance)
+        if self._scores:
+            weight = self._data[:, WEIGHT]
+            residual = self._data[:, MAGNITUDE] - rows[0]
+            mean = self._bins.mean(residual, weight)
+            within = float(np.sum(weight * residual**2) - np.sum(self._bins.weight * mean**2))
+            for _ in range(_NOISE_STEPS):
+                last = self._noise
+                self._improve_noise(mean, within / self._model.noise_variance)
+                self._factorize(covariance)
+                if abs(np.log(self._noise / last)) < 0.1 * _SETTLED:
+                    break
+
+    def _factorize(self, covariance: Array) -> None:
+        """Cholesky factor and determinant of C for the covariance of the model error."""
+        whole = covariance.copy()
+        noise = self._model.noise_variance * self._noise / self._bins.weight
+        whole[np.diag_indices_from(whole)] += noise
+        self._factor = cholesky(whole, lower=True)
         self._log_det = float(np.sum(2.0 * np.log(np.diag(self._factor)) - np.log(noise)))
+
+    def _improve_noise(self, mean: Array, within: float) -> None:
+        """A step of Fisher scoring in ln f, given the means of the bins' residuals, and the sum of
+        squares about them over the variance."""
+        f, free = self._noise, len(self._data) - mean.size
+        noise = self._model.noise_variance * f / self._bins.weight
+        inverse = cho_solve((self._factor, True), np.eye(mean.size), check_finite=False)
+        share = inverse * noise
+        slope = self._freedom * (1.0 - 1.0 / f) + free - within / f + np.trace(share)
+        slope -= float(np.sum(noise * (inverse @ mean) ** 2))
+        self._information = 0.5 * (self._freedom / f + free + float(np.sum(share * share.T)))
+        step = -0.5 * slope / self._information
+        self._noise = f * float(np.exp(np.clip(step, -1.0, 1.0)))
 
     def _correlation(self, directions: Array) -> Array:
         """K of the bins, for the directions of the rows."""
@@ -181,7 +240,8 @@ class CorrelatedFit:
         the rows: the variance of the model error is multiplied by the mean number of rows that are
         correlated with a row."""
         shared = self._correlation(self.rows(u)[1]) @ self._bins.weight
-        return self._model.noise_variance + self._error.tau**2 * float(shared.mean())
+        variance = self._model.noise_variance * self._first_noise
+        return variance + self._error.tau**2 * float(shared.mean())
 
     def rows(self, u: Array) -> tuple[Array, Array, Array]:
         """See `expected_rows`."""
@@ -190,10 +250,14 @@ class CorrelatedFit:
     def cost(self, u: Array, rows: tuple[Array, Array, Array]) -> tuple[float, Array, Array]:
         """Cost, gradient (p,) and Gauss-Newton matrix (p, p), with C as it was last computed."""
         magnitude, _, derivative = rows
-        weight, variance = self._data[:, WEIGHT], self._model.noise_variance
+        weight, known = self._data[:, WEIGHT], self._model.noise_variance
         residual, beta = self._data[:, MAGNITUDE] - magnitude, self._error.beta
+        total, count = float(np.sum(weight * residual**2)), len(residual)
+        if self._freedom > 0.0 and self._error.tau == 0.0:
+            self._noise = (self._freedom + total / known) / (self._freedom + count)
+        variance = known * self._noise
         weighted = (derivative.T * (weight / variance)).T
-        squares = float(np.sum(weight * residual**2)) / variance
+        squares = total / variance
         slope, curvature = weighted.T @ residual, weighted.T @ derivative
         if self._error.tau > 0.0:
             both = self._bins.mean(np.column_stack([residual, derivative]), weight)
@@ -204,14 +268,18 @@ class CorrelatedFit:
             slope = slope + change[1:, 0]
             curvature = curvature + change[1:, 1:]
         value = 0.5 * (u @ u + beta * squares + self._log_det)
+        if self._noise != 1.0:
+            f, freedom = self._noise, self._model.noise_freedom
+            value += 0.5 * (count * np.log(f) + freedom * (np.log(f) + 1.0 / f - 1.0))
         return value, u - beta * slope, np.eye(u.size) + beta * curvature
 
     def refined(self, start: Array, iterations: int) -> Minimum:
         """The minimum reached from a start by damped Gauss-Newton steps (Levenberg 1944, Marquardt
         1963)."""
         u, damping, since = start.copy(), _DAMPING, 0
+        self._noise = self._first_noise
         rows = self.rows(u)
-        self.refresh(rows[1])
+        self.refresh(rows)
         best, gradient, information = self.cost(u, rows)
         for _ in range(iterations):
             decrease = 0.0
@@ -233,14 +301,19 @@ class CorrelatedFit:
                 break
             damping *= _AFTER_SUCCESS
             since += 1
-            if since == _STEPS_PER_REFRESH:
-                since = 0
-                self.refresh(rows[1])
+            small = decrease < _SMALLEST_DECREASE
+            if since == _STEPS_PER_REFRESH or (small and self._scores):
+                since, last = 0, self._noise
+                self.refresh(rows)
                 best, gradient, information = self.cost(u, rows)
-            elif decrease < _SMALLEST_DECREASE:
+                if small and self._scores and abs(np.log(self._noise / last)) < _SETTLED:
+                    break
+            elif small:
                 break
-        self.refresh(rows[1])
+        self.refresh(rows)
         value, _, information = self.cost(u, rows)
         log_det = np.linalg.slogdet(information)[1]
         evidence = -value - 0.5 * log_det if np.isfinite(value + log_det) else -np.inf
-        return Minimum(u, information, float(evidence))
+        if self._freedom > 0.0:
+            evidence -= 0.5 * np.log(self._information)
+        return Minimum(u, information, float(evidence), self._noise)

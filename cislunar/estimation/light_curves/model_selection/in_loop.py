@@ -13,7 +13,9 @@ from cislunar.estimation.light_curves.mixture import (
 )
 from cislunar.estimation.light_curves.model_selection.characterization import (
     UNIQUE,
+    Characterization,
     attitude_status,
+    characterize,
 )
 from cislunar.estimation.light_curves.model_selection.ladder import (
     EXACT,
@@ -101,3 +103,10 @@ def report_points(
 def status_of(selection: Selection | None) -> int:
     """Status of the attitude; `UNIQUE` for a target without a light curve."""
     return UNIQUE if selection is None else selection.status
+
+
+def characterized(
+    selection: Selection | None, data: Array, model: LightCurveModel, rng: np.random.Generator
+) -> Characterization | None:
+    """Characterization of a target by its light curve; None without any."""
+    return None if selection is None else characterize(selection.selected, data, model, rng)

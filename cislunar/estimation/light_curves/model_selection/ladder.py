@@ -109,6 +109,12 @@ class SelectedModel(NamedTuple):
     tempering: float
 
     @property
+    def noise_factor(self) -> float:
+        """Factor of the best mode on the noise variance of the light curve's model; 1 if that is
+        known."""
+        return self.candidates[0].minimum.noise_factor
+
+    @property
     def rung(self) -> str:
         """The rung of the greatest evidence."""
         return max(self.log_evidence, key=self.log_evidence.__getitem__)
@@ -160,8 +166,7 @@ def select_model(
     Raises
     ------
     ConfigurationError
-        If `effort` is 0, there are no rows, a row is a non-detection, or the noise variance is not
-        known.
+        If `effort` is 0, there are no rows, or a row is a non-detection.
     """
     settings = ModelSelectionSettings(effort=1) if settings is None else settings
     if settings.effort == 0:
@@ -170,11 +175,6 @@ def select_model(
         raise ConfigurationError(
             "light curve: the choice of a model needs detections and no other rows; leave out "
             "non-detections and targets that were never seen"
-        )
-    if model.noise_freedom > 0.0:
-        raise ConfigurationError(
-            f"noise_freedom = {model.noise_freedom}: evidence needs a known noise variance; set "
-            "noise_freedom to 0"
         )
     selection = _Selection(np.ascontiguousarray(data), model, rng, settings)
     return selection.run()
@@ -187,14 +187,13 @@ def refitted(
     `select_model`."""
     rng = np.random.default_rng(0)  # no random start is drawn
     selection = _Selection(np.ascontiguousarray(data), model, rng, settings)
-    starts: dict[tuple[str, ModelError], list[Array]] = {}
+    modes: dict[tuple[str, ModelError], list[Minimum]] = {}
     for each in selected.candidates:
-        starts.setdefault((each.rung, each.error), []).append(each.minimum.u)
-    found = [
-        candidate
-        for (rung, error), own in starts.items()
-        for candidate in selection.fit(rung, error, own, settings.warm_iterations)
-    ]
+        modes.setdefault((each.rung, each.error), []).append(each.minimum)
+    found = []
+    for (rung, error), own in modes.items():
+        given = [each.u for each in own], settings.warm_iterations, own[0].noise_factor
+        found += selection.fit(rung, error, *given)
     candidates, weight = _mixture(found)
     return selected._replace(candidates=candidates, weight=weight)
 
@@ -217,10 +216,15 @@ class _Selection:
         self.search_settings = usual._replace(starts=settings.effort * usual.starts)
 
     def fit(
-        self, rung: str, error: ModelError, starts: Iterable[Array], iterations: int
+        self,
+        rung: str,
+        error: ModelError,
+        starts: Iterable[Array],
+        iterations: int,
+        noise_factor: float = 1.0,
     ) -> list[Candidate]:
         """Distinct minima from the starts, best first."""
-        fit = CorrelatedFit(self.data, self.bins, self.models[rung], error)
+        fit = CorrelatedFit(self.data, self.bins, self.models[rung], error, noise_factor)
         found = [fit.refined(start, iterations) for start in starts]
         if rung in WIDE:  # all model errors have equal prior probability
             settings = self.settings
@@ -342,17 +346,17 @@ class _Selection:
             ]  # fmt: skip
             starts = [other.minimum.u for other in same]
             model = self.models[rung]
-            white = CorrelatedFit(self.data, self.bins, model, each.error)
-            noise = white.equal_white_noise(each.minimum.u) / beta
+            factor = each.minimum.noise_factor
+            white = CorrelatedFit(self.data, self.bins, model, each.error, factor)
+            known = {"noise_variance": white.equal_white_noise(each.minimum.u) / beta}
+            known["noise_freedom"] = 0.0
             search_settings = self.search_settings._replace(modes=settings.new_starts)
-            starts += search_modes(
-                self.data, model._replace(noise_variance=noise), search_settings, self.rng
-            )
+            starts += search_modes(self.data, model._replace(**known), search_settings, self.rng)
             for _ in range(settings.new_starts):
                 start = np.zeros(model.sigma.size)
                 start[: self.carried] = self.rng.standard_normal(self.carried)
                 starts.append(start)
-            found += self.fit(rung, error, starts, settings.iterations)
+            found += self.fit(rung, error, starts, settings.iterations, factor)
         return found
 
 
