@@ -146,6 +146,10 @@ PIPELINES = {
         ("information", "batch", name): f"{_RECOMMENDED}, {label}"
         for name, label in _UNMATCHED.items()
     },
+    **{
+        ("information", "batch", f"selected-{name}"): f"{_RECOMMENDED}, models chosen, {label}"
+        for name, label in _UNMATCHED.items()
+    },
 }
 """Pipelines of ``config/real.yaml``: design without its number, estimator and variant."""
 
