@@ -171,6 +171,10 @@ PIPELINES = {
         for name, label in _OBSERVER_ERRORS.items()
         for ending, treatment in _TREATMENTS.items()
     },
+    **{
+        ("information", "batch", f"selected-{name}"): f"{_RECOMMENDED}, models chosen, {label}"
+        for name, label in _UNMATCHED.items()
+    },
 }
 """Pipelines of ``config/real.yaml``: design without its number, estimator and variant."""
 

@@ -126,6 +126,19 @@ def test_both_pipelines(inputs, study, estimator, variant):
     assert estimator == "mukf" or np.mean(np.abs(error / sigma) < 3.0) > 0.95
 
 
+def test_models_are_chosen_for_the_unmatched_truths(study):
+    """The variants with a choice of models have the truths of the usual ones, and nothing else."""
+    cells = study["task2"]["variants"]["cells"]
+    chosen = [name for name in cells if name.startswith("selected-")]
+    assert len(chosen) > 10
+    for name in chosen:
+        change = dict(cells[name]["change"])
+        assert change.pop("batch") == {"model_selection": {"effort": 1}}
+        assert change == cells[name.removeprefix("selected-")]["change"]
+        settings = cell_settings(scenario_settings(study, "A")["task2"], name)["batch"]
+        assert settings["noise_freedom"] == 4
+
+
 def test_observers_are_on_refined_orbits(inputs, caplog):
     """Orbits of the data set; an observer without one is on its CR3BP orbit, or is refused."""
     dynamics = {**REAL, "observers": "refined"}

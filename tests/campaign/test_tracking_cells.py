@@ -34,13 +34,14 @@ from cislunar.campaign.settings.reading import merged, typed, with_types
 from cislunar.campaign.settings.scenarios import in_study, scenario_settings
 from cislunar.campaign.settings.tracking_checks import shortened_intervals
 from cislunar.campaign.tracking.cell import CellInputs, realization_seeds
-from cislunar.campaign.tracking.dataset import cell_dataset
+from cislunar.campaign.tracking.dataset import cell_dataset, write_cell
 from cislunar.campaign.tracking.summary import (
+    BRIGHT_ROWS,
     read_cell_metrics,
     seed_statistics,
     summary_dataset,
 )
-from cislunar.campaign.tracking.tables import reading_rows, tracking_rows
+from cislunar.campaign.tracking.tables import pooled_rows, reading_rows, tracking_rows
 from cislunar.campaign.tracking.tasking_comparison import compared_dataset, concatenate_comparisons
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.errors import ConfigurationError, InputFileError
@@ -774,6 +775,31 @@ def test_summary_and_tables(summary, tracked_cell):
     # of two values an interval is wide; it keeps to what is possible
     assert (table["low"].dropna() >= 0.0).all()
     assert table.loc[table.quantity == "coverage", "high"].max() == 1.0
+
+
+def test_a_cell_that_chooses_models_has_a_characterization(sources, tmp_path):
+    """In the file that is written piece by piece and in the one of a run in memory."""
+    cell, inputs = Cell("A", "tpe", "batch", 4, 60), CellInputs(**sources)
+    changes = {"seeds": 1, "batch": {"noise_freedom": 4, "model_selection": {"effort": 1}}}
+    given = cell, inputs, _small(**changes)
+    whole = cell_dataset(*given, propagator="dop853", seed=3)
+    write_cell(*given, tmp_path / "cell.nc", propagator="dop853", seed=3)
+    read = read_cell_metrics(tmp_path / "cell.nc")
+    assert whole["spin_period"].dims == ("seed", "target", "interval_part")
+    assert list(whole["interval_part"].values) == ["estimate", "low", "high"]
+    units = {"spin_period": "h", "amplitude": "mag", "area_albedo": "m2"}
+    for name, unit in (units | {"spin_axis_radius": "degree"}).items():
+        assert whole[name].attrs["units"] == unit
+        np.testing.assert_array_equal(whole[name], read[name])
+    seen = whole["updates"].values > 0
+    assert seen.any() and np.isfinite(whole["spin_period"].values[seen]).all()
+    summary = summary_dataset([(cell, read)], {"task2": {}}, seed=3)
+    table = tracking_rows(summary).set_index("quantity")
+    assert table.loc["bright", "mean"] == (whole["updates"].values >= BRIGHT_ROWS).sum()
+    statuses = [f"{name}_attitude_share" for name in ("unique", "ambiguous", "unknown")]
+    assert table.loc[statuses, "mean"].sum() == pytest.approx(1.0)
+    pooled = pooled_rows(summary, [])
+    assert set(statuses) <= set(pooled["quantity"])
 
 
 def test_error_over_bound_is_that_of_the_histories(sources):

@@ -187,6 +187,10 @@ class NavigatedEstimator:
         """See `cislunar.estimation.light_curves.batch.BatchEstimator.attitude_status`."""
         return self._inner.attitude_status
 
+    def characterizations(self, rngs: list[np.random.Generator]) -> list:
+        """See `cislunar.estimation.light_curves.batch.BatchEstimator.characterizations`."""
+        return self._inner.characterizations(rngs)
+
     def learned(self) -> tuple[Array, Array]:
         """See `cislunar.estimation.light_curves.batch.BatchEstimator.learned`."""
         return self._inner.learned()

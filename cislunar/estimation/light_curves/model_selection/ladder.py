@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
+from threadpoolctl import threadpool_limits
 
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.light_curves.batch_settings import BatchSettings, SearchSettings
@@ -177,7 +178,10 @@ def select_model(
             "non-detections and targets that were never seen"
         )
     selection = _Selection(np.ascontiguousarray(data), model, rng, settings)
-    return selection.run()
+    with threadpool_limits(
+        limits=1
+    ):  # several threads are slower at this size, and round otherwise
+        return selection.run()
 
 
 def refitted(
@@ -191,9 +195,10 @@ def refitted(
     for each in selected.candidates:
         modes.setdefault((each.rung, each.error), []).append(each.minimum)
     found = []
-    for (rung, error), own in modes.items():
-        given = [each.u for each in own], settings.warm_iterations, own[0].noise_factor
-        found += selection.fit(rung, error, *given)
+    with threadpool_limits(limits=1):  # see `select_model`
+        for (rung, error), own in modes.items():
+            given = [each.u for each in own], settings.warm_iterations, own[0].noise_factor
+            found += selection.fit(rung, error, *given)
     candidates, weight = _mixture(found)
     return selected._replace(candidates=candidates, weight=weight)
 
