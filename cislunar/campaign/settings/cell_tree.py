@@ -98,6 +98,8 @@ class Radiation(Section):
 
 
 class Dynamics(Section):
+    """Dynamics of the truth and of the filter, and motion of the observers."""
+
     truth: Literal["cr3bp", "ephemeris"] = setting(
         "true dynamics of the targets: the `cr3bp`, or `ephemeris` dynamics with Earth, Moon and "
         "Sun from the DE421 ephemeris", paper="cr3bp", default="cr3bp")
