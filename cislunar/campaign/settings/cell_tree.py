@@ -52,6 +52,8 @@ Recordable = Literal[
 
 
 class Tasking(ScheduleModel):
+    """Method of tasking, slots, learned detection, and what scheduling assumes of brightness."""
+
     omitted = ("detection", "learned", *ScheduleModel.model_fields)
 
     mode: Literal["paper", "recommended"] = setting(
