@@ -144,6 +144,16 @@ def test_an_example_is_offered_as_a_notebook_and_prints_no_object(path, site, pa
 def test_the_reference_shows_whole_summaries(site):
     page = (site / "docs/reference.html").read_text(encoding="utf-8")
     shown = " ".join(html.unescape(re.sub(r"<[^>]*>", "", page)).split())
+    # the site has typographic quotation marks and dashes
+    for typeset, plain in (
+        ("’", "'"),
+        ("‘", "'"),
+        ("“", '"'),
+        ("”", '"'),
+        ("–", "--"),
+        ("…", "..."),
+    ):
+        shown = shown.replace(typeset, plain)
     for name, home in cislunar._HOMES.items():
         value = getattr(importlib.import_module(f"cislunar.{home}"), name)
         first = " ".join(inspect.getdoc(value).partition("\n\n")[0].split()).replace("`", "")
