@@ -146,12 +146,12 @@ def test_the_reference_shows_whole_summaries(site):
     shown = " ".join(html.unescape(re.sub(r"<[^>]*>", "", page)).split())
     # the site has typographic quotation marks and dashes
     for typeset, plain in (
-        ("’", "'"),
-        ("‘", "'"),
-        ("“", '"'),
-        ("”", '"'),
-        ("–", "--"),
-        ("…", "..."),
+        ("\u2019", "'"),
+        ("\u2018", "'"),
+        ("\u201c", '"'),
+        ("\u201d", '"'),
+        ("\u2013", "--"),
+        ("\u2026", "..."),
     ):
         shown = shown.replace(typeset, plain)
     for name, home in cislunar._HOMES.items():
