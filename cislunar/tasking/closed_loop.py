@@ -41,7 +41,13 @@ from cislunar.tasking.detection_outcomes import (
     report_estimated_parameters,
     report_outcomes,
 )
-from cislunar.tasking.histories import HISTORIES, ObservationLog, Outputs, histories_text
+from cislunar.tasking.histories import (
+    HISTORIES,
+    ManeuverLog,
+    ObservationLog,
+    Outputs,
+    histories_text,
+)
 from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.realization import USED, advance_interval, start_realization
 from cislunar.tasking.recording import Piece, collect, concatenate
@@ -76,6 +82,8 @@ class LoopResult:
         factorizations.
     observations : ObservationLog or None
         All observations, if ``settings.record`` has "measurements".
+    maneuvers : ManeuverLog or None
+        All true maneuvers, if ``settings.record`` has "truth".
     """
 
     elapsed_s: Array
@@ -84,6 +92,7 @@ class LoopResult:
     failed: NDArray[np.uint8]
     counters: NDArray[np.int64]
     observations: ObservationLog | None
+    maneuvers: ManeuverLog | None = None
 
     def __getattr__(self, name: str) -> NDArray | None:
         if name in HISTORIES:
@@ -255,9 +264,16 @@ class ClosedLoop:
 
     def ends(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:
         """Metrics, reasons of failed estimates and counters of a completed run, by seed first."""
-        metrics, failed, counters = zip(*self.state.ends, strict=True)
+        metrics, failed, counters, _ = zip(*self.state.ends, strict=True)
         each = (np.array(column) for column in zip(*metrics, strict=True))
         return TrackingMetrics(*each), np.array(failed), np.array(counters)
+
+    def maneuvers(self) -> ManeuverLog | None:
+        """True maneuvers of a completed run, if it records the truth."""
+        if "truth" not in self.inputs.settings.record:
+            return None
+        logs = [maneuvers for *_, maneuvers in self.state.ends]
+        return ManeuverLog(*map(np.concatenate, zip(*logs, strict=True)))
 
 
 def run_closed_loop(
@@ -334,7 +350,7 @@ def run_closed_loop(
         kept.get("parameter_sigma"), loop.estimated_parameters, counters[..., UPDATES]
     )
     elapsed_s = settings.step_s * (settings.recorded + 1.0)
-    return LoopResult(elapsed_s, kept, metrics, failed, counters, observations)
+    return LoopResult(elapsed_s, kept, metrics, failed, counters, observations, loop.maneuvers())
 
 
 def _identities(target_ids: ArrayLike) -> NDArray[np.int64]:

@@ -239,6 +239,39 @@ class ObservationLog(NamedTuple):
     outcome: NDArray[np.uint8]
 
 
+class ManeuverLog(NamedTuple):
+    """True maneuvers of a run, by seed, start and target; arrays, shape (maneuver, ...).
+
+    Attributes
+    ----------
+    seed, target : ndarray of int
+        Indices.
+    start_s, duration_s : ndarray
+        Start since the start of the run, and duration, s; 0 for an impulse.
+    velocity_m_s : ndarray, shape (maneuver, 3)
+        Change of velocity, propagation frame, m/s.
+    """
+
+    seed: NDArray[np.int64]
+    target: NDArray[np.int64]
+    start_s: Array
+    duration_s: Array
+    velocity_m_s: Array
+
+
+MANEUVER_VARIABLES = {
+    "maneuver_seed": ((), "1", "index of the realization"),
+    "maneuver_target": ((), "1", "index of the target along dimension target"),
+    "maneuver_start": ((), "s", "start of the true maneuver since the start of the run"),
+    "maneuver_duration": ((), "s", "duration of the true maneuver; 0 for an impulse"),
+    "maneuver_velocity": (
+        ("axis",), "m s-1",
+        "change of velocity by the true maneuver, axes of the propagation frame"),
+}  # fmt: skip
+"""Variables of `ManeuverLog` in its order: dimensions after that of the maneuvers, unit and
+description."""
+
+
 class _ObservationColumn(NamedTuple):
     """A variable of the observations in a data set: type, unit, description and values."""
 

@@ -83,6 +83,7 @@ def start_realization(inputs: SimulationInputs, number: int, seed: int) -> Reali
             if not settings.association.in_field
             else scene.observer_position.shape[0]
         ),
+        maneuvers=truth.all_maneuvers(seed, inputs.ids, settings.duration_hours),
     )
     variance = truth.noise**2
     if truth.sensor is not None:

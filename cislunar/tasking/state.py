@@ -14,6 +14,7 @@ from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
 from cislunar.observation.scene import Scene
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.tasking.communication.reception import Reception
+from cislunar.tasking.histories import ManeuverLog
 from cislunar.tasking.observer_truth import ObserverTruth
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.settings import LoopSettings
@@ -60,6 +61,15 @@ class Realization(NamedTuple):
         return inputs.scene if self.observers is None else self.observers.scene(inputs.scene)
 
     @property
-    def end(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:
-        """Metrics, reasons of failed estimates, and counters."""
-        return self.evaluation.result(), self.estimator.failed, self.estimator.counters
+    def end(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64], ManeuverLog]:
+        """Metrics, reasons of failed estimates, counters, and maneuvers."""
+        result, estimator = self.evaluation.result(), self.estimator
+        return result, estimator.failed, estimator.counters, self._maneuvers()
+
+    def _maneuvers(self) -> ManeuverLog:
+        """The maneuvers of this realization, by start and target."""
+        given = self.motion.maneuvers
+        order = np.lexsort((given.target, given.start_s))
+        columns = given.target, given.start_s, given.duration_s, self.motion.velocity_changes_m_s
+        number = np.full(order.size, self.number)
+        return ManeuverLog(number, *(column[order] for column in columns))

@@ -39,6 +39,7 @@ from cislunar.runtime.settings_fields import (
     several,
     whole,
 )
+from cislunar.targets.maneuver_model import ManeuverModel
 from cislunar.tasking.communication.model import CommunicationModel
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.schedule_model import ScheduleModel
@@ -173,6 +174,7 @@ class Truth(Partial):
     parameter_sigma: _TrueDeviations = _TrueDeviations()
     parameter_freedom: number(gt=2) | None = None
     torque: partial(TorqueModel) = partial(TorqueModel)()
+    maneuvers: partial(ManeuverModel) = partial(ManeuverModel)()
 
 
 class CellSettings(Section):
@@ -247,11 +249,14 @@ class CellSettings(Section):
         "`lommel-seeliger-phong`, `lommel-seeliger-ggx`, or a table of a law, `.csv` or `.nc`), "
         "`angular_acceleration_deg_h2` (three numbers in deg/h^2, the effect on every target of a "
         "torque constant along the body axes), `parameter_sigma` (keys of "
-        "`batch.estimated_parameters`, standard deviations of the random body-parameter deviations "
-        "of each target in each realization), `parameter_freedom` (degrees of freedom, above 2, of "
-        "Student's t distribution of these deviations; null: normal) and `torque` (torques that "
-        "vary, docs/bodies.md: `center_of_pressure_sigma_m`, `mass_kg`, `random_deg_h2`, "
-        "`random_hours`). `{}`: no difference. The random numbers stay the same", default=Truth())
+        "`batch.estimated_parameters`, standard deviations of the random body-parameter "
+        "deviations of each target in each realization), `parameter_freedom` (degrees of freedom, "
+        "above 2, of Student's t distribution of these deviations; null: normal), `torque` "
+        "(torques that vary, docs/bodies.md: `center_of_pressure_sigma_m`, `mass_kg`, "
+        "`random_deg_h2`, `random_hours`) and `maneuvers` (docs/maneuvers.md: a `table`, and "
+        "`drawn`, a list of kinds of random maneuvers, each with `share`, `smallest_m_s`, "
+        "`largest_m_s`, `interval_hours`, `first_hour`, `last_hour` and `duration_minutes`). "
+        "`{}`: no difference. The random numbers stay the same", default=Truth())
 
 
 CellChange = partial(CellSettings)

@@ -103,6 +103,7 @@ def truth_model(cell: cell_tree.CellSettings, names: Sequence[Sequence[str]]) ->
         parameter_freedom=cell.truth.parameter_freedom,
         torque=TorqueModel(**cell.truth.torque.model_dump()),
         observer_sigma=cell.observer_errors.truth,
+        drawn_maneuvers=tuple(cell.truth.maneuvers.drawn or ()),
     )
 
 

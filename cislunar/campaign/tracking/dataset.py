@@ -44,7 +44,7 @@ from cislunar.tasking.detection_outcomes import (
     report_estimated_parameters,
     report_outcomes,
 )
-from cislunar.tasking.histories import OBSERVATION_COLUMNS, kept_histories
+from cislunar.tasking.histories import MANEUVER_VARIABLES, OBSERVATION_COLUMNS, kept_histories
 from cislunar.tasking.realization import OUTCOME_NAMES, USED
 from cislunar.tasking.recording import Piece, fill
 
@@ -224,7 +224,7 @@ def _dataset(
         units = ["degree h-2" if name.startswith("angular") else "1" for name in names]
         coords["parameter"] = "parameter", names, "1", "estimated body parameter"
         coords["parameter_unit"] = "parameter", units, "1", "unit of the parameter"
-    described = {**histories, **_results(loop)}
+    described = {**histories, **_results(loop), **_maneuvers(loop)}
     described |= observer_variables(settings.record, problem.scene, _frame(loop))
     coords |= {name: RECORD_COORDINATES[name] for name in _record_dims(loop)}
     if settings.slots is not None:
@@ -305,6 +305,7 @@ def _record_dims(loop: ClosedLoop) -> list[str]:
     record, scene = loop.inputs.settings.record, loop.inputs.scene
     found = [each.dims for each in _histories(loop).values()]
     found += [dims for dims, *_ in observer_variables(record, scene).values()]
+    found += [dims for dims, *_ in MANEUVER_VARIABLES.values() if _maneuvering(loop)]
     return [name for name in RECORD_COORDINATES if any(name in dims for dims in found)]
 
 
@@ -340,6 +341,21 @@ def _fill(whole: Mapping[str, Any], pieces: Iterable[Piece], loop: ClosedLoop) -
                 whole[name][rows] = column.values(piece.observations)
             done = rows.stop
     return outcomes
+
+
+def _maneuvering(loop: ClosedLoop) -> bool:
+    """Whether the data set has true maneuvers."""
+    truth = loop.inputs.truth
+    several = truth.maneuvers.target.size > 0 or len(truth.drawn_maneuvers) > 0
+    return several and "truth" in loop.inputs.settings.record
+
+
+def _maneuvers(loop: ClosedLoop) -> dict[str, tuple]:
+    """Dimensions, values, unit and description of the true maneuvers, if there are any."""
+    if not _maneuvering(loop):
+        return {}
+    columns = zip(MANEUVER_VARIABLES.items(), loop.maneuvers(), strict=True)
+    return {name: (("maneuver", *dims), each, *rest) for (name, (dims, *rest)), each in columns}
 
 
 def _results(loop: ClosedLoop) -> dict[str, tuple]:

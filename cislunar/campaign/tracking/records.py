@@ -24,6 +24,7 @@ from cislunar.exchange.aem import AttitudeSegment
 from cislunar.exchange.arcs import arc, inertial_arc
 from cislunar.exchange.inertial import Epoch, icrf_axes
 from cislunar.exchange.observations import POSITION_COLUMNS, observation_dates
+from cislunar.exchange.ocm import Maneuver
 from cislunar.exchange.oem import Segment
 from cislunar.observation.scene import Scene
 
@@ -208,6 +209,43 @@ def cell_arcs(
             covariance = None if covariances is None else covariances[good, j]
             arcs.append(frame.arc(label, states[good, j], times[good], center, covariance))
     return arcs
+
+
+def cell_maneuvers(
+    cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0
+) -> dict[str, list[Maneuver]]:
+    """True maneuvers of a cell by the names of the targets, to be written by `cislunar.exchange`.
+
+    Parameters
+    ----------
+    cell, sun : xarray.Dataset
+        A cell made with the truth in `task2.record`, and its ``ephemeris/sun.nc``.
+    seed : int
+        Index of the realization.
+
+    Returns
+    -------
+    dict of str to list of Maneuver
+        In order of time, with the basis "SIMULATED"; targets without maneuvers are left out.
+    """
+    if "maneuver_seed" not in cell:
+        return {}
+    rows = np.flatnonzero(cell["maneuver_seed"].values == seed)
+    start, duration = (cell[f"maneuver_{each}"].values[rows] for each in ("start", "duration"))
+    frame, found = _frame_of(cell, sun), {}
+    # over a burn, the rotating frame is that of its middle
+    axes = frame.to_icrf(start + 0.5 * duration)
+    changes = np.einsum("mij,mj->mi", axes, 1e-3 * cell["maneuver_velocity"].values[rows])
+    names = np.array(_labels(cell))[cell["maneuver_target"].values[rows]]
+    columns = names, frame.tdb_s(start), changes, duration
+    for name, tdb_s, change, length in zip(*columns, strict=True):
+        own = found.setdefault(str(name), [])
+        own.append(
+            Maneuver(
+                str(len(own) + 1), float(tdb_s), change, duration_s=float(length), basis="SIMULATED"
+            )
+        )
+    return found
 
 
 def cell_observer_arcs(
