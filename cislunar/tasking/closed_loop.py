@@ -210,8 +210,11 @@ class ClosedLoop:
     @property
     def outputs(self) -> Outputs:
         """What the estimator returns besides the motion."""
-        chosen = getattr(self.inputs.factory, "chooses_models", False)
-        return Outputs(bool(self.estimated_parameters), chosen)
+        return Outputs(
+            bool(self.estimated_parameters),
+            getattr(self.inputs.factory, "chooses_models", False),
+            getattr(self.inputs.factory, "tests_maneuvers", False),
+        )
 
     @property
     def lengths(self) -> dict[str, int]:

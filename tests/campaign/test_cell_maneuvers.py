@@ -133,3 +133,20 @@ def test_faults_are_found_before_any_job(tmp_path):
     config["task2"]["truth"] = {"maneuvers": {"drawn": [late]}}
     with pytest.raises(ConfigurationError, match=r"task2.truth.maneuvers.drawn', entry 0: .* not"):
         check_inputs(config)
+
+
+def test_a_cell_that_tests_for_maneuvers(inputs):
+    """Variables by interval, and everything else as without the test."""
+    plain = run(inputs, settings({}))
+    tested = run(inputs, settings({}, maneuver_detection={"false_alarms_per_target_day": 1e-3}))
+    names = {name for name in tested.data_vars if name not in plain.data_vars}
+    assert names == {
+        *("maneuver_alarm", "maneuver_statistic", "maneuver_estimated_time"),
+        *("maneuver_tested_time", "maneuver_estimate", "maneuver_estimate_covariance"),
+    }
+    assert tested["maneuver_estimate_covariance"].dims == (
+        "seed", "epoch", "target", "axis", "axis_2"
+    )  # fmt: skip
+    for name in plain.data_vars:
+        np.testing.assert_array_equal(tested[name].values, plain[name].values, err_msg=name)
+    assert (tested["maneuver_statistic"].values > 0.0).any()

@@ -14,6 +14,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.fusion.methods import FUSIONS
 from cislunar.estimation.initial_sigma import InitialSigma, ProcessNoise
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
 from cislunar.estimation.navigation.errors import ObserverErrors
 from cislunar.evaluation.custody import Custody
 from cislunar.observation.body_parameters import REFLECTION_LAW, BodyParameterPrior
@@ -182,7 +183,7 @@ class CellSettings(Section):
 
     omitted = ("first_realization", "start_day", "histories", "record", "eclipse", "fusion",
                "sensors", "stations", "dynamics", "communication", "association",
-               "observer_errors")
+               "observer_errors", "maneuver_detection")
 
     seeds: whole(ge=1, le=10_000) = setting(
         "number of realizations of truth and noise of each cell. All cells have the same "
@@ -223,6 +224,7 @@ class CellSettings(Section):
     sensors: dict[GroupName, SensorGroup] = setting("", default={})
     stations: dict[GroupName, Station] = setting("", default={})
     observer_errors: ObserverErrors = ObserverErrors()
+    maneuver_detection: ManeuverDetection = ManeuverDetection()
     initial_sigma: InitialSigma = setting("")
     eclipse: Flag = setting(
         "true: targets are dimmer in the penumbra of Earth and Moon and invisible in the umbra, "

@@ -42,6 +42,7 @@ RECORD_COORDINATES = {
     "translation": ("translation", _TRANSLATION, "1", "position and velocity"),
     "translation_2": ("translation_2", _TRANSLATION, "1", "position and velocity"),
     "axis": ("axis", ["x", "y", "z"], "1", "axis"),
+    "axis_2": ("axis_2", ["x", "y", "z"], "1", "axis"),
     "body_axis": ("body_axis", ["x", "y", "z"], "1", "axis of a body frame"),
     "quaternion": ("quaternion", ["q1", "q2", "q3", "q4"], "1", "component, q4 the scalar"),
     "angle": ("angle", ["right_ascension", "declination"], "1", "angle in the observer's body"),

@@ -40,6 +40,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimates, OrbitEstimates
 from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.linearization import SIZE
+from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
 from cislunar.estimation.maneuvers.recursion import scan
 from cislunar.estimation.track_arrays import remaining_tracks
 from cislunar.observation.records import Measurements, Schedule
@@ -49,11 +50,7 @@ from cislunar.runtime.threads import share_out
 
 Array = NDArray[np.float64]
 
-WINDOW_HOURS = 12.0
-"""Default time before the present within which maneuvers are hypothesized, h."""
-
-SPACING_MINUTES = 60.0
-"""Default time between hypothesized maneuvers, min."""
+_USUAL = ManeuverDetection()
 
 _PRIOR = (VELOCITY_UNIT_M_S / 1000.0) ** 2
 """Prior information on a component of an impulse, nondimensional: that of a standard deviation of
@@ -102,6 +99,17 @@ def _best(n_targets: int) -> tuple[Array, NDArray[np.int64], Array, Array]:
     )
 
 
+def _estimates(
+    best: tuple[Array, NDArray[np.int64], Array, Array],
+) -> ManeuverEstimates:
+    """The largest statistics and their impulses in m/s."""
+    value, at, impulse, information = best
+    covariance = VELOCITY_UNIT_M_S**2 * np.linalg.inv(information + _PRIOR * np.eye(3))
+    return ManeuverEstimates(
+        value[:, 0], at[:, 0], at[:, 1], VELOCITY_UNIT_M_S * impulse, covariance
+    )
+
+
 def _impulse_at(own: tuple[Array, Array, Array], slot: int) -> None:
     """Begin a hypothesis of all targets."""
     sensitivity, gradient, information = own
@@ -138,8 +146,8 @@ class ManeuverTest:
         n_targets: int,
         *,
         process_noise: ProcessNoise | None = None,
-        window_hours: float = WINDOW_HOURS,
-        spacing_minutes: float = SPACING_MINUTES,
+        window_hours: float = _USUAL.window_hours,
+        spacing_minutes: float = _USUAL.spacing_minutes,
     ) -> None:
         window = number_of("window_hours", window_hours, positive=True)
         minutes = number_of("spacing_minutes", spacing_minutes, positive=True)
@@ -190,18 +198,11 @@ class ManeuverTest:
             (squared, np.empty((1, count, 2, 3)), best),
         )
         share_out(lambda first, stop: scan((first, stop), *given), n_targets)
-        value, at, impulse, information = best
-        covariance = np.linalg.inv(information + _PRIOR * np.eye(3))
-        return (
-            ManeuverEstimates(
-                value[:, 0],
-                at[:, 0],
-                at[:, 1],
-                VELOCITY_UNIT_M_S * impulse,
-                VELOCITY_UNIT_M_S**2 * covariance,
-            ),
-            squared,
-        )
+        return _estimates(best), squared
+
+    def nothing(self) -> ManeuverEstimates:
+        """The result of an interval without observations."""
+        return _estimates(_best(self._own[1].shape[0]))
 
     def hypotheses(self, index: int) -> ManeuverEstimates:
         """The statistic of every hypothesized time after the last interval.
@@ -232,10 +233,10 @@ class ManeuverTest:
             VELOCITY_UNIT_M_S**2 * covariance,
         )
 
-    def add(self, n_new: int, forces: tuple) -> None:
-        """Add tracks at the end; `forces` is the model of all tracks. Maneuvers before the next
-        hypothesized time are not tested."""
-        self._forces = forces
+    def add(self, n_new: int, forces: tuple | None = None) -> None:
+        """Add tracks at the end; `forces` is the model of all tracks, if it changes. Maneuvers
+        before the next hypothesized time are not tested."""
+        self._forces = self._forces if forces is None else forces
         more = _arrays(n_new, self._own[1].shape[1])
         self._own = tuple(map(np.concatenate, zip(self._own, more, strict=True)))
 
@@ -263,7 +264,7 @@ def planned_information(
     angle_variance: ArrayLike,
     *,
     process_noise: ProcessNoise | None = None,
-    spacing_minutes: float = SPACING_MINUTES,
+    spacing_minutes: float = _USUAL.spacing_minutes,
 ) -> tuple[Array, Array]:
     """What observations would tell of impulses at hypothesized times, before there is any.
 
