@@ -1,8 +1,6 @@
 """Settings of the maneuvers of true targets. No function here needs compiled kernels."""
 
-from typing import Annotated
-
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from cislunar.errors import ConfigurationError
 from cislunar.runtime.settings_fields import (
@@ -89,7 +87,7 @@ class ManeuverModel(Section):
 
     table: Text | None = setting(
         "table of maneuvers (docs/maneuvers.md)", "path", default=None)
-    drawn: Annotated[list[DrawnManeuvers], Field()] = setting(
+    drawn: list[DrawnManeuvers] = setting(
         "kinds of maneuvers drawn at random, with the keys of `DrawnManeuvers`", default=[])
 
     # fmt: on

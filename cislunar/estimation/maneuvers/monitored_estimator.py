@@ -104,7 +104,7 @@ def monitored(
     rate = settings.false_alarms_per_target_day
     if rate is None:
         return factory
-    threshold = false_alarm_threshold(rate)
+    threshold = false_alarm_threshold(rate, settings.independent_tests_per_day)
 
     def make(scene, surfaces, sensor, initial, rng, forces):
         test = ManeuverTest(

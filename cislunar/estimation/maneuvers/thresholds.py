@@ -17,17 +17,15 @@ from scipy.optimize import brentq
 from scipy.stats import chi2
 
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
 from cislunar.runtime.arguments import array_of, count_of, number_of
 
 Array = NDArray[np.float64]
 
-INDEPENDENT_TESTS_PER_DAY = 1000.0
-"""Number of independent tests a day that have at most the false alarms of the correlated ones: 160
-to 480 were found for schedules of 48 to 240 observations a day."""
-
 
 def false_alarm_threshold(
-    false_alarms_per_target_day: float, independent_tests: float = INDEPENDENT_TESTS_PER_DAY
+    false_alarms_per_target_day: float,
+    independent_tests: float = ManeuverDetection.model_fields["independent_tests_per_day"].default,
 ) -> float:
     """Threshold of a statistic of three degrees of freedom for a rate of false alarms.
 
@@ -37,7 +35,7 @@ def false_alarm_threshold(
         Between 0 and 1.
     independent_tests : float
         Number of independent tests a day. With the number of all tests, the rate is an upper bound
-        whatever their correlation; see `exceedance_probability` for the actual one.
+        whatever their correlation; `threshold_of_schedule` has the threshold of a schedule.
 
     Returns
     -------
