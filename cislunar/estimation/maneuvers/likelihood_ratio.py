@@ -187,11 +187,13 @@ class ManeuverTest:
         n_targets, count = self._own[1].shape[:2]
         squared, best = np.full(found.used.size, np.nan), _best(n_targets)
         orbits = found.used, start.translation, start.covariance, found.translation
+        # kernels are compiled for each memory layout of their arguments
+        records = Measurements(*map(np.ascontiguousarray, measurements))
         given = (
             start.index + 1,
             (self._scene, self._forces, self._process),
-            measurements,
-            (*orbits, found.covariance),
+            records,
+            tuple(map(np.ascontiguousarray, (*orbits, found.covariance))),
             self._own,
             (self._spacing, _PRIOR),
             False,
@@ -302,8 +304,8 @@ def planned_information(
     n_rows, n_targets = variance.size, states.shape[0]
     whitened = np.zeros((n_rows, own[1].shape[1], 2, 3))
     records = Measurements(
-        schedule.offset,
-        schedule.observer,
+        np.ascontiguousarray(schedule.offset),
+        np.ascontiguousarray(schedule.observer),
         np.zeros((n_rows, 3)),
         np.repeat(variance[:, None], 3, axis=1),
     )
@@ -314,7 +316,7 @@ def planned_information(
         1,
         (scene, forces, _process(process_noise, scene.step_s)),
         records,
-        (used, states, spread, *path),
+        (used, np.ascontiguousarray(states), np.ascontiguousarray(spread), *path),
         own,
         (spacing, _PRIOR),
         True,
