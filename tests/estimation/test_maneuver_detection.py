@@ -27,7 +27,7 @@ from cislunar.estimation.maneuvers import (
     threshold_of_schedule,
     whitened_tests,
 )
-from cislunar.observation.records import Measurements, Schedule
+from cislunar.observation.records import Measurements, Schedule, rows_of
 from cislunar.tasking.demonstration import tracking_problem
 
 SIGMA = np.deg2rad(2.0 / 3600.0)
@@ -121,41 +121,46 @@ def measured(scene, truth, rng):
     return np.array(exact) + SIGMA * rng.standard_normal((len(exact), 2))
 
 
-def monitored(scene, start, runs, process_noise=None, pieces=1):
-    """The test after filters of several targets that start at the same mean."""
-    n = len(runs)
-    means, spreads = (np.array([run[i] for run in runs]) for i in (1, 2))
-    values = np.concatenate([run[0] for run in runs])
-    schedule = schedule_of(n)
-    test = ManeuverTest(
+def empty_test(scene, n, process_noise=None):
+    """The test of n targets."""
+    return ManeuverTest(
         scene,
-        (runs[0][4]),
+        EARTH_MOON,
         n,
         process_noise=process_noise,
         window_hours=SPACING * 6 / 60,
         spacing_minutes=SPACING,
     )
+
+
+def advanced(test, start, runs, first, stop):
+    """Advance the test over an interval of filters that start at the same mean; returns its
+    results, and the target of each row."""
+    n = len(runs)
+    means, spreads = (np.array([run[i] for run in runs]) for i in (1, 2))
+    values = np.concatenate([run[0] for run in runs])
+    schedule = schedule_of(n)
     full = np.column_stack([np.full(len(values), 10.0), values])
     variance = np.full((len(values), 3), SIGMA**2)
     whole = Measurements(schedule.offset, schedule.observer, full, variance)
+    target, step = rows_of(whole)
+    rows = (step >= first) & (step < stop)
+    part = whole.where(rows)
+    part = part._replace(offset=part.offset[:, first : stop + 1])
+    before = (
+        np.tile(start, (n, 1)) if first == 0 else means[:, first - 1],
+        np.tile(PRIOR, (n, 1, 1)) if first == 0 else spreads[:, first - 1],
+    )
+    each = estimates_of(means[:, first:stop], spreads[:, first:stop], rows.sum())
+    return *test.advance(OrbitEstimates(first, *before), part, each), target[rows]
+
+
+def monitored(scene, start, runs, process_noise=None, pieces=1):
+    """The test after all intervals, and the results of each."""
+    test = empty_test(scene, len(runs), process_noise)
     edges = np.linspace(0, N_STEPS, pieces + 1).astype(int)
-    found, squared = [], []
-    target, step = np.repeat(np.arange(n), len(values) // n), None
-    counts = np.diff(schedule.offset, axis=1)
-    step = np.repeat(np.tile(np.arange(N_STEPS), n), counts.ravel())
-    for first, stop in pairwise(edges):
-        rows = (step >= first) & (step < stop)
-        part = whole.where(rows)
-        part = part._replace(offset=np.ascontiguousarray(part.offset[:, first : stop + 1]))
-        before = (
-            np.tile(start, (n, 1)) if first == 0 else means[:, first - 1],
-            np.tile(PRIOR, (n, 1, 1)) if first == 0 else spreads[:, first - 1],
-        )
-        each = estimates_of(means[:, first:stop], spreads[:, first:stop], rows.sum())
-        result, nis = test.advance(OrbitEstimates(first, *before), part, each)
-        found.append(result)
-        squared.append((target[rows], nis))
-    return test, found, squared
+    found = [advanced(test, start, runs, *span) for span in pairwise(edges)]
+    return test, [each[0] for each in found], [(each[2], each[1]) for each in found]
 
 
 @pytest.fixture(scope="module")
@@ -181,7 +186,7 @@ def filtered(problem, orbit, rng, impulse=None, noise=NO_NOISE):
     process = np.diag(variance[6:])
     process[np.arange(3), np.arange(3, 6)] = process[np.arange(3, 6), np.arange(3)] = both
     means, spreads, squared = kalman(scene, start, phi, values, process)
-    return values, means, spreads, squared, EARTH_MOON
+    return values, means, spreads, squared
 
 
 CHANGE = np.array([0.4, -0.8, 0.6]) / VELOCITY_UNIT_M_S
@@ -255,6 +260,26 @@ def test_pieces_give_the_same_and_nis_is_that_of_the_filter(problem, orbit):
     assert sum(part[1].size for part in each) == nis.size
 
 
+def test_tracks_come_and_go(problem, orbit):
+    """The others keep their statistics; a new track is tested from the next hypothesized time."""
+    rng, half = np.random.default_rng(11), N_STEPS // 2
+    runs = [filtered(problem, orbit, rng) for _ in range(3)]
+    whole, _, _ = monitored(problem.scene, orbit[0], runs)
+    test = empty_test(problem.scene, 3)
+    advanced(test, orbit[0], runs, 0, half)
+    test.remove([1])
+    test.add(1)
+    advanced(test, orbit[0], [runs[0], runs[2], runs[1]], half, N_STEPS)
+    before, after = whole.hypotheses(N_STEPS), test.hypotheses(N_STEPS)
+    for name in ("statistic", "impulse_m_s", "covariance"):
+        first, second = getattr(before, name), getattr(after, name)
+        np.testing.assert_allclose(second[:2], first[[0, 2]], rtol=1e-6, atol=1e-9)
+        later = before.index[1] > half
+        assert later.sum() == 3
+        np.testing.assert_allclose(second[2, later], first[1, later], rtol=1e-6, atol=1e-9)
+    assert np.all(after.statistic[2, after.index[2] <= half] == 0.0)
+
+
 def test_without_a_maneuver_the_statistic_is_chi_squared(problem, orbit):
     rng = np.random.default_rng(5)
     runs = [filtered(problem, orbit, rng) for _ in range(150)]
@@ -269,7 +294,7 @@ def test_without_a_maneuver_the_statistic_is_chi_squared(problem, orbit):
 def planned(problem, orbit):
     return planned_information(
         problem.scene,
-        filtered(problem, orbit, np.random.default_rng(0))[4],
+        EARTH_MOON,
         orbit[0][None],
         PRIOR[None],
         schedule_of(1),
