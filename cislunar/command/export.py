@@ -125,6 +125,7 @@ def _texts(
     from cislunar.campaign.tracking import (
         cell_arcs,
         cell_attitudes,
+        cell_maneuvers,
         cell_observations,
         cell_observer_arcs,
         is_ephemeris,
@@ -162,9 +163,10 @@ def _texts(
         return {path: oem_text(arcs, **message)}
     if suffix == ".csv":
         return {path: segments_csv(arcs, time_system=time_system)}
+    maneuvers = cell_maneuvers(cell, sun, seed=seed) if data == "truth" else {}
     return {
         path.with_name(
             f"{path.stem}_{re.sub(r'[^-.A-Za-z0-9]', '_', each.name)}{path.suffix}"
-        ): ocm_text(each, **message)
+        ): ocm_text(each, maneuvers.get(each.name, ()), **message)
         for each in arcs
     }

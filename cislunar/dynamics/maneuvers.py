@@ -6,6 +6,7 @@ midpoint rule is exact for the displacement at the end of the burn in a uniform 
 decreases with the square of the part's length otherwise.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +69,36 @@ def burn_times(start_s: float, duration_s: float) -> Array:
     return start_s + duration_s * (np.arange(count) + 0.5) / count
 
 
+def local_axes(
+    state: ArrayLike, body: ArrayLike, body_velocity: ArrayLike, turning: ArrayLike
+) -> Array:
+    """Radial, transverse and normal axes of a state about a body.
+
+    Parameters
+    ----------
+    state : array_like, shape (6,)
+        Nondimensional, propagation frame.
+    body, body_velocity : array_like, shape (3,)
+        Position and velocity of the body's center, nondimensional, propagation frame.
+    turning : array_like, shape (3,)
+        Angular velocity of the propagation frame relative to the inertial frame, nondimensional,
+        along its own axes.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        Rotation from the propagation frame to the local axes: radial from the body, normal along
+        the angular momentum of the inertial motion about the body, transverse completing the
+        right-handed system (RTN of the CCSDS navigation standards).
+    """
+    given = np.asarray(state, dtype=float)
+    away = given[:3] - np.asarray(body, dtype=float)
+    velocity = given[3:] - np.asarray(body_velocity, dtype=float) + np.cross(turning, away)
+    radial, normal = away / np.linalg.norm(away), np.cross(away, velocity)
+    normal /= np.linalg.norm(normal)
+    return np.array([radial, np.cross(normal, radial), normal])
+
+
 def propagate_with_impulses(
     state: ArrayLike,
     dt: float,
@@ -76,6 +107,7 @@ def propagate_with_impulses(
     *,
     forces: tuple = EARTH_MOON,
     start: float = 0.0,
+    resolve: Callable[[int, float, Array], Array] | None = None,
 ) -> Array:
     """Propagate many states over a common grid of times, with impulses.
 
@@ -94,6 +126,10 @@ def propagate_with_impulses(
         Force model, see `cislunar.dynamics.forces`.
     start : float
         First time, nondimensional, since the epoch.
+    resolve : callable, optional
+        Returns the change of velocity (3,), nondimensional, propagation frame, of an impulse from
+        its number, its time and the state (6,) before it, instead of ``impulses.velocity``. It is
+        called once for each impulse that has an effect.
 
     Returns
     -------
@@ -117,7 +153,8 @@ def propagate_with_impulses(
             here, now = out[j, k].copy(), start + k * dt
             for i in np.flatnonzero(own & (step == k)):
                 here = _moved(here, impulses.time[i] - now, alone, now)
-                here[3:] += impulses.velocity[i]
+                at = float(impulses.time[i])
+                here[3:] += impulses.velocity[i] if resolve is None else resolve(i, at, here)
                 now = max(now, impulses.time[i])
             out[j, k + 1] = _moved(here, start + (k + 1) * dt - now, alone, now)
             later = n_steps - k - 1

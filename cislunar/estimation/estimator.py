@@ -350,7 +350,8 @@ class EstimatorFactory(Protocol):
     estimators have `learned` and `searches`, see
     `cislunar.estimation.light_curves.batch.BatchEstimator`. A factory whose estimators choose
     between models of the body has `chooses_models` = True, and its estimators `attitude_status` and
-    `characterizations`.
+    `characterizations`. One whose estimators test for maneuvers has `tests_maneuvers` = True, see
+    `cislunar.estimation.maneuvers.monitored_estimator.monitored`.
     """
 
     def __call__(

@@ -1,4 +1,5 @@
-"""Static targets: missions, zero-velocity surfaces, clustering; tables of user-defined targets."""
+"""Static targets: missions, zero-velocity surfaces, clustering; tables of user-defined targets, and
+maneuvers of targets."""
 
 import lazy_loader as _lazy
 
@@ -6,6 +7,9 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "audit": ["audit_centers"],
     "clustering": ["DEFAULT_SEEDING", "SEEDINGS", "cluster", "distinct_points"],
+    "maneuver_model": ["DrawnManeuvers", "ManeuverModel"],
+    "maneuvers": ["MANEUVER_AXES", "ManeuverTable", "Maneuvers", "NO_MANEUVERS", "draw_maneuvers",
+        "joined_maneuvers", "load_maneuvers"],
     "missions": ["load_missions"],
     "sampling": ["SamplingSettings", "sample_zero_velocity"],
     "tables": ["TargetStates", "check_closed_targets", "is_message", "load_target_positions",

@@ -42,7 +42,13 @@ from cislunar.tasking.detection_outcomes import (
     report_estimated_parameters,
     report_outcomes,
 )
-from cislunar.tasking.histories import HISTORIES, ObservationLog, Outputs, histories_text
+from cislunar.tasking.histories import (
+    HISTORIES,
+    ManeuverLog,
+    ObservationLog,
+    Outputs,
+    histories_text,
+)
 from cislunar.tasking.initial_conditions import initial_estimate
 from cislunar.tasking.realization import USED, advance_interval, start_realization
 from cislunar.tasking.recording import Piece, collect, concatenate
@@ -80,6 +86,8 @@ class LoopResult:
     characterized : CharacterizedTargets or None
         What the light curves tell of the targets at the end of the run, arrays with a leading axis
         over seeds; None unless the estimator chooses between models of the bodies.
+    maneuvers : ManeuverLog or None
+        All true maneuvers, if ``settings.record`` has "truth".
     """
 
     elapsed_s: Array
@@ -89,6 +97,7 @@ class LoopResult:
     counters: NDArray[np.int64]
     observations: ObservationLog | None
     characterized: CharacterizedTargets | None = None
+    maneuvers: ManeuverLog | None = None
 
     def __getattr__(self, name: str) -> NDArray | None:
         if name in HISTORIES:
@@ -187,10 +196,11 @@ class ClosedLoop:
             plain = isinstance(settings.sensor, Sensor) and settings.sensor.plain
             own = None if plain else each
             truth = TruthModel(surfaces, each[0].noise, np.zeros(3), forces, sensor=own)
-        _require_consistency(scene, surfaces, truth, initial, ids, seeds, settings)
+        if len(seeds) == 0:
+            raise ConfigurationError("seeds: none is given; give at least one")
         self.inputs = SimulationInputs(
             scene, surfaces, settings, factory, initial, truth, ids, forces
-        )
+        ).checked()
         self.seeds = seeds
         self.numbers = list(range(len(self.seeds)))
         self.state = State()
@@ -206,7 +216,11 @@ class ClosedLoop:
     @property
     def outputs(self) -> Outputs:
         """What the estimator returns besides the motion."""
-        return Outputs(bool(self.estimated_parameters), self.inputs.chooses_models)
+        return Outputs(
+            bool(self.estimated_parameters),
+            self.inputs.chooses_models,
+            self.inputs.tests_maneuvers,
+        )
 
     @property
     def lengths(self) -> dict[str, int]:
@@ -259,7 +273,7 @@ class ClosedLoop:
 
     def ends(self) -> tuple[TrackingMetrics, NDArray[np.uint8], NDArray[np.int64]]:
         """Metrics, reasons of failed estimates and counters of a completed run, by seed first."""
-        metrics, failed, counters, _ = zip(*self.state.ends, strict=True)
+        metrics, failed, counters, *_ = zip(*self.state.ends, strict=True)
         return _by_seed(metrics), np.array(failed), np.array(counters)
 
     def characterized(self) -> CharacterizedTargets | None:
@@ -267,6 +281,13 @@ class ClosedLoop:
         None unless the estimator chooses between models of the bodies."""
         found = [end.characterized for end in self.state.ends]
         return _by_seed(found) if self.inputs.chooses_models else None
+
+    def maneuvers(self) -> ManeuverLog | None:
+        """True maneuvers of a completed run, if it records the truth."""
+        if "truth" not in self.inputs.settings.record:
+            return None
+        logs = [end.maneuvers for end in self.state.ends]
+        return ManeuverLog(*map(np.concatenate, zip(*logs, strict=True)))
 
 
 def _by_seed(found: Sequence[Any]) -> Any:
@@ -349,7 +370,7 @@ def run_closed_loop(
     )
     elapsed_s = settings.step_s * (settings.recorded + 1.0)
     results = elapsed_s, kept, metrics, failed, counters, observations
-    return LoopResult(*results, loop.characterized())
+    return LoopResult(*results, loop.characterized(), loop.maneuvers())
 
 
 def _identities(target_ids: ArrayLike) -> NDArray[np.int64]:
@@ -358,34 +379,3 @@ def _identities(target_ids: ArrayLike) -> NDArray[np.int64]:
     if np.any((given < 0.0) | (given != np.round(given))):
         raise ConfigurationError(f"target_ids = {given.tolist()} must be whole numbers from 0 on")
     return np.asarray(target_ids, dtype=np.int64)
-
-
-def _require_consistency(
-    scene: Scene,
-    surfaces: TargetSurfaces,
-    truth: TruthModel,
-    initial: InitialEstimate,
-    ids: NDArray[np.int64],
-    seeds: Sequence[int],
-    settings: LoopSettings,
-) -> None:
-    """Refuse scenes, targets and settings that disagree."""
-    if len(seeds) == 0:
-        raise ConfigurationError("seeds: none is given; give at least one")
-    n_times = scene.sun_position.shape[0]
-    if n_times != settings.n_steps + 1 or abs(scene.step_s - settings.step_s) > 1e-9:
-        raise ConfigurationError(
-            f"scene: {n_times} times every {scene.step_s} s do not fit duration_hours = "
-            f"{settings.duration_hours} with step_s = {settings.step_s}, which needs "
-            f"{settings.n_steps + 1} times"
-        )
-    counts = {
-        "epoch_state": initial.translation.shape[0],
-        "surfaces": surfaces.inertia.shape[0],
-        "truth.surfaces": truth.surfaces.inertia.shape[0],
-        "target_ids": ids.size,
-    }
-    if len(set(counts.values())) != 1 or ids.size == 0:
-        raise ConfigurationError(f"targets: their numbers disagree or are zero: {counts}")
-    if np.unique(ids).size != ids.size:
-        raise ConfigurationError("target_ids: an identity occurs twice")

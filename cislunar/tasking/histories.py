@@ -17,11 +17,12 @@ Array = NDArray[np.float64]
 
 
 class Outputs(NamedTuple):
-    """What an estimator returns besides the motion: estimated body parameters, and the status of
-    the attitude after a choice between models of the body."""
+    """What an estimator returns besides the motion: estimated body parameters, the status of the
+    attitude after a choice between models of the body, and tests for maneuvers."""
 
     parameters: bool = False
     models: bool = False
+    maneuvers: bool = False
 
 
 class History(NamedTuple):
@@ -66,6 +67,10 @@ def _estimated(_settings: LoopSettings, outputs: Outputs) -> bool:
 
 def _chosen(_settings: LoopSettings, outputs: Outputs) -> bool:
     return outputs.models
+
+
+def _tested(_settings: LoopSettings, outputs: Outputs) -> bool:
+    return outputs.maneuvers
 
 
 _STATE, _PARAMETER = ("target", "component"), ("target", "parameter")
@@ -181,6 +186,28 @@ HISTORIES = {
         "epoch", (*_OBSERVER, "observer_parameter_2"), "f8", "products of those of "
         "observer_parameter", "covariance of the estimated error of the observer",
         _in_record("observers")),
+    "maneuver_alarm": History(
+        "epoch", ("target",), "bool", "1",
+        "1 where a maneuver was detected in the interval: maneuver_statistic exceeds its threshold",
+        _tested),
+    "maneuver_statistic": History(
+        "epoch", ("target",), "f8", "1",
+        "largest statistic in the interval of the generalized likelihood ratio test for a "
+        "maneuver; 0 without an observation", _tested),
+    "maneuver_estimated_time": History(
+        "epoch", ("target",), "f8", "s",
+        "hypothesized time of the maneuver of maneuver_statistic since the start of the run",
+        _tested),
+    "maneuver_tested_time": History(
+        "epoch", ("target",), "f8", "s",
+        "time of the observation of maneuver_statistic since the start of the run", _tested),
+    "maneuver_estimate": History(
+        "epoch", ("target", "axis"), "f8", "m s-1",
+        "change of velocity by the maneuver of maneuver_statistic, axes of the propagation frame",
+        _tested),
+    "maneuver_estimate_covariance": History(
+        "epoch", ("target", "axis", "axis_2"), "f8", "m2 s-2",
+        "covariance of maneuver_estimate given its time", _tested),
     "visible": History(
         "epoch", ("target",), "bool", "1",
         "1 where any observer could have detected the target in the interval, at its true "
@@ -237,6 +264,44 @@ class ObservationLog(NamedTuple):
     value: Array
     variance: Array
     outcome: NDArray[np.uint8]
+
+
+class ManeuverLog(NamedTuple):
+    """True maneuvers of a run, by seed, start and target; arrays, shape (maneuver, ...).
+
+    Attributes
+    ----------
+    seed, target : ndarray of int
+        Indices.
+    start_s, duration_s : ndarray
+        Start since the start of the run, and duration, s; 0 for an impulse.
+    velocity_m_s : ndarray, shape (maneuver, 3)
+        Change of velocity, propagation frame, m/s.
+    """
+
+    seed: NDArray[np.int64]
+    target: NDArray[np.int64]
+    start_s: Array
+    duration_s: Array
+    velocity_m_s: Array
+
+    def variables(self) -> dict[str, tuple]:
+        """Dimensions, values, unit and description by the names of `MANEUVER_VARIABLES`."""
+        columns = zip(MANEUVER_VARIABLES.items(), self, strict=True)
+        return {name: (("maneuver", *dims), each, *rest) for (name, (dims, *rest)), each in columns}
+
+
+MANEUVER_VARIABLES = {
+    "maneuver_seed": ((), "1", "index of the realization"),
+    "maneuver_target": ((), "1", "index of the target along dimension target"),
+    "maneuver_start": ((), "s", "start of the true maneuver since the start of the run"),
+    "maneuver_duration": ((), "s", "duration of the true maneuver; 0 for an impulse"),
+    "maneuver_velocity": (
+        ("axis",), "m s-1",
+        "change of velocity by the true maneuver, axes of the propagation frame"),
+}  # fmt: skip
+"""Variables of `ManeuverLog` in its order: dimensions after that of the maneuvers, unit and
+description."""
 
 
 class _ObservationColumn(NamedTuple):

@@ -21,7 +21,7 @@ INITIAL_RATE_DEG_H = (-44.723808, -6.6573, -8.514216)
 
 # Independent streams of random numbers; the first entry of a generator's seed.
 _PHASE, _SELECTION, INITIAL_ERROR, MEASUREMENT, TASKING, ESTIMATOR, BODY, ALARM, LOSS = range(9)
-TORQUE, PRESSURE, OBSERVER, CHARACTERIZATION = 9, 10, 11, 12
+TORQUE, PRESSURE, OBSERVER, CHARACTERIZATION, MANEUVER = 9, 10, 11, 12, 13
 
 
 def stream(*key: int) -> np.random.Generator:

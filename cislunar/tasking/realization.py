@@ -18,8 +18,6 @@ from cislunar.estimation.estimator import (
     Prediction,
 )
 from cislunar.estimation.light_curves.model_selection.characterization import UNIQUE
-from cislunar.estimation.navigation.errors import N_PARAMETERS
-from cislunar.estimation.navigation.navigated_estimator import NavigatedEstimator, ObserverEstimate
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation
 from cislunar.observation.body_sampling import true_deviations
@@ -44,7 +42,13 @@ from cislunar.tasking.observer_truth import draw_observer_errors, shifted_angles
 from cislunar.tasking.planning.assignment import IDLE
 from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.pending import expected_update
-from cislunar.tasking.recording import Piece, observation_log, recorded_motion
+from cislunar.tasking.recording import (
+    Piece,
+    observation_log,
+    observer_errors,
+    recorded_motion,
+    tested_maneuvers,
+)
 from cislunar.tasking.settings import LoopSettings
 from cislunar.tasking.state import Realization, SimulationInputs
 from cislunar.tasking.truth import Truth, estimation_errors
@@ -145,7 +149,7 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
     chosen = inputs.chooses_models
     known = own.estimator.attitude_status == UNIQUE if chosen else None
     own.evaluation.update(error, estimates.sigma, observed, least, known)
-    outputs = Outputs(bool(own.estimator.estimated_parameters), chosen)
+    outputs = Outputs(bool(own.estimator.estimated_parameters), chosen, inputs.tests_maneuvers)
     names = kept_histories(settings, outputs)
     some = settings.recorded_within(start, n_steps)
     values = {
@@ -160,7 +164,8 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
         "pair_information": [tasking.pairs],
         "visible": [visible],
         **_learned(inputs, own),
-        **_observer_errors(inputs, own, start + n_steps),
+        **observer_errors(inputs, own, start + n_steps),
+        **tested_maneuvers(inputs, own),
         **of_tracks,
         **recorded_motion(
             names, start, tasking.target_by_step, motion, estimates, settings, inputs.scene
@@ -195,24 +200,6 @@ def _learned(inputs: SimulationInputs, own: Realization) -> dict[str, list[Array
     if inputs.chooses_models:
         found["attitude_status"] = [own.estimator.attitude_status]
     return found
-
-
-def _observer_errors(
-    inputs: SimulationInputs, own: Realization, index: int
-) -> dict[str, list[Array]]:
-    """Values of the histories of the observers' errors, true at a time of the scene."""
-    if "observers" not in inputs.settings.record:
-        return {}
-    shape = inputs.scene.observer_position.shape[0], N_PARAMETERS
-    true = np.zeros(shape) if own.observers is None else own.observers.at(index)
-    nothing = ObserverEstimate(np.full(shape, np.nan), np.full((*shape, N_PARAMETERS), np.nan))
-    treated = isinstance(own.estimator, NavigatedEstimator)
-    found = own.estimator.observers() if treated else nothing
-    return {
-        "observer_error": [true],
-        "estimated_observer_error": [found.mean],
-        "observer_error_covariance": [found.covariance],
-    }
 
 
 def _in_slots(target: NDArray[np.int64], settings: LoopSettings) -> NDArray[np.int64]:

@@ -7,10 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.estimation.estimator import Estimates
+from cislunar.estimation.navigation.errors import N_PARAMETERS
+from cislunar.estimation.navigation.navigated_estimator import ObserverEstimate
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.tasking.histories import HISTORIES, ObservationLog
 from cislunar.tasking.settings import LoopSettings
+from cislunar.tasking.state import Realization, SimulationInputs
 from cislunar.tasking.truth import Truth
 
 Array = NDArray[np.float64]
@@ -100,6 +103,43 @@ def recorded_motion(
     if "pointing" in names:
         found["pointing"] = _pointing(start, steps, target_by_step[steps], estimates, scene)
     return {name: values.swapaxes(0, 1) for name, values in found.items()}
+
+
+def tested_maneuvers(inputs: SimulationInputs, own: Realization) -> dict[str, list[Array]]:
+    """Values of the histories of the tests for maneuvers."""
+    if not getattr(inputs.factory, "tests_maneuvers", False):
+        return {}
+    found = own.estimator.tested_maneuvers()
+    index, tested = (
+        np.where(each < 0, np.nan, inputs.scene.step_s * each)
+        for each in (found.index, found.tested)
+    )
+    return {
+        "maneuver_alarm": [found.statistic > own.estimator.maneuver_threshold],
+        "maneuver_statistic": [found.statistic],
+        "maneuver_estimated_time": [index],
+        "maneuver_tested_time": [tested],
+        "maneuver_estimate": [found.impulse_m_s],
+        "maneuver_estimate_covariance": [found.covariance],
+    }
+
+
+def observer_errors(
+    inputs: SimulationInputs, own: Realization, index: int
+) -> dict[str, list[Array]]:
+    """Values of the histories of the observers' errors, true at a time of the scene."""
+    if "observers" not in inputs.settings.record:
+        return {}
+    shape = inputs.scene.observer_position.shape[0], N_PARAMETERS
+    true = np.zeros(shape) if own.observers is None else own.observers.at(index)
+    nothing = ObserverEstimate(np.full(shape, np.nan), np.full((*shape, N_PARAMETERS), np.nan))
+    treated = getattr(own.estimator, "observers", None)
+    found = nothing if treated is None else treated()
+    return {
+        "observer_error": [true],
+        "estimated_observer_error": [found.mean],
+        "observer_error_covariance": [found.covariance],
+    }
 
 
 def observation_log(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.association.tracks import TrackStatus
+from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimator, EstimatorFactory, InitialEstimate
 from cislunar.estimation.light_curves.row_blocks import TIME
 from cislunar.evaluation.characterization import CharacterizedTargets, characterized_targets
@@ -16,6 +17,7 @@ from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
 from cislunar.observation.scene import Scene
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.tasking.communication.reception import Reception
+from cislunar.tasking.histories import ManeuverLog
 from cislunar.tasking.initial_conditions import CHARACTERIZATION, stream
 from cislunar.tasking.observer_truth import ObserverTruth
 from cislunar.tasking.planning.detection import LearnedDetection
@@ -36,6 +38,39 @@ class SimulationInputs(NamedTuple):
     truth: TruthModel
     ids: NDArray[np.int64]
     forces: tuple
+
+    def checked(self) -> SimulationInputs:
+        """The same. ConfigurationError if scene, targets and settings disagree."""
+        scene, settings, initial, ids = self.scene, self.settings, self.initial, self.ids
+        n_times = scene.sun_position.shape[0]
+        if n_times != settings.n_steps + 1 or abs(scene.step_s - settings.step_s) > 1e-9:
+            raise ConfigurationError(
+                f"scene: {n_times} times every {scene.step_s} s do not fit duration_hours = "
+                f"{settings.duration_hours} with step_s = {settings.step_s}, which needs "
+                f"{settings.n_steps + 1} times"
+            )
+        counts = {
+            "epoch_state": initial.translation.shape[0],
+            "surfaces": self.surfaces.inertia.shape[0],
+            "truth.surfaces": self.truth.surfaces.inertia.shape[0],
+            "target_ids": ids.size,
+        }
+        if len(set(counts.values())) != 1 or ids.size == 0:
+            raise ConfigurationError(f"targets: their numbers disagree or are zero: {counts}")
+        if np.unique(ids).size != ids.size:
+            raise ConfigurationError("target_ids: an identity occurs twice")
+        return self
+
+    @property
+    def records_maneuvers(self) -> bool:
+        """Whether the true maneuvers are recorded, if there are any."""
+        several = self.truth.maneuvers.target.size > 0 or len(self.truth.drawn_maneuvers) > 0
+        return several and "truth" in self.settings.record
+
+    @property
+    def tests_maneuvers(self) -> bool:
+        """Whether the estimators test the orbits for maneuvers."""
+        return getattr(self.factory, "tests_maneuvers", False)
 
     @property
     def chooses_models(self) -> bool:
@@ -61,17 +96,20 @@ class SimulationInputs(NamedTuple):
                 if not settings.association.in_field
                 else scene.observer_position.shape[0]
             ),
+            maneuvers=truth.all_maneuvers(seed, self.ids, settings.duration_hours),
         )
 
 
 class End(NamedTuple):
-    """What remains of a completed realization: metrics, reasons of failed estimates, counters, and
-    the characterization of the targets, None if no models of bodies are chosen."""
+    """What remains of a completed realization: metrics, reasons of failed estimates, counters, the
+    characterization of the targets, None if no models of bodies are chosen, and the true maneuvers.
+    """
 
     metrics: TrackingMetrics
     failed: NDArray[np.uint8]
     counters: NDArray[np.int64]
     characterized: CharacterizedTargets | None
+    maneuvers: ManeuverLog
 
 
 class Realization(NamedTuple):
@@ -101,7 +139,8 @@ class Realization(NamedTuple):
     def end(self, inputs: SimulationInputs) -> End:
         """Results of the completed realization."""
         found = self._characterized(inputs) if inputs.chooses_models else None
-        return End(self.evaluation.result(), self.estimator.failed, self.estimator.counters, found)
+        result, own = self.evaluation.result(), self.estimator
+        return End(result, own.failed, own.counters, found, self._maneuvers())
 
     def _characterized(self, inputs: SimulationInputs) -> CharacterizedTargets:
         """What the light curves tell of the targets. The true motion is computed once more, since
@@ -121,3 +160,11 @@ class Realization(NamedTuple):
                 here = (step > start) & (step <= stop)
                 attitudes[j][here] = moved.quaternion[j, step[here] - start]
         return characterized_targets(found, rows, attitudes, quaternion, omega, self.truth.surfaces)
+
+    def _maneuvers(self) -> ManeuverLog:
+        """The maneuvers of this realization, by start and target."""
+        given = self.motion.maneuvers
+        order = np.lexsort((given.target, given.start_s))
+        columns = given.target, given.start_s, given.duration_s, self.motion.velocity_changes_m_s
+        number = np.full(order.size, self.number)
+        return ManeuverLog(number, *(column[order] for column in columns))

@@ -12,20 +12,29 @@ from cislunar.attitude.quaternion import compose, multiply_components, normalize
 from cislunar.attitude.torque_model import TorqueModel
 from cislunar.attitude.varying_torque import RandomTorque, SunPressure, propagate_varying
 from cislunar.compiled import njit_noalloc
-from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import require_span
+from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S, local_axes, propagate_with_impulses
 from cislunar.estimation.estimator import Estimates, InitialEstimate
 from cislunar.estimation.navigation.errors import ObserverErrorSigma
+from cislunar.estimation.navigation.rates import frame_rotation
 from cislunar.observation.body_parameters import BodyParameterPrior, require_freedom
 from cislunar.observation.body_sampling import sample_rotations, sample_surfaces
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.runtime.arguments import require_kind
+from cislunar.targets.maneuver_model import DrawnManeuvers
+from cislunar.targets.maneuvers import (
+    NO_MANEUVERS,
+    Maneuvers,
+    draw_maneuvers,
+    joined_maneuvers,
+)
 from cislunar.tasking.initial_conditions import (
     BODY,
     INITIAL_ERROR,
+    MANEUVER,
     MEASUREMENT,
     PRESSURE,
     TORQUE,
@@ -64,6 +73,10 @@ class TruthModel(NamedTuple):
     observer_errors : ndarray, shape (observer, 6), or None
         Constant errors of the observers in all realizations; m, arcsec and s, see
         `cislunar.estimation.navigation.errors`.
+    maneuvers : Maneuvers
+        Maneuvers in all realizations.
+    drawn_maneuvers : tuple of DrawnManeuvers
+        Maneuvers drawn in each realization, in addition.
     """
 
     surfaces: TargetSurfaces
@@ -76,6 +89,20 @@ class TruthModel(NamedTuple):
     torque: TorqueModel = TorqueModel()
     observer_sigma: ObserverErrorSigma = ObserverErrorSigma()
     observer_errors: Array | None = None
+    maneuvers: Maneuvers = NO_MANEUVERS
+    drawn_maneuvers: tuple[DrawnManeuvers, ...] = ()
+
+    def all_maneuvers(
+        self, seed: int, target_ids: NDArray[np.int64], duration_hours: float
+    ) -> Maneuvers:
+        """Maneuvers of one realization of a run, of which identity of a target and seed select the
+        random numbers. ConfigurationError if they do not fit into the run."""
+
+        def generator(j: int, number: int) -> np.random.Generator:
+            return stream(MANEUVER, seed, target_ids[j], number)
+
+        drawn = draw_maneuvers(self.drawn_maneuvers, target_ids.size, duration_hours, generator)
+        return joined_maneuvers([self.maneuvers, drawn])
 
     def sampled(self, seed: int, target_ids: ArrayLike) -> "TruthModel":
         """The truth of one realization, with its body-parameter deviations sampled; the same
@@ -143,6 +170,15 @@ class TrueMotion:
     observations : int
         Largest number of observations of a target at a time; a larger number does not change the
         errors of the first ones.
+    maneuvers : Maneuvers
+        Maneuvers of the targets; none if omitted.
+
+    Attributes
+    ----------
+    maneuvers : Maneuvers
+        As given.
+    velocity_changes_m_s : ndarray, shape (maneuver, 3)
+        Changes of velocity by the maneuvers up to the last time so far, propagation frame, m/s.
     """
 
     def __init__(
@@ -159,6 +195,7 @@ class TrueMotion:
         torque: TorqueModel | None = None,
         surfaces: TargetSurfaces | None = None,
         observations: int = 1,
+        maneuvers: Maneuvers = NO_MANEUVERS,
     ) -> None:
         ids = np.asarray(target_ids)
         require_span(forces, 0.0, scene.step * (scene.sun_position.shape[0] - 1))
@@ -186,17 +223,40 @@ class TrueMotion:
         self._streams = [[stream(MEASUREMENT, seed, j, *key) for key in keys] for j in ids]
         self._last = self._draw(1)
         self._index = 0
+        self.maneuvers = maneuvers
+        self._impulses, self._maneuver_of = maneuvers.impulses(scene.step_s / scene.step)
+        self.velocity_changes_m_s = np.zeros_like(maneuvers.velocity_m_s)
 
     def _draw(self, n_times: int) -> Array:
         """Measurement errors of the next times, shape (target, time, observation, 3)."""
         draws = [[each.standard_normal((n_times, 3)) for each in own] for own in self._streams]
         return np.moveaxis(draws, 1, 2) * self._noise
 
+    def _resolve(self, impulse: int, time: float, state: Array) -> Array:
+        """Change of velocity by an impulse in the propagation frame, which is noted."""
+        number = self._maneuver_of[impulse]
+        change, body = self._impulses.velocity[impulse], self.maneuvers.axes[number] - 1
+        if body >= 0:
+            scene = self._scene
+            k = min(int(time / scene.step), scene.primaries.shape[0] - 2)
+            before, after = scene.primaries[k : k + 2, body]
+            velocity = (after - before) / scene.step
+            center = before + velocity * (time - k * scene.step)
+            change = change @ local_axes(state, center, velocity, frame_rotation(scene))
+        self.velocity_changes_m_s[number] += VELOCITY_UNIT_M_S * change
+        return change
+
     def advance(self, n_steps: int) -> Truth:
         """Motion at the last time so far and over the next `n_steps` steps, n_steps + 1 times."""
         first, scene, n_targets = self._index, self._scene, self._attitude.shape[0]
-        translation = propagate_bundle(
-            self._translation, scene.step, n_steps, forces=self._forces, start=first * scene.step
+        translation = propagate_with_impulses(
+            self._translation,
+            scene.step,
+            n_steps,
+            self._impulses,
+            forces=self._forces,
+            start=first * scene.step,
+            resolve=self._resolve,
         )
         elapsed = scene.step_s * np.arange(first, first + n_steps + 1)
         quaternion, omega = (np.empty((n_targets, n_steps + 1, n)) for n in (4, 3))

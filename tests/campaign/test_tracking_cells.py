@@ -196,6 +196,11 @@ def test_a_scenario_beyond_the_paper_has_no_published_cells(config):
         ("task2.truth.parameter_freedom", 2),
         ("task2.truth.parameter_freedom", 4),  # of no deviation
         ("task2.truth.torque", {"random_deg_h2": -1}),
+        ("task2.truth.maneuvers", {"drawn": [{"smallest_m_s": 1}]}),
+        ("task2.truth.maneuvers", {"drawn": [{"smallest_m_s": 2, "largest_m_s": 1}]}),
+        ("task2.maneuver_detection", {"false_alarms_per_target_day": 1}),
+        ("task2.maneuver_detection", {"spacing_minutes": 90, "window_hours": 1}),
+        ("task2.maneuver_detection.spacing_minutes", 0.5),
         ("task2.truth.body", {"shape": "sphere"}),
         ("task2.batch.estimated_parameters", {"log_slope": -0.1}),
         ("task2.batch.noise_freedom", 0),

@@ -50,11 +50,10 @@ def true_settings(settings: CellSettings) -> CellSettings:
 
 def cell_files(settings: Mapping[str, Any]) -> list[str]:
     """Meshes and tables that a cell depends on, each once: of bodies and of a reflection law,
-    assumed and true, and of the errors of observers."""
+    assumed and true, of the errors of observers, and of maneuvers."""
     assumed = typed(settings, CellSettings)
-    found: list[str] = []
-    if assumed.observer_errors.table is not None:
-        found.append(assumed.observer_errors.table)
+    tables = assumed.observer_errors.table, assumed.truth.maneuvers.table
+    found: list[str] = [each for each in tables if each is not None]
     for body in (assumed.body, true_settings(assumed).body):
         shapes = [body.shape]
         if body.table is not None:

@@ -14,6 +14,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.fusion.methods import FUSIONS
 from cislunar.estimation.initial_sigma import InitialSigma, ProcessNoise
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
+from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
 from cislunar.estimation.navigation.errors import ObserverErrors
 from cislunar.evaluation.custody import Custody
 from cislunar.observation.body_parameters import REFLECTION_LAW, BodyParameterPrior
@@ -39,6 +40,7 @@ from cislunar.runtime.settings_fields import (
     several,
     whole,
 )
+from cislunar.targets.maneuver_model import ManeuverModel
 from cislunar.tasking.communication.model import CommunicationModel
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.schedule_model import ScheduleModel
@@ -177,6 +179,7 @@ class Truth(Partial):
     parameter_sigma: _TrueDeviations = _TrueDeviations()
     parameter_freedom: number(gt=2) | None = None
     torque: partial(TorqueModel) = partial(TorqueModel)()
+    maneuvers: partial(ManeuverModel) = partial(ManeuverModel)()
 
 
 class CellSettings(Section):
@@ -184,7 +187,7 @@ class CellSettings(Section):
 
     omitted = ("first_realization", "start_day", "histories", "record", "eclipse", "fusion",
                "sensors", "stations", "dynamics", "communication", "association",
-               "observer_errors")
+               "observer_errors", "maneuver_detection")
 
     seeds: whole(ge=1, le=10_000) = setting(
         "number of realizations of truth and noise of each cell. All cells have the same "
@@ -225,6 +228,7 @@ class CellSettings(Section):
     sensors: dict[GroupName, SensorGroup] = setting("", default={})
     stations: dict[GroupName, Station] = setting("", default={})
     observer_errors: ObserverErrors = ObserverErrors()
+    maneuver_detection: ManeuverDetection = ManeuverDetection()
     initial_sigma: InitialSigma = setting("")
     eclipse: Flag = setting(
         "true: targets are dimmer in the penumbra of Earth and Moon and invisible in the umbra, "
@@ -253,9 +257,12 @@ class CellSettings(Section):
         "torque constant along the body axes), `parameter_sigma` (keys of "
         "`batch.estimated_parameters`, standard deviations of the random body-parameter deviations "
         "of each target in each realization), `parameter_freedom` (degrees of freedom, above 2, of "
-        "Student's t distribution of these deviations; null: normal) and `torque` (varying "
-        "torques, docs/bodies.md: `center_of_pressure_sigma_m`, `mass_kg`, `random_deg_h2`, "
-        "`random_hours`). `{}`: no difference. The random numbers stay the same", default=Truth())
+        "Student's t distribution of these deviations; null: normal), `torque` (varying torques, "
+        "docs/bodies.md: `center_of_pressure_sigma_m`, `mass_kg`, `random_deg_h2`, "
+        "`random_hours`) and `maneuvers` (docs/maneuvers.md: a `table`, and `drawn`, a list of "
+        "kinds of random maneuvers, each with `share`, `smallest_m_s`, `largest_m_s`, "
+        "`interval_hours`, `first_hour`, `last_hour` and `duration_minutes`). "
+        "`{}`: no difference. The random numbers stay the same", default=Truth())
 
 
 CellChange = partial(CellSettings)

@@ -12,6 +12,7 @@ from cislunar.campaign.settings import cell_tree, tree
 from cislunar.campaign.settings.cell_settings import true_settings
 from cislunar.estimation.estimator import EstimatorFactory
 from cislunar.estimation.fusion.catalogs import catalogs
+from cislunar.estimation.maneuvers.monitored_estimator import monitored
 from cislunar.estimation.navigation.factory import navigated
 from cislunar.estimation.registry import estimator_named
 from cislunar.observation.body_factory import body_from_spec, equal_sphere_of
@@ -103,6 +104,7 @@ def truth_model(cell: cell_tree.CellSettings, names: Sequence[Sequence[str]]) ->
         parameter_freedom=cell.truth.parameter_freedom,
         torque=TorqueModel(**cell.truth.torque.model_dump()),
         observer_sigma=cell.observer_errors.truth,
+        drawn_maneuvers=tuple(cell.truth.maneuvers.drawn or ()),
     )
 
 
@@ -149,4 +151,6 @@ def estimator_factory(name: str, cell: cell_tree.CellSettings) -> EstimatorFacto
     )
     errors = cell.observer_errors
     given = common, errors.treatment, errors.assumed
-    return catalogs(navigated(*given, process_noise=cell.process_noise), cell.fusion)
+    treated = navigated(*given, process_noise=cell.process_noise)
+    tested = monitored(treated, cell.maneuver_detection, process_noise=cell.process_noise)
+    return catalogs(tested, cell.fusion)

@@ -28,13 +28,16 @@ from cislunar.campaign.settings.scenarios import (
     tracked_count,
     tracked_names,
 )
+from cislunar.constants import SECONDS_PER_DAY
 from cislunar.ephemeris.sampling import check_coverage
+from cislunar.ephemeris.time_scales import tdb_after, tdb_seconds
 from cislunar.errors import CislunarError, ConfigurationError, InputFileError
 from cislunar.estimation.navigation.table import load_observer_errors
 from cislunar.observation.body_spec import BodySpec, load_body_table
 from cislunar.photometry.materials import REFLECTION_LAWS, Material
 from cislunar.photometry.reflection.tables import load_reflectance_table
 from cislunar.runtime.settings_fields import MOST_STEPS
+from cislunar.targets.maneuvers import load_maneuvers
 from cislunar.targets.missions import load_missions
 from cislunar.targets.tables import (
     check_closed_targets,
@@ -169,8 +172,8 @@ def _check_ephemerides(config: Mapping[str, Any]) -> None:
 
 
 def _check_bodies(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
-    """Refuse faulty bodies and tables, of bodies, assumed or true, and of the errors of observers,
-    of cells and variants."""
+    """Refuse faulty bodies and tables, of bodies, assumed or true, of the errors of observers and
+    of maneuvers, of cells and variants."""
     task2 = config["task2"]
     scenarios = {"task2.": task2["variants"]["scenario"]}
     cells = {"task2.": cell_settings(task2)}
@@ -205,6 +208,29 @@ def _check_bodies(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
         if errors is not None and errors not in seen:
             load_observer_errors(errors)
             seen.add(errors)
+        _check_maneuvers(cell, f"{place}truth.maneuvers", config, scenarios[place])
+
+
+def _check_maneuvers(
+    cell: CellSettings, key: str, config: Mapping[str, Any], scenario: str
+) -> None:
+    """Refuse maneuvers outside of the run, a faulty table of maneuvers, and targets that the
+    scenario does not have."""
+    for number, kind in enumerate(cell.truth.maneuvers.drawn or ()):
+        try:
+            kind.window(cell.duration_hours)
+        except ConfigurationError as error:
+            raise ConfigurationError(
+                f"configuration key '{key}.drawn', entry {number}: {error}"
+            ) from None
+    path = cell.truth.maneuvers.table
+    if path is None:
+        return
+    own = scenario_settings(config, scenario) if scenario in config["scenarios"] else config
+    start = tdb_after(tdb_seconds(own["epoch_jd"]), SECONDS_PER_DAY * cell.start_day)
+    table = load_maneuvers(path, cell.duration_hours, float(start))
+    if scenario in config["scenarios"]:
+        table.require_known(tracked_names(config, scenario), f"scenario {scenario}")
 
 
 def _check_reflection(path: str, key: str) -> None:

@@ -214,6 +214,7 @@ def require_consistent(
             "attitude; leave one of them out"
         )
     _check_fusion(place, settings)
+    _check_detection(place, settings)
     start = settings.start_day
     if hours > 24.0 * (days - start):
         raise ConfigurationError(
@@ -254,6 +255,16 @@ def require_consistent(
     _check_body(f"{place}truth.body", true.body)
 
 
+def _check_detection(place: str, settings: CellSettings) -> None:
+    """Refuse hypothesized maneuvers that are closer to each other than measurements."""
+    minutes = settings.maneuver_detection.spacing_minutes
+    if 60.0 * minutes < settings.step_s:
+        raise ConfigurationError(
+            f"configuration key '{place}maneuver_detection.spacing_minutes' = {minutes} is shorter "
+            f"than step_s = {settings.step_s} s"
+        )
+
+
 def _check_fusion(place: str, settings: CellSettings) -> None:
     """Refuse what catalogs of single observers do not support."""
     if settings.fusion == "common":
@@ -263,6 +274,12 @@ def _check_fusion(place: str, settings: CellSettings) -> None:
             f"configuration key '{place}observer_errors.treatment' = "
             f"{settings.observer_errors.treatment!r}: the errors of observers are treated in one "
             f"estimate of all, but fusion = {settings.fusion!r}; set fusion to 'common'"
+        )
+    if settings.maneuver_detection.false_alarms_per_target_day is not None:
+        raise ConfigurationError(
+            f"configuration key '{place}maneuver_detection.false_alarms_per_target_day': one "
+            f"estimate of all observers is tested, but fusion = {settings.fusion!r}; set fusion to "
+            "'common'"
         )
     if settings.association.in_field:
         raise ConfigurationError(

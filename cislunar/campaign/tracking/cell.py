@@ -1,6 +1,6 @@
 """A cell of the tracking campaign: from configuration and data sets to the closed loop."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -34,8 +34,11 @@ from cislunar.campaign.tracking.ephemeris_inputs import (
     true_forces,
 )
 from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import EARTH_MOON
+from cislunar.dynamics.forces import of_targets
 from cislunar.dynamics.propagation import advance_orbits
+from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
 from cislunar.estimation.navigation.table import errors_of_observers, load_observer_errors
@@ -43,6 +46,7 @@ from cislunar.observation.scene import Scene, make_scene
 from cislunar.observation.sensor import Sensors
 from cislunar.observation.target_surfaces import TargetSurfaces
 from cislunar.runtime.netcdf import read_dataset
+from cislunar.targets.maneuvers import Maneuvers, load_maneuvers
 from cislunar.tasking.closed_loop import ClosedLoop, LoopSettings
 from cislunar.tasking.initial_conditions import epoch_states, monitored_targets
 from cislunar.tasking.truth import TruthModel
@@ -171,6 +175,9 @@ def tracking_problem(
         forces = assumed_forces(ephemeris, settings, loop, low_lunar)
     else:
         scene = make_scene(tracks, sun_at(sun, scene_times(settings, loop)), loop.step_s)
+    if settings.truth.maneuvers.table is not None:
+        given = _table_maneuvers(settings, inputs, names, scene, placed, truth.forces)
+        truth = truth._replace(maneuvers=given)
     return Problem(
         scene,
         nominal_surfaces(settings, names),
@@ -236,6 +243,30 @@ def _drawn_placement(
         return Placement(tracks, *ephemeris_states(ephemeris, placed), ids)
     tracks = architecture_tracks(*flown, satellites, times, phase=phase, propagator=propagator)
     return Placement(tracks, placed, np.zeros(ids.size, dtype=bool), ids)
+
+
+def _table_maneuvers(
+    settings: CellSettings,
+    inputs: CellInputs,
+    names: Sequence[Sequence[str]],
+    scene: Scene,
+    state: NDArray[np.float64],
+    forces: tuple,
+) -> Maneuvers:
+    """True maneuvers of the monitored targets by the table of the settings; an `InputFileError` if
+    one cannot be. `state` (target, 6) are the targets' mean states at the start of the run."""
+    start = tdb_after(inputs.sun["et"].values[0], SECONDS_PER_DAY * settings.start_day)
+    table = load_maneuvers(settings.truth.maneuvers.table, settings.duration_hours, float(start))
+    every = range(inputs.tracked.sizes["target"])
+    known = {each for own in target_names(inputs.tracked, every) for each in own}
+    table.require_known(known, "the scenario")
+    found = table.of_targets(names)
+    flown = np.unique(found.maneuvers.target)
+    n_steps = scene.sun_position.shape[0] - 1
+    path = propagate_bundle(state[flown], scene.step, n_steps, forces=of_targets(forces, flown))
+    where = path[np.searchsorted(flown, found.maneuvers.target), :, :3]
+    found.require_bound(scene.step_s, where, scene.primaries)
+    return found.maneuvers
 
 
 def _observer_errors(

@@ -45,7 +45,7 @@ from cislunar.tasking.detection_outcomes import (
     report_estimated_parameters,
     report_outcomes,
 )
-from cislunar.tasking.histories import OBSERVATION_COLUMNS, kept_histories
+from cislunar.tasking.histories import MANEUVER_VARIABLES, OBSERVATION_COLUMNS, kept_histories
 from cislunar.tasking.realization import OUTCOME_NAMES, USED
 from cislunar.tasking.recording import Piece, fill
 
@@ -226,6 +226,8 @@ def _dataset(
         coords["parameter"] = "parameter", names, "1", "estimated body parameter"
         coords["parameter_unit"] = "parameter", units, "1", "unit of the parameter"
     described = {**histories, **_results(loop)}
+    if loop.inputs.records_maneuvers:
+        described |= loop.maneuvers().variables()
     if (characterized := loop.characterized()) is not None:
         described |= _characterized(characterized)
         coords |= {name: RECORD_COORDINATES[name] for name in ("interval_part", "inertial_axis")}
@@ -309,6 +311,7 @@ def _record_dims(loop: ClosedLoop) -> list[str]:
     record, scene = loop.inputs.settings.record, loop.inputs.scene
     found = [each.dims for each in _histories(loop).values()]
     found += [dims for dims, *_ in observer_variables(record, scene).values()]
+    found += [dims for dims, *_ in MANEUVER_VARIABLES.values() if loop.inputs.records_maneuvers]
     return [name for name in RECORD_COORDINATES if any(name in dims for dims in found)]
 
 

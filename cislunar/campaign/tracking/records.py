@@ -25,6 +25,7 @@ from cislunar.exchange.aem import AttitudeSegment
 from cislunar.exchange.arcs import arc, inertial_arc
 from cislunar.exchange.inertial import Epoch, icrf_axes
 from cislunar.exchange.observations import POSITION_COLUMNS, observation_dates
+from cislunar.exchange.ocm import Maneuver
 from cislunar.exchange.oem import Segment
 from cislunar.observation.scene import Scene
 
@@ -42,6 +43,7 @@ RECORD_COORDINATES = {
     "translation": ("translation", _TRANSLATION, "1", "position and velocity"),
     "translation_2": ("translation_2", _TRANSLATION, "1", "position and velocity"),
     "axis": ("axis", ["x", "y", "z"], "1", "axis"),
+    "axis_2": ("axis_2", ["x", "y", "z"], "1", "axis"),
     "body_axis": ("body_axis", ["x", "y", "z"], "1", "axis of a body frame"),
     "quaternion": ("quaternion", ["q1", "q2", "q3", "q4"], "1", "component, q4 the scalar"),
     "angle": ("angle", ["right_ascension", "declination"], "1", "angle in the observer's body"),
@@ -216,6 +218,43 @@ def cell_arcs(
             covariance = None if covariances is None else covariances[good, j]
             arcs.append(frame.arc(label, states[good, j], times[good], center, covariance))
     return arcs
+
+
+def cell_maneuvers(
+    cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0
+) -> dict[str, list[Maneuver]]:
+    """True maneuvers of a cell by the names of the targets, to be written by `cislunar.exchange`.
+
+    Parameters
+    ----------
+    cell, sun : xarray.Dataset
+        A cell made with the truth in `task2.record`, and its ``ephemeris/sun.nc``.
+    seed : int
+        Index of the realization.
+
+    Returns
+    -------
+    dict of str to list of Maneuver
+        In order of time, with the basis "SIMULATED"; targets without maneuvers are left out.
+    """
+    if "maneuver_seed" not in cell:
+        return {}
+    rows = np.flatnonzero(cell["maneuver_seed"].values == seed)
+    start, duration = (cell[f"maneuver_{each}"].values[rows] for each in ("start", "duration"))
+    frame, found = _frame_of(cell, sun), {}
+    # over a burn, the rotating frame is that of its middle
+    axes = frame.to_icrf(start + 0.5 * duration)
+    changes = np.einsum("mij,mj->mi", axes, 1e-3 * cell["maneuver_velocity"].values[rows])
+    names = np.array(_labels(cell))[cell["maneuver_target"].values[rows]]
+    columns = names, frame.tdb_s(start), changes, duration
+    for name, tdb_s, change, length in zip(*columns, strict=True):
+        own = found.setdefault(str(name), [])
+        own.append(
+            Maneuver(
+                str(len(own) + 1), float(tdb_s), change, duration_s=float(length), basis="SIMULATED"
+            )
+        )
+    return found
 
 
 def cell_observer_arcs(

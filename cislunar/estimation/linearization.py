@@ -207,12 +207,15 @@ def use_exactly(covariance, variance, work):
 
 @njit_noalloc
 def follow(state, covariance, value, variance, o, k, scene, work):
-    """Update of the filter without errors, its state (6,) and covariance (6, 6), by two angles."""
+    """Update of the filter without errors, its state (6,) and covariance (6, 6), by two angles. The
+    derivatives, gain and innovation go into `work`. Returns the root of the innovation's
+    covariance."""
     _by_state(state, value, o, k, scene, work)
-    use_exactly(covariance, variance, work)
+    root = use_exactly(covariance, variance, work)
     gain, angles = work.gain, work.angles
     for c in range(SIZE):
         state[c] += gain[c, 0] * angles[0] + gain[c, 1] * angles[1]
+    return root
 
 
 @njit(cache=True, error_model="numpy")

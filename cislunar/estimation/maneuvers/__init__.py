@@ -1,0 +1,15 @@
+"""Detection of maneuvers from the innovations of a filter, beside any estimator."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "baselines": ["control_distance", "control_gramian", "cusum"],
+    "detection_settings": ["ManeuverDetection"],
+    "likelihood_ratio": ["ManeuverEstimates", "ManeuverTest", "planned_information"],
+    "monitored_estimator": ["MonitoredEstimator", "monitored"],
+    "power": ["detectable_impulse", "detection_probability", "impulse_bound"],
+    "thresholds": ["exceedance_probability", "false_alarm_threshold", "threshold_of_schedule",
+        "whitened_tests"],
+})
+# fmt: on

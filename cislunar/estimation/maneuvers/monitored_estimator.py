@@ -1,0 +1,124 @@
+"""An estimator whose targets are tested for maneuvers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cislunar.estimation.estimator import Estimates, Estimator, EstimatorFactory, InitialEstimate
+from cislunar.estimation.initial_sigma import ProcessNoise
+from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
+from cislunar.estimation.maneuvers.likelihood_ratio import ManeuverEstimates, ManeuverTest
+from cislunar.estimation.maneuvers.thresholds import false_alarm_threshold
+from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.records import Measurements
+from cislunar.observation.target_surfaces import TargetSurfaces
+
+
+class MonitoredEstimator:
+    """An `Estimator` that runs another one, whose estimates it does not change, and tests them.
+
+    It has all attributes of the other one.
+
+    Parameters
+    ----------
+    inner : Estimator
+    test : ManeuverTest
+    threshold : float
+        Of the statistic, above which there is an alarm.
+    """
+
+    def __init__(self, inner: Estimator, test: ManeuverTest, threshold: float) -> None:
+        self._inner, self._test, self.maneuver_threshold = inner, test, threshold
+        self._largest: ManeuverEstimates | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # while a copy is made there is no inner estimator yet
+            raise AttributeError(name)
+        return getattr(self._inner, name)
+
+    def advance(
+        self, measurements: Measurements, *, covariance: bool = False, final: bool = True
+    ) -> Estimates:
+        """See `Estimator.advance`."""
+        start = self._inner.orbits()
+        found = self._inner.advance(measurements, covariance=True, final=final)
+        now, _ = self._test.advance(start, measurements, found)
+        before = self._largest
+        if before is not None:
+            larger = now.statistic > before.statistic
+            now = ManeuverEstimates(
+                *(
+                    np.where(larger.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+                    for new, old in zip(now, before, strict=True)
+                )
+            )
+        self._largest = now
+        return found if covariance else found._replace(covariance=found.covariance[:, :0])
+
+    def tested_maneuvers(self) -> ManeuverEstimates:
+        """The largest statistic of each target in the steps since the previous call, or since the
+        number of targets changed."""
+        found, self._largest = self._largest, None
+        return self._test.nothing() if found is None else found
+
+    def add(
+        self,
+        initial: InitialEstimate,
+        surfaces: TargetSurfaces,
+        rng: np.random.Generator | None = None,
+        *,
+        index: int | None = None,
+        forces: tuple | None = None,
+    ) -> None:
+        """See `Estimator.add`."""
+        self._inner.add(initial, surfaces, rng, index=index, forces=forces)
+        self._test.add(initial.translation.shape[0], forces)
+        self._largest = None
+
+    def remove(self, targets: ArrayLike) -> None:
+        """See `Estimator.remove`."""
+        self._inner.remove(targets)
+        self._test.remove(targets)
+        self._largest = None
+
+
+def monitored(
+    factory: EstimatorFactory,
+    settings: ManeuverDetection,
+    *,
+    process_noise: ProcessNoise | None = None,
+) -> EstimatorFactory:
+    """Factory of estimators whose targets are tested for maneuvers.
+
+    Parameters
+    ----------
+    factory : EstimatorFactory
+    settings : ManeuverDetection
+        Without a rate of false alarms, `factory` is returned.
+    process_noise : ProcessNoise, optional
+        That of the estimators of `factory`.
+    """
+    rate = settings.false_alarms_per_target_day
+    if rate is None:
+        return factory
+    threshold = false_alarm_threshold(rate, settings.independent_tests_per_day)
+
+    def make(scene, surfaces, sensor, initial, rng, forces):
+        test = ManeuverTest(
+            scene,
+            forces,
+            initial.translation.shape[0],
+            process_noise=process_noise,
+            window_hours=settings.window_hours,
+            spacing_minutes=settings.spacing_minutes,
+        )
+        inner = factory(scene, surfaces, sensor, initial, rng, forces)
+        return MonitoredEstimator(inner, test, threshold)
+
+    make.estimated_parameters = getattr(factory, "estimated_parameters", BodyParameterPrior())
+    make.chooses_models = getattr(factory, "chooses_models", False)
+    make.tests_maneuvers = True
+    return make

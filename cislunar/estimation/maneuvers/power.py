@@ -1,0 +1,96 @@
+"""Power of the test for an impulse, and the Cramér-Rao bound of the impulse.
+
+With an impulse v the statistic at its time has the noncentral chi-squared distribution with three
+degrees of freedom and the noncentrality v^T C v, where C^-1 is the bound.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+from scipy.stats import ncx2
+
+from cislunar.errors import ConfigurationError
+from cislunar.runtime.arguments import array_of, number_of
+
+Array = NDArray[np.float64]
+
+
+def impulse_bound(whitened: ArrayLike) -> Array:
+    """Cramér-Rao bound of an impulse at each hypothesized time, given the time.
+
+    Parameters
+    ----------
+    whitened : array_like, shape (row, hypothesis, 2, 3)
+        See `cislunar.estimation.maneuvers.likelihood_ratio.planned_information`; of one target, and
+        of the observations that count.
+
+    Returns
+    -------
+    ndarray, shape (hypothesis, 3, 3)
+        m^2/s^2; infinite where the observations do not determine the impulse.
+    """
+    rows = array_of("whitened", whitened, ("row", "hypothesis", 2, 3))
+    information = np.einsum("nhai,nhaj->hij", rows, rows)
+    out = np.full(information.shape, np.inf)
+    for each, matrix in zip(out, information, strict=True):
+        # two rows of an observation determine two components at most
+        if np.linalg.matrix_rank(matrix, hermitian=True) == 3:
+            each[:] = np.linalg.inv(matrix)
+    return out
+
+
+def detection_probability(
+    impulse_m_s: ArrayLike, bound: ArrayLike, threshold: float
+) -> NDArray[np.float64]:
+    """Probability that an impulse is detected by the test at its time.
+
+    Parameters
+    ----------
+    impulse_m_s : array_like, shape (..., 3)
+        Change of velocity.
+    bound : array_like, shape (..., 3, 3)
+        Covariance of its estimate, m^2/s^2; see `impulse_bound`.
+    threshold : float
+        Of the statistic.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        The largest statistic of several times and observations exceeds the threshold at least as
+        often.
+    """
+    level = number_of("threshold", threshold, positive=True)
+    given = np.asarray(impulse_m_s, dtype=float)
+    moved = np.linalg.solve(np.asarray(bound, dtype=float), given[..., None])[..., 0]
+    return ncx2.sf(level, 3, np.sum(given * moved, axis=-1))
+
+
+def detectable_impulse(bound: ArrayLike, threshold: float, probability: float = 0.9) -> Array:
+    """Smallest impulses that are detected with a probability, in the best and the worst direction.
+
+    Parameters
+    ----------
+    bound : array_like, shape (3, 3)
+        Covariance of the estimated impulse, m^2/s^2.
+    threshold : float
+        Of the statistic.
+    probability : float
+        Between 0 and 1.
+
+    Returns
+    -------
+    ndarray, shape (2,)
+        m/s; infinite if the bound is.
+    """
+    level = number_of("threshold", threshold, positive=True)
+    wanted = number_of("probability", probability, positive=True)
+    if wanted >= 1.0 or wanted <= ncx2.sf(level, 3, 0.0):
+        raise ConfigurationError(
+            f"probability = {wanted:g} must be less than 1 and more than that of a false alarm"
+        )
+    matrix = array_of("bound", bound, (3, 3), finite=False)
+    if not np.all(np.isfinite(matrix)):
+        return np.full(2, np.inf)
+    highest = 4.0 * (level + 10.0) / (1.0 - wanted)
+    needed = brentq(lambda each: ncx2.sf(level, 3, each) - wanted, 0.0, highest)
+    return np.sqrt(needed * np.linalg.eigvalsh(matrix)[[0, -1]])

@@ -1,0 +1,384 @@
+"""Detection of maneuvers against plain Kalman filters, least squares and simulation."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.stats import chi2, kstest
+
+from cislunar.dynamics.bundle import propagate_bundle
+from cislunar.dynamics.cr3bp import EARTH_MOON
+from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S, Impulses, propagate_with_impulses
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.estimator import Estimates, OrbitEstimates
+from cislunar.estimation.initial_sigma import ProcessNoise
+from cislunar.estimation.maneuvers import (
+    ManeuverTest,
+    control_distance,
+    control_gramian,
+    cusum,
+    detectable_impulse,
+    detection_probability,
+    exceedance_probability,
+    false_alarm_threshold,
+    impulse_bound,
+    planned_information,
+    threshold_of_schedule,
+    whitened_tests,
+)
+from cislunar.observation.records import Measurements, Schedule, rows_of
+from cislunar.tasking.demonstration import tracking_problem
+
+SIGMA = np.deg2rad(2.0 / 3600.0)
+PRIOR = np.diag([1e-5] * 3 + [1e-5] * 3) ** 2
+N_STEPS, SPACING = 180, 30
+NO_NOISE = ProcessNoise()
+EVERY = 6
+"""Steps between observations, which two observers make at the same time."""
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return tracking_problem(4, 3, duration_hours=N_STEPS / 60)
+
+
+def angles(scene, state, k, o):
+    """Right ascension and declination of a position."""
+    x, y, z = scene.observer_axes[k] @ (state[:3] - scene.observer_position[o, k])
+    return np.array([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
+
+
+def by_state(scene, state, k, o):
+    """Derivatives of the angles by the state, by central differences."""
+    found = np.zeros((2, 6))
+    for c in range(3):
+        step = np.zeros(6)
+        step[c] = 1e-6
+        ahead, behind = angles(scene, state + step, k, o), angles(scene, state - step, k, o)
+        found[:, c] = (ahead - behind) / 2e-6
+    return found
+
+
+def observed_steps():
+    return [k for k in range(1, N_STEPS + 1) if k % EVERY == 0]
+
+
+OBSERVERS = 1, 2
+
+
+def schedule_of(n_targets):
+    counts = np.zeros((n_targets, N_STEPS), dtype=np.int64)
+    counts[:, [k - 1 for k in observed_steps()]] = len(OBSERVERS)
+    ends = np.cumsum(counts).reshape(counts.shape)
+    offset = np.column_stack([ends[:, :1] - counts[:, :1], ends])
+    return Schedule(offset, np.tile(OBSERVERS, n_targets * len(observed_steps())))
+
+
+def transitions(path, scene):
+    """Transition matrices of every step, by central differences."""
+    found = []
+    for state in path[:-1]:
+        moved = [
+            propagate_bundle(state + sign * 1e-6 * np.eye(6), scene.step, 1)[:, 1]
+            for sign in (1, -1)
+        ]
+        found.append((moved[0] - moved[1]).T / 2e-6)
+    return found
+
+
+def kalman(scene, start, phi, values, process):
+    """An extended Kalman filter: means and covariances after every step, and NIS per row."""
+    mean, spread, squared, row = start.copy(), PRIOR.copy(), [], 0
+    means, spreads = [], []
+    for k in range(1, N_STEPS + 1):
+        mean = propagate_bundle(mean[None], scene.step, 1, start=(k - 1) * scene.step)[0, 1]
+        spread = phi[k - 1] @ spread @ phi[k - 1].T + process
+        if k in observed_steps():
+            for o in OBSERVERS:
+                h = by_state(scene, mean, k, o)
+                s = h @ spread @ h.T + SIGMA**2 * np.eye(2)
+                gain = spread @ h.T @ np.linalg.inv(s)
+                residual = values[row] - angles(scene, mean, k, o)
+                squared.append(residual @ np.linalg.solve(s, residual))
+                mean, spread = mean + gain @ residual, spread - gain @ s @ gain.T
+                row += 1
+        means.append(mean)
+        spreads.append(spread)
+    return np.array(means), np.array(spreads), np.array(squared)
+
+
+def estimates_of(means, spreads, n_rows):
+    """Estimates of several targets, (target, step, ...)."""
+    shape = means.shape[:2]
+    empty = np.empty((*shape, 4)), np.empty((*shape, 3))
+    return Estimates(*empty, means, np.empty((*shape, 12)), spreads, np.ones(n_rows, dtype=bool))
+
+
+def measured(scene, truth, rng):
+    """Noisy angles of a path."""
+    exact = [angles(scene, truth[k], k, o) for k in observed_steps() for o in OBSERVERS]
+    return np.array(exact) + SIGMA * rng.standard_normal((len(exact), 2))
+
+
+def empty_test(scene, n, process_noise=None):
+    """The test of n targets."""
+    return ManeuverTest(
+        scene,
+        EARTH_MOON,
+        n,
+        process_noise=process_noise,
+        window_hours=SPACING * 6 / 60,
+        spacing_minutes=SPACING,
+    )
+
+
+def advanced(test, start, runs, first, stop):
+    """Advance the test over an interval of filters that start at the same mean; returns its
+    results, and the target of each row."""
+    n = len(runs)
+    means, spreads = (np.array([run[i] for run in runs]) for i in (1, 2))
+    values = np.concatenate([run[0] for run in runs])
+    schedule = schedule_of(n)
+    full = np.column_stack([np.full(len(values), 10.0), values])
+    variance = np.full((len(values), 3), SIGMA**2)
+    whole = Measurements(schedule.offset, schedule.observer, full, variance)
+    target, step = rows_of(whole)
+    rows = (step >= first) & (step < stop)
+    part = whole.where(rows)
+    part = part._replace(offset=part.offset[:, first : stop + 1])
+    before = (
+        np.tile(start, (n, 1)) if first == 0 else means[:, first - 1],
+        np.tile(PRIOR, (n, 1, 1)) if first == 0 else spreads[:, first - 1],
+    )
+    each = estimates_of(means[:, first:stop], spreads[:, first:stop], rows.sum())
+    return *test.advance(OrbitEstimates(first, *before), part, each), target[rows]
+
+
+def monitored(scene, start, runs, process_noise=None, pieces=1):
+    """The test after all intervals, and the results of each."""
+    test = empty_test(scene, len(runs), process_noise)
+    edges = np.linspace(0, N_STEPS, pieces + 1).astype(int)
+    found = [advanced(test, start, runs, *span) for span in pairwise(edges)]
+    return test, [each[0] for each in found], [(each[2], each[1]) for each in found]
+
+
+@pytest.fixture(scope="module")
+def orbit(problem):
+    """Mean state, its path and transition matrices."""
+    scene, _, epoch, *_ = problem
+    start = epoch[2]
+    path = propagate_bundle(start[None], scene.step, N_STEPS)[0]
+    return start, path, transitions(path, scene)
+
+
+def filtered(problem, orbit, rng, impulse=None, noise=NO_NOISE):
+    """Measurements of a random truth, and a filter of them; the impulse is (step, change)."""
+    scene, (start, _, phi) = problem.scene, orbit
+    error = np.sqrt(np.diag(PRIOR)) * rng.standard_normal(6)
+    impulses = Impulses(np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 3)))
+    if impulse is not None:
+        when = np.array([impulse[0] * scene.step])
+        impulses = Impulses(np.zeros(1, dtype=np.int64), when, impulse[1][None])
+    truth = propagate_with_impulses((start + error)[None], scene.step, N_STEPS, impulses)[0]
+    values = measured(scene, truth, rng)
+    variance, both = noise.covariance(scene.step_s)
+    process = np.diag(variance[6:])
+    process[np.arange(3), np.arange(3, 6)] = process[np.arange(3, 6), np.arange(3)] = both
+    means, spreads, squared = kalman(scene, start, phi, values, process)
+    return values, means, spreads, squared
+
+
+CHANGE = np.array([0.4, -0.8, 0.6]) / VELOCITY_UNIT_M_S
+
+
+def test_impulse_and_statistic_are_those_of_least_squares(problem, orbit):
+    """Against the fits of all measurements with and without an impulse at the known time."""
+    scene, start = problem.scene, orbit[0]
+    run = filtered(problem, orbit, np.random.default_rng(2), (2 * SPACING, CHANGE))
+    test, found, _ = monitored(scene, start, [run])
+    now = test.hypotheses(N_STEPS)
+    root = np.linalg.cholesky(np.linalg.inv(PRIOR)).T
+
+    def residuals(parameters, step):
+        impulse = Impulses(
+            np.zeros(1, dtype=np.int64), np.array([step * scene.step]), parameters[None, 6:]
+        )
+        path = propagate_with_impulses(
+            (start + parameters[:6])[None], scene.step, N_STEPS, impulse
+        )[0]
+        rows = [angles(scene, path[k], k, o) for k in observed_steps() for o in OBSERVERS]
+        return np.concatenate([((run[0] - rows) / SIGMA).ravel(), root @ parameters[:6]])
+
+    scale = np.concatenate([np.sqrt(np.diag(PRIOR)), np.full(3, 1e-3)])
+    fine = {"xtol": 1e-14, "jac": "3-point", "diff_step": 1e-3}
+    coasting = least_squares(
+        lambda p: residuals(np.append(p * scale[:6], np.zeros(3)), 0), np.zeros(6), **fine
+    )
+    for h in (0, 1, 2, 3, 4):
+        step = SPACING * h
+        fit = least_squares(lambda p, step=step: residuals(p * scale, step), np.zeros(9), **fine)
+        at = now.index[0].tolist().index(step)
+        statistic = 2.0 * (coasting.cost - fit.cost)
+        assert now.statistic[0, at] == pytest.approx(statistic, rel=2e-3, abs=0.02)
+        covariance = np.linalg.inv(fit.jac.T @ fit.jac)[6:, 6:] * 1e-6 * VELOCITY_UNIT_M_S**2
+        sigma = np.sqrt(np.diag(covariance))
+        estimate = fit.x[6:] * 1e-3 * VELOCITY_UNIT_M_S
+        assert np.all(np.abs(now.impulse_m_s[0, at] - estimate) < 0.03 * sigma)
+        np.testing.assert_allclose(
+            now.covariance[0, at] / np.outer(sigma, sigma),
+            covariance / np.outer(sigma, sigma),
+            atol=0.01,
+        )
+    assert found[0].statistic[0] >= now.statistic[0].max() * (1 - 1e-12)
+
+
+def test_time_and_impulse_of_a_larger_maneuver(problem, orbit):
+    change = 3.0 * CHANGE
+    run = filtered(problem, orbit, np.random.default_rng(2), (2 * SPACING, change))
+    _, (best,), _ = monitored(problem.scene, orbit[0], [run])
+    assert best.statistic[0] > 200.0 and best.index[0] == 2 * SPACING
+    assert 2 * SPACING < best.tested[0] <= N_STEPS
+    off = best.impulse_m_s[0] - VELOCITY_UNIT_M_S * change
+    assert off @ np.linalg.solve(best.covariance[0], off) < chi2.isf(1e-3, 3)
+
+
+def test_pieces_give_the_same_and_nis_is_that_of_the_filter(problem, orbit):
+    noise = ProcessNoise(position_km=0.01, velocity_m_s=0.001)
+    rng = np.random.default_rng(4)
+    runs = [filtered(problem, orbit, rng, noise=noise) for _ in range(3)]
+    given = problem.scene, orbit[0], runs, noise
+    one, whole, squared = monitored(*given)
+    several, parts, each = monitored(*given, pieces=4)
+    for first, second in zip(one._own, several._own, strict=True):
+        np.testing.assert_allclose(first, second, rtol=1e-9, atol=1e-12 * np.abs(first).max())
+    largest = np.max([part.statistic for part in parts], axis=0)
+    np.testing.assert_allclose(largest, whole[0].statistic, rtol=1e-9)
+    (target, nis), expected = squared[0], np.array([run[3] for run in runs])
+    for j in range(3):
+        np.testing.assert_allclose(nis[target == j], expected[j], rtol=1e-4, atol=1e-5)
+    assert sum(part[1].size for part in each) == nis.size
+
+
+def test_tracks_come_and_go(problem, orbit):
+    """The others keep their statistics; a new track is tested from the next hypothesized time."""
+    rng, half = np.random.default_rng(11), N_STEPS // 2
+    runs = [filtered(problem, orbit, rng) for _ in range(3)]
+    whole, _, _ = monitored(problem.scene, orbit[0], runs)
+    test = empty_test(problem.scene, 3)
+    advanced(test, orbit[0], runs, 0, half)
+    test.remove([1])
+    test.add(1)
+    advanced(test, orbit[0], [runs[0], runs[2], runs[1]], half, N_STEPS)
+    before, after = whole.hypotheses(N_STEPS), test.hypotheses(N_STEPS)
+    for name in ("statistic", "impulse_m_s", "covariance"):
+        first, second = getattr(before, name), getattr(after, name)
+        np.testing.assert_allclose(second[:2], first[[0, 2]], rtol=1e-6, atol=1e-9)
+        later = before.index[1] > half
+        assert later.sum() == 3
+        np.testing.assert_allclose(second[2, later], first[1, later], rtol=1e-6, atol=1e-9)
+    assert np.all(after.statistic[2, after.index[2] <= half] == 0.0)
+
+
+def test_without_a_maneuver_the_statistic_is_chi_squared(problem, orbit):
+    rng = np.random.default_rng(5)
+    runs = [filtered(problem, orbit, rng) for _ in range(150)]
+    test, _, _ = monitored(problem.scene, orbit[0], runs)
+    now = test.hypotheses(N_STEPS)
+    for h in range(4):
+        at = now.index[0].tolist().index(SPACING * h)
+        assert kstest(now.statistic[:, at], chi2(3).cdf).pvalue > 0.01
+
+
+@pytest.fixture(scope="module")
+def planned(problem, orbit):
+    return planned_information(
+        problem.scene,
+        EARTH_MOON,
+        orbit[0][None],
+        PRIOR[None],
+        schedule_of(1),
+        np.full(2 * len(observed_steps()), SIGMA**2),
+        spacing_minutes=SPACING,
+    )
+
+
+def test_planned_information_is_that_of_the_test(problem, orbit, planned):
+    """The bound before any measurement, and the covariance of the test afterwards."""
+    times, whitened = planned
+    np.testing.assert_allclose(times, 60.0 * SPACING * np.arange(7))
+    assert np.all(np.isinf(impulse_bound(whitened)[6]))  # at the end of the run
+    run = filtered(problem, orbit, np.random.default_rng(6))
+    test, _, _ = monitored(problem.scene, orbit[0], [run])
+    now, bound = test.hypotheses(N_STEPS), impulse_bound(whitened)
+    for h in range(5):
+        at = now.index[0].tolist().index(SPACING * h)
+        sigma = np.sqrt(np.diag(bound[h]))
+        np.testing.assert_allclose(
+            (now.covariance[0, at] - bound[h]) / np.outer(sigma, sigma), 0.0, atol=0.02
+        )
+
+
+def test_power_is_that_of_simulated_impulses(planned):
+    _, whitened = planned
+    bound, threshold = impulse_bound(whitened)[2], 20.0
+    worst = np.linalg.eigh(bound)
+    least = detectable_impulse(bound, threshold, 0.7)
+    impulse = least[1] * worst[1][:, -1]
+    assert detection_probability(impulse, bound, threshold) == pytest.approx(0.7, abs=1e-9)
+    rng, rows = np.random.default_rng(7), whitened[:, 2].reshape(-1, 3)
+    left = np.linalg.svd(rows, full_matrices=False)[0]
+    noise = rng.standard_normal((20_000, rows.shape[0])) + rows @ impulse
+    share = np.mean(np.sum((noise @ left) ** 2, axis=1) > threshold)
+    assert share == pytest.approx(0.7, abs=4 * np.sqrt(0.21 / 20_000))
+    with pytest.raises(ConfigurationError, match="probability"):
+        detectable_impulse(bound, threshold, 1.0)
+
+
+def test_false_alarms_are_those_of_a_simulation(planned):
+    """Of all tests of a linear system, each a linear function of white innovations."""
+    tests = whitened_tests(planned[1])
+    for matrix in tests[::20]:
+        np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-9)
+    wanted, n = 0.02, 40_000
+    threshold = threshold_of_schedule(tests, wanted, samples=2000)
+    assert chi2.isf(wanted, 3) < threshold < false_alarm_threshold(wanted, len(tests))
+    found, error = exceedance_probability(tests, threshold, np.random.default_rng(9), samples=2000)
+    assert abs(found - wanted) < 5.0 * error
+    noise = np.random.default_rng(8).standard_normal((n, tests.shape[2]))
+    largest = np.zeros(n)
+    for matrix in tests:
+        largest = np.maximum(largest, np.sum((noise @ matrix.T) ** 2, axis=1))
+    share = np.mean(largest > threshold)
+    assert abs(share - found) < 4.0 * np.hypot(np.sqrt(wanted / n), error)
+
+
+def test_baselines():
+    rng = np.random.default_rng(1)
+    squared = rng.chisquare(2, 200)
+    found, total = cusum(squared, 0.3), 0.3
+    for k, each in enumerate(squared):
+        total = max(0.0, total + 0.25 * each - np.log(2.0))
+        assert found[k] == pytest.approx(total, abs=1e-9)
+    np.testing.assert_allclose(cusum(squared[50:], found[49]), found[50:], atol=1e-9)
+    # a body at rest that moves by s in the time T without changing its velocity: with constant
+    # acceleration bounded by effort, the least is sqrt(12) s / T^1.5
+    times = np.linspace(0.0, 2.0, 4001)
+    phi = np.tile(np.eye(6), (times.size, 1, 1))
+    phi[:, :3, 3:] = (2.0 - times)[:, None, None] * np.eye(3)
+    gramian = control_gramian(phi, times[1])
+    effort = control_distance([3.0, 0, 0, 0, 0, 0], gramian)
+    assert effort == pytest.approx(np.sqrt(12.0) * 3.0 / 2.0**1.5, rel=1e-6)
+
+
+def test_impossible_settings(problem):
+    for given, words in (
+        ({"spacing_minutes": 0.1}, "at least a step"),
+        ({"spacing_minutes": 120, "window_hours": 1}, "at most window_hours"),
+        ({"window_hours": float("nan")}, "window_hours"),
+    ):
+        with pytest.raises(ConfigurationError, match=words):
+            ManeuverTest(problem.scene, (), 1, **given)
+    for rate in (0.0, 1.0, np.nan):
+        with pytest.raises(ConfigurationError, match="false_alarms_per_target_day"):
+            false_alarm_threshold(rate)
