@@ -20,7 +20,8 @@ Assumptions and limitations
 - It ends where the true trajectory enters the Earth or the Moon.
 """
 
-from typing import NamedTuple
+from copy import copy
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -319,6 +320,12 @@ class CramerRaoBound:
             np.tile(np.eye(6).ravel(), (n_targets, 1)),
             np.zeros(n_targets, dtype=bool),
         )
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "CramerRaoBound":
+        """A bound with a state of its own; it shares the constants."""
+        new = copy(self)
+        new._state = _BoundState(*(part.copy() for part in self._state))
+        return new
 
     def advance(
         self,

@@ -11,7 +11,8 @@ Assumptions and limitations
 """
 
 from collections.abc import Sequence
-from copy import copy
+from copy import copy, deepcopy
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -136,6 +137,12 @@ class BatchEstimator:
         given = self._first_sensor, self._settings, splitting
         self._tracks = starting_tracks(initial, surfaces, rng, index, *given)
         self._index = index
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "BatchEstimator":
+        """An estimator with tracks of its own; it shares the constants."""
+        new = copy(self)
+        new._rng, new._tracks = deepcopy(self._rng, memo), self._tracks.copied(memo)
+        return new
 
     @property
     def failed(self) -> NDArray[np.uint8]:

@@ -28,8 +28,11 @@ from cislunar.estimation.light_curves.batch_settings import SearchSettings
 from cislunar.estimation.light_curves.effort import search_until_clear
 from cislunar.estimation.light_curves.hypotheses import condense, mixture_points
 from cislunar.estimation.light_curves.mixture import (
+    make_bodies,
     mixture_moments,
+    set_bodies,
     step_points,
+    turn_points,
     weighted_deviations,
 )
 from cislunar.estimation.light_curves.row_blocks import (
@@ -99,18 +102,18 @@ def _fill_row(row, elapsed, magnitude, seen, weight, translation, observer, sun,
 
 
 @njit_noalloc
-def _carry_points(points, count, elapsed, model):
+def _carry_points(points, count, bodies, elapsed, model):
     """Propagate the first points of a mixture over `elapsed` seconds."""
-    quaternion, omega, _, deviations = points
-    step_points(quaternion[:count], omega[:count], deviations[:count], elapsed, model)
+    turn_points(points[0][:count], points[1][:count], bodies, elapsed, model)
 
 
 @njit_noalloc
-def _refit(hypotheses, data, model, settings, rng, elapsed, points):
+def _refit(hypotheses, data, model, settings, rng, elapsed, points, bodies):
     """Fit a light curve and compute the mixture's points at a time; returns their number."""
     search_until_clear(hypotheses, data, model, settings, rng)
     count = mixture_points(hypotheses, model, *points)
-    _carry_points(points, count, elapsed, model)
+    set_bodies(bodies, points[3][:count], model)
+    _carry_points(points, count, bodies, elapsed, model)
     return count
 
 
@@ -171,8 +174,9 @@ def _use(
 def _advance(j, first, scene, constants, model, records, mixture, own, state, out, scratch, closed):
     """See `advance_target`; `own` has the arrays of target j."""
     translation, root, counters, hypotheses, points, data, rng = own
-    quaternion, omega, weight, _ = points
-    work, differences = scratch
+    quaternion, omega, weight, point_deviations = points
+    work, differences, bodies = scratch
+    set_bodies(bodies, point_deviations[: state.points[j]], model)
     offset, settings = records.offset[j], constants.search
     n_steps = offset.shape[0] - 1
     for i in range(n_steps):
@@ -187,7 +191,7 @@ def _advance(j, first, scene, constants, model, records, mixture, own, state, ou
             out.used[offset[i] : offset[i + 1]] = False
             leave_out(out, j, i)
             continue
-        _carry_points(points, state.points[j], scene.step_s, model)
+        _carry_points(points, state.points[j], bodies, scene.step_s, model)
         for row in range(offset[i], offset[i + 1]):
             given = mixture, translation, root, data, state, counters, work
             out.used[row], state.rows[j] = _use(records, row, j, k, scene, constants, *given)
@@ -198,7 +202,7 @@ def _advance(j, first, scene, constants, model, records, mixture, own, state, ou
         if fresh > 0 and ((closed > 0 and i == n_steps - 1) or grown):
             elapsed = (k - state.epoch[j]) * scene.step_s
             state.points[j] = _refit(
-                hypotheses, data[: state.rows[j]], model, settings, rng, elapsed, points
+                hypotheses, data[: state.rows[j]], model, settings, rng, elapsed, points, bodies
             )
             state.fitted[j] = state.rows[j]
         n, sigma = state.points[j], out.sigma[j, i]
@@ -215,7 +219,7 @@ def _advance(j, first, scene, constants, model, records, mixture, own, state, ou
         _forget(hypotheses, data, model, state, j, end - constants.window_s, memory)
         if memory < 1.0:  # the information has faded, whether or not there are new data
             state.points[j] = _refit(
-                hypotheses, data[: state.rows[j]], model, settings, rng, end, points
+                hypotheses, data[: state.rows[j]], model, settings, rng, end, points, bodies
             )
 
 
@@ -243,7 +247,9 @@ def advance_target(
     `points`, `data` and `rng` are those of the target, the other arrays those of all targets.
     `closed` is the number of steps since the last tasking epoch if the interval ends at the next
     one, else 0."""
-    scratch = make_split_work(mixture.weight.shape[1]), np.empty((points[2].shape[0], ROTATION))
+    room = points[2].shape[0]
+    differences, bodies = np.empty((room, ROTATION)), make_bodies(room, model)
+    scratch = make_split_work(mixture.weight.shape[1]), differences, bodies
     own = translation[j], root[j], counters[j], hypotheses, points, data, rng
     _advance(j, first, scene, constants, model, records, mixture, own, state, out, scratch, closed)
 
@@ -275,7 +281,7 @@ def predict_target(
     if health != HEALTHY:
         translation[:] = np.nan
         return
-    _carry_points(points, count, scene.step_s, model)
+    step_points(points[0][:count], points[1][:count], points[3][:count], scene.step_s, model)
     quaternion, omega, weight = points[0][:count], points[1][:count], points[2][:count]
     differences = np.empty((count, ROTATION))
     mixture_moments(quaternion, omega, weight, mean, rate, differences)

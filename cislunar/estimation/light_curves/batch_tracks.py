@@ -1,6 +1,8 @@
 """State of the targets of the batch estimator."""
 
-from typing import NamedTuple
+from collections.abc import Iterable
+from copy import deepcopy
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +49,23 @@ class BatchTracks(NamedTuple):
     data: list[Array]
     selections: list[Selection | None]
 
+    def copied(self, memo: dict[int, Any]) -> "BatchTracks":
+        """The tracks with arrays and generators of their own, see `copy.deepcopy`. The models are
+        shared, since nothing changes them."""
+        return BatchTracks(
+            self.translation.copy(),
+            self.root.copy(),
+            GaussianMixture(*_copies(self.mixture)),
+            self.counters.copy(),
+            FitState(*_copies(self.fit)),
+            list(self.models),
+            [Hypotheses(*_copies(modes)) for modes in self.hypotheses],
+            deepcopy(self.rngs, memo),
+            [tuple(_copies(points)) for points in self.points],
+            _copies(self.data),
+            deepcopy(self.selections, memo),
+        )
+
     def make_room(self, j: int, rows: int) -> None:
         """Enlarge the data array of a target; it doubles, so that copies are rare."""
         capacity, needed = self.data[j].shape[0], int(self.fit.rows[j]) + rows
@@ -54,6 +73,11 @@ class BatchTracks(NamedTuple):
             grown = np.empty((max(needed, 2 * capacity), COLUMNS))
             grown[:capacity] = self.data[j]
             self.data[j] = grown
+
+
+def _copies(arrays: Iterable[NDArray]) -> list[NDArray]:
+    """Copies of arrays."""
+    return [each.copy() for each in arrays]
 
 
 def starting_tracks(

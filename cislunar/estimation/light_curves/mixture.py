@@ -1,6 +1,9 @@
 """Mean and deviations of an attitude given as weighted points."""
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from cislunar.attitude.attitude_integrator import carry_rotation
 from cislunar.attitude.grp import (
@@ -13,33 +16,58 @@ from cislunar.attitude.parameter_deviations import perturbed_rotation
 from cislunar.attitude.quaternion import multiply_components, rotation_vector_components
 from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
 
+Array = NDArray[np.float64]
+
 _RECENTERINGS = 2
 """Number of times the reference of the mean attitude is moved to the mean error about it."""
 
 
+class PointBodies(NamedTuple):
+    """Bodies of points whose angular velocity changes: `inertia` and its `inverse` (n, 3, 3), and
+    the angular acceleration `forced` (n, 3) by their torques."""
+
+    inertia: Array
+    inverse: Array
+    forced: Array
+
+
+@njit_alloc
+def make_bodies(room, model):
+    """Uninitialized bodies of up to `room` points; none for a constant angular velocity."""
+    n = 0 if model.even else room
+    return PointBodies(np.empty((n, 3, 3)), np.empty((n, 3, 3)), np.empty((n, 3)))
+
+
 @njit_noalloc
-def step_points(quaternion, omega, deviations, dt, model):
-    """Propagate attitudes (n, 4) and rates (n, 3) of one body over dt seconds, in place.
-    `deviations` (n, m) are the rotation deviations of each point, of the kinds of the
-    `LightCurveModel`. The step is exact for a constant angular velocity."""
-    if not model.even:
-        _step_uneven_points(quaternion, omega, deviations, dt, model)
+def set_bodies(bodies, deviations, model):
+    """Bodies of points with rotation deviations (n, m), of the kinds of the `LightCurveModel`."""
+    if model.even:
         return
+    kinds, assumed_inertia = model.rotation_kinds, (model.inertia, model.inverse_inertia)
+    for i in range(deviations.shape[0]):
+        body = bodies.inertia[i], bodies.inverse[i], bodies.forced[i]
+        perturbed_rotation(kinds, deviations[i], *assumed_inertia, body)
+
+
+@njit_noalloc
+def turn_points(quaternion, omega, bodies, dt, model):
+    """Propagate attitudes (n, 4) and rates (n, 3) of points with given bodies over dt seconds, in
+    place. The step is exact for a constant angular velocity."""
     for i in range(quaternion.shape[0]):
         q, w = quaternion[i], omega[i]
+        if not model.even:
+            carry_rotation(q, w, dt, (bodies.inertia[i], bodies.inverse[i], bodies.forced[i]))
+            continue
         t1, t2, t3, t4 = rotation_vector_components(w[0] * dt, w[1] * dt, w[2] * dt)
         q[0], q[1], q[2], q[3] = multiply_components(t1, t2, t3, t4, q[0], q[1], q[2], q[3])
 
 
 @njit_alloc
-def _step_uneven_points(quaternion, omega, deviations, dt, model):
-    """`step_points` for a body whose angular velocity changes."""
-    body = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    for i in range(quaternion.shape[0]):
-        if i == 0 or deviations.shape[1] > 0:
-            kinds, assumed_inertia = model.rotation_kinds, (model.inertia, model.inverse_inertia)
-            perturbed_rotation(kinds, deviations[i], *assumed_inertia, body)
-        carry_rotation(quaternion[i], omega[i], dt, body)
+def step_points(quaternion, omega, deviations, dt, model):
+    """`turn_points` for points whose bodies have the rotation deviations (n, m)."""
+    bodies = make_bodies(quaternion.shape[0], model)
+    set_bodies(bodies, deviations, model)
+    turn_points(quaternion, omega, bodies, dt, model)
 
 
 @njit_noalloc

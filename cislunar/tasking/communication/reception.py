@@ -40,7 +40,7 @@ class _Span:
     measurements: Measurements
     arrival: Indices
     given: Flags
-    before: list[dict[str, Any]] | None = None
+    before: list[Any] | None = None
 
 
 class _Interval(NamedTuple):
@@ -91,7 +91,7 @@ class Reception:
         late = [np.any((span.arrival < now) & ~span.given) for span in self._spans]
         if any(late):
             oldest = late.index(True)
-            self._put_back(self._spans[oldest].before)
+            self._adopt(self._spans[oldest].before)
             for span in self._spans[oldest:]:
                 span.given |= span.arrival < now
                 self._process(span, work, np.zeros(span.motion.noise.shape[1] - 1, bool))
@@ -137,17 +137,15 @@ class Reception:
         self.observed[rows_of(received)[0][estimates.used]] = True
         return estimates, least
 
-    def _stored(self) -> list[dict[str, Any]]:
-        """A copy of the states of estimator and bound."""
-        return self._copied([vars(each) for each in self._carried])
+    def _stored(self) -> list[Any]:
+        """Copies of estimator and bound, without the constant objects."""
+        return copy.deepcopy(list(self._carried), {id(each): each for each in self._shared})
 
-    def _copied(self, stored: list[dict[str, Any]]) -> list[dict[str, Any]]:
-        return copy.deepcopy(stored, {id(each): each for each in self._shared})
-
-    def _put_back(self, stored: list[dict[str, Any]]) -> None:
-        for each, attributes in zip(self._carried, self._copied(stored), strict=True):
+    def _adopt(self, stored: list[Any]) -> None:
+        """Give estimator and bound the states of stored copies, which are used up."""
+        for each, kept in zip(self._carried, stored, strict=True):
             vars(each).clear()
-            vars(each).update(attributes)
+            vars(each).update(vars(kept))
 
     def note(
         self, first: int, decision: Decision, measurements: Measurements, found: NDArray[np.uint8]
