@@ -14,7 +14,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "registry": ["estimator_named"],
     "track_arrays": ["joined_tracks", "remaining_tracks", "selected_tracks", "starting_index",
         "widened_roots"],
-    "triangular": ["cholesky", "solve_lower"],
+    "triangular": ["cholesky", "solve_lower", "solve_transposed"],
     "unscented": ["UnscentedWeights", "difference_moments", "information_gain",
         "innovation_moments", "sigma_points", "square_root_update", "unscented_weights"],
 })

@@ -26,7 +26,7 @@ from cislunar.dynamics import (
 )
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination.angles import Angles, frame_rate
-from cislunar.orbit_determination.attributables import Attributables
+from cislunar.orbit_determination.tracklets import Attributables
 from cislunar.photometry import phase_angle, sphere_magnitude
 from cislunar.runtime.settings_fields import Number, Positive, Section, setting
 
@@ -84,8 +84,8 @@ class AdmissibleRegion(Section):
         return max(distance**2 + 2.0 / distance - self.least_jacobi, 1e-3)
 
 
-class OrbitBank(NamedTuple):
-    """Samples of the admissible region of an attributable.
+class RegionSamples(NamedTuple):
+    """Samples of the admissible region of an attributable, the virtual objects of Milani et al.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ def is_admissible(
         )
 
 
-def sphere_offsets(offset: ArrayLike, angles: Angles) -> Array:
+def sphere_magnitude_residuals(offset: ArrayLike, angles: Angles) -> Array:
     """Measured magnitudes minus those of a sphere of 1 m^2 at the position of the object.
 
     Parameters
@@ -186,9 +186,9 @@ def sphere_offsets(offset: ArrayLike, angles: Angles) -> Array:
     ndarray, shape (row,)
         mag; NaN where the magnitude or the position of the Sun is unknown.
     """
-    way = np.asarray(offset, dtype=float)
-    meters = np.linalg.norm(way, axis=1) * LENGTH_UNIT_KM * 1e3
-    phase = phase_angle(way, angles.place + way - angles.sun)
+    line = np.asarray(offset, dtype=float)
+    meters = np.linalg.norm(line, axis=1) * LENGTH_UNIT_KM * 1e3
+    phase = phase_angle(line, angles.observer_position + line - angles.sun)
     return angles.magnitude - sphere_magnitude(meters, phase)
 
 
@@ -208,14 +208,14 @@ def implied_size(offset: ArrayLike, angles: Angles) -> tuple[float, float]:
         Diffuse reflection coefficient times squared radius, and standard deviation of magnitudes;
         NaN if no row has a magnitude and a position of the Sun.
     """
-    own = sphere_offsets(offset, angles)
-    own = own[~np.isnan(own)]
-    if own.size == 0:
+    residual = sphere_magnitude_residuals(offset, angles)
+    residual = residual[~np.isnan(residual)]
+    if residual.size == 0:
         return np.nan, np.nan
-    return float(10.0 ** (-0.4 * np.mean(own))), float(np.std(own))
+    return float(10.0 ** (-0.4 * np.mean(residual))), float(np.std(residual))
 
 
-def is_bright_as_allowed(offset: ArrayLike, angles: Angles, region: AdmissibleRegion) -> bool:
+def is_brightness_admissible(offset: ArrayLike, angles: Angles, region: AdmissibleRegion) -> bool:
     """Whether the size and the scatter of `implied_size` are within the region.
 
     Parameters
@@ -232,11 +232,11 @@ def is_bright_as_allowed(offset: ArrayLike, angles: Angles, region: AdmissibleRe
     size, scatter = implied_size(offset, angles)
     if np.isnan(size):
         return True
-    right = region.least_size_m2 <= size <= region.largest_size_m2
-    return bool(right and scatter <= region.magnitude_scatter)
+    inside = region.least_size_m2 <= size <= region.largest_size_m2
+    return bool(inside and scatter <= region.magnitude_scatter)
 
 
-def ranges_of(region: AdmissibleRegion, count: int) -> Array:
+def range_grid(region: AdmissibleRegion, count: int) -> Array:
     """Ranges from the least to twice the largest distance, equally spaced in their logarithms.
 
     Parameters
@@ -254,7 +254,7 @@ def ranges_of(region: AdmissibleRegion, count: int) -> Array:
     return np.geomspace(least, 2.0 * region.radius, count)
 
 
-def states_at(
+def states_at_ranges(
     tracklets: Attributables,
     which: ArrayLike,
     ranges: ArrayLike,
@@ -262,7 +262,7 @@ def states_at(
     rate: float,
 ) -> Array:
     """States of objects at given ranges and range rates (`cislunar.orbit_determination
-    .attributables`, equation 1).
+    .tracklets`, equation 1).
 
     Parameters
     ----------
@@ -280,12 +280,12 @@ def states_at(
         Nondimensional, propagation frame, at the times of the tracklets.
     """
     k = np.asarray(which)
-    rho, speed = (np.asarray(each, dtype=float)[:, None] for each in (ranges, range_rates))
-    position = tracklets.place[k] + rho * tracklets.direction[k]
-    velocity = tracklets.velocity[k] + speed * tracklets.direction[k] + rho * tracklets.rate[k]
-    velocity = velocity - rate * np.stack(
-        [-position[:, 1], position[:, 0], np.zeros(len(position))], axis=1
+    rho, rho_rate = (np.asarray(each, dtype=float)[:, None] for each in (ranges, range_rates))
+    position = tracklets.observer_position[k] + rho * tracklets.direction[k]
+    velocity = (
+        tracklets.observer_velocity[k] + rho_rate * tracklets.direction[k] + rho * tracklets.rate[k]
     )
+    velocity -= np.cross([0.0, 0.0, rate], position)
     return np.concatenate([position, velocity], axis=1)
 
 
@@ -297,7 +297,7 @@ def sample_region(
     forces: tuple = EARTH_MOON,
     n_ranges: int = 40,
     n_rates: int = 11,
-) -> OrbitBank:
+) -> RegionSamples:
     """Sample the admissible region of an attributable.
 
     Parameters
@@ -316,32 +316,30 @@ def sample_region(
 
     Returns
     -------
-    OrbitBank
+    RegionSamples
         Without samples if the region is empty.
     """
-    ranges, rate = ranges_of(region, n_ranges), frame_rate(forces)
+    ranges, rate = range_grid(region, n_ranges), frame_rate(forces)
     one = np.full(n_ranges, which)
     base, moved = (
         states_in_rotating_frame(
-            states_at(tracklets, one, ranges, speed, rate), tracklets.time[which], forces
+            states_at_ranges(tracklets, one, ranges, each, rate), tracklets.time[which], forces
         )
-        for speed in (np.zeros(n_ranges), np.ones(n_ranges))
+        for each in (np.zeros(n_ranges), np.ones(n_ranges))
     )
     # |v + rho' w|^2 <= 2 U - C, a quadratic inequality in the range rate
     v, w = base[:, 3:], moved[:, 3:] - base[:, 3:]
-    fastest2 = jacobi_constant(base, getattr(forces, "mu", MU)) + np.sum(v**2, axis=1)
-    fastest2 -= region.least_jacobi
-    steep, along = np.sum(w**2, axis=1), np.sum(v * w, axis=1)
-    root2 = along**2 - steep * (np.sum(v**2, axis=1) - fastest2)
-    half = np.sqrt(np.maximum(root2, 0.0)) / steep
+    excess = region.least_jacobi - jacobi_constant(base, getattr(forces, "mu", MU))
+    square, along = np.sum(w**2, axis=1), np.sum(v * w, axis=1)
+    half = np.sqrt(np.maximum(along**2 - square * excess, 0.0)) / square
     share = (np.arange(n_rates) + 0.5) / n_rates
-    rates = (-along / steep - half)[:, None] + 2.0 * half[:, None] * share
+    rates = (-along / square - half)[:, None] + 2.0 * half[:, None] * share
     rho = np.repeat(ranges, n_rates)
-    states = states_at(tracklets, np.full(rho.size, which), rho, rates.ravel(), rate)
+    states = states_at_ranges(tracklets, np.full(rho.size, which), rho, rates.ravel(), rate)
     kept = is_admissible(states, tracklets.time[which], forces, region)
     kept &= np.repeat(half > 0.0, n_rates)
     area = rho**3 * np.repeat(half, n_rates)  # a cell of the logarithm is rho wide
     weight = area[kept] / max(area[kept].sum(), np.finfo(float).tiny)
-    return OrbitBank(
+    return RegionSamples(
         float(tracklets.time[which]), states[kept], rho[kept], rates.ravel()[kept], weight
     )

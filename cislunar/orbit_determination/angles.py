@@ -49,7 +49,7 @@ class Angles(NamedTuple):
         Nondimensional, since the epoch of the force model.
     observer : ndarray of int, shape (row,)
         Number of the observer.
-    place : ndarray, shape (row, 3)
+    observer_position : ndarray, shape (row, 3)
         Positions of the observers, nondimensional, propagation frame.
     direction : ndarray, shape (row, 3)
         Unit vectors from observer to object, propagation frame.
@@ -69,7 +69,7 @@ class Angles(NamedTuple):
 
     time: Array
     observer: Indices
-    place: Array
+    observer_position: Array
     direction: Array
     basis: Array
     covariance: Array
@@ -112,7 +112,7 @@ def tangent_basis(direction: ArrayLike) -> Array:
 def make_angles(
     time: ArrayLike,
     observer: ArrayLike,
-    place: ArrayLike,
+    observer_position: ArrayLike,
     direction: ArrayLike,
     sigma_rad: ArrayLike,
     *,
@@ -128,7 +128,7 @@ def make_angles(
     time : array_like, shape (row,)
         Nondimensional, since the epoch of the force model, in increasing order.
     observer : array_like of int, shape (row,)
-    place : array_like, shape (row, 3)
+    observer_position : array_like, shape (row, 3)
         Positions of the observers, nondimensional, propagation frame.
     direction : array_like, shape (row, 3)
         Vectors of any length from observer to object, propagation frame.
@@ -167,7 +167,7 @@ def make_angles(
     return Angles(
         times,
         owner.astype(np.int64),
-        array_of("place", place, (n, 3)),
+        array_of("observer_position", observer_position, (n, 3)),
         unit,
         tangent_basis(unit),
         sigma[:, None, None] ** 2 * np.eye(2),
@@ -232,29 +232,28 @@ def angles_from_table(
     else:
         epoch = float(tdb[0]) if epoch_tdb is None else float(epoch_tdb)
     position, velocity, _ = read_table(bodies, tdb)
-    place = array_of("pos1, pos2, pos3", table[["pos1", "pos2", "pos3"]].to_numpy())
-    for row, (system, center) in enumerate(
-        zip(table["sys"], table["ctr"].astype(str), strict=True)
-    ):
-        if system != "ICRF_KM" or center not in _CENTERS:
-            raise ConfigurationError(
-                f"detections, row {row + 1}: sys = {system} and ctr = {center} must be ICRF_KM and "
-                f"one of {', '.join(_CENTERS)}"
-            )
     centers = table["ctr"].astype(str).to_numpy()
+    for row in np.flatnonzero((table["sys"] != "ICRF_KM") | ~np.isin(centers, list(_CENTERS)))[:1]:
+        raise ConfigurationError(
+            f"detections, row {row + 1}: sys = {table['sys'].iloc[row]} and ctr = {centers[row]} "
+            f"must be ICRF_KM and one of {', '.join(_CENTERS)}"
+        )
+    observer = array_of("pos1, pos2, pos3", table[["pos1", "pos2", "pos3"]].to_numpy())
     for code, body in _CENTERS.items():
         if body is not None:
-            place = place + np.where((centers == code)[:, None], position[:, COLUMNS[body]], 0.0)
+            observer = observer + np.where(
+                (centers == code)[:, None], position[:, COLUMNS[body]], 0.0
+            )
     ra, dec = np.deg2rad(table[["ra", "dec"]].to_numpy()).T
     unit = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
     basis = tangent_basis(unit)
     sun, drift = position[:, COLUMNS["sun"]], -velocity[:, COLUMNS["sun"]]
     if isinstance(forces, EphemerisForces):
-        place, sun = place / LENGTH_UNIT_KM, sun / LENGTH_UNIT_KM
+        observer, sun = observer / LENGTH_UNIT_KM, sun / LENGTH_UNIT_KM
     else:
         frame = pulsating_frame(bodies, tdb)
-        offset = np.stack([place, sun]) - frame.origin[:, :3]
-        place, sun = np.einsum("nij,knj->kni", frame.axes, offset) / frame.length[:, None]
+        offset = np.stack([observer, sun]) - frame.origin[:, :3]
+        observer, sun = np.einsum("nij,knj->kni", frame.axes, offset) / frame.length[:, None]
         unit, drift = (np.einsum("nij,nj->ni", frame.axes, each) for each in (unit, drift))
         basis = np.einsum("nij,naj->nai", frame.axes, basis)
     rms = table[["rmsRA", "rmsDec"]].to_numpy() * ARCSECOND
@@ -265,7 +264,7 @@ def angles_from_table(
     return Angles(
         times,
         np.unique(table["stn"].to_numpy().astype(str), return_inverse=True)[1].astype(np.int64),
-        np.ascontiguousarray(place),
+        np.ascontiguousarray(observer),
         np.ascontiguousarray(unit),
         np.ascontiguousarray(basis),
         covariance,

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.association import clusters, set_packing
-from cislunar.constants import LENGTH_UNIT_KM
-from cislunar.orbit_determination.admissible_region import AdmissibleRegion, is_admissible
+from cislunar.orbit_determination.admissible_region import AdmissibleRegion
 from cislunar.orbit_determination.angles import Angles
-from cislunar.orbit_determination.attributables import Attributables
-from cislunar.orbit_determination.growth import Grown, grow
+from cislunar.orbit_determination.attribution import OrbitHypotheses, extend_orbits
+from cislunar.orbit_determination.initial_orbits import is_plausible
 from cislunar.orbit_determination.least_squares import OrbitFits, fit_orbits
 from cislunar.orbit_determination.scores import LinkingSettings, log_scores
+from cislunar.orbit_determination.tracklets import Attributables
 from cislunar.orbit_determination.verdicts import agrees
 
 Array = NDArray[np.float64]
@@ -21,20 +21,11 @@ _SAME = 1e-2
 """Largest difference of positions, relative to the range, of two hypotheses of one orbit."""
 
 
-def is_plausible(fits, forces, region) -> NDArray[np.bool_]:
-    """Which fits are admissible at their epochs and nowhere too near to an observer."""
-    good = is_admissible(fits.state, fits.epoch, forces, region)
-    near = np.linalg.norm(fits.position, axis=1) * LENGTH_UNIT_KM < region.least_range_km
-    of = np.repeat(np.arange(fits.epoch.size), np.diff(fits.begin))
-    return good & (np.bincount(of, near, minlength=fits.epoch.size) == 0)
-
-
 def same_orbit(one: OrbitFits, other: OrbitFits) -> bool:
     """Whether two fits have the same positions at the detections that they share."""
     _, a, b = np.intersect1d(one.row, other.row, return_indices=True)
-    way = other.position[b]
-    apart = np.linalg.norm(one.position[a] - way, axis=1)
-    return bool(np.all(apart <= _SAME * np.linalg.norm(way, axis=1)))
+    apart = np.linalg.norm(one.position[a] - other.position[b], axis=1)
+    return bool(np.all(apart <= _SAME * np.linalg.norm(other.position[b], axis=1)))
 
 
 class LinkHypotheses:
@@ -57,11 +48,11 @@ class LinkHypotheses:
         self.fits: list[OrbitFits] = []
         self.members: list[tuple[int, ...]] = []
         self.scores: list[float] = []
-        self.place: dict[tuple[int, ...], int] = {}
+        self.index: dict[tuple[int, ...], int] = {}
         self.by_row: dict[int, list[int]] = {}
         self.empty = fit_orbits(angles, [], np.empty((0, 6)), 0.0, forces=forces)
 
-    def add(self, orbits: Grown) -> None:
+    def add(self, orbits: OrbitHypotheses) -> None:
         """Add hypotheses that agree with the angles, are plausible and have a positive score."""
         _, _, forces, region, settings = self.data
         good = agrees(orbits.fits, settings.verdict.significance)
@@ -69,27 +60,27 @@ class LinkHypotheses:
         score = self.score_of(orbits.fits)
         for k in np.flatnonzero(good & (score > 0.0)).tolist():
             members = orbits.tracklets[k]
-            at = self.place.get(members)
+            at = self.index.get(members)
             if at is None:
-                self.place[members] = len(self.members)
+                self.index[members] = len(self.members)
                 self.fits.append(orbits.fits.take([k]))
                 self.members.append(members)
                 self.scores.append(float(score[k]))
                 for row in self.fits[-1].row.tolist():
-                    self.by_row.setdefault(row, []).append(self.place[members])
+                    self.by_row.setdefault(row, []).append(self.index[members])
             elif score[k] > self.scores[at]:
                 self.fits[at], self.scores[at] = orbits.fits.take([k]), float(score[k])
 
-    def grown(self, orbits: Grown, usable: NDArray[np.bool_]) -> Grown:
+    def extended(self, orbits: OrbitHypotheses, usable: NDArray[np.bool_]) -> OrbitHypotheses:
         """The orbits with all tracklets that they can take of the usable ones."""
         angles, tracklets, forces, _, settings = self.data
-        return grow(
+        return extend_orbits(
             angles, tracklets, orbits, usable, forces=forces, spans_h=settings.spans_h,
             gate_probability=settings.gate_probability,
             significance=settings.verdict.significance,
         )  # fmt: skip
 
-    def chosen(self) -> list[int]:
+    def selected(self) -> list[int]:
         """The compatible hypotheses of the largest sum of scores."""
         _, tracklets, *_ = self.data
         sets = [np.concatenate([tracklets.detections[t] for t in each]) for each in self.members]
@@ -109,10 +100,10 @@ class LinkHypotheses:
         found = {m for row in self.fits[k].row.tolist() for m in self.by_row[row]}
         return sorted(found - {k})
 
-    def instead_of(self, k: int, chosen: list[int]) -> tuple[float, list[int]]:
-        """Best sum of scores of other orbits that use detections of a chosen one, and none of those
-        of the others that are chosen; and these hypotheses."""
-        taken = {row for m in chosen if m != k for row in self.fits[m].row.tolist()}
+    def alternative_to(self, k: int, selected: list[int]) -> tuple[float, list[int]]:
+        """Best sum of scores of other orbits that use detections of a selected one, and none of
+        those of the others that are selected; and these hypotheses."""
+        taken = {row for m in selected if m != k for row in self.fits[m].row.tolist()}
         others = [
             m
             for m in self.sharing(k)

@@ -20,13 +20,13 @@ from cislunar.errors import ConfigurationError, ConvergenceError
 from cislunar.orbit_determination.admissible_region import (
     AdmissibleRegion,
     is_admissible,
-    is_bright_as_allowed,
+    is_brightness_admissible,
     sample_region,
 )
 from cislunar.orbit_determination.angles import Angles, frame_rate
-from cislunar.orbit_determination.attributables import Attributables, attributables
 from cislunar.orbit_determination.least_squares import CONVERGED, SINGULAR, OrbitFits, fit_orbits
 from cislunar.orbit_determination.pairs import PairSettings, pair_starts
+from cislunar.orbit_determination.tracklets import Attributables, attributables
 from cislunar.orbit_determination.verdicts import (
     CONTRADICTORY,
     DIRECTION_ONLY,
@@ -36,7 +36,7 @@ from cislunar.orbit_determination.verdicts import (
     VerdictSettings,
     agrees,
     log_evidence,
-    open_directions,
+    undetermined_directions,
 )
 from cislunar.runtime.settings_fields import Count, Positive, Section, setting
 
@@ -54,7 +54,7 @@ class InitialOrbitSettings(Section):
     # fmt: off
 
     pass_min: Positive = setting(
-        "longest part of a pass of one observer that is reduced to one tracklet", "min", default=15)
+        "longest part of a pass of one observer that is one tracklet", "min", default=15)
     n_tracklets: Count = setting(
         "tracklets, spread over the time of all, whose pairs and regions give starts", "1",
         default=5)
@@ -76,8 +76,8 @@ class InitialOrbits(NamedTuple):
         Admissible solutions that agree with the angles, by decreasing evidence, at one epoch.
     log_evidence : ndarray, shape (fit,)
         See `cislunar.orbit_determination.verdicts.log_evidence`.
-    open_directions : ndarray of int, shape (fit,)
-        See `cislunar.orbit_determination.verdicts.open_directions`.
+    undetermined_directions : ndarray of int, shape (fit,)
+        See `cislunar.orbit_determination.verdicts.undetermined_directions`.
     n_starts : int
         Number of starts.
     """
@@ -85,7 +85,7 @@ class InitialOrbits(NamedTuple):
     verdict: str
     fits: OrbitFits
     log_evidence: Array
-    open_directions: Indices
+    undetermined_directions: Indices
     n_starts: int
 
 
@@ -133,9 +133,13 @@ def initial_orbits(
         return _found(DIRECTION_ONLY, nothing, angles, region, settings, 0)
     times, states = _starts(angles, forces, region, settings)
     fits = fit_orbits(angles, [all_rows] * len(states), states, times, forces=forces)
-    fits = fits_at(_distinct(fits), angles, epoch, forces=forces)
+    singular = np.any(fits.status == SINGULAR)
+    fits = refit_at(_distinct(fits), angles, epoch, forces=forces)
     good = agrees(fits, settings.verdict.significance)
-    allowed = good & _admissible(fits, angles, forces, region)
+    allowed = good & is_plausible(fits, forces, region)
+    for k in np.flatnonzero(allowed).tolist():
+        one = fits.take([k])
+        allowed[k] = is_brightness_admissible(one.position, angles.rows(one.row), region)
     if allowed.any():
         kept = _distinct(fits.take(np.flatnonzero(allowed)))
         return _found("", kept, angles, region, settings, len(states))
@@ -144,7 +148,7 @@ def initial_orbits(
     elif np.any(fits.status == CONVERGED):
         verdict = CONTRADICTORY
     else:
-        verdict = DIRECTION_ONLY if np.any(fits.status == SINGULAR) else NO_ORBIT
+        verdict = DIRECTION_ONLY if singular else NO_ORBIT
     return _found(verdict, nothing, angles, region, settings, len(states))
 
 
@@ -153,7 +157,7 @@ def _found(verdict, fits, angles, region, settings, n_starts) -> InitialOrbits:
     evidence = log_evidence(fits, angles, region)
     order = np.argsort(-evidence, kind="stable")
     fits, evidence = fits.take(order), evidence[order]
-    free = open_directions(fits, region, settings.verdict)
+    free = undetermined_directions(fits, region, settings.verdict)
     if not verdict:
         rivals = evidence >= evidence[0] - settings.verdict.rival_log_ratio
         verdict = SEVERAL_ORBITS if np.count_nonzero(rivals) > 1 else ORBIT
@@ -169,9 +173,15 @@ def _starts(angles, forces, region, settings) -> tuple[Array, Array]:
     if tracklets.time.size == 0:
         whole = [np.flatnonzero(angles.observer == each) for each in np.unique(angles.observer)]
         whole = [rows for rows in whole if np.unique(angles.time[rows]).size >= 2]
-        bent = [min(2, np.unique(angles.time[rows]).size - 1) for rows in whole]
-        for rows, degree in zip(whole, bent, strict=True):
-            tracklets = _with(tracklets, attributables(angles, [rows], rate=rate, degree=degree))
+        parts = [
+            attributables(
+                angles, [rows], rate=rate, degree=min(2, np.unique(angles.time[rows]).size - 1)
+            )
+            for rows in whole
+        ]
+        if parts:
+            columns = [np.concatenate(each) for each in zip(*(p[:-1] for p in parts), strict=True)]
+            tracklets = Attributables(*columns, tuple(each.detections[0] for each in parts))
     count = tracklets.time.size
     chosen = np.unique(
         np.linspace(0, count - 1, min(settings.n_tracklets, count)).round().astype(int)
@@ -201,11 +211,6 @@ def _starts(angles, forces, region, settings) -> tuple[Array, Array]:
     return np.concatenate(times), np.concatenate(states)
 
 
-def _with(one: Attributables, other: Attributables) -> Attributables:
-    columns = [np.concatenate(pair) for pair in zip(one[:-1], other[:-1], strict=True)]
-    return Attributables(*columns, one.detections + other.detections)
-
-
 def _passes(angles: Angles, length: float) -> list[Indices]:
     """Rows of each observer within a length of time, at two times at least."""
     found = []
@@ -225,56 +230,41 @@ def _ballistic(angles: Angles, forces: tuple) -> tuple[float, Array]:
     since = angles.time - middle
     across = angles.basis
     design = np.concatenate([across, across * since[:, None, None]], axis=2).reshape(-1, 6)
-    right = np.einsum("nac,nc->na", across, angles.place).ravel()
+    right = np.einsum("nac,nc->na", across, angles.observer_position).ravel()
     state = np.linalg.lstsq(design, right, rcond=None)[0]
     if frame_rate(forces):
         # the acceleration at the first solution, once
         pull = equations_of_motion(state, forces.mu)[3:]
-        bent = np.einsum("nac,c->na", across, pull) * (0.5 * since**2)[:, None]
-        state = np.linalg.lstsq(design, right - bent.ravel(), rcond=None)[0]
+        shift = np.einsum("nac,c->na", across, pull) * (0.5 * since**2)[:, None]
+        state = np.linalg.lstsq(design, right - shift.ravel(), rcond=None)[0]
     return middle, state
 
 
-def _admissible(fits, angles, forces, region) -> NDArray[np.bool_]:
-    """Which solutions are admissible at the epoch, by range and by brightness."""
-    out = np.zeros(fits.epoch.size, dtype=bool)
-    for k in np.flatnonzero(fits.status == CONVERGED).tolist():
-        way = fits.position[fits.begin[k] : fits.begin[k + 1]]
-        least = region.least_range_km
-        out[k] = (
-            is_admissible(fits.state[k : k + 1], fits.epoch[k : k + 1], forces, region)[0]
-            and np.linalg.norm(way, axis=1).min() * LENGTH_UNIT_KM >= least
-            and is_bright_as_allowed(
-                way, angles.rows(fits.row[fits.begin[k] : fits.begin[k + 1]]), region
-            )
-        )
-    return out
+def is_plausible(fits: OrbitFits, forces: tuple, region: AdmissibleRegion) -> NDArray[np.bool_]:
+    """Which fits (fit,) are admissible at their epochs and nowhere too near to an observer."""
+    good = is_admissible(fits.state, fits.epoch, forces, region)
+    near = np.linalg.norm(fits.position, axis=1) * LENGTH_UNIT_KM < region.least_range_km
+    of = np.repeat(np.arange(fits.epoch.size), np.diff(fits.begin))
+    return good & (np.bincount(of, near, minlength=fits.epoch.size) == 0)
 
 
 def _distinct(fits: OrbitFits) -> OrbitFits:
-    """Solutions of different minima, by chi squared; those without convergence follow."""
-    order = np.lexsort((fits.chi_squared, fits.status != CONVERGED))
+    """Converged solutions of different minima, by chi squared."""
     kept: list[int] = []
-    for k in order.tolist():
-        way = fits.position[fits.begin[k] : fits.begin[k + 1]]
-        if fits.status[k] != CONVERGED:
-            kept.append(k)
-            continue
-        same = False
-        for other in kept:
-            if fits.status[other] != CONVERGED:
-                continue
-            before = fits.position[fits.begin[other] : fits.begin[other + 1]]
-            same |= bool(
-                np.linalg.norm(way - before, axis=1).max()
-                <= _SAME * np.linalg.norm(before, axis=1).max()
-            )
-        if not same:
+    converged = np.flatnonzero(fits.status == CONVERGED)
+    for k in converged[np.argsort(fits.chi_squared[converged], kind="stable")].tolist():
+        others = (fits.take([m]).position for m in kept)
+        line = fits.take([k]).position
+        if not any(
+            np.linalg.norm(line - other, axis=1).max()
+            <= _SAME * np.linalg.norm(other, axis=1).max()
+            for other in others
+        ):
             kept.append(k)
     return fits.take(kept)
 
 
-def fits_at(
+def refit_at(
     fits: OrbitFits, angles: Angles, epoch: ArrayLike, *, forces: tuple = EARTH_MOON
 ) -> OrbitFits:
     """Converged solutions at other epochs: propagated to these epochs and fitted again.

@@ -21,6 +21,7 @@ from cislunar.compiled import njit_noalloc
 from cislunar.dynamics import EARTH_MOON, require_span
 from cislunar.dynamics.adaptive import DOP853, OK, integrate
 from cislunar.errors import ConfigurationError
+from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 from cislunar.orbit_determination.angles import Angles, frame_rate
 from cislunar.runtime.arguments import array_of
 
@@ -36,6 +37,9 @@ _TOLERANCE = 1e-11
 
 _DONE = 1e-6
 """Decrease of chi squared, as predicted by the normal equations, at which a fit has converged."""
+
+_LEAST_PIVOT = 1e-15
+"""Least pivot of a scaled normal matrix that is not singular in double precision."""
 
 
 class OrbitFits(NamedTuple):
@@ -94,58 +98,34 @@ def _whitened(angles: Angles, rows: Indices) -> Array:
 
 
 @njit_noalloc
-def _factor(matrix, scale, damping, root):
-    """Cholesky factor of a matrix scaled to unit diagonal, with damping; false if there is none."""
+def _factor(normal, scale, damping, root):
+    """Cholesky factor of a normal matrix that is scaled to a unit diagonal, with damping added to
+    it; false if there is none."""
     n = scale.size
     for i in range(n):
-        if not matrix[i, i] > 0.0:
+        if not normal[i, i] > 0.0:
             return False
-        scale[i] = 1.0 / np.sqrt(matrix[i, i])
+        scale[i] = 1.0 / np.sqrt(normal[i, i])
     for i in range(n):
         for j in range(i + 1):
-            total = matrix[i, j] * scale[i] * scale[j]
-            if i == j:
-                total += damping
-            for k in range(j):
-                total -= root[i, k] * root[j, k]
-            if i == j:
-                if not total > 1e-15:
-                    return False
-                root[i, i] = np.sqrt(total)
-            else:
-                root[i, j] = total / root[j, j]
-    return True
-
-
-@njit_noalloc
-def _solve(root, scale, right, out):
-    """Solution of the scaled system of `_factor`."""
-    n = scale.size
-    for i in range(n):
-        total = right[i] * scale[i]
-        for k in range(i):
-            total -= root[i, k] * out[k]
-        out[i] = total / root[i, i]
-    for i in range(n - 1, -1, -1):
-        total = out[i]
-        for k in range(i + 1, n):
-            total -= root[k, i] * out[k]
-        out[i] = total / root[i, i]
-    for i in range(n):
-        out[i] *= scale[i]
+            root[i, j] = normal[i, j] * scale[i] * scale[j]
+        root[i, i] += damping
+    return cholesky(root)
 
 
 @njit(cache=True, error_model="numpy")
 def _evaluate(forces, rate, data, rows, epoch, state, axes, work, normal, gradient, position, each):
     """Chi squared of a state; normal matrix and gradient along `axes`. Infinite if the state cannot
     be propagated or an observer looks away from it."""
-    time, place, direction, white, drift, delay = data
-    elapsed, path, closest = work
+    time, observer_position, direction, white, drift, delay = data
+    elapsed, path, nothing = work
     n = rows.size
+    # derivatives by the components along the axes
     y = np.zeros(42)
     y[:6] = state
     for i in range(6):
-        y[6 + 7 * i] = 1.0
+        for c in range(3):
+            y[6 + 6 * (c + i // 3 * 3) + i] = axes[i % 3, c]
     first = 0
     while first < n and time[rows[first]] < epoch:
         first += 1
@@ -157,21 +137,21 @@ def _evaluate(forces, rate, data, rows, epoch, state, axes, work, normal, gradie
         if high > low:
             status, _ = integrate(
                 DOP853, forces, epoch, y, elapsed[low:high], _TOLERANCE, _TOLERANCE,
-                path[low:high], closest, closest,
+                path[low:high], nothing, nothing,
             )  # fmt: skip
             if status != OK:
                 return np.inf
     normal[:] = 0.0
     gradient[:] = 0.0
     total = 0.0
-    partial, turned = np.empty((2, 3)), np.empty((2, 6))
+    partial, slope = np.empty(3), np.empty(6)
     for q in range(n):
         k = first - 1 - q if q < first else q
         row, here = rows[q], path[k]
         v = here[3] - rate * here[1], here[4] + rate * here[0], here[5]
         distance = 0.0
         for c in range(3):
-            position[q, c] = here[c] - place[row, c]
+            position[q, c] = here[c] - observer_position[row, c]
             distance += position[q, c] ** 2
         lag = delay * np.sqrt(distance)
         along = 0.0
@@ -181,37 +161,31 @@ def _evaluate(forces, rate, data, rows, epoch, state, axes, work, normal, gradie
         if not along > 0.0:
             return np.inf
         each[q] = 0.0
-        turned[:] = 0.0
         for a in range(2):
             error = 0.0
             for c in range(3):
                 error += white[row, a, c] * position[q, c]
             error /= along
             for c in range(3):
-                partial[a, c] = (white[row, a, c] - error * direction[row, c]) / along
+                partial[c] = (white[row, a, c] - error * direction[row, c]) / along
             for i in range(6):
-                change = 0.0
+                slope[i] = 0.0
                 for c in range(3):
-                    change += partial[a, c] * here[6 + 6 * c + i]
-                for m in range(3):
-                    turned[a, m + (3 if i >= 3 else 0)] += change * axes[m, i % 3]
-            each[q] += error * error
-            for i in range(6):
-                gradient[i] -= turned[a, i] * error
+                    slope[i] += partial[c] * here[6 + 6 * c + i]
+                gradient[i] -= slope[i] * error
                 for j in range(i + 1):
-                    normal[i, j] += turned[a, i] * turned[a, j]
+                    normal[i, j] += slope[i] * slope[j]
+            each[q] += error * error
         total += each[q]
-    for i in range(6):
-        for j in range(i):
-            normal[j, i] = normal[i, j]
     return total
 
 
 @njit(cache=True, error_model="numpy")
 def _fit_all(forces, rate, data, begin, row, epoch, axes, limits, out):
-    """Fit every start in place; see `fit_orbits`."""
-    state, covariance, chi_squared, status, position, each = out
-    most, hopeless, tries = limits
+    """Fit every start in place; see `fit_orbits`. The Cholesky factor of the normal matrix along
+    the axes is returned for each fit that has converged."""
+    state, factor, chi_squared, status, position, each = out
+    most, abandon_above, abandon_after = limits
     longest = 0
     for k in range(epoch.size):
         longest = max(longest, begin[k + 1] - begin[k])
@@ -219,7 +193,6 @@ def _fit_all(forces, rate, data, begin, row, epoch, axes, limits, out):
     normals, gradients = np.empty((2, 6, 6)), np.empty((2, 6))
     positions, parts = np.empty((2, longest, 3)), np.empty((2, longest))
     root, scale, step, trial = np.zeros((6, 6)), np.empty(6), np.empty(6), np.empty(6)
-    unit, inverse = np.zeros(6), np.empty((6, 6))
     for k in range(epoch.size):
         rows = row[begin[k] : begin[k + 1]]
         n, now = rows.size, 0
@@ -227,21 +200,24 @@ def _fit_all(forces, rate, data, begin, row, epoch, axes, limits, out):
             forces, rate, data, rows, epoch[k], state[k], axes[k], work, normals[0], gradients[0],
             positions[0], parts[0],
         )  # fmt: skip
-        covariance[k] = np.nan
         chi_squared[k] = best
         if not np.isfinite(best):
             status[k] = NOT_PROPAGATED
             continue
         damping, growth, code = 1e-3, 4.0, NOT_CONVERGED
         for iteration in range(most):
-            if iteration == tries and best > hopeless:
+            if iteration == abandon_after and best > abandon_above:
                 break
             if not _factor(normals[now], scale, damping, root):
                 code = SINGULAR
                 break
-            _solve(root, scale, gradients[now], step)
+            for i in range(6):
+                step[i] = gradients[now, i] * scale[i]
+            solve_lower(root, step)
+            solve_transposed(root, step)
             gain = 0.0
             for i in range(6):
+                step[i] *= scale[i]
                 gain += step[i] * (gradients[now, i] + damping * step[i] / scale[i] ** 2)
             if gain < _DONE:
                 code = CONVERGED
@@ -249,47 +225,32 @@ def _fit_all(forces, rate, data, begin, row, epoch, axes, limits, out):
             for c in range(6):
                 trial[c] = state[k, c]
                 for m in range(3):
-                    trial[c] += axes[k, m, c % 3] * step[m + (3 if c >= 3 else 0)]
-            later = 1 - now
+                    trial[c] += axes[k, m, c % 3] * step[m + c // 3 * 3]
             value = _evaluate(
-                forces, rate, data, rows, epoch[k], trial, axes[k], work, normals[later],
-                gradients[later], positions[later], parts[later],
+                forces, rate, data, rows, epoch[k], trial, axes[k], work, normals[1 - now],
+                gradients[1 - now], positions[1 - now], parts[1 - now],
             )  # fmt: skip
             if value < best:
                 # the faster, the better the prediction (Nielsen 1999, IMM-REP-1999-05)
                 ratio = (best - value) / gain
                 damping = max(damping * max(1.0 / 10.0, 1.0 - (2.0 * ratio - 1.0) ** 3), 1e-14)
-                growth, best, now = 4.0, value, later
+                growth, best, now = 4.0, value, 1 - now
                 state[k] = trial
             else:
                 damping *= growth
                 growth *= 2.0
                 if damping > 1e12:
                     break
+        if code == CONVERGED:
+            regular = _factor(normals[now], scale, 0.0, root)
+            for i in range(6):
+                regular = regular and root[i, i] ** 2 > _LEAST_PIVOT
+                for j in range(i + 1):
+                    factor[k, i, j] = root[i, j] / scale[i]
+            code = CONVERGED if regular else SINGULAR
         chi_squared[k], status[k] = best, code
         position[begin[k] : begin[k + 1]] = positions[now, :n]
         each[begin[k] : begin[k + 1]] = parts[now, :n]
-        if code != CONVERGED:
-            continue
-        if not _factor(normals[now], scale, 0.0, root):
-            status[k] = SINGULAR
-            continue
-        for i in range(6):
-            unit[:] = 0.0
-            unit[i] = 1.0
-            _solve(root, scale, unit, step)
-            inverse[i] = step
-        for i in range(6):
-            for j in range(6):
-                total = 0.0
-                for m in range(3):
-                    for p in range(3):
-                        total += (
-                            axes[k, m, i % 3]
-                            * inverse[m + (3 if i >= 3 else 0), p + (3 if j >= 3 else 0)]
-                            * axes[k, p, j % 3]
-                        )
-                covariance[k, i, j] = total
 
 
 def fit_orbits(
@@ -300,8 +261,8 @@ def fit_orbits(
     *,
     forces: tuple = EARTH_MOON,
     iterations: int = 40,
-    hopeless: float = np.inf,
-    tries: int = 4,
+    abandon_above: float = np.inf,
+    abandon_after: int = 4,
 ) -> OrbitFits:
     """Fit orbits to sets of directions, each from a start of its own.
 
@@ -318,8 +279,8 @@ def fit_orbits(
         Force model.
     iterations : int
         Largest number of evaluations of a fit.
-    hopeless : float
-        A fit whose chi squared exceeds this after `tries` evaluations is given up.
+    abandon_above, abandon_after : float, int
+        Chi squared above which a fit is abandoned after that many evaluations.
 
     Returns
     -------
@@ -356,13 +317,17 @@ def fit_orbits(
     first = row[begin[:-1]]
     axes = np.concatenate([angles.direction[first][:, None], angles.basis[first]], axis=1)
     data = (
-        angles.time, angles.place, angles.direction, _whitened(angles, row), angles.origin_velocity,
-        float(angles.light_delay),
+        angles.time, angles.observer_position, angles.direction, _whitened(angles, row),
+        angles.origin_velocity, float(angles.light_delay),
     )  # fmt: skip
+    factor = np.zeros((n, 6, 6))
     _fit_all(
         forces, frame_rate(forces), data, begin, row, epochs, axes,
-        (int(iterations), float(hopeless), int(tries)),
-        (out.state, out.covariance, out.chi_squared, out.status, out.position,
-         out.row_chi_squared),
+        (int(iterations), float(abandon_above), int(abandon_after)),
+        (out.state, factor, out.chi_squared, out.status, out.position, out.row_chi_squared),
     )  # fmt: skip
+    good = out.status == CONVERGED
+    root = np.linalg.inv(factor[good]).reshape(-1, 6, 2, 3) @ axes[good][:, None]
+    root = root.reshape(-1, 6, 6)
+    out.covariance[good] = root.swapaxes(1, 2) @ root
     return out

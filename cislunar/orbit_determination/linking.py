@@ -1,15 +1,15 @@
 """Linking of tracklets without identity to orbits.
 
 A hypothesis is an orbit with its detections; `cislunar.orbit_determination.scores` defines its
-score. Orbits that are already known take further tracklets first
-(`cislunar.orbit_determination.growth`). Pairs of the remaining tracklets, first those with short
-gaps, then those with longer gaps, are fitted and take further tracklets in the same way. Of all
-hypotheses, `link` chooses the compatible set with the largest sum of scores; HiGHS proves that it
-is the largest (`cislunar.association.set_packing`; Poore 1994, Computational Optimization and
-Applications 3, 27). If two chosen orbits may belong to one object, their joint fit becomes a
-hypothesis, and the choice is repeated. The rivals of a chosen orbit are the best compatible
-hypotheses for its detections without it, if their sum of scores is nearly as large, and further
-solutions for all its detections.
+score. Further tracklets are first attributed to orbits that are already known
+(`cislunar.orbit_determination.attribution`). Pairs of the remaining tracklets, first those with
+short gaps, then those with longer gaps, are fitted and extended in the same way. Of all hypotheses,
+`link` selects the compatible set with the largest sum of scores; HiGHS proves that it is the
+largest (`cislunar.association.set_packing`; Poore 1994, Computational Optimization and Applications
+3, 27). If two selected orbits may belong to one object, their joint fit becomes a hypothesis, and
+the selection is repeated. The rivals of a selected orbit are the best compatible hypotheses for its
+detections without it, if their sum of scores is nearly as large, and further solutions for all its
+detections.
 """
 
 from collections.abc import Callable
@@ -23,33 +23,33 @@ from cislunar.dynamics import EARTH_MOON, require_span
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination.admissible_region import AdmissibleRegion
 from cislunar.orbit_determination.angles import Angles
-from cislunar.orbit_determination.attributables import Attributables
-from cislunar.orbit_determination.growth import Grown, concatenate_fits, tracklet_matches
-from cislunar.orbit_determination.hypotheses import LinkHypotheses, is_plausible, same_orbit
-from cislunar.orbit_determination.initial_orbits import (
-    fits_at,
-    initial_orbits,
+from cislunar.orbit_determination.attribution import (
+    OrbitHypotheses,
+    concatenate_fits,
+    tracklet_matches,
 )
+from cislunar.orbit_determination.hypotheses import LinkHypotheses, same_orbit
+from cislunar.orbit_determination.initial_orbits import initial_orbits, is_plausible, refit_at
 from cislunar.orbit_determination.least_squares import OrbitFits, fit_orbits
 from cislunar.orbit_determination.pairs import pair_starts, pairs_within
 from cislunar.orbit_determination.scores import LinkingSettings
+from cislunar.orbit_determination.tracklets import Attributables
 from cislunar.orbit_determination.verdicts import (
     DIRECTION_ONLY,
     ORBIT,
     SEVERAL_ORBITS,
     agrees,
-    open_directions,
+    undetermined_directions,
 )
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_CHUNK, _GROWN = 500, 100
-"""Tracklets whose pairs are scanned at once, and seeds that are grown at once."""
+_CHUNK, _EXTENDED = 500, 100
+"""Tracklets whose pairs are scanned at once, and pairs that are extended at once."""
 
-_HOPELESS, _ITERATIONS = 1e4, 15
-"""Chi squared of a pair from which its fit is given up early, and most evaluations of a fit."""
-
+_ABANDON_ABOVE, _ITERATIONS = 1e4, 15
+"""Chi squared above which the fit of a pair is abandoned, and most evaluations of a fit."""
 
 _SPLIT_STARTS = 8
 """Most hypotheses of one observer from which fits to all its tracklets of an orbit begin."""
@@ -66,8 +66,8 @@ class LinkedOrbits(NamedTuple):
         Scores (`log_scores`).
     verdict : tuple of str
         ORBIT, SEVERAL_ORBITS or DIRECTION_ONLY of `cislunar.orbit_determination.verdicts`.
-    open_directions : ndarray of int, shape (orbit,)
-        See `cislunar.orbit_determination.verdicts.open_directions`.
+    undetermined_directions : ndarray of int, shape (orbit,)
+        See `cislunar.orbit_determination.verdicts.undetermined_directions`.
     confirmed : ndarray of bool, shape (orbit,)
         Whether the orbit satisfies the rule of confirmation; otherwise it is a candidate.
     rivals : tuple of OrbitFits
@@ -79,7 +79,7 @@ class LinkedOrbits(NamedTuple):
     fits: OrbitFits
     log_ratio: Array
     verdict: tuple[str, ...]
-    open_directions: Indices
+    undetermined_directions: Indices
     confirmed: NDArray[np.bool_]
     rivals: tuple[OrbitFits, ...]
     n_hypotheses: int
@@ -149,22 +149,20 @@ def link(
         shortest = gap
     _merge(found)
     _split(found)
-    return _described(found, found.chosen())
+    return _described(found, found.selected())
 
 
 def _continue(found: LinkHypotheses, known: LinkedOrbits, everything, free) -> None:
-    """Grow known orbits by all tracklets, and mark these as no longer free."""
+    """Attribute tracklets to known orbits, and mark these tracklets as no longer free."""
     angles, tracklets, forces, *_ = found.data
-    own = [set(known.detections(k).tolist()) for k in range(known.log_ratio.size)]
-    home: dict[int, list[int]] = {}
-    for k, rows in enumerate(own):
-        for row in rows:
-            home.setdefault(row, []).append(k)
-    members: list[list[int]] = [[] for _ in own]
+    # each detection belongs to one orbit
+    owner = np.full(angles.time.size, -1)
+    for k in range(known.log_ratio.size):
+        owner[known.detections(k)] = k
+    members: list[list[int]] = [[] for _ in known.verdict]
     for t, rows in enumerate(tracklets.detections):
-        for k in home.get(int(rows[0]), ()):
-            if own[k].issuperset(rows.tolist()):
-                members[k].append(t)
+        if owner[rows[0]] >= 0 and np.all(owner[rows] == owner[rows[0]]):
+            members[owner[rows[0]]].append(t)
     # largest tracklets of disjoint detections
     for k, each in enumerate(members):
         used: set[int] = set()
@@ -178,19 +176,21 @@ def _continue(found: LinkHypotheses, known: LinkedOrbits, everything, free) -> N
     rows = [np.unique(np.concatenate([tracklets.detections[t] for t in members[k]])) for k in which]
     fits = fit_orbits(angles, rows, known.fits.state[which], known.fits.epoch[which], forces=forces)
     good = np.flatnonzero(agrees(fits, found.data[4].verdict.significance))
-    before = Grown(fits.take(good), tuple(tuple(members[which[k]]) for k in good.tolist()))
+    before = OrbitHypotheses(
+        fits.take(good), tuple(tuple(members[which[k]]) for k in good.tolist())
+    )
     found.add(before)
-    _grow_and_claim(found, before, everything, free, least=2)
+    _extend(found, before, everything, free, least=2)
 
 
-def _grow_and_claim(found: LinkHypotheses, orbits: Grown, usable, free, least: int) -> None:
-    grown = found.grown(orbits, usable)
-    found.add(grown)
+def _extend(found: LinkHypotheses, orbits: OrbitHypotheses, usable, free, least: int) -> None:
+    extended = found.extended(orbits, usable)
+    found.add(extended)
     tracklets = found.data[1]
     taken = [
         tracklets.detections[t]
-        for members in grown.tracklets
-        if len(members) >= least and members in found.place
+        for members in extended.tracklets
+        if len(members) >= least and members in found.index
         for t in members
     ]
     if taken:
@@ -217,7 +217,7 @@ def _link_pairs(found: LinkHypotheses, free, shortest: float, longest: float, pr
         ]
         seeds = fit_orbits(
             angles, rows, starts.state, starts.time, forces=forces, iterations=_ITERATIONS,
-            hopeless=_HOPELESS,
+            abandon_above=_ABANDON_ABOVE,
         )  # fmt: skip
         good = agrees(seeds, settings.verdict.significance) & is_plausible(seeds, forces, region)
         score = np.full(good.size, -np.inf)
@@ -227,14 +227,14 @@ def _link_pairs(found: LinkHypotheses, free, shortest: float, longest: float, pr
         members = {
             k: (int(usable[starts.first[k]]), int(usable[starts.second[k]])) for k in order.tolist()
         }
-        found.add(Grown(seeds.take(order), tuple(members[k] for k in order.tolist())))
+        found.add(OrbitHypotheses(seeds.take(order), tuple(members[k] for k in order.tolist())))
         while order.size:
-            # a seed of tracklets that an orbit has taken would grow to the same orbit
+            # a seed of tracklets that an orbit has taken would lead to the same orbit
             still = [free[members[k][0]] and free[members[k][1]] for k in order.tolist()]
             order = order[still]
-            now, order = order[:_GROWN], order[_GROWN:]
-            orbits = Grown(seeds.take(now), tuple(members[k] for k in now.tolist()))
-            _grow_and_claim(found, orbits, free.copy(), free, settings.claiming)
+            now, order = order[:_EXTENDED], order[_EXTENDED:]
+            orbits = OrbitHypotheses(seeds.take(now), tuple(members[k] for k in now.tolist()))
+            _extend(found, orbits, free.copy(), free, settings.exclusive_tracklets)
         begin = int(usable[end - 1]) + 1
         if progress is not None:
             progress(begin, free.size)
@@ -245,7 +245,7 @@ def _merge(found: LinkHypotheses) -> None:
     angles, tracklets, forces, _, settings = found.data
     tried: set[tuple[int, int]] = set()
     while True:
-        chosen = found.chosen()
+        chosen = found.selected()
         if len(chosen) < 2:
             return
         owner = {t: k for k in chosen for t in found.members[k]}
@@ -274,7 +274,7 @@ def _merge(found: LinkHypotheses) -> None:
             np.array([found.fits[k].epoch[0] for k, _ in trials]), forces=forces,
         )  # fmt: skip
         found.add(
-            Grown(
+            OrbitHypotheses(
                 joint,
                 tuple(
                     tuple(sorted({*found.members[a], *found.members[b]})) for _, (a, b) in trials
@@ -288,7 +288,7 @@ def _split(found: LinkHypotheses) -> None:
     observers of different objects may agree on an orbit where neither object is."""
     angles, tracklets, forces, *_ = found.data
     parts, starts = [], []
-    for k in found.chosen():
+    for k in found.selected():
         members = np.array(found.members[k])
         owners = tracklets.observer[members]
         if np.unique(owners).size != 2:
@@ -305,7 +305,7 @@ def _split(found: LinkHypotheses) -> None:
         angles, rows, np.array([each.state[0] for each in starts]).reshape(-1, 6),
         np.array([each.epoch[0] for each in starts]), forces=forces,
     )  # fmt: skip
-    found.add(Grown(fits, tuple(parts)))
+    found.add(OrbitHypotheses(fits, tuple(parts)))
 
 
 def _described(found: LinkHypotheses, chosen: list[int]) -> LinkedOrbits:
@@ -313,14 +313,14 @@ def _described(found: LinkHypotheses, chosen: list[int]) -> LinkedOrbits:
     angles, tracklets, forces, region, settings = found.data
     chosen = sorted(chosen, key=lambda k: (-found.scores[k], found.members[k]))
     parts = [
-        fits_at(found.fits[k], angles, angles.time[found.fits[k].row[-1]], forces=forces)
+        refit_at(found.fits[k], angles, angles.time[found.fits[k].row[-1]], forces=forces)
         for k in chosen
     ]
     fits = concatenate_fits(parts, found.empty)
-    free = open_directions(fits, region, settings.verdict)
+    free = undetermined_directions(fits, region, settings.verdict)
     verdicts, rivals, confirmed = [], [], []
     for position, k in enumerate(chosen):
-        value, instead = found.instead_of(k, chosen)
+        value, instead = found.alternative_to(k, chosen)
         rival = value >= found.scores[k] - settings.verdict.rival_log_ratio
         others = [found.fits[m] for m in instead] if rival else []
         observers = tracklets.observer[list(found.members[k])]

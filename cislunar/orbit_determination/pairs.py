@@ -5,7 +5,7 @@ ballistic in axes that do not rotate,
 
     r_2 = r_1 + v_1 dt + (2 g_1 + g_2) dt^2 / 6,    v_2 = v_1 + (g_1 + g_2) dt / 2.             (1)
 
-With equation (1) of `cislunar.orbit_determination.attributables` both sides are linear in the range
+With equation (1) of `cislunar.orbit_determination.tracklets` both sides are linear in the range
 rate of the first and the range of the second tracklet, for which five equations hold: the position
 at the second tracklet and the two components of its rate across the line of sight. Least squares
 leave three residuals, which are measured in tolerances that allow for what equation (1) neglects.
@@ -19,12 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.compiled import njit_noalloc
-from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, acceleration, at
 from cislunar.observation import ARCSECOND
-from cislunar.orbit_determination.admissible_region import AdmissibleRegion, ranges_of, states_at
+from cislunar.orbit_determination.admissible_region import (
+    AdmissibleRegion,
+    range_grid,
+    states_at_ranges,
+)
 from cislunar.orbit_determination.angles import frame_rate
-from cislunar.orbit_determination.attributables import Attributables
+from cislunar.orbit_determination.tracklets import Attributables, index_pairs
 from cislunar.runtime.settings_fields import Count, Positive, Section, setting
 
 Array = NDArray[np.float64]
@@ -34,7 +38,7 @@ Indices = NDArray[np.int64]
 _COARSE = 4
 """Ratio of the fine to the coarse grid of ranges."""
 
-_LOOSE = 25.0
+_EXCLUDED_ABOVE = 25.0
 """Squared residual, in tolerances, above which the coarse grid excludes a pair."""
 
 
@@ -100,8 +104,7 @@ def _residuals(forces, rate, t, dt, turn, r, v, u, g, second, passes, units, wor
     for number in range(passes):
         span = 0.0
         for c in range(3):
-            bend = (2.0 * g[c] + later[c]) * dt * dt / 6.0
-            gap[c] = second[0, c] - r[c] - v[c] * dt - bend
+            gap[c] = second[0, c] - r[c] - v[c] * dt - (2.0 * g[c] + later[c]) * dt * dt / 6.0
             jump[c] = v[c] + 0.5 * (g[c] + later[c]) * dt - second[1, c]
             span += gap[c] * gap[c]
         # unknown: range rate s and second range d; dt s u - d toward = gap, and the components of
@@ -153,7 +156,7 @@ def _residuals(forces, rate, t, dt, turn, r, v, u, g, second, passes, units, wor
 
 @njit_noalloc
 def _between(error, far, k, m):
-    """Least squared residual between two ranges of the grid, and the place of it."""
+    """Least squared residual between two ranges of the grid, and where it is, from 0 to 1."""
     up = down = cost = 0.0
     for c in range(5):
         step = error[m, c] - error[k, c]
@@ -167,8 +170,8 @@ def _between(error, far, k, m):
 
 @njit_noalloc
 def _scan(forces, rate, tracklets, pairs, ranges, units, largest, scratch, out):
-    """Local minima of the residuals of all pairs; returns their number, -1 if there is no room."""
-    time, place, velocity, direction, motion, basis = tracklets
+    """Local minima of the residuals of all pairs; their number, or -1 if there are too many."""
+    time, position, velocity, direction, motion, basis = tracklets
     first, second, found_cost, found_range, found_rate = out
     start, gravity, speed, error, values, later, work = scratch
     rho_rate, far, inside, low_cost, low_range, low_rate = values
@@ -180,14 +183,14 @@ def _scan(forces, rate, tracklets, pairs, ranges, units, largest, scratch, out):
             last = i
             for k in range(n):
                 for c in range(3):
-                    start[k, c] = place[i, c] + ranges[k] * u[c]
+                    start[k, c] = position[i, c] + ranges[k] * u[c]
                     speed[k, c] = velocity[i, c] + ranges[k] * motion[i, c]
                 inside[k] = start[k, 0] ** 2 + start[k, 1] ** 2 + start[k, 2] ** 2
                 gravity[k, 0], gravity[k, 1], gravity[k, 2] = _gravity(
                     forces, rate, t, start[k, 0], start[k, 1], start[k, 2]
                 )
         c, s = np.cos(rate * dt), np.sin(rate * dt)
-        _turn(c, s, place[j], later[0])
+        _turn(c, s, position[j], later[0])
         _turn(c, s, velocity[j], later[1])
         _turn(c, s, direction[j], later[2])
         _turn(c, s, motion[j], later[3])
@@ -204,7 +207,7 @@ def _scan(forces, rate, tracklets, pairs, ranges, units, largest, scratch, out):
                 )  # fmt: skip
             if k >= _COARSE and (far[k] > 0.0 or far[k - _COARSE] > 0.0):
                 best = min(best, _between(error, far, k - _COARSE, k)[0])
-        if not best <= _LOOSE:
+        if not best <= _EXCLUDED_ABOVE:
             continue
         for k in range(n):
             far[k] = -1.0
@@ -266,29 +269,29 @@ def pair_starts(
     settings = PairSettings() if settings is None else settings
     rate = frame_rate(forces)
     pairs = np.ascontiguousarray(pairs, dtype=np.int64).reshape(-1, 2)
-    ranges = ranges_of(region, settings.n_ranges)
+    ranges = range_grid(region, settings.n_ranges)
     data = (
-        tracklets.time, tracklets.place, tracklets.velocity, tracklets.direction, tracklets.rate,
-        tracklets.basis,
+        tracklets.time, tracklets.observer_position, tracklets.observer_velocity,
+        tracklets.direction, tracklets.rate, tracklets.basis,
     )  # fmt: skip
     per_unit = ARCSECOND * TIME_UNIT_S
     units = np.deg2rad(settings.angle_tolerance_deg), settings.rate_tolerance_arcsec_s * per_unit
-    n, room = ranges.size, 2 * len(pairs) + 64
+    n, capacity = ranges.size, 2 * len(pairs) + 64
     scratch = (
         np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 5)),
         tuple(np.empty(n) for _ in range(6)), np.empty((6, 3)), np.empty((3, 3)),
     )  # fmt: skip
     while True:
         out = (
-            np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64),
-            np.empty(room), np.empty(room), np.empty(room),
+            np.empty(capacity, dtype=np.int64), np.empty(capacity, dtype=np.int64),
+            np.empty(capacity), np.empty(capacity), np.empty(capacity),
         )  # fmt: skip
         count = _scan(forces, rate, data, pairs, ranges, units, region.radius, scratch, out)
         if count >= 0:
             break
-        room *= 4
+        capacity *= 4
     first, second, cost, rho, speed = (each[:count] for each in out)
-    state = states_at(tracklets, first, rho, speed, rate)
+    state = states_at_ranges(tracklets, first, rho, speed, rate)
     return PairStarts(first, second, cost, tracklets.time[first], state)
 
 
@@ -315,23 +318,21 @@ def pairs_within(
     ndarray of int, shape (pair, 2)
         The earlier tracklet first; without pairs that share a detection.
     """
-    unit = 24.0 / SECONDS_PER_DAY * TIME_UNIT_S
+    unit = 3600.0 / TIME_UNIT_S
     t = tracklets.time
     after = np.maximum(
-        np.searchsorted(t, t, side="right"), np.searchsorted(t, t + least_hours / unit)
+        np.searchsorted(t, t, side="right"), np.searchsorted(t, t + least_hours * unit)
     )
-    count = np.maximum(np.searchsorted(t, t + hours / unit, side="right") - after, 0)
-    count[:begin] = 0
-    count[t.size if end is None else end :] = 0
-    first = np.repeat(np.arange(t.size), count)
-    second = after[first] + np.arange(first.size) - np.repeat(np.cumsum(count) - count, count)
-    spread = np.array([rows.max() for rows in tracklets.detections] or [0])
-    begins = np.array([rows.min() for rows in tracklets.detections] or [0])
+    until = np.searchsorted(t, t + hours * unit, side="right")
+    until[:begin] = 0
+    until[t.size if end is None else end :] = 0
+    first, second = index_pairs(after, until)
     kept = np.ones(first.size, dtype=bool)
-    near = (tracklets.observer[first] == tracklets.observer[second]) & (
-        begins[second] <= spread[first]
-    )
-    for k in np.flatnonzero(near).tolist():
+    # tracklets of one observer may share a detection if the later one begins before the other ends
+    last = np.array([rows.max() for rows in tracklets.detections] or [0])
+    start = np.array([rows.min() for rows in tracklets.detections] or [0])
+    near = tracklets.observer[first] == tracklets.observer[second]
+    for k in np.flatnonzero(near & (start[second] <= last[first])).tolist():
         shared = np.intersect1d(
             tracklets.detections[first[k]], tracklets.detections[second[k]], assume_unique=True
         )

@@ -1,4 +1,4 @@
-"""Settings of linking, and scores of hypotheses.
+"""Settings of linking: generation of hypotheses, their choice, and confirmation; their scores.
 
 The score of a hypothesis, an orbit with its n detections, is the logarithm of its likelihood ratio
 to the assumption that its detections are clutter, that is, false alarms or detections of objects
@@ -17,16 +17,60 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.orbit_determination.admissible_region import AdmissibleRegion, sphere_offsets
+from cislunar.orbit_determination.admissible_region import (
+    AdmissibleRegion,
+    sphere_magnitude_residuals,
+)
 from cislunar.orbit_determination.angles import Angles
-from cislunar.orbit_determination.confirmation import ConfirmationRule
 from cislunar.orbit_determination.initial_orbits import InitialOrbitSettings
 from cislunar.orbit_determination.least_squares import OrbitFits
 from cislunar.orbit_determination.pairs import PairSettings
-from cislunar.orbit_determination.verdicts import VerdictSettings, log_evidence
-from cislunar.runtime.settings_fields import Count, Positive, Section, number, setting
+from cislunar.orbit_determination.verdicts import ORBIT, VerdictSettings, log_evidence
+from cislunar.runtime.settings_fields import Count, Number, Positive, Section, number, setting
 
 Array = NDArray[np.float64]
+
+
+class ConfirmationRule(Section):
+    """When a linked orbit is confirmed; otherwise it stays a candidate.
+
+    A confirmed orbit is the only one that its detections permit, all directions of state space are
+    determined, and its likelihood ratio is large enough. It also has tracklets of at least
+    `observers_alone` observers, or it has at least `tracklets` tracklets, and at least
+    `observers` observers with `tracklets_each` of them each.
+    """
+
+    # fmt: off
+
+    observers_alone: Count = setting(
+        "number of observers that is sufficient", "1", default=3)
+    observers: Count = setting(
+        "number of observers with several tracklets each that is sufficient", "1", default=2)
+    tracklets_each: Count = setting("tracklets that each of these needs", "1", default=2)
+    tracklets: Count = setting("tracklets that these need in all", "1", default=5)
+    least_log_ratio: Number = setting(
+        "least logarithm of the likelihood ratio to false alarms", "1", default=10)
+
+    # fmt: on
+
+    def confirms(self, observers: ArrayLike, verdict: str, log_ratio: float) -> bool:
+        """Whether an orbit is confirmed.
+
+        Parameters
+        ----------
+        observers : array_like of int, shape (tracklet,)
+            Observers of its tracklets.
+        verdict : str
+            See `cislunar.orbit_determination.verdicts`.
+        log_ratio : float
+            Score of the orbit (`log_scores`).
+        """
+        counts = np.unique(np.asarray(observers), return_counts=True)[1]
+        several = counts >= self.tracklets_each
+        enough = counts.size >= self.observers_alone or (
+            np.count_nonzero(several) >= self.observers and counts.sum() >= self.tracklets
+        )
+        return bool(enough and verdict == ORBIT and log_ratio >= self.least_log_ratio)
 
 
 class LinkingSettings(Section):
@@ -45,8 +89,8 @@ class LinkingSettings(Section):
         default=36)
     gate_probability: number(gt=0, lt=1) = setting(
         "probability that the gate keeps a tracklet of an orbit", "1", default=0.9999)
-    claiming: Count = setting(
-        "tracklets from which on an orbit excludes its tracklets from further pairs", "1",
+    exclusive_tracklets: Count = setting(
+        "number of tracklets from which on those of an orbit are not in further pairs", "1",
         default=3)
     several_starts_below: Count = setting(
         "tracklets below which all solutions for the detections of a link are sought", "1",
@@ -97,13 +141,13 @@ def log_scores(
     score = log_evidence(fits, angles, region) + np.log(settings.expected_objects)
     kappa = np.broadcast_to(np.asarray(log_clutter, dtype=float), angles.time.shape)
     each = np.log(settings.detection_probability) - kappa[fits.row]
-    own = sphere_offsets(fits.position, angles.rows(fits.row))
+    residual = sphere_magnitude_residuals(fits.position, angles.rows(fits.row))
     variance = settings.magnitude_sigma**2 + angles.magnitude_variance[fits.row]
-    known = np.isfinite(own) & np.isfinite(variance)
+    known = np.isfinite(residual) & np.isfinite(variance)
     # minus infinity of the sphere: unlit, though detected
-    each = np.where(np.isinf(own), -np.inf, each)
+    each = np.where(np.isinf(residual), -np.inf, each)
     weight = np.where(known, 1.0 / np.where(known, variance, 1.0), 0.0)
-    value = np.where(known, own, 0.0)
+    value = np.where(known, residual, 0.0)
     of = np.repeat(np.arange(n.size), n)
 
     def summed(values: Array) -> Array:

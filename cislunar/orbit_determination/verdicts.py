@@ -1,10 +1,11 @@
 """Evidence of an orbit, directions of state space that angles leave undetermined, and verdicts.
 
 A fit may converge although the angles do not determine the orbit. The covariance P of a solution is
-therefore compared with that of the admissible region, P_0. A direction of state space is *open*
-(undetermined) if its standard deviation is not small compared with that of the region, by the
-eigenvalues of P relative to P_0. The range is also open if its standard deviation is not small
-compared with the range itself, since the covariance then does not describe the possible orbits.
+therefore compared with that of the admissible region, P_0. A direction of state space is
+undetermined if its standard deviation is not small compared with that of the region, by the
+eigenvalues of P relative to P_0. The range is also undetermined if its standard deviation is not
+small compared with the range itself, since the covariance then does not describe the possible
+orbits.
 """
 
 import numpy as np
@@ -26,8 +27,8 @@ DIRECTION_ONLY = "direction only"
 CONTRADICTORY = "contradictory angles"
 NO_ORBIT = "no orbit"
 """Verdicts, in this order: one determined orbit; several orbits that agree with the angles; fits
-that leave the range or another direction open, or too few angles for a fit; converged fits that all
-disagree with the angles; no fit that converges to an admissible orbit."""
+that leave the range or another direction undetermined, or too few angles for a fit; converged fits
+that all disagree with the angles; no fit that converges to an admissible orbit."""
 
 
 class VerdictSettings(Section):
@@ -38,12 +39,12 @@ class VerdictSettings(Section):
     significance: number(gt=0, lt=0.5) = setting(
         "probability of a larger chi squared below which a fit disagrees with its angles", "1",
         default=1e-4)
-    open_share: number(gt=0, lt=1) = setting(
+    undetermined_share: number(gt=0, lt=1) = setting(
         "standard deviation, relative to that of the admissible region, from which a direction of "
-        "state space is open", "1", default=0.1)
-    open_range_share: number(gt=0, lt=1) = setting(
-        "standard deviation of the range, relative to the range, from which it is open", "1",
-        default=0.1)
+        "state space is undetermined", "1", default=0.1)
+    undetermined_range_share: number(gt=0, lt=1) = setting(
+        "standard deviation of the range, relative to the range, from which it is undetermined",
+        "1", default=0.1)
     rival_log_ratio: number(gt=0) = setting(
         "logarithm of the ratio of evidence up to which another solution is a rival of the best",
         "1", default=7)
@@ -84,10 +85,10 @@ def agrees(fits: OrbitFits, significance: float) -> NDArray[np.bool_]:
     return (fits.status == CONVERGED) & (fits.chi_squared <= limit)
 
 
-def open_directions(
+def undetermined_directions(
     fits: OrbitFits, region: AdmissibleRegion, settings: VerdictSettings | None = None
 ) -> Indices:
-    """Number of directions of state space that each fit leaves open; 6 if it has not converged.
+    """Undetermined directions of state space of each fit; 6 if it has not converged.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ def open_directions(
     Returns
     -------
     ndarray of int, shape (fit,)
-        At least 1 if the range is open.
+        At least 1 if the range is undetermined.
     """
     settings = VerdictSettings() if settings is None else settings
     prior = region_covariance(region)
@@ -107,14 +108,13 @@ def open_directions(
     for k in np.flatnonzero(fits.status == CONVERGED).tolist():
         covariance = fits.covariance[k]
         share = eigvalsh(scale[:, None] * covariance * scale)
-        out[k] = np.count_nonzero(share > settings.open_share**2)
-        way = fits.position[fits.begin[k] : fits.begin[k + 1]]
-        # that of the row of least range, as an estimate for the epoch
-        nearest = way[np.argmin(np.sum(way**2, axis=1))]
-        distance = np.linalg.norm(nearest)
-        line = nearest / distance
+        out[k] = np.count_nonzero(share > settings.undetermined_share**2)
+        # the row of least range, as an estimate for the epoch
+        lines = fits.position[fits.begin[k] : fits.begin[k + 1]]
+        distance = np.linalg.norm(lines, axis=1).min()
+        line = lines[np.argmin(np.sum(lines**2, axis=1))] / distance
         sigma = np.sqrt(line @ covariance[:3, :3] @ line)
-        out[k] = max(out[k], int(sigma > settings.open_range_share * distance))
+        out[k] = max(out[k], int(sigma > settings.undetermined_range_share * distance))
     return out
 
 

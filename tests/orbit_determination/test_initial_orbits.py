@@ -150,9 +150,9 @@ def test_brightness_excludes_orbits_of_impossible_size():
     rng = np.random.default_rng(8)
     hours, owners = [0.0, 1.0], [0, 1]
     plain = observed(HALO, hours, owners, rng)
-    way = propagate(HALO, plain.time, method="dop853")[:, :3] - plain.place
+    way = propagate(HALO, plain.time, method="dop853")[:, :3] - plain.observer_position
     meters = np.linalg.norm(way, axis=1) * LENGTH_UNIT_KM * 1e3
-    phase = phase_angle(way, plain.place + way - SUN)
+    phase = phase_angle(way, plain.observer_position + way - SUN)
     for radius, verdict in ((1.0, ORBIT), (0.01, NO_ORBIT)):
         angles = plain._replace(
             magnitude=sphere_magnitude(meters, phase, radius_m=radius),
@@ -192,7 +192,7 @@ def test_attributables_are_direction_and_rate_in_axes_that_do_not_rotate():
     assert np.abs(offset / sigma[:2]).max() < 0.02
     assert np.abs(exact.basis[0] @ (exact.rate[0] - rate) / sigma[2:]).max() < 0.02
     velocity = (ends[1][1] - ends[0][1]) / (2.0 * step)
-    assert np.linalg.norm(exact.velocity[0] - velocity) * 1023.0 < 0.5  # m/s
+    assert np.linalg.norm(exact.observer_velocity[0] - velocity) * 1023.0 < 0.5  # m/s
     drawn = []
     unit = way / np.linalg.norm(way, axis=1, keepdims=True)
     for _ in range(600):

@@ -25,7 +25,7 @@ from cislunar.orbit_determination import (
     log_evidence,
     make_angles,
 )
-from cislunar.orbit_determination.growth import Grown
+from cislunar.orbit_determination.attribution import OrbitHypotheses
 from cislunar.orbit_determination.hypotheses import LinkHypotheses
 
 SIGMA = np.pi / 648_000.0
@@ -135,7 +135,7 @@ def test_the_choice_is_that_of_brute_force():
         for some in combinations(range(len(sets)), size):
             if sum(len(sets[k]) for k in some) == len(set().union(*(sets[k] for k in some))):
                 best = max(best, sum(found.scores[k] for k in some))
-    chosen = found.chosen()
+    chosen = found.selected()
     assert sum(found.scores[k] for k in chosen) == pytest.approx(best)
     assert 1 < len(chosen) < len(sets)
 
@@ -150,7 +150,7 @@ def test_the_evidence_is_that_of_importance_sampling():
     sample = wide.rvs(n, random_state=rng)
     density = []
     for state in sample:
-        way = propagate(state, angles.time, method="dop853")[:, :3] - angles.place
+        way = propagate(state, angles.time, method="dop853")[:, :3] - angles.observer_position
         along = np.einsum("ni,ni->n", way, angles.direction)
         miss = np.einsum("nai,ni->na", angles.basis, way) / along[:, None] / SIGMA
         density.append(-0.5 * np.sum(miss**2) - miss.size * 0.5 * np.log(2.0 * np.pi * SIGMA**2))
@@ -166,7 +166,7 @@ def test_a_link_of_one_observer_states_what_it_leaves_open():
         found = linked(angles.rows(np.flatnonzero(angles.observer == observer)))
         assert found.verdict == (verdict,) and not found.confirmed.any()
         if verdict == DIRECTION_ONLY:
-            assert found.open_directions[0] > 0
+            assert found.undetermined_directions[0] > 0
             continue
         states = [found.fits.state[0], *found.rivals[0].state]
         epochs = [found.fits.epoch[0], *found.rivals[0].epoch]
@@ -200,5 +200,5 @@ def test_bad_input_and_nothing_to_link():
         link(angles, attributables(angles, []), log_clutter=-np.inf)
     with pytest.raises(ConfigurationError, match="gate_probability"):
         LinkingSettings(gate_probability=1.5)
-    grown = Grown(fit_orbits(angles, [], np.empty((0, 6)), 0.0), ())
+    grown = OrbitHypotheses(fit_orbits(angles, [], np.empty((0, 6)), 0.0), ())
     assert grown.fits.take([]).epoch.size == 0

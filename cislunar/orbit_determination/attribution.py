@@ -1,6 +1,7 @@
-"""Growth of orbits by further tracklets: prediction, gate, and joint fits.
+"""Attribution of tracklets to orbits: prediction, gate, and joint fits (Milani et al. 2001, Icarus
+151, 150).
 
-The attributable of a tracklet is predicted by an orbit and its covariance; the innovation nu of
+The attributable of a tracklet is predicted by an orbit and its covariance P; the innovation nu of
 direction and rate has the covariance S = H Phi P Phi' H' + C. A tracklet within the gate is added
 if the fit to all angles agrees with them. The time from the orbit's detections within which
 tracklets are sought increases in steps, since the covariance of a short arc predicts distant
@@ -18,8 +19,8 @@ from cislunar.compiled import njit_noalloc
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.adaptive import DOP853, OK, integrate
 from cislunar.orbit_determination.angles import Angles, frame_rate
-from cislunar.orbit_determination.attributables import Attributables
 from cislunar.orbit_determination.least_squares import OrbitFits, fit_orbits
+from cislunar.orbit_determination.tracklets import Attributables
 from cislunar.orbit_determination.verdicts import agrees
 
 Array = NDArray[np.float64]
@@ -32,8 +33,12 @@ _TOLERANCE = 1e-9
 _FARTHEST = 0.1
 """Distance in the tangent plane from which on a tracklet is not of an orbit, however uncertain."""
 
+_SHORT_ARC, _AT_ONCE = 3, 4
+"""Tracklets below which an orbit takes the most probable tracklet alone, and the number of
+tracklets that other orbits take before they are fitted again."""
 
-class Grown(NamedTuple):
+
+class OrbitHypotheses(NamedTuple):
     """Orbits with the tracklets that they have been fitted to; indices in order of time."""
 
     fits: OrbitFits
@@ -41,103 +46,28 @@ class Grown(NamedTuple):
 
 
 @njit_noalloc
-def _is_near(here, place, u, basis):
+def _is_near(here, observer, direction, basis):
     """Whether a predicted position is near the direction of a tracklet."""
     along = east = north = 0.0
     for c in range(3):
-        way = here[c] - place[c]
-        along += u[c] * way
-        east += basis[0, c] * way
-        north += basis[1, c] * way
+        line = here[c] - observer[c]
+        along += direction[c] * line
+        east += basis[0, c] * line
+        north += basis[1, c] * line
     return along > 0.0 and max(abs(east), abs(north)) <= _FARTHEST * along
 
 
-@njit_noalloc
-def _predict(rate, here, place, velocity, u, motion, basis, noise, covariance, work):
-    """Squared innovation of a tracklet and ln det S; infinite if the object is behind."""
-    design, mapped, s, nu, way, speed, q = work
-    along = upward = 0.0
-    for c in range(3):
-        way[c] = here[c] - place[c]
-        along += u[c] * way[c]
-    if not along > 0.0:
-        return np.inf, np.inf
-    speed[0] = here[3] - rate * here[1] - velocity[0]
-    speed[1] = here[4] + rate * here[0] - velocity[1]
-    speed[2] = here[5] - velocity[2]
-    for c in range(3):
-        upward += u[c] * speed[c]
-    d = 1.0 / along
-    for a in range(2):
-        x = f = wanted = 0.0
-        for c in range(3):
-            x += basis[a, c] * way[c] * d
-            f += basis[a, c] * speed[c] * d
-            wanted += basis[a, c] * motion[c]
-        nu[a] = -x
-        nu[2 + a] = wanted - (f - x * upward * d)
-        for c in range(3):
-            q[c] = d * (basis[a, c] - x * u[c])
-        for c in range(3):
-            design[a, c] = q[c]
-            design[a, 3 + c] = 0.0
-            design[2 + a, c] = (x * upward * d - f) * d * u[c] - upward * d * q[c]
-            design[2 + a, 3 + c] = q[c]
-        design[2 + a, 0] += rate * q[1]
-        design[2 + a, 1] -= rate * q[0]
-    for i in range(4):
-        for j in range(6):
-            total = 0.0
-            for k in range(6):
-                total += design[i, k] * here[6 + 6 * k + j]
-            mapped[i, j] = total
-    for i in range(4):
-        for j in range(6):
-            total = 0.0
-            for k in range(6):
-                total += mapped[i, k] * covariance[k, j]
-            design[i, j] = total
-    for i in range(4):
-        for j in range(i + 1):
-            total = noise[i, j]
-            for k in range(6):
-                total += design[i, k] * mapped[j, k]
-            s[i, j] = total
-    squared, log_det = 0.0, 0.0
-    for i in range(4):  # Cholesky factor and forward substitution in place
-        for j in range(i + 1):
-            total = s[i, j]
-            for k in range(j):
-                total -= s[i, k] * s[j, k]
-            if i == j:
-                if not total > 0.0:
-                    return np.inf, np.inf
-                s[i, i] = np.sqrt(total)
-            else:
-                s[i, j] = total / s[j, j]
-        for k in range(i):
-            nu[i] -= s[i, k] * nu[k]
-        nu[i] /= s[i, i]
-        squared += nu[i] ** 2
-        log_det += 2.0 * np.log(s[i, i])
-    return squared, log_det
-
-
 @njit(cache=True, error_model="numpy")
-def _matches(forces, rate, orbits, begin, end, tracklets, gate, out):
-    """Tracklets within the gates of orbits; returns their number, -1 if there is no room."""
-    epoch, state, covariance = orbits
-    time, place, velocity, direction, motion, basis, noise = tracklets
-    which, found, squared, log_density = out
+def _predictions(forces, epoch, state, begin, end, tracklets, out):
+    """States and transition matrices at the tracklets near the predicted directions of orbits;
+    returns their number, -1 if there are too many."""
+    time, observer, direction, basis = tracklets
+    which, found, predicted = out
     count, longest = 0, 0
     for k in range(epoch.size):
         longest = max(longest, end[k] - begin[k])
     elapsed, nothing = np.empty(longest), np.empty(0)
     paths, near = (np.empty((longest, 6)), np.empty((longest, 42))), np.empty(longest, np.int64)
-    work = (
-        np.empty((4, 6)), np.empty((4, 6)), np.empty((4, 4)), np.empty(4), np.empty(3), np.empty(3),
-        np.empty(3),
-    )  # fmt: skip
     starts = np.empty(6), np.zeros(42)
     for i in range(6):
         starts[1][6 + 7 * i] = 1.0
@@ -167,25 +97,47 @@ def _matches(forces, rate, orbits, begin, end, tracklets, gate, out):
                 for m in range(low, high):
                     q = near[m]
                     if stage == 0:
-                        if _is_near(path[m], place[q], direction[q], basis[q]):
+                        if _is_near(path[m], observer[q], direction[q], basis[q]):
                             near[kept] = q
                             kept += 1
                         continue
-                    distance, log_det = _predict(
-                        rate, path[m], place[q], velocity[q], direction[q], motion[q], basis[q],
-                        noise[q], covariance[k], work,
-                    )  # fmt: skip
-                    if not distance <= gate:
-                        continue
                     if count == which.size:
                         return -1
-                    which[count], found[count], squared[count] = k, q, distance
-                    log_density[count] = -0.5 * (distance + log_det) - 2.0 * np.log(2.0 * np.pi)
+                    which[count], found[count] = k, q
+                    predicted[count] = path[m]
                     count += 1
             if stage == 0:
                 n = kept
                 near[:n] = np.sort(near[:n])
     return count
+
+
+def _innovations(
+    predicted: Array, tracklets: Attributables, which: Indices, rate: float
+) -> tuple[Array, Array]:
+    """Innovations (match, 4) of directions and rates, and their derivatives (match, 4, 6) by the
+    states at the epochs."""
+    state, transition = predicted[:, :6], predicted[:, 6:].reshape(-1, 6, 6)
+    unit, basis = tracklets.direction[which], tracklets.basis[which]
+    turning = np.cross([0.0, 0.0, rate], np.eye(3)).T
+    line = state[:, :3] - tracklets.observer_position[which]
+    speed = state[:, 3:] + state[:, :3] @ turning.T - tracklets.observer_velocity[which]
+    along, outward = np.einsum("pnc,nc->pn", np.stack([line, speed], axis=0), unit)
+    inverse = (1.0 / along)[:, None]
+    x = np.einsum("nac,nc->na", basis, line) * inverse
+    f = np.einsum("nac,nc->na", basis, speed) * inverse
+    growth = outward[:, None] * inverse
+    measured = np.einsum("nac,nc->na", basis, tracklets.rate[which])
+    innovation = np.concatenate([-x, measured - (f - x * growth)], axis=1)
+    # derivatives of x and of f - x growth
+    by_line = (basis - x[:, :, None] * unit[:, None]) * inverse[:, None]
+    design = np.zeros((len(state), 4, 6))
+    design[:, :2, :3] = by_line
+    design[:, 2:, 3:] = by_line
+    shift = (x * growth - f) * inverse
+    design[:, 2:, :3] = shift[:, :, None] * unit[:, None] - growth[:, None] * by_line
+    design[:, 2:, :3] += by_line @ turning
+    return innovation, design @ transition
 
 
 def tracklet_matches(
@@ -196,7 +148,7 @@ def tracklet_matches(
     gate_probability: float,
     *,
     forces: tuple,
-) -> tuple[Indices, Indices, Array, Array]:
+) -> tuple[Indices, Indices, Array]:
     """Tracklets that orbits predict.
 
     Parameters
@@ -214,47 +166,44 @@ def tracklet_matches(
     Returns
     -------
     fit, tracklet : ndarray of int, shape (match,)
-    squared, log_density : ndarray, shape (match,)
-        Squared innovation, and the logarithm of the density of direction and rate, rad^-2 and
-        nondimensional time squared.
+    log_density : ndarray, shape (match,)
+        Logarithm of the density of direction and rate, rad^-2 and nondimensional time squared.
     """
-    data = (
-        tracklets.time, tracklets.place, tracklets.velocity, tracklets.direction, tracklets.rate,
-        tracklets.basis, tracklets.covariance,
-    )  # fmt: skip
+    data = tracklets.time, tracklets.observer_position, tracklets.direction, tracklets.basis
     begin = np.searchsorted(tracklets.time, first, side="left")
     end = np.searchsorted(tracklets.time, last, side="right")
-    gate, room = gate_threshold(gate_probability, 4), 64 + 16 * fits.epoch.size
-    while True:
-        out = (
-            np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64),
-            np.empty(room), np.empty(room),
-        )  # fmt: skip
-        orbits = fits.epoch, fits.state, fits.covariance
-        count = _matches(forces, frame_rate(forces), orbits, begin, end, data, gate, out)
-        if count >= 0:
-            return out[0][:count], out[1][:count], out[2][:count], out[3][:count]
-        room *= 4
+    count, capacity = -1, 64 + 16 * fits.epoch.size
+    while count < 0:
+        out = *np.empty((2, capacity), dtype=np.int64), np.empty((capacity, 42))
+        count = _predictions(forces, fits.epoch, fits.state, begin, end, data, out)
+        capacity *= 4
+    which, found, predicted = (each[:count] for each in out)
+    innovation, design = _innovations(predicted, tracklets, found, frame_rate(forces))
+    s = design @ fits.covariance[which] @ design.swapaxes(1, 2) + tracklets.covariance[found]
+    squared = np.einsum("ni,ni->n", innovation, np.linalg.solve(s, innovation[..., None])[..., 0])
+    log_density = -0.5 * (squared + np.linalg.slogdet(s)[1]) - 2.0 * np.log(2.0 * np.pi)
+    kept = (squared >= 0.0) & (squared <= gate_threshold(gate_probability, 4))
+    return which[kept], found[kept], log_density[kept]
 
 
-def grow(
+def extend_orbits(
     angles: Angles,
     tracklets: Attributables,
-    orbits: Grown,
+    orbits: OrbitHypotheses,
     usable: NDArray[np.bool_],
     *,
     forces: tuple,
     spans_h: tuple[float, ...],
     gate_probability: float,
     significance: float,
-) -> Grown:
-    """Add tracklets to orbits as long as the fits agree with the angles.
+) -> OrbitHypotheses:
+    """Attribute tracklets to orbits as long as the fits agree with the angles.
 
     Parameters
     ----------
     angles : Angles
     tracklets : Attributables
-    orbits : Grown
+    orbits : OrbitHypotheses
         Converged fits and their tracklets.
     usable : ndarray of bool, shape (tracklet,)
     forces : NamedTuple
@@ -266,19 +215,19 @@ def grow(
 
     Returns
     -------
-    Grown
+    OrbitHypotheses
         In the order of the orbits.
     """
     fits, members = orbits.fits, [list(each) for each in orbits.tracklets]
     n = len(members)
-    stage, banned = np.zeros(n, dtype=int), [set() for _ in range(n)]
+    stage, rejected = np.zeros(n, dtype=int), [set() for _ in range(n)]
     parts = [fits.take([k]) for k in range(n)]
     active = list(range(n))
     while active:
         now = concatenate_fits([parts[k] for k in active], fits)
         ends = np.array([[members[k][0], members[k][-1]] for k in active])
         span = np.array([spans_h[stage[k]] for k in active]) * 3600.0 / TIME_UNIT_S
-        which, found, _, density = tracklet_matches(
+        which, found, density = tracklet_matches(
             now, tracklets, tracklets.time[ends[:, 0]] - span, tracklets.time[ends[:, 1]] + span,
             gate_probability, forces=forces,
         )  # fmt: skip
@@ -289,14 +238,13 @@ def grow(
         for position, k in enumerate(active):
             used = set(np.concatenate([tracklets.detections[t] for t in members[k]]).tolist())
             added: list[int] = []
-            # a short arc takes the most probable tracklet alone
-            most = 1 if len(members[k]) < 3 else 4
+            most = 1 if len(members[k]) < _SHORT_ARC else _AT_ONCE
             for t in found[begins[position] : begins[position + 1]].tolist():
-                own = tracklets.detections[t].tolist()
-                if t in banned[k] or t in members[k] or not usable[t] or used & set(own):
+                rows_of = tracklets.detections[t].tolist()
+                if t in rejected[k] or t in members[k] or not usable[t] or used & set(rows_of):
                     continue
                 added.append(t)
-                used.update(own)
+                used.update(rows_of)
                 if len(added) == most:
                     break
             if added:
@@ -315,10 +263,10 @@ def grow(
                     parts[k] = joint.take([number])
                     members[k] = sorted(members[k] + added, key=lambda t: tracklets.time[t])
                 else:
-                    banned[k].add(added[0])
+                    rejected[k].add(added[0])
                 later.append(k)
         active = sorted(later)
-    return Grown(concatenate_fits(parts, fits), tuple(tuple(each) for each in members))
+    return OrbitHypotheses(concatenate_fits(parts, fits), tuple(tuple(each) for each in members))
 
 
 def concatenate_fits(parts: list[OrbitFits], empty: OrbitFits) -> OrbitFits:
