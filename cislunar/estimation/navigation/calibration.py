@@ -7,7 +7,7 @@ from numba import njit
 
 from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
 from cislunar.dynamics.forces import of_state
-from cislunar.estimation.navigation.linearization import (
+from cislunar.estimation.linearization import (
     SIZE,
     carry_covariance,
     follow,

@@ -57,13 +57,13 @@ from cislunar.estimation.estimator import (
     Prediction,
 )
 from cislunar.estimation.initial_sigma import ProcessNoise
+from cislunar.estimation.linearization import SIZE, ObserverModel, carry_corrections
 from cislunar.estimation.navigation.calibration import calibrate
 from cislunar.estimation.navigation.errors import (
     N_PARAMETERS,
     UNITS,
     ObserverErrorSigma,
 )
-from cislunar.estimation.navigation.linearization import SIZE, ObserverModel, carry_corrections
 from cislunar.estimation.navigation.rates import frame_rotation, observer_velocities
 from cislunar.estimation.navigation.schmidt import consider
 from cislunar.estimation.track_arrays import remaining_tracks, widened_roots
