@@ -11,15 +11,8 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.detection.exposures import Detections, Exposures
-from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.exchange.ades import read_ades
-from cislunar.exchange.observations import (
-    RANGES,
-    numbers_within,
-    observation_dates,
-    observation_times,
-    require,
-)
+from cislunar.exchange.observation_files import observation_table
+from cislunar.exchange.observations import checked, observation_dates, require
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND
 
@@ -30,8 +23,6 @@ DETECTION_COLUMNS = (
     *("obsID", "expID", "stn", "obsTime", "ra", "dec", "rmsRA", "rmsDec", "rmsCorr", "mag"),
     "rmsMag",
 )
-
-_NAMES = ("obsID", "expID", "stn")
 
 
 def exposure_table(
@@ -137,41 +128,17 @@ def read_detections(source: str | Path | pd.DataFrame) -> pd.DataFrame:
         If a column or a name is missing, a value is impossible, an identifier occurs twice, or the
         times are not sorted.
     """
-    fault = ConfigurationError if isinstance(source, pd.DataFrame) else InputFileError
-    place = "detections" if isinstance(source, pd.DataFrame) else str(source)
-    given = source if isinstance(source, pd.DataFrame) else _table(source)
-    missing = [name for name in DETECTION_COLUMNS if name not in given]
-    if missing:
-        raise fault(f"{place}: columns {', '.join(missing)} are missing; the table needs "
-                    f"{', '.join(DETECTION_COLUMNS)}")  # fmt: skip
-    table = given.copy()
-    for name in _NAMES:
-        require(given, name, given[name].notna() & (given[name] != ""), "be given", fault, place)
-        table[name] = given[name].astype(str)
+    given, place, fault = observation_table(source, "detections")
+    if place.lower().endswith(".psv"):
+        correlation = given["rmsCorr"].fillna(0.0) if "rmsCorr" in given else 0.0
+        given = given.assign(expID=given["stn"] + "-" + given["obsTime"], rmsCorr=correlation)
+    table = given.assign(**checked(given, (), DETECTION_COLUMNS, fault, place))
     once = ~table["obsID"].duplicated()
     require(given, "obsID", once, "not occur twice", fault, place)
-    for name in RANGES:
-        if name in DETECTION_COLUMNS:
-            table[name] = numbers_within(given, name, fault, place)
-    table["tdb"] = observation_times(given, fault, place)
     early = np.diff(table["tdb"], prepend=-np.inf) < 0.0
     rule = "not be before that of the row above; sort the table by time"
     require(given, "obsTime", ~early, rule, fault, place)
     return table
-
-
-def _table(path: str | Path) -> pd.DataFrame:
-    """The table in a comma-separated or pipe-separated file."""
-    if Path(path).suffix.lower() == ".psv":
-        given = read_ades(path)
-        given["expID"] = given["stn"] + "-" + given["obsTime"]
-        return given.assign(rmsCorr=given["rmsCorr"].fillna(0.0) if "rmsCorr" in given else 0.0)
-    try:
-        # as text, since codes of stations have leading zeros
-        return pd.read_csv(path, dtype=dict.fromkeys(_NAMES, str))
-    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        reason = " ".join(str(error).split())
-        raise InputFileError(f"{path}: no readable table ({reason})") from error
 
 
 def _dates(index: NDArray[np.int64], scene: Scene, epoch_tdb: float) -> list[str]:

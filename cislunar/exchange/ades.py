@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.exchange.key_values import read_date, read_number, read_text
+from cislunar.exchange.key_values import read_date, read_text
 from cislunar.exchange.observations import (
     OBJECT_NAMES,
     POSITION_COLUMNS,
@@ -27,9 +27,9 @@ from cislunar.exchange.observations import (
     REQUIRED,
     checked,
     observation_dates,
-    observation_times,
     require,
 )
+from cislunar.exchange.table_rows import read_number
 
 VERSIONS = ("2017", "2018", "2022")
 """Versions that are read; 2022 is written."""
@@ -115,7 +115,7 @@ def ades_text(
     require(given, "trkSub", named, f"be given, or one of {', '.join(OBJECT_NAMES)}")
     both = (given[["permID", "provID"]] != "").any(axis=1) & (given["artSat"] != "")
     require(given, "artSat", ~both, "be empty where permID or provID is given")
-    given["obsTime"] = observation_dates(observation_times(given))
+    given["obsTime"] = observation_dates(given["tdb"])
     for name in RANGES:
         given[name] = [_number(name, each) for each in given[name].tolist()]
     used = [
@@ -201,7 +201,7 @@ def read_ades(path: str | Path) -> pd.DataFrame:
     """
     lines = [
         (number, line.strip())
-        for number, line in enumerate(read_text(path, "ADES file").splitlines(), 1)
+        for number, line in enumerate(read_text(path, "an ADES file").splitlines(), 1)
     ]
     lines = [(number, line) for number, line in lines if line]
     found = re.fullmatch(r"#\s*version\s*=\s*(\d+)", lines[0][1]) if lines else None

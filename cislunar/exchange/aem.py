@@ -22,10 +22,10 @@ from cislunar.exchange.key_values import (
     assignments,
     block,
     cut,
+    dated_rows,
     dates,
     header,
     message_lines,
-    number_row,
     require_stop,
     segments_of,
     timed_rows,
@@ -87,14 +87,8 @@ def aem_text(
     ----------
     segments : iterable of AttitudeSegment
         In order. The header of the message states their convention.
-    created : str
-        CREATION_DATE, ISO 8601, UTC.
-    comments : sequence of str
-        Further lines of the header.
-    originator : str
-        ORIGINATOR.
-    time_system : {"UTC", "TAI", "TT", "TDB"}
-        Time scale of the dates, which are written to the microsecond.
+    created, comments, originator, time_system
+        See `cislunar.exchange.oem.oem_text`.
 
     Raises
     ------
@@ -124,7 +118,7 @@ def aem_text(
         meta = dict(zip(_REQUIRED, (*values, dated[0], dated[-1], kind), strict=True))
         if kind != "QUATERNION":
             meta["ANGVEL_FRAME"] = segment.body
-        data = [f"{date} {number_row(row)}" for date, row in zip(dated, rows, strict=True)]
+        data = dated_rows(segment.tdb_s, time_system, rows)
         lines += ["", *block("META", meta), *block("DATA", {}, data)]
     return "\n".join(lines) + "\n"
 

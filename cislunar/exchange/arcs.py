@@ -12,12 +12,11 @@ from cislunar.dynamics.frames import BARYCENTER, recenter
 from cislunar.ephemeris.bodies import tabulate_bodies
 from cislunar.ephemeris.kernel import DEFAULT_KERNEL
 from cislunar.ephemeris.time_scales import tdb_after, tdb_since
-from cislunar.errors import ConfigurationError
 from cislunar.exchange.inertial import (
-    CENTERS,
     Epoch,
     inertial_covariances,
     inertial_states,
+    origin_of,
     rotating_states,
 )
 from cislunar.exchange.oem import Segment
@@ -79,17 +78,15 @@ def arc(
         If the center is unknown.
     """
     times = np.asarray(elapsed_s, dtype=float)
-    found = Segment(
-        name,
-        object_id or name,
-        center,
-        tdb_after(epoch.tdb_s, times),
-        inertial_states(state, times, epoch, center),
-    )
+    states = inertial_states(state, times, epoch, center)
+    found = Segment(name, object_id or name, center, tdb_after(epoch.tdb_s, times), states)
     if covariance is None:
         return found
-    turned = inertial_covariances(covariance, times, epoch)
-    symmetric = (turned + np.swapaxes(turned, -1, -2)) / 2.0
+    return _with_covariance(found, inertial_covariances(covariance, times, epoch))
+
+
+def _with_covariance(found: Segment, covariance: Array) -> Segment:
+    symmetric = (covariance + np.swapaxes(covariance, -1, -2)) / 2.0
     return found._replace(covariance_tdb_s=found.tdb_s, covariance=symmetric)
 
 
@@ -107,17 +104,12 @@ def inertial_arc(
 
     Parameters
     ----------
-    name : str
-        Name of the object.
+    name, object_id, center
+        See `arc`; Earth and Moon are those of the ephemeris.
     state : array_like, shape (time, 6)
         Nondimensional, barycentric frame with J2000 axes.
     tdb_s : array_like, shape (time,)
         TDB seconds past J2000.
-    object_id : str
-        International designator; `name` if omitted.
-    center : str
-        Origin, one of `cislunar.exchange.inertial.CENTERS`: the Earth or the Moon of the ephemeris,
-        or the barycenter.
     covariance : array_like, shape (time, 6, 6), optional
         Nondimensional, J2000 axes.
     kernel : str or Path
@@ -129,14 +121,11 @@ def inertial_arc(
 
     Raises
     ------
-    ConfigurationError
-        If the center is unknown.
-    InputFileError
-        If the kernel is missing or does not cover the arc.
+    ConfigurationError, InputFileError
+        If the center is unknown, or the kernel is missing or does not cover the arc.
     """
     times = np.asarray(tdb_s, dtype=float)
-    if center not in CENTERS:
-        raise ConfigurationError(f"center {center!r} is unknown: use one of {list(CENTERS)}")
+    origin_of(center)
     moved = np.asarray(state, dtype=float) * UNITS
     if center != _BARYCENTER:
         table = tabulate_bodies(float(times.min()), float(times.max()), kernel)
@@ -144,20 +133,16 @@ def inertial_arc(
     found = Segment(name, object_id or name, center, times, moved)
     if covariance is None:
         return found
-    scaled = np.asarray(covariance, dtype=float) * np.outer(UNITS, UNITS)
-    symmetric = (scaled + np.swapaxes(scaled, -1, -2)) / 2.0
-    return found._replace(covariance_tdb_s=times, covariance=symmetric)
+    return _with_covariance(found, np.asarray(covariance, dtype=float) * np.outer(UNITS, UNITS))
 
 
 def rotating_arc(segment: Segment, epoch: Epoch) -> tuple[Array, Array]:
-    """States of an arc in the rotating frame.
+    """States of an arc in the rotating frame of an epoch.
 
     Parameters
     ----------
     segment : Segment
-        The arc.
     epoch : Epoch
-        Epoch and axes of the rotating frame.
 
     Returns
     -------

@@ -7,7 +7,6 @@ JPL's, because l* = 384 400 km here and 389 703 km at JPL. JPL's mass ratio exce
 by 6e-7, so that a row is periodic at its own mass ratio and nearly periodic at this library's.
 """
 
-from math import isfinite
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from cislunar.constants import MU
 from cislunar.errors import InputFileError
-from cislunar.exchange.csv_lines import listed, read_lines
+from cislunar.exchange.table_rows import named_rows, row_names, row_numbers
 
 Array = NDArray[np.float64]
 
@@ -67,35 +66,11 @@ def read_catalog(path: str | Path) -> _CatalogRows:
         If a column is missing or in another unit, a row is unusable, an Id occurs twice, or the
         mass ratio is not the Moon's.
     """
-    lines = [
-        (number, [each.strip() for each in fields])
-        for number, fields in read_lines(path, "catalog")
-    ]
-    rows = [(number, fields) for number, fields in lines[1:] if any(fields)]
-    header = lines[0][1] if lines else []
-    lacking = [name for name in ("Id", *COLUMNS) if name not in header]
-    if lacking:
-        raise InputFileError(
-            f"{path}, row 1: no column {lacking[0]!r}; export the rows in the catalog's units "
-            f"LU and TU, with their header; it has {listed(header)}"
-        )
-    if not rows:
-        raise InputFileError(f"{path}: contains no orbit; add a row per orbit")
-    columns = [header.index(name) for name in COLUMNS]
-    names: dict[str, int] = {}
-    values = []
-    for number, fields in rows:
-        place = f"{path}, row {number}"
-        if len(fields) != len(header):
-            raise InputFileError(
-                f"{place}: {len(fields)} fields where the header has {len(header)}; complete it"
-            )
-        name = fields[header.index("Id")]
-        if not name or name in names:
-            raise InputFileError(f"{place}: Id {name!r} is empty or taken; give every row its own")
-        names[name] = number
-        values.append([_number(place, COLUMNS[k], fields[at]) for k, at in enumerate(columns)])
-        period, mu = values[-1][7], values[-1][9]
+    remedy = "; export the rows in the catalog's units LU and TU, with their header"
+    _, rows = named_rows(path, "orbit", "Id", COLUMNS, remedy=remedy)
+    names = row_names(rows, "orbit", "Id")
+    table = np.array([row_numbers(place, row, (COLUMNS, 1.0)) for place, row in rows])
+    for (place, _), period, mu in zip(rows, table[:, 7], table[:, 9], strict=True):
         if not period > 0.0:
             raise InputFileError(f"{place}: Period (TU) = {period:g} must be positive")
         if abs(mu - MU) > _MASS_RATIO_SLACK:
@@ -103,15 +78,4 @@ def read_catalog(path: str | Path) -> _CatalogRows:
                 f"{place}: Mass ratio = {mu:g} is not that of Earth and Moon, {MU}; take rows of "
                 "the Earth-Moon system"
             )
-    table = np.array(values)
-    return _CatalogRows(list(names), table[:, :6], *table[:, 6:].T)
-
-
-def _number(place: str, column: str, field: str) -> float:
-    try:
-        value = float(field)
-    except ValueError:
-        value = float("nan")
-    if not isfinite(value):
-        raise InputFileError(f"{place}: {column} = {field!r} must be a finite number")
-    return value
+    return _CatalogRows(names, table[:, :6], *table[:, 6:].T)

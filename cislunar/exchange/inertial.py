@@ -13,6 +13,7 @@ Assumptions and limitations
   scaled accordingly.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,12 +22,17 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.ephemeris.kernel import DEFAULT_KERNEL
 from cislunar.ephemeris.sampling import sample_ephemeris
-from cislunar.errors import ConfigurationError
+from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.exchange.oem import Segment, state_at
+from cislunar.exchange.table_rows import check_state
 
 Array = NDArray[np.float64]
 
 CENTERS = {"EARTH": -MU, "MOON": 1.0 - MU, "EARTH BARYCENTER": 0.0}
 """Positions of the origins on the x axis, nondimensional, by their names in CCSDS messages."""
+
+_MESSAGE = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
+"""Components of states in messages (CCSDS 502.0-B, section 4.2.4)."""
 
 
 class Epoch(NamedTuple):
@@ -45,19 +51,8 @@ class Epoch(NamedTuple):
 
 
 def epoch_at(epoch_jd: float, kernel: str = DEFAULT_KERNEL) -> Epoch:
-    """Epoch and axes at a date.
-
-    Parameters
-    ----------
-    epoch_jd : float
-        Julian date, UTC.
-    kernel : str
-        See `cislunar.ephemeris.sampling.sample_ephemeris`, also for the errors raised.
-
-    Returns
-    -------
-    Epoch
-    """
+    """Epoch and axes at a Julian date, UTC; see `cislunar.ephemeris.sampling.sample_ephemeris` for
+    the kernel and the errors raised."""
     sampled = sample_ephemeris(epoch_jd, 0.0, kernel=kernel)
     return Epoch(float(sampled.et[0]), sampled.moon_rotation[0])
 
@@ -87,7 +82,7 @@ def inertial_states(
     ConfigurationError
         If the center is unknown.
     """
-    shifted = np.asarray(state, dtype=float) - _origin(center)
+    shifted = np.asarray(state, dtype=float) - origin_of(center)
     return np.einsum("tij,...tj->...ti", _to_inertial(elapsed_s, epoch), shifted)
 
 
@@ -109,7 +104,20 @@ def rotating_states(
         Nondimensional, rotating frame.
     """
     back = np.linalg.inv(_to_inertial(elapsed_s, epoch))
-    return np.einsum("tij,...tj->...ti", back, np.asarray(state, dtype=float)) + _origin(center)
+    return np.einsum("tij,...tj->...ti", back, np.asarray(state, dtype=float)) + origin_of(center)
+
+
+def rotating_state_at(place: str, segments: Sequence[Segment], epoch: Epoch) -> Array:
+    """State (6,) of an object at an epoch, nondimensional, rotating frame, from its segments; an
+    `InputFileError` that begins with `place` if they do not cover it, or for an impossible state.
+    """
+    try:
+        state, center = state_at(segments, epoch.tdb_s)
+    except InputFileError as error:
+        raise InputFileError(f"{place}: {error}") from error
+    found = rotating_states(state[None], [0.0], epoch, center)[0]
+    check_state(f"{place}, object {segments[0].name!r}", _MESSAGE, found, "km")
+    return found
 
 
 def inertial_covariances(covariance: ArrayLike, elapsed_s: ArrayLike, epoch: Epoch) -> Array:
@@ -127,8 +135,7 @@ def inertial_covariances(covariance: ArrayLike, elapsed_s: ArrayLike, epoch: Epo
     ndarray, shape (..., time, 6, 6)
         km^2, km^2/s and km^2/s^2, ICRF.
     """
-    turn = _to_inertial(elapsed_s, epoch)
-    return turn @ np.asarray(covariance, dtype=float) @ np.swapaxes(turn, -1, -2)
+    return _turned(covariance, _to_inertial(elapsed_s, epoch))
 
 
 def icrf_axes(elapsed_s: ArrayLike, epoch: Epoch) -> Array:
@@ -153,25 +160,16 @@ def icrf_axes(elapsed_s: ArrayLike, epoch: Epoch) -> Array:
 
 def rotating_covariances(covariance: ArrayLike, elapsed_s: ArrayLike, epoch: Epoch) -> Array:
     """Transform covariances from the ICRF to the rotating frame: the inverse of
-    `inertial_covariances`.
-
-    Parameters
-    ----------
-    covariance : array_like, shape (..., time, 6, 6)
-        km^2, km^2/s and km^2/s^2, ICRF.
-    elapsed_s, epoch
-        See `inertial_states`.
-
-    Returns
-    -------
-    ndarray, shape (..., time, 6, 6)
-        Nondimensional, rotating frame.
-    """
-    back = np.linalg.inv(_to_inertial(elapsed_s, epoch))
-    return back @ np.asarray(covariance, dtype=float) @ np.swapaxes(back, -1, -2)
+    `inertial_covariances`, with the same shapes and units."""
+    return _turned(covariance, np.linalg.inv(_to_inertial(elapsed_s, epoch)))
 
 
-def _origin(center: str) -> Array:
+def _turned(covariance: ArrayLike, turn: Array) -> Array:
+    return turn @ np.asarray(covariance, dtype=float) @ np.swapaxes(turn, -1, -2)
+
+
+def origin_of(center: str) -> Array:
+    """State (6,) of an origin, nondimensional, rotating frame; refuses an unknown one."""
     if center not in CENTERS:
         raise ConfigurationError(f"center {center!r} is unknown: use one of {list(CENTERS)}")
     return np.array([CENTERS[center], 0.0, 0.0, 0.0, 0.0, 0.0])

@@ -22,6 +22,7 @@ from cislunar.ephemeris.time_scales import (
     tdb_to_clock,
 )
 from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.exchange.table_rows import read_number
 
 Array = NDArray[np.float64]
 Lines = list[tuple[int, str]]
@@ -52,19 +53,7 @@ _LOWER = np.tril_indices(6)
 def header(
     kind: str, version: str, created: str, comments: Sequence[str], originator: str
 ) -> list[str]:
-    """Lines of the header of a message.
-
-    Parameters
-    ----------
-    kind, version : str
-        Such as "OEM" and "2.0".
-    created : str
-        CREATION_DATE, ISO 8601, UTC.
-    comments : sequence of str
-        Lines of the header.
-    originator : str
-        ORIGINATOR.
-    """
+    """Lines of the header of a message of a `kind` such as "OEM"."""
     clock_seconds(created)
     return [
         f"CCSDS_{kind}_VERS = {version}",
@@ -94,6 +83,12 @@ def dates(tdb_s: ArrayLike, time_system: str) -> list[str]:
     return [clock_text(each) for each in tdb_to_clock(tdb_s, time_system).tolist()]
 
 
+def dated_rows(tdb_s: ArrayLike, time_system: str, rows: Iterable[Iterable[float]]) -> list[str]:
+    """Lines of data with a date and numbers."""
+    dated = zip(dates(tdb_s, time_system), rows, strict=True)
+    return [f"{date} {number_row(row)}" for date, row in dated]
+
+
 def lower_triangle(matrix: Array) -> Array:
     """The 21 elements of the lower triangle of a covariance (6, 6), row by row."""
     return matrix[_LOWER]
@@ -111,29 +106,15 @@ def read_text(path: str | Path, what: str) -> str:
     try:
         return Path(path).read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
-        raise InputFileError(f"{path}: no such file; give the path of an {what}") from error
+        raise InputFileError(f"{path}: no such file; give the path of {what}") from error
     except (OSError, ValueError) as error:
         raise InputFileError(f"{path}: cannot be read as text ({error})") from error
 
 
 def message_lines(path: str | Path, kind: str, versions: Sequence[str]) -> Lines:
-    """Lines of a message in keyword-value notation.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    kind : str
-        Such as "OEM".
-    versions : sequence of str
-        Versions that are read.
-
-    Raises
-    ------
-    InputFileError
-        If the file cannot be read, or does not begin with such a version.
-    """
-    text = read_text(path, kind)
+    """Lines of a message of a `kind` such as "OEM"; raises an `InputFileError` if the file cannot
+    be read, or does not begin with one of the `versions`."""
+    text = read_text(path, f"an {kind}")
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]
     lines = [(number, line) for number, line in lines if line and not _comment(line)]
     key, _, version = lines[0][1].partition("=") if lines else ("", "", "")
@@ -179,27 +160,10 @@ def assignments(
     known: Mapping[str, Collection[str]],
     owner: str = "segment",
 ) -> dict[str, str]:
-    """Keywords and values of a section.
+    """Keywords and values of a section that begins at line `first` and describes its `owner`.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file, for messages.
-    first : int
-        Line at which the section begins.
-    lines : Lines
-        The section.
-    required : iterable of str
-        Keywords that must be there.
-    known : mapping
-        Values that can be used, in capital letters, by keyword.
-    owner : str
-        What the section describes, for messages.
-
-    Raises
-    ------
-    InputFileError
-        If a line is no assignment, a keyword occurs twice or is missing, or a value cannot be used.
+    Keywords that are `required` must be there, and those in `known` must have one of these values,
+    in capital letters. An `InputFileError` if a line is no assignment, or a keyword occurs twice.
     """
     values, line_of = {}, {}
     for number, line in lines:
@@ -240,17 +204,6 @@ def read_date(place: str, text: str, system: str, zero_tdb_s: float | None = Non
         raise InputFileError(f"{place}: {error}") from error
 
 
-def read_number(place: str, field: str) -> float:
-    """A finite number."""
-    try:
-        value = float(field)
-    except ValueError:
-        value = float("nan")
-    if not np.isfinite(value):
-        raise InputFileError(f"{place}: {field!r} must be a finite number")
-    return value
-
-
 def timed_rows(
     path: str | Path,
     lines: Lines,
@@ -259,22 +212,10 @@ def timed_rows(
     row: str,
     zero_tdb_s: float | None = None,
 ) -> tuple[Array, Array]:
-    """Dates, TDB seconds past J2000, and numbers of lines that each have a date first.
+    """Increasing dates, TDB seconds past J2000, and numbers of lines that each have a date first.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file, for messages.
-    lines : Lines
-        At increasing dates.
-    system : str
-        Time scale of the dates.
-    counts : sequence of int
-        Possible numbers of numbers; those beyond the first of them are dropped.
-    row : str
-        What a line has, for messages.
-    zero_tdb_s : float, optional
-        Epoch of dates that are numbers of seconds.
+    A line has one of the `counts` of numbers, of which those beyond the first count are dropped;
+    `row` says so in messages. For `system` and `zero_tdb_s` see `read_date`.
     """
     times: list[float] = []
     values = []

@@ -29,10 +29,18 @@ OBJECT_NAMES = ("permID", "provID", "artSat")
 
 POSITION_COLUMNS = ("pos1", "pos2", "pos3")
 
+
+def _closed(least: float, most: float) -> tuple[float, float]:
+    """The open interval that contains the same numbers as the closed one."""
+    return float(np.nextafter(least, -np.inf)), float(np.nextafter(most, np.inf))
+
+
 RANGES = {
-    **dict.fromkeys(("ra", "mag", *POSITION_COLUMNS), (-np.inf, np.inf, "be a finite number")),
+    **dict.fromkeys(POSITION_COLUMNS, (-np.inf, np.inf, "be a finite number")),
     **dict.fromkeys(("rmsRA", "rmsDec", "rmsMag"), (0.0, np.inf, "be a positive number")),
-    "dec": (-90.0, 90.0, "be a number between -90 and 90"),
+    "ra": (*_closed(-360.0, 360.0), "be a finite number, from -360 to 360"),
+    "dec": (*_closed(-90.0, 90.0), "be a number between -90 and 90"),
+    "mag": (*_closed(-40.0, 60.0), "be a finite number, from -40 to 60"),
     "rmsCorr": (-1.0, 1.0, "be a number between -1 and 1"),
 }
 """Columns of numbers, and the open intervals in which they lie."""
@@ -46,94 +54,70 @@ def require(
     fault: type[CislunarError] = ConfigurationError,
     place: str = "observations",
 ) -> None:
-    """Refuse a table in which a value breaks a rule.
-
-    Parameters
-    ----------
-    table : DataFrame
-    name : str
-        Column of the values.
-    right : array_like of bool, shape (row,)
-        Whether the value of each row obeys the rule.
-    rule : str
-        The rule after the word "must", for the message.
-    fault : type
-        Class of the error.
-    place : str
-        Name of the table, for the message.
-
-    Raises
-    ------
-    fault
-        For the first row in which `right` is false.
-    """
+    """Raise a `fault` for the first row of the table `place` that breaks a rule: the value of
+    column `name` "must ...", and `right`, shape (row,), is false."""
     for row in np.flatnonzero(~np.asarray(right, dtype=bool))[:1].tolist():
         value = table[name].iloc[row]
         raise fault(f"{place}, row {row + 1}: {name} = {value} must {rule}")
 
 
-def numbers_within(
+def checked(
     table: pd.DataFrame,
-    name: str,
+    optional: Iterable[str],
+    required: Iterable[str] = REQUIRED,
     fault: type[CislunarError] = ConfigurationError,
     place: str = "observations",
-    *,
-    optional: bool = False,
-) -> Array:
-    """Numbers of a column, which must lie within its interval in `RANGES`.
+) -> pd.DataFrame:
+    """The columns of a table that a format has, with numbers as floats and names as text.
 
     Parameters
     ----------
     table : DataFrame
-    name : str
-        Column, a key of `RANGES`.
-    fault, place
-        See `require`.
-    optional : bool
-        Whether values may be missing.
+        See the module.
+    optional : iterable of str
+        Columns of the format besides those that are required; those that the table lacks are added
+        empty.
+    required : iterable of str
+        Columns without empty values, at least `REQUIRED`.
+    fault : type
+        Class of errors.
+    place : str
+        Name of the table, for messages.
 
     Returns
     -------
-    ndarray, shape (row,)
-        NaN where a value is missing.
+    DataFrame
+        With ``tdb``, TDB seconds past J2000, besides the columns.
 
     Raises
     ------
     fault
-        If a value is no number or not within the interval.
+        If a required column is missing or has an empty value, a number is invalid or outside of its
+        range, or a date is none.
     """
-    values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
-    least, most, rule = RANGES[name]
-    absent = _text(table, name) == "" if optional else np.zeros(len(table), dtype=bool)
-    require(table, name, absent | ((values > least) & (values < most)), rule, fault, place)
-    return values
+    missing = ", ".join(name for name in required if name not in table)
+    if missing:
+        words = f"columns {missing} are missing; the table needs {', '.join(required)}"
+        raise fault(f"{place}: {words}")
+    columns = {}
+    for name in dict.fromkeys((*required, *optional)):
+        if name not in table:
+            columns[name] = np.full(len(table), np.nan if name in RANGES else "", dtype=object)
+            continue
+        text = columns[name] = _text(table, name)
+        right = (text != "") | (name not in required)
+        if name in RANGES:
+            values = columns[name] = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
+            least, most, rule = RANGES[name]
+            right &= (text == "") | ((values > least) & (values < most))
+        require(table, name, right, rule if name in RANGES else "be given", fault, place)
+    found = pd.DataFrame(columns).astype({name: float for name in columns if name in RANGES})
+    return found.assign(tdb=_times(found["obsTime"].tolist(), fault, place))
 
 
-def observation_times(
-    table: pd.DataFrame,
-    fault: type[CislunarError] = ConfigurationError,
-    place: str = "observations",
-) -> Array:
-    """Times of the column ``obsTime``.
-
-    Parameters
-    ----------
-    table : DataFrame
-    fault, place
-        See `require`.
-
-    Returns
-    -------
-    ndarray, shape (row,)
-        TDB seconds past J2000.
-
-    Raises
-    ------
-    fault
-        If a value is no date.
-    """
+def _times(given: list[str], fault: type[CislunarError], place: str) -> Array:
+    """TDB seconds past J2000 of dates."""
     seconds: dict[str, float] = {}
-    given = table["obsTime"].astype(str).tolist()
     for row, date in enumerate(given):
         try:
             seconds[date] = seconds[date] if date in seconds else tdb_seconds(date)
@@ -143,55 +127,9 @@ def observation_times(
 
 
 def observation_dates(tdb_s: ArrayLike) -> list[str]:
-    """Dates for the column ``obsTime``.
-
-    Parameters
-    ----------
-    tdb_s : array_like, shape (row,)
-        TDB seconds past J2000.
-
-    Returns
-    -------
-    list of str
-        ISO 8601, UTC, to the microsecond, with the letter Z at the end.
-    """
+    """Dates for the column ``obsTime``, ISO 8601, UTC, to the microsecond, with the letter Z at the
+    end, at TDB seconds past J2000 (row,)."""
     return [f"{date}Z" for date in dates(tdb_s, DATE_SYSTEM)]
-
-
-def checked(table: pd.DataFrame, optional: Iterable[str]) -> pd.DataFrame:
-    """The columns of a table that a format has, with numbers as floats and names as text.
-
-    Parameters
-    ----------
-    table : DataFrame
-        See the module.
-    optional : iterable of str
-        Columns of the format besides `REQUIRED`; those that the table lacks are added empty.
-
-    Raises
-    ------
-    ConfigurationError
-        If a required column is missing or has an empty value, or a number is invalid or outside of
-        its range.
-    """
-    missing = [name for name in REQUIRED if name not in table]
-    if missing:
-        raise ConfigurationError(
-            f"observations: columns {', '.join(missing)} are missing; the table needs "
-            f"{', '.join(REQUIRED)}"
-        )
-    columns = {}
-    for name in dict.fromkeys((*REQUIRED, *optional)):
-        if name not in table:
-            columns[name] = np.full(len(table), np.nan if name in RANGES else "", dtype=object)
-        elif name in RANGES:
-            columns[name] = numbers_within(table, name, optional=name not in REQUIRED)
-        else:
-            columns[name] = _text(table, name)
-            if name in REQUIRED:
-                require(table, name, columns[name] != "", "be given")
-    found = pd.DataFrame(columns)
-    return found.astype({name: float for name in found if name in RANGES})
 
 
 def object_of(table: pd.DataFrame) -> NDArray[np.object_]:

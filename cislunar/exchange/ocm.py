@@ -25,12 +25,12 @@ from cislunar.exchange.key_values import (
     assignments,
     block,
     cut,
+    dated_rows,
     dates,
     from_lower_triangle,
     header,
     lower_triangle,
     message_lines,
-    number_row,
     read_date,
     segments_of,
     timed_rows,
@@ -125,16 +125,10 @@ def ocm_text(
         States (at least one) and covariances of the object.
     maneuvers : sequence of Maneuver
         Its maneuvers.
-    created : str
-        CREATION_DATE, ISO 8601, UTC.
     user_defined : mapping, optional
         Further parameters, by names of capital letters, digits and underscores.
-    comments : sequence of str
-        Lines of the header.
-    originator : str
-        ORIGINATOR.
-    time_system : {"UTC", "TAI", "TT", "TDB"}
-        Time scale of the dates, which are written to the microsecond.
+    created, comments, originator, time_system
+        See `cislunar.exchange.oem.oem_text`.
 
     Raises
     ------
@@ -159,11 +153,11 @@ def ocm_text(
         "TRAJ_TYPE": "CARTPV",
         "TRAJ_UNITS": "[km,km,km,km/s,km/s,km/s]",
     }
-    states = [f"{date} {number_row(state)}" for date, state in zip(dated, arc.state, strict=True)]
+    states = dated_rows(arc.tdb_s, time_system, arc.state)
     lines += ["", *block("META", meta), "", *block("TRAJ", path, states)]
     if len(arc.covariance):
-        matrices = zip(dates(arc.covariance_tdb_s, time_system), arc.covariance, strict=True)
-        rows = [f"{date} {number_row(lower_triangle(matrix))}" for date, matrix in matrices]
+        triangles = [lower_triangle(matrix) for matrix in arc.covariance]
+        rows = dated_rows(arc.covariance_tdb_s, time_system, triangles)
         form = {"COV_REF_FRAME": FRAMES[0], "COV_TYPE": "CARTPV", "COV_ORDERING": "LTM"}
         lines += ["", *block("COV", form, rows)]
     for each in maneuvers:
@@ -179,8 +173,8 @@ def ocm_text(
             "MAN_COMPOSITION": ",".join(composition),
             "MAN_UNITS": _UNITS.format(",%,deg" * known),
         }
-        values = number_row([each.duration_s, *each.delta_v_km_s, *(sigmas if known else ())])
-        lines += ["", *block("MAN", form, [f"{dates([each.tdb_s], time_system)[0]} {values}"])]
+        values = [each.duration_s, *each.delta_v_km_s, *(sigmas if known else ())]
+        lines += ["", *block("MAN", form, dated_rows([each.tdb_s], time_system, [values]))]
     if user:
         named = {f"{_PREFIX}{name}": value for name, value in user.items()}
         lines += ["", *block("USER", named)]

@@ -25,27 +25,23 @@ from cislunar.exchange.key_values import (
     assignments,
     block,
     cut,
+    dated_rows,
     dates,
     from_lower_triangle,
     header,
     message_lines,
     number_row,
     read_date,
-    read_number,
     require_stop,
     segments_of,
     timed_rows,
 )
+from cislunar.exchange.table_rows import read_number
 
 Array = NDArray[np.float64]
 
 _REQUIRED = (
-    "OBJECT_NAME",
-    "OBJECT_ID",
-    "CENTER_NAME",
-    "REF_FRAME",
-    "TIME_SYSTEM",
-    "START_TIME",
+    *("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME"),
     "STOP_TIME",
 )
 
@@ -106,10 +102,8 @@ def oem_text(
         dated = dates(segment.tdb_s, time_system)
         values = segment.name, segment.object_id, segment.center, FRAMES[0], time_system
         meta = dict(zip(_REQUIRED, (*values, dated[0], dated[-1]), strict=True))
-        lines += ["", *block("META", meta), ""]
-        lines += [
-            f"{date} {number_row(state)}" for date, state in zip(dated, segment.state, strict=True)
-        ]
+        data = dated_rows(segment.tdb_s, time_system, segment.state)
+        lines += ["", *block("META", meta), "", *data]
         if len(segment.covariance):
             matrices = []
             for date, matrix in zip(
@@ -142,6 +136,14 @@ def read_oem(path: str | Path) -> list[Segment]:
     """
     lines = message_lines(path, "OEM", ("1.0", "2.0", "3.0"))
     return [_segment(path, each) for each in segments_of(path, lines)]
+
+
+def objects_of(path: str | Path) -> dict[str, list[Segment]]:
+    """Segments of the objects of a message by name; see `read_oem` for the errors raised."""
+    found: dict[str, list[Segment]] = {}
+    for segment in read_oem(path):
+        found.setdefault(segment.name, []).append(segment)
+    return found
 
 
 def _segment(path: str | Path, lines: Lines) -> Segment:
@@ -210,14 +212,7 @@ def require_units(place: str, tdb: Array, state: Array) -> None:
 
 
 def state_at(segments: Sequence[Segment], tdb_s: float) -> tuple[Array, str]:
-    """State of an object at a time, from its segments.
-
-    Parameters
-    ----------
-    segments : sequence of Segment
-        Segments of one object.
-    tdb_s : float
-        TDB seconds past J2000.
+    """State of an object at a time, TDB seconds past J2000, from its segments.
 
     Returns
     -------

@@ -14,18 +14,19 @@ from pathlib import Path
 import numpy as np
 
 from cislunar.constants import DATE_SYSTEM
-from cislunar.ephemeris.time_scales import (
-    TIME_SYSTEMS,
-    clock_seconds,
-    clock_text,
-    clock_to_tdb,
-    tdb_to_clock,
-)
+from cislunar.ephemeris.time_scales import TIME_SYSTEMS
 from cislunar.errors import InputFileError
-from cislunar.exchange.csv_lines import listed, read_lines
 from cislunar.exchange.inertial import CENTERS
-from cislunar.exchange.key_values import FRAMES, SAME_TIME_S
+from cislunar.exchange.key_values import (
+    FRAMES,
+    SAME_TIME_S,
+    dates,
+    from_lower_triangle,
+    lower_triangle,
+    read_date,
+)
 from cislunar.exchange.oem import Segment
+from cislunar.exchange.table_rows import listed, named_rows, row_numbers
 
 _STATE_COLUMNS = ("x_km", "y_km", "z_km", "vx_km_s", "vy_km_s", "vz_km_s")
 _LABELS = ("object", "object_id", "center")
@@ -49,20 +50,18 @@ def segments_csv(segments: Iterable[Segment], *, time_system: str = DATE_SYSTEM)
         Time scale of the dates, which are written to the microsecond.
     """
     given = list(segments)
-    covered = any(len(each.covariance) for each in given)
+    covariance = _COVARIANCE if any(len(each.covariance) for each in given) else ()
     file = io.StringIO()
     table = csv.writer(file, lineterminator="\n")
-    dates = f"epoch_{time_system.lower()}"
-    table.writerow([*_LABELS, "frame", dates, *_STATE_COLUMNS, *(_COVARIANCE if covered else ())])
+    epoch = f"epoch_{time_system.lower()}"
+    table.writerow([*_LABELS, "frame", epoch, *_STATE_COLUMNS, *covariance])
     for each in given:
-        clock = tdb_to_clock(each.tdb_s, time_system)
-        for time, date, state in zip(each.tdb_s, clock, each.state, strict=True):
+        label = each.name, each.object_id, each.center, FRAMES[0]
+        dated = dates(each.tdb_s, time_system)
+        for time, date, state in zip(each.tdb_s, dated, each.state, strict=True):
             at = np.flatnonzero(np.abs(each.covariance_tdb_s - time) <= SAME_TIME_S)
-            known = each.covariance[at[0]][_ROWS, _COLUMNS] if at.size else [""] * covered * 21
-            label = each.name, each.object_id, each.center, FRAMES[0], clock_text(date)
-            table.writerow(
-                [*label, *map(float, state), *(known if not at.size else map(float, known))]
-            )
+            known = [lower_triangle(each.covariance[k]).tolist() for k in at[:1]]
+            table.writerow([*label, date, *state.tolist(), *(known or [[""] * len(covariance)])[0]])
     return file.getvalue()
 
 
@@ -86,34 +85,23 @@ def read_segments(path: str | Path) -> list[Segment]:
         If a column is missing, the time scale or the frame is not stated, or a row cannot be used.
         The message names file and row.
     """
-    lines = [(number, fields) for number, fields in read_lines(path, "state") if any(fields)]
-    header = lines[0][1] if lines else []
-    lacking = [name for name in (*_LABELS, *_STATE_COLUMNS) if name not in header]
-    if lacking:
-        raise InputFileError(
-            f"{path}, row 1: no column {lacking[0]}; states are in km and km/s, ICRF; the header "
-            f"has {listed(header)}"
-        )
-    dates, system = _date_column(path, header)
+    hint = "; states are in km and km/s, ICRF"
+    columns = (*_LABELS[1:], *_STATE_COLUMNS)
+    header, rows = named_rows(path, "state", _LABELS[0], columns, remedy=hint)
+    epoch, system = _date_column(path, header)
     arcs: dict[tuple[str, ...], list[list[float]]] = {}
-    for number, fields in lines[1:]:
-        row = dict(zip(header, fields, strict=False))
-        try:
-            names = (*_STATE_COLUMNS, *(_COVARIANCE if row.get(_COVARIANCE[0]) else ()))
-            time = float(clock_to_tdb(clock_seconds(row[dates]), system))
-            values = [time, *(float(row[name]) for name in names)]
-            if len(fields) != len(header) or not np.all(np.isfinite(values)):
-                raise ValueError("fields are missing, or numbers not finite")
-            if row["center"] not in CENTERS:
-                raise ValueError(f"center {row['center']!r} is none of {', '.join(CENTERS)}")
-            if row.get("frame", FRAMES[0]) not in FRAMES:
-                raise ValueError(f"frame {row['frame']!r} is none of {', '.join(FRAMES)}")
-            earlier = arcs.setdefault((row["object"], row["object_id"], row["center"]), [])
-            if earlier and not values[0] > earlier[-1][0]:
-                raise ValueError("the epoch is not later than in the row before; sort the rows")
-        except (ValueError, KeyError) as error:
-            raise InputFileError(f"{path}, row {number}: {error}") from error
-        earlier.append(values)
+    for place, row in rows:
+        time = read_date(place, row[epoch], system)
+        names = (*_STATE_COLUMNS, *(_COVARIANCE if row.get(_COVARIANCE[0]) else ()))
+        for name, known in (("center", CENTERS), ("frame", FRAMES)):
+            if row.get(name, FRAMES[0]) not in known:
+                raise InputFileError(f"{place}: {name} {row[name]!r} is none of {', '.join(known)}")
+        earlier = arcs.setdefault(tuple(row[name] for name in _LABELS), [])
+        if earlier and not time > earlier[-1][0]:
+            raise InputFileError(
+                f"{place}: the epoch is not later than the one before; sort the rows"
+            )
+        earlier.append([time, *row_numbers(place, row, (names, 1.0))])
     return [_arc(label, rows) for label, rows in arcs.items()]
 
 
@@ -132,6 +120,5 @@ def _date_column(path: str | Path, header: list[str]) -> tuple[str, str]:
 def _arc(label: tuple[str, ...], rows: list[list[float]]) -> Segment:
     state = np.array([row[:7] for row in rows])
     known = np.array([[row[0], *row[7:]] for row in rows if len(row) > 7]).reshape(-1, 22)
-    matrices = np.zeros((len(known), 6, 6))
-    matrices[:, _ROWS, _COLUMNS] = matrices[:, _COLUMNS, _ROWS] = known[:, 1:]
+    matrices = np.array([from_lower_triangle(row) for row in known[:, 1:]]).reshape(-1, 6, 6)
     return Segment(*label, state[:, 0], state[:, 1:], known[:, 0], matrices)

@@ -4,6 +4,8 @@ The readers of targets and of observers share the columns of positions, velociti
 checks of their numbers, and the naming of rows in messages.
 """
 
+import csv
+from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 
@@ -20,7 +22,6 @@ from cislunar.constants import (
 )
 from cislunar.dynamics.bounds import check_period, check_position, check_velocity
 from cislunar.errors import ConvergenceError, InputFileError
-from cislunar.exchange.csv_lines import listed, read_lines
 
 Array = NDArray[np.float64]
 Quantity = tuple[tuple[str, ...], tuple[str, ...], float]
@@ -33,6 +34,9 @@ POSITION = (("x", "y", "z"), ("x_km", "y_km", "z_km"), LENGTH_UNIT_KM)
 VELOCITY = (("vx", "vy", "vz"), ("vx_km_s", "vy_km_s", "vz_km_s"), LENGTH_UNIT_KM / TIME_UNIT_S)
 PERIOD = (("period",), ("period_days",), TIME_UNIT_S / SECONDS_PER_DAY)
 
+OWN_FAMILY = "own"
+"""Family of an object that is given by its state, or whose row gives none."""
+
 _LARGEST_GAP_KM = 100.0
 """Largest distance between the ends of a closed orbit, km."""
 
@@ -40,37 +44,74 @@ BODIES = (("Earth", -MU, EARTH_RADIUS_KM), ("Moon", 1.0 - MU, MOON_RADIUS_KM))
 """Name, position on the x axis (nondimensional) and radius (km)."""
 
 
+def read_lines(path: str | Path, what: str) -> list[tuple[int, list[str]]]:
+    """Fields of every line of a table in UTF-8, with the line number; a row has a `what`.
+
+    Blank lines are empty lists. A quoted field may contain line breaks; its row has the number of
+    its last line. An `InputFileError` if the file cannot be read.
+    """
+    try:
+        with Path(path).open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file, skipinitialspace=True)
+            return [(reader.line_num, fields) for fields in reader]
+    except FileNotFoundError as error:
+        remedy = f"give the path of a table with a row per {what}"
+        raise InputFileError(f"{path}: no such file; {remedy}") from error
+    except (OSError, ValueError, csv.Error) as error:
+        raise InputFileError(f"{path}: cannot be read as a table in UTF-8 ({error})") from error
+
+
+def listed(header: list[str]) -> str:
+    """Column names as text for an error message; a substitute if they are not printable."""
+    text = ", ".join(header) or "no columns"
+    return text if text.isprintable() and len(text) < 200 else "no readable names"
+
+
+def read_number(place: str, text: str, name: str = "") -> float:
+    """A finite number; raises an `InputFileError` with the place, and the name if there is one."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not isfinite(value):
+        named = f"{name} = " if name else ""
+        raise InputFileError(f"{place}: {named}{text!r} must be a finite number")
+    return value
+
+
 def named_rows(
-    path: str | Path, what: str, key: str = "id"
+    path: str | Path,
+    what: str,
+    key: str = "id",
+    others: Sequence[str] = (),
+    *,
+    remedy: str = "",
+    short: bool = False,
 ) -> tuple[list[str], list[tuple[str, Row]]]:
-    """Header of a table, and its rows with the location that messages name.
+    """Header of a table, and its rows, which are not blank: place for messages, and text by column.
 
-    Parameters
-    ----------
-    path : str or Path
-        Comma-separated table in UTF-8.
-    what : str
-        Content of a row, for messages.
-    key : str
-        Column that names a row.
-
-    Returns
-    -------
-    header : list of str
-        Column names.
-    rows : list of (str, dict)
-        Location, and text by column; blank lines are omitted.
+    The column `key` names a row, `others` are required too, and `what` is the content of a row. The
+    fields at the end of a row may be left out if `short`. An `InputFileError` if the file cannot be
+    read, a column is missing, which adds the `remedy`, or occurs twice, or a row has another number
+    of fields than the header.
     """
     lines = read_lines(path, what)
     header = [name.strip() for name in lines[0][1]] if lines else []
     twice = [name for name in header if name and header.count(name) > 1]
     if twice:
         raise InputFileError(f"{path}, row 1: column {twice[0]} occurs twice; remove one of them")
+    lacking = ", ".join(name for name in (key, *others) if name not in header)
+    if lacking:
+        raise InputFileError(
+            f"{path}, row 1: no column {lacking}{remedy}; the header has {listed(header)}"
+        )
     rows = []
     for number, fields in lines[1:]:
         if not any(field.strip() for field in fields):
             continue
         place = f"{path}, row {number}"
+        if short:
+            fields = fields + [""] * (len(header) - len(fields))
         if len(fields) != len(header):
             raise InputFileError(
                 f"{place}: {len(fields)} fields where the header has {len(header)}; complete the "
@@ -78,8 +119,6 @@ def named_rows(
             )
         row = {name: field.strip() for name, field in zip(header, fields, strict=True)}
         rows.append((f"{place}, {what} {row[key]!r}" if row.get(key) else place, row))
-    if key not in header:
-        raise InputFileError(f"{path}, row 1: no column {key}; the header has {listed(header)}")
     if not rows:
         raise InputFileError(f"{path}: contains no {what}; add a row per {what}")
     return header, rows
@@ -88,29 +127,10 @@ def named_rows(
 def quantity_columns(
     path: str | Path, header: list[str], quantity: Quantity, *, optional: bool = False
 ) -> Columns | None:
-    """Columns of a table that have a quantity.
+    """Columns of a table that have a quantity: `POSITION`, `VELOCITY` or `PERIOD`.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file, for messages.
-    header : list of str
-        Column names.
-    quantity : tuple
-        `POSITION`, `VELOCITY` or `PERIOD`.
-    optional : bool
-        Whether the table may lack the quantity.
-
-    Returns
-    -------
-    tuple of (tuple of str, float), or None
-        Column names, and the size of the nondimensional unit in the unit of these columns; None if
-        the table lacks an optional quantity.
-
-    Raises
-    ------
-    InputFileError
-        If the quantity is missing or given in both units.
+    None if the table lacks an optional quantity. An `InputFileError` if the quantity is missing or
+    given in both units.
     """
     plain, practical, unit = quantity
     found = [
@@ -134,14 +154,15 @@ def quantity_columns(
 def row_names(rows: list[tuple[str, Row]], what: str, key: str = "id") -> list[str]:
     """Names of the rows; raises `InputFileError` if a row has none or the name of another row."""
     first: dict[str, str] = {}
+    label = "name" if key == what else key
     for place, row in rows:
         name = row[key]
         if not name:
-            raise InputFileError(f"{place}: the {what} has no {key}; give it one")
+            raise InputFileError(f"{place}: the {what} has no {label}; give it one")
         if name in first:
             earlier = first[name].removesuffix(f", {what} {name!r}").rpartition(", ")[2]
             raise InputFileError(
-                f"{place}: the {key} is taken already in {earlier}; give every {what} its own"
+                f"{place}: the {label} is taken already in {earlier}; give every {what} its own"
             )
         first[name] = place
     return list(first)
@@ -150,16 +171,7 @@ def row_names(rows: list[tuple[str, Row]], what: str, key: str = "id") -> list[s
 def row_numbers(place: str, row: Row, columns: Columns) -> list[float]:
     """Numbers of some columns, nondimensional; raises `InputFileError` if one is not finite."""
     names, unit = columns
-    values = []
-    for name in names:
-        try:
-            value = float(row[name])
-        except ValueError:
-            value = float("nan")
-        if not isfinite(value):
-            raise InputFileError(f"{place}: {name} = {row[name]!r} must be a finite number")
-        values.append(value / unit)
-    return values
+    return [read_number(place, row.get(name, ""), name) / unit for name in names]
 
 
 def _unit(columns: Columns) -> str:
@@ -177,7 +189,9 @@ def row_position(place: str, row: Row, columns: Columns) -> list[float]:
     Earth and Moon, or inside one of them."""
     position = row_numbers(place, row, columns)
     check_position(place, columns[0], position, _unit(columns), _instead(columns, POSITION))
-    return _check_outside(place, position)
+    units = f"kilometers in columns named *_km, else in units of {LENGTH_UNIT_KM} km"
+    _check_outside(place, position, units)
+    return position
 
 
 def row_state(place: str, row: Row, position: Columns, velocity: Columns) -> list[float]:
@@ -197,11 +211,14 @@ def row_period(place: str, row: Row, period: Columns | None) -> float:
     return given
 
 
-def check_state(place: str, names: tuple[str, ...], state: Array, unit: str) -> None:
-    """Apply the checks of `row_state` to a state of shape (6,), nondimensional, rotating frame."""
-    check_position(place, names[:3], state[:3], unit)
-    _check_outside(place, list(state[:3]))
-    check_velocity(place, names[3:6], state, unit)
+def check_state(
+    place: str, names: Sequence[str], state: Array, unit: str, remedy: str = ""
+) -> None:
+    """Apply the checks of `row_state` to a state of shape (6,), nondimensional, rotating frame. For
+    the arguments see `cislunar.dynamics.bounds.check_position`."""
+    check_position(place, names[:3], state[:3], unit, remedy)
+    _check_outside(place, state[:3], f"{unit or f'units of {LENGTH_UNIT_KM} km'}{remedy}")
+    check_velocity(place, names[3:6], state, unit, remedy)
 
 
 def check_closed(place: str, state: Array, period: float) -> None:
@@ -223,8 +240,8 @@ def check_closed(place: str, state: Array, period: float) -> None:
         )
 
 
-def _check_outside(place: str, position: list[float]) -> list[float]:
-    """Refuse a position inside one of the bodies; returns the position."""
+def _check_outside(place: str, position: Sequence[float] | Array, units: str) -> None:
+    """Refuse a position inside one of the bodies; `units` says which ones are expected."""
     for body, center, radius in BODIES:
         x, y, z = position
         distance = LENGTH_UNIT_KM * float(np.hypot(np.hypot(x - center, y), z))
@@ -232,6 +249,5 @@ def _check_outside(place: str, position: list[float]) -> list[float]:
             raise InputFileError(
                 f"{place}: lies inside the {body}, {distance:.0f} km from its center (radius "
                 f"{radius:.0f} km); positions are from the Earth-Moon barycenter, in the rotating "
-                f"frame, in kilometers in columns named *_km, else in units of {LENGTH_UNIT_KM} km"
+                f"frame, in {units}"
             )
-    return position

@@ -29,7 +29,6 @@ from cislunar.exchange.key_values import (
     header,
     message_lines,
     read_date,
-    read_number,
     segments_of,
 )
 from cislunar.exchange.observations import (
@@ -37,8 +36,8 @@ from cislunar.exchange.observations import (
     checked,
     object_of,
     observation_dates,
-    observation_times,
 )
+from cislunar.exchange.table_rows import read_number
 
 _UNKNOWN = "UNKNOWN"
 _KEYS = {"ANGLE_1": "ra", "ANGLE_2": "dec", "MAG": "mag"}
@@ -71,14 +70,8 @@ def tdm_text(
         Observations with ``stn``, ``obsTime`` (UTC), ``ra``, ``dec`` (ICRF, deg), and if known
         ``mag``, ``permID``, ``provID`` or ``artSat``, ``trkSub`` and ``obsID``. The rows of a
         segment, which have the same observer, object and tracklet, are in order of time.
-    created : str
-        CREATION_DATE, ISO 8601, UTC.
-    comments : sequence of str
-        Lines of the header.
-    originator : str
-        ORIGINATOR.
-    time_system : {"UTC", "TAI", "TT", "TDB"}
-        Time scale of the dates, which are written to the microsecond.
+    created, comments, originator, time_system
+        See `cislunar.exchange.oem.oem_text`.
     ephemerides : mapping of str to str, optional
         Names of the orbit ephemeris messages of observers in space, by ``stn`` (EPHEMERIS_NAME_1).
 
@@ -89,7 +82,7 @@ def tdm_text(
         tracklet nor an identifier, or the rows of a segment are not in order of time.
     """
     given = checked(table, ("mag", *OBJECT_NAMES, "trkSub", "obsID"))
-    tdb, name = observation_times(given), object_of(given)
+    tdb, name = given["tdb"].to_numpy(), object_of(given)
     dated = dates(tdb, time_system)
     track = given["trkSub"].to_numpy()
     track = np.where((track == "") & (name == ""), given["obsID"], track)

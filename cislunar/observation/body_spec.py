@@ -27,7 +27,6 @@ from pydantic import Field, PrivateAttr
 
 from cislunar.attitude.inertia import inertia_matrix
 from cislunar.errors import CislunarError, InputFileError
-from cislunar.exchange.csv_lines import listed
 from cislunar.exchange.table_rows import named_rows, row_names
 from cislunar.photometry.materials import Material, group_materials, material_rows
 from cislunar.photometry.mesh_files import load_mesh
@@ -149,9 +148,7 @@ def load_body_table(path: str | Path) -> dict[str, BodySpec]:
     InputFileError
         If the table is faulty; the message names the file and the row as an editor numbers it.
     """
-    header, rows = named_rows(path, "target", "target")
-    if "shape" not in header:
-        raise InputFileError(f"{path}, row 1: no column shape; the header has {listed(header)}")
+    _, rows = named_rows(path, "target", "target", ("shape",))
     names = row_names(rows, "target", "target")
     return {name: _body_of_row(*each) for name, each in zip(names, rows, strict=True)}
 

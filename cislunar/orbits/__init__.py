@@ -10,7 +10,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "extent": ["CATALOG_EXTENT", "Extent", "KeepOut", "measure_of"],
     "families": ["FAMILIES", "OrbitSet", "concatenate", "family_members", "observer_library",
         "spaced_members"],
-    "observers": ["SENSOR_COLUMNS", "load_observers", "observer_orbits"],
+    "observers": ["SENSOR_COLUMNS", "load_observers", "observer_orbits", "orbit_through"],
     "selection": ["clear_part"],
     "stability": ["stability_index"],
     "station_keeping": ["station_keeping_m_s"],

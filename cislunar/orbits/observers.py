@@ -28,6 +28,7 @@ from cislunar.dynamics.cr3bp import jacobi_constant
 from cislunar.dynamics.propagation import closest_approaches, propagate_periodic
 from cislunar.errors import ConfigurationError, ConvergenceError, InputFileError
 from cislunar.exchange.table_rows import (
+    OWN_FAMILY,
     PERIOD,
     POSITION,
     VELOCITY,
@@ -46,9 +47,6 @@ from cislunar.orbits.families import OrbitSet, concatenate
 from cislunar.orbits.stability import stability_index
 
 Array = NDArray[np.float64]
-
-OWN_FAMILY = "own"
-"""Family of an observer that is given by its state."""
 
 _DAYS = TIME_UNIT_S / SECONDS_PER_DAY
 _JACOBI: Columns = (("jacobi",), 1.0)
@@ -240,15 +238,20 @@ def _member(observer: Observer) -> OrbitSet:
 def _given(observer: Observer, days: float) -> OrbitSet:
     """The orbit or trajectory through a given state."""
     state, period = np.array(observer.state), observer.period
-    least = [LENGTH_UNIT_KM * each for each in closest_approaches(state, period or days / _DAYS)]
-    _check_clear(observer, *least)
-    index = np.nan
+    found = orbit_through(observer.family, state, period, days)
+    _check_clear(observer, float(found.perigee_km[0]), float(found.perilune_km[0]))
     if period:
         check_closed(observer.place, state, period)
-        index = stability_index(state, period)
+    return found
+
+
+def orbit_through(family: str, state: Array, period: float, days: float = 0.0) -> OrbitSet:
+    """The orbit through a state (6,) with a period, or the trajectory from it (period 0) over some
+    days; both nondimensional, rotating frame."""
+    least = [LENGTH_UNIT_KM * each for each in closest_approaches(state, period or days / _DAYS)]
+    index = stability_index(state, period) if period else np.nan
     values = period, float(jacobi_constant(state)), index, *least[::-1]
-    columns = (np.array([each]) for each in values)
-    return OrbitSet(np.array([observer.family]), state[None], *columns)
+    return OrbitSet(np.array([family]), state[None], *(np.array([each]) for each in values))
 
 
 def _check_clear(observer: Observer, perigee_km: float, perilune_km: float) -> None:

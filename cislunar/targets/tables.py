@@ -31,10 +31,10 @@ from numpy.typing import NDArray
 
 from cislunar.errors import InputFileError
 from cislunar.exchange.catalog import COLUMNS, is_catalog, read_catalog
-from cislunar.exchange.csv_lines import read_lines
-from cislunar.exchange.inertial import Epoch, rotating_states
-from cislunar.exchange.oem import Segment, read_oem, state_at
+from cislunar.exchange.inertial import Epoch, rotating_state_at
+from cislunar.exchange.oem import objects_of
 from cislunar.exchange.table_rows import (
+    OWN_FAMILY,
     PERIOD,
     POSITION,
     VELOCITY,
@@ -42,6 +42,7 @@ from cislunar.exchange.table_rows import (
     check_state,
     named_rows,
     quantity_columns,
+    read_lines,
     row_names,
     row_period,
     row_position,
@@ -49,12 +50,6 @@ from cislunar.exchange.table_rows import (
 )
 
 Array = NDArray[np.float64]
-
-_MESSAGE = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
-"""Components of the states of an OEM, in the rotating frame."""
-
-OWN_FAMILY = "own"
-"""Class of a target whose row gives none."""
 
 
 class TargetStates(NamedTuple):
@@ -163,18 +158,8 @@ def _of_message(path: str | Path, epoch: Epoch | None) -> TargetStates:
     """Objects of an OEM at the epoch; segments with the same name belong to one object."""
     if epoch is None:
         raise InputFileError(f"{path}: an OEM has states at many times; give the epoch")
-    objects: dict[str, list[Segment]] = {}
-    for segment in read_oem(path):
-        objects.setdefault(segment.name, []).append(segment)
-    states = []
-    for name, segments in objects.items():
-        try:
-            given, center = state_at(segments, epoch.tdb_s)
-        except InputFileError as error:
-            raise InputFileError(f"{path}: {error}") from error
-        state = rotating_states(given[None], [0.0], epoch, center)[0]
-        check_state(f"{path}, object {name!r}", _MESSAGE, state, "km")
-        states.append(state)
+    objects = objects_of(path)
+    states = [rotating_state_at(str(path), each, epoch) for each in objects.values()]
     families = [OWN_FAMILY] * len(states)
     return TargetStates(list(objects), families, np.array(states), np.zeros(len(states)))
 

@@ -298,14 +298,18 @@ def test_mixed_units_are_refused(segment, tmp_path, columns):
     "old, new, message",
     [
         ("x_km", "x_m", "row 1: no column x_km"),
-        ("2024-10-01T02", "2024-31-01T02", "row 4: .* is not a date"),
-        ("EARTH", "PLUTO", "row 2: center 'PLUTO' is none of"),
-        ("ICRF", "ITRF", "row 2: frame 'ITRF' is none of ICRF"),
+        ("2024-10-01T02", "2024-31-01T02", "row 4, .* is not a date"),
+        ("EARTH", "PLUTO", "row 2, .* center 'PLUTO' is none of"),
+        ("ICRF", "ITRF", "row 2, .* frame 'ITRF' is none of ICRF"),
         ("epoch_utc", "epoch", "row 1: the time scale or the frame is not stated; give"),
         ("epoch_utc", "epoch_gps", "row 1: the time scale or the frame is not stated; give"),
         ("frame", "axes", "row 1: the time scale or the frame is not stated; give"),
-        (r"2024-10-01T03:\S+?,\S+?,", "2024-10-01T03:00,x,", "row 5: could not convert"),
-        (r",[^,]*\n$", "\n", "row 25: fields are missing"),
+        (
+            r"2024-10-01T03:\S+?,\S+?,",
+            "2024-10-01T03:00,x,",
+            "row 5, .* x_km = 'x' must be a finite number",
+        ),
+        (r",[^,]*\n$", "\n", "row 25: 31 fields where the header has 32"),
     ],
 )
 def test_a_faulty_table_is_refused_in_a_line(segment, tmp_path, old, new, message):
@@ -341,11 +345,11 @@ def test_a_row_of_the_catalog_closes_after_its_period(tmp_path):
 @pytest.mark.parametrize(
     "old, new, message",
     [
-        (r"x0 \(LU\)", "x0 (km)", r"row 1: no column 'x0 \(LU\)'; export .* units LU and TU"),
-        (r"Period \(TU\)", "Period (days)", r"no column 'Period \(TU\)'"),
+        (r"x0 \(LU\)", "x0 (km)", r"row 1: no column x0 \(LU\); export .* units LU and TU"),
+        (r"Period \(TU\)", "Period (days)", r"no column Period \(TU\)"),
         ("0.0121505856", "0.0000030035", "Mass ratio = 3.00.* is not that of Earth and Moon"),
-        (r"\n2,", r"\n1,", "row 3: Id '1' is empty or taken"),
-        (r"\n1,[^,]*", r"\n1,far", "row 2: x0 .* = 'far' must be a finite number"),
+        (r"\n2,", r"\n1,", "row 3, orbit '1': the Id is taken already in row 2"),
+        (r"\n1,[^,]*", r"\n1,far", "row 2, .* x0 .* = 'far' must be a finite number"),
         (r"\n1,[^,]*,", r"\n1,", "row 2: 10 fields where the header has 11"),
         (r"(?s)\n.*", "\n", "contains no orbit"),
     ],

@@ -94,7 +94,7 @@ def test_duplicate_missions_are_refused(tmp_path):
         ("mission,JC\nA,3.1\n", "no column jacobi"),
         ("mission,jacobi\n", "contains no mission"),
         ("mission,jacobi\n,3.1\n", "row 2: the mission has no name"),
-        ("mission,jacobi\nA,3.1,x\n", "row 2, mission 'A': more fields"),
+        ("mission,jacobi\nA,3.1,x\n", "row 2: 3 fields where the header has 2"),
         ("mission,jacobi,year\nA,3.1,soon\n", "row 2, mission 'A': year = 'soon'"),
     ],
 )

@@ -18,8 +18,7 @@ from cislunar.estimation.navigation.errors import (
     OBSERVER_PARAMETERS,
     PARAMETER_UNITS,
 )
-from cislunar.exchange.csv_lines import listed
-from cislunar.exchange.table_rows import named_rows, row_names, row_numbers
+from cislunar.exchange.table_rows import listed, named_rows, row_names, row_numbers
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.errors import InputFileError
-from cislunar.exchange.csv_lines import listed
 from cislunar.exchange.table_rows import named_rows, row_numbers
 
 Array = NDArray[np.float64]
@@ -116,13 +115,7 @@ def _loaded(path: str, _changed: int) -> ReflectanceTable:
 
 def _of_csv(path: str) -> tuple[list[Array], Array]:
     """Angles, increasing, and values (n, m, k) of a comma-separated table; NaN in gaps."""
-    header, rows = named_rows(path, "angle", "incidence_deg")
-    needed = ("incidence_deg", "emission_deg", _VALUES)
-    for name in needed:
-        if name not in header:
-            raise InputFileError(
-                f"{path}, row 1: no column {name}; the header has {listed(header)}"
-            )
+    header, rows = named_rows(path, "angle", "incidence_deg", ("emission_deg", _VALUES))
     columns = (*(name for name in _ANGLES if name in header), _VALUES)
     table = np.array([row_numbers(place, row, (columns, 1.0)) for place, row in rows])
     if len(columns) == 3:
