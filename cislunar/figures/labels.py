@@ -140,6 +140,21 @@ _OBSERVER_ERRORS = {
 }
 _TREATMENTS = {"": "ignored", "-considered": "considered", "-calibrated": "calibrated"}
 
+OBSERVER_ERRORS = {
+    name + ending: (label, treatment)
+    for name, label in _OBSERVER_ERRORS.items()
+    for ending, treatment in _TREATMENTS.items()
+}
+"""Variants with errors of observers: the errors and how the estimator treats them."""
+
+BODY_TRUTHS = {
+    prefix + name: (label, model)
+    for name, label in _UNMATCHED.items()
+    for prefix, model in {"": "assumed", "selected-": "selected"}.items()
+}
+"""Variants whose bodies differ from the assumed ones: the bodies, and whether the model that
+estimates them is the assumed one or is selected from several."""
+
 PIPELINES = {
     ("information", "batch", ""): _RECOMMENDED,
     ("information", "batch", "week"): f"{_RECOMMENDED}, seven days",
@@ -162,18 +177,13 @@ PIPELINES = {
     ("published", "batch", "with-batch"): f"{_PAPER}, batch estimator",
     ("published", "mukf", ""): f"{_PAPER}, recommended tasking, mixtures and process noise",
     **{
-        ("information", "batch", name): f"{_RECOMMENDED}, {label}"
-        for name, label in _UNMATCHED.items()
+        ("information", "batch", name): f"{_RECOMMENDED}, {label}, {model} model"
+        for name, (label, model) in BODY_TRUTHS.items()
     },
     **{("published", "mukf", name): f"{_PAPER}, {label}" for name, label in _FILTERS.items()},
     **{
-        ("information", "mukf", name + ending): f"observers with {label}, {treatment}"
-        for name, label in _OBSERVER_ERRORS.items()
-        for ending, treatment in _TREATMENTS.items()
-    },
-    **{
-        ("information", "batch", f"selected-{name}"): f"{_RECOMMENDED}, models chosen, {label}"
-        for name, label in _UNMATCHED.items()
+        ("information", "mukf", name): f"observers with {label}, {treatment}"
+        for name, (label, treatment) in OBSERVER_ERRORS.items()
     },
 }
 """Pipelines of ``config/real.yaml``: design without its number, estimator and variant."""

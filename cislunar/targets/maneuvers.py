@@ -32,8 +32,7 @@ from cislunar.constants import MU
 from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S, Impulses, burn_times
 from cislunar.ephemeris.time_scales import tdb_seconds, tdb_since
 from cislunar.errors import ConfigurationError, InputFileError, did_you_mean
-from cislunar.exchange.csv_lines import listed
-from cislunar.exchange.table_rows import named_rows, row_numbers
+from cislunar.exchange.table_rows import listed, named_rows, row_numbers
 from cislunar.targets.maneuver_model import DrawnManeuvers
 
 Array = NDArray[np.float64]

@@ -25,6 +25,7 @@ OBJECTIVES = {
 
 RECOMMENDED, PAPER = ("information", "batch", ""), ("published", "mukf", "paper")
 PAPER_EPHEMERIS = ("published", "mukf", "paper-ephemeris")
+PAPER_STRONGEST = ("published", "mukf", "filter-strongest")
 RECOMMENDED_WEEK, PAPER_WEEK = ("information", "batch", "week"), ("published", "mukf", "week-paper")
 
 

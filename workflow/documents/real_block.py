@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,12 +12,13 @@ import pandas as pd
 from cislunar.campaign.tracking.comparisons import non_inferiority
 from cislunar.evaluation.intervals import Interval, contrast_interval
 from cislunar.evaluation.metrics import NOMINAL_COVERAGE
-from cislunar.figures.labels import PIPELINES
+from cislunar.figures.labels import BODY_TRUTHS, OBSERVER_ERRORS, PIPELINES
 
-from .columns import COLUMNS, Cell, Tables, by_cell, numbers, only_shown, shown
+from .columns import COLUMNS, Cell, Column, Tables, by_cell, numbers, only_shown, shown
 from .labels import (
     PAPER,
     PAPER_EPHEMERIS,
+    PAPER_STRONGEST,
     PAPER_WEEK,
     RECOMMENDED,
     RECOMMENDED_WEEK,
@@ -29,6 +30,7 @@ STUDY = "real"
 """Name of the study's table in ``docs/tables``, and of its figure in ``docs/images``."""
 
 SHOWN = COLUMNS[STUDY]
+_BODIES, _OBSERVERS = COLUMNS["real_bodies"], COLUMNS["real_observers"]
 _HEADLINE = dict(list(SHOWN.items())[:7])
 
 _SATELLITES = ["Satellites", "Realizations"]
@@ -40,7 +42,8 @@ def study_table(results: str | Path) -> pd.DataFrame:
     """The quantities shown of a finished study, from its folder of results."""
     kept = [*_KEYS, "quantity", "part", "unit", "mean", "low", "high", "largest", "seeds", "days"]
     kept.append("by_day")
-    return only_shown(read_study(STUDY, results, "pooled"), SHOWN.values())[kept]
+    columns = (*SHOWN.values(), *_BODIES.values(), *_OBSERVERS.values())
+    return only_shown(read_study(STUDY, results, "pooled"), columns)[kept]
 
 
 def _cells(tables: Tables) -> Cells:
@@ -51,15 +54,15 @@ def _cells(tables: Tables) -> Cells:
     }
 
 
-def _row(cell: Cell, columns: Iterable[str] = SHOWN) -> list[object]:
+def _row(cell: Cell, columns: Mapping[str, Column] = SHOWN) -> list[object]:
     """Number of realizations and some numbers of a cell."""
     seeds = max(row["seeds"] for row in cell.values())
-    return [seeds, *numbers(cell, (SHOWN[name] for name in columns))]
+    return [seeds, *numbers(cell, columns.values())]
 
 
 def _number(tables: Tables) -> dict[str, str]:
-    """The three pipelines by number of targets and of satellites."""
-    cells, ways = _cells(tables), (RECOMMENDED, PAPER_EPHEMERIS, PAPER)
+    """The pipelines by number of targets and of satellites."""
+    cells, ways = _cells(tables), (RECOMMENDED, PAPER_STRONGEST, PAPER_EPHEMERIS, PAPER)
     places = sorted((targets, ways.index(way), n) for way, n, targets in cells if way in ways)
     rows = [
         [targets, PIPELINES[ways[k]], n, *_row(cells[ways[k], n, targets])]
@@ -74,9 +77,35 @@ def _parts(tables: Tables) -> dict[str, str]:
     rows = [
         [name, *_row(cells[way, 20, 100])]
         for way, name in PIPELINES.items()
-        if (way, 20, 100) in cells
+        if (way, 20, 100) in cells and way[2] not in {*BODY_TRUTHS, *OBSERVER_ERRORS}
     ]
     return {"table": markdown_table(["Pipeline", "Realizations", *SHOWN], rows)}
+
+
+def _bodies(tables: Tables) -> dict[str, str]:
+    """Truths that differ from the assumed model of bodies, by number of targets."""
+    cells = _cells(tables)
+    rows = [
+        [*texts, targets, *_row(cells[way, 20, targets], _BODIES)]
+        for targets in (20, 100)
+        for name, texts in BODY_TRUTHS.items()
+        if ((way := ("information", "batch", name)), 20, targets) in cells
+    ]
+    header = ["Bodies", "Model", "Targets", "Realizations", *_BODIES]
+    return {"table": markdown_table(header, rows)}
+
+
+def _observers(tables: Tables) -> dict[str, str]:
+    """Errors of observers and how they are treated."""
+    cells = _cells(tables)
+    named = {"": ("none", DASH)} | OBSERVER_ERRORS
+    rows = [
+        [*texts, *_row(cells[way, 20, 100], _OBSERVERS)]
+        for name, texts in named.items()
+        if ((way := ("information", "mukf", name)), 20, 100) in cells
+    ]
+    header = ["Errors of observers", "Treatment", "Realizations", *_OBSERVERS]
+    return {"table": markdown_table(header, rows)}
 
 
 def _lengths(tables: Tables) -> dict[str, str]:
@@ -91,13 +120,12 @@ def _lengths(tables: Tables) -> dict[str, str]:
     return {"table": markdown_table(["Pipeline", "Days", "Realizations", *SHOWN], rows)}
 
 
-_COMPARED = ((RECOMMENDED, 20), (PAPER_EPHEMERIS, 43), (PAPER, 43))
+_COMPARED = ((RECOMMENDED, 20), (PAPER_EPHEMERIS, 43), (PAPER_STRONGEST, 43), (PAPER, 43))
 """Pipelines and numbers of satellites of the headline."""
 
 
-def _headline(columns: Iterable[str]) -> Callable[[Tables], dict[str, str]]:
+def _headline(columns: Mapping[str, Column]) -> Callable[[Tables], dict[str, str]]:
     """Twenty satellites of the recommended pipeline beside the paper's 43, at 100 targets."""
-    columns = list(columns)
 
     def values(tables: Tables) -> dict[str, str]:
         cells = _cells(tables)
@@ -214,7 +242,9 @@ REAL_BLOCKS = {
     "real-number": _number,
     "real-parts": _parts,
     "real-lengths": _lengths,
-    "real-headline": _headline(list(_HEADLINE)[:5]),
+    "real-bodies": _bodies,
+    "real-observers": _observers,
+    "real-headline": _headline(dict(list(_HEADLINE.items())[:5])),
     "real-figure": _headline(_HEADLINE),
 }
 """What makes the values of each block of the study, by the block's name."""
