@@ -57,18 +57,44 @@ def _is_near(here, observer, direction, basis):
     return along > 0.0 and max(abs(east), abs(north)) <= _FARTHEST * along
 
 
+@njit_noalloc
+def _may_match(here, observer, direction, basis, noise, covariance, gate, row):
+    """Whether the offset of a direction is within the gate of the sum of its two variances, as that
+    of every tracklet within the gate of all four components is."""
+    along = offset2 = variance = 0.0
+    for c in range(3):
+        along += direction[c] * (here[c] - observer[c])
+    if not along > 0.0:
+        return False
+    for a in range(2):
+        x = 0.0
+        for c in range(3):
+            x += basis[a, c] * (here[c] - observer[c]) / along
+        for i in range(6):
+            row[i] = 0.0
+            for c in range(3):
+                row[i] += (basis[a, c] - x * direction[c]) * here[6 + 6 * c + i] / along
+        for i in range(6):
+            for j in range(6):
+                variance += row[i] * covariance[i, j] * row[j]
+        variance += noise[a, a]
+        offset2 += x * x
+    return offset2 <= gate * variance
+
+
 @njit(cache=True, error_model="numpy")
-def _predictions(forces, epoch, state, begin, end, tracklets, out):
-    """States and transition matrices at the tracklets near the predicted directions of orbits;
-    returns their number, -1 if there are too many."""
-    time, observer, direction, basis = tracklets
+def _predictions(forces, orbits, begin, end, tracklets, gate, out):
+    """States and transition matrices at the tracklets that orbits may match; returns their number,
+    -1 if there are too many."""
+    epoch, state, covariance = orbits
+    time, observer, direction, basis, noise = tracklets
     which, found, predicted = out
     count, longest = 0, 0
     for k in range(epoch.size):
         longest = max(longest, end[k] - begin[k])
     elapsed, nothing = np.empty(longest), np.empty(0)
     paths, near = (np.empty((longest, 6)), np.empty((longest, 42))), np.empty(longest, np.int64)
-    starts = np.empty(6), np.zeros(42)
+    starts, row = (np.empty(6), np.zeros(42)), np.empty(6)
     for i in range(6):
         starts[1][6 + 7 * i] = 1.0
     for k in range(epoch.size):
@@ -100,6 +126,11 @@ def _predictions(forces, epoch, state, begin, end, tracklets, out):
                         if _is_near(path[m], observer[q], direction[q], basis[q]):
                             near[kept] = q
                             kept += 1
+                        continue
+                    if not _may_match(
+                        path[m], observer[q], direction[q], basis[q], noise[q], covariance[k], gate,
+                        row,
+                    ):  # fmt: skip
                         continue
                     if count == which.size:
                         return -1
@@ -169,20 +200,24 @@ def tracklet_matches(
     log_density : ndarray, shape (match,)
         Logarithm of the density of direction and rate, rad^-2 and nondimensional time squared.
     """
-    data = tracklets.time, tracklets.observer_position, tracklets.direction, tracklets.basis
+    data = (
+        tracklets.time, tracklets.observer_position, tracklets.direction, tracklets.basis,
+        tracklets.covariance,
+    )  # fmt: skip
+    orbits, gate = fits[:3], gate_threshold(gate_probability, 4)
     begin = np.searchsorted(tracklets.time, first, side="left")
     end = np.searchsorted(tracklets.time, last, side="right")
     count, capacity = -1, 64 + 16 * fits.epoch.size
     while count < 0:
         out = *np.empty((2, capacity), dtype=np.int64), np.empty((capacity, 42))
-        count = _predictions(forces, fits.epoch, fits.state, begin, end, data, out)
+        count = _predictions(forces, orbits, begin, end, data, gate, out)
         capacity *= 4
     which, found, predicted = (each[:count] for each in out)
     innovation, design = _innovations(predicted, tracklets, found, frame_rate(forces))
     s = design @ fits.covariance[which] @ design.swapaxes(1, 2) + tracklets.covariance[found]
     squared = np.einsum("ni,ni->n", innovation, np.linalg.solve(s, innovation[..., None])[..., 0])
     log_density = -0.5 * (squared + np.linalg.slogdet(s)[1]) - 2.0 * np.log(2.0 * np.pi)
-    kept = (squared >= 0.0) & (squared <= gate_threshold(gate_probability, 4))
+    kept = (squared >= 0.0) & (squared <= gate)
     return which[kept], found[kept], log_density[kept]
 
 

@@ -1,5 +1,5 @@
-"""Static targets: missions, zero-velocity surfaces, clustering; tables of user-defined targets, and
-maneuvers of targets."""
+"""Static targets: missions, zero-velocity surfaces, clustering; tables of user-defined targets;
+objects outside of families of periodic orbits; maneuvers of targets."""
 
 import lazy_loader as _lazy
 
@@ -11,8 +11,9 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "maneuvers": ["MANEUVER_AXES", "ManeuverTable", "Maneuvers", "NO_MANEUVERS", "draw_maneuvers",
         "joined_maneuvers", "load_maneuvers"],
     "missions": ["load_missions"],
+    "outside_families": ["objects_outside_families"],
     "sampling": ["SamplingSettings", "sample_zero_velocity"],
     "tables": ["TargetStates", "check_closed_targets", "is_message", "load_target_positions",
-        "load_target_states"],
+        "load_target_states", "replace_targets", "target_states_csv"],
 })
 # fmt: on

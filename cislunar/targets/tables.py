@@ -23,13 +23,15 @@ point of its orbit, or a CCSDS OEM, a file named ``*.oem`` (`cislunar.exchange.o
 object at its state at the epoch.
 """
 
+import csv
+import io
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.errors import InputFileError
+from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange.catalog import COLUMNS, is_catalog, read_catalog
 from cislunar.exchange.inertial import Epoch, rotating_state_at
 from cislunar.exchange.oem import objects_of
@@ -48,6 +50,7 @@ from cislunar.exchange.table_rows import (
     row_position,
     row_state,
 )
+from cislunar.runtime.arguments import number_of
 
 Array = NDArray[np.float64]
 
@@ -152,6 +155,71 @@ def check_closed_targets(path: str | Path, targets: TargetStates) -> None:
     for name, state, period in zip(targets.name, targets.state, targets.period, strict=True):
         if period:
             check_closed(f"{path}, target {name!r}", state, float(period))
+
+
+def target_states_csv(targets: TargetStates) -> str:
+    """Table of moving targets, as text that `load_target_states` reads back unchanged.
+
+    Parameters
+    ----------
+    targets : TargetStates
+
+    Returns
+    -------
+    str
+        Columns ``id, family, x, y, z, vx, vy, vz, period``, nondimensional.
+    """
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["id", "family", *POSITION[0], *VELOCITY[0], *PERIOD[0]])
+    for name, family, state, period in zip(*targets, strict=True):
+        table.writerow([name, family, *state.tolist(), float(period) or ""])
+    return text.getvalue()
+
+
+def replace_targets(
+    targets: TargetStates, others: TargetStates, share: float, rng: np.random.Generator
+) -> TargetStates:
+    """Replace a share of moving targets, chosen at random, by the first of other targets.
+
+    Parameters
+    ----------
+    targets, others : TargetStates
+    share : float
+        From 0 to 1; the number of replaced targets is rounded.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    TargetStates
+        As many as `targets`. The rows that are replaced for a share are also replaced for a larger
+        one, if the generator is in the same state.
+
+    Raises
+    ------
+    ConfigurationError
+        If the share is impossible, there are too few other targets, or names occur twice.
+    """
+    if not 0.0 <= number_of("share", share) <= 1.0:
+        raise ConfigurationError(f"share = {share} must be between 0 and 1")
+    count = round(share * len(targets))
+    if count > len(others):
+        raise ConfigurationError(
+            f"share = {share} of {len(targets)} targets needs {count} others; {len(others)} given"
+        )
+    source: list[tuple[TargetStates, int]] = [(targets, k) for k in range(len(targets))]
+    for number, k in enumerate(rng.permutation(len(targets))[:count].tolist()):
+        source[k] = others, number
+    names = [each.name[k] for each, k in source]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigurationError(f"targets: the name {twice[0]!r} occurs twice; rename one")
+    return TargetStates(
+        names,
+        [each.family[k] for each, k in source],
+        np.array([each.state[k] for each, k in source]),
+        np.array([each.period[k] for each, k in source]),
+    )
 
 
 def _of_message(path: str | Path, epoch: Epoch | None) -> TargetStates:
