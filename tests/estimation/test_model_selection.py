@@ -27,13 +27,12 @@ from cislunar.estimation.light_curves.model_selection.correlated import (
     ModelError,
     bins_of_rows,
 )
-from cislunar.estimation.light_curves.model_selection.ladder import (
-    RUNGS,
-    model_of_rung,
-    select_model,
-)
+from cislunar.estimation.light_curves.model_selection.in_loop import updated_selection
+from cislunar.estimation.light_curves.model_selection.ladder import select_model
 from cislunar.estimation.light_curves.model_selection.report import rotation_at
+from cislunar.estimation.light_curves.model_selection.residual_tests import explains, p_values
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
+from cislunar.estimation.light_curves.model_selection.rungs import RUNGS, model_of_rung
 from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
 from cislunar.estimation.light_curves.row_blocks import (
     MAGNITUDE,
@@ -229,6 +228,86 @@ def test_evidence_of_an_unknown_noise_against_quadrature():
         assert np.log(found.noise_factor) == pytest.approx(likely, abs=logs[1] - logs[0])
     assert np.ptp(expected) > 5.0
     np.testing.assert_allclose(np.diff(estimated), np.diff(expected), atol=0.1)
+
+
+@pytest.mark.parametrize("freedom", [0.0, 4.0])
+def test_evidence_of_an_unknown_model_error_against_quadrature(freedom):
+    """The marginal likelihood over the parameters and over the logarithm of the standard deviation,
+    with the noise variance known or estimated, by quadrature over that deviation."""
+    rng, n, limits = np.random.default_rng(3), 90, (0.02, 1.3)
+    data = _observed(n)
+    model = model_of()._replace(noise_freedom=freedom)
+    bins = bins_of_rows(data, 30)
+    directions = rng.standard_normal((n, 6))
+    directions[bins.order] = np.repeat(
+        directions[: bins.first.size], np.diff(np.r_[bins.first, n]), axis=0
+    )
+    apart = np.sum((directions[:, None] - directions) ** 2, axis=-1)
+    kernel = np.exp(-apart / (2.0 * 0.35**2))
+    design = rng.standard_normal((n, 8))
+    root = np.linalg.cholesky(0.15**2 * kernel + model.noise_variance * np.eye(n))
+    data[:, MAGNITUDE] = design[:, :2] @ [0.5, -0.4] + root @ rng.standard_normal(n)
+    logs = np.linspace(*np.log(limits), 81)
+    for size in (2, 8):
+        columns, fixed = design[:, :size], []
+        for tau in np.exp(logs):
+            error = ModelError(float(tau), 0.35)
+            fit = _LinearFit(columns, directions, data, bins, model, error)
+            fixed.append(fit.refined(np.zeros(size), 30).log_evidence)
+        fixed = np.array(fixed)
+        expected = logsumexp(fixed) - np.log(logs.size)
+        fit = _LinearFit(
+            columns, directions, data, bins, model, ModelError(0.25, 0.35), 1.0, limits
+        )
+        found = fit.refined(np.zeros(size), 30)
+        assert np.log(found.tau) == pytest.approx(logs[np.argmax(fixed)], abs=0.1)
+        assert found.log_evidence == pytest.approx(expected, abs=0.2)
+
+
+def test_residuals_of_the_noise_and_of_a_wrong_model():
+    """The tests reject white noise as rarely as stated, and correlated errors below the noise."""
+    data, rng, rejected = _observed(400), np.random.default_rng(6), []
+    data[:, WEIGHT] = rng.uniform(0.5, 1.0, 400)
+    white = rng.standard_normal((400, 400)) * np.sqrt(0.01 / data[:, WEIGHT])
+    for freedom in (0.0, 4.0):
+        values = np.array([p_values(each, data, 0.01, freedom, 0) for each in white])
+        rejected.append(np.mean(values < 0.1, axis=0))
+    # a binomial share of 0.1 has a standard deviation of 0.015
+    np.testing.assert_allclose(rejected[0], 0.1, atol=0.05)
+    np.testing.assert_allclose(rejected[1][1:], 0.1, atol=0.05)
+    assert explains(white[0], data, 0.01, 0.0, 0)
+    slow = 0.08 * np.sin(data[:, TIME] / 2000.0)
+    assert not explains(white[0] + slow, data, 0.01, 0.0, 0)
+    assert not explains(white[0] + slow, data, 0.01, 4.0, 0)
+    # noise of a wrong size matters only where its size is known
+    assert not explains(1.5 * white[0], data, 0.01, 0.0, 0)
+    assert explains(1.5 * white[0], data, 0.01, 4.0, 0)
+
+
+def test_models_are_searched_again_only_where_that_is_needed():
+    """A body as believed: the wide models are left out while its residuals are those of the noise.
+    An offset that grows with time brings them back."""
+    data, model, _, _ = _simulated(_as_believed)
+    given = np.random.default_rng(1), ModelSelectionSettings(effort=1)
+
+    def updated(last, rows):
+        return updated_selection(last, rows, model, *given)
+
+    first = updated(None, data[:250])
+    assert not first.selected.wide and first.searched == 250
+    assert updated(first, data[:250]) is first
+    grown = updated(first, data[:400])
+    assert not grown.selected.wide and (grown.searched, grown.fitted) == (250, 400)
+    searched = select_model(data[:400], model, np.random.default_rng(2))
+    ends = [rotation_at(each, model, 3600.0 * HOURS) for each in (grown.selected, searched)]
+    apart = from_quaternion(compose(ends[0].quaternion, ends[1].quaternion * [-1, -1, -1, 1]))
+    assert np.linalg.norm(apart) < 0.1 * np.sqrt(np.trace(ends[1].covariance[:3, :3]))
+    wrong = data[:400].copy()
+    wrong[:, MAGNITUDE] += 0.4 * np.sin(wrong[:, TIME] / 2500.0)
+    again = updated(first, wrong)
+    assert again.selected.wide and (again.searched, again.fitted) == (400, 400)
+    # afterwards the modes wait for a growth by half
+    assert updated(again, data[:420]) is again
 
 
 def test_an_unknown_noise_is_estimated_with_the_model():

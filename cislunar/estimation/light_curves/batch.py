@@ -299,7 +299,10 @@ class BatchEstimator:
                 continue
             rng = tracks.rngs[j].spawn(1)[0]
             data = tracks.data[j][:rows].copy()
-            selection = updated_selection(tracks.selections[j], data, model, rng, settings)
+            modes = tracks.hypotheses[j]
+            known = [u.copy() for u in modes.u[: modes.count[0]]]
+            given = tracks.selections[j], data, model, rng, settings
+            selection = updated_selection(*given, known)
             elapsed = (self._index - int(tracks.fit.epoch[j])) * self._scene.step_s
             room = tracks.points[j][2].size
             points, count = reported_points(selection, model, elapsed, room)

@@ -9,7 +9,8 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "correlated": ["ModelError"],
     "in_loop": ["Selection", "characterized", "report_points", "reported_points", "status_of",
         "updated_selection"],
-    "ladder": ["RUNGS", "SelectedModel", "select_model"],
+    "ladder": ["select_model"],
+    "rungs": ["RUNGS", "SelectedModel"],
     "report": ["RotationEstimate", "rotation_at"],
     "settings": ["ModelSelectionSettings"],
 })

@@ -14,12 +14,12 @@ from cislunar.attitude.quaternion import attitude_matrix
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.light_curves.light_curve import LightCurveModel, initial_state
-from cislunar.estimation.light_curves.model_selection.ladder import (
+from cislunar.estimation.light_curves.model_selection.rows import expected_rows
+from cislunar.estimation.light_curves.model_selection.rungs import (
     UNKNOWN_SHAPE,
     SelectedModel,
     model_of_rung,
 )
-from cislunar.estimation.light_curves.model_selection.rows import expected_rows
 from cislunar.estimation.light_curves.row_blocks import RANGE, SUN, VIEW
 from cislunar.photometry.facets import FLOOR_MAGNITUDE
 from cislunar.photometry.sphere import phase_function

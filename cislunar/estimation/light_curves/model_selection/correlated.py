@@ -26,9 +26,16 @@ Then the factor f = R_true / R is estimated with the cost's further terms
 where n is the number of rows, and R f in the place of R: for tau = 0 in closed form, f = (nu + sum
 of w r^2 / R) / (nu + n), which is the misfit of `light_curve`, and otherwise by Fisher scoring in
 ln f whenever C is computed anew. Laplace's approximation of the evidence has ln f as a further
-parameter, whose Fisher information is (n - m + tr((C^-1 R f W^-1)^2) + nu / f) / 2 with m bins;
-that with the other parameters is zero (Magnus & Neudecker 1988, section 15.5). A tempered
-likelihood keeps a given f, since it would estimate the tempering.
+parameter. The standard deviation tau can be estimated in the same way, with ln tau uniform between
+limits. With m bins, S = C^-1 R f W^-1 and A = 1 - S = C^-1 tau^2 K, the Fisher information of
+(ln f, ln tau) is
+
+    (n - m + tr(S^2) + nu / f) / 2,   tr(S A),   2 tr(A^2),
+
+and that with the other parameters is zero (Magnus & Neudecker 1988, section 15.5). Since the
+parameters u take up a part of a model error, tau is the one of the greatest evidence, which has the
+determinant of the Gauss-Newton matrix (restricted maximum likelihood, Harville 1977). A tempered
+likelihood keeps a given f and tau, since it would estimate the tempering.
 """
 
 from typing import NamedTuple
@@ -36,6 +43,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_solve, cholesky, solve_triangular
+from scipy.linalg.lapack import dpotri
 
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.model_selection.rows import expected_rows
@@ -49,9 +57,9 @@ _WIDEST_BIN = 0.05
 The directions of two observers of a target differ by more."""
 
 _STEPS_PER_REFRESH = 4
-_NOISE_STEPS, _SETTLED = 10, 0.02
-"""Most steps of Fisher scoring for the noise when C is computed anew, and the change of ln f below
-which it has settled."""
+_SCORING_STEPS, _SETTLED = 10, 0.02
+"""Most steps of Fisher scoring when C is computed anew, and the change of ln f and of ln tau below
+which they have settled."""
 _DAMPING, _AFTER_SUCCESS, _AFTER_FAILURE, _FAILURES = 1e-3, 0.2, 6.0, 5
 _SMALLEST_DECREASE = 0.02
 """As in `cislunar.estimation.light_curves.levenberg_marquardt`."""
@@ -111,12 +119,15 @@ class Minimum(NamedTuple):
         Laplace's approximation of the logarithm of the evidence, up to a constant.
     noise_factor : float
         Factor on the noise variance.
+    tau : float
+        Standard deviation of the model error, mag.
     """
 
     u: Array
     information: Array
     log_evidence: float
     noise_factor: float = 1.0
+    tau: float = 0.0
 
 
 def bins_of_rows(data: Array, most: int) -> Bins:
@@ -172,6 +183,9 @@ class CorrelatedFit:
     noise_factor : float
         Factor on the noise variance of the model, with which its estimation begins, if it is
         estimated.
+    limits : tuple of float, optional
+        Standard deviations of the model error between which it is estimated, beginning with that of
+        `error`; the evidence is then averaged over the logarithm. Known if omitted.
     """
 
     def __init__(
@@ -181,52 +195,76 @@ class CorrelatedFit:
         model: LightCurveModel,
         error: ModelError,
         noise_factor: float = 1.0,
+        limits: tuple[float, float] | None = None,
     ) -> None:
         self._data, self._bins, self._model, self._error = data, bins, model, error
         self._factor, self._log_det = np.empty((0, 0)), 0.0
         self._first_noise = self._noise = noise_factor
         self._freedom = model.noise_freedom if error.beta == 1.0 else 0.0
-        self._scores = self._freedom > 0.0 and error.tau > 0.0
-        self._information = 0.5 * (self._freedom + len(data))  # of ln f
+        self._tau, self._limits = error.tau, limits if error.beta == 1.0 else None
+        estimated = [self._freedom > 0.0, self._limits is not None]
+        self._estimated = np.flatnonzero(estimated if error.tau > 0.0 else [False, False])
+        self._information = np.diag([0.5 * (self._freedom + len(data)), 1.0])  # ln f, ln tau
 
     def refresh(self, rows: tuple[Array, Array, Array]) -> None:
         """Compute C, and the factor on the noise, for rows as of `expected_rows`."""
         if self._error.tau == 0.0:
             return
-        covariance = self._error.tau**2 * self._correlation(rows[1])
-        self._factorize(covariance)
-        if self._scores:
+        kernel = self._correlation(rows[1])
+        self._factorize(kernel)
+        if self._estimated.size:
             weight = self._data[:, WEIGHT]
-            residual = self._data[:, MAGNITUDE] - rows[0]
-            mean = self._bins.mean(residual, weight)
-            within = float(np.sum(weight * residual**2) - np.sum(self._bins.weight * mean**2))
-            for _ in range(_NOISE_STEPS):
-                last = self._noise
-                self._improve_noise(mean, within / self._model.noise_variance)
-                self._factorize(covariance)
-                if abs(np.log(self._noise / last)) < 0.1 * _SETTLED:
+            columns = np.column_stack([self._data[:, MAGNITUDE] - rows[0], rows[2]])
+            mean = self._bins.mean(columns, weight)
+            within = (columns.T * weight) @ columns - (mean.T * self._bins.weight) @ mean
+            within /= self._model.noise_variance
+            for _ in range(_SCORING_STEPS):
+                last = self._scales()
+                self._improve_scales(mean, within, kernel)
+                self._factorize(kernel)
+                if np.abs(self._scales() - last).max() < 0.1 * _SETTLED:
                     break
 
-    def _factorize(self, covariance: Array) -> None:
-        """Cholesky factor and determinant of C for the covariance of the model error."""
-        whole = covariance.copy()
+    def _scales(self) -> Array:
+        """The values of ln f and ln tau."""
+        return np.log([self._noise, self._tau or 1.0])
+
+    def _factorize(self, kernel: Array) -> None:
+        """Cholesky factor and determinant of C for the correlation K of the model error."""
+        whole = self._tau**2 * kernel
         noise = self._model.noise_variance * self._noise / self._bins.weight
         whole[np.diag_indices_from(whole)] += noise
-        self._factor = cholesky(whole, lower=True)
+        self._factor = cholesky(whole, lower=True, overwrite_a=True, check_finite=False)
         self._log_det = float(np.sum(2.0 * np.log(np.diag(self._factor)) - np.log(noise)))
 
-    def _improve_noise(self, mean: Array, within: float) -> None:
-        """A step of Fisher scoring in ln f, given the means of the bins' residuals, and the sum of
-        squares about them over the variance."""
-        f, free = self._noise, len(self._data) - mean.size
+    def _improve_scales(self, mean: Array, within: Array, kernel: Array) -> None:
+        """A step of Fisher scoring in ln f and ln tau, given the means in the bins of the residuals
+        and of the derivatives (bin, 1 + p), the sums of products about them over the variance, and
+        the correlation K."""
+        f, free = self._noise, len(self._data) - len(mean)
         noise = self._model.noise_variance * f / self._bins.weight
-        inverse = cho_solve((self._factor, True), np.eye(mean.size), check_finite=False)
-        share = inverse * noise
-        slope = self._freedom * (1.0 - 1.0 / f) + free - within / f + np.trace(share)
-        slope -= float(np.sum(noise * (inverse @ mean) ** 2))
-        self._information = 0.5 * (self._freedom / f + free + float(np.sum(share * share.T)))
-        step = -0.5 * slope / self._information
-        self._noise = f * float(np.exp(np.clip(step, -1.0, 1.0)))
+        inverse, _ = dpotri(self._factor, lower=True)  # the lower triangle of the inverse
+        inverse += np.tril(inverse, -1).T
+        pulled = inverse @ mean
+        share, noisy = inverse * noise, float(np.sum(noise * pulled[:, 0] ** 2))
+        once, twice = float(np.trace(share)), float(np.sum(share * share.T))
+        slope = self._freedom * (1.0 - 1.0 / f) + free - within[0, 0] / f + once - noisy
+        both = once - twice
+        # the determinant of the Gauss-Newton matrix, a part of the evidence, depends on tau as well
+        information = np.eye(mean.shape[1] - 1) + within[1:, 1:] / f + mean[:, 1:].T @ pulled[:, 1:]
+        products = self._tau**2 * (pulled.T @ (kernel @ pulled))
+        lost = float(np.trace(np.linalg.solve(information, products[1:, 1:])))
+        slopes = np.array([0.5 * slope, len(mean) - once - float(products[0, 0]) - lost])
+        self._information = np.array([
+            [0.5 * (self._freedom / f + free + twice), both],
+            [both, 2.0 * (len(mean) - once - both)],
+        ])  # fmt: skip
+        step, at = np.zeros(2), self._estimated
+        step[at] = -np.linalg.solve(self._information[np.ix_(at, at)], slopes[at])
+        f_step, tau_step = np.exp(np.clip(step, -1.0, 1.0))
+        self._noise = f * float(f_step)
+        if self._limits is not None:
+            self._tau = float(np.clip(self._tau * tau_step, *self._limits))
 
     def _correlation(self, directions: Array) -> Array:
         """K of the bins, for the directions of the rows."""
@@ -277,7 +315,7 @@ class CorrelatedFit:
         """The minimum reached from a start by damped Gauss-Newton steps (Levenberg 1944, Marquardt
         1963)."""
         u, damping, since = start.copy(), _DAMPING, 0
-        self._noise = self._first_noise
+        self._noise, self._tau = self._first_noise, self._error.tau
         rows = self.rows(u)
         self.refresh(rows)
         best, gradient, information = self.cost(u, rows)
@@ -302,11 +340,12 @@ class CorrelatedFit:
             damping *= _AFTER_SUCCESS
             since += 1
             small = decrease < _SMALLEST_DECREASE
-            if since == _STEPS_PER_REFRESH or (small and self._scores):
-                since, last = 0, self._noise
+            scored = small and self._estimated.size > 0
+            if since == _STEPS_PER_REFRESH or scored:
+                since, last = 0, self._scales()
                 self.refresh(rows)
                 best, gradient, information = self.cost(u, rows)
-                if small and self._scores and abs(np.log(self._noise / last)) < _SETTLED:
+                if scored and np.abs(self._scales() - last).max() < _SETTLED:
                     break
             elif small:
                 break
@@ -314,6 +353,21 @@ class CorrelatedFit:
         value, _, information = self.cost(u, rows)
         log_det = np.linalg.slogdet(information)[1]
         evidence = -value - 0.5 * log_det if np.isfinite(value + log_det) else -np.inf
+        return Minimum(
+            u, information, float(evidence + self._scale_evidence()), self._noise, self._tau
+        )
+
+    def _scale_evidence(self) -> float:
+        """What the estimation of ln f and of ln tau adds to the logarithm of the evidence. The
+        posterior of ln tau is at most as wide as its prior."""
+        of_noise, of_tau = np.diag(self._information)
+        if self._error.tau == 0.0 or self._limits is None:
+            return -0.5 * float(np.log(of_noise)) if self._freedom > 0.0 else 0.0
+        found = 0.0
         if self._freedom > 0.0:
-            evidence -= 0.5 * np.log(self._information)
-        return Minimum(u, information, float(evidence), self._noise)
+            found, of_tau = (
+                -0.5 * float(np.log(of_noise)),
+                of_tau - self._information[0, 1] ** 2 / of_noise,
+            )
+        wide = np.log(self._limits[1] / self._limits[0])
+        return found + float(min(0.5 * np.log(2.0 * np.pi / of_tau) - np.log(wide), 0.0))

@@ -1,5 +1,6 @@
 """The choice between models of a body in the tasking loop, at tasking epochs."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,24 +14,26 @@ from cislunar.estimation.light_curves.mixture import (
 )
 from cislunar.estimation.light_curves.model_selection.characterization import (
     UNIQUE,
+    UNKNOWN_BODY,
     Characterization,
     attitude_status,
     characterize,
 )
 from cislunar.estimation.light_curves.model_selection.ladder import (
-    EXACT,
-    SelectedModel,
+    narrowed,
     refitted,
     select_model,
 )
 from cislunar.estimation.light_curves.model_selection.report import points_of
+from cislunar.estimation.light_curves.model_selection.rungs import SelectedModel
 from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
 from cislunar.estimation.light_curves.row_blocks import ROTATION
 
 Array = NDArray[np.float64]
 
-_GROWTH = 1.5
-"""Factor by which a light curve grows until its models are searched again."""
+_SEARCH_GROWTH, _FIT_GROWTH = 2.5, 1.5
+"""Factors by which a light curve grows until all models are searched again, and until the modes of
+models with a model error are fitted again."""
 
 
 class Selection(NamedTuple):
@@ -57,17 +60,35 @@ def updated_selection(
     model: LightCurveModel,
     rng: np.random.Generator,
     settings: ModelSelectionSettings,
+    modes: Sequence[Array] = (),
 ) -> Selection:
-    """Selection for a light curve that may have grown. If a rung of `EXACT` was best, which makes
-    the selection fast, it is repeated with any new row. Otherwise it is repeated after a growth by
-    half, and its modes are fitted again in between."""
+    """Selection for a light curve that may have grown.
+
+    All models are searched when the light curve has grown by `_SEARCH_GROWTH`, from its last modes.
+    In between, if the wide rungs were left out at the last search, the exact ones are fitted again
+    with any new row; the wide rungs are searched as soon as the residuals are no longer those of
+    the noise, but not before a growth by `_FIT_GROWTH`. If the wide rungs were not left out, all
+    modes are fitted again after that growth, unless the body is unknown. For `modes` see
+    `select_model`."""
     rows = len(data)
     if last is not None and rows == last.fitted:
         return last
-    if last is None or last.selected.rung in EXACT or rows >= _GROWTH * last.searched:
-        selected, searched = select_model(data, model, rng, settings), rows
-    else:
-        selected, searched = refitted(last.selected, data, model, settings), last.searched
+    selected, searched = None, rows
+    if last is not None and rows < _SEARCH_GROWTH * last.searched:
+        grown = rows >= _FIT_GROWTH * last.fitted
+        if not last.selected.wide:
+            selected = narrowed(last.selected, data, model, settings, modes)
+            waits = rows < _FIT_GROWTH * last.searched
+        else:
+            waits = True
+            if grown and last.status != UNKNOWN_BODY:
+                selected = refitted(last.selected, data, model, settings)
+        if selected is None and waits:
+            return last
+        searched = last.searched if selected is not None else rows
+    if selected is None:
+        previous = None if last is None else last.selected
+        selected = select_model(data, model, rng, settings, previous, modes)
     return Selection(selected, searched, rows, attitude_status(selected, model))
 
 

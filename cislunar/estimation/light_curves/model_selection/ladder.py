@@ -1,18 +1,19 @@
 """Choice between models of a body by the evidence of its light curve.
 
-The models, called rungs, differ in the prior standard deviations of shape, surface and reflection
-law, from the assumed body to one that is known only roughly. All of them are fitted, the wider ones
+All models of `cislunar.estimation.light_curves.model_selection.rungs` are fitted, the wider ones
 also with a correlated model error of several standard deviations and correlation lengths, and
-weighted by Laplace's approximation of the evidence. If the best model is one of the wider ones, the
-likelihood is tempered, because its model error is described only roughly. docs/attitude.md has the
-equations.
+weighted by Laplace's approximation of the evidence. The wider ones are left out while a narrow one
+leaves residuals that are those of the noise and has a much larger evidence. If the best model is
+one of the wider ones, the likelihood is tempered, because its model error is described only
+roughly. docs/attitude.md has the equations.
 """
 
-from collections.abc import Iterable
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve
 from scipy.special import logsumexp
 from threadpoolctl import threadpool_limits
 
@@ -27,41 +28,20 @@ from cislunar.estimation.light_curves.model_selection.correlated import (
     ModelError,
     bins_of_rows,
 )
+from cislunar.estimation.light_curves.model_selection.residual_tests import explains
+from cislunar.estimation.light_curves.model_selection.rows import expected_rows
+from cislunar.estimation.light_curves.model_selection.rungs import (
+    EXACT,
+    RUNGS,
+    WIDE,
+    Candidate,
+    SelectedModel,
+    model_of_rung,
+)
 from cislunar.estimation.light_curves.model_selection.settings import ModelSelectionSettings
-from cislunar.estimation.light_curves.row_blocks import ROTATION, SEEN
-from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.estimation.light_curves.row_blocks import MAGNITUDE, ROTATION, SEEN
 
 Array = NDArray[np.float64]
-
-RUNGS = {
-    "known": BodyParameterPrior(),
-    "material": BodyParameterPrior(log_albedo=0.25, log_slope=0.25, logit_reflectance=0.5),
-    "small deviations": BodyParameterPrior(
-        log_albedo=0.25, log_slope=0.25, logit_reflectance=0.5, log_axis_scale=0.1,
-        log_facets=0.2, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.1,
-        phase_curvature=0.1,
-    ),
-    "medium deviations": BodyParameterPrior(
-        log_albedo=0.5, log_slope=0.35, logit_reflectance=1.0, log_axis_scale=0.2,
-        log_facets=0.5, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.2,
-        phase_curvature=0.2,
-    ),
-    "large deviations": BodyParameterPrior(
-        log_albedo=0.5, log_slope=0.5, logit_reflectance=1.0, log_axis_scale=0.3,
-        log_facets=1.0, phong_share=0.7, lommel_seeliger_share=0.5, phase_slope=0.3,
-        phase_curvature=0.3,
-    ),
-}  # fmt: skip
-"""Prior standard deviations of the models, from the narrowest to the widest."""
-
-EXACT = ("known", "material")
-"""Rungs that are fitted without a model error."""
-
-WIDE = ("small deviations", "medium deviations", "large deviations")
-"""Rungs that are also fitted with a model error."""
-
-UNKNOWN_SHAPE = ("medium deviations", "large deviations")
-"""Rungs with which the body frame is uncertain, because the shape is."""
 
 _TEMPERING_MAG = {"small deviations": 0.1, "medium deviations": 0.05, "large deviations": 0.05}
 """Model error, mag, at which the exponent of the likelihood is 1/2 (empirical)."""
@@ -71,69 +51,32 @@ _DROP = 12.0
 _CLEARLY_LESS = 5.0
 """Difference in log evidence beyond which the wide rungs are not fitted."""
 _NO_ERROR = ModelError(0.0, 1.0)
+_SCREENED = "medium deviations"
+"""Rung that tells which modes are fitted with a model error."""
 _MOST_MODES = 32
+_REFITTED_SHARE = 0.99
+"""Share of the posterior whose modes are fitted again to a longer light curve."""
 _MERGE_DISTANCE = 2.0
 _FIRST_ROWS, _GROWTH = 12, 1.5
 """Rows of the first search, and the factor by which the rows grow from search to search."""
 
 
-class Candidate(NamedTuple):
-    """A minimum of the cost, with its rung and its model error."""
-
-    rung: str
-    error: ModelError
-    minimum: Minimum
-
-
-class SelectedModel(NamedTuple):
-    """Posterior of a light curve over models of the body.
-
-    Attributes
-    ----------
-    candidates : tuple of Candidate
-        Modes of the mixture, best first.
-    weight : ndarray, shape (mode,)
-        Their shares in the posterior, which sum to 1.
-    log_evidence : dict of str to float
-        Of each rung, before tempering, up to a common constant; -inf for a rung that was not
-        fitted.
-    model_error_mag : float
-        Root mean square of the correlated model error over the posterior.
-    tempering : float
-        Exponent beta of the likelihood of the mixture; 1 without tempering.
-    """
-
-    candidates: tuple[Candidate, ...]
-    weight: Array
-    log_evidence: dict[str, float]
-    model_error_mag: float
-    tempering: float
-
-    @property
-    def noise_factor(self) -> float:
-        """Factor of the best mode on the noise variance of the light curve's model; 1 if that is
-        known."""
-        return self.candidates[0].minimum.noise_factor
-
-    @property
-    def rung(self) -> str:
-        """The rung of the greatest evidence."""
-        return max(self.log_evidence, key=self.log_evidence.__getitem__)
-
-
-def model_of_rung(model: LightCurveModel, rung: str) -> LightCurveModel:
-    """The light-curve model with the surface deviations of a rung. The rotation deviations (inertia
-    and torque) are those of the given model."""
-    kinds, sigma = RUNGS[rung].surface_kinds(model.surface.areas.size)
-    rotation = model.sigma[: ROTATION + model.rotation_kinds.size]
-    return model._replace(sigma=np.concatenate([rotation, sigma]), surface_kinds=kinds)
-
-
 def search_modes(
-    data: Array, model: LightCurveModel, settings: SearchSettings, rng: np.random.Generator
+    data: Array,
+    model: LightCurveModel,
+    settings: SearchSettings,
+    rng: np.random.Generator,
+    known: Sequence[Array] = (),
 ) -> list[Array]:
-    """Modes of a light curve, best first, by searches of a growing share of its rows."""
+    """Modes of a light curve, best first, by searches of a growing share of its rows. With `known`
+    modes, such as those of a shorter light curve, a single search begins with them."""
     modes, rows = prior_hypotheses(settings.modes, model.sigma.size), 0
+    if known:
+        count = min(len(known), settings.modes)
+        modes.u[:count], modes.count[0], rows = known[:count], count, len(data)
+        modes.weight[:count] = 1.0 / count
+        search(modes, data, model, settings._replace(starts=0, first_starts=0), rng)
+        search(modes, data, model, settings, rng)
     while rows < len(data):
         rows = min(len(data), max(_FIRST_ROWS, int(_GROWTH * rows)))
         search(modes, data[:rows], model, settings, rng)
@@ -145,6 +88,8 @@ def select_model(
     model: LightCurveModel,
     rng: np.random.Generator,
     settings: ModelSelectionSettings | None = None,
+    previous: SelectedModel | None = None,
+    modes: Sequence[Array] = (),
 ) -> SelectedModel:
     """Choose between models of the body by the evidence of its light curve.
 
@@ -159,6 +104,12 @@ def select_model(
         Generator of the random starts.
     settings : ModelSelectionSettings, optional
         Settings with `effort` 1 if omitted.
+    previous : SelectedModel, optional
+        Result for the light curve when it was shorter, whose modes are further starts in the place
+        of some random ones.
+    modes : sequence of ndarray, shape (p,)
+        Modes of `model` with its own surface deviations, if they have been searched already. The
+        rungs of `EXACT` are then fitted from them, and not searched.
 
     Returns
     -------
@@ -177,25 +128,23 @@ def select_model(
             "light curve: the choice of a model needs detections and no other rows; leave out "
             "non-detections and targets that were never seen"
         )
-    selection = _Selection(np.ascontiguousarray(data), model, rng, settings)
-    with threadpool_limits(
-        limits=1
-    ):  # several threads are slower at this size, and round otherwise
-        return selection.run()
+    with _one_thread():
+        return _Selection(data, model, rng, settings, previous, modes).run()
 
 
 def refitted(
     selected: SelectedModel, data: Array, model: LightCurveModel, settings: ModelSelectionSettings
 ) -> SelectedModel:
-    """Fit the same models to a light curve that has grown, starting from their previous modes; see
-    `select_model`."""
+    """Fit the same models to a light curve that has grown, starting from their likely previous
+    modes; see `select_model`."""
     rng = np.random.default_rng(0)  # no random start is drawn
-    selection = _Selection(np.ascontiguousarray(data), model, rng, settings)
+    selection = _Selection(data, model, rng, settings)
     modes: dict[tuple[str, ModelError], list[Minimum]] = {}
-    for each in selected.candidates:
+    count = int(np.searchsorted(np.cumsum(selected.weight), _REFITTED_SHARE)) + 1
+    for each in selected.candidates[:count]:
         modes.setdefault((each.rung, each.error), []).append(each.minimum)
     found = []
-    with threadpool_limits(limits=1):  # see `select_model`
+    with _one_thread():
         for (rung, error), own in modes.items():
             given = [each.u for each in own], settings.warm_iterations, own[0].noise_factor
             found += selection.fit(rung, error, *given)
@@ -203,8 +152,31 @@ def refitted(
     return selected._replace(candidates=candidates, weight=weight)
 
 
+def narrowed(
+    selected: SelectedModel,
+    data: Array,
+    model: LightCurveModel,
+    settings: ModelSelectionSettings,
+    modes: Sequence[Array] = (),
+) -> SelectedModel | None:
+    """The choice between the rungs of `EXACT` alone for a light curve that has grown, starting from
+    their previous modes and those of the model; None if their residuals are not those of the noise.
+    See `select_model`."""
+    rng = np.random.default_rng(0)  # no random start is drawn
+    with _one_thread():
+        selection = _Selection(data, model, rng, settings, selected, modes)
+        given = settings.warm_iterations
+        found = [each for rung in EXACT for each in selection.near_modes(rung, given)]
+        return selection.weighed(found) if selection.explained(found) else None
+
+
+def _one_thread() -> threadpool_limits:
+    """Several threads of linear algebra are slower at this size, and round otherwise."""
+    return threadpool_limits(limits=1)
+
+
 class _Selection:
-    """Fits of one light curve."""
+    """Fits of one light curve. `known` has the modes of a shorter one, best first."""
 
     def __init__(
         self,
@@ -212,13 +184,18 @@ class _Selection:
         model: LightCurveModel,
         rng: np.random.Generator,
         settings: ModelSelectionSettings,
+        previous: SelectedModel | None = None,
+        modes: Sequence[Array] = (),
     ) -> None:
-        self.data, self.rng, self.settings = data, rng, settings
+        self.data, self.rng, self.settings = np.ascontiguousarray(data), rng, settings
         self.bins: Bins = bins_of_rows(data, settings.bins)
         self.models = {rung: model_of_rung(model, rung) for rung in RUNGS}
         self.carried = ROTATION + model.rotation_kinds.size
         usual = BatchSettings().search_settings()
         self.search_settings = usual._replace(starts=settings.effort * usual.starts)
+        self.known = () if previous is None else self._distinct(previous.candidates)
+        self.known = self.known[: 2 * settings.kept_modes]
+        self.model, self.modes = model, modes[: 2 * settings.kept_modes]
 
     def fit(
         self,
@@ -229,12 +206,14 @@ class _Selection:
         noise_factor: float = 1.0,
     ) -> list[Candidate]:
         """Distinct minima from the starts, best first."""
-        fit = CorrelatedFit(self.data, self.bins, self.models[rung], error, noise_factor)
+        settings = self.settings
+        given = self.data, self.bins, self.models[rung], error, noise_factor
+        fit = CorrelatedFit(*given, settings.model_errors_mag)
         found = [fit.refined(start, iterations) for start in starts]
-        if rung in WIDE:  # all model errors have equal prior probability
-            settings = self.settings
-            number = 1 + len(settings.model_errors_mag) * len(settings.lengths)
-            found = [e._replace(log_evidence=e.log_evidence - np.log(number)) for e in found]
+        if rung in WIDE:
+            none = settings.no_error_share
+            share = none if error.tau == 0.0 else (1.0 - none) / len(settings.lengths)
+            found = [e._replace(log_evidence=e.log_evidence + np.log(share)) for e in found]
         found.sort(key=lambda each: -each.log_evidence)
         kept: list[Minimum] = []
         for each in found:
@@ -244,7 +223,7 @@ class _Selection:
             )
             if np.isfinite(each.log_evidence) and apart:
                 kept.append(each)
-        return [Candidate(rung, error, each) for each in kept]
+        return [Candidate(rung, error._replace(tau=each.tau), each) for each in kept]
 
     def start(self, rung: str, candidate: Candidate) -> Array:
         """A start for a rung: the rotation of a minimum of another, and its surface if it has the
@@ -252,7 +231,8 @@ class _Selection:
         u, size = candidate.minimum.u, self.models[rung].sigma.size
         own, other = self.models[rung].sigma, self.models[candidate.rung].sigma
         if u.size == size:
-            return u * other / own
+            same = own > 0.0
+            return np.where(same, u * other / np.where(same, own, 1.0), 0.0)
         start = np.zeros(size)
         start[: self.carried] = u[: self.carried]
         return start
@@ -260,37 +240,76 @@ class _Selection:
     def run(self) -> SelectedModel:
         """See `select_model`."""
         kept = self.settings.kept_modes
-        found = {rung: self._searched(rung) for rung in EXACT}
+        exactly = self._searched
+        if self.modes:
+            exactly = partial(self.near_modes, iterations=self.settings.iterations)
+        found = {rung: exactly(rung) for rung in EXACT}
         exact = [each for rung in EXACT for each in found[rung]]
-        checks = self._checks([each for rung in EXACT for each in found[rung][:kept]])
-        greatest = max((each.minimum.log_evidence for each in exact), default=-np.inf)
-        if all(each.minimum.log_evidence < greatest - _CLEARLY_LESS for each in checks):
-            return self._weighed(exact + checks)
+        if self.explained(exact):
+            checks = self._checks([each for rung in EXACT for each in found[rung][:kept]])
+            greatest = max(each.minimum.log_evidence for each in exact)
+            if all(each.minimum.log_evidence < greatest - _CLEARLY_LESS for each in checks):
+                return self.weighed(exact + checks)
         found |= {rung: self._searched(rung) for rung in WIDE}
-        pool = [each for rung in RUNGS for each in found[rung][:kept]]
         everything = [each for rung in RUNGS for each in found[rung]]
-        for rung in WIDE:
-            everything += self._grid(rung, pool)
-        return self._weighed(everything)
+        by_evidence = sorted(everything, key=lambda each: -each.minimum.log_evidence)
+        pool = self._distinct([*by_evidence, *self.known])[: 3 * kept]
+        everything += self._with_errors(pool)
+        return self.weighed(everything)
+
+    def explained(self, found: Sequence[Candidate]) -> bool:
+        """Whether the best of some minima without a model error leaves residuals of the noise."""
+        if not found:
+            return False
+        best = max(found, key=lambda each: each.minimum.log_evidence)
+        model, u = self.models[best.rung], best.minimum.u
+        residual = self.data[:, MAGNITUDE] - expected_rows(u, self.data, model)[0]
+        return explains(residual, self.data, model.noise_variance, model.noise_freedom, u.size)
+
+    def _distinct(self, found: Sequence[Candidate]) -> list[Candidate]:
+        """The first of each group of minima whose initial rotations agree within their uncertainty,
+        in the order given."""
+        kept: list[tuple[Candidate, Array]] = []
+        for each in found:
+            inverse = np.linalg.inv(each.minimum.information)[:ROTATION, :ROTATION]
+            for other, covariance in kept:
+                apart = each.minimum.u[:ROTATION] - other.minimum.u[:ROTATION]
+                if apart @ solve(inverse + covariance, apart, assume_a="pos") < _MERGE_DISTANCE:
+                    break
+            else:
+                kept.append((each, inverse))
+        return [each for each, _ in kept]
+
+    def near_modes(self, rung: str, iterations: int) -> list[Candidate]:
+        """Minima of a rung without a model error near the known modes and those of the model."""
+        own, model = self.models[rung], self.model
+        starts = [self.start(rung, each) for each in self.known]
+        for each in self.modes:
+            start = np.zeros(own.sigma.size)
+            same = min(each.size, start.size)
+            if not np.array_equal(own.surface_kinds[:same], model.surface_kinds[:same]):
+                same = self.carried
+            start[:same] = each[:same] * model.sigma[:same] / own.sigma[:same]
+            starts.append(start)
+        return self.fit(rung, _NO_ERROR, starts, iterations)
 
     def _searched(self, rung: str) -> list[Candidate]:
         """Minima of a rung without a model error, by a search."""
-        settings = self.settings
-        modes = search_modes(self.data, self.models[rung], self.search_settings, self.rng)
-        return self.fit(rung, _NO_ERROR, modes, settings.iterations)
+        known = [self.start(rung, each) for each in self.known]
+        modes = search_modes(self.data, self.models[rung], self.search_settings, self.rng, known)
+        return self.fit(rung, _NO_ERROR, modes, self.settings.iterations)
 
     def _checks(self, exact: list[Candidate]) -> list[Candidate]:
         """Minima of the narrowest wide rung near those of the exact ones. If their evidence is
         much smaller, the wide rungs are not fitted."""
         settings, rung = self.settings, WIDE[0]
-        middle = settings.model_errors_mag[len(settings.model_errors_mag) // 2 - 1]
         found: list[Candidate] = []
-        for error in (_NO_ERROR, ModelError(middle, settings.lengths[0])):
-            starts = [self.start(rung, each) for each in exact]
+        for error in (_NO_ERROR, ModelError(settings.check_error_mag, settings.lengths[0])):
+            starts = [self.start(rung, each) for each in self._distinct(exact)]
             found += self.fit(rung, error, starts, settings.iterations)
         return found
 
-    def _weighed(self, everything: list[Candidate]) -> SelectedModel:
+    def weighed(self, everything: list[Candidate]) -> SelectedModel:
         """The mixture of all minima, or of those of a tempered likelihood."""
         evidence = np.array([each.minimum.log_evidence for each in everything])
         of_rung = {}
@@ -309,28 +328,19 @@ class _Selection:
         tempered = self._tempered(everything, beta)
         return SelectedModel(*_mixture(tempered), of_rung, model_error, beta)
 
-    def _grid(self, rung: str, pool: list[Candidate]) -> list[Candidate]:
-        """Minima of a rung for all standard deviations and correlation lengths of the model error,
-        from the modes of all rungs; only the best starts are fitted on the entire grid."""
-        settings = self.settings
-        starts = [self.start(rung, each) for each in pool]
-        found: list[Candidate] = []
+    def _with_errors(self, pool: list[Candidate]) -> list[Candidate]:
+        """Minima of the wide rungs with a model error of both correlation lengths, from the modes
+        of all rungs. One rung tells the modes that are fitted with the others."""
+        settings, found = self.settings, []
         for length in settings.lengths:
-            middle = ModelError(
-                settings.model_errors_mag[len(settings.model_errors_mag) // 2], length
-            )
-            screened = self.fit(rung, middle, starts, settings.iterations)[: settings.kept_modes]
-            for direction in (1, -1):
-                follow = screened
-                taus = sorted(settings.model_errors_mag)
-                place = taus.index(middle.tau)
-                chain = taus[place + 1 :] if direction > 0 else taus[:place][::-1]
-                for tau in chain:
-                    begin = [each.minimum.u for each in follow]
-                    error = ModelError(tau, length)
-                    follow = self.fit(rung, error, begin, settings.warm_iterations)
-                    found += follow
-            found += screened
+            error = ModelError(settings.first_error_mag, length)
+            for rung in (_SCREENED, *(each for each in WIDE if each != _SCREENED)):
+                starts = [self.start(rung, each) for each in pool]
+                given = starts, settings.iterations
+                fitted = self.fit(rung, error, *given)[: settings.kept_modes]
+                found += fitted
+                if rung == _SCREENED:
+                    pool = fitted or pool
         return found
 
     def _tempered(self, everything: list[Candidate], beta: float) -> list[Candidate]:
@@ -340,24 +350,26 @@ class _Selection:
         chosen: dict[str, Candidate] = {}
         for each in sorted(everything, key=lambda each: -each.minimum.log_evidence):
             behind = best.minimum.log_evidence - each.minimum.log_evidence
-            if behind <= _DROP and each.rung not in EXACT:
+            if behind <= _DROP and each.error.tau > 0.0:
                 chosen.setdefault(each.rung, each)
         found: list[Candidate] = []
         for rung, each in chosen.items():
             error = each.error._replace(beta=beta)
             same = [
                 other for other in everything
-                if other.rung == rung and other.error == each.error
+                if other.rung == rung and other.error.length == each.error.length
             ]  # fmt: skip
             starts = [other.minimum.u for other in same]
+            starts += [self.start(rung, other) for other in self.known]
             model = self.models[rung]
             factor = each.minimum.noise_factor
             white = CorrelatedFit(self.data, self.bins, model, each.error, factor)
-            known = {"noise_variance": white.equal_white_noise(each.minimum.u) / beta}
-            known["noise_freedom"] = 0.0
+            changed = {"noise_variance": white.equal_white_noise(each.minimum.u) / beta}
+            changed["noise_freedom"] = 0.0
             search_settings = self.search_settings._replace(modes=settings.new_starts)
-            starts += search_modes(self.data, model._replace(**known), search_settings, self.rng)
-            for _ in range(settings.new_starts):
+            given = self.data, model._replace(**changed), search_settings, self.rng
+            starts += search_modes(*given, starts)
+            for _ in range(0 if self.known else settings.new_starts):
                 start = np.zeros(model.sigma.size)
                 start[: self.carried] = self.rng.standard_normal(self.carried)
                 starts.append(start)

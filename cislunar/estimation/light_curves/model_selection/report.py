@@ -9,7 +9,7 @@ from cislunar.attitude.quaternion import attitude_matrix, compose, from_rotation
 from cislunar.estimation.light_curves.hypotheses import mixture_points, prior_hypotheses
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.mixture import mixture_moments, step_points
-from cislunar.estimation.light_curves.model_selection.ladder import (
+from cislunar.estimation.light_curves.model_selection.rungs import (
     UNKNOWN_SHAPE,
     SelectedModel,
     model_of_rung,

@@ -17,12 +17,19 @@ class ModelSelectionSettings(Section):
 
     # fmt: on
 
-    bins: ClassVar[int] = 200
+    bins: ClassVar[int] = 120
     """Bins of a light curve, between which the model error is correlated."""
 
     iterations: ClassVar[int] = 8
     warm_iterations: ClassVar[int] = 3
-    model_errors_mag: ClassVar[tuple[float, ...]] = (0.03, 0.06, 0.12, 0.25, 0.5, 1.0)
+    model_errors_mag: ClassVar[tuple[float, float]] = (0.02, 1.3)
+    """Limits of the standard deviation of the model error, over whose logarithm its prior is
+    uniform."""
+    first_error_mag: ClassVar[float] = 0.25
+    check_error_mag: ClassVar[float] = 0.12
+    """Values with which its estimation begins, in all rungs and in the check of the narrow ones."""
+    no_error_share: ClassVar[float] = 1.0 / 13.0
+    """Prior probability that a model has no error."""
     lengths: ClassVar[tuple[float, ...]] = (0.35, 1.0)
 
     @property
