@@ -8,9 +8,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.compiled import njit_alloc, njit_noalloc
+from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
 from cislunar.dynamics.bundle import step_cloud
-from cislunar.dynamics.forces import of_state
+from cislunar.dynamics.forces import (
+    acceleration,
+    acceleration_change,
+    at,
+    is_calm,
+    of_state,
+    partials,
+)
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.observation.measurement_derivatives import angle_rows
 from cislunar.observation.sightline import direction_angles, wrap_angle
@@ -57,6 +64,9 @@ class ObserverModel(NamedTuple):
 class RecursionScratch(NamedTuple):
     """Scratch arrays of one target."""
 
+    pair: Array
+    pair_slopes: Array
+    pair_stage: Array
     bundle: Array
     slopes: Array
     stage: Array
@@ -74,6 +84,9 @@ class RecursionScratch(NamedTuple):
 def make_scratch():
     """Scratch arrays of a recursion."""
     return RecursionScratch(
+        np.empty((SIZE, 2)),
+        np.empty((STAGES8, SIZE, 2)),
+        np.empty((SIZE, 2)),
         np.empty((SIZE, SIZE + 2)),
         np.empty((STAGES8, SIZE, SIZE + 2)),
         np.empty((SIZE, SIZE + 2)),
@@ -104,6 +117,107 @@ def transition(forces, k, scene, state, other, work):
         work.beside[c] = bundle[c, SIZE + 1]
         for i in range(SIZE):
             work.phi[c, i] = (bundle[c, 1 + i] - bundle[c, 0]) / _OFFSET
+
+
+@njit_noalloc
+def _calm_transition(forces, k, scene, state, phi):
+    """Transition matrix over the step from time k where forces change little, into `phi`: the
+    exponential of the derivatives at the middle of the step (second-order Magnus expansion; Iserles
+    & Norsett 1999) to third order. Returns whether they change little."""
+    dt = scene.step
+    x, y, z, vx, vy, vz = state[0], state[1], state[2], state[3], state[4], state[5]
+    half = 0.5 * dt
+    field = at(forces, k * dt)
+    if not is_calm(field, x, y, z, dt):
+        return False
+    ax, ay, az = acceleration(field, x, y, z, vx, vy, vz)
+    field = at(forces, k * dt + half)
+    x, y, z = (
+        x + half * (vx + 0.5 * half * ax),
+        y + half * (vy + 0.5 * half * ay),
+        z + half * (vz + 0.5 * half * az),
+    )
+    middle = partials(field, x, y, z, vx + half * ax, vy + half * ay, vz + half * az)
+    for c in range(SIZE):
+        for a in range(SIZE):
+            phi[a, c] = 0.0
+        phi[c, c] = 1.0
+        dx, dy, dz = phi[0, c], phi[1, c], phi[2, c]
+        ux, uy, uz = phi[3, c], phi[4, c], phi[5, c]
+        factor = 1.0
+        for order in range(1, 4):
+            factor *= dt / order
+            gx, gy, gz = acceleration_change(middle, dx, dy, dz, ux, uy, uz)
+            dx, dy, dz, ux, uy, uz = ux, uy, uz, gx, gy, gz
+            phi[0, c] += factor * dx
+            phi[1, c] += factor * dy
+            phi[2, c] += factor * dz
+            phi[3, c] += factor * ux
+            phi[4, c] += factor * uy
+            phi[5, c] += factor * uz
+    return True
+
+
+@njit_noalloc
+def carry_estimates(forces, k, scene, place, state, measured, path, spread, work):
+    """Propagate two estimates (6,) of a target over the step from time k, in place, with the
+    transition matrices `path` since the last measurement and the excess of the covariance of the
+    first, `spread`. Where forces change little and nothing is measured at the end of the step, the
+    difference of the estimates alone is propagated. The matrix of the step goes into `work.phi`."""
+    phi, pair = work.phi, work.pair
+    if not _calm_transition(forces, k, scene, place, phi):
+        transition(forces, k, scene, place, state, work)
+        copy_into(place, work.mean)
+        copy_into(state, work.beside)
+    elif measured:
+        for c in range(SIZE):
+            pair[c, 0], pair[c, 1] = place[c], state[c]
+        step_cloud(forces, k * scene.step, pair, scene.step, work.pair_slopes, work.pair_stage)
+        for c in range(SIZE):
+            place[c], state[c] = pair[c, 0], pair[c, 1]
+    else:
+        for c in range(SIZE):
+            work.mean[c] = place[c] - state[c]
+        for a in range(SIZE):
+            place[a] = state[a]
+            for c in range(SIZE):
+                place[a] += phi[a, c] * work.mean[c]
+    multiply(phi, path, work.square)
+    copy_into(path, work.square)
+    carry_covariance(phi, spread, work.square)
+
+
+@njit_noalloc
+def measured_at(used, first, stop):
+    """Whether any of the rows from `first` to the one before `stop` is used."""
+    count = 0
+    for row in range(first, stop):
+        count += used[row]
+    return count > 0
+
+
+@njit_noalloc
+def carry_filter(covariance, process, work):
+    """Propagate the covariance (6, 6) of a filter by the transition matrix in `work`."""
+    carry_covariance(work.phi, covariance, work.square)
+    for a in range(SIZE):
+        for b in range(SIZE):
+            covariance[a, b] += process[a, b]
+
+
+@njit_noalloc
+def carry_along(path, matrix, carried):
+    """Propagate a matrix (6, n) by `path`, with `carried` (6, n) as scratch array."""
+    multiply(path, matrix, carried)
+    copy_into(matrix, carried)
+
+
+@njit_noalloc
+def restart(path):
+    """Make the transition matrix `path` (6, 6) that of no time."""
+    for a in range(SIZE):
+        for b in range(SIZE):
+            path[a, b] = 1.0 if a == b else 0.0
 
 
 @njit_noalloc

@@ -28,8 +28,8 @@ Assumptions and limitations
 ---------------------------
 - The recursions use the angles alone, since the magnitude determines the orbit much less. They
   neglect the effect of the errors on attitudes and body parameters.
-- A measurement near the pole of the frame in which an observer measures is not used if its right
-  ascension is nonlinear over the errors.
+- The measured angles are linear over the errors, whose second-order effect is added to the noise.
+  It is large near an observer and near the pole of the frame in which it measures.
 - A Gaussian mixture is represented by its mean and covariance, and a random walk does not increase
   the covariances of its components.
 - Errors along the axes of the propagation frame are constant or a random walk. The position error
@@ -210,13 +210,16 @@ class NavigatedEstimator:
         return ObserverEstimate(mean, covariance)
 
     def predict(self) -> Prediction:
-        """See `Estimator.predict`."""
+        """See `Estimator.predict`. With calibrated errors, the covariance is that given the errors.
+        It is the part of the uncertainty that measurements of a target reduce, so that tasking does
+        not repeat measurements in order to reduce the other part."""
         ahead, now = self._inner.predict(), self._inner.orbits()
         shift, spread = self._shift.copy(), self._spread.copy()
         carry_corrections(now.index, self._scene, self._forces, now.translation, shift, spread)
-        corrected = ahead._replace(
-            translation=ahead.translation + shift, covariance=ahead.covariance + spread
-        )
+        corrected = ahead._replace(translation=ahead.translation + shift)
+        if self._calibrated:
+            return corrected
+        corrected = corrected._replace(covariance=ahead.covariance + spread)
         if ahead.root is None:
             return corrected
         sound = (self.failed == HEALTHY) & np.isfinite(ahead.translation[:, 0])
@@ -244,33 +247,41 @@ class NavigatedEstimator:
             rows = (step >= done) & (step < stop)
             part = measurements.where(rows)
             part = part._replace(offset=np.ascontiguousarray(part.offset[:, done : stop + 1]))
-            kept = self._far_from_pole(part)
-            found = self._advance(part.where(kept), final and stop == n_steps)
+            found = self._advance(self._with_nonlinearity(part), final and stop == n_steps)
             self._walk(0.5 * (stop - done) * step_s)
-            kept[kept] = found.used
-            used[rows], done = kept, stop
+            used[rows], done = found.used, stop
             several.append(found[:-1])
         histories = (np.concatenate(each, axis=1) for each in zip(*several, strict=True))
         found = Estimates(*histories, used)
         return found if covariance else found._replace(covariance=found.covariance[:, :0])
 
-    def _far_from_pole(self, measurements: Measurements) -> NDArray[np.bool_]:
-        """Whether right ascension is linear over the errors of observer and orbit, shape (row,): at
-        a distance d from the polar axis of the observer's frame, a displacement s changes it by
-        s / d to first order, and the second-order term s^2 / d^2 must not exceed the noise.
-        Measurements without a value count as linear."""
+    def _with_nonlinearity(self, measurements: Measurements) -> Measurements:
+        """The measurements with the variance of the second-order effect of the errors of observer
+        and orbit added to that of the angles: at a distance d from the polar axis of the observer's
+        frame, a displacement s changes the angles by up to s / d to first order and s^2 / d^2 to
+        second order."""
         now, observer = self.orbits(), measurements.observer
         target, step = rows_of(measurements)
         index = now.index + 1 + step
-        way = now.translation[target, :3] - self._scene.observer_position[observer, index]
+        ahead = (self._scene.step * (1.0 + step))[:, None]
+        place = now.translation[target, :3] + ahead * now.translation[target, 3:]
+        way = place - self._scene.observer_position[observer, index]
         axis = np.linalg.norm(way, axis=1) * np.cos(measurements.value[:, 2])
+        moved = np.trace(self._spread[target, :3, :3], axis1=1, axis2=2)
         unit, column = self._model.unit[:3], self._model.column[:3]
-        variance = np.zeros(self._scene.observer_position.shape[0])
         if column[0] >= 0:
-            own = np.diag(self._covariance).reshape(variance.size, -1)[:, column]
-            variance = own @ unit**2
-        moved = variance[observer] + np.trace(self._spread[target, :3, :3], axis1=1, axis2=2)
-        return ~(moved > axis**2 * np.sqrt(measurements.variance[:, 1]))
+            own = self._model.per_observer * observer[:, None] + column
+            variance = np.diag(self._covariance)[own]
+            joint = self._joint()[target[:, None], np.arange(3), own]
+            moved = moved + variance @ unit**2 - 2.0 * joint @ unit
+        bend = np.nan_to_num(np.maximum(moved, 0.0) / axis**2)  # NaN without a measured value
+        variance = measurements.variance.copy()
+        variance[:, 1:] += bend[:, None] ** 2
+        return measurements._replace(variance=variance)
+
+    def _joint(self) -> Array:
+        """Covariance (target, 6, n) of the orbits with the errors of the observers."""
+        return self._sensitivity @ self._covariance if self._calibrated else self._sensitivity
 
     def _advance(self, measurements: Measurements, final: bool) -> Estimates:
         """Process steps with constant errors."""
@@ -307,7 +318,7 @@ class NavigatedEstimator:
         n, row_of = self._mean.size, np.cumsum(used) - 1
         white, residual = np.empty((used.sum(), 2, n)), np.empty((used.sum(), 2))
         parameters = self._mean, self._covariance
-        own = self._shift, self._sensitivity
+        own = self._shift, self._sensitivity, self._joint()
         given = first, model, measurements, (used, row_of, *orbits), own, parameters
         share_out(
             lambda start, stop: calibrate((start, stop), *given, (*out, white, residual)),

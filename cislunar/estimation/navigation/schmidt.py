@@ -5,17 +5,19 @@ assumes observers without errors, and is linear about the corrected estimate."""
 import numpy as np
 from numba import njit
 
-from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
+from cislunar.compiled import njit_alloc, njit_noalloc
 from cislunar.dynamics.forces import of_state
 from cislunar.estimation.linearization import (
     SIZE,
-    carry_covariance,
+    carry_along,
+    carry_estimates,
+    carry_filter,
     follow,
     innovation_root,
     linearize,
     make_scratch,
-    multiply,
-    transition,
+    measured_at,
+    restart,
 )
 
 
@@ -79,7 +81,7 @@ def _consider_target(j, first, model, records, orbit, own, parameter_variance, o
     translation, total = out
     forced = of_state(forces, j)
     offset = records.offset[j]
-    path, moved, carried = np.eye(SIZE), np.empty((SIZE, SIZE)), np.empty(cross.shape)
+    path, carried = np.eye(SIZE), np.empty(cross.shape)
     gain, whole = np.empty((SIZE, 2)), np.empty((SIZE, SIZE))
     # estimate of the filter, then the one with considered errors
     state, before, place = start.copy(), spread_start.copy(), start + shift
@@ -88,28 +90,18 @@ def _consider_target(j, first, model, records, orbit, own, parameter_variance, o
         if not np.isfinite(mean[i, 0]):
             translation[i:], total[i:] = np.nan, np.nan
             return
-        transition(forced, k - 1, scene, place, state, work)
-        phi = work.phi
-        multiply(phi, path, moved)
-        copy_into(path, moved)
-        copy_into(place, work.mean)
-        copy_into(state, work.beside)
-        carry_covariance(phi, excess, work.square)
-        any_used = False
+        measured = measured_at(used, offset[i], offset[i + 1])
+        carry_estimates(forced, k - 1, scene, place, state, measured, path, excess, work)
+        if measured:
+            carry_filter(before, observers.process, work)
+            carry_along(path, cross, carried)
+            restart(path)
+            for c in range(SIZE):
+                for d in range(SIZE):
+                    whole[c, d] = before[c, d] + excess[c, d]
         for row in range(offset[i], offset[i + 1]):
             if not used[row]:
                 continue
-            if not any_used:
-                any_used = True
-                carry_covariance(phi, before, work.square)
-                before += observers.process
-                multiply(path, cross, carried)
-                copy_into(cross, carried)
-                path[:, :] = 0.0
-                for c in range(SIZE):
-                    path[c, c] = 1.0
-                    for d in range(SIZE):
-                        whole[c, d] = before[c, d] + excess[c, d]
             o, value, variance = (
                 records.observer[row],
                 records.value[row],
@@ -121,7 +113,7 @@ def _consider_target(j, first, model, records, orbit, own, parameter_variance, o
         for a in range(SIZE):
             shift[a] = place[a] - state[a]
             for b in range(SIZE):
-                if any_used:
+                if measured:
                     excess[a, b] = whole[a, b] - before[a, b]
         # the next step begins with the mean and covariance of the filter itself
         for a in range(SIZE):
@@ -130,8 +122,7 @@ def _consider_target(j, first, model, records, orbit, own, parameter_variance, o
             for b in range(SIZE):
                 before[a, b] = covariance[i, a, b]
                 total[i, a, b] = covariance[i, a, b] + excess[a, b]
-    multiply(path, cross, carried)
-    copy_into(cross, carried)
+    carry_along(path, cross, carried)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
