@@ -57,3 +57,8 @@ def with_change(config, key, value):
         inner = inner[part]
     inner[last] = value
     return changed
+
+
+def read_settings(name):
+    """The content of a file of ``config``."""
+    return yaml.safe_load((ROOT / "config" / name).read_text(encoding="utf-8"))

@@ -8,9 +8,10 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from campaign_folder import QUICK, ROOT, copy_workflow, snakemake
+from campaign_folder import QUICK, ROOT, copy_workflow, read_campaign, read_settings, snakemake
 
 from cislunar.campaign.kernels import kernel_set
+from cislunar.campaign.settings.reading import merged
 from cislunar.estimation import ESTIMATORS
 from cislunar.orbits.families import observer_library
 from cislunar.runtime.kernels import compile_kernels, drop_stale_kernels
@@ -129,3 +130,17 @@ def finished(tmp_path_factory):
     output, code = snakemake(folder, "--cores", "2", *QUICK)
     assert code == 0, output[-6000:]
     return folder
+
+
+@pytest.fixture
+def paper(tmp_path):
+    """The configuration of the full campaign."""
+    return read_campaign(ROOT / "config") | {"results": str(tmp_path)}
+
+
+@pytest.fixture
+def study(paper, monkeypatch):
+    """The example, read from the repository's root as its command does."""
+    monkeypatch.chdir(ROOT)
+    example = read_settings("examples/own_study.yaml")
+    return merged(paper, example | {"results": paper["results"]})
