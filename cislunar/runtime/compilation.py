@@ -6,12 +6,12 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from cislunar.runtime.progress import clock, progress_log, say
+from cislunar.runtime.progress import clock, note_compilation, progress_log, say
 
 _KIND = "numba:compile"
 _INTERVAL_S = 5.0
 _active: list[Any] = []
-"""Active listeners of `announced`; while there are any, the permanent listener is silent."""
+"""Active listeners of `announced`; the last one reports, and the permanent one if there is none."""
 _standing: list[Any] = []
 """The permanent listener of `announce_always`, if it was called."""
 
@@ -54,24 +54,25 @@ def _listener(files: Collection[str] | None) -> Any:
         began = spent = reported = 0.0
 
         def on_start(self, _: Any) -> None:
-            if self in _standing and _active:
+            if self is not [*_standing, *_active][-1]:
                 return
             if self.depth == 0:
                 self.began = time.monotonic()
             if not self.spent and self.depth == 0:
                 say("compiling kernels; they are cached, so that it is done once")
-                self.report = progress_log("kernels")
+                self.report = progress_log("kernels", work_s=time.monotonic)
                 self.before = _counted(files)[0]
                 self.reported = self.began
             self.depth += 1
 
         def on_end(self, _: Any) -> None:
-            if self in _standing and _active:
+            if self is not [*_standing, *_active][-1]:
                 return
             self.depth -= 1
             now = time.monotonic()
             if self.depth == 0:
                 self.spent += now - self.began
+                note_compilation(now - self.began)
             if files is not None:
                 self.report(*_counted(files))
             elif now - self.reported > _INTERVAL_S:

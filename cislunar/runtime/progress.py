@@ -9,6 +9,8 @@ from typing import Any, TypeVar
 logger = logging.getLogger("cislunar")
 
 Progress = Callable[[int, int], None]
+_UPPER_LIMITS = ("evaluations", "iterations", "kernels")
+"""What may end before its total."""
 _Item = TypeVar("Item")
 
 
@@ -19,28 +21,38 @@ def clock(seconds: float) -> str:
     return f"{hours}:{minute:02d}:{second:02d}" if hours else f"{minute}:{second:02d}"
 
 
-def progress_log(name: str, interval_s: float = 5.0) -> Progress:
+_compiled_s = [0.0]
+"""Time that this process has spent on compilation, s."""
+
+
+def note_compilation(seconds: float) -> None:
+    """Exclude a time spent on compilation from the rates of what is under way."""
+    _compiled_s[0] += seconds
+
+
+def progress_log(name: str, interval_s: float = 5.0, *, work_s: Callable[[], float] | None = None
+                 ) -> Progress:  # fmt: skip
     """A callback (done, total) that logs at intervals: share done, elapsed time, remaining time.
-    The remaining time follows from the rate since the first item, which may include compilation;
-    before the second item it is an upper limit."""
-    start = time.monotonic()
-    last = start
+    The remaining time follows from the rate since the first item, per second of `work_s`, which is
+    the time without compilation if omitted; before the second item it is an upper limit."""
+    begin = last = time.monotonic()
+    worked = work_s or (lambda: time.monotonic() - _compiled_s[0])
+    start = worked()
     first: tuple[int, float] | None = None
 
     def report(done: int, total: int) -> None:
         nonlocal first, last
-        now = time.monotonic()
+        now, spent = time.monotonic(), worked()
         if first is None and done > 0:
-            first = done, now
+            first = done, spent
         if now - last < interval_s and done < total:
             return
         last = now
-        elapsed = now - start
         share = 100.0 * done / total if total else 100.0
-        remaining, at_most = "unknown left", name.endswith(("evaluations", "iterations"))
+        remaining, at_most = "unknown left", name.endswith(_UPPER_LIMITS)
         if first is not None:
             counted, since = (0, start) if done == first[0] else first
-            left = (now - since) * (total - done) / (done - counted)
+            left = (spent - since) * (total - done) / (done - counted)
             at_most = (at_most or counted == 0) and done < total
             remaining = f"{clock(left)} left{' at most' if at_most else ''}"
         logger.info(
@@ -49,7 +61,7 @@ def progress_log(name: str, interval_s: float = 5.0) -> Progress:
             done,
             total,
             share,
-            clock(elapsed),
+            clock(now - begin),
             remaining,
         )
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from test_tracking_claims import make_summary
+from made_up_summaries import make_summary
 
 from cislunar.campaign.tracking.tables import (
     estimator_rows,

@@ -99,6 +99,18 @@ def test_compilation_is_announced(caplog):
     assert re.search(r"^compiled \d+ kernels in 0:\d\d$", caplog.messages[-1])
 
 
+def test_compilation_within_a_command_is_announced_once(caplog):
+    caplog.set_level(logging.INFO, "cislunar")
+
+    @njit
+    def quarter(x):
+        return 0.25 * x
+
+    with announced(), announced():
+        assert quarter(1.0) == 0.25
+    assert [message.split()[0] for message in caplog.messages] == ["compiling", "compiled"]
+
+
 def test_a_notebook_without_logging_sees_compilation(monkeypatch, capsys):
     for earlier in compilation._standing:
         event.unregister("numba:compile", earlier)

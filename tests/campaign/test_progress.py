@@ -45,6 +45,21 @@ def test_progress_does_not_take_the_first_item_for_the_pace(monkeypatch, caplog)
     assert caplog.messages[1] == "orbits: 6 of 41 (15 %), 0:15 elapsed, 0:35 left"
 
 
+def test_compilation_is_no_part_of_the_pace(monkeypatch, caplog):
+    clock = Clock(monkeypatch)
+    caplog.set_level(logging.INFO, "cislunar")
+    report, kernels = progress_log("epochs"), progress_log("kernels", work_s=lambda: clock.now)
+    clock.now += 600.0
+    progress.note_compilation(600.0)
+    kernels(30, 40)
+    clock.now += 6.0
+    report(1, 41)
+    assert caplog.messages == [
+        "kernels: 30 of 40 (75 %), 10:00 elapsed, 3:20 left at most",
+        "epochs: 1 of 41 (2 %), 10:06 elapsed, 4:00 left at most",
+    ]
+
+
 def test_progress_without_anything_done_does_not_divide_by_zero(monkeypatch, caplog):
     clock = Clock(monkeypatch)
     caplog.set_level(logging.INFO, "cislunar")
