@@ -3,8 +3,13 @@
 from collections.abc import Callable
 from typing import Any
 
-from numba import njit
+import numba
 from numba.extending import overload
+
+try:
+    from cislunar.kernel_dispatcher import KernelDispatcher
+except (ImportError, AttributeError):  # another version of Numba
+    KernelDispatcher = None
 
 _WITH_OWN_BODY: dict[Callable, set[type]] = {}
 
@@ -34,6 +39,22 @@ def for_all_others(function: Callable) -> Callable:
 
     overload(function, strict=False, inline="always")(choose)
     return function
+
+
+def njit(*, cache: bool, **options: Any) -> Callable:
+    """As `numba.njit` for kernels of the library: object code is made only for the kernels that
+    Python calls, see `cislunar.kernel_dispatcher`, if this version of Numba allows it."""
+
+    def decorate(function: Callable) -> Callable:
+        if KernelDispatcher is None or numba.config.DISABLE_JIT:
+            return numba.njit(cache=cache, **options)(function)
+        usual = {"nopython": True, "boundscheck": None}
+        kernel = KernelDispatcher(function, targetoptions=usual | options)
+        if cache:
+            kernel.enable_caching()
+        return kernel
+
+    return decorate
 
 
 njit_noalloc = njit(cache=True, error_model="numpy", _nrt=False)

@@ -9,8 +9,10 @@ not depend on the vector width.
 import math
 
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
+
+from cislunar.compiled import njit
 
 LOWEST_EXPONENT = -708.0
 """For smaller arguments the exponential is exp(-708) = 3e-308, so that it is never subnormal."""

@@ -13,8 +13,9 @@ random numbers differ from Hyperopt's, and ties in the loss go to the older tria
 from bisect import insort_right
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
+
+from cislunar.compiled import njit
 
 Array = NDArray[np.float64]
 

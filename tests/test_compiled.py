@@ -10,6 +10,7 @@ from numba.core.errors import NumbaError
 
 import cislunar
 from cislunar.compiled import copy_into, njit_noalloc
+from cislunar.kernel_dispatcher import KernelDispatcher
 
 
 def _kernels():
@@ -30,6 +31,11 @@ def _called(kernel):
                 yield from _called(value)
             else:
                 yield name, value
+
+
+def test_every_kernel_has_the_dispatcher_of_the_library():
+    usual = {name for name, kernel in _kernels() if not isinstance(kernel, KernelDispatcher)}
+    assert not usual
 
 
 def test_kernels_without_arrays_call_kernels_with_a_decorator_only():

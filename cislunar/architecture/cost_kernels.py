@@ -7,11 +7,11 @@ number of satellites, S the sum of their stability indices, d the distances and 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.architecture.objective import IMPROVES
 from cislunar.architecture.tables import ArchitectureTables
+from cislunar.compiled import njit
 
 _E = np.e
 _LOG10_E = np.log10(np.e)

@@ -22,12 +22,11 @@ from math import erf
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.association.likelihood import gate_threshold
 from cislunar.association.window import Window
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.constants import MU
 from cislunar.detection.exposures import Detections, Exposures, boresight_vectors, tangent_offset
 from cislunar.detection.process import DetectionProcess

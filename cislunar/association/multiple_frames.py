@@ -12,14 +12,13 @@ likely of the track than false alarms need no such confirmation.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
 from cislunar.association.likelihood import gate_threshold
 from cislunar.association.window import Association, Window, clusters, decided
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit, njit_noalloc
 
 Indices = NDArray[np.int64]
 

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.association.likelihood import gaussian_log_likelihood
+from cislunar.compiled import njit
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

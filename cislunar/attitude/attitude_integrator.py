@@ -13,11 +13,10 @@ torque that is constant in the body frame.
 """
 
 import numpy as np
-from numba import njit
 
 from cislunar.attitude.quaternion import SMALL_ANGLE, multiply_components
 from cislunar.attitude.rigid_body import angular_acceleration
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.elementary import sine_and_cosine
 
 TURN_PER_STEP = 0.03

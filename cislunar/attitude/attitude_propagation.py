@@ -1,9 +1,9 @@
 """Attitudes of many bodies at common times (compiled)."""
 
 import numpy as np
-from numba import njit
 
 from cislunar.attitude.rigid_body import propagate_kernel, propagate_spherical
+from cislunar.compiled import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -9,10 +9,9 @@ The ``*_components`` functions are compiled and handle one attitude; `to_quatern
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import njit_alloc
+from cislunar.compiled import njit, njit_alloc
 from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]

@@ -20,13 +20,12 @@ within one step. Any consistent units may be used.
 """
 
 import numpy as np
-from numba import njit
 
 from cislunar.attitude.attitude_integrator import acceleration, rate_after, turned
 from cislunar.attitude.inertia import INERTIA, TORQUE
 from cislunar.attitude.quaternion import rotate_components
 from cislunar.attitude.rigid_body import angular_acceleration, matrix_times
-from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
+from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
 from cislunar.elementary import exponential
 
 COLUMNS = 8

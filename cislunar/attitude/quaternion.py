@@ -11,8 +11,9 @@ arrays.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
+
+from cislunar.compiled import njit
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,6 @@ the fixed steps of `cislunar.attitude.attitude_integrator`. Angles are in rad, t
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude.inertia import inertia_matrix, is_spherical
@@ -19,7 +18,7 @@ from cislunar.attitude.quaternion import (
     rotate_components,
     rotation_vector_components,
 )
-from cislunar.compiled import njit_alloc, njit_noalloc
+from cislunar.compiled import njit, njit_alloc, njit_noalloc
 from cislunar.dynamics.tableau import A8, ERROR8_3, ERROR8_5, STAGES8
 from cislunar.errors import ConfigurationError
 

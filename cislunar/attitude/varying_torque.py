@@ -17,11 +17,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.attitude.quaternion import rotate_components
 from cislunar.attitude.rigid_body import matrix_times, propagate_kernel
+from cislunar.compiled import njit
 from cislunar.dynamics.radiation import SOLAR_PRESSURE_N_M2
 
 Array = NDArray[np.float64]

@@ -19,10 +19,9 @@ Assumptions and limitations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.detection.process import DetectionProcess
 from cislunar.observation.measurement import DETECTED, FAINT, NOT_TASKED, observe
 from cislunar.observation.scene import Scene

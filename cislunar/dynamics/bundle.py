@@ -12,10 +12,9 @@ sets of sigma points take half as many stages. Truth and Cramer-Rao bound always
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import copy_into, for_all_others, njit_noalloc
+from cislunar.compiled import copy_into, for_all_others, njit, njit_noalloc
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import (
     acceleration,

@@ -8,7 +8,7 @@ A state is ``(x, y, z, vx, vy, vz)``.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
@@ -31,7 +31,7 @@ EARTH_MOON = CR3BP()
 """The Earth-Moon system of the paper."""
 
 
-@njit(cache=True, inline="always")
+@register_jitable(inline="always")
 def primary_positions(mu):
     """Positions of the Earth and of the Moon, nondimensional, rotating frame (compiled)."""
     return (-mu, 0.0, 0.0), (1.0 - mu, 0.0, 0.0)

@@ -15,10 +15,9 @@ Assumptions and limitations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import implements, njit_noalloc
+from cislunar.compiled import implements, njit, njit_noalloc
 from cislunar.constants import GM_UNIT_KM3_S2, LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics import forces
 from cislunar.dynamics.forces import Nothing

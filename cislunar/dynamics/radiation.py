@@ -9,10 +9,9 @@ disc is that of the conical shadow (Montenbruck & Gill 2000, "Satellite Orbits",
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import for_all_others, implements, njit_noalloc
+from cislunar.compiled import for_all_others, implements, njit, njit_noalloc
 from cislunar.constants import EARTH_RADIUS_KM, GM_UNIT_KM3_S2, LENGTH_UNIT_KM, MOON_RADIUS_KM
 from cislunar.dynamics.forces import Nothing
 from cislunar.errors import ConfigurationError

@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.compiled import njit
 from cislunar.constants import SECONDS_PER_DAY
 from cislunar.ephemeris.kernel import (
     DEFAULT_KERNEL,

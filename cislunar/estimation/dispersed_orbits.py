@@ -1,8 +1,8 @@
 """Sigma points of the positions and velocities of targets, and their propagation."""
 
 import numpy as np
-from numba import njit
 
+from cislunar.compiled import njit
 from cislunar.dynamics.bundle import step_bundle
 from cislunar.dynamics.forces import of_state
 from cislunar.dynamics.tableau import STAGES8

@@ -3,10 +3,9 @@ Points of position and velocity are the columns of a bundle (6, 2 n + 1), the ce
 The expected measurements of the outer points less the central one are the rows of `expected` (2 n,
 m)."""
 
-from numba import njit
-
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
+from cislunar.compiled import njit
 from cislunar.observation.sightline import METERS, direction_angles, lit_directions, wrap_angle
 from cislunar.observation.target_surfaces import body_of
 from cislunar.photometry.body_blocks import body_magnitudes

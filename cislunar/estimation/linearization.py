@@ -5,10 +5,9 @@ in units of their prior standard deviations."""
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
+from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
 from cislunar.dynamics.bundle import step_cloud
 from cislunar.dynamics.forces import (
     acceleration,

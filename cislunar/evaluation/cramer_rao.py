@@ -24,13 +24,12 @@ from copy import copy
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.parameter_deviations import parameter_transition
 from cislunar.attitude.rigid_body import spherical_transition
-from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
+from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
 from cislunar.dynamics.adaptive.runge_kutta import DOP853, OK, integrate
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.forces import of_state

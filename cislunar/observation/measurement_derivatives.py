@@ -5,9 +5,8 @@ position, velocity), in the units of the error state of the filters.
 """
 
 import numpy as np
-from numba import njit
 
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.observation.sightline import METERS, lit_directions, rotate
 from cislunar.observation.target_surfaces import body_of
 from cislunar.photometry.body_blocks import (

@@ -19,11 +19,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.attitude.attitude_propagation import propagate_attitudes
+from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.quaternion import attitude_matrix
-from cislunar.attitude.rigid_body import propagate_spherical
 from cislunar.constants import MU, TIME_UNIT_S
 from cislunar.dynamics.bounds import require_nondimensional
 from cislunar.dynamics.cr3bp import primary_positions
@@ -142,19 +142,12 @@ def make_scene(
     )
 
 
-@njit(cache=True)
-def _attitude_history(quaternion, rate, elapsed_s, out):
-    for k in range(elapsed_s.size):
-        out[k] = propagate_spherical(quaternion, rate, elapsed_s[k])
-
-
 def _constant_rate_attitude(quaternion: ArrayLike, rate: ArrayLike, elapsed_s: ArrayLike) -> Array:
     """Attitudes (time, 4) of a torque-free body of spherical inertia after `elapsed_s` (time,),
     given the attitude at the epoch (inertial frame to body frame) and the angular velocity (body
     frame, rad/s)."""
-    times = np.asarray(elapsed_s, dtype=float)
-    out = np.empty((times.size, 4))
-    _attitude_history(
-        np.asarray(quaternion, dtype=float), np.asarray(rate, dtype=float), times, out
-    )
-    return out
+    times = np.ascontiguousarray(elapsed_s, dtype=float)
+    attitude, omega = np.empty((1, times.size, 4)), np.empty((1, times.size, 3))
+    body, initial = rigid_bodies(np.eye(3)[None]), [np.array([each]) for each in (quaternion, rate)]
+    propagate_attitudes(times, body, np.zeros((1, 3)), 0.0, *initial, attitude, omega)
+    return attitude[0]

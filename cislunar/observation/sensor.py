@@ -19,10 +19,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import copy_into, njit_noalloc
+from cislunar.compiled import copy_into, njit, njit_noalloc
 from cislunar.errors import ConfigurationError
 from cislunar.runtime.settings_fields import (
     Angle,

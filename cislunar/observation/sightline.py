@@ -15,10 +15,9 @@ Assumptions and limitations
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM
 from cislunar.dynamics.radiation import SUN_RADIUS_KM, visible_sun
 from cislunar.observation.sensor import sine_of_elevation

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude.inertia import inertia_matrix
+from cislunar.compiled import njit
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.bodies import Body, plain_body
 from cislunar.photometry.law_mixture.blocks import COOK_TORRANCE

@@ -11,11 +11,10 @@ tracklets badly.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.association import gate_threshold
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.adaptive import DOP853, OK, integrate
 from cislunar.orbit_determination.angles import Angles, frame_rate

@@ -14,10 +14,9 @@ measured one. Derivatives neglect those of the light time, which are below 1e-4 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.dynamics import EARTH_MOON, require_span
 from cislunar.dynamics.adaptive import DOP853, OK, integrate
 from cislunar.errors import ConfigurationError

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.compiled import njit
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.photometry.body_blocks import body_magnitudes
 from cislunar.photometry.facet_blocks import (

@@ -12,10 +12,9 @@ are exactly those of the returned magnitude, one-sided at the edges of the table
 """
 
 import numpy as np
-from numba import njit
 
 from cislunar.attitude.quaternion import rotate_components
-from cislunar.compiled import njit_alloc, njit_noalloc
+from cislunar.compiled import njit, njit_alloc, njit_noalloc
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
     BY_HALF2,

@@ -12,10 +12,9 @@ sum.
 """
 
 import numpy as np
-from numba import njit
 
 from cislunar.attitude.quaternion import rotate_components
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.elementary import exponential
 from cislunar.photometry.facets import FLOOR_MAGNITUDE, IRRADIANCE_FLOOR, LN10, reflection_constants

@@ -14,11 +14,10 @@ The paper's specular reflectance has a factor [(N.L)(N.V)]^-1, which its facet s
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.attitude.quaternion import rotate_components
-from cislunar.compiled import njit_alloc, njit_noalloc
+from cislunar.compiled import njit, njit_alloc, njit_noalloc
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.materials import Material, PhotometryModel

@@ -12,9 +12,10 @@ inverse cosine.
 """
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
+from cislunar.compiled import njit
 from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.observation.sightline import outside_exclusion, sphere_brighter
 

@@ -7,9 +7,9 @@ observations are subtracted. The dimming is that of `cislunar.observation.sightl
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.compiled import njit
 from cislunar.dynamics.cr3bp import primary_positions
 from cislunar.observation.sightline import outside_exclusion, sphere_brighter, sunlit_share
 

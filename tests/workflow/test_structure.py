@@ -18,7 +18,9 @@ PATHS = {
 PACKAGES = {name for name, path in PATHS.items() if path.name == "__init__.py"}
 
 LAYERS = (
-    "constants errors compiled elementary parzen",
+    "constants errors kernel_dispatcher",
+    "compiled",
+    "elementary parzen",
     "quantities",
     "runtime",
     "ephemeris",

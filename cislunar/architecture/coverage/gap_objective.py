@@ -1,7 +1,6 @@
 """Gaps between observations of static targets as an objective."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.architecture.certified import Bound, ObjectiveCertificate, certified_search
@@ -9,6 +8,7 @@ from cislunar.architecture.coverage.certificate import greedy_coverage
 from cislunar.architecture.coverage.objective import CoverageObjective
 from cislunar.architecture.coverage.tables import CoverageTables
 from cislunar.architecture.objective import IMPROVES, Replacement, first_best
+from cislunar.compiled import njit
 from cislunar.errors import ConfigurationError
 
 GAP_MEASURES = ("longest", "mean", "wait")

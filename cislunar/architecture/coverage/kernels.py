@@ -1,7 +1,8 @@
 """Operations on sets stored as bits: counting, gains, lazy greedy, weighted sums (compiled)."""
 
 import numpy as np
-from numba import njit
+
+from cislunar.compiled import njit
 
 _TILE = 32  # bytes of a row whose tables of partial sums fit the first-level cache
 

@@ -1,9 +1,9 @@
 """Distances from which bodies in random attitude are bright enough to be measured."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.compiled import njit
 from cislunar.errors import ConfigurationError
 from cislunar.observation.sightline import METERS
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of

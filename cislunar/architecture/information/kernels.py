@@ -7,10 +7,10 @@ states alone. Sums run in one order on every machine.
 """
 
 import numpy as np
-from numba import njit
 
 from cislunar.architecture.information.observation_kernels import PACKED
 from cislunar.architecture.objective import IMPROVES
+from cislunar.compiled import njit
 
 
 @njit(cache=True, error_model="numpy")

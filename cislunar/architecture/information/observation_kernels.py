@@ -4,9 +4,9 @@ Symmetric 6 x 6 matrices are stored as the 21 entries of the lower triangle, row
 """
 
 import numpy as np
-from numba import njit
 
 from cislunar.architecture.information.brightness import bright_share
+from cislunar.compiled import njit
 from cislunar.observation.sightline import METERS, in_clear_view, lit_directions, sphere_brighter
 from cislunar.observation.target_surfaces import body_of
 from cislunar.photometry.body_blocks import body_magnitude_derivatives

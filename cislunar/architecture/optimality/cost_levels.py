@@ -3,7 +3,6 @@
 from functools import partial
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.architecture.cost_kernels import CostArrays, cost, log_envelope
@@ -11,6 +10,7 @@ from cislunar.architecture.objective import Level
 from cislunar.architecture.optimality.cost_relaxation import CostRelaxation
 from cislunar.architecture.optimality.knapsack import NO_CHOICE, best_choice
 from cislunar.architecture.optimality.target_groups import group_means, group_targets
+from cislunar.compiled import njit
 
 
 def cost_levels(arrays: CostArrays, n_slots: int, n_groups: int) -> list[Level]:

@@ -16,14 +16,13 @@ of orbits and counts is exact: if it is <= 0, no architecture in the cone exceed
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.architecture.cost_kernels import CostArrays, architecture_cost, log_envelope
 from cislunar.architecture.optimality import node
 from cislunar.architecture.optimality.knapsack import NO_CHOICE, best_choice
 from cislunar.architecture.optimality.node import MAX_VERTICES, active_orbits
-from cislunar.compiled import implements
+from cislunar.compiled import implements, njit
 
 _LOG10_E = np.log10(np.e)
 _MAX_CUTS = 40  # largest number of tangents

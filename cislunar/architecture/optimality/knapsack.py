@@ -6,7 +6,8 @@ otherwise it is a knapsack over (orbits used, excess used), exact in O(orbits S 
 """
 
 import numpy as np
-from numba import njit
+
+from cislunar.compiled import njit
 
 NO_CHOICE = -1.0e300  # score of an impossible choice
 

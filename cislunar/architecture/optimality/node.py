@@ -22,10 +22,10 @@ The relaxation of the objective is any object with
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.architecture.optimality.knapsack import conditional_bests
+from cislunar.compiled import njit
 
 MAX_VERTICES = 32
 _CLOSED, _LEAF, _BRANCHED = 0, 1, 2

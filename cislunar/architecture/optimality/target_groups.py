@@ -5,8 +5,9 @@ observations; the loss is small if the targets of a group are similar.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from cislunar.compiled import njit
 
 _FEATURES = 64  # orbits whose observations are compared
 _ITERATIONS = 12

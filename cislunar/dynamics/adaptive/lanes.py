@@ -16,9 +16,9 @@ because only then does the compiler vectorize the loops.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.compiled import njit
 from cislunar.dynamics.adaptive.runge_kutta import (
     DOPRI5,
     MAX_STEPS,

@@ -8,8 +8,8 @@ matrix (STM) in row order, whose variational equations are integrated as well.
 """
 
 import numpy as np
-from numba import njit
 
+from cislunar.compiled import njit
 from cislunar.dynamics.forces import acceleration, acceleration_change, at, partials
 from cislunar.dynamics.tableau import (
     A5,

@@ -15,9 +15,9 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.compiled import njit
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import (
     HEALTHY,

@@ -12,9 +12,9 @@ estimate.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.compiled import njit
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.triangular import cholesky, solve_lower, solve_transposed
 

@@ -8,12 +8,11 @@ parameters may precede it, see `cislunar.estimation.kalman.parameter_states`.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
-from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
+from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
 from cislunar.dynamics.bundle import step_cloud
 from cislunar.dynamics.forces import of_state
 from cislunar.estimation.estimator import (

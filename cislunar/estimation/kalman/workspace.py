@@ -3,10 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
+from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
 from cislunar.dynamics.forces import of_targets, require_targets
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.errors import ConfigurationError

@@ -3,10 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
+from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
 from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
     HEALTHY,

@@ -19,7 +19,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
@@ -31,7 +30,7 @@ from cislunar.attitude.parameter_deviations import (
     perturbed_rotation,
 )
 from cislunar.attitude.quaternion import multiply_components
-from cislunar.compiled import njit_alloc, njit_noalloc
+from cislunar.compiled import njit, njit_alloc, njit_noalloc
 from cislunar.estimation.light_curves.cost_work import make_cost_work
 from cislunar.estimation.light_curves.row_blocks import (
     CURVATURE,

@@ -8,7 +8,6 @@ follow these six, already in their units.
 """
 
 import numpy as np
-from numba import njit
 
 from cislunar.attitude.grp import GRP_A, GRP_F, pull_back_to_grp
 from cislunar.attitude.parameter_deviations import (
@@ -18,7 +17,7 @@ from cislunar.attitude.parameter_deviations import (
     weigh_ends,
 )
 from cislunar.attitude.quaternion import multiply_components, rotate_components
-from cislunar.compiled import njit_alloc, njit_noalloc
+from cislunar.compiled import njit, njit_alloc, njit_noalloc
 from cislunar.elementary import sine_and_cosine
 from cislunar.photometry import facet_blocks
 from cislunar.photometry.facet_blocks import BLOCK_ROWS, LANES, QUATERNION, TURN

@@ -3,9 +3,8 @@
 assumes observers without errors, and is linear about the corrected estimate."""
 
 import numpy as np
-from numba import njit
 
-from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
+from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
 from cislunar.dynamics.forces import of_state
 from cislunar.estimation.linearization import (
     SIZE,

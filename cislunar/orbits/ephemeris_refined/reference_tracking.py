@@ -6,10 +6,10 @@ Assumptions and limitations
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import cumulative_simpson
 
+from cislunar.compiled import njit
 from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.ephemeris_forces import EphemerisForces

@@ -19,11 +19,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
+from cislunar.compiled import njit
 from cislunar.constants import (
     EARTH_RADIUS_KM,
     LENGTH_UNIT_KM,

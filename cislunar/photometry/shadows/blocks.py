@@ -8,11 +8,11 @@ remaining cases, at the edges of shadows, are computed one by one.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from cislunar.compiled import njit_alloc, njit_noalloc
+from cislunar.compiled import njit, njit_alloc, njit_noalloc
 from cislunar.photometry.facet_blocks import (
     BY_AXIS_SCALE,
     BY_LIT,

@@ -14,9 +14,9 @@ around each direction. It is continuous, and exact where the mask does not chang
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.compiled import njit
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.meshes import CONVEX_TOLERANCE, Mesh, mesh_size
 from cislunar.photometry.shapes import facets_from_triangles

@@ -11,14 +11,13 @@ Assumptions and limitations
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cislunar.attitude import grp
 from cislunar.attitude.attitude_propagation import propagate_attitudes
 from cislunar.attitude.inertia import rigid_bodies
 from cislunar.attitude.quaternion import compose
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.estimation.estimator import Prediction, Rotation
 from cislunar.observation.scene import Scene

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Prediction
 from cislunar.estimation.expected import expected_directions, expected_measurements

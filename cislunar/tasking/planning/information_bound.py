@@ -21,9 +21,8 @@ where that exceeds the pointing-uncertainty gate, the pair has no information.
 """
 
 import numpy as np
-from numba import njit
 
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.estimation.triangular import cholesky
 from cislunar.observation.sightline import SUN, rotate, toward_primary
 

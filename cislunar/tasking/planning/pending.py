@@ -15,9 +15,9 @@ Assumptions and limitations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.compiled import njit
 from cislunar.dynamics.bundle import step_bundle
 from cislunar.dynamics.forces import of_state
 from cislunar.dynamics.tableau import STAGES8

@@ -21,10 +21,9 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from cislunar.compiled import njit_noalloc
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.estimation.dispersed_orbits import TRANSLATION_SIZE
 from cislunar.estimation.triangular import cholesky
 from cislunar.tasking.planning.assignment import IDLE, INFORMATION_DECIMALS, assign, values_in_field

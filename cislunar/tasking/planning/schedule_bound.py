@@ -16,9 +16,9 @@ by its best observations alone, which can only increase L.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from cislunar.compiled import njit
 from cislunar.tasking.planning.schedule import DetectionProbabilities, value_of_observations
 from cislunar.tasking.planning.slot_observations import SlotObservations
 
