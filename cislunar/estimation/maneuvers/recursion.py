@@ -114,7 +114,7 @@ def _scan_target(j, first, model, records, orbit, own, settings, planned, out, w
         k = first + i
         if not planned and not np.isfinite(mean[i, 0]):
             return
-        transition(forced, k - 1, scene, state, state, work)
+        transition(forced, k - 1, 1, scene, state, state, work)
         multiply(work.phi, path, moved)
         copy_into(path, moved)
         copy_into(state, work.mean)

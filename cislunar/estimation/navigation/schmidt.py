@@ -88,7 +88,7 @@ def _consider_target(j, first, model, records, orbit, own, parameter_variance, o
         if not np.isfinite(mean[i, 0]):
             translation[i:], total[i:] = np.nan, np.nan
             return
-        transition(forced, k - 1, scene, place, state, work)
+        transition(forced, k - 1, 1, scene, place, state, work)
         phi = work.phi
         multiply(phi, path, moved)
         copy_into(path, moved)
