@@ -163,7 +163,7 @@ def _texts(
         return {path: oem_text(arcs, **message)}
     if suffix == ".csv":
         return {path: segments_csv(arcs, time_system=time_system)}
-    maneuvers = cell_maneuvers(cell, sun, seed=seed) if data == "truth" else {}
+    maneuvers = cell_maneuvers(cell, sun, which, seed=seed)
     return {
         path.with_name(
             f"{path.stem}_{re.sub(r'[^-.A-Za-z0-9]', '_', each.name)}{path.suffix}"

@@ -291,6 +291,18 @@ class Estimator(Protocol):
         """
         ...
 
+    def replace_orbits(self, targets: ArrayLike, translation: Array, covariance: Array) -> None:
+        """Replace orbits at the time of the last processed step by those of another method.
+
+        Parameters
+        ----------
+        targets : array_like of int, shape (n,)
+            Targets whose estimates have not failed.
+        translation, covariance : ndarray, shapes (n, 6) and (n, 6, 6)
+            Nondimensional, propagation frame. Correlations with the rotation become zero.
+        """
+        ...
+
     def add(
         self,
         initial: InitialEstimate,
@@ -351,7 +363,7 @@ class EstimatorFactory(Protocol):
     `cislunar.estimation.light_curves.batch.BatchEstimator`. A factory whose estimators choose
     between models of the body has `chooses_models` = True, and its estimators `attitude_status` and
     `characterizations`. One whose estimators test for maneuvers has `tests_maneuvers` = True, see
-    `cislunar.estimation.maneuvers.monitored_estimator.monitored`.
+    `cislunar.estimation.maneuvers.factory.monitored`.
     """
 
     def __call__(

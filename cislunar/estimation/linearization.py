@@ -101,16 +101,16 @@ def make_scratch():
 
 
 @njit_noalloc
-def transition(forces, k, scene, state, other, work):
-    """Propagate a state (6,) and another one nearby over the step from time k, into `work.mean` and
-    `work.beside`, with the transition matrix of the first into `work.phi`."""
+def transition(forces, k, n_steps, scene, state, other, work):
+    """Propagate a state (6,) and another one nearby from time k over some steps at once, into
+    `work.mean` and `work.beside`, with the transition matrix of the first into `work.phi`."""
     bundle = work.bundle
     for c in range(SIZE):
         for i in range(SIZE + 1):
             bundle[c, i] = state[c]
         bundle[c, 1 + c] += _OFFSET
         bundle[c, SIZE + 1] = other[c]
-    step_cloud(forces, k * scene.step, bundle, scene.step, work.slopes, work.stage)
+    step_cloud(forces, k * scene.step, bundle, n_steps * scene.step, work.slopes, work.stage)
     for c in range(SIZE):
         work.mean[c] = bundle[c, 0]
         work.beside[c] = bundle[c, SIZE + 1]
@@ -165,7 +165,7 @@ def carry_estimates(forces, k, scene, place, state, measured, path, spread, work
     difference of the estimates alone is propagated. The matrix of the step goes into `work.phi`."""
     phi, pair = work.phi, work.pair
     if not _calm_transition(forces, k, scene, place, phi):
-        transition(forces, k, scene, place, state, work)
+        transition(forces, k, 1, scene, place, state, work)
         copy_into(place, work.mean)
         copy_into(state, work.beside)
     elif measured:
@@ -243,7 +243,7 @@ def carry_covariance(phi, covariance, work):
 
 
 @njit_noalloc
-def _by_state(state, value, o, k, scene, work):
+def angles_by_state(state, value, o, k, scene, work):
     """Measured less expected right ascension and declination, into `work.angles`, and the
     derivatives of the expected ones by the state's position, into `work.rows`."""
     place, axes = scene.observer_position[o, k], scene.observer_axes[k]
@@ -256,9 +256,9 @@ def _by_state(state, value, o, k, scene, work):
 
 @njit_noalloc
 def linearize(state, value, o, k, scene, observers, work):
-    """As `_by_state`; the derivatives by the parameters of the observer, J, go into `work.own` (2,
-    m)."""
-    dx, dy, dz = _by_state(state, value, o, k, scene, work)
+    """As `angles_by_state`; the derivatives by the parameters of the observer, J, go into
+    `work.own` (2, m)."""
+    dx, dy, dz = angles_by_state(state, value, o, k, scene, work)
     rows, own = work.rows, work.own
     own[:, :] = 0.0
     for c in range(6):
@@ -323,7 +323,7 @@ def follow(state, covariance, value, variance, o, k, scene, work):
     """Update of the filter without errors, its state (6,) and covariance (6, 6), by two angles. The
     derivatives, gain and innovation go into `work`. Returns the root of the innovation's
     covariance."""
-    _by_state(state, value, o, k, scene, work)
+    angles_by_state(state, value, o, k, scene, work)
     root = use_exactly(covariance, variance, work)
     gain, angles = work.gain, work.angles
     for c in range(SIZE):
@@ -341,7 +341,7 @@ def carry_corrections(k, scene, forces, mean, shift, spread):
             continue
         for c in range(SIZE):
             place[c] = mean[j, c] + shift[j, c]
-        transition(of_state(forces, j), k, scene, place, mean[j], work)
+        transition(of_state(forces, j), k, 1, scene, place, mean[j], work)
         for c in range(SIZE):
             shift[j, c] = work.mean[c] - work.beside[c]
         carry_covariance(work.phi, spread[j], work.square)

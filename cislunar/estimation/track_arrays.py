@@ -48,6 +48,28 @@ def starting_index(index: int | None, present: int) -> int:
     return present if index is None else int(index)
 
 
+def replaced_roots(root: Array, covariance: Array, tracks: ArrayLike) -> Array:
+    """Lower Cholesky factors of covariances in which those of the last states are replaced, without
+    correlation with the others.
+
+    Parameters
+    ----------
+    root : ndarray, shape (track, n, n)
+        Lower Cholesky factors.
+    covariance : ndarray, shape (changed, m, m)
+        New covariances of the last m states.
+    tracks : array_like of int, shape (changed,)
+        Tracks whose factors change.
+    """
+    out, m = root.copy(), covariance.shape[-1]
+    # in units of the deviations, so that rounding cannot make a covariance indefinite
+    scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    correlation = covariance / (scale[:, :, None] * scale[:, None]) + 1e-12 * np.eye(m)
+    out[tracks, -m:] = 0.0
+    out[tracks, -m:, -m:] = scale[:, :, None] * np.linalg.cholesky(correlation)
+    return out
+
+
 def widened_roots(root: Array, covariance: Array, tracks: NDArray[np.bool_]) -> Array:
     """Lower Cholesky factors of covariances to which others are added.
 

@@ -47,6 +47,7 @@ from cislunar.tasking.histories import (
     ManeuverLog,
     ObservationLog,
     Outputs,
+    RecoveredLog,
     histories_text,
 )
 from cislunar.tasking.initial_conditions import initial_estimate
@@ -88,6 +89,8 @@ class LoopResult:
         over seeds; None unless the estimator chooses between models of the bodies.
     maneuvers : ManeuverLog or None
         All true maneuvers, if ``settings.record`` has "truth".
+    recovered_maneuvers : RecoveredLog or None
+        All estimated maneuvers, if the estimator estimates them.
     """
 
     elapsed_s: Array
@@ -98,6 +101,7 @@ class LoopResult:
     observations: ObservationLog | None
     characterized: CharacterizedTargets | None = None
     maneuvers: ManeuverLog | None = None
+    recovered_maneuvers: RecoveredLog | None = None
 
     def __getattr__(self, name: str) -> NDArray | None:
         if name in HISTORIES:
@@ -289,6 +293,14 @@ class ClosedLoop:
         logs = [end.maneuvers for end in self.state.ends]
         return ManeuverLog(*map(np.concatenate, zip(*logs, strict=True)))
 
+    def recovered(self) -> RecoveredLog | None:
+        """Estimated maneuvers of a completed run, if they are estimated."""
+        if not self.inputs.recovers:
+            return None
+        logs = [end.recovered for end in self.state.ends]
+        number = np.repeat(self.numbers, [each.target.size for each in logs])
+        return RecoveredLog(number, *map(np.concatenate, zip(*logs, strict=True)))
+
 
 def _by_seed(found: Sequence[Any]) -> Any:
     """Named tuples of arrays as one, with a leading axis."""
@@ -370,7 +382,7 @@ def run_closed_loop(
     )
     elapsed_s = settings.step_s * (settings.recorded + 1.0)
     results = elapsed_s, kept, metrics, failed, counters, observations
-    return LoopResult(*results, loop.characterized(), loop.maneuvers())
+    return LoopResult(*results, loop.characterized(), loop.maneuvers(), loop.recovered())
 
 
 def _identities(target_ids: ArrayLike) -> NDArray[np.int64]:

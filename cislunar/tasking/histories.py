@@ -285,10 +285,31 @@ class ManeuverLog(NamedTuple):
     duration_s: Array
     velocity_m_s: Array
 
-    def variables(self) -> dict[str, tuple]:
-        """Dimensions, values, unit and description by the names of `MANEUVER_VARIABLES`."""
-        columns = zip(MANEUVER_VARIABLES.items(), self, strict=True)
-        return {name: (("maneuver", *dims), each, *rest) for (name, (dims, *rest)), each in columns}
+
+class RecoveredLog(NamedTuple):
+    """Estimated maneuvers of a run, by seed and alarm; arrays, shape (maneuver, ...). `seed` is the
+    index of the realization; the others are those of
+    `cislunar.estimation.maneuvers.recovering_estimator.RecoveredManeuvers`."""
+
+    seed: NDArray[np.int64]
+    target: NDArray[np.int64]
+    alarm_s: Array
+    time_s: Array
+    time_sigma_s: Array
+    velocity_m_s: Array
+    covariance: Array
+    probability: Array
+
+
+def log_variables(log: ManeuverLog | RecoveredLog) -> dict[str, tuple]:
+    """Dimensions, values, unit and description by the names of the variables of a log."""
+    given = (
+        ("maneuver", MANEUVER_VARIABLES)
+        if isinstance(log, ManeuverLog)
+        else ("recovered_maneuver", RECOVERED_VARIABLES)
+    )
+    columns = zip(given[1].items(), log, strict=True)
+    return {name: ((given[0], *dims), each, *rest) for (name, (dims, *rest)), each in columns}
 
 
 MANEUVER_VARIABLES = {
@@ -302,6 +323,20 @@ MANEUVER_VARIABLES = {
 }  # fmt: skip
 """Variables of `ManeuverLog` in its order: dimensions after that of the maneuvers, unit and
 description."""
+
+RECOVERED_VARIABLES = {
+    "recovered_seed": ((), "1", "index of the realization"),
+    "recovered_target": ((), "1", "index of the target along dimension target"),
+    "recovered_alarm": ((), "s", "observation with the alarm, since the start of the run"),
+    "recovered_time": ((), "s", "estimated time of the maneuver since the start of the run"),
+    "recovered_time_sigma": ((), "s", "standard deviation of the estimated time"),
+    "recovered_velocity": (
+        ("axis",), "m s-1", "estimated change of velocity, axes of the propagation frame"),
+    "recovered_covariance": (
+        ("axis", "axis_2"), "m2 s-2", "covariance of the estimated change of velocity"),
+    "recovered_probability": ((), "1", "probability that the target has maneuvered"),
+}  # fmt: skip
+"""Variables of `RecoveredLog`, as `MANEUVER_VARIABLES`."""
 
 
 class _ObservationColumn(NamedTuple):

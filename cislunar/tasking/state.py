@@ -11,6 +11,7 @@ from cislunar.association.tracks import TrackStatus
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimator, EstimatorFactory, InitialEstimate
 from cislunar.estimation.light_curves.row_blocks import TIME
+from cislunar.estimation.maneuvers.recovering_estimator import RecoveredManeuvers
 from cislunar.evaluation.characterization import CharacterizedTargets, characterized_targets
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
@@ -73,6 +74,11 @@ class SimulationInputs(NamedTuple):
         return getattr(self.factory, "tests_maneuvers", False)
 
     @property
+    def recovers(self) -> bool:
+        """Whether the estimators estimate maneuvers after an alarm."""
+        return getattr(self.factory, "recovers", False)
+
+    @property
     def chooses_models(self) -> bool:
         """Whether the estimators choose between models of the bodies."""
         return getattr(self.factory, "chooses_models", False)
@@ -102,14 +108,15 @@ class SimulationInputs(NamedTuple):
 
 class End(NamedTuple):
     """What remains of a completed realization: metrics, reasons of failed estimates, counters, the
-    characterization of the targets, None if no models of bodies are chosen, and the true maneuvers.
-    """
+    characterization of the targets, None if no models of bodies are chosen, the true maneuvers, and
+    the estimated ones, None unless they are estimated."""
 
     metrics: TrackingMetrics
     failed: NDArray[np.uint8]
     counters: NDArray[np.int64]
     characterized: CharacterizedTargets | None
     maneuvers: ManeuverLog
+    recovered: RecoveredManeuvers | None
 
 
 class Realization(NamedTuple):
@@ -140,7 +147,8 @@ class Realization(NamedTuple):
         """Results of the completed realization."""
         found = self._characterized(inputs) if inputs.chooses_models else None
         result, own = self.evaluation.result(), self.estimator
-        return End(result, own.failed, own.counters, found, self._maneuvers())
+        recovered = own.recovered_maneuvers() if inputs.recovers else None
+        return End(result, own.failed, own.counters, found, self._maneuvers(), recovered)
 
     def _characterized(self, inputs: SimulationInputs) -> CharacterizedTargets:
         """What the light curves tell of the targets. The true motion is computed once more, since

@@ -10,7 +10,8 @@ from cislunar.campaign.settings.cell_settings import cell_files
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.settings.preflight import check_inputs
 from cislunar.campaign.tracking.dataset import cell_dataset, write_cell
-from cislunar.campaign.tracking.records import cell_arcs, cell_maneuvers
+from cislunar.campaign.tracking.maneuvers import cell_maneuvers
+from cislunar.campaign.tracking.records import cell_arcs
 from cislunar.command.main import cislunar
 from cislunar.errors import ConfigurationError, InputFileError
 from cislunar.exchange import read_ocm

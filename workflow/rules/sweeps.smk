@@ -118,6 +118,57 @@ rule association:
         rules.association_figure.output,
 
 
+# Targets that maneuver, over all sweeps of a study.
+rule maneuver_table:
+    input:
+        cells=[results(cell.path) for cells in SWEPT_CELLS.values() for cell in cells],
+    output:
+        report(
+            results("tables/maneuvers.csv"),
+            caption="../report/maneuvers.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/maneuvers"),
+        times=benchmark_of("maneuver_table"),
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        cells=[tuple(cell) for cells in SWEPT_CELLS.values() for cell in cells],
+        custody_km=TASK2["custody"]["position_km"],
+    message:
+        "Comparing detected and estimated maneuvers with the true ones"
+    script:
+        "../scripts/maneuver_table.py"
+
+
+rule maneuver_figure:
+    input:
+        rules.maneuver_table.output[0],
+    output:
+        png=report(
+            results("figures/maneuvers.png"),
+            caption="../report/figure_maneuvers.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/maneuvers.pdf"),
+    log:
+        log_of("figures/maneuvers"),
+        times=benchmark_of("maneuver_figure"),
+    conda:
+        "../envs/cislunar.yaml"
+    message:
+        "Drawing detection and custody of targets that maneuver"
+    script:
+        "../scripts/figure_maneuvers.py"
+
+
+rule maneuvers:
+    input:
+        rules.maneuver_table.output,
+        rules.maneuver_figure.output,
+
+
 rule sweeps:
     input:
         expand(rules.sweep_table.output, sweep=SWEEPS),

@@ -12,7 +12,7 @@ from cislunar.campaign.settings import cell_tree, tree
 from cislunar.campaign.settings.cell_settings import true_settings
 from cislunar.estimation.estimator import EstimatorFactory
 from cislunar.estimation.fusion.catalogs import catalogs
-from cislunar.estimation.maneuvers.monitored_estimator import monitored
+from cislunar.estimation.maneuvers.factory import monitored
 from cislunar.estimation.navigation.factory import navigated
 from cislunar.estimation.registry import estimator_named
 from cislunar.observation.body_factory import body_from_spec, equal_sphere_of

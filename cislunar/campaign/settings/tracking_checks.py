@@ -263,6 +263,12 @@ def _check_detection(place: str, settings: CellSettings) -> None:
             f"configuration key '{place}maneuver_detection.spacing_minutes' = {minutes} is shorter "
             f"than step_s = {settings.step_s} s"
         )
+    if settings.maneuver_detection.recover and settings.observer_errors.treatment != "none":
+        raise ConfigurationError(
+            f"configuration key '{place}maneuver_detection.recover': orbits are not estimated anew "
+            "where the errors of observers are estimated or considered; set "
+            "observer_errors.treatment to 'none', or recover to false"
+        )
 
 
 def _check_fusion(place: str, settings: CellSettings) -> None:

@@ -32,7 +32,7 @@ from cislunar.estimation.estimator import CHOLESKY_FAILURES, FLOOR_HITS, OUT_OF_
 from cislunar.estimation.light_curves.model_selection.characterization import (
     STATUS_NAMES as ATTITUDE_STATUS_NAMES,
 )
-from cislunar.evaluation.characterization import CHARACTERIZED_FIELDS, CharacterizedTargets
+from cislunar.evaluation.characterization import CHARACTERIZED_FIELDS
 from cislunar.evaluation.metrics import PARTS, STATUS_NAMES
 from cislunar.orbits.tracked import tracked_targets
 from cislunar.runtime.netcdf import Later, growing_dataset, variable
@@ -45,7 +45,11 @@ from cislunar.tasking.detection_outcomes import (
     report_estimated_parameters,
     report_outcomes,
 )
-from cislunar.tasking.histories import MANEUVER_VARIABLES, OBSERVATION_COLUMNS, kept_histories
+from cislunar.tasking.histories import (
+    OBSERVATION_COLUMNS,
+    kept_histories,
+    log_variables,
+)
 from cislunar.tasking.realization import OUTCOME_NAMES, USED
 from cislunar.tasking.recording import Piece, fill
 
@@ -227,12 +231,17 @@ def _dataset(
         coords["parameter_unit"] = "parameter", units, "1", "unit of the parameter"
     described = {**histories, **_results(loop)}
     if loop.inputs.records_maneuvers:
-        described |= loop.maneuvers().variables()
-    if (characterized := loop.characterized()) is not None:
-        described |= _characterized(characterized)
-        coords |= {name: RECORD_COORDINATES[name] for name in ("interval_part", "inertial_axis")}
+        described |= log_variables(loop.maneuvers())
+    if loop.inputs.recovers:
+        described |= log_variables(loop.recovered())
+    if (found := loop.characterized()) is not None:
+        described |= {
+            name: (("seed", "target", *each.dims), getattr(found, name), each.unit, each.meaning)
+            for name, each in CHARACTERIZED_FIELDS.items()
+        }
     described |= observer_variables(settings.record, problem.scene, _frame(loop))
-    coords |= {name: RECORD_COORDINATES[name] for name in _record_dims(loop)}
+    kept = [*_histories(loop).values(), *described.values()]
+    coords |= {name: RECORD_COORDINATES[name] for name in _record_dims(kept)}
     if settings.slots is not None:
         begins = 60.0 * settings.schedule.slot_minutes * np.arange(settings.slots)
         coords["slot"] = "slot", begins, "s", "time since the tasking epoch"
@@ -306,19 +315,17 @@ def _frame(loop: ClosedLoop) -> str:
     return ROTATING if isinstance(loop.inputs.truth.forces, CR3BP) else EPHEMERIS_FRAME
 
 
-def _record_dims(loop: ClosedLoop) -> list[str]:
-    """Coordinates of the recorded variables."""
-    record, scene = loop.inputs.settings.record, loop.inputs.scene
-    found = [each.dims for each in _histories(loop).values()]
-    found += [dims for dims, *_ in observer_variables(record, scene).values()]
-    found += [dims for dims, *_ in MANEUVER_VARIABLES.values() if loop.inputs.records_maneuvers]
+def _record_dims(several: Iterable[tuple]) -> list[str]:
+    """Coordinates of recorded variables, which begin with their dimensions."""
+    found = [dims for dims, *_ in several]
     return [name for name in RECORD_COORDINATES if any(name in dims for dims in found)]
 
 
 def _sizes(loop: ClosedLoop) -> dict[str, int]:
     """Lengths of the dimensions of the histories."""
     inputs = loop.inputs
-    own = {name: len(RECORD_COORDINATES[name][1]) for name in _record_dims(loop)}
+    recorded = _record_dims(_histories(loop).values())
+    own = {name: len(RECORD_COORDINATES[name][1]) for name in recorded}
     return {
         **loop.lengths,
         **own,
@@ -387,11 +394,3 @@ def _results(loop: ClosedLoop) -> dict[str, tuple]:
         described[name] = (target, counters[..., index].astype(np.int32), "1", meaning)
     described["failed"] = (target, failed, "1", "0, or the reason for which the estimate ended")
     return described
-
-
-def _characterized(found: CharacterizedTargets) -> dict[str, tuple]:
-    """Dimensions, values, unit and description of what light curves tell of the targets."""
-    return {
-        name: (("seed", "target", *each.dims), getattr(found, name), each.unit, each.meaning)
-        for name, each in CHARACTERIZED_FIELDS.items()
-    }

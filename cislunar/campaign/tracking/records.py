@@ -25,7 +25,6 @@ from cislunar.exchange.aem import AttitudeSegment
 from cislunar.exchange.arcs import arc, inertial_arc
 from cislunar.exchange.inertial import Epoch, icrf_axes
 from cislunar.exchange.observations import POSITION_COLUMNS, observation_dates
-from cislunar.exchange.ocm import Maneuver
 from cislunar.exchange.oem import Segment
 from cislunar.observation.scene import Scene
 
@@ -143,7 +142,8 @@ class _Frame(NamedTuple):
         return arc(name, state, self.start_s + time_s, self.epoch, **given)
 
 
-def _frame_of(cell: xr.Dataset, sun: xr.Dataset) -> _Frame:
+def frame_of(cell: xr.Dataset, sun: xr.Dataset) -> _Frame:
+    """Frames and dates of a cell, from its ``ephemeris/sun.nc``."""
     settings = json.loads(sun.attrs.get("settings", "{}"))
     kernel = settings.get("ephemeris", {}).get("kernel", DEFAULT_KERNEL)
     start = SECONDS_PER_DAY * start_day(cell.attrs)
@@ -210,51 +210,14 @@ def cell_arcs(
     covariances = None
     if which == "estimated" and "covariance" in cell:
         covariances = cell["covariance"].values[seed]
-    frame, times = _frame_of(cell, sun), cell["time"].values
+    frame, times = frame_of(cell, sun), cell["time"].values
     arcs = []
-    for j, label in enumerate(_labels(cell)):
+    for j, label in enumerate(recorded_names(cell)):
         good = np.isfinite(states[:, j]).all(axis=1)
         if good.sum() > 1:
             covariance = None if covariances is None else covariances[good, j]
             arcs.append(frame.arc(label, states[good, j], times[good], center, covariance))
     return arcs
-
-
-def cell_maneuvers(
-    cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0
-) -> dict[str, list[Maneuver]]:
-    """True maneuvers of a cell by the names of the targets, to be written by `cislunar.exchange`.
-
-    Parameters
-    ----------
-    cell, sun : xarray.Dataset
-        A cell made with the truth in `task2.record`, and its ``ephemeris/sun.nc``.
-    seed : int
-        Index of the realization.
-
-    Returns
-    -------
-    dict of str to list of Maneuver
-        In order of time, with the basis "SIMULATED"; targets without maneuvers are left out.
-    """
-    if "maneuver_seed" not in cell:
-        return {}
-    rows = np.flatnonzero(cell["maneuver_seed"].values == seed)
-    start, duration = (cell[f"maneuver_{each}"].values[rows] for each in ("start", "duration"))
-    frame, found = _frame_of(cell, sun), {}
-    # over a burn, the rotating frame is that of its middle
-    axes = frame.to_icrf(start + 0.5 * duration)
-    changes = np.einsum("mij,mj->mi", axes, 1e-3 * cell["maneuver_velocity"].values[rows])
-    names = np.array(_labels(cell))[cell["maneuver_target"].values[rows]]
-    columns = names, frame.tdb_s(start), changes, duration
-    for name, tdb_s, change, length in zip(*columns, strict=True):
-        own = found.setdefault(str(name), [])
-        own.append(
-            Maneuver(
-                str(len(own) + 1), float(tdb_s), change, duration_s=float(length), basis="SIMULATED"
-            )
-        )
-    return found
 
 
 def cell_observer_arcs(
@@ -287,7 +250,7 @@ def cell_observer_arcs(
             f"the cell has {times.size} measurement times; velocities of observers need at least "
             f"{_SPLINE_DEGREE + 1}"
         )
-    frame = _frame_of(cell, sun)
+    frame = frame_of(cell, sun)
     rate = make_interp_spline(times / TIME_UNIT_S, places, _SPLINE_DEGREE, axis=1).derivative()
     states = np.concatenate([places, rate(times / TIME_UNIT_S)], axis=-1)
     names = observer_names(len(states))
@@ -307,11 +270,11 @@ def cell_attitudes(
     """
     quaternions = _recorded(cell, "quaternion", which)[seed]
     rates = np.rad2deg(_recorded(cell, "angular_velocity", which)[seed])
-    frame, times = _frame_of(cell, sun), cell["time"].values
+    frame, times = frame_of(cell, sun), cell["time"].values
     # the attitude matrix is the transpose of the matrix of SciPy's rotation
     reference = Rotation.from_matrix(frame.inertial_axes().T).as_quat()
     segments = []
-    for j, label in enumerate(_labels(cell)):
+    for j, label in enumerate(recorded_names(cell)):
         good = np.isfinite(quaternions[:, j]).all(axis=1) & np.isfinite(rates[:, j]).all(axis=1)
         if good.any():
             turned = normalize(compose(quaternions[good, j], reference))
@@ -355,7 +318,7 @@ def cell_observations(cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0) -> pd
     rows = rows[np.argsort(column["step"][rows], kind="stable")]
     column = {name: values[rows] for name, values in column.items()}
     step, observer, target = column["step"], column["observer"], column["target"]
-    frame, times = _frame_of(cell, sun), cell["step"].values
+    frame, times = frame_of(cell, sun), cell["step"].values
     turn = frame.to_icrf(times)[step] @ cell["observer_axes"].values[step].swapaxes(1, 2)
     direction = np.column_stack([column["right_ascension"], column["declination"]])
     variance = np.repeat(column["angle_variance"][:, None], 2, axis=1)
@@ -369,7 +332,7 @@ def cell_observations(cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0) -> pd
         {
             "obsID": [f"{s}-{o}-{t}" for s, o, t in zip(step, observer, target, strict=True)],
             "stn": names[observer],
-            "artSat": np.array(_labels(cell))[target],
+            "artSat": np.array(recorded_names(cell))[target],
             "sys": "ICRF_KM",
             "ctr": "399",
             **dict(zip(POSITION_COLUMNS, where.T, strict=True)),
@@ -389,7 +352,7 @@ def observer_names(count: int) -> list[str]:
     return [f"O{number:03d}" for number in range(1, count + 1)]
 
 
-def _labels(cell: xr.Dataset) -> list[str]:
+def recorded_names(cell: xr.Dataset) -> list[str]:
     """Names of the targets; orbit class and row for a cell of an earlier version."""
     if "target_name" in cell:
         return cell["target_name"].values.astype(str).tolist()

@@ -6,7 +6,7 @@ the moments of the points."""
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
 from cislunar.dynamics.bundle import step_bundle
@@ -69,6 +69,12 @@ def no_mixture(n_targets: int, splitting: bool) -> GaussianMixture:
         np.zeros((n_targets, most, SIZE, SIZE)),
         np.zeros((n_targets, most, SIZE, 2 * SIZE + 1)),
     )
+
+
+def restart_mixtures(mixture: GaussianMixture, targets: ArrayLike) -> None:
+    """Make the estimates of some targets single Gaussians, as after an update."""
+    mixture.steps_since_update[targets], mixture.since[targets] = 0, -1
+    mixture.nonlinearity[targets], mixture.count[targets] = 0.0, 0
 
 
 @njit_alloc

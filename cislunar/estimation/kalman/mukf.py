@@ -36,12 +36,17 @@ from cislunar.estimation.estimator import (
     empty_estimates,
 )
 from cislunar.estimation.initial_sigma import ProcessNoise
-from cislunar.estimation.kalman.gaussian_mixture import GaussianMixture, no_mixture
+from cislunar.estimation.kalman.gaussian_mixture import (
+    GaussianMixture,
+    no_mixture,
+    restart_mixtures,
+)
 from cislunar.estimation.kalman.mukf_kernels import SIZE, FilterState, advance, predict_all
 from cislunar.estimation.kalman.workspace import filter_constants, with_new_tracks
 from cislunar.estimation.track_arrays import (
     joined_tracks,
     remaining_tracks,
+    replaced_roots,
     selected_tracks,
     starting_index,
     widened_roots,
@@ -242,6 +247,13 @@ class MultiplicativeUKF:
         translation = self._state.translation + np.where(single[:, None], shift, 0.0)
         self._state = self._state._replace(root=root, translation=translation)
         return single
+
+    def replace_orbits(self, targets: ArrayLike, translation: Array, covariance: Array) -> None:
+        """See `Estimator.replace_orbits`."""
+        root = replaced_roots(self._state.root, covariance, targets)
+        self._state.translation[targets] = translation
+        self._state = self._state._replace(root=root)
+        restart_mixtures(self._mixture, targets)
 
     def add(
         self,

@@ -32,7 +32,7 @@ from cislunar.estimation.estimator import (
     empty_estimates,
 )
 from cislunar.estimation.initial_sigma import ProcessNoise
-from cislunar.estimation.kalman.gaussian_mixture import GaussianMixture
+from cislunar.estimation.kalman.gaussian_mixture import GaussianMixture, restart_mixtures
 from cislunar.estimation.kalman.translation_filter import SIZE
 from cislunar.estimation.kalman.workspace import filter_constants, with_new_tracks
 from cislunar.estimation.light_curves.batch_kernels import (
@@ -55,6 +55,7 @@ from cislunar.estimation.light_curves.row_blocks import ROTATION
 from cislunar.estimation.track_arrays import (
     joined_tracks,
     remaining_tracks,
+    replaced_roots,
     selected_tracks,
     starting_index,
     widened_roots,
@@ -288,6 +289,13 @@ class BatchEstimator:
         translation = tracks.translation + np.where(single[:, None], shift, 0.0)
         self._tracks = tracks._replace(root=root, translation=translation)
         return single
+
+    def replace_orbits(self, targets: ArrayLike, translation: Array, covariance: Array) -> None:
+        """See `Estimator.replace_orbits`."""
+        tracks = self._tracks
+        tracks.translation[targets] = translation
+        self._tracks = tracks._replace(root=replaced_roots(tracks.root, covariance, targets))
+        restart_mixtures(tracks.mixture, targets)
 
     def _select_models(self, out: Estimates) -> None:
         """Choose models of the bodies for the light curves at a tasking epoch, and report their

@@ -4,11 +4,14 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "bank": ["AngleRows", "BankSolution", "EstimatedManeuver", "ManeuverBank"],
     "baselines": ["control_distance", "control_gramian", "cusum"],
     "detection_settings": ["ManeuverDetection"],
     "likelihood_ratio": ["ManeuverEstimates", "ManeuverTest", "planned_information"],
-    "monitored_estimator": ["MonitoredEstimator", "monitored"],
+    "factory": ["monitored"],
+    "monitored_estimator": ["MonitoredEstimator"],
     "power": ["detectable_impulse", "detection_probability", "impulse_bound"],
+    "recovering_estimator": ["RecoveredManeuvers", "RecoveringEstimator"],
     "thresholds": ["exceedance_probability", "false_alarm_threshold", "threshold_of_schedule",
         "whitened_tests"],
 })

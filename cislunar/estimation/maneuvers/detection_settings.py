@@ -25,6 +25,13 @@ class ManeuverDetection(Section):
         "a day (docs/maneuvers.md)", "1/d",
         default=300)
 
+    recover: bool = setting(
+        "true: after an alarm, time and vector of the maneuver are estimated, and the orbit anew "
+        "from all observations since before it; false: estimates do not change", default=False)
+    maneuvers_per_target_day: Positive = setting(
+        "expected number of maneuvers of a target in a day, from which the probability of a "
+        "maneuver is computed; for `recover`", "1/d", default=0.14)
+
     # fmt: on
 
     @model_validator(mode="after")
@@ -33,5 +40,10 @@ class ManeuverDetection(Section):
             raise ConfigurationError(
                 f"spacing_minutes = {self.spacing_minutes} is longer than window_hours = "
                 f"{self.window_hours}"
+            )
+        if self.recover and self.false_alarms_per_target_day is None:
+            raise ConfigurationError(
+                "recover = true: orbits are estimated anew after an alarm, but there is no test; "
+                "set false_alarms_per_target_day"
             )
         return self

@@ -158,7 +158,7 @@ class ManeuverTest:
                 f"at most window_hours = {window:g}"
             )
         self._scene, self._forces = scene, forces
-        self._process = _process(process_noise, scene.step_s)
+        self._process = noise_of_step(process_noise, scene.step_s)
         # within the window are as many hypothesized times as intervals, and one
         self._own = _arrays(n_targets, 1 + int(window * 60.0 / minutes + 1e-9))
         _impulse_at(self._own, 0)
@@ -235,6 +235,12 @@ class ManeuverTest:
             VELOCITY_UNIT_M_S**2 * covariance,
         )
 
+    def restart(self, targets: ArrayLike) -> None:
+        """Forget all hypotheses of some targets, whose orbits have been estimated anew. Maneuvers
+        before the next hypothesized time are not tested."""
+        for each in self._own:
+            each[targets] = 0.0
+
     def add(self, n_new: int, forces: tuple | None = None) -> None:
         """Add tracks at the end; `forces` is the model of all tracks, if it changes. Maneuvers
         before the next hypothesized time are not tested."""
@@ -249,7 +255,7 @@ class ManeuverTest:
         self._own = tuple(each[left] for each in self._own)
 
 
-def _process(noise: ProcessNoise | None, step_s: float) -> Array:
+def noise_of_step(noise: ProcessNoise | None, step_s: float) -> Array:
     """Covariance (6, 6) of the process noise of a step."""
     variance, both = (ProcessNoise() if noise is None else noise).covariance(step_s)
     process = np.diag(variance[SIZE:])
@@ -314,7 +320,7 @@ def planned_information(
     scan(
         (0, n_targets),
         1,
-        (scene, forces, _process(process_noise, scene.step_s)),
+        (scene, forces, noise_of_step(process_noise, scene.step_s)),
         records,
         (used, np.ascontiguousarray(states), np.ascontiguousarray(spread), *path),
         own,

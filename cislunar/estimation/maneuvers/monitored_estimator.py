@@ -7,12 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cislunar.estimation.estimator import Estimates, Estimator, EstimatorFactory, InitialEstimate
-from cislunar.estimation.initial_sigma import ProcessNoise
-from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
+from cislunar.estimation.estimator import Estimates, Estimator, InitialEstimate
 from cislunar.estimation.maneuvers.likelihood_ratio import ManeuverEstimates, ManeuverTest
-from cislunar.estimation.maneuvers.thresholds import false_alarm_threshold
-from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.records import Measurements
 from cislunar.observation.target_surfaces import TargetSurfaces
 
@@ -83,42 +79,3 @@ class MonitoredEstimator:
         self._inner.remove(targets)
         self._test.remove(targets)
         self._largest = None
-
-
-def monitored(
-    factory: EstimatorFactory,
-    settings: ManeuverDetection,
-    *,
-    process_noise: ProcessNoise | None = None,
-) -> EstimatorFactory:
-    """Factory of estimators whose targets are tested for maneuvers.
-
-    Parameters
-    ----------
-    factory : EstimatorFactory
-    settings : ManeuverDetection
-        Without a rate of false alarms, `factory` is returned.
-    process_noise : ProcessNoise, optional
-        That of the estimators of `factory`.
-    """
-    rate = settings.false_alarms_per_target_day
-    if rate is None:
-        return factory
-    threshold = false_alarm_threshold(rate, settings.independent_tests_per_day)
-
-    def make(scene, surfaces, sensor, initial, rng, forces):
-        test = ManeuverTest(
-            scene,
-            forces,
-            initial.translation.shape[0],
-            process_noise=process_noise,
-            window_hours=settings.window_hours,
-            spacing_minutes=settings.spacing_minutes,
-        )
-        inner = factory(scene, surfaces, sensor, initial, rng, forces)
-        return MonitoredEstimator(inner, test, threshold)
-
-    make.estimated_parameters = getattr(factory, "estimated_parameters", BodyParameterPrior())
-    make.chooses_models = getattr(factory, "chooses_models", False)
-    make.tests_maneuvers = True
-    return make

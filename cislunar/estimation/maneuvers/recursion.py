@@ -2,9 +2,8 @@
 `cislunar.estimation.maneuvers.likelihood_ratio`."""
 
 import numpy as np
-from numba import njit
 
-from cislunar.compiled import copy_into, njit_alloc, njit_noalloc
+from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
 from cislunar.dynamics.forces import of_state
 from cislunar.estimation.linearization import (
     SIZE,
@@ -114,7 +113,7 @@ def _scan_target(j, first, model, records, orbit, own, settings, planned, out, w
         k = first + i
         if not planned and not np.isfinite(mean[i, 0]):
             return
-        transition(forced, k - 1, scene, state, state, work)
+        transition(forced, k - 1, 1, scene, state, state, work)
         multiply(work.phi, path, moved)
         copy_into(path, moved)
         copy_into(state, work.mean)

@@ -1,0 +1,53 @@
+"""Factory of estimators whose targets are tested for maneuvers."""
+
+from cislunar.estimation.estimator import EstimatorFactory
+from cislunar.estimation.initial_sigma import ProcessNoise
+from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
+from cislunar.estimation.maneuvers.likelihood_ratio import ManeuverTest, noise_of_step
+from cislunar.estimation.maneuvers.monitored_estimator import MonitoredEstimator
+from cislunar.estimation.maneuvers.recovering_estimator import RecoveringEstimator
+from cislunar.estimation.maneuvers.thresholds import false_alarm_threshold
+from cislunar.observation.body_parameters import BodyParameterPrior
+
+
+def monitored(
+    factory: EstimatorFactory,
+    settings: ManeuverDetection,
+    *,
+    process_noise: ProcessNoise | None = None,
+) -> EstimatorFactory:
+    """Factory of estimators whose targets are tested for maneuvers.
+
+    Parameters
+    ----------
+    factory : EstimatorFactory
+    settings : ManeuverDetection
+        Without a rate of false alarms, `factory` is returned.
+    process_noise : ProcessNoise, optional
+        That of the estimators of `factory`.
+    """
+    rate = settings.false_alarms_per_target_day
+    if rate is None:
+        return factory
+    threshold = false_alarm_threshold(rate, settings.independent_tests_per_day)
+
+    def make(scene, surfaces, sensor, initial, rng, forces):
+        test = ManeuverTest(
+            scene,
+            forces,
+            initial.translation.shape[0],
+            process_noise=process_noise,
+            window_hours=settings.window_hours,
+            spacing_minutes=settings.spacing_minutes,
+        )
+        inner = factory(scene, surfaces, sensor, initial, rng, forces)
+        if not settings.recover:
+            return MonitoredEstimator(inner, test, threshold)
+        model = scene, forces, noise_of_step(process_noise, scene.step_s)
+        return RecoveringEstimator(inner, test, threshold, model, settings)
+
+    make.estimated_parameters = getattr(factory, "estimated_parameters", BodyParameterPrior())
+    make.chooses_models = getattr(factory, "chooses_models", False)
+    make.tests_maneuvers = True
+    make.recovers = settings.recover
+    return make

@@ -1,0 +1,84 @@
+"""Tests for orbits that are estimated anew after a maneuver, in the closed loop."""
+
+import numpy as np
+import pytest
+from test_maneuver_alarms import BRIGHT, DETECTION, PLAIN
+
+from cislunar.association.model import AssociationModel
+from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.estimation.light_curves.batch import batch
+from cislunar.estimation.maneuvers import monitored
+from cislunar.targets.maneuvers import NO_MANEUVERS, Maneuvers
+from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.communication.model import CommunicationModel
+from cislunar.tasking.demonstration import tracking_problem
+from cislunar.tasking.truth import TruthModel
+
+RECOVERING = DETECTION.model_copy(update={"recover": True})
+TIME_S = 9000.0
+
+
+def impulse(target, velocity, time_s=TIME_S):
+    given = np.array([target]), np.array([time_s]), np.zeros(1), np.array([velocity])
+    return Maneuvers(*given, np.zeros(1, dtype=np.int64))
+
+
+def run(factory, given=NO_MANEUVERS, hours=8.0, **settings):
+    settings = {"record": ("estimates", "covariance", "truth"), **settings}
+    scene, surfaces, epoch, ids, loop = tracking_problem(
+        4, 5, duration_hours=hours, sensor=BRIGHT, **settings
+    )
+    truth = TruthModel(surfaces, BRIGHT.noise, np.zeros(3), maneuvers=given)
+    return run_closed_loop(scene, surfaces, epoch, ids, [3], loop, estimator=factory, truth=truth)
+
+
+def km(result, target):
+    return LENGTH_UNIT_KM * np.linalg.norm(result.error[0, :, target, 6:9], axis=1)
+
+
+@pytest.mark.parametrize("factory", [PLAIN, batch()], ids=["mukf", "batch"])
+@pytest.mark.parametrize("size", [1.0, 100.0])
+def test_a_target_is_recovered(factory, size):
+    """Target 3 is observed throughout: orbit, time and vector of its maneuver are found."""
+    velocity = size * np.array([0.6, -0.64, 0.48])
+    plain, found = (
+        run(monitored(factory, each), impulse(3, velocity)) for each in (DETECTION, RECOVERING)
+    )
+    first = np.argmax(found.maneuver_alarm[0].any(axis=1))
+    steps = found.error.shape[1] // found.maneuver_alarm.shape[1]
+    before = slice(None, (first + 1) * steps - 1)
+    for name in ("error", "sigma", "estimated_translation"):
+        one, other = (each.histories[name][0, before] for each in (plain, found))
+        np.testing.assert_array_equal(one, other, err_msg=name)
+    log = found.recovered_maneuvers
+    assert log.seed.tolist() == [0] and log.target.tolist() == [3]
+    assert log.probability[0] > 0.99 and abs(log.time_s[0] - TIME_S) < 720.0
+    assert abs(log.time_s[0] - TIME_S) < 4.0 * log.time_sigma_s[0]
+    error = log.velocity_m_s[0] - velocity
+    assert error @ np.linalg.solve(log.covariance[0], error) < 16.3  # 99.9 %
+    assert km(found, 3)[-1] < 0.2 * km(plain, 3)[-1] and km(found, 3)[-1] < 3.0
+    normalized = found.error[0, -1, 3, 6:] / found.sigma[0, -1, 3, 6:]
+    assert np.all(np.abs(normalized) < 4.0)
+
+
+def test_coasting_targets_stay_bit_for_bit():
+    plain, found = run(PLAIN, hours=4.0), run(monitored(PLAIN, RECOVERING), hours=4.0)
+    for name, values in plain.histories.items():
+        np.testing.assert_array_equal(found.histories[name], values, err_msg=name)
+    assert found.recovered_maneuvers.target.size == 0
+
+
+def test_late_measurements():
+    """The bank uses late measurements as soon as they are there."""
+    given = {"communication": CommunicationModel(delay_minutes=20, update_minutes=60)}
+    found = run(monitored(PLAIN, RECOVERING), impulse(3, (6.0, -6.4, 4.8)), **given)
+    assert found.recovered_maneuvers.target.tolist() == [3]
+    assert km(found, 3)[-1] < 3.0
+
+
+def test_detections_without_identity():
+    """A small maneuver leaves the detections within the gates."""
+    given = {"association": AssociationModel(detections="all-in-field", false_alarms_deg2=0.1)}
+    found = run(monitored(PLAIN, RECOVERING), impulse(3, (0.6, -0.64, 0.48)), hours=6.0, **given)
+    assert 3 in found.recovered_maneuvers.target.tolist()
+    assert km(found, 3)[-1] < 3.0

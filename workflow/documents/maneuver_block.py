@@ -1,0 +1,116 @@
+"""The tables of targets that maneuver, from the study ``config/maneuvers.yaml``."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+
+from cislunar.campaign.tracking.maneuvers.table import PLACE
+from cislunar.figures.labels import ESTIMATORS
+
+from .columns import Tables
+from .markdown import DASH, markdown_table
+from .studies import read_study
+
+STUDY = "maneuvers"
+"""Name of the study's table in ``docs/tables``, and of its figure in ``docs/images``."""
+
+_MODES = {"paper": "every hour", "recommended": "slots of 20 min"}
+_DYNAMICS = {"cr3bp": "CR3BP", "ephemeris": "ephemeris"}
+_RESPONSES = {"none": "detected only", "recovery": "estimated"}
+
+_OF_SIZES = {
+    "Detected within 24 h (%)": ("detected", 100.0, ".0f"),
+    "Median time to alarm (h)": ("latency_h", 1.0, ".1f"),
+    "In custody after 6 h, observed by then (%)": ("custody_6_h_observed", 100.0, ".0f"),
+    "In custody after 24 h (%)": ("custody_24_h", 100.0, ".0f"),
+    "Error after 24 h (km)": ("error_24_h_km", 1.0, ".3g"),
+    "ANEES after 24 h": ("anees_24_h", 1.0, ".2g"),
+    "Error of the time (h)": ("time_error_h", 1.0, ".2g"),
+    "Error of the vector (m/s)": ("velocity_error_m_s", 1.0, ".2g"),
+    "Vector within 3 sigma (%)": ("velocity_coverage", 100.0, ".0f"),
+}
+_OF_CELLS = {
+    "Detected with 90 % (m/s)": ("detectable_m_s", 1.0, ".2f"),
+    "False alarms per target-day": ("false_alarms_per_day", 1.0, ".4f"),
+    "In custody at the end (%)": ("custody_end", 100.0, ".1f"),
+    "ANEES at the end": ("anees_end", 1.0, ".2f"),
+    "Error of coasting targets (km)": ("coasting_error_km", 1.0, ".3g"),
+}
+
+
+def study_table(results: str) -> pd.DataFrame:
+    """The table of a finished study, from its folder of results."""
+    return read_study(STUDY, results, STUDY)
+
+
+def _number(rows: pd.DataFrame, name: str, factor: float, form: str) -> str:
+    """A value with its interval, if it has one."""
+    if name not in rows.index:
+        return DASH
+    value, low, high = factor * rows.loc[name, ["value", "low", "high"]].astype(float)
+    if not np.isfinite(value):
+        return DASH
+    return f"{value:{form}}" + (f" [{low:{form}}, {high:{form}}]" if np.isfinite(low) else "")
+
+
+def _heads(place: tuple) -> list[object]:
+    own = dict(zip(PLACE, place, strict=True))
+    return [
+        _MODES[own["mode"]],
+        own["targets"],
+        own["observers"],
+        ESTIMATORS[own["estimator"]],
+        _DYNAMICS[own["dynamics"]],
+        f"{own['clutter']:g}",
+        f"{own['delay_minutes']:g}",
+        f"{own['days']:g}",
+        _RESPONSES[own["response"]],
+    ]
+
+
+_HEADS = ["Tasking", "Targets", "Observers", "Estimator", "Dynamics",
+          "False alarms per exposure", "Delay (min)", "Days", "Maneuvers"]  # fmt: skip
+
+
+def _cells(tables: Tables) -> dict[str, str]:
+    """One row for each cell."""
+    table = tables[STUDY]
+    table = table[table["smallest_m_s"].isna()]
+    rows = [
+        [*_heads(place), *(_number(cell.set_index("quantity"), *c) for c in _OF_CELLS.values())]
+        for place, cell in table.groupby(list(PLACE), sort=False)
+    ]
+    return {"table": markdown_table([*_HEADS, *_OF_CELLS], rows)}
+
+
+def _sizes(mode: str) -> Callable[[Tables], dict[str, str]]:
+    """One row for each class of changes of velocity, of 100 targets and the usual cell."""
+
+    def values(tables: Tables) -> dict[str, str]:
+        same = {"mode": mode, "targets": 100, "observers": 20, "estimator": "mukf", "clutter": 0.0,
+                "dynamics": "cr3bp", "delay_minutes": 0.0}  # fmt: skip
+        table = tables[STUDY]
+        for key, value in same.items():
+            table = table[table[key] == value]
+        table = table[table["smallest_m_s"].notna()]
+        rows = []
+        for (low, high, response), own in table.groupby(
+            ["smallest_m_s", "largest_m_s", "response"], sort=True
+        ):
+            cell = own.set_index("quantity")
+            number = int(cell.loc["detected", "number"])
+            numbers = [_number(cell, *column) for column in _OF_SIZES.values()]
+            rows.append([f"{low:g} to {high:g}", _RESPONSES[response], number, *numbers])
+        header = ["Change of velocity (m/s)", "Maneuvers", "Number", *_OF_SIZES]
+        return {"table": markdown_table(header, rows)}
+
+    return values
+
+
+MANEUVER_BLOCKS = {
+    STUDY: _sizes("recommended"),
+    f"{STUDY}-hours": _sizes("paper"),
+    f"{STUDY}-cells": _cells,
+}
+"""What makes each block of the study, by name."""
