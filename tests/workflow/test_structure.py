@@ -33,6 +33,7 @@ LAYERS = (
     "architecture association evaluation",
     "orbit_determination",
     "tasking",
+    "survey",
     "campaign.settings",
     "campaign.data",
     "campaign.architectures",

@@ -1,0 +1,16 @@
+"""Survey for undetected objects: their density, plans of fields, and catalogs from nothing."""
+
+import lazy_loader as _lazy
+
+# fmt: off
+__getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
+    "catalog": ["Predictions", "SurveyCatalog"],
+    "density": ["ObjectDensity"],
+    "fields": ["FieldGrid", "Views", "detection_probability", "unit_vectors", "views"],
+    "planning": ["KnownOrbits", "SearchPlanner", "SearchSettings", "Visits"],
+    "priors": ["DensityPrior", "PriorSources", "SOURCES", "in_propagation_frame", "sample_prior"],
+    "quality": ["CatalogState", "ORBIT_COLUMNS", "QualitySettings", "catalog_state",
+        "orbit_table", "true_tracklets"],
+    "simulation": ["SurveyResult", "SurveySettings", "run_survey"],
+})
+# fmt: on

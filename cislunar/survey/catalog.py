@@ -1,0 +1,215 @@
+"""Catalog of a survey: detections, tracklets, linked orbits, and their predictions.
+
+The catalog receives exposures and detections without origins, links all tracklets so far, and
+predicts its orbits for the next plan. Confirmed orbits and candidates are continued by least
+squares with all their detections. An orbit that no longer agrees with its detections is dissolved,
+and its detections of the last hours are linked anew, which also re-acquires lost objects.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.detection import DetectionProcess, Detections, Exposures
+from cislunar.dynamics import propagate_stm
+from cislunar.errors import CislunarError
+from cislunar.observation import Scene
+from cislunar.orbit_determination import (
+    AdmissibleRegion,
+    Angles,
+    Attributables,
+    LinkedOrbits,
+    LinkingSettings,
+    TrackletSettings,
+    attributables,
+    form_tracklets,
+    frame_rate,
+    link,
+    make_angles,
+    tangent_basis,
+)
+from cislunar.survey.fields import unit_vectors
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_LEAST_COSINE = 1e-3
+"""Of the declination, for the covariance of right ascension next to the pole."""
+
+_GATE, _CURVATURE = 3.0, np.deg2rad(0.02)
+"""Gate of a prediction in standard deviations, and what a straight path over minutes may miss."""
+
+
+class Predictions(NamedTuple):
+    """Orbits at one time: `state` (orbit, 6), `covariance` (orbit, 6, 6), nondimensional,
+    propagation frame, and `existence` (orbit,), the probability that the orbit is of an object."""
+
+    state: Array
+    covariance: Array
+    existence: Array
+
+
+class SurveyCatalog:
+    """Detections and linked orbits of a survey.
+
+    Parameters
+    ----------
+    scene : Scene
+    forces : NamedTuple
+        Assumed force model, CR3BP or ephemeris forces.
+    process : DetectionProcess
+        Assumed false alarms and losses.
+    region : AdmissibleRegion
+    linking : LinkingSettings
+    tracklets : TrackletSettings
+
+    Attributes
+    ----------
+    orbits : LinkedOrbits or None
+        As of the last `link`.
+    tracklets : Attributables or None
+        All tracklets of the last `link`.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        forces: tuple,
+        process: DetectionProcess,
+        region: AdmissibleRegion,
+        linking: LinkingSettings,
+        tracklets: TrackletSettings,
+    ) -> None:
+        self.scene, self.forces, self.process = scene, forces, process
+        self.region, self.linking, self.settings = region, linking, tracklets
+        self.tracklets: Attributables | None = None
+        self.orbits: LinkedOrbits | None = None
+        self._angles: list[Angles] = []
+        self._limits: list[Array] = []
+        self._area_deg2 = 0.0
+        self._predicted: tuple[float, Predictions] | None = None
+
+    def add(self, exposures: Exposures, detections: Detections, first: int) -> Angles:
+        """Take up what the exposures of a block have returned, and return it as angles; `first` is
+        the index of their first step among the scene's times."""
+        scene, of = self.scene, detections.exposure
+        self._area_deg2 += float(np.sum(np.rad2deg(2.0 * np.tan(exposures.half_field)) ** 2))
+        if of.size == 0:
+            return _nothing()
+        # exposures are sorted by step
+        k, observer = first + exposures.step[of], exposures.observer[of]
+        magnitude, ra, dec = detections.value.T
+        body = unit_vectors(ra, dec)
+        # from the body frame of the observer to the propagation frame
+        turn = scene.observer_axes[k].swapaxes(1, 2)
+        variance = detections.variance
+        angles = make_angles(
+            k * scene.step,
+            observer,
+            scene.observer_position[observer, k],
+            np.einsum("nij,nj->ni", turn, body),
+            1.0,
+            magnitude=magnitude,
+            magnitude_sigma=np.sqrt(variance[:, 0]),
+            sun=scene.sun_position[k],
+        )
+        cosine = np.maximum(np.cos(dec), _LEAST_COSINE)
+        covariance = np.zeros((k.size, 2, 2))
+        covariance[:, 0, 0] = variance[:, 1] * cosine**2
+        covariance[:, 1, 1] = variance[:, 2]
+        basis = np.einsum("nij,naj->nai", turn, tangent_basis(body))
+        self._angles.append(angles._replace(basis=basis, covariance=covariance))
+        self._limits.append(exposures.limiting_magnitude[of])
+        return self._angles[-1]
+
+    @property
+    def angles(self) -> Angles:
+        """All detections so far, in order of time."""
+        if not self._angles:
+            return _nothing()
+        parts = zip(*(each[:-1] for each in self._angles), strict=True)
+        columns = [np.concatenate(each) for each in parts]
+        return Angles(*columns, 0.0)
+
+    def link(self) -> LinkedOrbits:
+        """Link all tracklets so far, continuing the orbits of the last time."""
+        angles = self.angles
+        rate = frame_rate(self.forces)
+        formed = form_tracklets(angles, self.settings, rate=rate)
+        self.tracklets = attributables(angles, formed, rate=rate)
+        limits = np.concatenate([np.empty(0), *self._limits])
+        # what is not a false alarm may be of objects that are not linked
+        others = angles.time.size / max(self._area_deg2, 1.0) - self.process.false_alarms_deg2
+        intensity = self.process.log_intensity(angles.magnitude, limits, max(others, 1e-3))
+        self.orbits = link(
+            angles,
+            self.tracklets,
+            forces=self.forces,
+            region=self.region,
+            settings=self.linking,
+            log_clutter=intensity,
+            known=self.orbits,
+        )
+        self._predicted = None
+        return self.orbits
+
+    def predict(self, time: float) -> Predictions:
+        """Orbits at a later time than the last detection; those that meet a body are left out."""
+        if self.orbits is None:
+            return Predictions(np.empty((0, 6)), np.empty((0, 6, 6)), np.empty(0))
+        if self._predicted is None:
+            fits = self.orbits.fits
+            starts = zip(fits.epoch.tolist(), fits.state, fits.covariance, strict=True)
+            existence = 1.0 / (1.0 + np.exp(-np.minimum(self.orbits.log_ratio, 50.0)))
+        else:
+            before, last = self._predicted
+            starts = zip([before] * len(last.state), last.state, last.covariance, strict=True)
+            existence = last.existence
+        states, covariances, kept = [], [], []
+        for number, (epoch, state, covariance) in enumerate(starts):
+            try:
+                moved, stm = propagate_stm(
+                    state, time - epoch, forces=self.forces, start=epoch, rtol=1e-9, atol=1e-9
+                )
+            except CislunarError:
+                continue
+            states.append(moved)
+            covariances.append(stm @ covariance @ stm.T)
+            kept.append(number)
+        found = Predictions(
+            np.array(states).reshape(-1, 6), np.array(covariances).reshape(-1, 6, 6),
+            existence[kept],
+        )  # fmt: skip
+        self._predicted = time, found
+        return found
+
+    def explains(self, angles: Angles, now: Predictions, time: float) -> NDArray[np.bool_]:
+        """Which detections are within the gate of an orbit.
+
+        Parameters
+        ----------
+        angles : Angles
+            Detections within some minutes of `time`.
+        now : Predictions
+            Orbits at that time.
+        time : float
+            Nondimensional.
+
+        Returns
+        -------
+        ndarray of bool, shape (row,)
+        """
+        if len(now.state) == 0 or angles.time.size == 0:
+            return np.zeros(angles.time.size, dtype=bool)
+        since = (angles.time - time)[:, None, None]
+        way = now.state[:, :3] + since * now.state[:, 3:] - angles.place[:, None]
+        distance = np.linalg.norm(way, axis=2)
+        apart = np.linalg.norm(way / distance[..., None] - angles.direction[:, None], axis=2)
+        spread = np.sqrt(np.trace(now.covariance[:, :3, :3], axis1=1, axis2=2))
+        return np.any(apart <= _GATE * spread / distance + _CURVATURE, axis=1)
+
+
+def _nothing() -> Angles:
+    """Angles without a row."""
+    return make_angles([0.0], [0], np.zeros((1, 3)), np.ones((1, 3)), 1.0).rows([])

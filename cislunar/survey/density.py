@@ -1,0 +1,147 @@
+"""Density of undetected objects, as weighted particles.
+
+The undetected objects are a Poisson process in the space of states, whose intensity is represented
+by particles with weights; their sum is the expected number of undetected objects. An exposure
+multiplies the intensity by the probability that it does not detect an object there (Williams 2015,
+IEEE Transactions on Aerospace and Electronic Systems 51, 1664, equation 35). A detection that no
+known orbit explains is of an object whose orbit is not known yet, or a false alarm. The weights of
+the particles near its direction are raised in proportion to what each of them explains of it,
+
+    w_i' = (1 - p_i) w_i + sum over detections of p_i w_i g_i / (kappa + sum_j p_j w_j g_j),    (1)
+
+the update of the probability hypothesis density filter (Mahler 2003, IEEE Transactions on Aerospace
+and Electronic Systems 39, 1152, equation 4), so that the search returns to such objects. The
+density g of directions is a Gaussian that is as wide as the particles are apart. Only what
+exposures return is used.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import TIME_UNIT_S
+from cislunar.dynamics import EARTH_MOON, propagate_bundle
+from cislunar.errors import ConfigurationError
+from cislunar.orbit_determination import AdmissibleRegion, is_admissible
+from cislunar.runtime.arguments import array_of
+
+Array = NDArray[np.float64]
+
+_STEP_S = 300.0
+"""Longest step of the propagation, for orbits of some hours about Earth and Moon."""
+
+
+class ObjectDensity:
+    """Particles of undetected objects.
+
+    Parameters
+    ----------
+    state : array_like, shape (particle, 6)
+        States at the start, nondimensional, propagation frame.
+    size_m2 : array_like, shape (particle,)
+        Diffuse reflection coefficient times squared radius.
+    expected : float
+        Expected number of undetected objects, equally distributed over the particles.
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+    region : AdmissibleRegion, optional
+        Particles that leave it have no weight from then on.
+
+    Attributes
+    ----------
+    time : float
+        Nondimensional, since the epoch of the force model.
+    state, size_m2 : ndarray
+    weight : ndarray, shape (particle,)
+        Expected number of undetected objects that a particle represents.
+    """
+
+    def __init__(
+        self,
+        state: ArrayLike,
+        size_m2: ArrayLike,
+        expected: float,
+        *,
+        forces: tuple = EARTH_MOON,
+        region: AdmissibleRegion | None = None,
+    ) -> None:
+        self.state = array_of("state", state, ("particle", 6)).copy()
+        self.size_m2 = array_of("size_m2", size_m2, (len(self.state),)).copy()
+        if len(self.state) == 0 or not np.all(self.size_m2 > 0.0) or not expected > 0.0:
+            raise ConfigurationError(
+                f"density: {len(self.state)} particles, sizes and an expected number of {expected} "
+                "must all be positive"
+            )
+        self.forces = forces
+        self.region = AdmissibleRegion() if region is None else region
+        self.time = 0.0
+        self.weight = np.full(len(self.state), float(expected) / len(self.state))
+
+    @property
+    def expected(self) -> float:
+        """Expected number of undetected objects."""
+        return float(self.weight.sum())
+
+    def advance(self, time: float) -> None:
+        """Propagate to a later time, nondimensional. Particles that hit a body or leave the region
+        lose their weight and stay where they are."""
+        span = float(time) - self.time
+        if span < 0.0:
+            raise ConfigurationError(f"time = {time} is before {self.time}")
+        if span == 0.0:
+            return
+        active = np.flatnonzero(self.weight > 0.0)
+        steps = int(np.ceil(span * TIME_UNIT_S / _STEP_S - 1e-9))
+        path = propagate_bundle(
+            self.state[active], span / steps, steps, forces=self.forces, start=self.time
+        )[:, -1]
+        self.time = float(time)
+        good = np.all(np.isfinite(path), axis=1)
+        good[good] = is_admissible(path[good], self.time, self.forces, self.region)
+        self.state[active[good]] = path[good]
+        self.weight[active[~good]] = 0.0
+
+    def observed(
+        self,
+        probability: ArrayLike,
+        particles: ArrayLike,
+        likelihood: ArrayLike,
+        false_alarms: float,
+        visits: int = 1,
+    ) -> None:
+        """Update the density after exposures with detections (equation 1).
+
+        Parameters
+        ----------
+        probability : array_like, shape (particle,)
+            See `missed`.
+        particles : array_like of int, shape (n,)
+            Particles that the detections may be of.
+        likelihood : array_like, shape (detection, n)
+            Density g of the direction of each detection, given each of these particles, per square
+            degree.
+        false_alarms : float
+            Mean number of false alarms per square degree of an exposure.
+        visits : int
+            Exposures in which an object has been looked at, each of which may have a detection of
+            it.
+        """
+        which = np.asarray(particles, dtype=np.int64)
+        chance = array_of("probability", probability, (len(self.weight),))
+        part = chance[which] * self.weight[which] * np.asarray(likelihood, dtype=float)
+        total = part.sum(axis=1) + false_alarms
+        share = np.where(total > 0.0, 1.0 / np.where(total > 0.0, total, 1.0), 0.0)
+        self.missed(chance)
+        self.weight[which] += share @ part / visits
+
+    def missed(self, probability: ArrayLike) -> None:
+        """Lower the density after an exposure.
+
+        Parameters
+        ----------
+        probability : array_like, shape (particle,)
+            Probability that the exposure would have detected an object there, from 0 to 1.
+        """
+        value = array_of("probability", probability, (len(self.weight),))
+        if np.any((value < 0.0) | (value > 1.0)):
+            raise ConfigurationError("probability must lie between 0 and 1")
+        self.weight *= 1.0 - value

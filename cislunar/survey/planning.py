@@ -1,0 +1,357 @@
+"""Plan of fields and visits: the search for undetected objects and the follow-up of known ones.
+
+A plan covers a block of time. Every observer takes some fields and visits them in turn, in as many
+rounds as there are visits, so that the detections of an object form a tracklet. Fields are chosen
+by their worth,
+
+    sum over particles of w_i p_i  +  c sum over orbits of p_j I_j,                             (1)
+
+the expected number of detections of undetected objects plus the expected information on known
+orbits, in nats, times the number c of detections of new objects that one nat is worth. The
+information is that of a measured direction with the noise R on the predicted position with the
+covariance P (Cover & Thomas 2006, Elements of Information Theory, section 9.4),
+
+    I = ln det(1 + H P H' R^-1) / 2,                                                            (2)
+
+which is large for an orbit whose range is undetermined if a second observer measures it, and small
+if the same observer does. Observers choose one after the other. Each choice lowers the weights of
+the particles in the field and the covariances of the orbits in it, so that another observer takes
+the same field only for what is left. The observer that begins changes from block to block.
+"""
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.detection import Exposures
+from cislunar.dynamics import libration_points
+from cislunar.errors import ConfigurationError
+from cislunar.observation import Scene, SensorLimits
+from cislunar.runtime.settings_fields import (
+    Count,
+    NotNegative,
+    Positive,
+    Section,
+    number,
+    require_multiple,
+    setting,
+)
+from cislunar.survey.fields import FieldGrid, Views, unit_vectors, views
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+DENSITY, SWEEP, STARING = "density", "uniform-sweep", "fixed-staring"
+
+
+_CONSIDERED = 4
+"""Fields that are considered for a round, over those for which it has time."""
+
+_AHEAD = 40
+"""Fields of a sweep that are looked ahead for clear ones, over the fields of a round."""
+
+
+class SearchSettings(Section):
+    """Strategy and timing of the search."""
+
+    # fmt: off
+
+    strategy: Literal["density", "uniform-sweep", "fixed-staring"] = setting(
+        "choice of fields: by `density` and information, a `uniform-sweep` over the sky, or "
+        "`fixed-staring` at the libration points L1 and L2", default=DENSITY)
+    block_minutes: Positive = setting("time that a plan covers", "min", default=20)
+    visits: Count = setting("exposures of a field in a block", "1", default=2)
+    detection_weight: number(gt=0, le=1) = setting(
+        "share of an object's worth that a detection uses up: below 1, since an orbit needs "
+        "several tracklets", "1", default=0.5)
+    information_worth: NotNegative = setting(
+        "worth of one nat of information on a known orbit, in detections of new objects; 0: "
+        "without follow-up", "1", default=0.05)
+    exposure_s: Positive = setting("duration of an exposure", "s", default=10)
+    slew_rate_deg_s: Positive = setting("rate at which a telescope turns", "deg/s", default=2)
+    settle_s: NotNegative = setting("time to settle after a turn", "s", default=5)
+
+    # fmt: on
+
+
+class KnownOrbits(NamedTuple):
+    """Linked orbits as a plan uses them.
+
+    Attributes
+    ----------
+    position, covariance : ndarray, shapes (orbit, 3) and (orbit, 3, 3)
+        Predicted position in the middle of the block, nondimensional, propagation frame.
+    existence : ndarray, shape (orbit,)
+        Probability that the orbit is that of an object.
+    sample : ndarray, shape (orbit, draw, 3)
+        Positions that represent the uncertainty.
+    """
+
+    position: Array
+    covariance: Array
+    existence: Array
+    sample: Array
+
+
+class Visits(NamedTuple):
+    """Planned exposures, sorted by step and observer. `step` counts from the first of the block;
+    `field` is the number in the observer's grid."""
+
+    step: Indices
+    observer: Indices
+    field: Indices
+
+
+class SearchPlanner:
+    """Plans block by block.
+
+    Parameters
+    ----------
+    settings : SearchSettings
+    scene : Scene
+    limits : SensorLimits
+        Of all observers.
+
+    Raises
+    ------
+    ConfigurationError
+        If a block has too few steps for one field.
+    """
+
+    def __init__(self, settings: SearchSettings, scene: Scene, limits: SensorLimits) -> None:
+        require_multiple("block_minutes", settings.block_minutes, 60.0, scene.step_s)
+        self.settings, self.scene, self.limits = settings, scene, limits
+        self.n_steps = round(60.0 * settings.block_minutes / scene.step_s)
+        self.round_steps = self.n_steps // settings.visits
+        if self.round_steps < 1:
+            raise ConfigurationError(
+                f"search.block_minutes = {settings.block_minutes} has {self.n_steps} steps of "
+                f"{scene.step_s} s for {settings.visits} visits; give at least one step for each"
+            )
+        longest = settings.exposure_s + 180.0 / settings.slew_rate_deg_s + settings.settle_s
+        if longest > self.round_steps * scene.step_s:
+            raise ConfigurationError(
+                f"search.block_minutes = {settings.block_minutes} leaves "
+                f"{self.round_steps * scene.step_s:g} s for each of {settings.visits} visits, less "
+                f"than the {longest:g} s of a turn by 180 deg with an exposure; give more"
+            )
+        width = np.rad2deg(2.0 * limits.half_field)
+        each = {float(one): FieldGrid(float(one)) for one in np.unique(width)}
+        self.grids = [each[float(one)] for one in width]
+        n = len(self.grids)
+        self._pointing: list[Array | None] = [None] * n
+        self._next = np.zeros(n, dtype=np.int64)
+        self._block = 0
+
+    def fields_of(self, seen: Views) -> Indices:
+        """Field of each object for each observer, (observer, object)."""
+        return np.array(
+            [
+                grid.field_of(ra, dec)
+                for grid, ra, dec in zip(self.grids, seen.ra, seen.dec, strict=True)
+            ]
+        )
+
+    def plan(
+        self,
+        index: int,
+        weight: Array,
+        fields: Indices,
+        probability: Array,
+        known: KnownOrbits,
+        known_fields: Indices,
+        known_probability: Array,
+    ) -> Visits:
+        """Choose the exposures of a block.
+
+        Parameters
+        ----------
+        index : int
+            Time of the scene in the middle of the block.
+        weight : ndarray, shape (particle,)
+            Expected number of undetected objects.
+        fields, probability : ndarray, shape (observer, particle)
+            Field of each particle, and probability of detecting an object there.
+        known : KnownOrbits
+        known_fields, known_probability : ndarray, shape (observer, orbit, draw)
+            The same for the samples of the known orbits.
+        """
+        n = len(self.grids)
+        chosen: list[Indices] = [np.empty(0, dtype=np.int64)] * n
+        strategy = self.settings.strategy
+        left, covariance = weight.copy(), known.covariance.copy()
+        for turn in range(n):
+            o = (turn + self._block) % n
+            if strategy == SWEEP:
+                chosen[o] = self._swept(o, index)
+            elif strategy == STARING:
+                chosen[o] = self._stared(o, index)
+            else:
+                gain = self._information(o, index, known, covariance)
+                chance = known_probability[o] * (known.existence / known.sample.shape[1])[:, None]
+                size = len(self.grids[o].center)
+                worth = np.bincount(fields[o], left * probability[o], minlength=size)
+                worth += np.bincount(
+                    known_fields[o].ravel(), (chance * gain[:, None]).ravel(), minlength=size
+                )
+                chosen[o] = self._best(o, worth)
+                within = np.isin(fields[o], chosen[o])
+                left[within] *= 1.0 - self.settings.detection_weight * probability[o, within]
+                share = np.isin(known_fields[o], chosen[o]) * known_probability[o]
+                taken = np.flatnonzero(share.mean(axis=1) > 0.5)
+                covariance[taken] = self._measured(
+                    o, index, known.position[taken], covariance[taken]
+                )
+        self._block += 1
+        return self._timed(chosen)
+
+    def exposures(self, visits: Visits, first: int) -> Exposures:
+        """Exposures of planned visits; `first` is the index of the block's first step."""
+        o = visits.observer
+        center = np.array(
+            [
+                self.grids[a].center[f]
+                for a, f in zip(o.tolist(), visits.field.tolist(), strict=True)
+            ]
+        ).reshape(-1, 2)
+        k = first + visits.step
+        turn = self.scene.observer_axes[k] @ self.scene.frame_axes[k].swapaxes(1, 2)
+        x, y, z = np.einsum("nij,nj->in", turn, unit_vectors(*center.T))
+        boresight = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1)
+        return Exposures(
+            visits.step, o, boresight, self.limits.half_field[o], self.limits.limiting_magnitude[o]
+        )
+
+    def _tangents(self, o: int, index: int, position: Array) -> tuple[Array, Array]:
+        """Derivatives (orbit, 2, 3) of the direction, and its noise variance over the squared
+        range, both per squared unit of length."""
+        way = position - self.scene.observer_position[o, index]
+        distance = np.linalg.norm(way, axis=1)
+        unit = way / distance[:, None]
+        across = np.cross(unit, np.eye(3)[np.argmin(np.abs(unit), axis=1)])
+        across /= np.linalg.norm(across, axis=1)[:, None]
+        noise = self.limits.noise_variance[o, 1] * distance**2 / self.settings.visits
+        return np.stack([across, np.cross(unit, across)], axis=1), noise
+
+    def _information(self, o: int, index: int, known: KnownOrbits, covariance: Array) -> Array:
+        """Worth of a detection of each orbit, the second sum of equation (1)."""
+        if self.settings.information_worth == 0.0 or len(known.position) == 0:
+            return np.zeros(len(known.position))
+        h, noise = self._tangents(o, index, known.position)
+        spread = h @ covariance @ h.swapaxes(1, 2) / noise[:, None, None]
+        nats = 0.5 * np.linalg.slogdet(np.eye(2) + spread)[1]
+        return self.settings.information_worth * nats
+
+    def _measured(self, o: int, index: int, position: Array, covariance: Array) -> Array:
+        """Covariances after a measurement by an observer."""
+        if len(position) == 0:
+            return covariance
+        h, noise = self._tangents(o, index, position)
+        mapped = covariance @ h.swapaxes(1, 2)
+        spread = h @ mapped + noise[:, None, None] * np.eye(2)
+        return covariance - mapped @ np.linalg.solve(spread, mapped.swapaxes(1, 2))
+
+    def _best(self, o: int, worth: Array) -> Indices:
+        """Fields of largest worth that fit into a round."""
+        order = np.lexsort((np.arange(worth.size), -worth))[: _CONSIDERED * self.round_steps]
+        return self._route(o, order[worth[order] > 0.0])
+
+    def _steps(self, before: Array, after: Array) -> Indices:
+        """Steps from an exposure in one direction to the next in another, in which the telescope
+        must turn and settle; both (..., 3), which are broadcast."""
+        along = np.clip(np.sum(before * after, axis=-1), -1.0, 1.0)
+        angle = np.rad2deg(np.arccos(along))
+        needed = self.settings.exposure_s + np.where(
+            angle > 1e-3, angle / self.settings.slew_rate_deg_s + self.settings.settle_s, 0.0
+        )
+        return np.ceil(needed / self.scene.step_s - 1e-6).astype(np.int64)
+
+    def _route(self, o: int, fields: Indices) -> Indices:
+        """As many of the fields as fit into a round, in the order of visits. The first ones are
+        taken first, each where it lengthens the closed tour least."""
+        if fields.size == 0:
+            return fields
+        direction = self.grids[o].direction[fields]
+        steps = self._steps(direction[:, None], direction).tolist()
+        here = self._pointing[o]
+        start = [1] * fields.size if here is None else self._steps(here, direction).tolist()
+        tour: list[int] = []
+        length = 0
+        for new in range(fields.size):
+            trial, total = [new], steps[new][new]
+            if tour:
+                added = [
+                    steps[tour[k - 1]][new] + steps[new][tour[k]] - steps[tour[k - 1]][tour[k]]
+                    for k in range(len(tour))
+                ]
+                if len(tour) == 1:
+                    added = [steps[tour[0]][new] + steps[new][tour[0]] - length]
+                at = int(np.argmin(added))
+                trial, total = [*tour[:at], new, *tour[at:]], length + added[at]
+            if total > self.round_steps:
+                continue
+            # a round begins with the field that the telescope reaches so that all are in time
+            ends = [start[f] + total - steps[trial[k - 1]][f] for k, f in enumerate(trial)]
+            if len(trial) == 1:
+                ends = [start[new]]
+            first = int(np.argmin(ends))
+            if ends[first] <= self.round_steps:
+                tour, length = [*trial[first:], *trial[:first]], total
+            if len(tour) == self.round_steps:
+                break
+        return fields[tour]
+
+    def _timed(self, chosen: list[Indices]) -> Visits:
+        """Steps of all visits: rounds begin at equal times, each in the same order."""
+        parts = []
+        for o, tour in enumerate(chosen):
+            if tour.size == 0:
+                continue
+            direction, here = self.grids[o].direction[tour], self._pointing[o]
+            first = 1 if here is None else int(self._steps(here, direction[0]))
+            within = np.concatenate([[first], self._steps(direction[:-1], direction[1:])])
+            within = np.cumsum(within) - 1
+            for visit in range(self.settings.visits):
+                parts.append((within + visit * self.round_steps, np.full(tour.size, o), tour))
+            self._pointing[o] = direction[-1]
+        if not parts:
+            return Visits(*(np.empty(0, dtype=np.int64) for _ in range(3)))
+        step, observer, field = (np.concatenate(each) for each in zip(*parts, strict=True))
+        order = np.lexsort((observer, step))
+        return Visits(step[order], observer[order], field[order])
+
+    def _clear(self, o: int, index: int, directions: Array) -> NDArray[np.bool_]:
+        """Whether directions, in the inertial frame, are free of bright bodies and hidden at no
+        distance up to one unit of length."""
+        place = self.scene.observer_position[o, index]
+        far = place + directions @ self.scene.frame_axes[index]
+        return np.isfinite(views(self.scene, self.limits, index, far).margin[o])
+
+    def _swept(self, o: int, index: int) -> Indices:
+        """The next fields of a sweep over the sky."""
+        count = len(self.grids[o].center)
+        order = (self._next[o] + np.arange(min(count, _AHEAD * self.round_steps))) % count
+        clear = np.flatnonzero(self._clear(o, index, self.grids[o].direction[order]))
+        tour = self._route(o, order[clear[: self.round_steps]])
+        # past the last field that is visited, or past those that are not clear
+        last = tour if tour.size else order
+        self._next[o] = (order[np.isin(order, last)][-1] + 1) % count
+        return tour
+
+    def _stared(self, o: int, index: int) -> Indices:
+        """The fields of L1 and L2, if they are free."""
+        earth, moon = self.scene.primaries[index]
+        # shares of the way from the Earth to the Moon
+        mu = _mass_ratio(self.scene.primaries[0])
+        share = libration_points(mu)[:2, 0] + mu
+        place = earth + share[:, None] * (moon - earth)
+        seen = views(self.scene, self.limits, index, place)
+        free = np.isfinite(seen.margin[o])
+        near = np.unique(self.grids[o].field_of(seen.ra[o, free], seen.dec[o, free]))
+        return self._route(o, near)
+
+
+def _mass_ratio(primaries: Array) -> float:
+    """Distance of the Earth from the barycenter over that from the Moon."""
+    return float(np.linalg.norm(primaries[0]) / np.linalg.norm(primaries[1] - primaries[0]))

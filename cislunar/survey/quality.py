@@ -1,0 +1,197 @@
+"""Quality of a catalog against the truth: completeness, purity, wrong orbits and consistency.
+
+Only this module and the simulation of a survey read the origins of detections.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from cislunar.constants import LENGTH_UNIT_KM
+from cislunar.detection import FALSE_ALARM
+from cislunar.orbit_determination import Angles, Attributables, LinkedOrbits
+from cislunar.runtime.settings_fields import Count, Positive, Section, setting
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+ORBIT_COLUMNS = (
+    "day", "confirmed", "verdict", "object", "detections", "right_detections", "observers",
+    "error_km", "sigma_km", "nees",
+)  # fmt: skip
+
+
+class QualitySettings(Section):
+    """What counts as right and as findable."""
+
+    # fmt: off
+
+    right_km: Positive = setting(
+        "largest position error of a right orbit at its last detection", "km", default=500)
+    findable_tracklets: Count = setting(
+        "tracklets from which on an object is findable", "1", default=3)
+
+    # fmt: on
+
+
+class CatalogState(NamedTuple):
+    """Quality at one time. Shares are NaN if there is nothing to divide by.
+
+    Attributes
+    ----------
+    day : float
+        Time since the start.
+    objects, detected, findable : int
+        Objects in the truth, those with a detection, and those with enough tracklets.
+    confirmed, right, wrong, false, duplicate : int
+        Confirmed orbits; those of one object with a small error, one for each object; those of an
+        object with a large error; those most of whose detections are false alarms; further orbits
+        of an object that has a right one.
+    candidates : int
+        Orbits that are not confirmed.
+    linked : int
+        Findable objects of which an orbit, confirmed or not, has most of its detections.
+    completeness : float
+        Right confirmed orbits of findable objects over findable objects.
+    completeness_all : float
+        Right confirmed orbits over all objects.
+    purity : float
+        Share of the detections in confirmed orbits that are of the object that most are of.
+    nees : float
+        Mean normalized estimation error squared of the right confirmed orbits; 6 if consistent.
+    median_error_km : float
+        Median position error of the right confirmed orbits.
+    """
+
+    day: float
+    objects: int
+    detected: int
+    findable: int
+    confirmed: int
+    right: int
+    wrong: int
+    false: int
+    duplicate: int
+    candidates: int
+    linked: int
+    completeness: float
+    completeness_all: float
+    purity: float
+    nees: float
+    median_error_km: float
+
+
+def orbit_table(
+    orbits: LinkedOrbits,
+    angles: Angles,
+    origin: ArrayLike,
+    truth: Array,
+    step: float,
+    day: float,
+) -> pd.DataFrame:
+    """Linked orbits and the objects that they are of.
+
+    Parameters
+    ----------
+    orbits : LinkedOrbits
+    angles : Angles
+        Detections, to whose rows the orbits refer.
+    origin : array_like of int, shape (row,)
+        Object of each detection, or `FALSE_ALARM`.
+    truth : ndarray, shape (object, time, 6)
+        True states, nondimensional, propagation frame, every `step`.
+    step : float
+        Nondimensional.
+    day : float
+        Time of the table.
+
+    Returns
+    -------
+    DataFrame
+        Columns `ORBIT_COLUMNS`; `object` is that of most detections, or `FALSE_ALARM`.
+    """
+    given, rows = np.asarray(origin), []
+    for k in range(orbits.log_ratio.size):
+        own = orbits.detections(k)
+        names, counts = np.unique(given[own], return_counts=True)
+        main = int(names[np.argmax(counts)])
+        error = nees = np.nan
+        covariance = orbits.fits.covariance[k]
+        if main != FALSE_ALARM:
+            at = round(float(orbits.fits.epoch[k]) / step)
+            miss = truth[main, at] - orbits.fits.state[k]
+            error = float(np.linalg.norm(miss[:3])) * LENGTH_UNIT_KM
+            nees = float(miss @ np.linalg.solve(covariance, miss))
+        sigma = float(np.sqrt(np.trace(covariance[:3, :3]))) * LENGTH_UNIT_KM
+        rows.append(
+            (day, bool(orbits.confirmed[k]), orbits.verdict[k], main, own.size, int(counts.max()),
+             np.unique(angles.observer[own]).size, error, sigma, nees)
+        )  # fmt: skip
+    # with the types of the columns, if there are no orbits
+    return pd.DataFrame(rows, columns=list(ORBIT_COLUMNS)).astype(
+        {"confirmed": bool, "object": np.int64, "error_km": float}
+    )
+
+
+def true_tracklets(tracklets: Attributables, origin: ArrayLike, n_objects: int) -> Indices:
+    """Number of tracklets (object,) all of whose detections are of one object; tracklets that share
+    detections count once."""
+    given, count, used = np.asarray(origin), np.zeros(n_objects, dtype=np.int64), set()
+    for rows in tracklets.detections:
+        main = int(given[rows[0]])
+        if main == FALSE_ALARM or np.any(given[rows] != main) or used & set(rows.tolist()):
+            continue
+        used.update(rows.tolist())
+        count[main] += 1
+    return count
+
+
+def catalog_state(
+    table: pd.DataFrame, origin: ArrayLike, tracklets: Indices, settings: QualitySettings
+) -> CatalogState:
+    """Quality of the orbits of a table.
+
+    Parameters
+    ----------
+    table : DataFrame
+        See `orbit_table`, of one time.
+    origin : array_like of int, shape (row,)
+        Object of each detection so far, or `FALSE_ALARM`.
+    tracklets : ndarray of int, shape (object,)
+        See `true_tracklets`.
+    settings : QualitySettings
+    """
+    given, n = np.asarray(origin), tracklets.size
+    findable = tracklets >= settings.findable_tracklets
+    chosen = table[table["confirmed"]]
+    real = chosen[chosen["object"] != FALSE_ALARM]
+    small = (real["error_km"] <= settings.right_km).to_numpy()
+    owner = real["object"].to_numpy(dtype=np.int64)
+    right = np.unique(owner[small])
+    linked = table.loc[table["object"] != FALSE_ALARM, "object"].to_numpy(dtype=np.int64)
+    good = real[small]
+    total = int(chosen["detections"].sum())
+
+    def share(part: float, whole: float) -> float:
+        return float(part / whole) if whole else float("nan")
+
+    return CatalogState(
+        day=float(table["day"].iloc[0]) if len(table) else float("nan"),
+        objects=n,
+        detected=int(np.unique(given[given != FALSE_ALARM]).size),
+        findable=int(findable.sum()),
+        confirmed=len(chosen),
+        right=int(right.size),
+        wrong=int(np.count_nonzero(~small)),
+        false=len(chosen) - len(real),
+        duplicate=int(np.count_nonzero(small)) - int(right.size),
+        candidates=len(table) - len(chosen),
+        linked=int(findable[np.unique(linked)].sum()),
+        completeness=share(findable[right].sum(), findable.sum()),
+        completeness_all=share(right.size, n),
+        purity=share(real["right_detections"].sum(), total),
+        nees=float(good["nees"].mean()) if len(good) else float("nan"),
+        median_error_km=float(good["error_km"].median()) if len(good) else float("nan"),
+    )

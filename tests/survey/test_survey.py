@@ -1,0 +1,125 @@
+"""Small surveys from an empty catalog, and what the estimation side is given."""
+
+import numpy as np
+import pytest
+
+from cislunar.detection import Detections
+from cislunar.dynamics import EARTH_MOON, propagate_bundle
+from cislunar.errors import ConfigurationError
+from cislunar.observation import Sensor
+from cislunar.survey import (
+    DensityPrior,
+    ObjectDensity,
+    PriorSources,
+    SearchSettings,
+    SurveySettings,
+    run_survey,
+    sample_prior,
+    simulation,
+)
+from cislunar.tasking import TruthModel, tracking_problem
+
+HOURS = 6
+N_OBSERVERS, N_OBJECTS = 6, 6
+PROBLEM = tracking_problem(n_observers=N_OBSERVERS, n_targets=N_OBJECTS, duration_hours=HOURS)
+SENSOR = Sensor(limiting_magnitude=20)
+TRUTH = TruthModel(PROBLEM.surfaces, SENSOR.noise, np.zeros(3))
+SETTINGS = SurveySettings(
+    duration_days=HOURS / 24, link_hours=2, process={"false_alarms_deg2": 0.02}
+)
+
+
+def density(expected=10.0, seed=1):
+    """Neighborhoods of the objects' orbits at other phases, which are not the objects."""
+    rng = np.random.default_rng(seed)
+    other = propagate_bundle(PROBLEM.epoch, 0.05, 60)[:, rng.integers(60, size=60)].reshape(-1, 6)
+    prior = DensityPrior(
+        families=0, zero_velocity=0, table=0.8, uniform=0.2, particles=600,
+        expected_objects=expected,
+    )  # fmt: skip
+    state, size = sample_prior(prior, PriorSources(table=other), rng)
+    return ObjectDensity(state, size, expected)
+
+
+def surveyed(states=PROBLEM.epoch, seed=3, settings=SETTINGS, truth=TRUTH, **given):
+    return run_survey(
+        PROBLEM.scene, truth, states, PROBLEM.ids, seed, density(), settings, sensor=SENSOR,
+        forces=EARTH_MOON, **given,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def result():
+    return surveyed()
+
+
+def test_objects_are_found_and_their_orbits_are_consistent(result):
+    end = result.states.iloc[-1]
+    assert result.states["day"].tolist() == pytest.approx([2 / 24, 4 / 24, 6 / 24])
+    assert end["objects"] == N_OBJECTS and end["findable"] >= 3
+    assert end["right"] >= 3 and end["completeness"] >= 0.75
+    assert end["wrong"] == end["false"] == 0 and end["purity"] == 1.0
+    assert end["false_alarms"] > 50
+    orbits = result.orbits[(result.orbits["day"] == end["day"]) & result.orbits["confirmed"]]
+    # chi squared with six degrees of freedom
+    assert orbits["nees"].max() < 30.0 and 2.0 < orbits["nees"].mean() < 12.0
+    assert orbits["error_km"].max() < 50.0
+    assert np.all(np.diff(result.states["undetected"]) < 0.0)
+    objects = result.objects
+    found = np.isfinite(objects["cataloged"])
+    assert np.count_nonzero(found) == end["right"]
+    assert np.all(objects["cataloged"][found] > objects["detected"][found])
+    assert np.all(objects["tracklets"][found] >= 3)
+
+
+def test_a_survey_is_repeatable(result):
+    again = surveyed()
+    assert again.states.equals(result.states) and again.orbits.equals(result.orbits)
+
+
+def test_plans_do_not_depend_on_the_truth(monkeypatch):
+    """Without a detection, two truths that have nothing in common give the same plans; the first
+    detection makes them differ."""
+    simulated, plans = simulation.expose, []
+
+    def without(first, exposures, *args, **given):
+        _, origin, outcome = simulated(first, exposures, *args, **given)
+        plans[-1].append((*exposures,))
+        nothing = np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3))
+        return Detections(*nothing), origin[:0], outcome
+
+    monkeypatch.setattr(simulation, "expose", without)
+    elsewhere = propagate_bundle(PROBLEM.epoch, 0.3, 1)[::-1, -1].copy()
+    for states, seed in ((PROBLEM.epoch, 3), (elsewhere, 4)):
+        plans.append([])
+        found = surveyed(states, seed)
+        assert found.states["confirmed"].max() == found.states["detections"].max() == 0
+    for one, other in zip(*plans, strict=True):
+        for a, b in zip(one, other, strict=True):
+            np.testing.assert_array_equal(a, b)
+    assert Detections._fields == ("exposure", "value", "variance")
+
+
+def test_false_alarms_alone_give_no_confirmed_orbit():
+    """Objects that are too faint for the telescopes, among false alarms."""
+    faint = PROBLEM.surfaces._replace(areas=1e-8 * PROBLEM.surfaces.areas)
+    settings = SurveySettings(
+        duration_days=4 / 24, link_hours=4, process={"false_alarms_deg2": 1 / 9}
+    )
+    found = surveyed(truth=TRUTH._replace(surfaces=faint), settings=settings)
+    end = found.states.iloc[-1]
+    assert end["detected"] == 0 and end["false_alarms"] == end["detections"] > 500
+    assert end["confirmed"] == 0 and np.isnan(end["completeness"])
+    assert not np.isfinite(found.objects["cataloged"]).any()
+
+
+def test_impossible_times_are_refused():
+    for settings, words in (
+        (SurveySettings(duration_days=1), "less than the 1441"),
+        (SurveySettings(duration_days=0.013), "must be a multiple of search.block_minutes"),
+        (SurveySettings(duration_days=0.25, link_hours=0.5), "link_hours = 0.5"),
+    ):
+        with pytest.raises(ConfigurationError, match=words) as caught:
+            surveyed(settings=settings)
+        assert "\n" not in str(caught.value)
+    assert SearchSettings().strategy == "density"
