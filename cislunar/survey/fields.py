@@ -7,10 +7,10 @@ field of view about its center, so that a direction belongs to one field.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import norm
 
+from cislunar.compiled import njit
 from cislunar.errors import ConfigurationError
 from cislunar.observation import (
     METERS,
