@@ -2,10 +2,11 @@
 
     python benchmarks/orbits.py
 
-Prints how many times faster a family of halo orbits is generated with the compiled DOP853 than
-with the same corrector on `scipy.integrate.solve_ivp`, how the propagation of single and of many
-trajectories compares with the Taylor integrator of heyoka (scalar and batch), and the cost of a
-step under ephemeris forces. Ratios measured in one run depend much less on the machine than times.
+Prints how many times faster a family of halo orbits is generated with the compiled DOP853 than with
+the same corrector on `scipy.integrate.solve_ivp`, how the propagation of single and of many
+trajectories compares with the Taylor integrator of heyoka (scalar and batch), and the cost of
+transition matrices and of a step under ephemeris forces. Ratios measured in one run depend much
+less on the machine than times.
 """
 
 import importlib.util
@@ -103,6 +104,27 @@ def compare_propagation() -> None:
             f"{method} at {tolerance:.0e}: {1e3 * ours:.2f} ms for ten periods, error {error:.1e}, "
             f"{theirs / ours:.0f} times faster than SciPy"
         )
+
+
+def compare_transition_matrices() -> None:
+    """Print the time of states with transition matrices over a day, together and one by one."""
+    library = observer_library()
+    states, day = library.state, 86400.0 / TIME_UNIT_S
+    tolerances = {"rtol": 1e-9, "atol": 1e-9}
+
+    def together():
+        return propagate_stm(states, day, **tolerances)
+
+    def alone():
+        return [propagate_stm(state, day, **tolerances) for state in states]
+
+    times = alternated({"together": together, "alone": alone}, 5)
+    together_us, alone_us = (1e6 * each / len(states) for each in times.values())
+    print(
+        f"{len(states)} states with transition matrices over a day at 1e-9: together "
+        f"{together_us:.2f} us, one by one {alone_us:.2f} us per state   time ratio "
+        f"{alone_us / together_us:.1f}"
+    )
 
 
 def compare_with_heyoka() -> None:
@@ -279,6 +301,7 @@ def main() -> None:
     )
     compare_generation()
     compare_propagation()
+    compare_transition_matrices()
     compare_with_heyoka()
     compare_forces()
 

@@ -142,6 +142,63 @@ def propagate(
     return out
 
 
+def _state_rows(state: ArrayLike, forces: tuple) -> Array:
+    """States (n, 6) of finite numbers; raises a `ConfigurationError` otherwise."""
+    states = np.ascontiguousarray(array_of("states", state, finite=False))
+    if states.ndim != 2 or states.shape[1] != 6 or not np.all(np.isfinite(states)):
+        raise ConfigurationError(
+            f"states must be rows of 6 finite numbers, got an array of shape {states.shape}"
+        )
+    if isinstance(forces, CR3BP):
+        require_nondimensional("state", states)
+    return states
+
+
+def _integrate_many(y0, times, forces, start, method, rtol, atol) -> Array:
+    """Solutions (n, m, components) from initial values (n, components) by the integrator in lanes;
+    times and start as in `propagate_many`."""
+    times = array_of("times", times, finite=False)
+    if times.ndim not in (1, 2) or (times.ndim == 2 and len(times) != len(y0)):
+        raise ConfigurationError(
+            f"times of shape {times.shape} do not belong to {len(y0)} states: give one row for "
+            "all or a row for each"
+        )
+    if not np.all(np.isfinite(times)):
+        raise ConfigurationError("times must be finite numbers")
+    times = np.broadcast_to(times, (len(y0), times.shape[-1]))
+    starts = np.broadcast_to(np.asarray(start, dtype=float), len(y0))
+    out = np.empty((*times.shape, y0.shape[1]))
+    if out.size == 0:
+        return out
+    spans = starts, starts + times.min(axis=1), starts + times.max(axis=1)
+    require_span(forces, np.min(spans), np.max(spans))
+    # Up to two jobs per row: backward from 0, and forward from 0.
+    n, m = times.shape
+    order, back = np.argsort(times, axis=1, kind="stable"), np.sum(times < 0.0, axis=1)
+    column = np.arange(m)
+    column = np.where(column < back[:, None], back[:, None] - 1 - column, column)
+    order = np.take_along_axis(order, column, axis=1)
+    has_times = np.stack([back > 0, back < m], axis=1)
+    which, forward = np.nonzero(has_times)
+    direction = 2.0 * forward - 1.0
+    jobs = lanes.Jobs(
+        state=y0[which],
+        start=starts[which],
+        direction=direction,
+        first=np.append(which * m + forward * back[which], n * m),
+        times=np.abs(np.take_along_axis(times, order, axis=1)).ravel(),
+        place=(m * np.arange(n)[:, None] + order).ravel(),
+    )
+    status, stopped = np.empty(which.size, dtype=int), np.zeros(which.size)
+    kind = lanes.OfStates() if y0.shape[1] == 6 else lanes.OfMatrices()
+    rows = out.reshape(-1, y0.shape[1])
+    lanes.integrate_many(kind, method, forces, jobs, rtol, atol, rows, status, stopped)
+    for k in np.flatnonzero(status != runge_kutta.OK):
+        end = direction[k] * jobs.times[jobs.first[k + 1] - 1]
+        _require_arrival(status[k], jobs.state[k, :6], stopped[k], end)
+    return out
+
+
 def propagate_many(
     state: ArrayLike,
     times: ArrayLike,
@@ -175,52 +232,8 @@ def propagate_many(
     ndarray, shape (n, m, 6)
         Nondimensional, propagation frame.
     """
-    code, rtol, atol = _method_and_tolerances(method, rtol, atol)
-    states = np.ascontiguousarray(array_of("states", state, finite=False))
-    if states.ndim != 2 or states.shape[1] != 6 or not np.all(np.isfinite(states)):
-        raise ConfigurationError(
-            f"states must be rows of 6 finite numbers, got an array of shape {states.shape}"
-        )
-    if isinstance(forces, CR3BP):
-        require_nondimensional("state", states)
-    times = array_of("times", times, finite=False)
-    if times.ndim not in (1, 2) or (times.ndim == 2 and len(times) != len(states)):
-        raise ConfigurationError(
-            f"times of shape {times.shape} do not belong to {len(states)} states: give one row for "
-            "all or a row for each"
-        )
-    if not np.all(np.isfinite(times)):
-        raise ConfigurationError("times must be finite numbers")
-    times = np.broadcast_to(times, (len(states), times.shape[-1]))
-    starts = np.broadcast_to(np.asarray(start, dtype=float), len(states))
-    out = np.empty((*times.shape, 6))
-    if out.size == 0:
-        return out
-    spans = starts, starts + times.min(axis=1), starts + times.max(axis=1)
-    require_span(forces, np.min(spans), np.max(spans))
-    # Up to two jobs per row: backward from 0, and forward from 0.
-    n, m = times.shape
-    order, back = np.argsort(times, axis=1, kind="stable"), np.sum(times < 0.0, axis=1)
-    column = np.arange(m)
-    column = np.where(column < back[:, None], back[:, None] - 1 - column, column)
-    order = np.take_along_axis(order, column, axis=1)
-    has_times = np.stack([back > 0, back < m], axis=1)
-    which, forward = np.nonzero(has_times)
-    direction = 2.0 * forward - 1.0
-    jobs = lanes.Jobs(
-        state=states[which],
-        start=starts[which],
-        direction=direction,
-        first=np.append(which * m + forward * back[which], n * m),
-        times=np.abs(np.take_along_axis(times, order, axis=1)).ravel(),
-        place=(m * np.arange(n)[:, None] + order).ravel(),
-    )
-    status, stopped = np.empty(which.size, dtype=int), np.zeros(which.size)
-    lanes.integrate_many(code, forces, jobs, rtol, atol, out.reshape(-1, 6), status, stopped)
-    for k in np.flatnonzero(status != runge_kutta.OK):
-        end = direction[k] * jobs.times[jobs.first[k + 1] - 1]
-        _require_arrival(status[k], jobs.state[k], stopped[k], end)
-    return out
+    given = forces, start, *_method_and_tolerances(method, rtol, atol)
+    return _integrate_many(_state_rows(state, forces), times, *given)
 
 
 def propagate_periodic(
@@ -267,37 +280,47 @@ def propagate_stm(
     duration: float | ArrayLike,
     *,
     forces: tuple = EARTH_MOON,
-    start: float = 0.0,
+    start: ArrayLike = 0.0,
     rtol: float = 1e-13,
     atol: float = 1e-13,
 ) -> tuple[Array, Array]:
-    """Propagate a state and its state transition matrix with DOP853; errors as in `propagate`.
+    """Propagate states and their state transition matrices with DOP853; errors as in `propagate`.
+
+    Many states are integrated together with the same result for each, see `propagate_many`.
 
     Parameters
     ----------
-    state : array_like, shape (6,)
-        State at `start`, nondimensional, propagation frame.
-    duration : float or array_like, shape (m,)
-        Nondimensional, either sign; several durations must have one sign and increase in magnitude.
+    state : array_like, shape (6,) or (n, 6)
+        States at `start`, nondimensional, propagation frame.
+    duration : float or array_like, shape (m,) or (n, m)
+        Nondimensional, either sign; several durations of one state must have one sign and increase
+        in magnitude.
     forces : NamedTuple
         Force model, see `cislunar.dynamics.forces`.
-    start : float
-        Time of `state`, nondimensional, since the epoch.
+    start : float or array_like, shape (n,)
+        Time of the states, nondimensional, since the epoch.
     rtol, atol : float
         Tolerances, applied to all 42 entries.
 
     Returns
     -------
-    state_f : ndarray, shape (6,) or (m, 6)
+    state_f : ndarray, shape (6,), (m, 6), (n, 6) or (n, m, 6)
         Final states, nondimensional, propagation frame.
-    stm : ndarray, shape (6, 6) or (m, 6, 6)
-        Derivative of the final state with respect to the initial one.
+    stm : ndarray, shape (..., 6, 6)
+        Derivative of each final state with respect to the initial one.
     """
     code, rtol, atol = _method_and_tolerances("dop853", rtol, atol)
-    y0 = np.concatenate([state_vector(state), np.eye(6).ravel()])
     durations = np.asarray(duration, dtype=float)
-    end, _ = _integrate(code, forces, start, y0, np.atleast_1d(durations), rtol, atol)
-    return end[:, :6].reshape(*durations.shape, 6), end[:, 6:].reshape(*durations.shape, 6, 6)
+    if np.ndim(state) == 2:
+        states = _state_rows(state, forces)
+        y0 = np.hstack([states, np.tile(np.eye(6).ravel(), (len(states), 1))])
+        end = _integrate_many(y0, np.atleast_1d(durations), forces, start, code, rtol, atol)
+        shape = (len(states), *durations.shape[-1:])
+    else:
+        y0 = np.concatenate([state_vector(state), np.eye(6).ravel()])
+        end, _ = _integrate(code, forces, start, y0, np.atleast_1d(durations), rtol, atol)
+        shape = durations.shape
+    return end[..., :6].reshape(*shape, 6), end[..., 6:].reshape(*shape, 6, 6)
 
 
 def advance_orbits(state: ArrayLike, period: ArrayLike, time: float, mu: float = MU) -> Array:

@@ -87,6 +87,24 @@ def test_many_agree_with_single_propagations_to_the_last_bit(method):
     assert few[0].tobytes() == together[4].tobytes()
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_many_stms_agree_with_single_ones_to_the_last_bit(sign):
+    rng = np.random.default_rng(5)
+    states = GENERIC + 0.02 * rng.standard_normal((21, 6))
+    durations = sign * np.cumsum(rng.uniform(0.0, 0.5, (21, 4)), axis=1)
+    durations[3, 0], durations[7] = 0.0, 0.0
+    tolerances = {"rtol": 1e-9, "atol": 1e-9}
+    end, stm = propagate_stm(states, durations, **tolerances)
+    for k in range(21):
+        alone = propagate_stm(states[k], durations[k], **tolerances)
+        assert end[k].tobytes() == alone[0].tobytes()
+        assert stm[k].tobytes() == alone[1].tobytes()
+    assert propagate_stm(states, durations[0, -1], **tolerances)[1].shape == (21, 6, 6)
+    starts = propagate_stm(states, durations[0], start=rng.uniform(0.0, 9.0, 21), **tolerances)
+    assert starts[0].shape == (21, 4, 6)
+    np.testing.assert_array_equal(starts[0][0], end[0])  # the CR3BP does not depend on time
+
+
 def test_many_name_the_first_collision():
     falling = [1.0 - MU, 0.0, 0.0, 0.0, 0.0, 0.0]
     with pytest.raises(ConvergenceError, match=r"0.98785.*stopped at t = 0 of 2: .*underflow"):
