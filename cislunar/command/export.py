@@ -23,8 +23,6 @@ _OTHERS = {
     ".psv": "observations in the format ADES",
 }
 
-_GEOMETRIC = "Simulated directions, without light time and aberration"
-
 
 def _ephemeris_of(path: Path, scenario: str) -> Path:
     """``ephemeris/sun.nc`` of a cell, or of its scenario, in the results folder above it."""
@@ -133,6 +131,7 @@ def _texts(
     from cislunar.exchange import (
         COMMENTS,
         EPHEMERIS_COMMENTS,
+        GEOMETRIC,
         ades_text,
         aem_text,
         ocm_text,
@@ -151,8 +150,8 @@ def _texts(
     if suffix in (".tdm", ".psv"):
         table = cell_observations(cell, sun, seed=seed)
         if suffix == ".psv":
-            return {path: ades_text(table.assign(remarks=_GEOMETRIC))}
-        message["comments"] = (*dynamics, _GEOMETRIC)
+            return {path: ades_text(table.assign(remarks=GEOMETRIC))}
+        message["comments"] = (*dynamics, GEOMETRIC)
         return {path: tdm_text(table, **message)}
     arcs = (
         cell_observer_arcs(cell, sun, center=center)

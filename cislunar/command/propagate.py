@@ -3,8 +3,17 @@
 import click
 
 from cislunar.command.base import Command
-from cislunar.command.table import OUTPUT, UNITS, Column, Number, OrbitType, show, state_columns
-from cislunar.study.orbit_text import FORM, read_orbit
+from cislunar.command.table import (
+    OUTPUT,
+    UNITS,
+    Column,
+    Number,
+    OrbitType,
+    orbit_of,
+    show,
+    state_columns,
+)
+from cislunar.study.orbit_text import FORM
 
 
 @click.command(cls=Command, epilog=FORM)
@@ -35,7 +44,7 @@ def propagate(orbit: str, days: float, steps: int, units: str, output: str | Non
     from cislunar.dynamics.cr3bp import primary_distances
     from cislunar.dynamics.propagation import propagate
 
-    start = read_orbit(orbit, units)
+    start = orbit_of(orbit, units)
     elapsed = np.linspace(0.0, days, steps + 1)
     states = propagate(start.state, elapsed * SECONDS_PER_DAY / TIME_UNIT_S)
     earth, moon = primary_distances(states[:, :3])

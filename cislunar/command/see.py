@@ -12,9 +12,10 @@ from cislunar.command.table import (
     Number,
     NumberRange,
     OrbitType,
+    orbit_of,
     show,
 )
-from cislunar.study.orbit_text import FORM, read_orbit
+from cislunar.study.orbit_text import FORM
 
 
 @click.command(cls=Command, epilog=FORM)
@@ -74,7 +75,7 @@ def see(
         sky = sample_ephemeris(epoch, hours / 24.0, step)
     except CislunarError as error:
         raise type(error)(f"--epoch {epoch}: {error}") from error
-    positions = [read_orbit(text, units).states(sky.time)[:, :3] for text in (observer, target)]
+    positions = [orbit_of(text, units).states(sky.time)[:, :3] for text in (observer, target)]
     sensor = Sensor(limiting_magnitude=limit)
     found = sightings(*positions, sky.sun_position, sensor, radius_m=radius)
     words = {DETECTED: "seen", FAINT: "faint", EXCLUDED: "excluded", OCCULTED: "occulted"}

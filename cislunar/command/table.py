@@ -76,6 +76,13 @@ class OrbitType(click.ParamType):
 POSITIVE = NumberRange(min=0.0, min_open=True)
 
 
+def orbit_of(text: str, units: str) -> Any:
+    """`cislunar.study.orbit_text.Orbit` of a text in the units of the option."""
+    from cislunar.study.orbit_text import read_orbit
+
+    return read_orbit(text, units, "; see --units")
+
+
 def in_csv(columns: Sequence[Column]) -> str:
     """The table as CSV, numbers to full precision."""
     text = io.StringIO()

@@ -15,21 +15,7 @@ from numpy.typing import NDArray
 
 from cislunar.constants import DATE_SYSTEM
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.exchange.key_values import (
-    FRAMES,
-    KNOWN,
-    Lines,
-    assignments,
-    block,
-    cut,
-    dated_rows,
-    dates,
-    header,
-    message_lines,
-    require_stop,
-    segments_of,
-    timed_rows,
-)
+from cislunar.exchange import key_values as kvn
 
 Array = NDArray[np.float64]
 
@@ -101,7 +87,7 @@ def aem_text(
         "Quaternions Q1 Q2 Q3 QC, scalar last; they transform components in REF_FRAME_A into those",
         "in REF_FRAME_B. Angular velocities are those of REF_FRAME_B in ANGVEL_FRAME, deg/s.",
     )
-    lines = header("AEM", "2.0", created, stated, originator)
+    lines = kvn.header("AEM", "2.0", created, stated, originator)
     for segment in segments:
         rows, kind = segment.quaternion, "QUATERNION"
         norm = np.linalg.norm(rows, axis=-1)
@@ -113,13 +99,13 @@ def aem_text(
             rows, kind = np.hstack([rows, segment.angular_velocity_deg_s]), "QUATERNION/ANGVEL"
         if not np.all(np.isfinite(rows)):
             raise ConfigurationError(f"attitude of {segment.name}: numbers must be finite")
-        dated = dates(segment.tdb_s, time_system)
-        values = segment.name, segment.object_id, FRAMES[0], segment.body, time_system
+        dated = kvn.dates(segment.tdb_s, time_system)
+        values = segment.name, segment.object_id, kvn.FRAMES[0], segment.body, time_system
         meta = dict(zip(_REQUIRED, (*values, dated[0], dated[-1], kind), strict=True))
         if kind != "QUATERNION":
             meta["ANGVEL_FRAME"] = segment.body
-        data = dated_rows(segment.tdb_s, time_system, rows)
-        lines += ["", *block("META", meta), *block("DATA", {}, data)]
+        data = kvn.dated_rows(segment.tdb_s, time_system, rows)
+        lines += ["", *kvn.block("META", meta), *kvn.block("DATA", {}, data)]
     return "\n".join(lines) + "\n"
 
 
@@ -143,21 +129,21 @@ def read_aem(path: str | Path) -> list[AttitudeSegment]:
         If the file is not such a message, is truncated, or has another attitude type, frames or
         time scale, or a quaternion that is not of unit norm. The message names file and line.
     """
-    lines = message_lines(path, "AEM", ("1.0", "2.0"))
-    return [_segment(path, each) for each in segments_of(path, lines)]
+    lines = kvn.message_lines(path, "AEM", ("1.0", "2.0"))
+    return [_segment(path, each) for each in kvn.segments_of(path, lines)]
 
 
-def _segment(path: str | Path, lines: Lines) -> AttitudeSegment:
+def _segment(path: str | Path, lines: kvn.Lines) -> AttitudeSegment:
     first = lines[0][0]
-    metadata, rest = cut(path, lines, "META")
-    inside, _ = cut(path, rest, "DATA")
+    metadata, rest = kvn.cut(path, lines, "META")
+    inside, _ = kvn.cut(path, rest, "DATA")
     conventions = {"QUATERNION_TYPE": ("FIRST", "LAST"), "ATTITUDE_DIR": ("A2B", "B2A")}
-    usable = {**KNOWN, "ATTITUDE_TYPE": _TYPES, **conventions}
-    meta = assignments(path, first, metadata, _REQUIRED, usable)
+    usable = {**kvn.KNOWN, "ATTITUDE_TYPE": _TYPES, **conventions}
+    meta = kvn.assignments(path, first, metadata, _REQUIRED, usable)
     count = _TYPES[meta["ATTITUDE_TYPE"]]
     row = f"an attitude of type {meta['ATTITUDE_TYPE']} has {count}"
-    tdb, values = timed_rows(path, inside, meta["TIME_SYSTEM"], (count,), row)
-    require_stop(path, inside or lines, meta, tdb, "attitudes")
+    tdb, values = kvn.timed_rows(path, inside, meta["TIME_SYSTEM"], (count,), row)
+    kvn.require_stop(path, inside or lines, meta, tdb, "attitudes")
     quaternion, rates = values[:, :4], values[:, 4:]
     if meta.get("QUATERNION_TYPE") == "FIRST":
         quaternion = np.roll(quaternion, -1, axis=1)
@@ -167,11 +153,11 @@ def _segment(path: str | Path, lines: Lines) -> AttitudeSegment:
             f"{path}, line {inside[wrong[0]][0]}: the quaternion is not of unit norm; correct it"
         )
     frames = [meta["REF_FRAME_A"], meta["REF_FRAME_B"]]
-    inertial = [frame.upper() in FRAMES for frame in frames]
+    inertial = [frame.upper() in kvn.FRAMES for frame in frames]
     if sum(inertial) != 1:
         raise InputFileError(
             f"{path}, line {first}: REF_FRAME_A = {frames[0]} and REF_FRAME_B = {frames[1]}; one "
-            f"of them must be the body frame and the other one of {', '.join(FRAMES)}"
+            f"of them must be the body frame and the other one of {', '.join(kvn.FRAMES)}"
         )
     body = frames[inertial.index(False)]
     if inertial[1] != (meta.get("ATTITUDE_DIR") == "B2A"):

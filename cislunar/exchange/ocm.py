@@ -17,24 +17,7 @@ from numpy.typing import NDArray
 from cislunar.constants import DATE_SYSTEM
 from cislunar.ephemeris.time_scales import TIME_SYSTEMS
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.exchange.key_values import (
-    FRAMES,
-    ORIGINS,
-    Lines,
-    assignment,
-    assignments,
-    block,
-    cut,
-    dated_rows,
-    dates,
-    from_lower_triangle,
-    header,
-    lower_triangle,
-    message_lines,
-    read_date,
-    segments_of,
-    timed_rows,
-)
+from cislunar.exchange import key_values as kvn
 from cislunar.exchange.oem import Segment, require_units
 
 Array = NDArray[np.float64]
@@ -49,13 +32,13 @@ _BASES = (
     *("CANDIDATE", "PLANNED", "ANTICIPATED", "TELEMETRY", "DETERMINED", "SIMULATED"),
     "OTHER",
 )
-_COVARIANCE = {"COV_REF_FRAME": FRAMES, "COV_TYPE": ("CARTPV",), "COV_ORDERING": ("LTM",)}
+_COVARIANCE = {"COV_REF_FRAME": kvn.FRAMES, "COV_TYPE": ("CARTPV",), "COV_ORDERING": ("LTM",)}
 _TRAJECTORY = {
-    "CENTER_NAME": ORIGINS,
-    "TRAJ_REF_FRAME": FRAMES,
+    "CENTER_NAME": kvn.ORIGINS,
+    "TRAJ_REF_FRAME": kvn.FRAMES,
     "TRAJ_TYPE": ("CARTPV", "CARTPVA"),
 }
-_MANEUVER = {"MAN_REF_FRAME": FRAMES, "DC_TYPE": ("CONTINUOUS",)}
+_MANEUVER = {"MAN_REF_FRAME": kvn.FRAMES, "DC_TYPE": ("CONTINUOUS",)}
 """Required keywords of the sections, and values that can be used."""
 
 
@@ -137,8 +120,8 @@ def ocm_text(
     """
     user = dict(user_defined or {})
     _check(arc, maneuvers, user)
-    dated = dates(arc.tdb_s, time_system)
-    lines = header("OCM", "3.0", created, comments, originator)
+    dated = kvn.dates(arc.tdb_s, time_system)
+    lines = kvn.header("OCM", "3.0", created, comments, originator)
     meta = {
         "OBJECT_NAME": arc.name,
         "OBJECT_DESIGNATOR": arc.object_id,
@@ -149,17 +132,17 @@ def ocm_text(
     }
     path = {
         "CENTER_NAME": arc.center,
-        "TRAJ_REF_FRAME": FRAMES[0],
+        "TRAJ_REF_FRAME": kvn.FRAMES[0],
         "TRAJ_TYPE": "CARTPV",
         "TRAJ_UNITS": "[km,km,km,km/s,km/s,km/s]",
     }
-    states = dated_rows(arc.tdb_s, time_system, arc.state)
-    lines += ["", *block("META", meta), "", *block("TRAJ", path, states)]
+    states = kvn.dated_rows(arc.tdb_s, time_system, arc.state)
+    lines += ["", *kvn.block("META", meta), "", *kvn.block("TRAJ", path, states)]
     if len(arc.covariance):
-        triangles = [lower_triangle(matrix) for matrix in arc.covariance]
-        rows = dated_rows(arc.covariance_tdb_s, time_system, triangles)
-        form = {"COV_REF_FRAME": FRAMES[0], "COV_TYPE": "CARTPV", "COV_ORDERING": "LTM"}
-        lines += ["", *block("COV", form, rows)]
+        triangles = [kvn.lower_triangle(matrix) for matrix in arc.covariance]
+        rows = kvn.dated_rows(arc.covariance_tdb_s, time_system, triangles)
+        form = {"COV_REF_FRAME": kvn.FRAMES[0], "COV_TYPE": "CARTPV", "COV_ORDERING": "LTM"}
+        lines += ["", *kvn.block("COV", form, rows)]
     for each in maneuvers:
         sigmas = each.magnitude_sigma_percent, each.direction_sigma_deg
         known = bool(np.isfinite(sigmas).all())
@@ -168,16 +151,16 @@ def ocm_text(
             "MAN_ID": each.name,
             **({"MAN_BASIS": each.basis} if each.basis else {}),
             "MAN_DEVICE_ID": "ALL",
-            "MAN_REF_FRAME": FRAMES[0],
+            "MAN_REF_FRAME": kvn.FRAMES[0],
             "DC_TYPE": "CONTINUOUS",
             "MAN_COMPOSITION": ",".join(composition),
             "MAN_UNITS": _UNITS.format(",%,deg" * known),
         }
         values = [each.duration_s, *each.delta_v_km_s, *(sigmas if known else ())]
-        lines += ["", *block("MAN", form, dated_rows([each.tdb_s], time_system, [values]))]
+        lines += ["", *kvn.block("MAN", form, kvn.dated_rows([each.tdb_s], time_system, [values]))]
     if user:
         named = {f"{_PREFIX}{name}": value for name, value in user.items()}
-        lines += ["", *block("USER", named)]
+        lines += ["", *kvn.block("USER", named)]
     return "\n".join(lines) + "\n"
 
 
@@ -189,23 +172,26 @@ def _check(arc: Segment, maneuvers: Sequence[Maneuver], user: Mapping[str, objec
         raise ConfigurationError(f"object {arc.name}: covariances must be finite")
     names = [each.name for each in maneuvers]
     for each in maneuvers:
-        if names.count(each.name) > 1 or each.basis not in ("", *_BASES):
-            raise ConfigurationError(
-                f"maneuver {each.name!r} of {arc.name}: give it a name of its own, and no basis "
-                f"or one of {', '.join(_BASES)}"
-            )
-        sigmas = each.magnitude_sigma_percent, each.direction_sigma_deg
+        sigmas = np.array([each.magnitude_sigma_percent, each.direction_sigma_deg])
         values = each.tdb_s, each.duration_s, *each.delta_v_km_s
-        if len(values) != 5 or not np.all(np.isfinite(values)) or each.duration_s < 0.0:
-            raise ConfigurationError(
-                f"maneuver {each.name!r} of {arc.name}: time, duration and the three components of "
-                "the velocity increment must be finite, and the duration not negative"
-            )
-        if np.isnan(sigmas).sum() == 1 or np.any(np.asarray(sigmas) < 0.0):
-            raise ConfigurationError(
-                f"maneuver {each.name!r} of {arc.name}: give both standard deviations, not "
-                "negative, or neither"
-            )
+        finite = len(values) == 5 and bool(np.all(np.isfinite(values)))
+        for right, rule in (
+            (
+                names.count(each.name) == 1 and each.basis in ("", *_BASES),
+                f"give it a name of its own, and no basis or one of {', '.join(_BASES)}",
+            ),
+            (
+                finite and each.duration_s >= 0.0,
+                "time, duration and the three components of the velocity increment must be "
+                "finite, and the duration not negative",
+            ),
+            (
+                np.isnan(sigmas).sum() != 1 and not np.any(sigmas < 0.0),
+                "give both standard deviations, not negative, or neither",
+            ),
+        ):
+            if not right:
+                raise ConfigurationError(f"maneuver {each.name!r} of {arc.name}: {rule}")
     for name in user:
         if not re.fullmatch(r"[A-Z][A-Z0-9_]*", name):
             raise ConfigurationError(
@@ -233,16 +219,16 @@ def read_ocm(path: str | Path) -> ObjectRecord:
         If the file is not such a message, is truncated, or has a frame, center, element set or
         composition that cannot be converted. The message names file and line.
     """
-    lines = message_lines(path, "OCM", ("3.0",))
-    metadata, rest = cut(path, segments_of(path, lines)[0], "META")
+    lines = kvn.message_lines(path, "OCM", ("3.0",))
+    metadata, rest = kvn.cut(path, kvn.segments_of(path, lines)[0], "META")
     required, known = ("TIME_SYSTEM", "EPOCH_TZERO"), {"TIME_SYSTEM": TIME_SYSTEMS}
-    meta = assignments(path, metadata[0][0], metadata, required, known, "message")
+    meta = kvn.assignments(path, metadata[0][0], metadata, required, known, "message")
     system = meta["TIME_SYSTEM"]
-    zero = read_date(f"{path}, EPOCH_TZERO", meta["EPOCH_TZERO"], system)
-    sections: dict[str, list[Lines]] = {"TRAJ": [], "COV": [], "MAN": [], "USER": []}
+    zero = kvn.read_date(f"{path}, EPOCH_TZERO", meta["EPOCH_TZERO"], system)
+    sections: dict[str, list[kvn.Lines]] = {"TRAJ": [], "COV": [], "MAN": [], "USER": []}
     while rest:
         name = rest[0][1].removesuffix("_START")
-        inside, rest = cut(path, rest, name)
+        inside, rest = kvn.cut(path, rest, name)
         sections.setdefault(name, []).append(inside)
     for name in ("TRAJ", "COV", "USER"):
         if len(sections[name]) > 1 or not sections["TRAJ"]:
@@ -256,18 +242,18 @@ def read_ocm(path: str | Path) -> ObjectRecord:
     times, covariance = np.empty(0), np.empty((0, 6, 6))
     for section in sections["COV"]:
         _, times, rows = read.table("COV", section, _COVARIANCE, (21,))
-        covariance = np.array([from_lower_triangle(row) for row in rows])
+        covariance = np.array([kvn.from_lower_triangle(row) for row in rows])
     arc = Segment(
         meta.get("OBJECT_NAME", "UNKNOWN"),
         meta.get("OBJECT_DESIGNATOR") or meta.get("INTERNATIONAL_DESIGNATOR", "UNKNOWN"),
-        ORIGINS[trajectory["CENTER_NAME"]],
+        kvn.ORIGINS[trajectory["CENTER_NAME"]],
         tdb,
         state,
         times,
         covariance,
     )
     maneuvers = [each for section in sections["MAN"] for each in read.maneuvers(section)]
-    user = [assignments(path, each[0][0], each, (), {}) for each in sections["USER"] if each]
+    user = [kvn.assignments(path, each[0][0], each, (), {}) for each in sections["USER"] if each]
     named = {key.removeprefix(_PREFIX): value for each in user for key, value in each.items()}
     return ObjectRecord(arc, maneuvers, named)
 
@@ -281,20 +267,26 @@ class _Reader(NamedTuple):
     zero_tdb_s: float
 
     def table(
-        self, name: str, lines: Lines, usable: Mapping[str, Collection[str]], counts: Sequence[int]
+        self,
+        name: str,
+        lines: kvn.Lines,
+        usable: Mapping[str, Collection[str]],
+        counts: Sequence[int],
     ) -> tuple[dict[str, str], Array, Array]:
         """Keywords, times and numbers of a section. The keywords in `usable` are required."""
-        end = next((k for k, (_, each) in enumerate(lines) if not assignment(each)), len(lines))
+        end = next((k for k, (_, each) in enumerate(lines) if not kvn.assignment(each)), len(lines))
         if end == len(lines):
             raise InputFileError(f"{self.path}: a section {name} has no line of data; add one")
         place = lines[0][0], lines[:end]
-        found = assignments(self.path, *place, usable, usable, f"section {name}")
+        found = kvn.assignments(self.path, *place, usable, usable, f"section {name}")
         row = f"a line of section {name} has {' or '.join(map(str, counts))}"
-        return found, *timed_rows(self.path, lines[end:], self.system, counts, row, self.zero_tdb_s)
+        return found, *kvn.timed_rows(
+            self.path, lines[end:], self.system, counts, row, self.zero_tdb_s
+        )
 
-    def maneuvers(self, lines: Lines) -> list[Maneuver]:
+    def maneuvers(self, lines: kvn.Lines) -> list[Maneuver]:
         """Maneuvers of a section; those of several lines are numbered."""
-        values = dict(filter(None, (assignment(line) for _, line in lines)))
+        values = dict(filter(None, (kvn.assignment(line) for _, line in lines)))
         _, *names = [each.strip() for each in values.get("MAN_COMPOSITION", "").split(",")]
         if not {*_INCREMENT} <= {*names} <= {*_INCREMENT, *_OTHERS}:
             raise InputFileError(

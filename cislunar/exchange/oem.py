@@ -15,27 +15,7 @@ from scipy.interpolate import KroghInterpolator
 from cislunar.constants import DATE_SYSTEM
 from cislunar.ephemeris.time_scales import clock_text
 from cislunar.errors import InputFileError
-from cislunar.exchange.key_values import (
-    FRAMES,
-    KNOWN,
-    ORIGINS,
-    SAME_TIME_S,
-    Lines,
-    assignment,
-    assignments,
-    block,
-    cut,
-    dated_rows,
-    dates,
-    from_lower_triangle,
-    header,
-    message_lines,
-    number_row,
-    read_date,
-    require_stop,
-    segments_of,
-    timed_rows,
-)
+from cislunar.exchange import key_values as kvn
 from cislunar.exchange.table_rows import read_number
 
 Array = NDArray[np.float64]
@@ -97,21 +77,21 @@ def oem_text(
     time_system : {"UTC", "TAI", "TT", "TDB"}
         Time scale of the dates, which are written to the microsecond.
     """
-    lines = header("OEM", "2.0", created, comments, originator)
+    lines = kvn.header("OEM", "2.0", created, comments, originator)
     for segment in segments:
-        dated = dates(segment.tdb_s, time_system)
-        values = segment.name, segment.object_id, segment.center, FRAMES[0], time_system
+        dated = kvn.dates(segment.tdb_s, time_system)
+        values = segment.name, segment.object_id, segment.center, kvn.FRAMES[0], time_system
         meta = dict(zip(_REQUIRED, (*values, dated[0], dated[-1]), strict=True))
-        data = dated_rows(segment.tdb_s, time_system, segment.state)
-        lines += ["", *block("META", meta), "", *data]
+        data = kvn.dated_rows(segment.tdb_s, time_system, segment.state)
+        lines += ["", *kvn.block("META", meta), "", *data]
         if len(segment.covariance):
             matrices = []
             for date, matrix in zip(
-                dates(segment.covariance_tdb_s, time_system), segment.covariance, strict=True
+                kvn.dates(segment.covariance_tdb_s, time_system), segment.covariance, strict=True
             ):
-                rows = [number_row(matrix[row, : row + 1]) for row in range(6)]
+                rows = [kvn.number_row(matrix[row, : row + 1]) for row in range(6)]
                 matrices += [f"EPOCH = {date}", *rows]
-            lines += ["", *block("COVARIANCE", {}, matrices)]
+            lines += ["", *kvn.block("COVARIANCE", {}, matrices)]
     return "\n".join(lines) + "\n"
 
 
@@ -134,8 +114,8 @@ def read_oem(path: str | Path) -> list[Segment]:
         If the file is not such a message, is truncated, or has a frame, center, time scale or unit
         that cannot be converted. The message names file and line.
     """
-    lines = message_lines(path, "OEM", ("1.0", "2.0", "3.0"))
-    return [_segment(path, each) for each in segments_of(path, lines)]
+    lines = kvn.message_lines(path, "OEM", ("1.0", "2.0", "3.0"))
+    return [_segment(path, each) for each in kvn.segments_of(path, lines)]
 
 
 def objects_of(path: str | Path) -> dict[str, list[Segment]]:
@@ -146,27 +126,29 @@ def objects_of(path: str | Path) -> dict[str, list[Segment]]:
     return found
 
 
-def _segment(path: str | Path, lines: Lines) -> Segment:
+def _segment(path: str | Path, lines: kvn.Lines) -> Segment:
     """A segment from its META_START to the line before the next one."""
-    metadata, rest = cut(path, lines, "META")
-    meta = assignments(path, lines[0][0], metadata, _REQUIRED, {"REF_FRAME": FRAMES, **KNOWN})
+    metadata, rest = kvn.cut(path, lines, "META")
+    meta = kvn.assignments(
+        path, lines[0][0], metadata, _REQUIRED, {"REF_FRAME": kvn.FRAMES, **kvn.KNOWN}
+    )
     system = meta["TIME_SYSTEM"]
     words = [line for _, line in rest]
     end = words.index("COVARIANCE_START") if "COVARIANCE_START" in words else len(rest)
     row = "a state has 6 (km and km/s without units, or 9 with accelerations)"
-    tdb, state = timed_rows(path, rest[:end], system, (6, 9), row)
-    require_stop(path, rest[:end] or lines, meta, tdb, "states")
+    tdb, state = kvn.timed_rows(path, rest[:end], system, (6, 9), row)
+    kvn.require_stop(path, rest[:end] or lines, meta, tdb, "states")
     require_units(f"{path}, line {rest[0][0]}", tdb, state)
     covariances = _covariances(path, rest[end:], system)
-    center = ORIGINS[meta["CENTER_NAME"]]
+    center = kvn.ORIGINS[meta["CENTER_NAME"]]
     return Segment(meta["OBJECT_NAME"], meta["OBJECT_ID"], center, tdb, state, *covariances)
 
 
-def _covariances(path: str | Path, lines: Lines, system: str) -> tuple[Array, Array]:
+def _covariances(path: str | Path, lines: kvn.Lines, system: str) -> tuple[Array, Array]:
     """Times and matrices of the covariance section, which is optional."""
     if not lines:
         return np.empty(0), np.empty((0, 6, 6))
-    inside, after = cut(path, lines, "COVARIANCE")
+    inside, after = kvn.cut(path, lines, "COVARIANCE")
     if after:
         raise InputFileError(
             f"{path}, line {after[0][0]}: {after[0][1][:40]!r} after COVARIANCE_STOP; give the "
@@ -174,12 +156,12 @@ def _covariances(path: str | Path, lines: Lines, system: str) -> tuple[Array, Ar
         )
     times, matrices, rows = [], [], []
     for number, line in inside:
-        place, found = f"{path}, line {number}", assignment(line)
+        place, found = f"{path}, line {number}", kvn.assignment(line)
         if found and found[0] == "EPOCH":
-            times.append(read_date(place, found[1], system))
-        elif found and (found[0] != "COV_REF_FRAME" or found[1].upper() not in FRAMES):
+            times.append(kvn.read_date(place, found[1], system))
+        elif found and (found[0] != "COV_REF_FRAME" or found[1].upper() not in kvn.FRAMES):
             raise InputFileError(
-                f"{place}: {line[:40]} cannot be used; give covariances in {FRAMES[0]}"
+                f"{place}: {line[:40]} cannot be used; give covariances in {kvn.FRAMES[0]}"
             )
         elif not found:
             rows.append([read_number(place, field) for field in line.split()])
@@ -188,7 +170,7 @@ def _covariances(path: str | Path, lines: Lines, system: str) -> tuple[Array, Ar
                     f"{place}: {len(rows[-1])} numbers in row {len(rows)} of a lower triangle"
                 )
             if len(rows) == 6:
-                matrices.append(from_lower_triangle(np.concatenate(rows)))
+                matrices.append(kvn.from_lower_triangle(np.concatenate(rows)))
                 rows = []
     if rows or len(times) != len(matrices):
         raise InputFileError(
@@ -229,7 +211,7 @@ def state_at(segments: Sequence[Segment], tdb_s: float) -> tuple[Array, str]:
     """
     for each in segments:
         nearest = int(np.argmin(np.abs(each.tdb_s - tdb_s)))
-        if abs(each.tdb_s[nearest] - tdb_s) <= SAME_TIME_S:
+        if abs(each.tdb_s[nearest] - tdb_s) <= kvn.SAME_TIME_S:
             return each.state[nearest], each.center
         if each.tdb_s[0] < tdb_s < each.tdb_s[-1]:
             low = max(0, min(int(np.searchsorted(each.tdb_s, tdb_s)) - 2, each.tdb_s.size - 4))

@@ -18,19 +18,7 @@ import pandas as pd
 from cislunar.constants import DATE_SYSTEM
 from cislunar.ephemeris.time_scales import TIME_SYSTEMS
 from cislunar.errors import ConfigurationError, InputFileError
-from cislunar.exchange.key_values import (
-    FRAMES,
-    Lines,
-    assignment,
-    assignments,
-    block,
-    cut,
-    dates,
-    header,
-    message_lines,
-    read_date,
-    segments_of,
-)
+from cislunar.exchange import key_values as kvn
 from cislunar.exchange.observations import (
     OBJECT_NAMES,
     checked,
@@ -46,7 +34,7 @@ _USABLE = {
     "TIME_SYSTEM": TIME_SYSTEMS,
     "MODE": ("SEQUENTIAL",),
     "ANGLE_TYPE": ("RADEC",),
-    "REFERENCE_FRAME": FRAMES,
+    "REFERENCE_FRAME": kvn.FRAMES,
     "TIMETAG_REF": ("RECEIVE",),
     "CORRECTIONS_APPLIED": ("YES",),
 }
@@ -83,7 +71,7 @@ def tdm_text(
     """
     given = checked(table, ("mag", *OBJECT_NAMES, "trkSub", "obsID"))
     tdb, name = given["tdb"].to_numpy(), object_of(given)
-    dated = dates(tdb, time_system)
+    dated = kvn.dates(tdb, time_system)
     track = given["trkSub"].to_numpy()
     track = np.where((track == "") & (name == ""), given["obsID"], track)
     segments: dict[tuple[str, str, str], list[int]] = {}
@@ -101,7 +89,7 @@ def tdm_text(
             )
         rows.append(row)
     values = {key: given[column].tolist() for key, column in _KEYS.items()}
-    lines = header("TDM", "2.0", created, comments, originator)
+    lines = kvn.header("TDM", "2.0", created, comments, originator)
     for (observer, each, tracklet), rows in segments.items():
         meta = {"TRACK_ID": tracklet} if tracklet else {}
         meta |= {
@@ -113,14 +101,14 @@ def tdm_text(
         }
         if ephemerides and observer in ephemerides:
             meta["EPHEMERIS_NAME_1"] = ephemerides[observer]
-        meta |= {"TIMETAG_REF": "RECEIVE", "ANGLE_TYPE": "RADEC", "REFERENCE_FRAME": FRAMES[0]}
+        meta |= {"TIMETAG_REF": "RECEIVE", "ANGLE_TYPE": "RADEC", "REFERENCE_FRAME": kvn.FRAMES[0]}
         data = [
             f"{key} = {dated[row]} {column[row]!r}"
             for row in rows
             for key, column in values.items()
             if not np.isnan(column[row])
         ]
-        lines += ["", *block("META", meta), *block("DATA", {}, data)]
+        lines += ["", *kvn.block("META", meta), *kvn.block("DATA", {}, data)]
     return "\n".join(lines) + "\n"
 
 
@@ -145,8 +133,8 @@ def read_tdm(path: str | Path) -> pd.DataFrame:
         If the file is not such a message, is truncated, has no angles or magnitudes, or has angles
         of another type or frame. The message names file and line.
     """
-    lines = message_lines(path, "TDM", ("1.0", "2.0"))
-    rows = [row for segment in segments_of(path, lines) for row in _segment(path, segment)]
+    lines = kvn.message_lines(path, "TDM", ("1.0", "2.0"))
+    rows = [row for segment in kvn.segments_of(path, lines) for row in _segment(path, segment)]
     if not rows:
         raise InputFileError(f"{path}: has neither angles nor magnitudes; give optical data")
     table = pd.DataFrame(rows, columns=["tdb", *_TEXT, *_KEYS.values()])
@@ -155,20 +143,20 @@ def read_tdm(path: str | Path) -> pd.DataFrame:
     return table
 
 
-def _segment(path: str | Path, lines: Lines) -> list[tuple]:
+def _segment(path: str | Path, lines: kvn.Lines) -> list[tuple]:
     """Rows of a segment: time, `_TEXT`, right ascension, declination and magnitude."""
-    metadata, rest = cut(path, lines, "META")
+    metadata, rest = kvn.cut(path, lines, "META")
     first = lines[0][0]
-    inside, _ = cut(path, rest, "DATA")
+    inside, _ = kvn.cut(path, rest, "DATA")
     found: dict[float, dict[str, float]] = {}
     required = ("TIME_SYSTEM", "PARTICIPANT_1")
-    meta = assignments(path, first, metadata, required, {"TIME_SYSTEM": TIME_SYSTEMS})
+    meta = kvn.assignments(path, first, metadata, required, {"TIME_SYSTEM": TIME_SYSTEMS})
     for number, line in inside:
-        place, pair = f"{path}, line {number}", assignment(line)
+        place, pair = f"{path}, line {number}", kvn.assignment(line)
         if not pair or len(fields := pair[1].split()) != 2:
             raise InputFileError(f"{place}: {line[:40]!r} is no keyword with a date and a number")
         if pair[0] in _KEYS:
-            row = found.setdefault(read_date(place, fields[0], meta["TIME_SYSTEM"]), {})
+            row = found.setdefault(kvn.read_date(place, fields[0], meta["TIME_SYSTEM"]), {})
             if pair[0] in row:
                 raise InputFileError(f"{place}: a second {pair[0]} at {fields[0]}; remove one")
             row[pair[0]] = read_number(place, fields[1])
@@ -178,7 +166,7 @@ def _segment(path: str | Path, lines: Lines) -> list[tuple]:
         return []
     angles = any("ANGLE_1" in row or "ANGLE_2" in row for row in found.values())
     needed = ("ANGLE_TYPE", "REFERENCE_FRAME") if angles else ()
-    assignments(path, first, metadata, (*needed, "PATH"), _USABLE)
+    kvn.assignments(path, first, metadata, (*needed, "PATH"), _USABLE)
     names = [meta.get(f"PARTICIPANT_{n}", "") for n in meta["PATH"].split(",")[-2:]]
     if len(names) != 2 or not all(names):
         raise InputFileError(

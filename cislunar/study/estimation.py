@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 
 from cislunar.campaign.data.inputs import variables
 from cislunar.campaign.tracking.records import RECORD_COORDINATES
-from cislunar.errors import ConfigurationError
 from cislunar.observation.measurement import measure
 from cislunar.observation.records import Schedule
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND, sensors_of
 from cislunar.runtime.progress import Progress
-from cislunar.runtime.settings_words import shown
 from cislunar.study.observed import Observed, Reduced, reduce_interval
 from cislunar.study.results import StudyResult, sigma_columns
 from cislunar.tasking.initial_conditions import ESTIMATOR, stream
@@ -166,61 +164,37 @@ class ObservedResult(StudyResult):
         angles = np.hypot(
             cell["residual_right_ascension"].values, cell["residual_declination"].values
         )
-        found: dict[str, list[Any]] = {
-            name: [] for name in ("observations", "used", "last", "residual_arcsec", "residual_mag")
-        }
+        rows = []
         for j in range(len(self.targets)):
             own = of == j
             good = own & (used > 0)
-            found["observations"].append(int(own.sum()))
-            found["used"].append(int(good.sum()))
-            found["last"].append(self.utc(elapsed[own][-1:])[0] if own.any() else pd.NaT)
-            found["residual_arcsec"].append(_rms(angles[good]))
-            found["residual_mag"].append(_rms(cell["residual_magnitude"].values[good]))
+            last = self.utc(elapsed[own][-1:])[0] if own.any() else pd.NaT
+            residuals = _rms(angles[good]), _rms(cell["residual_magnitude"].values[good])
+            rows.append((int(own.sum()), int(good.sum()), last, *residuals))
+        names = ("observations", "used", "last", "residual_arcsec", "residual_mag")
+        found = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
         columns = found | sigma_columns(cell["sigma"].values[:, -1])
         return pd.DataFrame(columns, index=pd.Index(self.targets, name="target"))
 
-    def _observed(self) -> dict[str, tuple]:
-        """Columns of the observations, and their residuals."""
-        cell, names = self.cell, {"target": self.targets, "observer": self.study.observer_names}
-        found: dict[str, tuple] = {
-            f"observation_{key}": (
-                "observation", np.array(own)[cell[f"observation_{key}"].values],
-                {"long_name": f"name of the {key}"},
-            )
-            for key, own in names.items()
-        }  # fmt: skip
-        dates = self.utc(cell["observation_elapsed"].values)
-        found["observation_time"] = "observation", dates, {"long_name": "date, UTC"}
-        plain = ("observation_magnitude", "observation_used", *RESIDUALS)
-        return found | {name: (cell[name].dims, cell[name].values, cell[name].attrs)
-                        for name in plain}  # fmt: skip
+    def observations(self, seed: int = 0) -> pd.DataFrame:
+        """The observations that the study was given."""
+        self._check_seed(seed)
+        return self.study.observations
+
+    def _observed(self) -> tuple[Array, dict[str, tuple]]:
+        cell = self.cell
+        names = ("observation_magnitude", "observation_used", *RESIDUALS)
+        found = {name: (cell[name].dims, cell[name].values, cell[name].attrs) for name in names}
+        return cell["observation_elapsed"].values, found
 
     def plot(self, kind: str = "residuals", target: str | None = None) -> Any:
-        """Draw a figure.
+        """Draw residuals over time, or the orbits ("geometry"); see `StudyResult.plot`."""
+        return super().plot(kind, target)
 
-        Parameters
-        ----------
-        kind : {"residuals", "geometry"}
-            Residuals over time, or orbits.
-        target : str, optional
-            Name of the target whose residuals are drawn; all targets if omitted.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
-        if kind not in self.plots:
-            raise ConfigurationError(
-                f"kind = {shown(kind)} is no figure of observations without truth: choose one of "
-                f"{', '.join(self.plots)}"
-            )
-        chosen = self._index(target)
-        if kind == "geometry":
-            return self.study.plot()
+    def _drawn(self, kind: str, target: int | None) -> Any:
         from cislunar.figures.tracking.single_run import residuals_figure
 
-        return residuals_figure(self.cell, self.study.observer_names, chosen)
+        return residuals_figure(self.cell, self.study.observer_names, target)
 
 
 def _rms(values: Array) -> float:

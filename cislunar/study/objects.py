@@ -19,23 +19,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.campaign.settings.observing.sensors import sensor_change
-from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
-from cislunar.errors import CislunarError, ConfigurationError, did_you_mean, known_keys
-from cislunar.exchange.inertial import Epoch, rotating_states
-from cislunar.exchange.oem import Segment, read_oem, state_at
-from cislunar.exchange.table_rows import check_state
+from cislunar.errors import ConfigurationError, did_you_mean, known_keys
+from cislunar.exchange.inertial import Epoch, rotating_state_at
+from cislunar.exchange.oem import Segment, objects_of
+from cislunar.exchange.table_rows import OWN_FAMILY
 from cislunar.orbits.families import OrbitSet
 from cislunar.orbits.observers import load_observers, observer_orbits
 from cislunar.quantities import in_kilometers, in_unit, nondimensional
 from cislunar.runtime.arguments import array_of, number_of
 from cislunar.runtime.settings_words import shown
-from cislunar.study.orbit_text import Orbit, member_of, members_of, read_orbit
+from cislunar.study.orbit_text import member_of, members_of, read_orbit, state_of
 from cislunar.targets.tables import check_closed_targets, load_target_states
 
 Array = NDArray[np.float64]
-
-OWN_FAMILY = "own"
-"""Family of an object that is given by its state."""
 
 _OF_FAMILY = ("family", "jacobi", "period_days", "member", "phase", "count")
 _WAYS = ("family", "state", "state_km", "icrf_km", "oem")
@@ -50,9 +46,6 @@ rotating frame; `icrf_km` in km and km/s, ICRF, relative to `center` (EARTH, MOO
 BARYCENTER). `covariance_km` (6, 6) is that of position and velocity in the frame of the state, in
 km^2, km^2/s and km^2/s^2. `quaternion`, scalar last, is the rotation from the inertial frame to the
 body frame, and `angular_velocity_deg_h` is in the body frame."""
-
-_NAMES = ("x", "y", "z", "vx", "vy", "vz")
-_KM = np.repeat([LENGTH_UNIT_KM, LENGTH_UNIT_KM / TIME_UNIT_S], 3)
 
 
 class StudyObject(NamedTuple):
@@ -117,25 +110,20 @@ def read_objects(what: str, given: Any, epoch: Epoch, days: float) -> list[Study
         If an object cannot be read; the message names it.
     """
     place = f"{what}s"
-    if isinstance(given, str | Path) and Path(given).suffix.lower() in (".csv", ".oem"):
+    remedy = "give a mapping of names to orbits, a table (*.csv) or an OEM (*.oem)"
+    if isinstance(given, str | Path):
+        if Path(given).suffix.lower() not in (".csv", ".oem"):
+            raise ConfigurationError(f"{place} = {shown(str(given))}: {remedy}")
         found = _of_file(what, Path(given), epoch, days)
-    elif isinstance(given, str | Path):
-        raise ConfigurationError(
-            f"{place} = {shown(str(given))}: give a mapping of names to orbits, a table (*.csv) or "
-            "an OEM (*.oem)"
-        )
     elif isinstance(given, OrbitSet):
         found = _members("", given)
-    elif isinstance(given, Mapping):
-        found = [each for name, own in given.items() for each in _objects(what, name, own, epoch)]
     elif isinstance(given, Iterable):
-        found = [
-            each
-            for number, own in enumerate(given, 1)
-            for each in _objects(what, f"{what} {number}", own, epoch)
-        ]
+        named = isinstance(given, Mapping)
+        numbered = ((f"{what} {number}", each) for number, each in enumerate(given, 1))
+        pairs = given.items() if named else numbered
+        found = [each for name, own in pairs for each in _objects(what, name, own, epoch)]
     else:
-        raise ConfigurationError(f"{place} = {shown(given)}: give a mapping of names to orbits")
+        raise ConfigurationError(f"{place} = {shown(given)}: {remedy}")
     names = [each.name for each in found]
     if not found:
         raise ConfigurationError(f"{place}: none is given; give at least one")
@@ -163,27 +151,20 @@ def _of_file(what: str, path: Path, epoch: Epoch, days: float) -> list[StudyObje
 
 def _of_message(path: Path, epoch: Epoch) -> list[StudyObject]:
     """Objects of an OEM, each with its segments and its covariance at the epoch."""
-    objects: dict[str, list[Segment]] = {}
-    for segment in read_oem(path):
-        objects.setdefault(segment.name, []).append(segment)
-    return [_with_segments(str(path), name, each, epoch) for name, each in objects.items()]
+    return [_with_segments(str(path), each, epoch) for each in objects_of(path).values()]
 
 
-def _with_segments(place: str, name: str, segments: Sequence[Segment], epoch: Epoch) -> StudyObject:
-    try:
-        given, center = state_at(segments, epoch.tdb_s)
-    except CislunarError as error:
-        raise type(error)(f"{place}: {error}") from error
-    state = rotating_states(given[None], [0.0], epoch, center)[0]
-    check_state(f"{place}, object {name!r}", _NAMES, state, "km")
+def _with_segments(place: str, segments: Sequence[Segment], epoch: Epoch) -> StudyObject:
+    state = rotating_state_at(place, segments, epoch)
     known = [
         matrix
         for each in segments
         for time, matrix in zip(each.covariance_tdb_s, each.covariance, strict=True)
         if abs(time - epoch.tdb_s) < 1.0
     ]
-    covariance = known[0] if known else None
-    return StudyObject(name, OWN_FAMILY, state, 0.0, tuple(segments), {}, covariance)
+    return StudyObject(
+        segments[0].name, OWN_FAMILY, state, 0.0, tuple(segments), {}, known[0] if known else None
+    )
 
 
 def _objects(what: str, name: Any, given: Any, epoch: Epoch) -> list[StudyObject]:
@@ -195,7 +176,7 @@ def _objects(what: str, name: Any, given: Any, epoch: Epoch) -> list[StudyObject
         return _members(name, given)
     if isinstance(given, str | Path):
         if Path(given).suffix.lower() != ".oem":
-            orbit = read_orbit(str(given), "km")
+            orbit = read_orbit(str(given))
             return [StudyObject(name, orbit.family, np.array(orbit.state), orbit.period)]
         given = {"oem": given}
     if isinstance(given, Mapping):
@@ -263,7 +244,7 @@ def _of_way(
         center = str(given.get("center", "EARTH")).upper()
         values = array_of(f"{place}: icrf_km", in_kilometers(place, given["icrf_km"]), (6,))
         segment = Segment(name, name, center, np.array([epoch.tdb_s]), values[None])
-        return [_with_segments(place, name, [segment], epoch)]
+        return [_with_segments(place, [segment], epoch)]
     unit = "km" if way == "state_km" else ""
     return [StudyObject(name, OWN_FAMILY, _state(place, way, given[way], unit))]
 
@@ -278,25 +259,19 @@ def _of_family(name: str, place: str, given: Mapping[str, Any]) -> list[StudyObj
             if key in given:
                 raise ConfigurationError(f"{place}: {key} is of one member; leave out count")
         return _members(name, members_of(family, **values, count=given["count"]))
+    values |= {key: given.get(key) for key in ("member", "phase")}
     chosen = {key: value for key, value in values.items() if value is not None}
-    if len(chosen) != 1:
-        raise ConfigurationError(
-            f"{place}: give one of jacobi and period_days, which chooses the member of {family}, "
-            "or count"
-        )
-    chosen |= {key: given[key] for key in ("member", "phase") if key in given}
+    if not chosen.keys() & {"jacobi", "period"}:
+        raise ConfigurationError(f"{place}: give jacobi, period_days or count of {family}")
     numbers = {key: number_of(f"{place}: {key}", value) for key, value in chosen.items()}
-    orbit: Orbit = member_of(place, family, numbers)
+    orbit = member_of(place, family, numbers)
     return [StudyObject(name, orbit.family, np.array(orbit.state), orbit.period)]
 
 
 def _state(place: str, key: str, given: Any, unit: str) -> Array:
     """A state in the rotating frame, nondimensional."""
     converted = in_kilometers(place, given) if unit else nondimensional(place, given, "state")
-    values = array_of(f"{place}: {key}", converted, (6,))
-    state = values / _KM if unit else values
-    check_state(f"{place}: {key}", _NAMES, state, unit)
-    return state
+    return state_of(f"{place}: {key}", converted, unit)
 
 
 def _estimate(place: str, key: str, given: Any) -> Any:

@@ -1,11 +1,10 @@
 """Orbits and attitudes from a user's observations, without a simulated truth.
 
-A table of observations has the names of the Astrometry Data Exchange Standard (ADES): ``obsTime``
-(UTC), ``stn`` (name of the observer), ``ra`` and ``dec`` (ICRF, deg) and ``mag``; the object is
-named by ``artSat``, ``provID`` or ``permID``. Standard deviations are ``rmsRA`` (of right
-ascension times cos(declination)) and ``rmsDec`` in arcsec and ``rmsMag``; where they are missing,
-those of the observer's sensor are used. Errors of right ascension and declination are assumed
-independent.
+A table of observations has the columns of `cislunar.exchange.observations`: ``obsTime`` (UTC),
+``stn`` (name of the observer), ``ra`` and ``dec`` (ICRF, deg) and ``mag``, and the name of the
+object in one of `OBJECT_NAMES`. Standard deviations are ``rmsRA`` (of right ascension times
+cos(declination)) and ``rmsDec`` in arcsec and ``rmsMag``; where they are missing, those of the
+observer's sensor are used. Errors of right ascension and declination are assumed independent.
 
 An estimator works on a grid of times. Each observation is reduced to the nearest of them by the
 predicted motion of target and observer, which neglects the error of the predicted rate over at
@@ -14,7 +13,6 @@ left the target earlier by the light time, for which this module corrects.
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -23,9 +21,10 @@ from numpy.typing import NDArray
 
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics.bundle import propagate_bundle
-from cislunar.ephemeris.time_scales import tdb_seconds, tdb_since
-from cislunar.errors import CislunarError, ConfigurationError, InputFileError
+from cislunar.ephemeris.time_scales import tdb_since
+from cislunar.errors import CislunarError
 from cislunar.estimation.estimator import Estimator
+from cislunar.exchange.observations import OBJECT_NAMES, REQUIRED, checked, object_of, require
 from cislunar.observation.records import Measurements, arranged
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import ARCSECOND, Sensor, noise_at
@@ -33,11 +32,9 @@ from cislunar.observation.sensor import ARCSECOND, Sensor, noise_at
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-COLUMNS = ("obsTime", "stn", "ra", "dec", "mag")
-OBJECTS = ("artSat", "provID", "permID")
 _RMS = ("rmsMag", "rmsRA", "rmsDec")
+_RMS_UNIT = np.array([1.0, ARCSECOND, ARCSECOND])
 _LIGHT_SPEED = 299_792.458 / LENGTH_UNIT_KM * TIME_UNIT_S
-_RANGES = {"ra": (-360.0, 360.0), "dec": (-90.0, 90.0), "mag": (-40.0, 60.0)}
 
 
 class Observed(NamedTuple):
@@ -62,18 +59,21 @@ class Observed(NamedTuple):
 
 
 def read_observations(
-    source: str | Path | pd.DataFrame,
+    table: pd.DataFrame,
+    place: str,
+    fault: type[CislunarError],
     observers: Sequence[str],
     targets: Sequence[str],
     sensors: Sequence[Sensor],
     epoch_tdb: float,
 ) -> Observed:
-    """Read and check a table of observations.
+    """Check a table of observations, and assign it to observers and targets.
 
     Parameters
     ----------
-    source : str, Path or DataFrame
-        Path of a comma-separated file, or a table; its columns are those of this module.
+    table, place, fault
+        Table of the columns of this module, its name and its class of errors, see
+        `cislunar.exchange.observation_files.observation_table`.
     observers, targets : sequence of str
         Names. Upper and lower case of the names of observers are equivalent.
     sensors : sequence of Sensor
@@ -87,74 +87,32 @@ def read_observations(
 
     Raises
     ------
-    ConfigurationError, InputFileError
+    fault
         If a column is missing, or a row cannot be used; the message names it.
     """
-    place = "observations" if isinstance(source, pd.DataFrame) else str(source)
-    fault: type[CislunarError] = InputFileError
-    if isinstance(source, pd.DataFrame):
-        table, fault = source, ConfigurationError
-    elif isinstance(source, str | Path):
-        names = dict.fromkeys(("stn", *OBJECTS), str)
-        try:
-            table = pd.read_csv(source, dtype=names, skipinitialspace=True)
-        except (OSError, UnicodeDecodeError, ValueError) as error:
-            reason = " ".join(str(error).split())
-            raise InputFileError(f"{place}: no readable table ({reason})") from error
-    else:
-        raise ConfigurationError("observations: give a table (DataFrame) or the path of a CSV file")
-    missing = [name for name in COLUMNS if name not in table]
-    named = [name for name in OBJECTS if name in table]
-    if missing or not named:
-        missing += [] if named else [" or ".join(OBJECTS)]
-        raise fault(f"{place}: columns {', '.join(missing)} are missing; the table needs "
-                    f"{', '.join(COLUMNS)} and {' or '.join(OBJECTS)}")  # fmt: skip
-    if table.empty:
-        raise fault(f"{place}: contains no observation; add a row per observation")
-
-    def row_fault(row: int, text: str) -> CislunarError:
-        return fault(f"{place}, row {row + 1}: {text}")
-
+    given = checked(table, (*_RMS, *OBJECT_NAMES), (*REQUIRED, "mag"), fault, place)
+    given["object"] = object_of(given)
+    given["place"] = given["stn"].str.casefold()
     of_observer = {name.casefold(): k for k, name in enumerate(observers)}
     of_target = {name: k for k, name in enumerate(targets)}
-    rows = []
-    for row, given in enumerate(table.to_dict("records")):
-        try:
-            tdb = tdb_seconds(str(given["obsTime"]))
-        except ConfigurationError as error:
-            raise row_fault(row, f"obsTime: {error}") from error
-        station = str(given["stn"])
-        if station.casefold() not in of_observer:
-            raise row_fault(row, f"stn = {station!r} is none of {', '.join(observers)}")
-        name = next((str(given[key]) for key in named if not pd.isna(given[key])), "")
-        if name not in of_target:
-            raise row_fault(row, f"object {name!r} is none of the targets {', '.join(targets)}")
-        observer = of_observer[station.casefold()]
-        values = []
-        for key, (least, most) in _RANGES.items():
-            number = pd.to_numeric(given[key], errors="coerce")
-            if not least <= number <= most:
-                raise row_fault(row, f"{key} = {given[key]} must be within {least:g} .. {most:g}")
-            values.append(float(number))
-        usual = noise_at(sensors[observer], values[2])
-        sigma = [usual[0], usual[1] / ARCSECOND, usual[2] / ARCSECOND]
-        for k, key in enumerate(_RMS):
-            if key in table and not pd.isna(given[key]):
-                sigma[k] = pd.to_numeric(given[key], errors="coerce")
-                if not 0.0 < sigma[k] < np.inf:
-                    raise row_fault(row, f"{key} = {given[key]} must be a positive number")
-        ra, dec, magnitude = values
-        rows.append((tdb, observer, of_target[name], magnitude, ra, dec, *sigma))
-    columns = [np.array(column) for column in zip(*rows, strict=True)]
-    elapsed = tdb_since(epoch_tdb, columns[0])
-    if np.any(elapsed <= 0.0):
-        early = int(np.argmin(elapsed))
-        raise row_fault(early, f"obsTime = {table['obsTime'].iloc[early]} is not after the epoch")
-    value = np.column_stack([columns[3], np.deg2rad(columns[4]), np.deg2rad(columns[5])])
-    sigma = np.column_stack([columns[6], *(ARCSECOND * each for each in columns[7:9])])
+    elapsed = tdb_since(epoch_tdb, given["tdb"].to_numpy())
+    rule = f"be one of the targets {', '.join(targets)}, in {', '.join(OBJECT_NAMES)}"
+    for name, right, words in (
+        ("stn", given["place"].isin(of_observer), f"be one of {', '.join(observers)}"),
+        ("object", given["object"].isin(of_target), rule),
+        ("obsTime", elapsed > 0.0, "be after the epoch"),
+    ):
+        require(given, name, right, words, fault, place)
+    if given.empty:
+        raise fault(f"{place}: contains no observation; add a row per observation")
+    observer, target = given["place"].map(of_observer), given["object"].map(of_target)
+    value = np.column_stack([given["mag"], np.deg2rad(given["ra"]), np.deg2rad(given["dec"])])
+    usual = [noise_at(sensors[k], each) for k, each in zip(observer, value[:, 0], strict=True)]
+    known = given[[*_RMS]].to_numpy()
+    sigma = _RMS_UNIT * np.where(np.isnan(known), np.array(usual) / _RMS_UNIT, known)
     sigma[:, 1] /= np.maximum(np.cos(value[:, 2]), 1e-6)
+    found = Observed(elapsed, observer.to_numpy(), target.to_numpy(), value, sigma)
     order = np.argsort(elapsed, kind="stable")
-    found = Observed(elapsed, columns[1], columns[2], value, sigma)
     return Observed(*(column[order] for column in found))
 
 

@@ -1,9 +1,13 @@
 """Orbits in one line of text, for studies and commands: a member of a family, or a state."""
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import Any, NamedTuple
 
 from cislunar.errors import ConfigurationError
+
+COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
+"""Components of a state."""
 
 FORM = (
     "An ORBIT is FAMILY,jacobi=VALUE or FAMILY,period=DAYS, with ,member=N if several members "
@@ -54,7 +58,7 @@ def members_of(
     return members
 
 
-def read_orbit(text: str, units: str) -> Orbit:
+def read_orbit(text: str, units: str = "km", remedy: str = "") -> Orbit:
     """The orbit that a text describes.
 
     Parameters
@@ -63,6 +67,8 @@ def read_orbit(text: str, units: str) -> Orbit:
         See `FORM`.
     units : {"km", "nd"}
         Whether a state is in km and km/s, or nondimensional.
+    remedy : str
+        Added to the message about a state that must be in other units.
 
     Returns
     -------
@@ -70,93 +76,72 @@ def read_orbit(text: str, units: str) -> Orbit:
 
     Raises
     ------
-    ConfigurationError
+    ConfigurationError, InputFileError
         If the text describes no orbit; the message gives the reason.
     """
     first, *rest = (part.strip() for part in text.split(","))
+    place = f"orbit {text!r}"
     try:
         float(first)
     except ValueError:
-        return _member(text, first, rest)
-    return Orbit(_state(text, [first, *rest], units), 0.0)
+        return _member(place, first, rest)
+    numbers = [_number(place, part) for part in (first, *rest)]
+    if len(numbers) != 6 or not all(map(isfinite, numbers)):
+        raise ConfigurationError(f"{place}: a state is six finite numbers x,y,z,vx,vy,vz")
+    return Orbit(state_of(place, numbers, "km" if units == "km" else "", remedy), 0.0)
 
 
-def _number(text: str, part: str) -> float:
+def _number(place: str, part: str) -> float:
     try:
         return float(part)
     except ValueError:
-        raise ConfigurationError(f"orbit {text!r}: {part!r} is not a number") from None
+        raise ConfigurationError(f"{place}: {part!r} is not a number") from None
 
 
-def _state(text: str, parts: list[str], units: str) -> Any:
+def state_of(place: str, given: Any, unit: str, remedy: str = "") -> Any:
+    """A state (6,), nondimensional, rotating frame, of six numbers in km and km/s (`unit` "km"), or
+    nondimensional ones (""); refuses impossible ones, with the remedy."""
     import numpy as np
 
-    from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
-    from cislunar.dynamics.bounds import check_position, check_velocity
-    from cislunar.dynamics.cr3bp import primary_positions
-    from cislunar.observation.sightline import inside_primary
+    from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+    from cislunar.exchange.table_rows import check_state
+    from cislunar.runtime.arguments import array_of
 
-    state = np.array([_number(text, part) for part in parts])
-    if state.size != 6 or not np.all(np.isfinite(state)):
-        raise ConfigurationError(f"orbit {text!r}: a state is six finite numbers x,y,z,vx,vy,vz")
-    if units == "km":
-        state[:3] /= LENGTH_UNIT_KM
-        state[3:] *= TIME_UNIT_S / LENGTH_UNIT_KM
-    if inside_primary(*state[:3], primary_positions(MU)):
-        raise ConfigurationError(
-            f"orbit {text!r}: in units {units} this is a position inside the Earth or the Moon"
-        )
-    unit = "km" if units == "km" else ""
-    check_position(f"orbit {text!r}", ("x", "y", "z"), state[:3], unit, "; see --units")
-    check_velocity(f"orbit {text!r}", ("vx", "vy", "vz"), state, unit, "; see --units")
+    state = array_of(place, given, (6,))
+    if unit:
+        state = state / np.repeat([LENGTH_UNIT_KM, LENGTH_UNIT_KM / TIME_UNIT_S], 3)
+    check_state(place, COMPONENTS, state, unit, remedy)
     return state
 
 
-def _member(text: str, family: str, options: list[str]) -> Orbit:
+def _member(place: str, family: str, options: list[str]) -> Orbit:
     given = {}
     for option in options:
         key, _, value = option.partition("=")
         if key not in ("jacobi", "period", "member", "phase") or key in given:
             raise ConfigurationError(
-                f"orbit {text!r}: {option!r} is not one of jacobi=, period=, member= and phase=, "
-                "each once"
+                f"{place}: {option!r} is not one of jacobi=, period=, member= and phase=, each once"
             )
-        given[key] = _number(text, value)
-    chosen = [key for key in ("jacobi", "period") if key in given]
-    if len(chosen) != 1:
-        raise ConfigurationError(f"orbit {text!r}: give either jacobi= or period=, and only one")
-    return member_of(f"orbit {text!r}", family, given)
+        given[key] = _number(place, value)
+    return member_of(place, family, given)
 
 
 def member_of(place: str, family: str, given: Mapping[str, float]) -> Orbit:
-    """A single member of a family, at its phase.
-
-    Parameters
-    ----------
-    place : str
-        What is specified, for messages.
-    family : str
-        Name of the family.
-    given : mapping
-        One of `jacobi` and `period` (days), and optionally `member`, counted from 1, and `phase`,
-        a fraction of the period.
-
-    Returns
-    -------
-    Orbit
-
-    Raises
-    ------
-    ConfigurationError
-        If the family has no such member, or several.
-    """
+    """A single member of a family, at its phase, by one of `jacobi` and `period` (days), and
+    optionally `member`, counted from 1, and `phase`, a fraction of the period. A
+    `ConfigurationError` that begins with `place` if the family has no such member, or several."""
     import numpy as np
 
     from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
     from cislunar.dynamics.propagation import propagate_periodic
 
-    quantity = "jacobi" if "jacobi" in given else "period"
-    members = members_of(family, **{quantity: given[quantity]})
+    chosen = {key: given[key] for key in ("jacobi", "period") if key in given}
+    if len(chosen) != 1:
+        raise ConfigurationError(
+            f"{place}: give the Jacobi constant or the period in days of the member of {family}, "
+            "and only one of them"
+        )
+    members = members_of(family, **chosen)
     number = given.get("member", 1.0 if members.period.size == 1 else 0.0)
     if number not in range(1, members.period.size + 1):
         raise ConfigurationError(

@@ -15,7 +15,6 @@ from cislunar.campaign.tracking.ephemeris_inputs import (
 from cislunar.dynamics.ephemeris import UNITS
 from cislunar.dynamics.frames import BARYCENTER, recenter
 from cislunar.dynamics.instantaneous_frame_cr3bp import is_low_lunar
-from cislunar.ephemeris.bodies import BodyTable
 from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.exchange.inertial import (
     Epoch,
@@ -96,20 +95,8 @@ def _track(
 ) -> Array:
     """Positions (time, 3) of an observer, propagation frame."""
     if observer.segments:
-        tdb = tdb_after(epoch.tdb_s, loop.elapsed_s)
-        if ephemeris is None:
-            return np.array(
-                [
-                    rotating_states(state[None], [elapsed], epoch, center)[0, :3]
-                    for elapsed, (state, center) in zip(
-                        loop.elapsed_s, _states(observer.segments, tdb), strict=True
-                    )
-                ]
-            )
-        found = [
-            _barycentric(state, center, ephemeris.table, time)
-            for time, (state, center) in zip(tdb, _states(observer.segments, tdb), strict=True)
-        ]
+        times = zip(tdb_after(epoch.tdb_s, loop.elapsed_s), loop.elapsed_s, strict=True)
+        found = [_state_at(observer.segments, *each, epoch, ephemeris) for each in times]
         return np.array(found)[:, :3]
     flown = observer.state[None], np.array([observer.period])
     if ephemeris is None:
@@ -119,13 +106,19 @@ def _track(
     return observer_tracks(*given)[0]
 
 
-def _states(segments: Sequence[Segment], tdb: Array) -> list[tuple[Array, str]]:
-    return [state_at(segments, float(time)) for time in tdb]
-
-
-def _barycentric(state: Array, center: str, table: BodyTable, time: float) -> Array:
-    """A state of a message, barycentric frame with J2000 axes, nondimensional."""
-    return recenter(state, table, time, old=_FRAME[center], new=BARYCENTER) / UNITS
+def _state_at(
+    segments: Sequence[Segment],
+    tdb_s: float,
+    elapsed_s: float,
+    epoch: Epoch,
+    ephemeris: CellEphemeris | None,
+) -> Array:
+    """State (6,) of an object of a message, propagation frame, nondimensional."""
+    state, center = state_at(segments, float(tdb_s))
+    if ephemeris is None:
+        return rotating_states(state[None], [elapsed_s], epoch, center)[0]
+    moved = recenter(state, ephemeris.table, tdb_s, old=_FRAME[center], new=BARYCENTER)
+    return moved / UNITS
 
 
 def _initial(
@@ -137,7 +130,7 @@ def _initial(
     if not target.segments:
         state, low = ephemeris_states(ephemeris, target.state[None])
         return state[0], bool(low[0])
-    found = _barycentric(*state_at(target.segments, epoch.tdb_s), ephemeris.table, epoch.tdb_s)
+    found = _state_at(target.segments, epoch.tdb_s, 0.0, epoch, ephemeris)
     return found, bool(is_low_lunar(target.state[None])[0])
 
 

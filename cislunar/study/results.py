@@ -10,13 +10,18 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from cislunar.campaign.tracking.records import cell_arcs, cell_observations, observer_names
+from cislunar.campaign.tracking.records import (
+    cell_arcs,
+    cell_observations,
+    cell_observer_arcs,
+    observer_names,
+)
 from cislunar.constants import DATE_SYSTEM, LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.ephemeris.time_scales import clock_text, tdb_after, tdb_to_clock
 from cislunar.errors import ConfigurationError
 from cislunar.evaluation.custody import attitude_angle_deg
 from cislunar.evaluation.metrics import STATUS_NAMES
-from cislunar.exchange.arcs import COMMENTS
+from cislunar.exchange.arcs import COMMENTS, EPHEMERIS_COMMENTS, GEOMETRIC
 from cislunar.exchange.oem import oem_text
 from cislunar.exchange.state_tables import segments_csv
 from cislunar.exchange.tdm import tdm_text
@@ -28,9 +33,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
+Which = Literal["estimated", "true", "observers"]
 
 _SPEED_KM_S = LENGTH_UNIT_KM / TIME_UNIT_S
 _DEG_H = float(np.rad2deg(3600.0))
+_PARTS = {
+    "attitude": (slice(0, 3), np.rad2deg(1.0), "deg"),
+    "angular_velocity": (slice(3, 6), _DEG_H, "deg/h"),
+    "position": (slice(6, 9), LENGTH_UNIT_KM, "km"),
+    "velocity": (slice(9, 12), _SPEED_KM_S, "km/s"),
+}
+"""Parts of an error: components, and their practical unit."""
 _CREATED = "2000-01-01T00:00:00"
 
 
@@ -83,28 +96,19 @@ class StudyResult:
             (deg).
         """
         cell = self.cell
-        last = {name: cell[name].values[:, -1].astype(float) for name in ("error", "sigma")}
-        columns: dict[str, Any] = {"family": [each.family for each in self.study.targets]}
-        status = cell["status"].values
-        columns["status"] = [
-            ", ".join(
-                name if count == len(status) else f"{name} ({count})"
-                for name, count in (
-                    (name, int(np.sum(status[:, j] == k))) for k, name in enumerate(STATUS_NAMES)
-                )
-                if count
-            )
-            for j in range(status.shape[1])
-        ]
-        columns["measurements"] = np.mean(np.sum(cell["outcome"].values == USED, axis=1), axis=0)
-        error = last["error"]
+        error, sigma = (cell[name].values[:, -1].astype(float) for name in ("error", "sigma"))
         norms = {
             "position_error_km": np.linalg.norm(error[..., 6:9], axis=-1) * LENGTH_UNIT_KM,
             "velocity_error_m_s": np.linalg.norm(error[..., 9:], axis=-1) * 1e3 * _SPEED_KM_S,
             "attitude_error_deg": attitude_angle_deg(error),
         }
-        columns |= {key: np.sqrt(np.mean(each**2, axis=0)) for key, each in norms.items()}
-        columns |= sigma_columns(last["sigma"])
+        columns = {
+            "family": [each.family for each in self.study.targets],
+            "status": [_counted(each) for each in cell["status"].values.T],
+            "measurements": np.mean(np.sum(cell["outcome"].values == USED, axis=1), axis=0),
+            **{key: np.sqrt(np.mean(each**2, axis=0)) for key, each in norms.items()},
+            **sigma_columns(sigma),
+        }
         return pd.DataFrame(columns, index=pd.Index(self.targets, name="target"))
 
     def to_xarray(self) -> xr.Dataset:
@@ -119,44 +123,41 @@ class StudyResult:
             km^2/s and km^2/s^2.
         """
         cell, scale = self.cell, np.repeat([LENGTH_UNIT_KM, _SPEED_KM_S], 3)
-        parts = {
-            "attitude": (slice(0, 3), "deg"),
-            "angular_velocity": (slice(3, 6), "deg/h"),
-            "position": (slice(6, 9), "km"),
-            "velocity": (slice(9, 12), "km/s"),
-        }
-        factors = (np.rad2deg(1.0), _DEG_H, LENGTH_UNIT_KM, _SPEED_KM_S)
         rows, found = ("seed", "time", "target"), {}
         for name, words in (("error", "truth less estimate"), ("sigma", "standard deviation")):
             if name not in cell:
                 continue
-            for (part, (columns, unit)), factor in zip(parts.items(), factors, strict=True):
-                values = cell[name].values[..., columns].astype(float) * factor
-                if (name, part) == ("error", "attitude"):
-                    values = _rotation_deg(cell[name].values[..., columns].astype(float))
-                found[f"{part}_{name}"] = (
-                    (*rows, "axis"), values, {"units": unit, "long_name": f"{part}: {words}"}
-                )  # fmt: skip
-        vectors = ("position", slice(0, 3), "km"), ("velocity", slice(3, 6), "km/s")
+            for part, (columns, factor, unit) in _PARTS.items():
+                values = cell[name].values[..., columns].astype(float)
+                turned = (name, part) == ("error", "attitude")
+                scaled = _rotation_deg(values) if turned else values * factor
+                described = (*rows, "axis"), scaled, unit, f"{part}: {words}"
+                found[f"{part}_{name}"] = labeled(*described)
         for which in ("true", "estimated"):
             if f"{which}_translation" not in cell:
                 continue
             states = cell[f"{which}_translation"].values * scale
-            for part, some, unit in vectors:
-                described = {"units": unit, "long_name": f"{which} {part}"}
-                found[f"{which}_{part}"] = ((*rows, "axis"), states[..., some], described)
-            found[f"{which}_quaternion"] = (
-                (*rows, "quaternion"), cell[f"{which}_quaternion"].values,
-                {"units": "1", "long_name": f"{which} attitude, inertial frame to body frame"},
-            )  # fmt: skip
-        found["covariance"] = (
-            (*rows, "component", "component_2"),
-            cell["covariance"].values * np.outer(scale, scale),
-            {"units": "km, km/s", "long_name": "covariance of position and velocity"},
-        )
+            for part, some in (("position", slice(0, 3)), ("velocity", slice(3, 6))):
+                described = (*rows, "axis"), states[..., some], _PARTS[part][2], f"{which} {part}"
+                found[f"{which}_{part}"] = labeled(*described)
+            words = f"{which} attitude, inertial frame to body frame"
+            values = cell[f"{which}_quaternion"].values
+            found[f"{which}_quaternion"] = labeled((*rows, "quaternion"), values, "1", words)
+        covariance = cell["covariance"].values * np.outer(scale, scale)
+        words = "covariance of position and velocity"
+        dims = (*rows, "component", "component_2")
+        found["covariance"] = labeled(dims, covariance, "km, km/s", words)
         if "assignment" in cell:
-            found["assigned_target"] = self._assigned()
-        found |= self._observed()
+            given, names = cell["assignment"], np.array([*self.targets, ""])
+            described = names[given.values], "1", "target of the observer; empty if it is idle"
+            found["assigned_target"] = labeled(tuple(given.dims), *described)
+        elapsed, more = self._observed()
+        dates = self.utc(elapsed)
+        found["observation_time"] = "observation", dates, {"long_name": "date, UTC"}
+        for key, own in (("target", self.targets), ("observer", self.study.observer_names)):
+            values = np.array(own)[cell[f"observation_{key}"].values]
+            found[f"observation_{key}"] = labeled("observation", values, "1", f"name of the {key}")
+        found |= more
         names = ["x", "y", "z", "vx", "vy", "vz"]
         coords = {
             "time": self.utc(cell["time"].values),
@@ -170,48 +171,25 @@ class StudyResult:
         }
         if "epoch" in cell:
             coords["epoch"] = self.utc(cell["epoch"].values)
-        moving = self._inertial
-        frame = "barycentric, J2000 axes" if moving else "rotating, Earth-Moon barycenter"
+        frame = "barycentric, J2000 axes" if self._inertial else "rotating, Earth-Moon barycenter"
         attrs = {key: cell.attrs[key] for key in ("title", "source", "settings", "seed")}
         return xr.Dataset(found, coords, {**attrs, "frame": frame, "time_scale": "UTC"})
 
-    def _assigned(self) -> tuple:
-        """Names of the targets of each observer; empty for an idle one."""
-        given = self.cell["assignment"]
-        names = np.array([*self.targets, ""])
-        dims = tuple(given.dims)
-        return dims, names[given.values], {"units": "1", "long_name": "target of the observer"}
-
-    def _observed(self) -> dict[str, tuple]:
-        """Columns of the observations."""
+    def _observed(self) -> tuple[Array, dict[str, tuple]]:
+        """Times of the observations, s, and their further variables."""
         cell = self.cell
-        at = cell["observation_step"].values
-        names = {"target": self.targets, "observer": self.study.observer_names}
-        found: dict[str, tuple] = {
-            "observation_time": (
-                "observation", self.utc(cell["step"].values)[at], {"long_name": "date, UTC"})
-        }  # fmt: skip
-        for key, own in names.items():
-            found[f"observation_{key}"] = (
-                "observation", np.array(own)[cell[f"observation_{key}"].values],
-                {"units": "1", "long_name": f"name of the {key}"},
-            )  # fmt: skip
         flags = np.array(cell["observation_outcome"].attrs["flag_meanings"].split())
-        found["observation_outcome"] = (
-            "observation", flags[cell["observation_outcome"].values],
-            {"units": "1", "long_name": "detection outcome"},
-        )  # fmt: skip
-        found["observation_seed"] = ("observation", cell["observation_seed"].values, {})
-        for key, unit, factor in (
-            ("magnitude", "mag", 1.0),
-            ("right_ascension", "deg", np.rad2deg(1.0)),
-            ("declination", "deg", np.rad2deg(1.0)),
-        ):
-            found[f"observation_{key}"] = (
-                "observation", cell[f"observation_{key}"].values * factor,
-                {"units": unit, "long_name": cell[f"observation_{key}"].attrs["long_name"]},
-            )  # fmt: skip
-        return found
+        outcome = flags[cell["observation_outcome"].values]
+        found: dict[str, tuple] = {
+            "observation_outcome": labeled("observation", outcome, "1", "detection outcome"),
+            "observation_seed": ("observation", cell["observation_seed"].values, {}),
+        }
+        for key in ("magnitude", "right_ascension", "declination"):
+            given = cell[f"observation_{key}"]
+            factor, unit = (1.0, "mag") if key == "magnitude" else (np.rad2deg(1.0), "deg")
+            described = given.values * factor, unit, given.attrs["long_name"]
+            found[f"observation_{key}"] = labeled("observation", *described)
+        return cell["step"].values[cell["observation_step"].values], found
 
     def observations(self, seed: int = 0) -> pd.DataFrame:
         """Measurements of a realization, with the names of ADES.
@@ -239,14 +217,6 @@ class StudyResult:
         """Whether the propagation frame has the axes of the ICRF."""
         return self.study.settings.dynamics.truth == "ephemeris"
 
-    def _index(self, target: str | None) -> int | None:
-        """Index of a target by its name."""
-        if target is not None and target not in self.targets:
-            raise ConfigurationError(
-                f"target = {shown(target)} is none of {', '.join(self.targets)}"
-            )
-        return None if target is None else self.targets.index(target)
-
     def plot(self, kind: str = "errors", target: str | None = None) -> Figure:
         """Draw a figure of the first realization.
 
@@ -264,20 +234,26 @@ class StudyResult:
         """
         if kind not in self.plots:
             raise ConfigurationError(
-                f"kind = {shown(kind)} is no figure of a study: choose one of "
+                f"kind = {shown(kind)} is no figure of this result: choose one of "
                 f"{', '.join(self.plots)}"
             )
-        chosen = self._index(target)
-        if kind == "geometry":
-            return self.study.plot()
+        if target is not None and target not in self.targets:
+            raise ConfigurationError(
+                f"target = {shown(target)} is none of {', '.join(self.targets)}"
+            )
+        chosen = None if target is None else self.targets.index(target)
+        return self.study.plot() if kind == "geometry" else self._drawn(kind, chosen)
+
+    def _drawn(self, kind: str, target: int | None) -> Figure:
+        """A figure of the data set."""
         from cislunar.figures.tracking import single_run
 
         if kind == "errors":
-            return single_run.run_errors_figure(self.cell, chosen)
+            return single_run.run_errors_figure(self.cell, target)
         names = self.study.observer_names
         if kind == "schedule":
             return single_run.schedule_figure(self.cell, names)
-        return single_run.light_curve_figure(self.cell, names, chosen)
+        return single_run.light_curve_figure(self.cell, names, target)
 
     def _check_seed(self, seed: int) -> None:
         if not isinstance(seed, int) or not 0 <= seed < self.cell.sizes["seed"]:
@@ -287,20 +263,35 @@ class StudyResult:
 
     def _arcs(self, which: str, seed: int) -> list:
         self._check_seed(seed)
+        if which == "observers":
+            found = cell_observer_arcs(self.cell, self.sun)
+            names = self.study.observer_names
+            return [
+                each._replace(name=name, object_id=name)
+                for each, name in zip(found, names, strict=True)
+            ]
         if which not in ("estimated", "true"):
-            raise ConfigurationError(f"which = {shown(which)} must be 'estimated' or 'true'")
+            raise ConfigurationError(
+                f"which = {shown(which)} must be 'estimated', 'true' or 'observers'"
+            )
         return cell_arcs(self.cell, self.sun, which, seed=seed)
 
-    def to_oem(self, path: str | Path | None = None, which: Literal["estimated", "true"] =
-               "estimated", *, seed: int = 0, created: str = _CREATED) -> str:  # fmt: skip
-        """Write the states of all targets as a CCSDS OEM, estimates with their covariance.
+    @property
+    def _comments(self) -> tuple[str, ...]:
+        """Definition of the states."""
+        return EPHEMERIS_COMMENTS if self._inertial else COMMENTS
+
+    def to_oem(self, path: str | Path | None = None, which: Which = "estimated", *, seed: int = 0,
+               created: str = _CREATED) -> str:  # fmt: skip
+        """Write the states of all targets as a CCSDS OEM, estimates with their covariance, or those
+        of the observers.
 
         Parameters
         ----------
         path : str or Path, optional
             File to write; none if omitted.
-        which : {"estimated", "true"}
-            Estimates, or the simulated truth.
+        which : {"estimated", "true", "observers"}
+            Estimates, the simulated truth, or the observers.
         seed : int
             Index of the realization.
         created : str
@@ -312,47 +303,52 @@ class StudyResult:
         str
             The message.
         """
-        moving = self._inertial
-        comments = () if moving else COMMENTS
-        text = oem_text(self._arcs(which, seed), created=created, comments=comments)
-        return _save(text, path)
+        arcs = self._arcs(which, seed)
+        return _save(oem_text(arcs, created=created, comments=self._comments), path)
 
     def to_tdm(self, path: str | Path | None = None, *, seed: int = 0, created: str = _CREATED
                ) -> str:  # fmt: skip
         """Write the observations of a realization as a CCSDS TDM; see `observations` and
         `to_oem` for arguments and result."""
-        return _save(tdm_text(self.observations(seed), created=created), path)
+        simulated = "observation_seed" in self.cell
+        given = {"created": created, "comments": (*self._comments, GEOMETRIC) if simulated else ()}
+        return _save(tdm_text(self.observations(seed), **given), path)
 
-    def to_csv(self, path: str | Path | None = None, which: Literal["estimated", "true"] =
-               "estimated", *, seed: int = 0) -> str:  # fmt: skip
-        """Write the states of all targets as a table (`cislunar.exchange.state_tables`); see
-        `to_oem` for arguments and result."""
+    def to_csv(self, path: str | Path | None = None, which: Which = "estimated", *, seed: int = 0
+               ) -> str:  # fmt: skip
+        """Write the states of all targets, or of the observers, as a table
+        (`cislunar.exchange.state_tables`); see `to_oem` for arguments and result."""
         return _save(segments_csv(self._arcs(which, seed)), path)
 
 
+def labeled(dims: Any, values: Any, unit: str, words: str) -> tuple:
+    """A variable with its unit and meaning."""
+    return dims, values, {"units": unit, "long_name": words}
+
+
 def sigma_columns(sigma: Array) -> dict[str, Array]:
-    """Columns of standard deviations in practical units.
-
-    Parameters
-    ----------
-    sigma : ndarray, shape (seed, target, 12)
-        See `cislunar.estimation.estimator.Estimates`.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (target,)
-        Root sums of squares of three components, root mean square over realizations.
-    """
-    given = np.asarray(sigma, dtype=float)
-    units = {
-        "position_sigma_km": (slice(6, 9), LENGTH_UNIT_KM),
-        "velocity_sigma_m_s": (slice(9, 12), 1e3 * _SPEED_KM_S),
-        "attitude_sigma_deg": (slice(0, 3), np.rad2deg(1.0)),
+    """Columns (target,) of standard deviations (seed, target, 12), see
+    `cislunar.estimation.estimator.Estimates`, in km, m/s and deg: root sums of squares of three
+    components, root mean square over realizations."""
+    sums = {
+        part: factor * np.sqrt(np.mean(np.sum(sigma[..., columns] ** 2, axis=-1), axis=0))
+        for part, (columns, factor, _) in _PARTS.items()
     }
     return {
-        key: unit * np.sqrt(np.mean(np.sum(given[..., part] ** 2, axis=-1), axis=0))
-        for key, (part, unit) in units.items()
+        "position_sigma_km": sums["position"],
+        "velocity_sigma_m_s": 1e3 * sums["velocity"],
+        "attitude_sigma_deg": sums["attitude"],
     }
+
+
+def _counted(status: NDArray[np.int64]) -> str:
+    """Status of a target in all realizations, in words."""
+    counts = {name: int(np.sum(status == k)) for k, name in enumerate(STATUS_NAMES)}
+    return ", ".join(
+        name if count == len(status) else f"{name} ({count})"
+        for name, count in counts.items()
+        if count
+    )
 
 
 def _save(text: str, path: str | Path | None) -> str:

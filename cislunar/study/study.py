@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -17,6 +18,7 @@ from cislunar.campaign.data.inputs import (
     sun_dataset,
     variables,
 )
+from cislunar.campaign.data.own_targets import objects_dataset
 from cislunar.campaign.kernels import tracking_files
 from cislunar.campaign.settings.cell_settings import cell_settings
 from cislunar.campaign.settings.cell_tree import CellSettings
@@ -28,13 +30,13 @@ from cislunar.campaign.tracking.cell import CellInputs, cell_ephemeris, cell_loo
 from cislunar.campaign.tracking.dataset import cell_dataset
 from cislunar.campaign.tracking.records import frame_epoch
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
-from cislunar.dynamics.cr3bp import jacobi_constant
-from cislunar.dynamics.propagation import closest_approaches, propagate, propagate_periodic
+from cislunar.dynamics.propagation import propagate, propagate_periodic
 from cislunar.errors import ConfigurationError
 from cislunar.exchange.inertial import epoch_at
+from cislunar.exchange.observation_files import observation_table
 from cislunar.observation.sensor import sensors_of
-from cislunar.orbits.families import OrbitSet
-from cislunar.orbits.stability import stability_index
+from cislunar.orbits.families import OrbitSet, concatenate
+from cislunar.orbits.observers import orbit_through
 from cislunar.quantities import date_of
 from cislunar.runtime.arguments import count_of, require_kind
 from cislunar.runtime.compilation import announced
@@ -48,6 +50,7 @@ from cislunar.study.observed import Observed, read_observations
 from cislunar.study.placement import place_objects
 from cislunar.study.results import StudyResult
 from cislunar.study.settings import StudySettings, study_settings
+from cislunar.targets.tables import TargetStates
 from cislunar.tasking.detection_outcomes import SettingNames
 
 if TYPE_CHECKING:
@@ -82,9 +85,9 @@ class Study:
     epoch : str, float or astropy.time.Time, optional
         UTC, ISO 8601 or Julian date; the paper's epoch if omitted.
     observations : DataFrame, str or Path, optional
-        Real observations (`cislunar.study.observed`), from which `run` estimates orbits and
-        attitudes, without a simulation. The dynamics are then those of the ephemeris unless
-        ``dynamics`` states others.
+        Real observations (`cislunar.study.observed`), a table or a file (CSV, ADES or TDM), from
+        which `run` estimates orbits and attitudes, without a simulation. The dynamics are then
+        those of the ephemeris unless ``dynamics`` states others.
     light_time : bool
         Whether the directions of `observations` are astrometric, that is, those of targets at the
         time at which the light left them; False if they are geometric.
@@ -98,6 +101,8 @@ class Study:
     ----------
     observers, targets : list of StudyObject
     settings : StudySettings
+    observations : DataFrame or None
+        Real observations, as they were given.
 
     Raises
     ------
@@ -131,13 +136,15 @@ class Study:
         self.observers: list[StudyObject] = read_objects("observer", observers, start, days)
         self.targets: list[StudyObject] = read_objects("target", targets, start, days)
         self.settings: StudySettings = self._with_sensors(chosen)
+        self.observations: pd.DataFrame | None = None
         self._observed: Observed | None = None
         self._light_time = light_time
         self._check()
         if observations is not None:
             sensors = sensors_of(self._loop(self._inputs())[1].sensor, self.n_observers)
             names = self.observer_names, [each.name for each in self.targets], sensors
-            self._observed = read_observations(observations, *names, start.tdb_s)
+            self.observations, *source = observation_table(observations)
+            self._observed = read_observations(self.observations, *source, *names, start.tdb_s)
             last = float(self._observed.elapsed_s[-1])
             if last > 3600.0 * chosen.duration_hours:
                 raise ConfigurationError(
@@ -243,11 +250,10 @@ class Study:
             CR3BP.
         """
         run = self.settings.duration_hours * 3600.0 / TIME_UNIT_S
-        found = (
+        observers, targets = (
             {each.name: (each.state[:3], _path(each, run)) for each in objects}
             for objects in (self.observers, self.targets)
         )
-        observers, targets = found
         return observers, targets
 
     def plot(self) -> Figure:
@@ -280,17 +286,10 @@ class Study:
         """
         from cislunar.figures.space.orbits_page import orbits_page
 
-        closed = [each for each in self.observers if each.period]
-        distances = [closest_approaches(each.state, each.period) for each in closed]
-        found = OrbitSet(
-            np.array([each.name for each in closed]),
-            np.array([each.state for each in closed]).reshape(-1, 6),
-            np.array([each.period for each in closed]),
-            np.array([jacobi_constant(each.state) for each in closed]),
-            np.array([stability_index(each.state, each.period) for each in closed]),
-            *LENGTH_UNIT_KM * np.array(distances).reshape(-1, 2).T[::-1],
-        )
-        orbits = orbit_set_dataset(found, "orbit", "Observers of a study", {})
+        own = [(each.name, each.state, each.period) for each in self.observers]
+        found = concatenate([orbit_through(*each, self._days) for each in own])
+        closed = OrbitSet(*(column[found.period > 0.0] for column in found))
+        orbits = orbit_set_dataset(closed, "orbit", "Observers of a study", {})
         text = orbits_page(orbits, _orbits(self.targets, "target"), {}, {})
         if path is not None:
             write_text(text, path)
@@ -350,7 +349,10 @@ class Study:
                 light_time=self._light_time,
             )
         title = f"Estimates of {len(self.targets)} targets from observations"
-        found = found.assign_coords(target_name=("target", [each.name for each in self.targets]))
+        names = [each.name for each in self.targets]
+        found = found.assign_coords(
+            variables(target_name=("target", names, "1", "name of the target"))
+        )
         attrs = provenance(title, settings=kept, seed=self.settings.seed)
         return ObservedResult(self, found.assign_attrs(attrs), inputs.sun)
 
@@ -375,17 +377,11 @@ def _path(orbit: StudyObject, duration: float) -> NDArray[np.float64]:
 
 def _orbits(objects: list[StudyObject], dim: str) -> xr.Dataset:
     """Objects as a data set of orbits."""
-    states = np.array([each.state for each in objects])
-    return xr.Dataset(
-        variables(
-            name=(dim, [each.name for each in objects], "1", "name"),
-            family=(dim, [each.family for each in objects], "1", "orbit family"),
-            state=((dim, "component"), states, "1", "state at the epoch, rotating frame"),
-            period=(dim, [each.period for each in objects], "1", "period in units of time_unit_s"),
-            jacobi=(dim, jacobi_constant(states), "1", "Jacobi constant"),
-        ),
-        attrs={"mu": MU, "length_unit_km": LENGTH_UNIT_KM, "time_unit_s": TIME_UNIT_S},
-    )
+    keys = "name", "family", "state", "period"
+    name, family, state, period = ([getattr(each, key) for each in objects] for key in keys)
+    given = TargetStates(name, family, np.array(state), np.array(period))
+    units = {"mu": MU, "length_unit_km": LENGTH_UNIT_KM, "time_unit_s": TIME_UNIT_S}
+    return objects_dataset(dim, given).assign_attrs(units)
 
 
 def _own_words(message: str) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 import yaml
 
 from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.exchange.key_values import read_text
 from cislunar.figures.style import save_figure
 from cislunar.runtime.netcdf import write_dataset, write_text
 from cislunar.study.results import StudyResult
@@ -31,11 +32,7 @@ def read_study(path: str | Path) -> Study:
         If the file cannot be read, or for the reasons of `cislunar.Study`.
     """
     try:
-        given: Any = yaml.safe_load(Path(path).read_text(encoding="utf-8-sig"))
-    except FileNotFoundError as error:
-        raise InputFileError(f"{path}: no such file; give the path of a study in YAML") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputFileError(f"{path}: cannot be read as text ({error})") from error
+        given: Any = yaml.safe_load(read_text(path, "a study in YAML"))
     except yaml.YAMLError as error:
         raise InputFileError(f"{path}: no YAML ({' '.join(str(error).split())})") from error
     if not isinstance(given, dict):
@@ -91,16 +88,14 @@ def write_study(result: StudyResult, folder: str | Path) -> list[Path]:
     list of Path
         The files.
     """
-    place = Path(folder)
     names = ("study.nc", "summary.csv", "estimates.oem", "estimates.csv", "observations.tdm")
-    write_dataset(result.cell, place / names[0])
-    write_text(result.summary().to_csv(lineterminator="\n"), place / names[1])
-    result.to_oem(place / names[2])
-    result.to_csv(place / names[3])
-    result.to_tdm(place / names[4])
-    figures = []
+    paths = [Path(folder, name) for name in names]
+    write_dataset(result.cell, paths[0])
+    write_text(result.summary().to_csv(lineterminator="\n"), paths[1])
+    for write, path in zip((result.to_oem, result.to_csv, result.to_tdm), paths[2:], strict=True):
+        write(path)
     for kind in result.plots:
-        both = [place / f"{kind}.{ending}" for ending in ("png", "pdf")]
+        both = [Path(folder, f"{kind}.{ending}") for ending in ("png", "pdf")]
         save_figure(result.plot(kind), *both)
-        figures += both
-    return [*(place / name for name in names), *figures]
+        paths += both
+    return paths

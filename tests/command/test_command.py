@@ -185,7 +185,10 @@ HOSTILE = {
     "no count": ("orbits members --count 0", "--count"),
     "no folder": ("orbits list --output /proc/none/a.csv", "/proc/none"),
     "inside the Moon": ("propagate --units nd --orbit 0.98785,0,0,0,0,0 --days 1", "inside the"),
-    "nd as km": (f"propagate --orbit {STATE} --days 1", "in units km this is a position inside"),
+    "nd as km": (
+        f"propagate --orbit {STATE} --days 1",
+        "in the rotating frame, in km; see --units",
+    ),
     "km as nd": ("propagate --units nd --orbit 4e5,0,0,0,1,0 --days 1", "see --units"),
     "five numbers": ("propagate --orbit 1,2,3,4,5 --days 1", "six finite numbers"),
     "words in a state": ("propagate --orbit 1,2,3,4,5,six --days 1", "'six' is not a number"),

@@ -177,6 +177,21 @@ def test_observations_are_written_as_a_message_and_read_back(result, tmp_path):
     assert len(read) == len(written) and set(read["stn"]) <= set(result.study.observer_names)
     for column in ("ra", "dec", "mag"):
         np.testing.assert_array_equal(read[column], written[column])
+    assert "COMMENT Simulated directions, without light time" in path.read_text()
+
+
+def test_observers_are_where_their_orbits_have_them(result, tmp_path):
+    """By propagation over the period from the states of the catalog."""
+    result.to_oem(tmp_path / "own.oem", "observers")
+    arcs = read_oem(tmp_path / "own.oem")
+    assert [each.name for each in arcs] == list(OBSERVERS)
+    epoch = epoch_at(result.study.settings.epoch)
+    for each, observer in zip(arcs, result.study.observers, strict=True):
+        elapsed, states = rotating_arc(each, epoch)
+        times = elapsed / TIME_UNIT_S
+        path = cs.propagate_periodic(observer.state, observer.period, times, method="dop853")
+        assert states[:, :3] == pytest.approx(path[:, :3], abs=1e-9)
+        assert states[5:-5, 3:] == pytest.approx(path[5:-5, 3:], abs=1e-6)
 
 
 def test_a_covariance_given_by_the_user_is_that_of_the_estimate():
@@ -270,6 +285,24 @@ def test_observations_give_the_estimates_of_the_simulation(result):
         found.append(data["estimated_position"].values[0, -1])
     spread = np.linalg.norm(found[1] - found[0], axis=1)
     assert np.all(spread < 0.5 * np.linalg.norm(sigma.reshape(-1, 3), axis=1))
+
+
+def test_a_file_with_observations_gives_the_same_estimates_in_each_format(result, tmp_path):
+    """The Tracking Data Message has the numbers of the table, without standard deviations."""
+    table = result.observations()
+    table.drop(columns=["rmsRA", "rmsDec", "rmsMag"]).to_csv(tmp_path / "own.csv", index=False)
+    result.to_tdm(tmp_path / "own.tdm")
+    given = {"observers": OBSERVERS, "targets": TARGETS, "epoch": EPOCH, **SETTINGS}
+    given |= {"dynamics": {"truth": "cr3bp"}, "light_time": False}
+    found = {}
+    for ending in ("csv", "tdm"):
+        path = tmp_path / f"{ending}.yaml"
+        path.write_text(yaml.safe_dump(given | {"observations": str(tmp_path / f"own.{ending}")}))
+        found[ending] = run_study_file(path, tmp_path / ending)
+        written = read_tdm(tmp_path / ending / "observations.tdm")
+        assert len(written) == len(table) and set(written["artSat"]) <= set(TARGETS)
+    assert found["csv"].summary().equals(found["tdm"].summary())
+    assert found["csv"].summary()["used"].sum() > 0
 
 
 def test_motion_is_reduced_in_axes_that_do_not_turn():

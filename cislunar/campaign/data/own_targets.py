@@ -11,7 +11,12 @@ from cislunar.exchange.inertial import epoch_at
 from cislunar.orbits.observers import SENSOR_COLUMNS, load_observers, observer_orbits
 from cislunar.runtime.progress import Progress
 from cislunar.runtime.provenance import provenance
-from cislunar.targets.tables import check_closed_targets, load_target_positions, load_target_states
+from cislunar.targets.tables import (
+    TargetStates,
+    check_closed_targets,
+    load_target_positions,
+    load_target_states,
+)
 
 _STATE = "state at the epoch, nondimensional, rotating frame"
 
@@ -24,17 +29,23 @@ def own_tracked_dataset(path: str | Path, epoch: tuple[float, str] | None = None
     targets = load_target_states(path, epoch and epoch_at(*epoch))
     check_closed_targets(path, targets)
     used = {"tracked": str(path)} | ({"epoch_jd": epoch[0], "kernel": epoch[1]} if epoch else {})
+    attributes = provenance("Moving targets of a table", settings=used)
+    return objects_dataset("target", targets).assign_attrs(attributes)
+
+
+def objects_dataset(dim: str, objects: TargetStates) -> xr.Dataset:
+    """Names, classes, states, periods and Jacobi constants of targets, or other objects, along
+    `dim`."""
     period = "period in units of time_unit_s; 0 for a target that starts at its state"
     return xr.Dataset(
         variables(
-            name=("target", targets.name, "1", "name of the target"),
-            family=("target", targets.family, "1", "class of the target"),
-            state=(("target", "component"), targets.state, "1", _STATE),
-            period=("target", targets.period, "1", period),
-            jacobi=("target", jacobi_constant(targets.state), "1", "Jacobi constant"),
+            name=(dim, objects.name, "1", "name of the target"),
+            family=(dim, objects.family, "1", "class of the target"),
+            state=((dim, "component"), objects.state, "1", _STATE),
+            period=(dim, objects.period, "1", period),
+            jacobi=(dim, jacobi_constant(objects.state), "1", "Jacobi constant"),
         ),
         coords=variables(component=("component", list(COMPONENTS), "1", "component")),
-        attrs=provenance("Moving targets of a table", settings=used),
     )
 
 

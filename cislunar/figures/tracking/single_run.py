@@ -108,7 +108,9 @@ def light_curve_figure(
     width = (style.PAGE_WIDTH_IN - left - 0.15 - (columns - 1) * gap) / columns
     grid = layout.Grid(rows, columns, width, 1.1, left, 0.72, gap, 0.36)
     figure = style.new_figure(grid.foot + grid.size[1] + 0.55)
-    layout.title_above(figure, f"{_title(data)}; {labels.realization_text(data)}")
+    fewer = target is None and len(chosen) < np.count_nonzero(counts)
+    which = f"; the {len(chosen)} targets with most measurements" if fewer else ""
+    layout.title_above(figure, f"{_title(data)}; {labels.realization_text(data)}{which}")
     end = float(data["step"].values[-1]) / _SECONDS_PER_HOUR
     for number, j in enumerate(chosen):
         axes = grid.place(figure, *divmod(number, columns))
