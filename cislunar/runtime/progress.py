@@ -10,6 +10,8 @@ logger = logging.getLogger("cislunar")
 
 Progress = Callable[[int, int], None]
 _Item = TypeVar("Item")
+_AT_MOST = "evaluations", "iterations", "kernels"
+"""Endings of the names of work that may end before its total."""
 
 
 def clock(seconds: float) -> str:
@@ -37,7 +39,7 @@ def progress_log(name: str, interval_s: float = 5.0) -> Progress:
         last = now
         elapsed = now - start
         share = 100.0 * done / total if total else 100.0
-        remaining, at_most = "unknown left", name.endswith(("evaluations", "iterations"))
+        remaining, at_most = "unknown left", name.endswith(_AT_MOST)
         if first is not None:
             counted, since = (0, start) if done == first[0] else first
             left = (now - since) * (total - done) / (done - counted)
@@ -77,7 +79,14 @@ def on_terminal(level: int = logging.INFO) -> Iterator[None]:
         logger.setLevel(before)
 
 
-def say(text: str, *values: Any) -> None:
-    """Log a line, to the terminal if no logging is configured, as in a notebook."""
+@contextmanager
+def shown() -> Iterator[None]:
+    """Log to the terminal if no logging is configured, as in a notebook."""
     with nullcontext() if logger.hasHandlers() else on_terminal():
+        yield
+
+
+def say(text: str, *values: Any) -> None:
+    """Log a line, to the terminal if no logging is configured."""
+    with shown():
         logger.info(text, *values)
