@@ -11,7 +11,7 @@ try:
 except (ImportError, AttributeError):  # another version of Numba
     KernelDispatcher = None
 
-_WITH_OWN_BODY: dict[Callable, set[type]] = {}
+_WITH_OWN_BODY: dict[Callable, dict[type, Callable]] = {}
 
 
 def implements(function: Callable, model: type) -> Callable:
@@ -24,10 +24,15 @@ def implements(function: Callable, model: type) -> Callable:
             return body if getattr(first, "instance_class", None) is model else None
 
         overload(function, strict=False, inline="always")(choose)
-        _WITH_OWN_BODY.setdefault(function, set()).add(model)
+        _WITH_OWN_BODY.setdefault(function, {})[model] = body
         return body
 
     return register
+
+
+def implementations(function: Callable) -> list[Callable]:
+    """All implementations of a function that were registered with `implements`."""
+    return [*_WITH_OWN_BODY.get(function, {}).values()]
 
 
 def for_all_others(function: Callable) -> Callable:
@@ -44,6 +49,8 @@ def for_all_others(function: Callable) -> Callable:
 def njit(*, cache: bool, **options: Any) -> Callable:
     """As `numba.njit` for kernels of the library: object code is made only for the kernels that
     Python calls, see `cislunar.kernel_dispatcher`, if this version of Numba allows it."""
+
+    options.setdefault("forceinline", False)  # else that of the first caller
 
     def decorate(function: Callable) -> Callable:
         if KernelDispatcher is None or numba.config.DISABLE_JIT:
@@ -70,6 +77,14 @@ njit_alloc = njit(cache=True, error_model="numpy", _nrt=True)
 """Decorator of kernels that allocate arrays and are called by `njit_noalloc` kernels.
 
 It has to be explicit, because otherwise a kernel inherits the option of its first caller.
+"""
+
+
+njit_inline = njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+"""Decorator of small kernels that compute scalars from scalars and entries of arrays.
+
+LLVM inlines them, so that they are as fast as with Numba's ``inline="always"``, which compiles a
+kernel anew for each place of a call.
 """
 
 

@@ -12,7 +12,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from cislunar.compiled import njit
+from cislunar.compiled import njit_inline
 
 LOWEST_EXPONENT = -708.0
 """For smaller arguments the exponential is exp(-708) = 3e-308, so that it is never subnormal."""
@@ -55,7 +55,7 @@ def _number(typing_context, bits):
     return types.float64(types.int64), generate
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def exponential(x):
     """exp(x) for x up to 709, within 4e-16 of it (relative)."""
     x = x if x > LOWEST_EXPONENT else LOWEST_EXPONENT
@@ -71,7 +71,7 @@ def exponential(x):
     return series * _number(_bits(shifted) << 52)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def sine_and_cosine(x):
     """sin(x) and cos(x) for |x| up to 4e6, within 2e-16 of them."""
     shifted = x * (2.0 / math.pi) + _TO_INTEGER

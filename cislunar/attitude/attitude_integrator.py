@@ -16,21 +16,21 @@ import numpy as np
 
 from cislunar.attitude.quaternion import SMALL_ANGLE, multiply_components
 from cislunar.attitude.rigid_body import angular_acceleration
-from cislunar.compiled import njit, njit_noalloc
+from cislunar.compiled import njit_inline, njit_noalloc
 from cislunar.elementary import sine_and_cosine
 
 TURN_PER_STEP = 0.03
 """Largest rotation angle of a step of `carry_rotation` and `torque_free_step`, rad."""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def acceleration(omega, body):
     """Angular acceleration at an angular velocity, as three scalars."""
     ax, ay, az = angular_acceleration(omega[0], omega[1], omega[2], body[0], body[1])
     return ax + body[2][0], ay + body[2][1], az + body[2][2]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _along(v, h, k):
     """Vector v + h k of three scalars."""
     return v[0] + h * k[0], v[1] + h * k[1], v[2] + h * k[2]

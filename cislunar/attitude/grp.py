@@ -11,7 +11,7 @@ The ``*_components`` functions are compiled and handle one attitude; `to_quatern
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import njit, njit_alloc
+from cislunar.compiled import njit_alloc, njit_inline
 from cislunar.errors import ConfigurationError
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ GRP_F: float = 3.0
 """Scale f = 2 (a + 1) of the paper."""
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def quaternion_from_grp_components(p1, p2, p3, a, f):
     """Quaternion of a GRP vector, as four scalars."""
     norm2 = p1 * p1 + p2 * p2 + p3 * p3
@@ -32,7 +32,7 @@ def quaternion_from_grp_components(p1, p2, p3, a, f):
     return scale * p1, scale * p2, scale * p3, scalar
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def grp_from_quaternion_components(q1, q2, q3, q4, a, f):
     """GRP vector of a quaternion, as three scalars."""
     # q and -q are one attitude; q4 >= 0 is the shorter rotation, away from the singularity

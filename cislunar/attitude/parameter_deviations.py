@@ -25,7 +25,7 @@ from cislunar.attitude.attitude_integrator import acceleration, rate_after, turn
 from cislunar.attitude.inertia import INERTIA, TORQUE
 from cislunar.attitude.quaternion import rotate_components
 from cislunar.attitude.rigid_body import angular_acceleration, matrix_times
-from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
+from cislunar.compiled import copy_into, njit_alloc, njit_inline, njit_noalloc
 from cislunar.elementary import exponential
 
 COLUMNS = 8
@@ -83,7 +83,7 @@ def perturbed_rotation(kinds, amounts, inertia, inverse_inertia, out):
             new_inverse[c, axis] /= root
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _inertia_slope(axis, inertia, x, y, z):
     """Product of dI/dx and a vector for the deviation along an axis: (E I + I E) / 2."""
     along = inertia[axis, 0] * x + inertia[axis, 1] * y + inertia[axis, 2] * z
@@ -95,7 +95,7 @@ def _inertia_slope(axis, inertia, x, y, z):
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _put_drive(track, row, omega, body):
     """Write the forcing of the columns at an angular velocity; only that of the inertia changes."""
     inertia, inverse = body[0], body[1]
@@ -109,7 +109,7 @@ def _put_drive(track, row, omega, body):
             track[row + i, FIRST_DEVIATION + INERTIA + r] = d[i]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _growth(omega, body):
     """Matrix M of the linearized Euler equations, row by row."""
     inertia, inverse = body[0], body[1]
@@ -134,7 +134,7 @@ def _growth(omega, body):
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _to_inertial(q):
     """Transpose of the attitude matrix, row by row."""
     one = rotate_components(q[0], q[1], q[2], q[3], 1.0, 0.0, 0.0)
@@ -143,7 +143,7 @@ def _to_inertial(q):
     return one, two, three
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _times(m, x, y, z, a, b, c):
     """Product of a matrix, given row by row, and a vector, plus another vector."""
     return (
@@ -192,7 +192,7 @@ def _carry_columns(track, h, midway, after, body):
         t[row, c], t[row + 1, c], t[row + 2, c] = x5, y5, z5
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _put_end(track, q, w, a):
     """Write attitude, angular velocity and their time derivatives at the second end of a step."""
     row, of_time = track[_END], track[_END + _SLOPES]
@@ -288,7 +288,7 @@ def extend_track(track, times, until, body, with_columns, turn_per_step):
         _take_step(track, times, h, body, with_columns)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def weigh_ends(times, when):
     """Hermite weights of the ends of the last step at a time within it. The first two weigh the
     values at the ends, the last two their time derivatives."""
@@ -298,7 +298,7 @@ def weigh_ends(times, when):
     return r * r * (1.0 + 2.0 * s), s * s * (1.0 + 2.0 * r), h * s * r * r, -h * s * s * r
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def ends_of(track, row, column):
     """An entry of a track at the ends of the last step, in the order of `weigh_ends`. Row 0 has the
     attitude (columns 0 .. 3), rows 1 .. 3 the columns' rotations in the inertial frame."""

@@ -13,7 +13,7 @@ arrays.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import njit
+from cislunar.compiled import njit, njit_inline
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ SMALL_ANGLE = 1e-4
 """Rotation angle (rad) below which sin(angle/2)/angle is taken from its series (error 1e-19)."""
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def multiply_components(p1, p2, p3, p4, q1, q2, q3, q4):
     """Product p (x) q of two quaternions, as four scalars:
     ``[p4 rho_q + q4 rho_p - rho_p x rho_q ; p4 q4 - rho_p . rho_q]``."""
@@ -32,7 +32,7 @@ def multiply_components(p1, p2, p3, p4, q1, q2, q3, q4):
     return r1, r2, r3, r4
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def rotate_components(q1, q2, q3, q4, x, y, z):
     """Body components A(q) v of an inertial vector, as three scalars:
     ``v + 2 rho x (rho x v) - 2 q4 rho x v`` for a unit quaternion."""
@@ -45,7 +45,7 @@ def rotate_components(q1, q2, q3, q4, x, y, z):
     return bx, by, bz
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def rotation_vector_components(x, y, z):
     """Quaternion ``[axis sin(angle/2) ; cos(angle/2)]`` of a rotation vector (rad), as scalars."""
     angle2 = x * x + y * y + z * z

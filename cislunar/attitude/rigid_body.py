@@ -18,7 +18,7 @@ from cislunar.attitude.quaternion import (
     rotate_components,
     rotation_vector_components,
 )
-from cislunar.compiled import njit, njit_alloc, njit_noalloc
+from cislunar.compiled import njit, njit_alloc, njit_inline, njit_noalloc
 from cislunar.dynamics.tableau import A8, ERROR8_3, ERROR8_5, STAGES8
 from cislunar.errors import ConfigurationError
 
@@ -74,7 +74,7 @@ def spherical_transition(omega, dt, out):
         out[3 + i, 3 + i] = 1.0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def matrix_times(matrix, x, y, z):
     """Product of a (3, 3) matrix and a vector, as three scalars."""
     return (
@@ -84,7 +84,7 @@ def matrix_times(matrix, x, y, z):
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def angular_acceleration(x, y, z, inertia, inverse_inertia):
     """Angular acceleration of a torque-free body, as three scalars."""
     hx, hy, hz = matrix_times(inertia, x, y, z)

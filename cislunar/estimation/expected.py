@@ -5,7 +5,7 @@ m)."""
 
 from cislunar.attitude.grp import GRP_A, GRP_F, quaternion_from_grp_components
 from cislunar.attitude.quaternion import multiply_components
-from cislunar.compiled import njit
+from cislunar.compiled import njit_inline
 from cislunar.observation.sightline import METERS, direction_angles, lit_directions, wrap_angle
 from cislunar.observation.target_surfaces import body_of
 from cislunar.photometry.body_blocks import body_magnitudes
@@ -13,7 +13,7 @@ from cislunar.photometry.facet_blocks import MAGNITUDE, QUATERNION, RANGE, SUN, 
 from cislunar.photometry.facets import FLOOR_MAGNITUDE
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def expected_directions(bundle, observer, axes, expected):
     """Right ascension and declination, rad, into the two columns; returns the central ones.
 
@@ -36,7 +36,7 @@ def expected_directions(bundle, observer, axes, expected):
     return ra0, dec0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def attitude_error(root, column, scale):
     """Attitude error of a sigma point as a quaternion: GRP ``scale * root[:3, column]``."""
     return quaternion_from_grp_components(
@@ -44,7 +44,7 @@ def attitude_error(root, column, scale):
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def set_geometry(block, lane, point, bundle, observer, sun, to_inertial):
     """Directions to Sun and observer (inertial frame) and range of a point, into a column of the
     block."""
@@ -63,7 +63,7 @@ def set_geometry(block, lane, point, bundle, observer, sun, to_inertial):
     block[RANGE, lane] = distance * METERS
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _set_attitudes(block, count, quaternion, root, spread):
     """Attitudes of the sigma points, into the block. The root (12, 12) is triangular with the
     attitude first, so that only the points of its first six columns differ from the mean attitude.
@@ -80,7 +80,7 @@ def _set_attitudes(block, count, quaternion, root, spread):
         block[QUATERNION + 2, point], block[QUATERNION + 3, point] = a3, a4
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def expected_measurements(
     bundle, quaternion, root, spread, observer, axes, sun, to_inertial, surfaces, j, block, expected
 ):

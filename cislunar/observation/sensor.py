@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import copy_into, njit, njit_noalloc
+from cislunar.compiled import copy_into, njit, njit_inline, njit_noalloc
 from cislunar.errors import ConfigurationError
 from cislunar.runtime.settings_fields import (
     Angle,
@@ -269,7 +269,7 @@ def noise_at(sensor: Sensor, magnitude: ArrayLike) -> Array:
     return np.sqrt(out).reshape(*magnitudes.shape, 3)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def sine_of_elevation(ox, oy, oz, dx, dy, dz, earth):
     """Sine of the elevation of a direction d at a position o on the ground."""
     ux, uy, uz = ox - earth[0], oy - earth[1], oz - earth[2]
@@ -277,7 +277,7 @@ def sine_of_elevation(ox, oy, oz, dx, dy, dz, earth):
     return (ux * dx + uy * dy + uz * dz) / np.sqrt(squares)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def extinction(ox, oy, oz, dx, dy, dz, earth, limits):
     """Atmospheric extinction along a line of sight, mag; infinite at and below the horizon."""
     if not limits.ground:

@@ -17,7 +17,7 @@ Assumptions and limitations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cislunar.compiled import njit, njit_noalloc
+from cislunar.compiled import njit_inline, njit_noalloc
 from cislunar.constants import EARTH_RADIUS_KM, LENGTH_UNIT_KM, MOON_RADIUS_KM
 from cislunar.dynamics.radiation import SUN_RADIUS_KM, visible_sun
 from cislunar.observation.sensor import sine_of_elevation
@@ -35,13 +35,13 @@ SUN, MOON, EARTH = range(3)
 CLEAR, BRIGHT, _HIDDEN = range(3)
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def wrap_angle(angle):
     """An angle in [-pi, pi)."""
     return angle - 2.0 * np.pi * np.floor(0.5 * angle / np.pi + 0.5)
 
 
-@njit(cache=True, inline="always")
+@njit_inline
 def rotate(axes, x, y, z):
     """Product of a 3 x 3 matrix and a vector, as scalars."""
     return (
@@ -59,7 +59,7 @@ def direction_angles(dx, dy, dz, axes):
     return np.arctan2(by, bx), np.arctan2(bz, np.sqrt(bx * bx + by * by))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def lit_directions(dx, dy, dz, sx, sy, sz, to_inertial):
     """Unit vectors from the target to Sun and observer (inertial frame), and the two distances; s
     is the vector from the target to the Sun."""
@@ -70,7 +70,7 @@ def lit_directions(dx, dy, dz, sx, sy, sz, to_inertial):
     return light, view, distance, to_sun
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def toward_primary(body, x, y, z, primaries):
     """Vector from a position to the center of the MOON or the EARTH."""
     place = primaries[1] if body == MOON else primaries[0]

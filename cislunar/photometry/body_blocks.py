@@ -14,7 +14,7 @@ are exactly those of the returned magnitude, one-sided at the edges of the table
 import numpy as np
 
 from cislunar.attitude.quaternion import rotate_components
-from cislunar.compiled import njit, njit_alloc, njit_noalloc
+from cislunar.compiled import njit, njit_alloc, njit_inline, njit_noalloc
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
     BY_HALF2,
@@ -109,7 +109,7 @@ def _specular_rows(b, count, materials, fresnel_sqrt, derivatives, rows):
                 rows[m, 2, k] = fresnel_slope(0.5 * half, f0, fresnel_sqrt) / fresnel * 0.25 / half
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _add_parts(b, count, whole, steepness, far):
     """Add the specular part of a facet and its derivatives by slope and |L + V|^2."""
     for k in range(count):
@@ -127,7 +127,7 @@ def _add_parts(b, count, whole, steepness, far):
         b[BY_HALF2, k] += shine * power * inverse_half2 if lower > 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _add_odds(b, count, rows, specular_share, one_law):
     """Add a facet's derivatives by the odds of its material and through its Fresnel factor; the
     latter only for `one_law`, since a mixture has added them."""

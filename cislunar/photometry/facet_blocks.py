@@ -14,7 +14,7 @@ sum.
 import numpy as np
 
 from cislunar.attitude.quaternion import rotate_components
-from cislunar.compiled import njit, njit_noalloc
+from cislunar.compiled import njit, njit_inline, njit_noalloc
 from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.elementary import exponential
 from cislunar.photometry.facets import FLOOR_MAGNITUDE, IRRADIANCE_FLOOR, LN10, reflection_constants
@@ -46,7 +46,7 @@ def known_shape(block):
     return block.reshape((BLOCK_ROWS, LANES))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def turn_into_body(b, count, material, fresnel_sqrt):
     """Transform directions into the body frame and compute the factors that all facets share."""
     for k in range(count):
@@ -60,7 +60,7 @@ def turn_into_body(b, count, material, fresnel_sqrt):
         b[VIEW, k], b[VIEW + 1, k], b[VIEW + 2, k] = rotate_components(q1, q2, q3, q4, vx, vy, vz)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def cosines(b, count, nx, ny, nz):
     """N.L and N.V of a facet; returns the number of geometries in which it is both lit and seen."""
     bright = 0
@@ -72,7 +72,7 @@ def cosines(b, count, nx, ny, nz):
     return bright
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def facet_glint(lit, seen, inverse_half2, specular, steepness, far):
     """Glint of a facet without attenuation, attenuation without its bound of 1, sec^2(phi), N.L +
     N.V, and the lesser of N.L and N.V; see `cislunar.photometry.facets.facet_sums`."""
@@ -86,7 +86,7 @@ def facet_glint(lit, seen, inverse_half2, specular, steepness, far):
     return (specular if shines else 0.0) * beckmann, attenuation, secant2, both, lower
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def add_facet(b, count, area, diffuse, steepness, far, shaded):
     """Add the light reflected by a facet to the totals; if `shaded`, only its share `FREE`."""
     for k in range(count):
@@ -99,7 +99,7 @@ def add_facet(b, count, area, diffuse, steepness, far, shaded):
         b[TOTAL, k] += reflectance if lower > 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def add_facet_and_slopes(b, count, whole, nx, ny, nz, diffuse, steepness, far, with_parts, shaded):
     """Add the light reflected by a facet of area `whole`, and its derivatives by the directions.
     With parts, the specular part, the derivative by the slope and the facet's own contribution are
@@ -141,7 +141,7 @@ def add_facet_and_slopes(b, count, whole, nx, ny, nz, diffuse, steepness, far, w
             b[OWN, k] = area * reflectance if lower > 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def add_axis_scale(b, count, nx, ny, nz):
     """Add the change of a facet's contribution as the body grows along its axes. With s the
     logarithm of the length along axis c, the area changes by ``A (1 - n_c^2)`` and the normal by
@@ -157,7 +157,7 @@ def add_axis_scale(b, count, nx, ny, nz):
         b[BY_AXIS_SCALE + 2, k] += own + nz * (nz * tilt - by_lit * lz - by_seen * vz)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _sum_facets(b, count, areas, normals, material, with_slopes):
     """Sums over the facets, into the rows of the totals and of their derivatives."""
     diffuse, _, steepness, far = reflection_constants(material, 1.0, True)
@@ -176,7 +176,7 @@ def _sum_facets(b, count, areas, normals, material, with_slopes):
             add_facet(b, count, areas[i], diffuse, steepness, far, False)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def _sum_parts(b, shares, scaled, count, areas, normals, material):
     """As `_sum_facets`, with the further sums of `block_magnitude_deviations`."""
     diffuse, _, steepness, far = reflection_constants(material, 1.0, True)
@@ -196,7 +196,7 @@ def _sum_parts(b, shares, scaled, count, areas, normals, material):
                 shares[i, k] = b[OWN, k]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def magnitudes_of_totals(b, count, irradiance_4pi):
     """Apparent magnitudes of the sums over the facets (Paul & Fan, eq. 6)."""
     for k in range(count):
@@ -210,7 +210,7 @@ def magnitudes_of_totals(b, count, irradiance_4pi):
             b[MAGNITUDE, k] = SUN_APPARENT_MAGNITUDE - 2.5 * np.log10(flux)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def turns_of_slopes(b, count):
     """Derivatives of the magnitudes by a small rotation, into the rows from `TURN` on."""
     for k in range(count):

@@ -4,12 +4,13 @@ import sys
 import time
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from types import FunctionType, ModuleType
 from typing import Any
 
-from cislunar.runtime.progress import clock, note_compilation, progress_log, say
+from cislunar.compiled import implementations
+from cislunar.runtime.progress import clock, note_compilation, progress_log, say, shown
 
 _KIND = "numba:compile"
-_INTERVAL_S = 5.0
 _active: list[Any] = []
 """Active listeners of `announced`; the last one reports, and the permanent one if there is none."""
 _standing: list[Any] = []
@@ -18,9 +19,9 @@ _standing: list[Any] = []
 
 @contextmanager
 def announced(files: Collection[str] | None = None) -> Iterator[None]:
-    """Log that kernels of the library are compiled, the progress, and the duration. The total is
-    the number of kernels in these `files`, some of which may not be needed; without files it is not
-    known."""
+    """Log that kernels of the library are compiled, the progress with the time left, and the
+    duration. The total is the number of kernels in these `files`; without files it is the number of
+    kernels within the kernel that is being called. Some of them may not be needed."""
     from numba.core import event
 
     listener = _listener(files)
@@ -51,42 +52,45 @@ def _listener(files: Collection[str] | None) -> Any:
         """Receives every compilation; one may cause others."""
 
         depth = 0
-        began = spent = reported = 0.0
+        began = spent = 0.0
 
-        def on_start(self, _: Any) -> None:
+        def on_start(self, started: Any) -> None:
             if self is not [*_standing, *_active][-1]:
                 return
             if self.depth == 0:
                 self.began = time.monotonic()
-            if not self.spent and self.depth == 0:
-                say("compiling kernels; they are cached, so that it is done once")
-                self.report = progress_log("kernels", work_s=time.monotonic)
-                self.before = _counted(files)[0]
-                self.reported = self.began
+                if not self.spent:
+                    say("compiling kernels; they are cached, so that it is done once")
+                    self.before = len(_compiled(_kernels(files)))
+                    self.report = progress_log("kernels", work_s=time.monotonic)
+                if files is None:  # each call has its own total
+                    self.within = kernels_within(started.data["dispatcher"])
+                    self.report = progress_log("kernels", work_s=time.monotonic)
             self.depth += 1
 
         def on_end(self, _: Any) -> None:
             if self is not [*_standing, *_active][-1]:
                 return
             self.depth -= 1
-            now = time.monotonic()
             if self.depth == 0:
-                self.spent += now - self.began
-                note_compilation(now - self.began)
-            if files is not None:
-                self.report(*_counted(files))
-            elif now - self.reported > _INTERVAL_S:
-                self.reported = now
-                say("compiled %d kernels so far", self.count())
+                took = time.monotonic() - self.began
+                self.spent += took
+                note_compilation(took)
+            wanted = self.within if files is None else _kernels(files)
+            done = len(_compiled(wanted))
+            if done < len(wanted):
+                with shown():
+                    self.report(done, len(wanted))
 
         def count(self) -> int:
-            return _counted(files)[0] - self.before
+            return len(_compiled(_kernels(files))) - self.before
 
     return Listener()
 
 
-def _counted(files: Collection[str] | None) -> tuple[int, int]:
-    """Numbers of compiled kernels and of all kernels, except those that are always inlined."""
+def _kernels(files: Collection[str] | None) -> list[Any]:
+    """Loaded kernels of the library, all or those in some files, except those that are always
+    inlined."""
     from numba.core.dispatcher import Dispatcher
 
     loaded = [module for name, module in list(sys.modules.items()) if name.startswith("cislunar.")]
@@ -95,7 +99,40 @@ def _counted(files: Collection[str] | None) -> tuple[int, int]:
         for module in loaded
         for each in list(vars(module).values())
         if isinstance(each, Dispatcher)
-        and each.targetoptions.get("inline") != "always"
+        and not _inlined(each)
         and (files is None or each.py_func.__code__.co_filename in files)
     }
-    return sum(bool(each.overloads) for each in kernels.values()), len(kernels)
+    return [*kernels.values()]
+
+
+def _compiled(kernels: Collection[Any]) -> list[Any]:
+    return [each for each in kernels if each.overloads]
+
+
+def _inlined(kernel: Any) -> bool:
+    return kernel.targetoptions.get("inline") == "always"
+
+
+def kernels_within(kernel: Any) -> list[Any]:
+    """A kernel and all kernels that it may call, directly or not, except those that are always
+    inlined. Of a function with implementations by type, these are the kernels of all of them."""
+    from numba.core.dispatcher import Dispatcher
+
+    found, todo = {}, [kernel]
+    while todo:
+        each = todo.pop()
+        if id(each) in found:
+            continue
+        found[id(each)] = each
+        function = getattr(each, "py_func", each)
+        names = function.__code__.co_names
+        values = [function.__globals__.get(name) for name in names]
+        values += [getattr(value, name, None) for value in values for name in names
+                   if isinstance(value, ModuleType)]  # fmt: skip
+        values += [cell.cell_contents for cell in function.__closure__ or ()]
+        for value in values:
+            if isinstance(value, Dispatcher):
+                todo.append(value)
+            elif isinstance(value, FunctionType) and implementations(value):
+                todo += [value, *implementations(value)]
+    return [each for each in found.values() if isinstance(each, Dispatcher) and not _inlined(each)]

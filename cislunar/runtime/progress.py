@@ -10,7 +10,7 @@ logger = logging.getLogger("cislunar")
 
 Progress = Callable[[int, int], None]
 _UPPER_LIMITS = ("evaluations", "iterations", "kernels")
-"""What may end before its total."""
+"""Endings of the names of work that may end before its total."""
 _Item = TypeVar("Item")
 
 
@@ -89,7 +89,14 @@ def on_terminal(level: int = logging.INFO) -> Iterator[None]:
         logger.setLevel(before)
 
 
-def say(text: str, *values: Any) -> None:
-    """Log a line, to the terminal if no logging is configured, as in a notebook."""
+@contextmanager
+def shown() -> Iterator[None]:
+    """Log to the terminal if no logging is configured, as in a notebook."""
     with nullcontext() if logger.hasHandlers() else on_terminal():
+        yield
+
+
+def say(text: str, *values: Any) -> None:
+    """Log a line, to the terminal if no logging is configured."""
+    with shown():
         logger.info(text, *values)

@@ -41,7 +41,7 @@ from cislunar.quantities import date_of
 from cislunar.runtime.arguments import count_of, require_kind
 from cislunar.runtime.compilation import announced
 from cislunar.runtime.netcdf import write_text
-from cislunar.runtime.progress import logger, on_terminal, progress_log
+from cislunar.runtime.progress import logger, progress_log, shown
 from cislunar.runtime.provenance import provenance
 from cislunar.runtime.settings_fields import shortened_interval
 from cislunar.study.estimation import ObservedResult, estimate
@@ -361,8 +361,7 @@ class Study:
 def _shown(settings: Mapping[str, Any], estimator: str) -> Iterator[None]:
     """Show progress on the terminal if no logging is configured, and that of compilation."""
     with ExitStack() as stack:
-        if not logger.hasHandlers():
-            stack.enter_context(on_terminal())
+        stack.enter_context(shown())
         stack.enter_context(announced(tracking_files(settings, estimator)))
         yield
 

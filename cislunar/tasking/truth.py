@@ -205,7 +205,8 @@ class TrueMotion:
         self._noise = np.asarray(noise, dtype=float)
         spherical = np.tile(np.eye(3), (ids.size, 1, 1))
         self._bodies = rigid_bodies(spherical if inertia is None else inertia)
-        self._forced = np.array(np.broadcast_to(angular_acceleration, (ids.size, 3)), dtype=float)
+        forced = np.broadcast_to(angular_acceleration, (ids.size, 3))
+        self._forced = np.array(forced, dtype=float, order="C")
         self._translation = initial.translation + error[:, 6:]
         self._attitude = compose(grp.to_quaternion(error[:, :3]), initial.quaternion)
         self._rate = initial.angular_velocity + error[:, 3:6]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
+from cislunar.compiled import copy_into, njit_alloc, njit_inline, njit_noalloc
 from cislunar.dynamics.forces import of_targets, require_targets
 from cislunar.dynamics.tableau import STAGES8
 from cislunar.errors import ConfigurationError
@@ -159,7 +159,7 @@ def translation_condition(translation, primaries, constants):
     return INSIDE_PRIMARY if inside else HEALTHY
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit_inline
 def add_process_noise(covariance, constants):
     """Add the process noise of a step to a covariance (n, n), in its lower triangle."""
     n = covariance.shape[0]
