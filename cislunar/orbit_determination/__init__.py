@@ -20,6 +20,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "rotate_about_z"],
     "verdicts": ["CONTRADICTORY", "DIRECTION_ONLY", "NO_ORBIT", "ORBIT", "SEVERAL_ORBITS",
         "VerdictSettings", "agrees", "log_evidence", "region_covariance",
-        "undetermined_directions"],
+        "separation_probability", "undetermined_directions"],
 })
 # fmt: on

@@ -39,6 +39,7 @@ from cislunar.orbit_determination.verdicts import (
     ORBIT,
     SEVERAL_ORBITS,
     agrees,
+    separation_probability,
     undetermined_directions,
 )
 
@@ -318,6 +319,7 @@ def _described(found: LinkHypotheses, chosen: list[int]) -> LinkedOrbits:
     ]
     fits = concatenate_fits(parts, found.empty)
     free = undetermined_directions(fits, region, settings.verdict)
+    separation = separation_probability(fits, angles, forces=forces)
     verdicts, rivals, confirmed = [], [], []
     for position, k in enumerate(chosen):
         value, instead = found.alternative_to(k, chosen)
@@ -336,7 +338,11 @@ def _described(found: LinkHypotheses, chosen: list[int]) -> LinkedOrbits:
         verdict = SEVERAL_ORBITS if others else ORBIT
         verdicts.append(DIRECTION_ONLY if free[position] else verdict)
         rivals.append(concatenate_fits(others, found.empty))
-        confirmed.append(settings.confirmation.confirms(observers, verdicts[-1], found.scores[k]))
+        confirmed.append(
+            settings.confirmation.confirms(
+                observers, verdicts[-1], found.scores[k], float(separation[position])
+            )
+        )
     return LinkedOrbits(
         fits, np.array([found.scores[k] for k in chosen]), tuple(verdicts), free,
         np.array(confirmed, dtype=bool), tuple(rivals), len(found.members),

@@ -37,7 +37,8 @@ class ConfirmationRule(Section):
     A confirmed orbit is the only one that its detections permit, all directions of state space are
     determined, and its likelihood ratio is large enough. It also has tracklets of at least
     `observers_alone` observers, or it has at least `tracklets` tracklets, and at least
-    `observers` observers with `tracklets_each` of them each.
+    `observers` observers with `tracklets_each` of them each. If it has two or three observers, the
+    hypothesis that one of them saw another object is rejected.
     """
 
     # fmt: off
@@ -51,9 +52,15 @@ class ConfirmationRule(Section):
     least_log_ratio: Number = setting(
         "least logarithm of the likelihood ratio to false alarms", "1", default=10)
 
+    separation_significance: number(gt=0, lt=0.5) = setting(
+        "probability of a larger decrease of chi squared by an orbit of its own for each observer "
+        "of two or three, below which an orbit is not confirmed", "1", default=0.01)
+
     # fmt: on
 
-    def confirms(self, observers: ArrayLike, verdict: str, log_ratio: float) -> bool:
+    def confirms(
+        self, observers: ArrayLike, verdict: str, log_ratio: float, separation: float = 1.0
+    ) -> bool:
         """Whether an orbit is confirmed.
 
         Parameters
@@ -64,13 +71,20 @@ class ConfirmationRule(Section):
             See `cislunar.orbit_determination.verdicts`.
         log_ratio : float
             Score of the orbit (`log_scores`).
+        separation : float
+            See `cislunar.orbit_determination.verdicts.separation_probability`.
         """
         counts = np.unique(np.asarray(observers), return_counts=True)[1]
         several = counts >= self.tracklets_each
         enough = counts.size >= self.observers_alone or (
             np.count_nonzero(several) >= self.observers and counts.sum() >= self.tracklets
         )
-        return bool(enough and verdict == ORBIT and log_ratio >= self.least_log_ratio)
+        return bool(
+            enough
+            and verdict == ORBIT
+            and log_ratio >= self.least_log_ratio
+            and separation >= self.separation_significance
+        )
 
 
 class LinkingSettings(Section):

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from cislunar.orbit_determination.admissible_region import AdmissibleRegion
 from cislunar.orbit_determination.angles import Angles
-from cislunar.orbit_determination.least_squares import CONVERGED, OrbitFits
+from cislunar.orbit_determination.least_squares import CONVERGED, OrbitFits, fit_orbits
 from cislunar.runtime.settings_fields import Section, number, setting
 
 Array = NDArray[np.float64]
@@ -83,6 +83,59 @@ def agrees(fits: OrbitFits, significance: float) -> NDArray[np.bool_]:
     # without degrees of freedom residuals vanish; the tolerance is that of the iteration
     limit = np.where(fits.degrees > 0, chi2.isf(significance, np.maximum(fits.degrees, 1)), 1e-2)
     return (fits.status == CONVERGED) & (fits.chi_squared <= limit)
+
+
+def separation_probability(fits: OrbitFits, angles: Angles, *, forces: tuple) -> Array:
+    """Probability that an orbit of one object fits its angles worse than separate orbits of two
+    objects by more than it does, where one observer saw one and the others saw the other.
+
+    Two observers of different objects may agree on an orbit where neither object is. If there is
+    one object, chi squared decreases by a chi-squared variable if the angles of one observer have
+    an orbit of their own (the extra sum of squares; Draper & Smith 1998, Applied Regression
+    Analysis, section 6.1). It has 6 degrees of freedom, or one for each angle of an observer with
+    fewer.
+
+    Parameters
+    ----------
+    fits : OrbitFits
+        Converged fits.
+    angles : Angles
+    forces : NamedTuple
+        Force model.
+
+    Returns
+    -------
+    ndarray, shape (fit,)
+        The least probability over the observers. 0 if there are two observers and the fit to the
+        angles of one of them does not converge from the orbit; 1 if there are one or more than
+        three observers.
+    """
+    of, parts = [], []
+    for k in range(fits.epoch.size):
+        rows = fits.row[fits.begin[k] : fits.begin[k + 1]]
+        owner = angles.observer[rows]
+        observers = np.unique(owner)
+        if observers.size in (2, 3):
+            for each in observers[: None if observers.size == 3 else 1]:
+                of.append(k)
+                parts += [rows[owner == each], rows[owner != each]]
+    out = np.ones(fits.epoch.size)
+    number = np.repeat(of, 2).astype(np.int64)
+    size = np.array([part.size for part in parts], dtype=np.int64)
+    fitted = np.flatnonzero(size >= 3)
+    separate = fit_orbits(
+        angles, [parts[m] for m in fitted], fits.state[number[fitted]], fits.epoch[number[fitted]],
+        forces=forces,
+    )  # fmt: skip
+    chi_squared, failed = np.zeros(size.size), size < 3
+    chi_squared[fitted], failed[fitted] = separate.chi_squared, separate.status != CONVERGED
+    decrease = fits.chi_squared[of] - chi_squared.reshape(-1, 2).sum(axis=1)
+    degrees = np.minimum(2 * size, 6).reshape(-1, 2).sum(axis=1) - 6
+    probability = chi2.sf(np.maximum(decrease, 0.0), degrees)
+    two = np.bincount(np.array(of, dtype=np.int64), minlength=fits.epoch.size)[of] == 1
+    probability[two & failed.reshape(-1, 2).any(axis=1)] = 0.0
+    np.minimum.at(out, of, probability)
+    return out
 
 
 def undetermined_directions(

@@ -5,12 +5,13 @@ from itertools import combinations
 import numpy as np
 import pytest
 from scipy.special import logsumexp
-from scipy.stats import multivariate_normal
+from scipy.stats import kstest, multivariate_normal
 
-from cislunar.constants import TIME_UNIT_S
+from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, propagate
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination import (
+    CONVERGED,
     DIRECTION_ONLY,
     ORBIT,
     SEVERAL_ORBITS,
@@ -24,6 +25,7 @@ from cislunar.orbit_determination import (
     link,
     log_evidence,
     make_angles,
+    separation_probability,
 )
 from cislunar.orbit_determination.attribution import OrbitHypotheses
 from cislunar.orbit_determination.hypotheses import LinkHypotheses
@@ -190,6 +192,59 @@ def test_confirmation_needs_observers_tracklets_and_a_determined_orbit():
         ([0, 0, 0, 1, 1], DIRECTION_ONLY, 30.0, False),
     ):
         assert rule.confirms(observers, verdict, ratio) is expected
+    assert not rule.confirms([0, 1, 2], ORBIT, 30.0, separation=0.005)
+
+
+def test_the_separation_of_observers_is_uniform_for_one_object_and_rejects_two():
+    """The probability of the extra sum of squares is uniform on (0, 1) for one object; detections
+    of two objects by one observer each are rejected."""
+    probability, rejected, rng = [], [], np.random.default_rng(8)
+    angles, _ = night(OBJECTS[:1], [0.0, 4.0, 9.0, 15.0], 0.0, 100)
+    angles = angles.rows(np.flatnonzero(angles.observer < 2))
+    states = [propagate(OBJECTS[0], [t], method="dop853")[0, :3] for t in angles.time]
+    exact = np.array(states) - angles.observer_position
+    exact /= np.linalg.norm(exact, axis=1, keepdims=True)
+    for _ in range(150):
+        noisy = exact + SIGMA * rng.normal(size=exact.shape)
+        given = make_angles(angles.time, angles.observer, angles.observer_position, noisy, SIGMA)
+        fit = fit_orbits(given, [np.arange(angles.time.size)], OBJECTS[:1], 0.0)
+        probability += separation_probability(fit, given, forces=EARTH_MOON).tolist()
+    assert kstest(probability, "uniform").pvalue > 1e-3
+    for offset in (3e-4, 1e-3, 3e-3):
+        pair = np.array([OBJECTS[0], OBJECTS[0] + [0.0, offset, 0.0, 0.0, 0.0, offset]])
+        angles, origin = night(pair, [0.0, 3.0, 8.0], 0.0, 200)
+        rows = np.flatnonzero((angles.observer < 2) & (angles.observer == origin))
+        fit = fit_orbits(angles, [rows], pair[:1], 0.0)
+        assert fit.status[0] == CONVERGED
+        rejected += separation_probability(fit, angles, forces=EARTH_MOON).tolist()
+    assert max(rejected) < 1e-6
+    # one observer, or more than three, have no test
+    angles, _ = night(OBJECTS[:1], [0.0, 3.0, 8.0], 0.0, 300)
+    fit = fit_orbits(angles, [np.flatnonzero(angles.observer == 1)], OBJECTS[:1], 0.0)
+    assert separation_probability(fit, angles, forces=EARTH_MOON).tolist() == [1.0]
+
+
+@pytest.mark.parametrize("apart_km", [100.0, 10.0])
+def test_neighbors_on_one_orbit_are_separated_or_one_and_never_wrong(apart_km):
+    speed = np.linalg.norm(OBJECTS[0, 3:])
+    later = propagate(OBJECTS[0], [apart_km / LENGTH_UNIT_KM / speed], method="dop853")[0]
+    twins = np.array([OBJECTS[0], later])
+    angles, origin = night(twins, [0.0, 2.0, 5.0], 0.2, 9)
+    found = linked(angles)
+    confirmed = np.flatnonzero(found.confirmed)
+    assert confirmed.size == 2 or (apart_km < 50.0 and confirmed.size == 1)
+    right = set()
+    for k in confirmed.tolist():
+        sigma = np.linalg.inv(found.fits.covariance[k])
+        errors = found.fits.state[k] - [
+            propagate(state, [found.fits.epoch[k]], method="dop853")[0] for state in twins
+        ]
+        squared = np.einsum("ni,ij,nj->n", errors, sigma, errors)
+        nearest = int(np.argmin(squared))
+        assert squared[nearest] < 30.0
+        assert np.mean(origin[found.detections(k)] == nearest) > 0.9
+        right.add(nearest)
+    assert len(right) == confirmed.size
 
 
 def test_bad_input_and_nothing_to_link():
