@@ -12,6 +12,7 @@ except (ImportError, AttributeError):  # another version of Numba
     KernelDispatcher = None
 
 _WITH_OWN_BODY: dict[Callable, dict[type, Callable]] = {}
+_FOR_ALL_OTHERS: set[Callable] = set()
 
 
 def implements(function: Callable, model: type) -> Callable:
@@ -31,8 +32,9 @@ def implements(function: Callable, model: type) -> Callable:
 
 
 def implementations(function: Callable) -> list[Callable]:
-    """All implementations of a function that were registered with `implements`."""
-    return [*_WITH_OWN_BODY.get(function, {}).values()]
+    """All functions that may be compiled in place of a function that is chosen by type."""
+    own = [function] if function in _FOR_ALL_OTHERS else []
+    return [*own, *_WITH_OWN_BODY.get(function, {}).values()]
 
 
 def for_all_others(function: Callable) -> Callable:
@@ -43,6 +45,7 @@ def for_all_others(function: Callable) -> Callable:
         return None if own else function
 
     overload(function, strict=False, inline="always")(choose)
+    _FOR_ALL_OTHERS.add(function)
     return function
 
 

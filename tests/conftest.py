@@ -45,6 +45,16 @@ def pytest_addoption(parser):
     )
 
 
+def pytest_collection_finish(session):
+    """Before the first test of several workers, one compiles the kernels of the estimators if a
+    test needs them, while the others wait; then the others load them."""
+    if "PYTEST_XDIST_WORKER" in os.environ and any(
+        runs_estimators(item.path) for item in session.items
+    ):
+        for name in ESTIMATORS:
+            compile_kernels(kernel_set(f"tracking-{name}"))
+
+
 @cache
 def runs_estimators(path):
     """Whether the tests of a module run an estimator."""
@@ -87,9 +97,8 @@ def pytest_xdist_make_scheduler(config, log):
 def pytest_collection_modifyitems(items):
     """Sort the groups of tests.
 
-    The campaign whose results many tests read is run once, first, and compiles the kernels of the
-    estimators. Tests without an estimator come next, so that no other worker waits for these
-    kernels. The remaining groups follow, long modules first.
+    The campaign whose results many tests read is run once, first. Tests without an estimator come
+    next. The remaining groups follow, long modules first.
     """
     groups = {item: group_of(item.nodeid) for item in items}
     sizes = Counter(groups.values())
@@ -101,20 +110,6 @@ def pytest_collection_modifyitems(items):
     stage = {group: 3 if group in late else 1 for group in sizes}
     stage |= {FINISHED: 0, **dict.fromkeys(LONG, 2)}
     items.sort(key=lambda item: (stage[groups[item]], -sizes[groups[item]], groups[item]))
-
-
-@cache
-def compile_estimators():
-    """Compile the kernels of the estimators while other processes wait, or load them."""
-    for name in ESTIMATORS:
-        compile_kernels(kernel_set(f"tracking-{name}"))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _compiled(request):
-    """With several workers, one of them compiles the kernels of the estimators."""
-    if "PYTEST_XDIST_WORKER" in os.environ and runs_estimators(request.path):
-        compile_estimators()
 
 
 @pytest.fixture(scope="session")

@@ -133,6 +133,6 @@ def kernels_within(kernel: Any) -> list[Any]:
         for value in values:
             if isinstance(value, Dispatcher):
                 todo.append(value)
-            elif isinstance(value, FunctionType) and implementations(value):
-                todo += [value, *implementations(value)]
+            elif isinstance(value, FunctionType):
+                todo += implementations(value)
     return [each for each in found.values() if isinstance(each, Dispatcher) and not _inlined(each)]

@@ -3,15 +3,18 @@
 import logging
 import re
 
+import numba
+import numpy as np
 import pytest
-from numba import njit
 from numba.core import event
 
+from cislunar.attitude.rigid_body import propagate_spherical
+from cislunar.compiled import njit
 from cislunar.estimation.kalman import mukf_kernels
 from cislunar.photometry import facets
 from cislunar.runtime import compilation, kernels
 from cislunar.runtime.compilation import announced
-from cislunar.runtime.progress import logger
+from cislunar.runtime.progress import logger, progress_log
 
 KERNEL = "from numba import njit\n{}\n\n@njit(cache=True)\ndef kernel(x):\n    return x\n"
 SOURCES = {
@@ -89,7 +92,7 @@ def test_compilation_is_announced(caplog):
         pass
     assert caplog.messages == []
 
-    @njit
+    @numba.njit
     def half(x):
         return 0.5 * x
 
@@ -102,13 +105,40 @@ def test_compilation_is_announced(caplog):
 def test_compilation_within_a_command_is_announced_once(caplog):
     caplog.set_level(logging.INFO, "cislunar")
 
-    @njit
+    @njit(cache=False)
     def quarter(x):
         return 0.25 * x
 
     with announced(), announced():
         assert quarter(1.0) == 0.25
     assert [message.split()[0] for message in caplog.messages] == ["compiling", "compiled"]
+
+
+@njit(cache=False)
+def spin(quaternion, omega, t):
+    return propagate_spherical(quaternion, omega, t)
+
+
+def test_a_call_has_a_total_and_the_time_left(caplog, monkeypatch):
+    caplog.set_level(logging.INFO, "cislunar")
+    monkeypatch.setattr(
+        compilation, "progress_log", lambda name, **more: progress_log(name, 0.0, **more)
+    )
+    within = {kernel.__name__ for kernel in compilation.kernels_within(spin)}
+    inlined = {"rotation_vector_components", "multiply_components"}
+    assert within == {"spin", "propagate_spherical", *inlined}
+    with announced():
+        spin(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), 1.0)
+    assert all(kernel.overloads for kernel in compilation.kernels_within(spin))
+    told = [line for line in caplog.messages if line.startswith("kernels: ")]
+    assert told  # kernels that an earlier test has compiled are compiled already
+    assert all(re.search(r": [0-3] of 4 \(\d+ %\), 0:\d\d elapsed, .* left", line) for line in told)
+
+
+def test_kernels_of_implementations_count_as_within_a_call():
+    names = {kernel.__name__ for kernel in compilation.kernels_within(mukf_kernels.advance)}
+    assert {"block_magnitudes", "_runge_kutta_step", "add_mixed_facet"} <= names
+    assert "integrate" not in names
 
 
 def test_a_notebook_without_logging_sees_compilation(monkeypatch, capsys):
@@ -122,9 +152,9 @@ def test_a_notebook_without_logging_sees_compilation(monkeypatch, capsys):
     def third(x):
         return x / 3.0
 
-    assert njit(third)(3.0) == 1.0
+    assert numba.njit(third)(3.0) == 1.0
     assert capsys.readouterr().err.count("compiling kernels;") == 1
     with announced():  # which tells itself
-        assert njit(third)(3.0) == 1.0
+        assert numba.njit(third)(3.0) == 1.0
     assert capsys.readouterr().err.count("compil") == 2
     event.unregister("numba:compile", compilation._standing[0])
