@@ -44,6 +44,12 @@ class Decision(NamedTuple):
     detects: Array | None
     starts: NDArray[np.int64]
 
+    def commanding(self, rows: NDArray[np.int64]) -> Decision:
+        """With other observations: step, observer and target of each, shape (n, 3)."""
+        target = self.target_by_step.copy()
+        target[rows[:, 0], rows[:, 1]] = rows[:, 2]
+        return self._replace(target_by_step=target)
+
     def detects_at(
         self, target: NDArray[np.int64], step: NDArray[np.int64], observer: NDArray[np.int64]
     ) -> Array:

@@ -120,6 +120,8 @@ def advance_interval(inputs: SimulationInputs, own: Realization, number: int) ->
         prediction, n_steps, inputs.scene, inputs.surfaces, settings,
         inputs.forces, own.detection, own.pointing, stream(TASKING, own.seed, number),
     )  # fmt: skip
+    if inputs.searches:
+        tasking = tasking.commanding(own.estimator.command_search(n_steps))
     for target in tasking.target:
         own.pointing[:] = np.where(target == IDLE, own.pointing, target)
     motion, dimmed, visible = _moved(inputs, own, start, n_steps)

@@ -12,6 +12,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import Estimator, EstimatorFactory, InitialEstimate
 from cislunar.estimation.light_curves.row_blocks import TIME
 from cislunar.estimation.maneuvers.recovering_estimator import RecoveredManeuvers
+from cislunar.estimation.maneuvers.search import SEARCHING
 from cislunar.evaluation.characterization import CharacterizedTargets, characterized_targets
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation, TrackingMetrics
@@ -79,6 +80,11 @@ class SimulationInputs(NamedTuple):
         return getattr(self.factory, "recovers", False)
 
     @property
+    def searches(self) -> bool:
+        """Whether the estimators search for targets that may have left the field of view."""
+        return getattr(self.factory, "searches", False)
+
+    @property
     def chooses_models(self) -> bool:
         """Whether the estimators choose between models of the bodies."""
         return getattr(self.factory, "chooses_models", False)
@@ -98,7 +104,7 @@ class SimulationInputs(NamedTuple):
             torque=truth.torque,
             surfaces=truth.surfaces,
             observations=(
-                settings.schedule.observers_per_target
+                max(settings.schedule.observers_per_target, SEARCHING if self.searches else 1)
                 if not settings.association.in_field
                 else scene.observer_position.shape[0]
             ),

@@ -112,3 +112,14 @@ def test_without_later_observations_the_prior_remains(problem):
     found = bank_of(scene, epoch, times=(0,)).solve(nothing, 60)
     # a maneuver that nothing speaks for has its prior probability, times the width of a step
     assert found.maneuver.probability == pytest.approx(0.14 / 1440.0, rel=1e-3)
+
+
+def test_without_any_solution_the_target_coasts(problem, monkeypatch):
+    scene, epoch = problem
+    rng = np.random.default_rng(6)
+    rows = rows_of(scene, path(scene, epoch), rng)
+    monkeypatch.setattr(ManeuverBank, "_fitted", lambda *given: None)
+    found = bank_of(scene, epoch).solve(rows, LAST)
+    assert found.maneuver.probability == 0.0 and np.isnan(found.maneuver.time_s)
+    off = LENGTH_UNIT_KM * np.linalg.norm(found.translation[:3] - path(scene, epoch)[-1, :3])
+    assert off < 10.0

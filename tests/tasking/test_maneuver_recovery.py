@@ -61,8 +61,10 @@ def test_a_target_is_recovered(factory, size):
     assert np.all(np.abs(normalized) < 4.0)
 
 
-def test_coasting_targets_stay_bit_for_bit():
-    plain, found = run(PLAIN, hours=4.0), run(monitored(PLAIN, RECOVERING), hours=4.0)
+@pytest.mark.parametrize("share", [0.0, 0.05])
+def test_coasting_targets_stay_bit_for_bit(share):
+    settings = RECOVERING.model_copy(update={"search_share": share})
+    plain, found = run(PLAIN, hours=4.0), run(monitored(PLAIN, settings), hours=4.0)
     for name, values in plain.histories.items():
         np.testing.assert_array_equal(found.histories[name], values, err_msg=name)
     assert found.recovered_maneuvers.target.size == 0

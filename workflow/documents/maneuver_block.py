@@ -17,7 +17,11 @@ STUDY = "maneuvers"
 
 _MODES = {"paper": "every hour", "recommended": "slots of 20 min"}
 _DYNAMICS = {"cr3bp": "CR3BP", "ephemeris": "ephemeris"}
-_RESPONSES = {"none": "detected only", "recovery": "estimated"}
+_RESPONSES = {
+    "none": "detected only",
+    "recovery": "estimated",
+    "search": "estimated, with a search",
+}
 
 _OF_SIZES = {
     "Detected within 24 h (%)": ("detected", 100.0, ".0f"),

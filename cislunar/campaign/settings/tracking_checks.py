@@ -269,6 +269,14 @@ def _check_detection(place: str, settings: CellSettings) -> None:
             "where the errors of observers are estimated or considered; set "
             "observer_errors.treatment to 'none', or recover to false"
         )
+    late = settings.communication.late or settings.association.in_field
+    if settings.maneuver_detection.search_share > 0.0 and late:
+        raise ConfigurationError(
+            f"configuration key '{place}maneuver_detection.search_share' = "
+            f"{settings.maneuver_detection.search_share}: a search needs measurements at once, of "
+            "the targets that are observed; set it to 0, or leave out delays and "
+            "association.detections = 'all-in-field'"
+        )
 
 
 def _check_fusion(place: str, settings: CellSettings) -> None:

@@ -136,6 +136,8 @@ class ManeuverBank:
         First hypothesized times, indices of the scene from that of `base` on.
     maneuvers_per_day : float
         Expected number of maneuvers of a target in a day.
+    starts : dict of int to ndarray, optional
+        Changes of velocity (3,), nondimensional, by the times at which iterations begin with them.
     """
 
     def __init__(
@@ -147,10 +149,11 @@ class ManeuverBank:
         base: tuple[int, Array, Array],
         times: Indices,
         maneuvers_per_day: float,
+        starts: dict[int, Array] | None = None,
     ) -> None:
         self._model, self._target, self._base = (scene, forces, process), target, base
         self._times, self._rate = np.unique(times), maneuvers_per_day
-        self._starts: dict[int, Array] = {}  # changes of velocity of earlier solutions, by time
+        self._starts = dict(starts or {})  # changes of velocity of earlier solutions, by time
 
     def solve(self, rows: AngleRows, now: int) -> BankSolution:
         """The present orbit and the maneuver.
@@ -313,8 +316,9 @@ class ManeuverBank:
         means = np.array([*(c.mean for c in parts), coasting[0]])
         spreads = np.array([*(c.covariance for c in parts), coasting[1]])
         translation, covariance = _moments(np.append(w, none), means, spreads)
-        share = w.sum()
-        own = w / share if share > 0.0 else w
+        if (share := w.sum()) == 0.0:
+            return BankSolution(translation, covariance, UNKNOWN_MANEUVER._replace(probability=0.0))
+        own = w / share
         changes = np.array([c.change for c in parts]).reshape(-1, 3)
         change, spread = _moments(own, changes, np.array([c.spread for c in parts]))
         step_s = self._model[0].step_s
@@ -348,4 +352,5 @@ def _moments(weight: Array, means: Array, covariances: Array) -> tuple[Array, Ar
     """Mean and covariance of a Gaussian mixture."""
     mean = weight @ means
     off = means - mean
-    return mean, np.einsum("m,mij->ij", weight, covariances) + (weight * off.T) @ off
+    covariance = np.einsum("m,mij->ij", weight, covariances) + (weight * off.T) @ off
+    return mean, 0.5 * (covariance + covariance.T)

@@ -31,6 +31,10 @@ class ManeuverDetection(Section):
     maneuvers_per_target_day: Positive = setting(
         "expected number of maneuvers of a target in a day, from which the probability of a "
         "maneuver is computed; for `recover`", "1/d", default=0.14)
+    search_share: number(ge=0, le=0.2) = setting(
+        "largest share of all observations that search for targets which may have left the field "
+        "of view, instead of the observations of these targets; for `recover`; 0: no search", "1",
+        default=0)
 
     # fmt: on
 
@@ -45,5 +49,10 @@ class ManeuverDetection(Section):
             raise ConfigurationError(
                 "recover = true: orbits are estimated anew after an alarm, but there is no test; "
                 "set false_alarms_per_target_day"
+            )
+        if self.search_share > 0.0 and not self.recover:
+            raise ConfigurationError(
+                f"search_share = {self.search_share}: a target that is found is estimated anew; "
+                "set recover to true"
             )
         return self

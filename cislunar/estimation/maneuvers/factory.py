@@ -6,8 +6,10 @@ from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
 from cislunar.estimation.maneuvers.likelihood_ratio import ManeuverTest, noise_of_step
 from cislunar.estimation.maneuvers.monitored_estimator import MonitoredEstimator
 from cislunar.estimation.maneuvers.recovering_estimator import RecoveringEstimator
+from cislunar.estimation.maneuvers.search import ReachableSearch
 from cislunar.estimation.maneuvers.thresholds import false_alarm_threshold
 from cislunar.observation.body_parameters import BodyParameterPrior
+from cislunar.observation.sensor import sensor_limits
 
 
 def monitored(
@@ -44,10 +46,22 @@ def monitored(
         if not settings.recover:
             return MonitoredEstimator(inner, test, threshold)
         model = scene, forces, noise_of_step(process_noise, scene.step_s)
-        return RecoveringEstimator(inner, test, threshold, model, settings)
+        search = None
+        if settings.search_share > 0.0:
+            half_field = sensor_limits(sensor, scene.observer_position.shape[0]).half_field
+            search = ReachableSearch(
+                scene,
+                forces,
+                half_field,
+                initial.translation.shape[0],
+                settings.search_share,
+                settings.maneuvers_per_target_day,
+            )
+        return RecoveringEstimator(inner, test, threshold, model, settings, search)
 
     make.estimated_parameters = getattr(factory, "estimated_parameters", BodyParameterPrior())
     make.chooses_models = getattr(factory, "chooses_models", False)
     make.tests_maneuvers = True
     make.recovers = settings.recover
+    make.searches = settings.search_share > 0.0
     return make

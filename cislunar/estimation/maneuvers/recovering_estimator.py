@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cislunar.dynamics.forces import of_targets
-from cislunar.estimation.estimator import Estimates, Estimator, InitialEstimate, OrbitEstimates
+from cislunar.errors import ConfigurationError
+from cislunar.estimation.estimator import (
+    Estimates,
+    Estimator,
+    InitialEstimate,
+    OrbitEstimates,
+    Prediction,
+)
 from cislunar.estimation.maneuvers.bank import (
     UNKNOWN_MANEUVER,
     AngleRows,
@@ -19,6 +26,7 @@ from cislunar.estimation.maneuvers.bank import (
 from cislunar.estimation.maneuvers.detection_settings import ManeuverDetection
 from cislunar.estimation.maneuvers.likelihood_ratio import ManeuverTest
 from cislunar.estimation.maneuvers.monitored_estimator import MonitoredEstimator
+from cislunar.estimation.maneuvers.search import ReachableSearch
 from cislunar.estimation.track_arrays import remaining_tracks
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
@@ -94,6 +102,9 @@ class RecoveringEstimator(MonitoredEstimator):
     model : tuple
         Scene, force model, and process noise (6, 6) of a step.
     settings : ManeuverDetection
+    search : ReachableSearch, optional
+        Search for targets that may have left the field of view, whose predictions are NaN; none if
+        omitted.
     """
 
     def __init__(
@@ -103,8 +114,10 @@ class RecoveringEstimator(MonitoredEstimator):
         threshold: float,
         model: tuple[Scene, tuple, Array],
         settings: ManeuverDetection,
+        search: ReachableSearch | None = None,
     ) -> None:
         super().__init__(inner, test, threshold)
+        self._search = search
         self._model, self._settings = model, settings
         self._spans: list[_Span] = []
         self._open: dict[int, _Recovery] = {}
@@ -116,8 +129,8 @@ class RecoveringEstimator(MonitoredEstimator):
     ) -> Estimates:
         """See `Estimator.advance`. The last step of an interval reports replaced orbits."""
         start = self._inner.orbits()
-        found = super().advance(measurements, covariance=True, final=final)
         target, step = rows_of(measurements)
+        found = self._advance(start.index + 1, measurements, final)
         used = found.used
         self._spans.append(
             _Span(
@@ -133,8 +146,67 @@ class RecoveringEstimator(MonitoredEstimator):
         )
         if final and found.translation.shape[1] > 0:
             self._open_recoveries()
+            if self._search is not None:
+                self._begin_searches(start.index, found.translation.shape[1])
             self._replace(start.index + found.translation.shape[1], found)
         return found if covariance else found._replace(covariance=found.covariance[:, :0])
+
+    def _advance(self, first: int, measurements: Measurements, final: bool) -> Estimates:
+        """Process steps from the index `first` on, without observations of targets that are
+        searched for. Those that show their target count as used."""
+        search = self._search
+        if search is None or not search.lost:
+            found = super().advance(measurements, covariance=True, final=final)
+            if search is not None:
+                search.note(measurements, found.used, first)
+            return found
+        of_lost, shown = search.shown(measurements, first)
+        others = measurements.where(~of_lost)
+        found = super().advance(others, covariance=True, final=final)
+        search.note(others, found.used, first)
+        used = shown.copy()
+        used[~of_lost] = found.used
+        return found._replace(used=used)
+
+    def predict(self) -> Prediction:
+        """See `Estimator.predict`. Targets that are searched for are NaN."""
+        found = self._inner.predict()
+        if self._search is None or not self._search.lost:
+            return found
+        translation, covariance = found.translation.copy(), found.covariance.copy()
+        lost = list(self._search.lost)
+        translation[lost], covariance[lost] = np.nan, np.nan
+        return found._replace(translation=translation, covariance=covariance)
+
+    def command_search(self, n_steps: int) -> Indices:
+        """Observations of the next steps that search for targets: step, observer and target of
+        each, shape (n, 3)."""
+        if self._search is None or not self._search.lost:
+            return np.empty((0, 3), dtype=np.int64)
+        return self._search.command(self._inner.orbits().index, n_steps)
+
+    def _begin_searches(self, start: int, n_steps: int) -> None:
+        """End the searches for targets that have been found, and begin those for targets that have
+        probably gone."""
+        search, last, now = self._search, self._spans[-1], start + n_steps
+        for j in [j for j in search.lost if np.any(last.target == j)]:
+            rows = AngleRows(*(column[last.target == j] for column in last.rows))
+            seen = int(search.seen[j].max())
+            first = int(rows.time[0]), int(rows.observer[0]), rows.value[0]
+            starts = search.end(j, first)
+            times = np.linspace(seen, first[0] - 1, 9).astype(np.int64)
+            self._begin_recovery(j, seen, first[0], np.append(times, list(starts)), starts)
+        for j in search.gone(now).tolist():
+            room = len(search.lost) < search.rounds(n_steps)
+            if room and j not in self._open and not self._inner.failed[j]:
+                seen = int(search.seen[j].max())
+                orbits = self._orbits_before(seen)
+                search.begin(j, (orbits.index, orbits.translation[j]), now)
+
+    def _orbits_before(self, index: int) -> OrbitEstimates:
+        """The last orbits that are kept of a time up to an index, or the first ones."""
+        early = [span.orbits for span in self._spans if span.orbits.index <= index]
+        return early[-1] if early else self._spans[0].orbits
 
     def recovered_maneuvers(self) -> RecoveredManeuvers:
         """All maneuvers that have been estimated so far."""
@@ -157,24 +229,26 @@ class RecoveringEstimator(MonitoredEstimator):
             if j in self._open or self._inner.failed[j]:
                 continue
             found, alarm = int(largest.index[j]), int(largest.tested[j])
-            early = [
-                span.orbits
-                for span in self._spans
-                if span.orbits.index <= found - self._steps(_BEFORE_HOURS)
-            ]
-            orbits = early[-1] if early else self._spans[0].orbits
-            seen = self._rows(j, orbits.index).time
+            begin = self._orbits_before(found - self._steps(_BEFORE_HOURS)).index
+            seen = self._rows(j, begin).time
             # in the gap before the alarm, where large changes are, and about the test's
-            gap = np.array([seen[seen < alarm].max(initial=orbits.index), alarm - 1])
+            gap = np.array([seen[seen < alarm].max(initial=begin), alarm - 1])
             around = found + self._steps(_AROUND_HOURS) * np.linspace(-1.0, 1.0, 5)
             times = np.rint(np.concatenate([np.linspace(*gap, 4), around])).astype(np.int64)
-            base = orbits.index, orbits.translation[j], orbits.covariance[j]
-            bank = ManeuverBank(
-                *self._model, j, base, np.clip(times, base[0], alarm - 1),
-                self._settings.maneuvers_per_target_day,
-            )  # fmt: skip
-            self._open[j] = _Recovery(bank, orbits.index, alarm, len(self._estimated))
-            self._estimated.append((j, alarm, UNKNOWN_MANEUVER))
+            self._begin_recovery(j, found, alarm, np.minimum(times, alarm - 1), {})
+
+    def _begin_recovery(
+        self, j: int, found: int, alarm: int, times: Indices, starts: dict[int, Array]
+    ) -> None:
+        """Open the recovery of a target, from about the time `found` of its maneuver."""
+        orbits = self._orbits_before(found - self._steps(_BEFORE_HOURS))
+        base = orbits.index, orbits.translation[j], orbits.covariance[j]
+        bank = ManeuverBank(
+            *self._model, j, base, np.maximum(times, base[0]),
+            self._settings.maneuvers_per_target_day, starts,
+        )  # fmt: skip
+        self._open[j] = _Recovery(bank, orbits.index, alarm, len(self._estimated))
+        self._estimated.append((j, alarm, UNKNOWN_MANEUVER))
 
     def _rows(self, target: int, begin: int) -> AngleRows:
         """Observations of a target after an index of the scene."""
@@ -193,7 +267,7 @@ class RecoveringEstimator(MonitoredEstimator):
             if rows.time.size > _GROWTH * self._solved.get(j, 0):
                 self._solved[j] = rows.time.size
                 solution = recovery.bank.solve(rows, now)
-                if np.all(np.isfinite(solution.covariance)):
+                if _is_definite(solution.covariance):
                     self._estimated[recovery.number] = j, recovery.alarm, solution.maneuver
                     replaced.append(j)
                     states.append(solution.translation)
@@ -239,4 +313,16 @@ class RecoveringEstimator(MonitoredEstimator):
 
     def _begin_anew(self, model: tuple[Scene, tuple, Any]) -> None:
         self._model, self._spans = model, []
+        if self._search is not None:
+            raise ConfigurationError(
+                "tracks cannot be added or removed while targets are searched for"
+            )
         self._open, self._solved = {}, {}
+
+
+def _is_definite(covariance: Array) -> bool:
+    """Whether a covariance is finite and, within rounding, positive definite."""
+    scale = np.sqrt(np.abs(np.diag(covariance)))
+    if not np.all(np.isfinite(covariance)) or np.any(scale == 0.0):
+        return False
+    return bool(np.linalg.eigvalsh(covariance / np.outer(scale, scale))[0] > 0.0)

@@ -24,11 +24,11 @@ PLACE = ("response", "targets", "observers", "mode", "estimator", "dynamics", "c
          "delay_minutes", "days")  # fmt: skip
 COLUMNS = (*PLACE, "smallest_m_s", "largest_m_s", "quantity", "value", "low", "high", "number",
            "seeds")  # fmt: skip
-"""Columns of the table. `response`: of the estimates to an alarm, "none" or "recovery". A quantity
-of maneuvers has the smallest and largest change of velocity of their class; both are NaN for a
-quantity of all targets. Custody after a maneuver does not regard later ones. `low` and `high` bound
-an exact interval of 95 % of a share, NaN for other quantities; `number` counts maneuvers, targets
-or target-days."""
+"""Columns of the table. `response`: of the estimates to an alarm, "none", "recovery" or "search"
+(with recovery). A quantity of maneuvers has the smallest and largest change of velocity of their
+class; both are NaN for a quantity of all targets. Custody after a maneuver does not regard later
+ones. `low` and `high` bound an exact interval of 95 % of a share, NaN for other quantities;
+`number` counts maneuvers, targets or target-days."""
 
 CLASSES = (0.01, 0.03, 0.1, 0.2, 0.5, 1.0, 10.0, 100.0, 500.0)
 """Limits of the classes of changes of velocity, m/s."""
@@ -43,6 +43,7 @@ AFTER_HOURS = (1.0, 3.0, 6.0, 12.0, 24.0)
 """Times after a maneuver at which custody is judged, h."""
 
 _PROBABILITY = 0.9
+_LARGEST_M_S = 10.0
 _NORMALIZED = slice(6, 12)
 
 
@@ -75,7 +76,7 @@ def _place(cell: Cell, data: xr.Dataset) -> dict[str, Any]:
     detection = settings.get("maneuver_detection", {})
     slots = settings["tasking"].get("slot_minutes") is not None
     return {
-        "response": "recovery" if detection.get("recover") else "none",
+        "response": _response(detection),
         "targets": cell.targets,
         "observers": data.sizes["observer"],
         "mode": "recommended" if slots else "paper",
@@ -85,6 +86,12 @@ def _place(cell: Cell, data: xr.Dataset) -> dict[str, Any]:
         "delay_minutes": settings.get("communication", {}).get("delay_minutes", 0.0),
         "days": round(float(data["step"].values[-1]) / 86400.0, 2),
     }
+
+
+def _response(detection: dict[str, Any]) -> str:
+    if detection.get("search_share"):
+        return "search"
+    return "recovery" if detection.get("recover") else "none"
 
 
 _Value = tuple[tuple[float, float], str, float, tuple[float, float], int]
@@ -181,9 +188,11 @@ def _median(own: tuple[float, float], name: str, values: Array) -> _Value:
 
 def _limit(size: Array, detected: NDArray[np.bool_]) -> _Value:
     """Change of velocity that is detected with a probability of 90 %, by logistic regression of its
-    logarithm (Cox 1958)."""
-    name = "detectable_m_s"
-    if detected.all() or not detected.any():
+    logarithm (Cox 1958). Larger changes are left out, after which a target may leave the field of
+    view."""
+    name, own = "detectable_m_s", size <= _LARGEST_M_S
+    size, detected = size[own], detected[own]
+    if size.size == 0 or detected.all() or not detected.any() or size.max() < 2.0 * size.min():
         return _ALL, name, np.nan, _NONE, size.size
     x = np.log(size)
 
