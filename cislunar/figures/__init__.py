@@ -5,5 +5,6 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "style": ["estimator_style", "house_style", "new_figure", "save_figure"],
+    "survey": ["catalog_figure"],
 })
 # fmt: on

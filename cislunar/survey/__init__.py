@@ -7,10 +7,10 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "catalog": ["Predictions", "SurveyCatalog"],
     "density": ["ObjectDensity"],
     "fields": ["FieldGrid", "Views", "detection_probability", "unit_vectors", "views"],
-    "planning": ["KnownOrbits", "SearchPlanner", "SearchSettings", "Visits"],
-    "priors": ["DensityPrior", "PriorSources", "SOURCES", "in_propagation_frame", "sample_prior"],
-    "quality": ["CatalogState", "ORBIT_COLUMNS", "QualitySettings", "catalog_state",
-        "orbit_table", "true_tracklets"],
+    "planning": ["KnownOrbits", "SearchPlanner", "Visits"],
+    "priors": ["PriorSources", "in_propagation_frame", "sample_prior"],
+    "quality": ["CatalogState", "ORBIT_COLUMNS", "catalog_state", "orbit_table", "true_tracklets"],
+    "settings": ["DensityPrior", "QualitySettings", "SOURCES", "SearchSettings", "SurveyModel"],
     "simulation": ["SurveyResult", "SurveySettings", "run_survey"],
 })
 # fmt: on

@@ -19,7 +19,7 @@ the particles in the field and the covariances of the orbits in it, so that anot
 the same field only for what is left. The observer that begins changes from block to block.
 """
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,21 +28,12 @@ from cislunar.detection import Exposures
 from cislunar.dynamics import libration_points
 from cislunar.errors import ConfigurationError
 from cislunar.observation import Scene, SensorLimits
-from cislunar.runtime.settings_fields import (
-    Count,
-    NotNegative,
-    Positive,
-    Section,
-    number,
-    require_multiple,
-    setting,
-)
+from cislunar.runtime.settings_fields import require_multiple
 from cislunar.survey.fields import FieldGrid, Views, unit_vectors, views
+from cislunar.survey.settings import STARING, SWEEP, SearchSettings
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-
-DENSITY, SWEEP, STARING = "density", "uniform-sweep", "fixed-staring"
 
 
 _CONSIDERED = 4
@@ -50,29 +41,6 @@ _CONSIDERED = 4
 
 _AHEAD = 40
 """Fields of a sweep that are looked ahead for clear ones, over the fields of a round."""
-
-
-class SearchSettings(Section):
-    """Strategy and timing of the search."""
-
-    # fmt: off
-
-    strategy: Literal["density", "uniform-sweep", "fixed-staring"] = setting(
-        "choice of fields: by `density` and information, a `uniform-sweep` over the sky, or "
-        "`fixed-staring` at the libration points L1 and L2", default=DENSITY)
-    block_minutes: Positive = setting("time that a plan covers", "min", default=20)
-    visits: Count = setting("exposures of a field in a block", "1", default=2)
-    detection_weight: number(gt=0, le=1) = setting(
-        "share of an object's worth that a detection uses up: below 1, since an orbit needs "
-        "several tracklets", "1", default=0.5)
-    information_worth: NotNegative = setting(
-        "worth of one nat of information on a known orbit, in detections of new objects; 0: "
-        "without follow-up", "1", default=0.05)
-    exposure_s: Positive = setting("duration of an exposure", "s", default=10)
-    slew_rate_deg_s: Positive = setting("rate at which a telescope turns", "deg/s", default=2)
-    settle_s: NotNegative = setting("time to settle after a turn", "s", default=5)
-
-    # fmt: on
 
 
 class KnownOrbits(NamedTuple):

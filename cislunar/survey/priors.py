@@ -25,7 +25,7 @@ from cislunar.dynamics import (
 from cislunar.errors import ConfigurationError
 from cislunar.orbit_determination import AdmissibleRegion, is_admissible
 from cislunar.runtime.arguments import array_of
-from cislunar.runtime.settings_fields import Count, NotNegative, Positive, Section, setting
+from cislunar.survey.settings import SOURCES, DensityPrior
 
 Array = NDArray[np.float64]
 
@@ -34,49 +34,6 @@ _STEP_S = 600.0
 
 _ROUNDS = 20
 """Attempts to replace samples that leave the admissible region."""
-
-
-class DensityPrior(Section):
-    """Sources of the samples of undetected objects, and their brightness."""
-
-    # fmt: off
-
-    families: NotNegative = setting(
-        "share of periodic orbits of the library at random phases", "1", default=0.4)
-    zero_velocity: NotNegative = setting(
-        "share of points within zero-velocity surfaces, at rest and then propagated", "1",
-        default=0.3)
-    table: NotNegative = setting("share of states of a table of the user", "1", default=0)
-    uniform: NotNegative = setting(
-        "share of states that are uniform over the phase-space volume of the admissible region",
-        "1", default=0.3)
-    particles: Count = setting("number of samples", "1", default=4000)
-    expected_objects: Positive = setting(
-        "expected number of undetected objects at the start", "1", default=200)
-    drift_days: Positive = setting(
-        "longest time for which samples of zero-velocity surfaces are propagated", "day",
-        default=10)
-    median_size_m2: Positive = setting(
-        "median of the product of diffuse reflection coefficient and squared radius of the sphere "
-        "that is as bright as an object", "m^2", default=0.5)
-    size_sigma_mag: NotNegative = setting(
-        "standard deviation of that size, as a magnitude", "mag", default=0.75)
-
-    # fmt: on
-
-    @property
-    def shares(self) -> dict[str, float]:
-        """Share of each source, with the sum 1."""
-        given = {name: float(getattr(self, name)) for name in SOURCES}
-        total = sum(given.values())
-        if not total > 0.0:
-            raise ConfigurationError(
-                f"prior: the shares {', '.join(SOURCES)} are all zero; give a positive one"
-            )
-        return {name: share / total for name, share in given.items()}
-
-
-SOURCES = ("families", "zero_velocity", "table", "uniform")
 
 
 class PriorSources(NamedTuple):

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.detection import FALSE_ALARM
 from cislunar.orbit_determination import Angles, Attributables, LinkedOrbits
-from cislunar.runtime.settings_fields import Count, Positive, Section, setting
+from cislunar.survey.settings import QualitySettings
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -21,19 +21,6 @@ ORBIT_COLUMNS = (
     "day", "confirmed", "verdict", "object", "detections", "right_detections", "observers",
     "error_km", "sigma_km", "nees",
 )  # fmt: skip
-
-
-class QualitySettings(Section):
-    """What counts as right and as findable."""
-
-    # fmt: off
-
-    right_km: Positive = setting(
-        "largest position error of a right orbit at its last detection", "km", default=500)
-    findable_tracklets: Count = setting(
-        "tracklets from which on an object is findable", "1", default=3)
-
-    # fmt: on
 
 
 class CatalogState(NamedTuple):

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from cislunar.constants import SECONDS_PER_DAY
-from cislunar.detection import FALSE_ALARM, DetectionProcess, Detections, Exposures, expose
+from cislunar.detection import FALSE_ALARM, Detections, Exposures, expose
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
 from cislunar.observation import Scene, Sensors, sensor_limits
@@ -33,19 +33,18 @@ from cislunar.orbit_determination import (
 )
 from cislunar.runtime.arguments import array_of
 from cislunar.runtime.seeds import generator
-from cislunar.runtime.settings_fields import Positive, Section, setting
+from cislunar.runtime.settings_fields import setting
 from cislunar.survey.catalog import Predictions, SurveyCatalog
 from cislunar.survey.density import ObjectDensity
 from cislunar.survey.fields import Views, detection_probability, unit_vectors, views
-from cislunar.survey.planning import KnownOrbits, SearchPlanner, SearchSettings, Visits
-from cislunar.survey.priors import DensityPrior
+from cislunar.survey.planning import KnownOrbits, SearchPlanner, Visits
 from cislunar.survey.quality import (
     CatalogState,
-    QualitySettings,
     catalog_state,
     orbit_table,
     true_tracklets,
 )
+from cislunar.survey.settings import SurveyModel
 from cislunar.tasking import TrueMotion, TruthModel
 
 Array = NDArray[np.float64]
@@ -55,28 +54,12 @@ _DRAWS = 8
 """Positions that represent a known orbit's uncertainty in a plan."""
 
 
-class SurveySettings(Section):
-    """Survey from an empty catalog."""
+class SurveySettings(SurveyModel):
+    """Survey from an empty catalog, with the settings of orbit determination."""
 
-    # fmt: off
-
-    duration_days: Positive = setting("duration", "day", default=1)
-    link_hours: Positive = setting("time between two runs of linking", "h", default=4)
-    magnitude_sigma: Positive = setting(
-        "standard deviation of an object's magnitudes about those of a sphere, which the search "
-        "assumes", "mag", default=0.4)
-    kernel_deg: Positive = setting(
-        "standard deviation of the directions of objects about that of a particle", "deg",
-        default=1)
-    search: SearchSettings = setting("", default=SearchSettings())
-    prior: DensityPrior = setting("", default=DensityPrior())
-    process: DetectionProcess = setting("", default=DetectionProcess())
     region: AdmissibleRegion = setting("", default=AdmissibleRegion())
     tracklets: TrackletSettings = setting("", default=TrackletSettings())
     linking: LinkingSettings = setting("", default=LinkingSettings())
-    quality: QualitySettings = setting("", default=QualitySettings())
-
-    # fmt: on
 
 
 class SurveyResult(NamedTuple):

@@ -24,6 +24,7 @@ from cislunar.campaign.settings.checks import check_campaign
 from cislunar.campaign.settings.observing.sensor_tree import SensorGroup, Station
 from cislunar.campaign.settings.reading import RENAMED, merged
 from cislunar.campaign.settings.schema import SCHEMA_FILE, schema_text
+from cislunar.campaign.settings.tree import StatedSurvey
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.initial_sigma import InitialSigma
 from cislunar.estimation.light_curves.batch_settings import BatchSettings
@@ -315,6 +316,7 @@ def all_keys(config):
     rarely = {
         "scenarios": {"E": {"static_targets": "table.csv", "photometry": "physical"}},
         "sweeps": {"noise": {"estimators": ["mukf"]}},
+        "surveys": {"usual": StatedSurvey(architecture="published").model_dump()},
         "task2": {
             "variants": {
                 "pooled": {"day3": {}},

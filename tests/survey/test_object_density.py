@@ -111,3 +111,28 @@ def test_what_is_left_is_the_mean_number_of_undetected_objects():
         counts = rng.binomial(counts, 1.0 - each)
     error = 5.0 * np.sqrt(density.weight / n)
     assert np.all(np.abs(counts.mean(axis=0) - density.weight) < error)
+
+
+def test_detections_raise_the_density_as_in_simulated_objects():
+    """Expected numbers in two cells, given one detection of the first kind: all simulated runs with
+    exactly these detections, against equation (1)."""
+    rng, n = np.random.default_rng(8), 400_000
+    weight, chance, alarms = np.array([0.6, 0.9]), np.array([0.8, 0.5]), np.array([0.3, 0.3])
+    kinds = np.array([[0.7, 0.3], [0.2, 0.8]])  # of a detection (column), given the cell (row)
+    counts = rng.poisson(weight, (n, 2))
+    seen = rng.binomial(counts, chance)
+    first = rng.binomial(seen, kinds[:, 0])
+    real = np.stack([first.sum(axis=1), (seen - first).sum(axis=1)])
+    total = real + rng.poisson(alarms, (n, 2)).T
+    same = (total[0] == 1) & (total[1] == 0)
+    assert np.count_nonzero(same) > 50_000
+    density = ObjectDensity([HALO, RETROGRADE], [1.0, 1.0], 2.0)
+    density.weight = weight.copy()
+    density.observed(chance, [0, 1], kinds[:, 0][None], 0.3)
+    np.testing.assert_allclose(counts[same].mean(axis=0), density.weight, atol=0.02)
+    # without detections the weights are those after a miss; two visits share one object
+    again = ObjectDensity([HALO, RETROGRADE], [1.0, 1.0], 2.0)
+    again.observed(chance, [], np.empty((0, 0)), 0.3)
+    np.testing.assert_allclose(again.weight, 1.0 - chance)
+    again.observed([0.0, 1.0], [1], [[1.0], [1.0]], 0.0, visits=2)
+    np.testing.assert_allclose(again.weight, [0.2, 1.0])

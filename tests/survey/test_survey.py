@@ -7,11 +7,14 @@ from cislunar.detection import Detections
 from cislunar.dynamics import EARTH_MOON, propagate_bundle
 from cislunar.errors import ConfigurationError
 from cislunar.observation import Sensor
+from cislunar.orbit_determination import make_angles
 from cislunar.survey import (
     DensityPrior,
     ObjectDensity,
+    Predictions,
     PriorSources,
     SearchSettings,
+    SurveyCatalog,
     SurveySettings,
     run_survey,
     sample_prior,
@@ -123,3 +126,20 @@ def test_impossible_times_are_refused():
             surveyed(settings=settings)
         assert "\n" not in str(caught.value)
     assert SearchSettings().strategy == "density"
+
+
+def test_detections_near_a_predicted_position_are_explained():
+    place, position = np.zeros(3), np.array([1.0, 0.0, 0.0])
+    velocity, time = np.array([0.0, 0.5, 0.0]), 2.0
+    covariance = np.zeros((1, 6, 6))
+    covariance[0, :3, :3] = np.diag([0.0, 1e-6, 0.0])
+    now = Predictions(np.concatenate([position, velocity])[None], covariance, np.ones(1))
+    later = time + 1e-3
+    offsets = np.array([0.0, 0.003, 0.004, 0.1])
+    ways = position + 1e-3 * velocity + offsets[:, None] * np.array([0.0, 1.0, 0.0])
+    angles = make_angles(np.full(4, later), np.zeros(4, int), np.tile(place, (4, 1)), ways, 1e-5)
+    found = SurveyCatalog.explains(None, angles, now, time)
+    # three standard deviations are 0.003, and 0.00035 is allowed for the curvature
+    assert found.tolist() == [True, True, False, False]
+    nothing = Predictions(np.empty((0, 6)), np.empty((0, 6, 6)), np.empty(0))
+    assert not SurveyCatalog.explains(None, angles, nothing, time).any()

@@ -38,6 +38,7 @@ LAYERS = (
     "campaign.data",
     "campaign.architectures",
     "campaign.tracking campaign.readings",
+    "campaign.survey",
     "campaign.kernels campaign.verify",
     "figures",
     "study",

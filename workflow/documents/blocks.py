@@ -9,7 +9,7 @@ import pandas as pd
 from cislunar.campaign.readings.photometry import BRIGHTER, RANGE, RETURNED
 from cislunar.campaign.tracking.comparisons import certain
 
-from . import association_block, maneuver_block, objectives_block, real_block
+from . import association_block, catalog_block, maneuver_block, objectives_block, real_block
 from .columns import COLUMNS, Tables, by_cell, shown
 from .estimator_blocks import AWARE, ESTIMATOR_BLOCKS
 from .labels import ORBIT_LABELS, label
@@ -169,6 +169,7 @@ _NEEDED = {
     real_block.STUDY: "by_day",
     objectives_block.STUDY: "days",
     association_block.STUDY: "largest",
+    catalog_block.STUDY: "largest",
     DYNAMICS: "largest",
     "tracking": "average",
 }
@@ -212,6 +213,7 @@ _MAKERS = {
     real_block.STUDY: real_block.REAL_BLOCKS,
     association_block.STUDY: association_block.ASSOCIATION_BLOCKS,
     maneuver_block.STUDY: maneuver_block.MANEUVER_BLOCKS,
+    catalog_block.STUDY: catalog_block.CATALOG_BLOCKS,
     **STUDY_BLOCKS,
 }
 

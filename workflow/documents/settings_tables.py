@@ -21,7 +21,7 @@ from cislunar.runtime.settings_words import allowed, schema_of
 from .markdown import DASH, fill_blocks, markdown_table
 
 _SECTIONS = ("ephemeris", "orbits", "targets", "visibility", "scenarios", "observers")
-_SECTIONS += ("sweeps", "architecture")
+_SECTIONS += ("sweeps", "surveys", "architecture")
 
 
 def _section(key: str) -> str:

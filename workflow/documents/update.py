@@ -27,7 +27,7 @@ import pandas as pd
 from cislunar.errors import CislunarError, InputFileError
 from cislunar.runtime.netcdf import write_text
 
-from . import association_block, maneuver_block, objectives_block, real_block
+from . import association_block, catalog_block, maneuver_block, objectives_block, real_block
 from .blocks import BLOCKS, outdated_tables
 from .markdown import fill_blocks, generated_blocks
 from .results_page import STRIP, shown_quantities, verdicts_svg
@@ -52,7 +52,7 @@ TABLES = (
 _STUDIES = {name: partial(study_table, name) for name in STUDIES}
 _STUDIES |= {
     each.STUDY: each.study_table
-    for each in (real_block, objectives_block, association_block, maneuver_block)
+    for each in (real_block, objectives_block, association_block, catalog_block, maneuver_block)
 }
 """What makes the table of each study from its folder of results."""
 
@@ -62,6 +62,7 @@ _FIGURES = {
     objectives_block.STUDY: objectives_block.STUDY,
     association_block.STUDY: association_block.STUDY,
     maneuver_block.STUDY: maneuver_block.STUDY,
+    catalog_block.STUDY: catalog_block.STUDY,
 }
 """Figure of a study's results that ``docs/images`` holds under the study's name."""
 

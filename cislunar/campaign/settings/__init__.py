@@ -19,6 +19,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
         "shared_dataset", "tracked_count", "tracked_epoch"],
     "schema": ["SCHEMA_FILE", "schema_text", "stated_keys"],
     "tracking_checks": ["require_consistent"],
-    "tree": ["Campaign", "Date", "EphemerisSettings", "Orbits", "Targets", "Visibility"],
+    "tree": ["Campaign", "Date", "EphemerisSettings", "Orbits", "StatedSurvey", "Targets",
+        "Visibility"],
 })
 # fmt: on

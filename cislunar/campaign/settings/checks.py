@@ -15,7 +15,7 @@ from cislunar.campaign.settings.families import (
     sweep_points,
     with_families,
 )
-from cislunar.campaign.settings.reading import checked
+from cislunar.campaign.settings.reading import checked, typed
 from cislunar.campaign.settings.scenarios import (
     OPTIMIZERS,
     in_study,
@@ -24,7 +24,13 @@ from cislunar.campaign.settings.scenarios import (
     tracked_count,
 )
 from cislunar.campaign.settings.tracking_checks import check_tracking
-from cislunar.campaign.settings.tree import Campaign, Scenario, Surroundings, Visibility
+from cislunar.campaign.settings.tree import (
+    Campaign,
+    Scenario,
+    StatedSurvey,
+    Surroundings,
+    Visibility,
+)
 from cislunar.errors import ConfigurationError
 from cislunar.runtime.settings_fields import is_multiple
 from cislunar.runtime.settings_words import shown
@@ -52,6 +58,7 @@ def check_campaign(config: Mapping[str, Any]) -> dict[str, Any]:
     _check_scenarios(study)
     _check_optimization(study)
     _check_objectives(study)
+    _check_surveys(study)
     check_families(config, study)
     whole = with_families(study)
     _check_values(study, whole)
@@ -229,6 +236,40 @@ def _check_objectives(config: Mapping[str, Any]) -> None:
             _check_windows(config, evaluated, information_of(objective, config["architecture"]))
 
 
+def _check_surveys(config: Mapping[str, Any]) -> None:
+    """Refuse surveys of unknown scenarios, of more targets than there are, and beyond the
+    horizon."""
+    for name, survey in config["surveys"].items():
+        key = f"configuration key 'surveys.{name}"
+        scenario = survey["scenario"]
+        if scenario not in config["scenarios"]:
+            raise ConfigurationError(
+                f"{key}.scenario' = {scenario!r} is none of {', '.join(config['scenarios'])}"
+            )
+        try:
+            shares = typed(survey, StatedSurvey).prior.shares
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{key}.prior': {_first(error)}") from None
+        if shares["table"] > 0.0 and survey["prior_table"] is None:
+            raise ConfigurationError(
+                f"{key}.prior.table' needs a table of states; give it as 'surveys.{name}."
+                "prior_table'"
+            )
+        available = tracked_count(config, scenario)
+        if survey["targets"] > available:
+            raise ConfigurationError(
+                f"{key}.targets' = {survey['targets']} exceeds the {available} moving targets of "
+                f"scenario {scenario}"
+            )
+        days = scenario_settings(config, scenario)["visibility"]["duration_days"]
+        if survey["last_start_day"] + survey["duration_days"] > days:
+            raise ConfigurationError(
+                f"{key}.last_start_day' = {survey['last_start_day']} and duration_days = "
+                f"{survey['duration_days']} exceed the ephemeris, which covers "
+                f"'visibility.duration_days' = {days}"
+            )
+
+
 def _check_windows(
     config: Mapping[str, Any], scenarios: Iterable[str], information: Mapping[str, Any]
 ) -> None:
@@ -266,7 +307,8 @@ def _named_architectures(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]
         single[f"task2.variants.families.{name}"] = family
         for other in family.get("other_architectures", ()):
             yield f"task2.variants.families.{name}.other_architectures", other
-    single |= {f"sweeps.{name}": sweep for name, sweep in config["sweeps"].items()}
+    for section in ("sweeps", "surveys"):
+        single |= {f"{section}.{name}": each for name, each in config[section].items()}
     for key, entry in single.items():
         if "architecture" in entry:
             yield f"{key}.architecture", entry["architecture"]

@@ -18,6 +18,8 @@ from cislunar.ephemeris.time_scales import julian_date
 from cislunar.orbits.extent import KeepOut
 from cislunar.runtime.settings_fields import (
     Count,
+    Flag,
+    NotNegative,
     Partial,
     Positive,
     Section,
@@ -29,6 +31,7 @@ from cislunar.runtime.settings_fields import (
     whole,
 )
 from cislunar.runtime.settings_words import pattern
+from cislunar.survey.settings import SurveyModel
 from cislunar.targets.sampling import SamplingSettings
 from cislunar.visibility.counts import VisibilitySettings
 
@@ -198,6 +201,26 @@ class Sweep(Family):
         "label of the figure's axis, with the unit; left out: the key")
 
 
+class StatedSurvey(SurveyModel):
+    """A survey that starts without a catalog."""
+
+    scenario: str = setting("scenario whose moving targets are the objects", default="A")
+    architecture: Architecture = setting("architecture whose observers search")
+    targets: Count = setting("number of objects", "1", default=202)
+    realizations: Count = setting(
+        "number of realizations, each with its own day, phases of the objects and noise", "1",
+        default=10)
+    last_start_day: NotNegative = setting(
+        "start of the last realization, in days after the epoch; the others start at equal steps "
+        "before it", "day", default=20)
+    prior_table: Text | None = setting(
+        "table of states at the epoch for the share `prior.table`, with the columns of "
+        "`scenarios.NAME.tracked`; null: none", "path", default=None)
+    ephemeris: Flag = setting(
+        "true: truth and assumed motion in ephemeris dynamics; false: in the dynamics of the "
+        "scenario's cells", default=False)
+
+
 class Variants(Section):
     scenario: str | None = setting(
         "scenario of the variants, unless a family states another; null: none", default=None)
@@ -323,5 +346,6 @@ class Campaign(Surroundings):
         "scenarios, each a set of targets with its settings; null leaves a scenario out with all "
         "references to it", paper="A, B, C")
     sweeps: dict[SweepName, Sweep] = setting("", default={})
+    surveys: dict[VariantName, StatedSurvey] = setting("", default={})
     architecture: Search = setting("")
     task2: Task2 = setting("")

@@ -5,7 +5,7 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "cell": ["CellInputs", "Placement", "cell_ephemeris", "cell_loop", "read_inputs",
-        "scene_times"],
+        "realization_seeds", "scene_times", "tracking_problem"],
     "checkpoint": ["Checkpoint"],
     "comparisons": ["certain", "non_inferiority", "paired", "pairs_interval", "slopes"],
     "dataset": ["cell_dataset", "tracked_dataset", "write_cell"],

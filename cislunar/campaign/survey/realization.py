@@ -1,0 +1,130 @@
+"""A realization of a survey of the campaign: day of the month, phases of the targets, and noise."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from cislunar.campaign.settings.cell_tree import CellSettings
+from cislunar.campaign.settings.cells import Cell
+from cislunar.campaign.settings.library import loop_settings
+from cislunar.campaign.settings.reading import merged, typed
+from cislunar.campaign.settings.tree import StatedSurvey
+from cislunar.campaign.tracking.cell import CellInputs, realization_seeds, tracking_problem
+from cislunar.runtime.seeds import generator
+from cislunar.survey import (
+    ObjectDensity,
+    PriorSources,
+    SurveyModel,
+    SurveyResult,
+    SurveySettings,
+    in_propagation_frame,
+    run_survey,
+    sample_prior,
+)
+from cislunar.targets import load_target_states
+
+_DAYS = (1.0, 3.0, 7.0)
+"""Days whose quality the table has, besides the last."""
+
+
+def survey_realization(
+    name: str,
+    survey: StatedSurvey,
+    number: int,
+    inputs: CellInputs,
+    points: ArrayLike,
+    settings: Mapping[str, Any],
+    *,
+    propagator: str,
+    seed: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> SurveyResult:
+    """Run one realization of a survey.
+
+    Parameters
+    ----------
+    name : str
+        Name of the survey, for messages.
+    survey : StatedSurvey
+    number : int
+        Number of the realization, which selects its day, the phases of the targets and all other
+        random numbers.
+    inputs : CellInputs
+        Data sets, as for a tracking cell of the same architecture.
+    points : array_like, shape (point, 3)
+        Points within zero-velocity surfaces, nondimensional, rotating frame.
+    settings : mapping
+        Settings of the cells of the scenario.
+    propagator : str
+        Integrator of the observers.
+    seed : int
+        Seed of the campaign.
+    progress : callable, optional
+        Called with (blocks done, all blocks).
+
+    Returns
+    -------
+    SurveyResult
+    """
+    own = dict(settings) | {
+        "duration_hours": 24.0 * survey.duration_days,
+        "start_day": survey.last_start_day * number / max(1, survey.realizations - 1),
+        "monitored_seed": realization_seeds(seed, 1, number)[0],
+    }
+    if survey.ephemeris:
+        change = {"dynamics": {"truth": "ephemeris", "filter": "ephemeris"}}
+        own = merged(own, change)
+    cell_settings = typed(own, CellSettings, f"surveys.{name}")
+    cell = Cell(survey.scenario, survey.architecture, "mukf", survey.targets, 60)
+    loop = loop_settings(cell_settings, cell.interval_minutes)
+    problem = tracking_problem(cell, inputs, cell_settings, propagator, loop)
+    chosen = SurveySettings(**{key: getattr(survey, key) for key in SurveyModel.model_fields})
+    table = survey.prior_table
+    sources = PriorSources(
+        inputs.orbits["state"].values,
+        inputs.orbits["period"].values,
+        np.asarray(points, dtype=float),
+        None if table is None else load_target_states(table).state,
+    )
+    own_seed = realization_seeds(seed, 1, number)[0]
+    state, size = sample_prior(chosen.prior, sources, generator(own_seed, "prior"))
+    density = ObjectDensity(
+        in_propagation_frame(state, problem.forces),
+        size,
+        chosen.prior.expected_objects,
+        forces=problem.forces,
+        region=chosen.region,
+    )
+    return run_survey(
+        problem.scene,
+        problem.truth,
+        problem.epoch_state,
+        problem.target_ids,
+        own_seed,
+        density,
+        chosen,
+        sensor=problem.sensor,
+        forces=problem.forces,
+        progress=progress,
+    )
+
+
+def realization_rows(result: SurveyResult) -> pd.DataFrame:
+    """Quality of a realization after 1, 3 and 7 days and at the end.
+
+    Columns of `SurveyResult.states`, and ``hours_to_catalog``, the median time from the first
+    detection of an object to its right confirmed orbit, over the objects that have one by then and
+    keep it to the end.
+    """
+    states, objects = result.states, result.objects
+    last = states["day"].max()
+    days = [day for day in _DAYS if day < last - 1e-9] + [last]
+    rows = states[np.isclose(states["day"].to_numpy()[:, None], days).any(axis=1)].copy()
+    since = 24.0 * (objects["cataloged"] - objects["detected"])
+    rows["hours_to_catalog"] = [
+        float(since[objects["cataloged"] <= day + 1e-9].median()) for day in rows["day"]
+    ]
+    return rows

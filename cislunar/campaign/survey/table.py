@@ -1,0 +1,100 @@
+"""Table of the surveys of a campaign: ``tables/catalog.csv``."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from cislunar.campaign.settings.tree import StatedSurvey
+from cislunar.evaluation.intervals import t_interval
+from cislunar.survey import SOURCES
+
+QUANTITIES = (
+    "detected", "findable", "right", "wrong", "false", "duplicate", "candidates", "linked_share",
+    "completeness", "completeness_all", "purity", "wrong_share", "nees", "median_error_km",
+    "hours_to_catalog", "undetected",
+)  # fmt: skip
+"""Quantities of the table; see `cislunar.survey.CatalogState`. `linked_share`: share of the
+findable objects with an orbit, confirmed or not. `wrong_share`: wrong and false orbits among the
+confirmed ones."""
+
+_PLACE = (
+    "survey", "scenario", "architecture", "targets", "dynamics", "prior", "strategy", "follow_up",
+    "clutter",
+)  # fmt: skip
+
+CATALOG_COLUMNS = (
+    *_PLACE,
+    "day",
+    "quantity",
+    "mean",
+    "low",
+    "high",
+    "smallest",
+    "largest",
+    "seeds",
+)
+"""Columns of the table. `clutter`: mean number of false alarms per exposure of the field of view;
+`follow_up`: worth of a nat of information on known orbits."""
+
+
+def catalog_rows(
+    surveys: Mapping[str, StatedSurvey],
+    realizations: Mapping[str, Sequence[pd.DataFrame]],
+    field_of_view_deg: float,
+) -> pd.DataFrame:
+    """Rows of the table: means over realizations with 95 % confidence intervals.
+
+    Parameters
+    ----------
+    surveys : mapping of str to StatedSurvey
+    realizations : mapping of str to sequence of DataFrame
+        For each survey the rows of each realization
+        (`cislunar.campaign.survey.realization_rows`).
+    field_of_view_deg : float
+        Of the telescopes, for the number of false alarms per exposure.
+
+    Returns
+    -------
+    DataFrame
+        Columns `CATALOG_COLUMNS`. A quantity that no realization has is left out.
+    """
+    rows = []
+    for name, survey in surveys.items():
+        place = _described(name, survey, field_of_view_deg)
+        found = pd.concat(realizations[name], ignore_index=True)
+        found["linked_share"] = found["linked"] / found["findable"].where(found["findable"] > 0)
+        confirmed = found["confirmed"].where(found["confirmed"] > 0)
+        found["wrong_share"] = (found["wrong"] + found["false"]) / confirmed
+        for day, own in found.groupby(found["day"].round(6), sort=True):
+            for quantity in QUANTITIES:
+                values = own[quantity].to_numpy(dtype=float)
+                values = values[np.isfinite(values)]
+                if values.size == 0:
+                    continue
+                interval = t_interval(values)
+                rows.append(
+                    {**place, "day": day, "quantity": quantity, "mean": interval.mean,
+                     "low": interval.low, "high": interval.high, "smallest": values.min(),
+                     "largest": values.max(), "seeds": values.size}
+                )  # fmt: skip
+    return pd.DataFrame(rows, columns=list(CATALOG_COLUMNS))
+
+
+def _described(name: str, survey: StatedSurvey, field_of_view_deg: float) -> dict[str, object]:
+    """Settings of a survey that the table states."""
+    shares = [f"{key.replace('_', ' ')} {share:.2g}"
+              for key, share in zip(SOURCES, survey.prior.shares.values(), strict=True)
+              if share > 0.0]  # fmt: skip
+    side = np.rad2deg(2.0 * np.tan(np.deg2rad(0.5 * field_of_view_deg)))
+    return {
+        "survey": name,
+        "scenario": survey.scenario,
+        "architecture": survey.architecture,
+        "targets": survey.targets,
+        "dynamics": "ephemeris" if survey.ephemeris else "cr3bp",
+        "prior": ", ".join(shares),
+        "strategy": survey.search.strategy,
+        "follow_up": survey.search.information_worth,
+        "clutter": round(float(survey.process.false_alarms_deg2 * side**2), 2),
+    }

@@ -1,0 +1,53 @@
+"""Catalogs of surveys that start without one: completeness, wrong orbits and consistency."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from cislunar.figures import axes as layout
+from cislunar.figures import panels, style
+from cislunar.figures.axes import Grid
+from cislunar.figures.panels import PERCENT, Row
+
+_LEFT, _RIGHT, _GAP, _HEAD, _FOOT = 1.35, 0.12, 0.14, 0.32, 0.62
+_WIDTH_IN, _LINE_IN = 1.32, 0.19
+
+ROWS = (
+    Row("right orbits,\n% of all objects", ("completeness_all",), factor=100.0, within=PERCENT),
+    Row("right orbits,\n% of findable objects", ("completeness",), factor=100.0, within=PERCENT),
+    Row("wrong orbits,\n% of confirmed", ("wrong_share",), factor=100.0, within=PERCENT),
+    Row("normalized estimation\nerror squared", ("nees",), reference=6.0, within=(0.0, np.inf)),
+)
+"""The panels: quantities of ``tables/catalog.csv``."""
+
+
+@style.house_style()
+def catalog_figure(table: pd.DataFrame) -> Figure:
+    """Draw the catalogs of all surveys of ``tables/catalog.csv`` at each day of the table."""
+    places = list(table.groupby(["survey", "day"], sort=False).groups)
+    grid = Grid(1, len(ROWS), _WIDTH_IN, _LINE_IN * (len(places) + 1), _LEFT, _FOOT, _GAP)
+    width, height = grid.size
+    figure = style.new_figure(_HEAD + height + _FOOT, _LEFT + width + _RIGHT)
+    series = style.SeriesStyle("", style.BLUE, "none", "o")
+    names = [f"{survey.replace('-', ' ')}, {day:g} d" for survey, day in places]
+    for number, row in enumerate(ROWS):
+        axes = grid.place(figure, 0, number)
+        own = table[table["quantity"] == row.curves[0]].set_index(["survey", "day"])
+        at = [k for k, place in enumerate(places) if place in own.index]
+        if at:
+            found = panels.table_estimates(own.loc[[places[k] for k in at]]).scaled(row.factor)
+            panels.draw_estimates(
+                axes, np.array(at, dtype=float), found, series, row.within, horizontal=True
+            )
+        else:
+            layout.note_empty(axes, "no orbit")
+        if row.reference is not None:
+            axes.axvline(row.reference, color="0.6", linewidth=0.6, zorder=1)
+        axes.set_xlabel(row.label)
+        axes.set_ylim(len(places) - 0.4, -0.6)
+        layout.fixed_ticks(
+            axes.yaxis, range(len(places)), names if number == 0 else [""] * len(names)
+        )
+        layout.panel_title(axes, number, "")
+    layout.note_below(figure, panels.table_note(table))
+    return figure

@@ -1,0 +1,116 @@
+"""Settings of a survey. Nothing here needs compiled kernels."""
+
+from typing import Literal
+
+from cislunar.detection.process import DetectionProcess
+from cislunar.errors import ConfigurationError
+from cislunar.runtime.settings_fields import (
+    Count,
+    NotNegative,
+    Positive,
+    Section,
+    number,
+    setting,
+)
+
+SOURCES = ("families", "zero_velocity", "table", "uniform")
+"""Sources of a prior, by the names of its shares."""
+
+DENSITY, SWEEP, STARING = "density", "uniform-sweep", "fixed-staring"
+
+
+class DensityPrior(Section):
+    """Sources of the samples of undetected objects, and their brightness."""
+
+    # fmt: off
+
+    families: NotNegative = setting(
+        "share of periodic orbits of the library at random phases", "1", default=0.4)
+    zero_velocity: NotNegative = setting(
+        "share of points within zero-velocity surfaces, at rest and then propagated", "1",
+        default=0.3)
+    table: NotNegative = setting("share of states of a table of the user", "1", default=0)
+    uniform: NotNegative = setting(
+        "share of states that are uniform over the phase-space volume of the admissible region",
+        "1", default=0.3)
+    particles: Count = setting("number of samples", "1", default=4000)
+    expected_objects: Positive = setting(
+        "expected number of undetected objects at the start", "1", default=200)
+    drift_days: Positive = setting(
+        "longest time for which samples of zero-velocity surfaces are propagated", "day",
+        default=10)
+    median_size_m2: Positive = setting(
+        "median of the product of diffuse reflection coefficient and squared radius of the sphere "
+        "that is as bright as an object", "m^2", default=0.5)
+    size_sigma_mag: NotNegative = setting(
+        "standard deviation of that size, as a magnitude", "mag", default=0.75)
+
+    # fmt: on
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Share of each source, with the sum 1."""
+        given = {name: float(getattr(self, name)) for name in SOURCES}
+        total = sum(given.values())
+        if not total > 0.0:
+            raise ConfigurationError(
+                f"prior: the shares {', '.join(SOURCES)} are all zero; give a positive one"
+            )
+        return {name: share / total for name, share in given.items()}
+
+
+class SearchSettings(Section):
+    """Strategy and timing of the search."""
+
+    # fmt: off
+
+    strategy: Literal["density", "uniform-sweep", "fixed-staring"] = setting(
+        "choice of fields: by `density` and information, a `uniform-sweep` over the sky, or "
+        "`fixed-staring` at the libration points L1 and L2", default=DENSITY)
+    block_minutes: Positive = setting("time that a plan covers", "min", default=20)
+    visits: Count = setting("exposures of a field in a block", "1", default=2)
+    detection_weight: number(gt=0, le=1) = setting(
+        "share of an object's worth that a detection uses up: below 1, since an orbit needs "
+        "several tracklets", "1", default=0.5)
+    information_worth: NotNegative = setting(
+        "worth of one nat of information on a known orbit, in detections of new objects; 0: "
+        "without follow-up", "1", default=0.05)
+    exposure_s: Positive = setting("duration of an exposure", "s", default=10)
+    slew_rate_deg_s: Positive = setting("rate at which a telescope turns", "deg/s", default=2)
+    settle_s: NotNegative = setting("time to settle after a turn", "s", default=5)
+
+    # fmt: on
+
+
+class QualitySettings(Section):
+    """What counts as right and as findable."""
+
+    # fmt: off
+
+    right_km: Positive = setting(
+        "largest position error of a right orbit at its last detection", "km", default=500)
+    findable_tracklets: Count = setting(
+        "tracklets from which on an object is findable", "1", default=3)
+
+    # fmt: on
+
+
+class SurveyModel(Section):
+    """Survey from an empty catalog: duration, search, prior, false alarms and quality."""
+
+    # fmt: off
+
+    duration_days: Positive = setting("duration", "day", default=1)
+    link_hours: Positive = setting("time between two runs of linking", "h", default=4)
+    magnitude_sigma: Positive = setting(
+        "standard deviation of an object's magnitudes about those of a sphere, which the search "
+        "assumes", "mag", default=0.4)
+    kernel_deg: Positive = setting(
+        "standard deviation of the directions of objects about that of a particle", "deg",
+        default=1)
+    search: SearchSettings = setting("", default=SearchSettings())
+    prior: DensityPrior = setting("", default=DensityPrior())
+    process: DetectionProcess = setting("", default=DetectionProcess())
+    quality: QualitySettings = setting("", default=QualitySettings())
+
+    # fmt: on

@@ -1,0 +1,103 @@
+"""Surveys of a campaign: small realizations, their table and figure, and impossible settings."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from campaign_folder import ROOT, read_campaign
+from small_cells import cell_inputs, settings_of_cell
+
+from cislunar.campaign.settings.checks import check_campaign
+from cislunar.campaign.settings.reading import merged
+from cislunar.campaign.settings.tree import StatedSurvey
+from cislunar.campaign.survey import (
+    CATALOG_COLUMNS,
+    catalog_rows,
+    realization_rows,
+    survey_realization,
+)
+from cislunar.errors import ConfigurationError
+from cislunar.figures.survey import catalog_figure
+from cislunar.survey import SurveyResult
+
+POINTS = [[0.85, 0.05, 0.0], [1.1, 0.0, 0.02]]
+SMALL = {
+    "architecture": "mine",
+    "targets": 3,
+    "realizations": 2,
+    "duration_days": 0.125,
+    "link_hours": 1,
+    "last_start_day": 2,
+    "prior": {"particles": 200, "expected_objects": 5},
+    "process": {"false_alarms_deg2": 0.02},
+}
+
+
+@pytest.fixture(scope="module")
+def found():
+    surveys, rows = {}, {}
+    for name, change in (("usual", {}), ("ephemeris", {"ephemeris": True, "realizations": 1})):
+        survey = surveys[name] = StatedSurvey(**SMALL | change)
+        inputs = cell_inputs(3, bodies=survey.ephemeris)
+        rows[name] = [
+            realization_rows(
+                survey_realization(
+                    name, survey, number, inputs, POINTS, settings_of_cell({}),
+                    propagator="dop853", seed=3,
+                )
+            )
+            for number in range(survey.realizations)
+        ]  # fmt: skip
+    return surveys, rows
+
+
+def test_realizations_have_their_own_day_and_noise(found):
+    _, rows = found
+    for own in (*rows["usual"], *rows["ephemeris"]):
+        assert own["day"].tolist() == [0.125] and own["objects"].tolist() == [3]
+        assert own["detected"].item() >= 1 and own["false_alarms"].item() > 0
+        assert own["wrong"].item() == own["false"].item() == 0
+    first, second = (own["detections"].item() for own in rows["usual"])
+    assert first != second
+
+
+def test_the_table_has_means_over_realizations(found):
+    surveys, rows = found
+    table = catalog_rows(surveys, rows, 3.0)
+    assert tuple(table.columns) == CATALOG_COLUMNS
+    assert table["clutter"].unique() == pytest.approx([0.18])
+    assert table["prior"].unique().tolist() == ["families 0.4, zero velocity 0.3, uniform 0.3"]
+    own = table[table["survey"] == "usual"].set_index("quantity")
+    values = [each["detected"].item() for each in rows["usual"]]
+    assert own.loc["detected", "mean"] == np.mean(values) and own.loc["detected", "seeds"] == 2
+    assert own.loc["detected", "largest"] == max(values)
+    figure = catalog_figure(table)
+    assert len(figure.axes) == 4
+    names = [each.get_text() for each in figure.axes[0].get_yticklabels()]
+    assert names == ["usual, 0.125 d", "ephemeris, 0.125 d"]
+
+
+def test_rows_are_those_of_the_days_and_of_the_end():
+    days = np.arange(1, 9) * 0.5
+    states = pd.DataFrame({"day": days, "right": range(8)})
+    objects = pd.DataFrame({"cataloged": [1.0, 3.5, np.inf], "detected": [0.5, 0.25, 0.1]})
+    rows = realization_rows(SurveyResult(states, states, objects))
+    assert rows["day"].tolist() == [1.0, 3.0, 4.0] and rows["right"].tolist() == [1, 5, 7]
+    assert rows["hours_to_catalog"].tolist() == [12.0, 12.0, 45.0]
+
+
+def test_impossible_surveys_are_refused_before_anything_runs():
+    config = read_campaign(ROOT / "config")
+    for change, words in (
+        ({"scenario": "D"}, "'surveys.mine.scenario' = 'D' is none of A, B, C"),
+        ({"targets": 203}, "'surveys.mine.targets' = 203 exceeds the 202"),
+        ({"duration_days": 20}, "exceed the ephemeris"),
+        ({"architecture": "pear"}, "'surveys.mine.architecture' = 'pear'"),
+        ({"prior": {"families": 0, "zero_velocity": 0, "uniform": 0}}, "are all zero"),
+        ({"prior": {"table": 1}}, "'surveys.mine.prior_table'"),
+        ({"search": {"strategy": "chance"}}, "surveys.mine.search.strategy"),
+        ({"kernel_deg": -1}, "surveys.mine.kernel_deg"),
+    ):
+        survey = {"architecture": "information-20"} | change
+        with pytest.raises(ConfigurationError, match=words) as caught:
+            check_campaign(merged(config, {"surveys": {"mine": survey}}))
+        assert "\n" not in str(caught.value)

@@ -1,0 +1,122 @@
+"""Surveys that start without a catalog: realizations, their table and figure."""
+
+SURVEYS = {name: dict(survey) for name, survey in STUDY["surveys"].items()}
+
+
+wildcard_constraints:
+    survey=any_of(SURVEYS),
+
+
+def survey_of(wildcards):
+    """The survey of a job, by its name."""
+    return SURVEYS[wildcards.survey]
+
+
+def survey_cell(wildcards):
+    """Settings of the cells of a survey's scenario."""
+    chosen = settings_in(survey_of(wildcards)["scenario"], "task2")["task2"]
+    return cell_settings(chosen)
+
+
+def survey_ephemeris(wildcards):
+    """Whether a survey is in ephemeris dynamics."""
+    truth = survey_cell(wildcards).get("dynamics", {}).get("truth")
+    return survey_of(wildcards)["ephemeris"] or truth == "ephemeris"
+
+
+def survey_file(pattern):
+    """An input of a survey, by its scenario and architecture."""
+    return lambda wildcards: results(pattern.format(**survey_of(wildcards)))
+
+
+rule survey:
+    input:
+        architecture=survey_file("architecture/{scenario}/{architecture}.nc"),
+        orbits=lambda wildcards: orbits_file(survey_of(wildcards)["architecture"]),
+        tracked=lambda wildcards: shared("orbits/tracked", survey_of(wildcards)["scenario"]),
+        sun=lambda wildcards: shared("ephemeris/sun", survey_of(wildcards)["scenario"]),
+        bodies=lambda wildcards: (
+            shared("ephemeris/bodies", survey_of(wildcards)["scenario"])
+            if survey_ephemeris(wildcards) or survey_cell(wildcards).get("stations")
+            else []
+        ),
+        flown=lambda wildcards: (
+            results("orbits/flown_{scenario}_{architecture}.nc".format(**survey_of(wildcards)))
+            if survey_ephemeris(wildcards)
+            else []
+        ),
+        points=survey_file("targets/static_{scenario}.nc"),
+        table=lambda wildcards: survey_of(wildcards)["prior_table"] or [],
+        mesh=lambda wildcards: cell_files(survey_cell(wildcards)),
+    output:
+        results("survey/{survey}/{realization}.csv"),
+    log:
+        log_of("survey/{survey}/{realization}"),
+        times=benchmark_of("survey/{survey}_{realization}"),
+    conda:
+        "../envs/cislunar.yaml"
+    resources:
+        mem_mb=2500,
+    params:
+        survey=survey_of,
+        settings=survey_cell,
+        propagator=config["propagator"],
+        seed=config["seed"],
+    message:
+        "Survey {wildcards.survey}, realization {wildcards.realization}"
+    script:
+        "../scripts/survey.py"
+
+
+rule catalog_table:
+    input:
+        [
+            results(f"survey/{name}/{number}.csv")
+            for name, survey in SURVEYS.items()
+            for number in range(survey["realizations"])
+        ],
+    output:
+        report(
+            results("tables/catalog.csv"),
+            caption="../report/catalog.rst",
+            category="Tables",
+        ),
+    log:
+        log_of("tables/catalog"),
+        times=benchmark_of("catalog_table"),
+    conda:
+        "../envs/cislunar.yaml"
+    params:
+        surveys=SURVEYS,
+        field_of_view_deg=TASK2["sensor"]["field_of_view_deg"],
+    message:
+        "Comparing surveys"
+    script:
+        "../scripts/catalog_table.py"
+
+
+rule catalog_figure:
+    input:
+        rules.catalog_table.output[0],
+    output:
+        png=report(
+            results("figures/catalog.png"),
+            caption="../report/figure_catalog.rst",
+            category="Figures",
+        ),
+        pdf=results("figures/catalog.pdf"),
+    log:
+        log_of("figures/catalog"),
+        times=benchmark_of("catalog_figure"),
+    conda:
+        "../envs/cislunar.yaml"
+    message:
+        "Drawing the completeness of catalogs"
+    script:
+        "../scripts/figure_catalog.py"
+
+
+rule catalog:
+    input:
+        rules.catalog_table.output,
+        rules.catalog_figure.output,

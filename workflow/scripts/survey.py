@@ -1,0 +1,28 @@
+"""Makes survey/{survey}/{realization}.csv: quality of the catalog of one realization."""
+
+from cislunar.runtime.worker_client import in_worker
+
+in_worker()
+
+from cislunar.campaign.settings.reading import typed
+from cislunar.campaign.settings.tree import StatedSurvey
+from cislunar.campaign.survey.realization import realization_rows, survey_realization
+from cislunar.campaign.tracking.cell import read_inputs
+from cislunar.runtime.job import job
+from cislunar.runtime.netcdf import read_dataset, write_text
+from cislunar.runtime.progress import progress_log
+
+with job(snakemake.log, snakemake.threads):
+    read, params, name = snakemake.input, snakemake.params, snakemake.wildcards.survey
+    result = survey_realization(
+        name,
+        typed(params.survey, StatedSurvey, f"surveys.{name}"),
+        int(snakemake.wildcards.realization),
+        read_inputs(read),
+        read_dataset(read.points)["position"].values,
+        params.settings,
+        propagator=params.propagator,
+        seed=params.seed,
+        progress=progress_log("blocks of the survey"),
+    )
+    write_text(realization_rows(result).to_csv(index=False), snakemake.output[0])
