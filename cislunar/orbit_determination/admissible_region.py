@@ -44,8 +44,9 @@ class AdmissibleRegion(Section):
     largest_distance_km: Positive = setting(
         "largest distance from the Earth-Moon barycenter", "km", default=730_360)
     least_jacobi: Number = setting(
-        "least Jacobi constant, which bounds the speed", "1", default=2)
-    largest_jacobi: Number = setting("largest Jacobi constant", "1", default=6.5)
+        "least Jacobi constant, which bounds the speed; free returns have 1.8 to 2.3", "1",
+        default=1.5)
+    largest_jacobi: Number = setting("largest Jacobi constant", "1", default=8)
     least_size_m2: Positive = setting(
         "least product of diffuse reflection coefficient and squared radius of the sphere that is "
         "as bright", "m^2", default=0.016)
@@ -172,20 +173,8 @@ def is_admissible(
 
 
 def sphere_magnitude_residuals(offset: ArrayLike, angles: Angles) -> Array:
-    """Measured magnitudes minus those of a sphere of 1 m^2 at the position of the object.
-
-    Parameters
-    ----------
-    offset : array_like, shape (row, 3)
-        Position of the object minus that of the observer, nondimensional.
-    angles : Angles
-        Of the same rows.
-
-    Returns
-    -------
-    ndarray, shape (row,)
-        mag; NaN where the magnitude or the position of the Sun is unknown.
-    """
+    """Measured magnitudes (row,) minus those of a sphere of 1 m^2 at `offset` (row, 3) from the
+    observer; NaN where the magnitude or the position of the Sun is unknown."""
     line = np.asarray(offset, dtype=float)
     meters = np.linalg.norm(line, axis=1) * LENGTH_UNIT_KM * 1e3
     phase = phase_angle(line, angles.observer_position + line - angles.sun)
@@ -216,19 +205,8 @@ def implied_size(offset: ArrayLike, angles: Angles) -> tuple[float, float]:
 
 
 def is_brightness_admissible(offset: ArrayLike, angles: Angles, region: AdmissibleRegion) -> bool:
-    """Whether the size and the scatter of `implied_size` are within the region.
-
-    Parameters
-    ----------
-    offset, angles
-        See `implied_size`.
-    region : AdmissibleRegion
-
-    Returns
-    -------
-    bool
-        True if the brightness is unknown.
-    """
+    """Whether the size and the scatter of `implied_size` are within the region; true if the
+    brightness is unknown."""
     size, scatter = implied_size(offset, angles)
     if np.isnan(size):
         return True
@@ -237,19 +215,8 @@ def is_brightness_admissible(offset: ArrayLike, angles: Angles, region: Admissib
 
 
 def range_grid(region: AdmissibleRegion, count: int) -> Array:
-    """Ranges from the least to twice the largest distance, equally spaced in their logarithms.
-
-    Parameters
-    ----------
-    region : AdmissibleRegion
-    count : int
-        Number of ranges.
-
-    Returns
-    -------
-    ndarray, shape (count,)
-        Nondimensional.
-    """
+    """Ranges (count,) from the least to twice the largest distance, nondimensional, equally spaced
+    in their logarithms."""
     least = region.least_range_km / LENGTH_UNIT_KM
     return np.geomspace(least, 2.0 * region.radius, count)
 
@@ -261,24 +228,10 @@ def states_at_ranges(
     range_rates: ArrayLike,
     rate: float,
 ) -> Array:
-    """States of objects at given ranges and range rates (`cislunar.orbit_determination
-    .tracklets`, equation 1).
-
-    Parameters
-    ----------
-    tracklets : Attributables
-    which : array_like of int, shape (n,)
-        Index of the tracklet of each state.
-    ranges, range_rates : array_like, shape (n,)
-        Nondimensional.
-    rate : float
-        Angular rate of the propagation frame (`frame_rate`).
-
-    Returns
-    -------
-    ndarray, shape (n, 6)
-        Nondimensional, propagation frame, at the times of the tracklets.
-    """
+    """States (n, 6) of objects at given ranges and range rates, nondimensional, propagation frame,
+    at the times of the tracklets with the indices `which`
+    (`cislunar.orbit_determination.tracklets`, equation 1). `rate` is the angular rate of the
+    frame."""
     k = np.asarray(which)
     rho, rho_rate = (np.asarray(each, dtype=float)[:, None] for each in (ranges, range_rates))
     position = tracklets.observer_position[k] + rho * tracklets.direction[k]

@@ -179,26 +179,9 @@ def tracklet_matches(
     *,
     forces: tuple,
 ) -> tuple[Indices, Indices, Array]:
-    """Tracklets that orbits predict.
-
-    Parameters
-    ----------
-    fits : OrbitFits
-        Converged fits.
-    tracklets : Attributables
-    first, last : ndarray, shape (fit,)
-        Times between which tracklets are sought, nondimensional.
-    gate_probability : float
-        Probability that the gate keeps a tracklet of the object.
-    forces : NamedTuple
-        Force model.
-
-    Returns
-    -------
-    fit, tracklet : ndarray of int, shape (match,)
-    log_density : ndarray, shape (match,)
-        Logarithm of the density of direction and rate, rad^-2 and nondimensional time squared.
-    """
+    """Tracklets within the gates of converged fits, whose times lie between `first` and `last`
+    (fit,): indices of fits and of tracklets (match,), and the logarithm of the density of direction
+    and rate, rad^-2 and nondimensional time squared."""
     data = (
         tracklets.time, tracklets.observer_position, tracklets.direction, tracklets.basis,
         tracklets.covariance,
@@ -231,27 +214,9 @@ def extend_orbits(
     gate_probability: float,
     significance: float,
 ) -> OrbitHypotheses:
-    """Attribute tracklets to orbits as long as the fits agree with the angles.
-
-    Parameters
-    ----------
-    angles : Angles
-    tracklets : Attributables
-    orbits : OrbitHypotheses
-        Converged fits and their tracklets.
-    usable : ndarray of bool, shape (tracklet,)
-    forces : NamedTuple
-        Force model.
-    spans_h : tuple of float
-        Times before the first and after the last tracklet of an orbit, h, one after the other.
-    gate_probability, significance : float
-        Of the gate of a tracklet, and of chi squared of the fit.
-
-    Returns
-    -------
-    OrbitHypotheses
-        In the order of the orbits.
-    """
+    """Attribute usable tracklets (tracklet,) to orbits as long as the fits agree with the angles.
+    Tracklets are sought within `spans_h` before the first and after the last tracklet of an orbit,
+    one span after the other."""
     fits, members = orbits.fits, [list(each) for each in orbits.tracklets]
     n = len(members)
     stage, rejected = np.zeros(n, dtype=int), [set() for _ in range(n)]
@@ -304,14 +269,7 @@ def extend_orbits(
 
 
 def concatenate_fits(parts: list[OrbitFits], empty: OrbitFits) -> OrbitFits:
-    """Fits of several sets, one after the other.
-
-    Parameters
-    ----------
-    parts : list of OrbitFits
-    empty : OrbitFits
-        Of which no fit is returned if there are no parts.
-    """
+    """Fits of several sets, one after the other; none, like `empty`, if there are no sets."""
     if not parts:
         return empty.take([])
     columns = [np.concatenate(each) for each in zip(*parts, strict=True)]

@@ -210,7 +210,7 @@ def _link_pairs(found: LinkHypotheses, free, shortest: float, longest: float, pr
         if usable.size == 0:
             return
         own, end = tracklets.take(usable), min(_CHUNK, usable.size)
-        pairs = pairs_within(own, longest, shortest, end=end)
+        pairs = pairs_within(own, longest, shortest, end)
         starts = pair_starts(own, pairs, region, settings.pairs, forces=forces)
         rows = [
             np.union1d(own.detections[i], own.detections[j])

@@ -171,31 +171,27 @@ def _between(error, far, k, m):
 @njit_noalloc
 def _scan(forces, rate, tracklets, pairs, ranges, units, largest, scratch, out):
     """Local minima of the residuals of all pairs; their number, or -1 if there are too many."""
-    time, position, velocity, direction, motion, basis = tracklets
+    time, vectors = tracklets
     first, second, found_cost, found_range, found_rate = out
     start, gravity, speed, error, values, later, work = scratch
     rho_rate, far, inside, low_cost, low_range, low_rate = values
     count, n, last, least = 0, ranges.size, -1, ranges[0]
     for p in range(pairs.shape[0]):
         i, j = pairs[p, 0], pairs[p, 1]
-        t, dt, u = time[i], time[j] - time[i], direction[i]
+        t, dt, u = time[i], time[j] - time[i], vectors[i, 2]
         if i != last:
             last = i
             for k in range(n):
                 for c in range(3):
-                    start[k, c] = position[i, c] + ranges[k] * u[c]
-                    speed[k, c] = velocity[i, c] + ranges[k] * motion[i, c]
+                    start[k, c] = vectors[i, 0, c] + ranges[k] * u[c]
+                    speed[k, c] = vectors[i, 1, c] + ranges[k] * vectors[i, 3, c]
                 inside[k] = start[k, 0] ** 2 + start[k, 1] ** 2 + start[k, 2] ** 2
                 gravity[k, 0], gravity[k, 1], gravity[k, 2] = _gravity(
                     forces, rate, t, start[k, 0], start[k, 1], start[k, 2]
                 )
         c, s = np.cos(rate * dt), np.sin(rate * dt)
-        _turn(c, s, position[j], later[0])
-        _turn(c, s, velocity[j], later[1])
-        _turn(c, s, direction[j], later[2])
-        _turn(c, s, motion[j], later[3])
-        _turn(c, s, basis[j, 0], later[4])
-        _turn(c, s, basis[j, 1], later[5])
+        for m in range(6):
+            _turn(c, s, vectors[j, m], later[m])
         # a coarse grid with the gravity of the first tracklet alone excludes most pairs
         best = np.inf
         for k in range(0, n, _COARSE):
@@ -270,10 +266,11 @@ def pair_starts(
     rate = frame_rate(forces)
     pairs = np.ascontiguousarray(pairs, dtype=np.int64).reshape(-1, 2)
     ranges = range_grid(region, settings.n_ranges)
-    data = (
-        tracklets.time, tracklets.observer_position, tracklets.observer_velocity,
-        tracklets.direction, tracklets.rate, tracklets.basis,
-    )  # fmt: skip
+    vectors = [
+        tracklets.observer_position, tracklets.observer_velocity, tracklets.direction,
+        tracklets.rate, tracklets.basis[:, 0], tracklets.basis[:, 1],
+    ]  # fmt: skip
+    data = tracklets.time, np.stack(vectors, axis=1)
     per_unit = ARCSECOND * TIME_UNIT_S
     units = np.deg2rad(settings.angle_tolerance_deg), settings.rate_tolerance_arcsec_s * per_unit
     n, capacity = ranges.size, 2 * len(pairs) + 64
@@ -298,34 +295,18 @@ def pair_starts(
 def pairs_within(
     tracklets: Attributables,
     hours: float,
-    least_hours: float = 0.0,
-    *,
-    begin: int = 0,
-    end: int | None = None,
+    least_hours: float,
+    end: int,
 ) -> Indices:
-    """Pairs of tracklets whose times differ by no more than some hours.
-
-    Parameters
-    ----------
-    tracklets : Attributables
-    hours, least_hours : float
-        Largest difference, and the one from which on pairs are returned.
-    begin, end : int
-        Range of the earlier tracklets.
-
-    Returns
-    -------
-    ndarray of int, shape (pair, 2)
-        The earlier tracklet first; without pairs that share a detection.
-    """
+    """Pairs (pair, 2) of tracklets whose times differ by `least_hours` to `hours`, the earlier one
+    first and before index `end`; without pairs that share a detection."""
     unit = 3600.0 / TIME_UNIT_S
     t = tracklets.time
     after = np.maximum(
         np.searchsorted(t, t, side="right"), np.searchsorted(t, t + least_hours * unit)
     )
     until = np.searchsorted(t, t + hours * unit, side="right")
-    until[:begin] = 0
-    until[t.size if end is None else end :] = 0
+    until[end:] = 0
     first, second = index_pairs(after, until)
     kept = np.ones(first.size, dtype=bool)
     # tracklets of one observer may share a detection if the later one begins before the other ends

@@ -54,7 +54,7 @@ class ConfirmationRule(Section):
 
     separation_significance: number(gt=0, lt=0.5) = setting(
         "probability of a larger decrease of chi squared by an orbit of its own for each observer "
-        "of two or three, below which an orbit is not confirmed", "1", default=0.01)
+        "of two or three, below which an orbit is not confirmed", "1", default=0.003)
 
     # fmt: on
 

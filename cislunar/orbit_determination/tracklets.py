@@ -101,18 +101,7 @@ class TrackletSettings(Section):
 
 
 def rotate_about_z(vector: ArrayLike, angle: ArrayLike) -> Array:
-    """Vectors rotated about z.
-
-    Parameters
-    ----------
-    vector : array_like, shape (..., 3)
-    angle : array_like, shape (...)
-        rad, positive from x to y.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-    """
+    """Vectors (..., 3) rotated about z by angles (...), rad, positive from x to y."""
     x, y, z = np.moveaxis(np.asarray(vector, dtype=float), -1, 0)
     c, s = np.cos(angle), np.sin(angle)
     return np.stack(np.broadcast_arrays(c * x - s * y, s * x + c * y, z), axis=-1)

@@ -41,7 +41,7 @@ class VerdictSettings(Section):
         default=1e-4)
     undetermined_share: number(gt=0, lt=1) = setting(
         "standard deviation, relative to that of the admissible region, from which a direction of "
-        "state space is undetermined", "1", default=0.1)
+        "state space is undetermined", "1", default=0.08)
     undetermined_range_share: number(gt=0, lt=1) = setting(
         "standard deviation of the range, relative to the range, from which it is undetermined",
         "1", default=0.1)
@@ -53,17 +53,7 @@ class VerdictSettings(Section):
 
 
 def region_covariance(region: AdmissibleRegion) -> Array:
-    """Covariance of states that are uniform over the admissible region.
-
-    Parameters
-    ----------
-    region : AdmissibleRegion
-
-    Returns
-    -------
-    ndarray, shape (6, 6)
-        Nondimensional.
-    """
+    """Covariance (6, 6) of states that are uniform over the admissible region, nondimensional."""
     return np.diag(np.repeat([region.position_sigma**2, region.velocity_sigma**2], 3))
 
 

@@ -145,6 +145,24 @@ def objects_outside_families(
         If shapes disagree, or the count or the time is impossible.
     ConvergenceError
         If the draws of a kind fail; the message names it.
+
+    Examples
+    --------
+    A table for ``scenarios.NAME.tracked`` of the 202 moving targets, of which half are replaced:
+
+    >>> orbits = tracked_targets()
+    >>> closed = np.isfinite(orbits.stability_index)
+    >>> inside = TargetStates(
+    ...     [str(k) for k in range(closed.size)],
+    ...     list(orbits.family),
+    ...     orbits.state,
+    ...     np.where(closed, orbits.period, 0.0),
+    ... )
+    >>> others = objects_outside_families(
+    ...     orbits.state[closed], orbits.period[closed], np.random.default_rng(1)
+    ... )
+    >>> half = replace_targets(inside, others, 0.5, np.random.default_rng(2))
+    >>> Path("targets.csv").write_text(target_states_csv(half), encoding="utf-8")
     """
     states = array_of("state", state, ("orbit", 6))
     orbits = _PeriodicOrbits(states, array_of("period", period, (len(states),)))

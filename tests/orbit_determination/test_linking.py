@@ -192,7 +192,7 @@ def test_confirmation_needs_observers_tracklets_and_a_determined_orbit():
         ([0, 0, 0, 1, 1], DIRECTION_ONLY, 30.0, False),
     ):
         assert rule.confirms(observers, verdict, ratio) is expected
-    assert not rule.confirms([0, 1, 2], ORBIT, 30.0, separation=0.005)
+    assert not rule.confirms([0, 1, 2], ORBIT, 30.0, separation=0.002)
 
 
 def test_the_separation_of_observers_is_uniform_for_one_object_and_rejects_two():
