@@ -39,6 +39,10 @@ _LARGE_MODEL_ERROR_MAG = 0.25
 _ROTATIONS, _BRIGHTNESSES = 1000, 40
 """Samples of the posterior for the rotation and for the brightness, which costs more."""
 _LEVELS = (0.025, 0.975)
+_UNKNOWN_FACTOR = 1.8
+"""Factor on the intervals of period and axis of an unknown body, whose posterior has further local
+maxima, that the search does not find (empirical: cylinders and hexagonal prisms that are assumed to
+be icosahedra)."""
 _PERCENTILES = (5.0, 95.0)
 """Of the magnitudes, between which the amplitude is taken."""
 
@@ -192,8 +196,11 @@ def characterize(
         axes[number] = attitude_matrix(quaternion).T @ omega / rates[number]
         if number < _BRIGHTNESSES:
             brightness.append(expected_rows(u, data, own)[0])
-    period = 2.0 * np.pi / rates / 3600.0
-    low, high = np.quantile(period, _LEVELS)
+    status = attitude_status(selected, model)
+    factor = _UNKNOWN_FACTOR if status == UNKNOWN_BODY else 1.0
+    logs = np.log(2.0 * np.pi / rates / 3600.0)
+    period = np.median(logs)
+    low, high = period + factor * (np.quantile(logs, _LEVELS) - period)
     mean = axes.mean(axis=0)
     mean /= np.linalg.norm(mean)
     angles = np.arccos(np.clip(axes @ mean, -1.0, 1.0))
@@ -202,16 +209,16 @@ def characterize(
     reading = model.irradiance_4pi
     with np.errstate(divide="ignore"):
         spans = np.array([amplitude_of(each, data, reading) for each in brightness])
-        logs = np.log([area_albedo_of(each, data, reading) for each in brightness])
-    size = _normal_interval(logs, 0.4 * np.log(10.0) * error)
+        sizes = np.log([area_albedo_of(each, data, reading) for each in brightness])
+    size = _normal_interval(sizes, 0.4 * np.log(10.0) * error)
     span = _normal_interval(spans, error)
     return Characterization(
-        Interval(float(np.median(period)), float(low), float(high)),
+        Interval(*(float(np.exp(each)) for each in (period, low, high))),
         mean,
-        float(np.rad2deg(np.quantile(angles, 0.95))),
+        float(min(factor * np.rad2deg(np.quantile(angles, 0.95)), 180.0)),
         span._replace(low=max(span.low, 0.0)),
         Interval(*(float(np.exp(each)) for each in size)),
-        attitude_status(selected, model),
+        status,
     )
 
 

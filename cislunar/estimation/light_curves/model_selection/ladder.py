@@ -148,6 +148,8 @@ def refitted(
         for (rung, error), own in modes.items():
             given = [each.u for each in own], settings.warm_iterations, own[0].noise_factor
             found += selection.fit(rung, error, *given)
+    if not found:
+        return selected
     candidates, weight = _mixture(found)
     return selected._replace(candidates=candidates, weight=weight)
 
@@ -245,13 +247,17 @@ class _Selection:
             exactly = partial(self.near_modes, iterations=self.settings.iterations)
         found = {rung: exactly(rung) for rung in EXACT}
         exact = [each for rung in EXACT for each in found[rung]]
-        if self.explained(exact):
+        checks: list[Candidate] = []
+        explained = self.explained(exact)
+        if explained:
             checks = self._checks([each for rung in EXACT for each in found[rung][:kept]])
             greatest = max(each.minimum.log_evidence for each in exact)
             if all(each.minimum.log_evidence < greatest - _CLEARLY_LESS for each in checks):
                 return self.weighed(exact + checks)
         found |= {rung: self._searched(rung) for rung in WIDE}
-        everything = [each for rung in RUNGS for each in found[rung]]
+        everything = [each for rung in RUNGS for each in found[rung]] + checks
+        if explained:  # the checks are the fits with a model error
+            return self.weighed(everything)
         by_evidence = sorted(everything, key=lambda each: -each.minimum.log_evidence)
         pool = self._distinct([*by_evidence, *self.known])[: 3 * kept]
         everything += self._with_errors(pool)
