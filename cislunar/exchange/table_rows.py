@@ -154,15 +154,16 @@ def quantity_columns(
 def row_names(rows: list[tuple[str, Row]], what: str, key: str = "id") -> list[str]:
     """Names of the rows; raises `InputFileError` if a row has none or the name of another row."""
     first: dict[str, str] = {}
-    label = "name" if key == what else key
     for place, row in rows:
         name = row[key]
         if not name:
-            raise InputFileError(f"{place}: the {what} has no {label}; give it one")
+            raise InputFileError(
+                f"{place}: the {what} has no {'name' if key == what else key}; give it one"
+            )
         if name in first:
             earlier = first[name].removesuffix(f", {what} {name!r}").rpartition(", ")[2]
             raise InputFileError(
-                f"{place}: the {label} is taken already in {earlier}; give every {what} its own"
+                f"{place}: the {key} is taken already in {earlier}; give every {what} its own"
             )
         first[name] = place
     return list(first)
