@@ -2,10 +2,10 @@
 
     python benchmarks/estimation.py [--targets 20 50 100 202] [--observers 20] [--ratios]
 
-With `--ratios` only the cost of ephemeris forces and of Gaussian mixtures is measured. Propagation
-is compared with SciPy's RK45 at the paper's tolerance. The problem needs no file: its observers and
-near-periodic targets replace those of the paper. Everything runs on one thread; compilation is not
-counted.
+With `--ratios` only the cost of ephemeris forces, of late measurements and of Gaussian mixtures is
+measured. Propagation is compared with SciPy's RK45 at the paper's tolerance. The problem needs no
+file: its observers and near-periodic targets replace those of the paper. Everything runs on one
+thread; compilation is not counted.
 """
 
 import argparse
@@ -30,7 +30,8 @@ from cislunar.dynamics.tableau import STAGES8
 from cislunar.ephemeris.bodies import GM_MOON
 from cislunar.estimation import ESTIMATORS, estimator_named
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
-from cislunar.estimation.light_curves.batch import batch
+from cislunar.estimation.light_curves.batch import BatchEstimator, batch
+from cislunar.estimation.light_curves.batch_settings import BatchSettings
 from cislunar.estimation.light_curves.light_curve import cost, cost_and_derivatives
 from cislunar.estimation.light_curves.row_blocks import (
     MAGNITUDE,
@@ -40,12 +41,14 @@ from cislunar.estimation.light_curves.row_blocks import (
     VIEW,
     WEIGHT,
 )
+from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.measurement import DETECTED, measure
 from cislunar.observation.records import constant_schedule
 from cislunar.observation.sensor import Sensor
 from cislunar.photometry.body_blocks import body_magnitude
 from cislunar.photometry.materials import PRINTED
 from cislunar.tasking.closed_loop import run_closed_loop
+from cislunar.tasking.communication.model import CommunicationModel
 from cislunar.tasking.decision import decide
 from cislunar.tasking.demonstration import TrackingProblem, tracking_problem
 from cislunar.tasking.initial_conditions import initial_estimate
@@ -299,6 +302,40 @@ def forces_cost(n_observers: int, n_targets: int, rounds: int = 2) -> None:
         print_ratio(f"cell of one day, {n_targets} targets, two realizations, {name}", times)
 
 
+class EveryStep(BatchEstimator):
+    """The batch estimator with estimates at all steps, also of intervals processed again."""
+
+    def advance(self, measurements, *, histories=True, **given):
+        return super().advance(measurements, **given)
+
+
+def late_cost(n_observers: int, n_targets: int, rounds: int = 2) -> None:
+    """Print the processor time of a cell of one day with bodies to be estimated whose measurements
+    arrive an hour late, with estimates at all steps and without those that nothing needs."""
+    problem = tracking_problem(
+        n_observers, n_targets, PRINTED, sensor=SENSOR,
+        communication=CommunicationModel(delay_minutes=60.0),
+    )  # fmt: skip
+    unknown = BodyParameterPrior(
+        log_albedo=0.25, log_slope=0.25, log_inertia=0.05, angular_acceleration_deg_h2=0.01
+    )
+    factory = batch(BatchSettings(noise_freedom=4.0, estimated_parameters=unknown))
+
+    def at_every_step(*given):
+        estimator = factory(*given)
+        estimator.__class__ = EveryStep
+        return estimator
+
+    at_every_step.estimated_parameters = unknown
+    ways = {
+        name: partial(run_closed_loop, *problem[:4], [0], problem.loop, estimator=estimator)
+        for name, estimator in (("all steps", at_every_step), ("needed steps", factory))
+    }
+    print_ratio(
+        f"cell of one day, {n_targets} targets, an hour late, batch", alternated(ways, rounds)
+    )
+
+
 def splitting_cost(n_observers: int, n_targets: int, rounds: int = 2) -> None:
     """Print the processor time of a cell of one day with Gaussian mixtures relative to one without.
 
@@ -339,10 +376,11 @@ def main() -> None:
     parser.add_argument("--targets", type=int, nargs="+", default=[20, 50, 100, 202])
     parser.add_argument("--observers", type=int, default=20)
     parser.add_argument(
-        "--ratios", action="store_true", help="only the cost of ephemeris forces and of mixtures"
+        "--ratios", action="store_true", help="only the cost of forces, delays and mixtures"
     )
     options = parser.parse_args()
     forces_cost(options.observers, 50)
+    late_cost(options.observers, 50)
     splitting_cost(options.observers, 100)
     if options.ratios:
         return

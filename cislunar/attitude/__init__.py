@@ -4,7 +4,7 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "attitude_integrator": ["carry_rotation", "torque_free_step"],
+    "attitude_integrator": ["TURN_OF_LONG_STEP", "carry_rotation", "torque_free_step"],
     "attitude_propagation": ["propagate_attitudes"],
     "grp": ["GRP_A", "GRP_F", "from_quaternion", "grp_from_quaternion_components",
         "pull_back_to_grp", "quaternion_from_grp_components", "to_quaternion"],

@@ -20,7 +20,11 @@ from cislunar.compiled import njit_inline, njit_noalloc
 from cislunar.elementary import sine_and_cosine
 
 TURN_PER_STEP = 0.03
-"""Largest rotation angle of a step of `carry_rotation` and `torque_free_step`, rad."""
+"""Largest rotation angle of a step over the time between two measurements, rad."""
+
+TURN_OF_LONG_STEP = 0.15
+"""Largest rotation angle of a step over hours, rad. After 20 rad, attitudes err by less than 1e-5
+rad for moments that differ by 20 %."""
 
 
 @njit_inline
@@ -68,10 +72,10 @@ _TORQUE_FREE = (0.0, 0.0, 0.0)
 
 
 @njit_noalloc
-def _carried(q, w, dt, body):
-    """Attitude and angular velocity after a time, in steps of at most `TURN_PER_STEP`."""
+def _carried(q, w, dt, body, turn_per_step):
+    """Attitude and angular velocity after a time, in steps that rotate by at most an angle."""
     rate = np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
-    count = max(1, int(np.ceil(rate * abs(dt) / TURN_PER_STEP)))
+    count = max(1, int(np.ceil(rate * abs(dt) / turn_per_step)))
     h, a = dt / count, acceleration(w, body)
     for _ in range(count):
         v = rate_after(w, a, h, body)
@@ -87,14 +91,15 @@ def torque_free_step(w1, w2, w3, inertia, inverse_inertia, dt):
     scalars. The attitude becomes ``rotation (x) q``. The rotation does not depend on q, so an
     unscented filter computes it once for all sigma points with the same angular velocity."""
     body = inertia, inverse_inertia, _TORQUE_FREE
-    q, w = _carried((0.0, 0.0, 0.0, 1.0), (w1, w2, w3), dt, body)
+    q, w = _carried((0.0, 0.0, 0.0, 1.0), (w1, w2, w3), dt, body, TURN_PER_STEP)
     return q[0], q[1], q[2], q[3], w[0], w[1], w[2]
 
 
 @njit_noalloc
-def carry_rotation(quaternion, omega, dt, body):
-    """Advance attitude (4,) and angular velocity (3,) by a time, in place."""
+def carry_rotation(quaternion, omega, dt, body, turn_per_step=TURN_PER_STEP):
+    """Advance attitude (4,) and angular velocity (3,) by a time, in place, in steps that rotate by
+    at most an angle."""
     q = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    q, w = _carried(q, (omega[0], omega[1], omega[2]), dt, body)
+    q, w = _carried(q, (omega[0], omega[1], omega[2]), dt, body, turn_per_step)
     quaternion[0], quaternion[1], quaternion[2], quaternion[3] = q
     omega[0], omega[1], omega[2] = w

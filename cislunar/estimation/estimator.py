@@ -221,10 +221,12 @@ class Estimates(NamedTuple):
     used: NDArray[np.bool_]
 
 
-def empty_estimates(measurements: Measurements, covariance: bool) -> Estimates:
+def empty_estimates(
+    measurements: Measurements, covariance: bool, histories: bool = True
+) -> Estimates:
     """Empty arrays for the estimates of an interval with these measurements."""
     n_targets, n_offsets = measurements.offset.shape
-    steps = (n_targets, n_offsets - 1)
+    steps = (n_targets, n_offsets - 1 if histories else 0)
     return Estimates(
         np.empty((*steps, 4)),
         np.empty((*steps, 3)),
@@ -263,13 +265,19 @@ class Estimator(Protocol):
         ...
 
     def advance(
-        self, measurements: Measurements, *, covariance: bool = False, final: bool = True
+        self,
+        measurements: Measurements,
+        *,
+        covariance: bool = False,
+        final: bool = True,
+        histories: bool = True,
     ) -> Estimates:
         """Process the next steps, which are those of the measurements' offsets.
 
         The measurements include observations that detected nothing (NaN). `covariance` requests the
         covariance of the translation at every step. `final` states whether an interval ends with
-        these steps.
+        these steps. Without `histories` only `Estimates.used` is needed: the other arrays may have
+        no steps, and the estimator may skip what does not affect the estimate at the end.
         """
         ...
 

@@ -14,7 +14,7 @@ are exactly those of the returned magnitude, one-sided at the edges of the table
 import numpy as np
 
 from cislunar.attitude.quaternion import rotate_components
-from cislunar.compiled import njit, njit_alloc, njit_inline, njit_noalloc
+from cislunar.compiled import copy_into, njit, njit_alloc, njit_inline, njit_noalloc
 from cislunar.photometry.facet_blocks import (
     BLOCK_ROWS,
     BY_HALF2,
@@ -78,6 +78,7 @@ from cislunar.photometry.shadows.blocks import (
     add_edges,
     find_corners,
     gather,
+    make_sight,
     resolve_edges,
     settle,
 )
@@ -174,16 +175,22 @@ def _add_by_law(b, count, whole, nx, ny, nz, material, law, table):
 @njit_alloc
 def _sum_body(block, shares, scaled, count, body, fresnel_sqrt, derivatives):
     """Sums over the facets of a composite body; see `body_magnitude_deviations`."""
+    work = np.empty((body.materials.shape[0], 3, LANES)), make_sight()
+    _sum_facets(block, shares, scaled, count, body, fresnel_sqrt, derivatives, *work)
+
+
+@njit_noalloc
+def _sum_facets(block, shares, scaled, count, body, fresnel_sqrt, derivatives, specular, sight):
+    """`_sum_body` with given scratch."""
     b = known_shape(block)
     areas, normals, rows, column = body.areas, body.normals, body.rows, body.shadows.column
     materials, shadows, lengths, law = body.materials, body.shadows, body.lengths, body.law
     turn_into_body(b, count, materials[0], fresnel_sqrt)
-    specular = np.empty((materials.shape[0], 3, LANES))
     if law == 0:
         _specular_rows(b, count, materials, fresnel_sqrt, derivatives, specular)
     else:
         specular[:, 1:] = 0.0  # `_add_by_law` adds these derivatives
-    sight = find_corners(b, count, lengths, shadows.steps)
+    find_corners(b, count, lengths, shadows.steps, sight)
     settled = shadows.settled
     b[TOTAL, :count] = 0.0
     if derivatives != _NOTHING:
@@ -215,7 +222,7 @@ def _sum_body(block, shares, scaled, count, body, fresnel_sqrt, derivatives):
             last = rows[i]
             diffuse, _, steepness, far = reflection_constants(materials[last], 1.0, True)
             if law == 0:
-                b[SPECULAR, :count] = specular[last, 0, :count]
+                copy_into(b[SPECULAR, :count], specular[last, 0, :count])
             weights = materials[last, 0] + materials[last, 1]
             specular_share = materials[last, 1] / weights if weights > 0.0 else 0.0
             if law == TABULATED:

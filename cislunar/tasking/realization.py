@@ -314,12 +314,17 @@ def _worked(
     own: Realization,
     motion: Truth,
     measurements: Measurements,
-    selected: NDArray[np.bool_],
+    selected: NDArray[np.bool_] | None,
 ) -> tuple[Estimates, Array]:
-    """Estimates of the steps of measurements, and the bound of the used measurements."""
+    """Estimates of the steps of measurements, and the bound of the used measurements; None selects
+    no step, neither for the bound nor for the estimates."""
     estimates = own.estimator.advance(
-        measurements, covariance="covariance" in inputs.settings.record
+        measurements,
+        covariance="covariance" in inputs.settings.record,
+        histories=selected is not None,
     )
+    if selected is None:
+        selected = np.zeros(measurements.offset.shape[1] - 1, dtype=bool)
     return estimates, _bounded(own, motion, measurements.where(estimates.used), selected)
 
 

@@ -1,5 +1,6 @@
 """The batch estimator in the closed loop, with the paper's filter on the same truth and noise."""
 
+import copy
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from campaign_folder import read_campaign
 from measured import SENSOR, during, measured_problem
 
+from cislunar.attitude.quaternion import compose, inverse
 from cislunar.campaign.settings.cell_settings import cell_settings
 from cislunar.campaign.settings.families import with_families
 from cislunar.constants import MU
@@ -17,6 +19,7 @@ from cislunar.estimation.initial_sigma import ProcessNoise
 from cislunar.estimation.kalman.mukf import MultiplicativeUKF
 from cislunar.estimation.light_curves.batch import BatchEstimator, batch
 from cislunar.estimation.light_curves.batch_settings import PRESETS, BatchSettings
+from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.measurement import DETECTED
 from cislunar.observation.records import no_measurements
 from cislunar.observation.sensor import Sensor
@@ -239,6 +242,54 @@ def test_a_growing_light_curve_is_fitted_within_an_interval(two_hours, usual):
     hourly = _batch(scene, surfaces, initial, refit_growth=0.0).advance(measured)
     before, after = (np.linalg.norm(e.sigma[seen, 60, :3], axis=-1) for e in (hourly, usual))
     assert np.all(after < before) and np.median(after) < 0.8 * np.median(before)
+
+
+@pytest.mark.parametrize("inertia", [(1.0, 1.0, 1.0), (1.0, 1.2, 0.9)])
+def test_without_histories_the_estimate_at_the_end_is_the_same(inertia):
+    """Attitudes are propagated in longer steps; light curves are fitted at the same times."""
+    scene, surfaces, initial, _, measurements, _ = measured_problem(inertia=inertia, hours=4.0)
+    unknown = BodyParameterPrior(log_inertia=0.1, angular_acceleration_deg_h2=0.05)
+    settings = {"refit_growth": 0.0, "estimated_parameters": unknown}
+    full, brief = (_batch(scene, surfaces, initial, **settings) for _ in range(2))
+    for first, known in ((0, True), (60, True), (120, False), (180, False)):
+        part = during(measurements, first, first + 60)
+        if not known:
+            part = _without(part)
+        found, kept = full.advance(part), brief.advance(part, histories=False)
+        np.testing.assert_array_equal(kept.used, found.used)
+        assert kept.sigma.shape == (found.sigma.shape[0], 0, 12)
+    np.testing.assert_array_equal(brief.orbits().covariance, full.orbits().covariance)
+    np.testing.assert_array_equal(brief.searches, full.searches)
+    before, after = full.predict().rotation, brief.predict().rotation
+    sigma = np.sqrt((before.root**2).sum(axis=2))
+    np.testing.assert_allclose(np.sqrt((after.root**2).sum(axis=2)), sigma, rtol=2e-4)
+    turn = 2.0 * compose(after.quaternion, inverse(before.quaternion))[:, :3]
+    assert np.max(np.abs(turn) / sigma[:, :3]) < 1e-3
+    rate = np.abs(after.angular_velocity - before.angular_velocity)
+    assert np.max(rate / sigma[:, 3:]) < 1e-3
+
+
+def test_without_histories_a_light_curve_is_fitted_at_the_end_only(two_hours):
+    scene, surfaces, initial, _, measurements, _ = two_hours
+    full, brief = (_batch(scene, surfaces, initial, refit_growth=0.1) for _ in range(2))
+    full.advance(measurements)
+    brief.advance(measurements, histories=False)
+    seen = brief.light_curve_rows > 0
+    assert np.any(seen) and np.all(brief.searches[seen] == 1)
+    assert np.all(full.searches[seen] > 1)
+
+
+def test_a_copy_does_not_share_the_tracks(two_hours):
+    scene, surfaces, initial, _, measurements, _ = two_hours
+    own = _batch(scene, surfaces, initial)
+    first = during(measurements, 0, 60)
+    own.advance(first)
+    kept, again = copy.deepcopy(own), copy.deepcopy(own)
+    second = during(measurements, 60, 120)
+    expected = own.advance(second)
+    for one in (kept, again):
+        for found, known in zip(one.advance(second), expected, strict=True):
+            np.testing.assert_array_equal(found, known)
 
 
 def test_the_bound_is_reached_in_the_median():

@@ -20,7 +20,11 @@ from cislunar.tasking.planning.detection import LearnedDetection
 from cislunar.tasking.planning.detection_model import DetectionModel
 from cislunar.tasking.planning.information import TaskingModel, pair_information
 from cislunar.tasking.planning.packing import best_packing
-from cislunar.tasking.planning.schedule import detection_probabilities, plan_schedule
+from cislunar.tasking.planning.schedule import (
+    _columns,
+    detection_probabilities,
+    plan_schedule,
+)
 from cislunar.tasking.planning.schedule_bound import schedule_bound
 from cislunar.tasking.planning.schedule_model import ScheduleModel
 from cislunar.tasking.planning.slot_observations import SlotObservations, slot_observations
@@ -45,6 +49,20 @@ def _learned(n_targets):
 
 def _chances(learned, observations):
     return detection_probabilities(learned, observations.margin[..., None])
+
+
+@pytest.mark.parametrize("most", [1, 2, 4])
+def test_columns_are_all_groups_in_order(most):
+    visible = np.random.default_rng(most).random((6, 9)) < np.linspace(0.0, 1.0, 9)
+    expected = [
+        (j, *group, *(IDLE,) * (most - size))
+        for j in range(9)
+        for size in range(1, most + 1)
+        for group in combinations(np.flatnonzero(visible[:, j]).tolist(), size)
+    ]
+    targets, groups = _columns(visible, most)
+    np.testing.assert_array_equal(np.column_stack([targets, groups]), expected)
+    assert _columns(visible[:, :1], most)[1].shape == (0, most)
 
 
 def _value(observations, learned, schedule):

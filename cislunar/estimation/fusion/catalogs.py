@@ -122,8 +122,10 @@ class _Catalogs:
         fused, spread = self._fused(mean, covariance, np.where(self._informed, 0, 1))
         return Prediction(blind.index, fused[:, 0], spread[:, 0])
 
-    def advance(self, measurements: Measurements, *, covariance: bool = False) -> Estimates:
-        """See `Estimator.advance`."""
+    def advance(
+        self, measurements: Measurements, *, covariance: bool = False, histories: bool = True
+    ) -> Estimates:
+        """See `Estimator.advance`; the estimates at all steps are needed in any case."""
         target, step = rows_of(measurements)
         observer, n_steps = measurements.observer, measurements.offset.shape[1] - 1
         self._open(target, observer)

@@ -228,9 +228,14 @@ class MultiplicativeUKF:
         return OrbitEstimates(self._index, translation, lower @ np.swapaxes(lower, 1, 2))
 
     def advance(
-        self, measurements: Measurements, *, covariance: bool = False, final: bool = True
+        self,
+        measurements: Measurements,
+        *,
+        covariance: bool = False,
+        final: bool = True,
+        histories: bool = True,
     ) -> Estimates:
-        """See `Estimator.advance`; the filter does the same at every step, `final` or not."""
+        """See `Estimator.advance`; the filter does the same at every step in all cases."""
         out = empty_estimates(measurements, covariance)
         model = (self._scene, self._surfaces, self._bodies, self._constants)
         given = (self._index + 1, *model, measurements, self._state, self._mixture, out)

@@ -252,10 +252,16 @@ class BatchEstimator:
         return OrbitEstimates(self._index, translation, covariance)
 
     def advance(
-        self, measurements: Measurements, *, covariance: bool = False, final: bool = True
+        self,
+        measurements: Measurements,
+        *,
+        covariance: bool = False,
+        final: bool = True,
+        histories: bool = True,
     ) -> Estimates:
-        """See `Estimator.advance`. Light curves are fitted at the end of an interval."""
-        tracks, out = self._tracks, empty_estimates(measurements, covariance)
+        """See `Estimator.advance`. Light curves are fitted at the end of an interval, and, with
+        `histories`, within it when they have grown."""
+        tracks, out = self._tracks, empty_estimates(measurements, covariance, histories)
         observations = measurements.offset[:, -1] - measurements.offset[:, 0]
         for j, count in enumerate(observations):
             tracks.make_room(j, int(count))

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cislunar.attitude.attitude_integrator import TURN_OF_LONG_STEP, TURN_PER_STEP
 from cislunar.compiled import copy_into, njit, njit_alloc, njit_noalloc
 from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
@@ -101,18 +102,18 @@ def _fill_row(row, elapsed, magnitude, seen, weight, translation, observer, sun,
 
 
 @njit_noalloc
-def _carry_points(points, count, bodies, elapsed, model):
+def _carry_points(points, count, bodies, elapsed, model, turn_per_step):
     """Propagate the first points of a mixture over `elapsed` seconds."""
-    turn_points(points[0][:count], points[1][:count], bodies, elapsed, model)
+    turn_points(points[0][:count], points[1][:count], bodies, elapsed, model, turn_per_step)
 
 
 @njit_noalloc
-def _refit(hypotheses, data, model, settings, rng, elapsed, points, bodies):
+def _refit(hypotheses, data, model, settings, rng, elapsed, points, bodies, turn_per_step):
     """Fit a light curve and compute the mixture's points at a time; returns their number."""
     search_until_clear(hypotheses, data, model, settings, rng)
     count = mixture_points(hypotheses, model, *points)
     set_bodies(bodies, points[3][:count], model)
-    _carry_points(points, count, bodies, elapsed, model)
+    _carry_points(points, count, bodies, elapsed, model, turn_per_step)
     return count
 
 
@@ -171,13 +172,15 @@ def _use(
 
 @njit_noalloc
 def _advance(j, first, scene, constants, model, records, mixture, own, state, out, scratch, closed):
-    """See `advance_target`; `own` has the arrays of target j."""
+    """See `advance_target`; `own` has the arrays of target j. Without estimates at the steps, the
+    light curve is fitted and the attitude propagated at the end of the interval only."""
     translation, root, counters, hypotheses, points, data, rng = own
     quaternion, omega, weight, point_deviations = points
     work, differences, bodies = scratch
     set_bodies(bodies, point_deviations[: state.points[j]], model)
     offset, settings = records.offset[j], constants.search
-    n_steps = offset.shape[0] - 1
+    n_steps, reported = offset.shape[0] - 1, out.sigma.shape[1] > 0
+    turn, carried = TURN_PER_STEP if reported else TURN_OF_LONG_STEP, 0
     for i in range(n_steps):
         k = first + i
         if state.condition[j] == HEALTHY:
@@ -188,22 +191,30 @@ def _advance(j, first, scene, constants, model, records, mixture, own, state, ou
                 counters[CHOLESKY_FAILURES] += 1
         if state.condition[j] != HEALTHY:
             out.used[offset[i] : offset[i + 1]] = False
-            leave_out(out, j, i)
+            if reported:
+                leave_out(out, j, i)
             continue
-        _carry_points(points, state.points[j], bodies, scene.step_s, model)
+        if reported:
+            _carry_points(points, state.points[j], bodies, scene.step_s, model, turn)
+            carried = i + 1
         for row in range(offset[i], offset[i + 1]):
             given = mixture, translation, root, data, state, counters, work
             out.used[row], state.rows[j] = _use(records, row, j, k, scene, constants, *given)
         fresh = state.rows[j] - state.fitted[j]
-        grown = constants.growth > 0.0 and fresh >= max(
-            constants.growth * state.fitted[j], _FEWEST_FRESH
+        grown = (
+            reported
+            and constants.growth > 0.0
+            and fresh >= max(constants.growth * state.fitted[j], _FEWEST_FRESH)
         )
         if fresh > 0 and ((closed > 0 and i == n_steps - 1) or grown):
             elapsed = (k - state.epoch[j]) * scene.step_s
             state.points[j] = _refit(
-                hypotheses, data[: state.rows[j]], model, settings, rng, elapsed, points, bodies
-            )
-            state.fitted[j] = state.rows[j]
+                hypotheses, data[: state.rows[j]], model, settings, rng, elapsed, points, bodies,
+                turn,
+            )  # fmt: skip
+            state.fitted[j], carried = state.rows[j], i + 1
+        if not reported:
+            continue
         n, sigma = state.points[j], out.sigma[j, i]
         mean_q, mean_omega = out.quaternion[j, i], out.angular_velocity[j, i]
         mixture_moments(quaternion[:n], omega[:n], weight[:n], mean_q, mean_omega, differences)
@@ -212,13 +223,16 @@ def _advance(j, first, scene, constants, model, records, mixture, own, state, ou
         deviations(root, sigma[ROTATION:])
         if i < out.covariance.shape[1]:
             covariance_of(root, out.covariance[j, i])
+    if carried < n_steps and state.condition[j] == HEALTHY:
+        elapsed = (n_steps - carried) * scene.step_s
+        _carry_points(points, state.points[j], bodies, elapsed, model, turn)
     if closed > 0 and state.condition[j] == HEALTHY:
         memory = np.exp(-closed * scene.step_s / constants.memory_s)
         end = (first + n_steps - 1 - state.epoch[j]) * scene.step_s
         _forget(hypotheses, data, model, state, j, end - constants.window_s, memory)
         if memory < 1.0:  # the information has faded, whether or not there are new data
             state.points[j] = _refit(
-                hypotheses, data[: state.rows[j]], model, settings, rng, end, points, bodies
+                hypotheses, data[: state.rows[j]], model, settings, rng, end, points, bodies, turn
             )
 
 

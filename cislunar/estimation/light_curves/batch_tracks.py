@@ -1,6 +1,5 @@
 """State of the targets of the batch estimator."""
 
-from collections.abc import Iterable
 from copy import deepcopy
 from typing import Any, NamedTuple
 
@@ -16,6 +15,7 @@ from cislunar.estimation.light_curves.hypotheses import Hypotheses, mixture_poin
 from cislunar.estimation.light_curves.light_curve import LightCurveModel
 from cislunar.estimation.light_curves.model_selection.in_loop import Selection
 from cislunar.estimation.light_curves.row_blocks import COLUMNS, ROTATION
+from cislunar.estimation.track_arrays import copied_tracks
 from cislunar.observation.sensor import Sensor
 from cislunar.observation.target_surfaces import TargetSurfaces, body_of
 
@@ -52,18 +52,11 @@ class BatchTracks(NamedTuple):
     def copied(self, memo: dict[int, Any]) -> "BatchTracks":
         """The tracks with arrays and generators of their own, see `copy.deepcopy`. The models are
         shared, since nothing changes them."""
-        return BatchTracks(
-            self.translation.copy(),
-            self.root.copy(),
-            GaussianMixture(*_copies(self.mixture)),
-            self.counters.copy(),
-            FitState(*_copies(self.fit)),
-            list(self.models),
-            [Hypotheses(*_copies(modes)) for modes in self.hypotheses],
-            deepcopy(self.rngs, memo),
-            [tuple(_copies(points)) for points in self.points],
-            _copies(self.data),
-            deepcopy(self.selections, memo),
+        arrays = copied_tracks(self._replace(models=[], rngs=[], selections=[]))
+        return arrays._replace(
+            models=list(self.models),
+            rngs=deepcopy(self.rngs, memo),
+            selections=deepcopy(self.selections, memo),
         )
 
     def make_room(self, j: int, rows: int) -> None:
@@ -73,11 +66,6 @@ class BatchTracks(NamedTuple):
             grown = np.empty((max(needed, 2 * capacity), COLUMNS))
             grown[:capacity] = self.data[j]
             self.data[j] = grown
-
-
-def _copies(arrays: Iterable[NDArray]) -> list[NDArray]:
-    """Copies of arrays."""
-    return [each.copy() for each in arrays]
 
 
 def starting_tracks(

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.attitude.attitude_integrator import carry_rotation
+from cislunar.attitude.attitude_integrator import TURN_PER_STEP, carry_rotation
 from cislunar.attitude.grp import (
     GRP_A,
     GRP_F,
@@ -50,13 +50,15 @@ def set_bodies(bodies, deviations, model):
 
 
 @njit_noalloc
-def turn_points(quaternion, omega, bodies, dt, model):
+def turn_points(quaternion, omega, bodies, dt, model, turn_per_step):
     """Propagate attitudes (n, 4) and rates (n, 3) of points with given bodies over dt seconds, in
-    place. The step is exact for a constant angular velocity."""
+    place. The result is exact for a constant angular velocity; any other is integrated in steps
+    that rotate by at most an angle."""
     for i in range(quaternion.shape[0]):
         q, w = quaternion[i], omega[i]
         if not model.even:
-            carry_rotation(q, w, dt, (bodies.inertia[i], bodies.inverse[i], bodies.forced[i]))
+            body = bodies.inertia[i], bodies.inverse[i], bodies.forced[i]
+            carry_rotation(q, w, dt, body, turn_per_step)
             continue
         t1, t2, t3, t4 = rotation_vector_components(w[0] * dt, w[1] * dt, w[2] * dt)
         q[0], q[1], q[2], q[3] = multiply_components(t1, t2, t3, t4, q[0], q[1], q[2], q[3])
@@ -67,7 +69,7 @@ def step_points(quaternion, omega, deviations, dt, model):
     """`turn_points` for points whose bodies have the rotation deviations (n, m)."""
     bodies = make_bodies(quaternion.shape[0], model)
     set_bodies(bodies, deviations, model)
-    turn_points(quaternion, omega, bodies, dt, model)
+    turn_points(quaternion, omega, bodies, dt, model, TURN_PER_STEP)
 
 
 @njit_noalloc

@@ -233,9 +233,14 @@ class NavigatedEstimator:
         )
 
     def advance(
-        self, measurements: Measurements, *, covariance: bool = False, final: bool = True
+        self,
+        measurements: Measurements,
+        *,
+        covariance: bool = False,
+        final: bool = True,
+        histories: bool = True,
     ) -> Estimates:
-        """See `Estimator.advance`."""
+        """See `Estimator.advance`; the orbits at all steps are needed in any case."""
         n_steps, step_s = measurements.offset.shape[1] - 1, self._scene.step_s
         size = max(1, int(_BLOCK_S / step_s))
         _, step = rows_of(measurements)

@@ -118,23 +118,34 @@ class _Sight(NamedTuple):
 
 
 @njit_alloc
-def find_corners(b, count, lengths, steps):
-    """The `_Sight` of a block."""
-    corners, weights = np.empty((2, LANES, 3), np.int64), np.empty((2, LANES, 3))
-    triangles = np.empty((2, LANES), np.int64)
-    if steps > 0:
-        for d in range(2):
-            row = SUN if d == 0 else VIEW
-            for k in range(count):
-                found, shares, triangles[d, k] = table_corners(
-                    b[row, k] / lengths[0], b[row + 1, k] / lengths[1], b[row + 2, k] / lengths[2],
-                    steps,
-                )  # fmt: skip
-                corners[d, k, 0], corners[d, k, 1], corners[d, k, 2] = found
-                weights[d, k, 0], weights[d, k, 1], weights[d, k, 2] = shares
-    words = np.empty(LANES, np.uint64), np.empty(LANES, np.uint64)
-    edges, slopes = np.empty(LANES, np.int64), np.empty((LANES, 6))
-    return _Sight(corners, weights, triangles, words[0], words[1], edges, slopes)
+def make_sight():
+    """Uninitialized arrays of a `_Sight`."""
+    return _Sight(
+        np.empty((2, LANES, 3), np.int64),
+        np.empty((2, LANES, 3)),
+        np.empty((2, LANES), np.int64),
+        np.empty(LANES, np.uint64),
+        np.empty(LANES, np.uint64),
+        np.empty(LANES, np.int64),
+        np.empty((LANES, 6)),
+    )
+
+
+@njit_noalloc
+def find_corners(b, count, lengths, steps, sight):
+    """Write the table directions around the directions of a block, with weights and triangles."""
+    if steps == 0:
+        return
+    corners, weights, triangles = sight.corners, sight.weights, sight.triangles
+    for d in range(2):
+        row = SUN if d == 0 else VIEW
+        for k in range(count):
+            found, shares, triangles[d, k] = table_corners(
+                b[row, k] / lengths[0], b[row + 1, k] / lengths[1], b[row + 2, k] / lengths[2],
+                steps,
+            )  # fmt: skip
+            corners[d, k, 0], corners[d, k, 1], corners[d, k, 2] = found
+            weights[d, k, 0], weights[d, k, 1], weights[d, k, 2] = shares
 
 
 @njit_noalloc

@@ -1,6 +1,8 @@
 """Late measurements, processed exactly by returning to their epoch (docs/tasking.md). A run is
-divided into spans that are no longer than a tasking interval. The state after late measurements
-equals, bit for bit, that with measurements in time, including the random numbers of the estimator.
+divided into spans that are no longer than a tasking interval. The state of a filter after late
+measurements equals, bit for bit, that with measurements in time. The batch estimator, for which the
+estimates within a span that is processed again are not needed, fits light curves at its end only,
+and propagates attitudes in longer steps.
 """
 
 from __future__ import annotations
@@ -24,9 +26,10 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 
-Work = Callable[[Truth, Measurements, Flags], tuple[Estimates, Array]]
+Work = Callable[[Truth, Measurements, Flags | None], tuple[Estimates, Array]]
 """Processes the steps of measurements with estimator and bound. It returns the estimates, and the
-bound at the selected steps, shape (step,)."""
+bound at the selected steps, shape (step,). None selects no step: neither histories of estimates nor
+the bound are needed."""
 
 
 @dataclass
@@ -94,7 +97,7 @@ class Reception:
             self._adopt(self._spans[oldest].before)
             for span in self._spans[oldest:]:
                 span.given |= span.arrival < now
-                self._process(span, work, np.zeros(span.motion.noise.shape[1] - 1, bool))
+                self._process(span, work, None)
         while self._spans and self._spans[0].given.all():
             del self._spans[0]
 
@@ -128,7 +131,7 @@ class Reception:
         concatenated = (np.concatenate(history, axis=1) for history in histories)
         return Estimates(*concatenated, used), np.concatenate(least, axis=1)
 
-    def _process(self, span: _Span, work: Work, selected: Flags) -> tuple[Estimates, Array]:
+    def _process(self, span: _Span, work: Work, selected: Flags | None) -> tuple[Estimates, Array]:
         """Process a span with its received measurements; its initial state is stored if needed."""
         in_time = span.arrival < self._arrival.shape[1]
         span.before = self._stored() if np.any(in_time & ~span.given) else None

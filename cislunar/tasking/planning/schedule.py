@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -247,19 +246,39 @@ def plan_schedule(
     return _SlotSchedule(best, best_value, information, evaluations, gap)
 
 
-def _columns(visible: NDArray[np.bool_], most: int) -> tuple[Chosen, Chosen]:
-    """Targets (column,), rising, and their groups of observers (column, k), up to `most` each."""
-    targets, groups = [], []
-    for j in np.flatnonzero(visible.any(axis=0)):
+@njit(cache=True, error_model="numpy")
+def _columns(visible, most):
+    """Targets (column,), rising, and their groups of observers (column, k), up to `most` each, by
+    size and in lexicographic order."""
+    n_targets, total = visible.shape[1], 0
+    for j in range(n_targets):
+        own, groups_of_size = np.count_nonzero(visible[:, j]), 1
+        for size in range(1, min(most, own) + 1):
+            groups_of_size = groups_of_size * (own - size + 1) // size
+            total += groups_of_size
+    targets = np.empty(total, np.int64)
+    groups = np.full((total, most), IDLE)
+    place, column = np.empty(most, np.int64), 0
+    for j in range(n_targets):
         own = np.flatnonzero(visible[:, j])
         for size in range(1, min(most, own.size) + 1):
-            for group in combinations(own.tolist(), size):
-                targets.append(j)
-                groups.append([*group, *(IDLE,) * (most - size)])
-    return (
-        np.array(targets, dtype=np.int64),
-        np.array(groups, dtype=np.int64).reshape(len(targets), most),
-    )
+            for k in range(size):
+                place[k] = k
+            moved = 0
+            while moved >= 0:
+                targets[column] = j
+                for k in range(size):
+                    groups[column, k] = own[place[k]]
+                column += 1
+                # the last observer with another one after it and the following members
+                moved = size - 1
+                while moved >= 0 and place[moved] == own.size - size + moved:
+                    moved -= 1
+                if moved >= 0:
+                    place[moved] += 1
+                    for k in range(moved + 1, size):
+                        place[k] = place[k - 1] + 1
+    return targets, groups
 
 
 def _chosen(
