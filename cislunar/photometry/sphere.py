@@ -174,7 +174,10 @@ def returned_light(
     facing = (cosine > 0.0) & (seen > 0.0)
     cosine = np.where(facing, cosine, 1.0)
     attenuation = np.minimum(1.0, 2.0 * half * np.minimum(seen, light[1]) / cosine)
-    fresnel = fresnel_reflectance(cosine, material.normal_reflectance, model.fresnel_sqrt)
+    # as a Python function, since arrays need no kernel
+    fresnel = getattr(fresnel_reflectance, "py_func", fresnel_reflectance)(
+        cosine, material.normal_reflectance, model.fresnel_sqrt
+    )
     glint = np.where(facing, attenuation * fresnel * cosine / (half * light[1]), 0.0)
     diffuse = material.diffuse_weight * material.diffuse_albedo
     return float(diffuse + 4.0 * material.specular_weight * glint.mean())
