@@ -151,3 +151,36 @@ def test_a_cell_that_tests_for_maneuvers(inputs):
     for name in plain.data_vars:
         np.testing.assert_array_equal(tested[name].values, plain[name].values, err_msg=name)
     assert (tested["maneuver_statistic"].values > 0.0).any()
+
+
+def test_estimated_maneuvers_are_exported(inputs, tmp_path):
+    """In the same axes as true ones, with the deviations of magnitude and direction; improbable
+    ones are left out."""
+    table = tmp_path / "maneuvers.csv"
+    table.write_text(HEADER + "0,0.5,3,4,0,propagation\n1,1,1,2,2,propagation\n")
+    cell = run(inputs, settings({"table": str(table)}))
+    true = cell_maneuvers(cell, inputs.sun)
+    same = {"seed": "seed", "target": "target", "time": "start", "velocity": "velocity"}
+    estimated = {
+        f"recovered_{name}": (("recovered_maneuver", *cell[f"maneuver_{other}"].dims[1:]),
+                              cell[f"maneuver_{other}"].values)
+        for name, other in same.items()
+    }  # fmt: skip
+    velocity = cell["maneuver_velocity"].values
+    size = np.linalg.norm(velocity, axis=1)
+    way = velocity / size[:, None]
+    along = np.einsum("mi,mj->mij", way, way)
+    # 1 % along, and a degree across
+    spread = (0.01 * size[:, None, None]) ** 2 * along
+    spread += (np.deg2rad(1.0) * size[:, None, None]) ** 2 * (np.eye(3) - along)
+    estimated["recovered_covariance"] = ("recovered_maneuver", "axis", "axis_2"), spread
+    five = np.isclose(size, 5.0)
+    estimated["recovered_probability"] = "recovered_maneuver", np.where(five, 0.9, 0.4)
+    assert cell_maneuvers(cell, inputs.sun, "estimated") == {}
+    found = cell_maneuvers(cell.assign(estimated), inputs.sun, "estimated")
+    ((name, (one,)),) = found.items()
+    (wanted,) = true[name]
+    assert (one.tdb_s, one.basis) == (wanted.tdb_s, "DETERMINED")
+    np.testing.assert_allclose(one.delta_v_km_s, wanted.delta_v_km_s, rtol=1e-12)
+    deviations = one.magnitude_sigma_percent, one.direction_sigma_deg
+    np.testing.assert_allclose(deviations, [1.0, 1.0], rtol=1e-9)
