@@ -138,10 +138,7 @@ def judged(bent, request):
 
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_a_curved_uncertainty_after_a_gap_is_that_of_particles(name, bent, judged):
-    """After both observations, in all six components; the uncertainty is never too small.
-
-    Process noise in the gap is treated as in free motion.
-    """
+    """After both observations, in all six components; the uncertainty is never too small."""
     scene, surfaces, sensor, initial, _, records, steps = bent
     process, by_particles = judged
 

@@ -1,7 +1,11 @@
 """Orbit estimates as Gaussian mixtures where a single Gaussian is not adequate, compiled;
 docs/dynamics.md derives the method. An estimate that never became a mixture equals that of the
-filter without splitting, bit for bit. The process noise of a gap, as of free motion, is added to
-the moments of the points."""
+filter without splitting, bit for bit.
+
+Each component has the covariance of the process noise since the time of its Gaussian. It is carried
+by the transition matrix of the component: that of the central differences of its sigma points over
+a stride, in which noise is added as in free motion. The noise is thus linearized, about each
+component and over its width; it has to remain small compared with the curvature of the flow."""
 
 from typing import NamedTuple
 
@@ -13,7 +17,7 @@ from cislunar.dynamics.bundle import step_bundle
 from cislunar.dynamics.forces import of_state
 from cislunar.estimation.estimator import HEALTHY, NOT_FINITE
 from cislunar.estimation.kalman.translation_filter import SIZE, predict_translation
-from cislunar.estimation.kalman.workspace import add_orbit_noise, covariance_of
+from cislunar.estimation.kalman.workspace import add_orbit_noise, covariance_of, has_orbit_noise
 from cislunar.estimation.triangular import cholesky, solve_lower
 from cislunar.estimation.unscented import difference_moments, sigma_points
 
@@ -43,7 +47,8 @@ class GaussianMixture(NamedTuple):
     the upper bound of the shift of a single mean by curvature since then, standard deviations;
     `count` of components, 0 for a single Gaussian; their `weight` (target, MAX_COMPONENTS), `mean`
     (..., 6) and `root` (..., 6, 6) at the time `since`, nondimensional, propagation frame; `points`
-    (..., 6, 13), their sigma points propagated to the present.
+    (..., 6, 13), their sigma points propagated to the present; `noise` (..., 6, 6), the covariance
+    of their process noise since then.
     """
 
     steps_since_update: NDArray[np.int64]
@@ -54,6 +59,7 @@ class GaussianMixture(NamedTuple):
     mean: Array
     root: Array
     points: Array
+    noise: Array
 
 
 def no_mixture(n_targets: int, splitting: bool) -> GaussianMixture:
@@ -68,6 +74,7 @@ def no_mixture(n_targets: int, splitting: bool) -> GaussianMixture:
         np.zeros((n_targets, most, SIZE)),
         np.zeros((n_targets, most, SIZE, SIZE)),
         np.zeros((n_targets, most, SIZE, 2 * SIZE + 1)),
+        np.zeros((n_targets, most, SIZE, SIZE)),
     )
 
 
@@ -117,18 +124,82 @@ def definite_root(covariance):
 
 
 @njit_noalloc
-def carry_points(points, j, first, last, scene, constants, work):
-    """Propagate sigma points (6, 13) of target j from one time to another."""
+def _half_differences(points, out):
+    """Half the differences of opposite sigma points (6, 13), in rows of `out` (6, 6)."""
+    for i in range(SIZE):
+        for c in range(SIZE):
+            out[i, c] = 0.5 * (points[c, 1 + i] - points[c, 1 + SIZE + i])
+
+
+@njit_noalloc
+def _solve(matrix, right):
+    """Solve ``matrix x = right`` for six columns, by elimination with partial pivoting; both are
+    overwritten, `right` by x. False if the matrix is singular."""
+    for i in range(SIZE):
+        pivot = i
+        for r in range(i + 1, SIZE):
+            if abs(matrix[r, i]) > abs(matrix[pivot, i]):
+                pivot = r
+        if not abs(matrix[pivot, i]) > 0.0:
+            return False
+        for c in range(SIZE):
+            matrix[i, c], matrix[pivot, c] = matrix[pivot, c], matrix[i, c]
+            right[i, c], right[pivot, c] = right[pivot, c], right[i, c]
+        for r in range(SIZE):
+            if r != i:
+                factor = matrix[r, i] / matrix[i, i]
+                for c in range(SIZE):
+                    matrix[r, c] -= factor * matrix[i, c]
+                    right[r, c] -= factor * right[i, c]
+    for i in range(SIZE):
+        for c in range(SIZE):
+            right[i, c] /= matrix[i, i]
+    return True
+
+
+@njit_noalloc
+def _carry_noise(noise, transposed, scratch):
+    """Carry a covariance (6, 6) by a transition matrix, given its transpose (6, 6)."""
+    for a in range(SIZE):
+        for b in range(SIZE):
+            total = 0.0
+            for i in range(SIZE):
+                total += noise[a, i] * transposed[i, b]
+            scratch[a, b] = total
+    for a in range(SIZE):
+        for b in range(a + 1):
+            total = 0.0
+            for i in range(SIZE):
+                total += transposed[i, a] * scratch[i, b]
+            noise[a, b] = total
+            noise[b, a] = total
+
+
+@njit_noalloc
+def carry_points(points, noise, j, first, last, scene, constants, work):
+    """Propagate sigma points (6, 13) of target j, and the covariance (6, 6) of their process noise,
+    from one time to another."""
     stride = max(1, int(_STRIDE_S / scene.step_s))
     forces = of_state(constants.forces, j)
+    noisy = has_orbit_noise(constants)
+    before, after = work.differences[:SIZE, :SIZE], work.differences[SIZE : 2 * SIZE, :SIZE]
     for k in range(first, last, stride):
-        dt = (min(k + stride, last) - k) * scene.step
+        n_steps = min(k + stride, last) - k
+        dt = n_steps * scene.step
+        if noisy:
+            _half_differences(points, before)
         step_bundle(forces, k * scene.step, points, dt, work.slopes, work.stage)
+        if noisy:
+            _half_differences(points, after)
+            # without a transition matrix the noise of the points is not finite either
+            if _solve(before, after):
+                _carry_noise(noise, after, work.covariance)
+            add_orbit_noise(noise, n_steps, scene.step, constants)
 
 
 @njit_alloc
-def merge(mixture, j, k, translation, root, scene, constants, work):
-    """Mean and root of a mixture's moments at time k; returns the variance between the components.
+def merge(mixture, j, translation, root, constants, work):
+    """Mean and root of a mixture's present moments; returns the variance between the components.
     The variance is summed over the axes in units of the root; -1 if the moments are not finite or
     not definite."""
     weights = constants.orbit_weights
@@ -142,14 +213,14 @@ def merge(mixture, j, k, translation, root, scene, constants, work):
             each[m, c] = work.shift[c]
             mean[c] += weight * work.shift[c]
             for d in range(c + 1):
-                covariance[c, d] += weight * work.covariance[c, d]
+                own = work.covariance[c, d] + mixture.noise[j, m, c, d]
+                covariance[c, d] += weight * own
     for m in range(count):
         for c in range(SIZE):
             each[m, c] -= mean[c]
         for c in range(SIZE):
             for d in range(c + 1):
                 covariance[c, d] += mixture.weight[j, m] * each[m, c] * each[m, d]
-    add_orbit_noise(covariance, k - mixture.since[j], scene.step, constants)
     if not np.isfinite(np.sum(mean)) or not definite_root(covariance):
         return -1.0
     translation[:], root[:, :] = mean, covariance
@@ -162,12 +233,12 @@ def merge(mixture, j, k, translation, root, scene, constants, work):
 
 
 @njit_noalloc
-def moments(mixture, j, translation, rows, k, scene, constants, work):
-    """Moments of a mixture at time k, into mean (6,) and rows (6, n) of a root; its health. The
+def moments(mixture, j, translation, rows, constants, work):
+    """Present moments of a mixture, into mean (6,) and rows (6, n) of a root; its health. The
     correlation of the other n - 6 states with the orbit is neglected."""
     others = rows.shape[1] - SIZE
     rows[:, :others] = 0.0
-    between = merge(mixture, j, k, translation, rows[:, others:], scene, constants, work)
+    between = merge(mixture, j, translation, rows[:, others:], constants, work)
     return HEALTHY if between >= 0.0 else NOT_FINITE
 
 
@@ -215,7 +286,7 @@ def after_step(mixture, j, translation, rows, shift, health, k, scene, constants
         if mixture.nonlinearity[j] <= _NONLINEARITY_LIMIT:
             return health
     open_single(mixture, j, k, scene, constants, work)
-    return moments(mixture, j, translation, rows, k, scene, constants, work)
+    return moments(mixture, j, translation, rows, constants, work)
 
 
 @njit_noalloc
@@ -223,7 +294,9 @@ def open_single(mixture, j, k, scene, constants, work):
     """Propagate the sigma points of the stored Gaussian to time k, as the only component."""
     spread = constants.orbit_weights.spread
     sigma_points(mixture.mean[j, 0], mixture.root[j, 0], spread, mixture.points[j, 0])
-    carry_points(mixture.points[j, 0], j, mixture.since[j], k, scene, constants, work)
+    points, noise = mixture.points[j, 0], mixture.noise[j, 0]
+    noise[:, :] = 0.0
+    carry_points(points, noise, j, mixture.since[j], k, scene, constants, work)
     mixture.count[j] = 1
 
 
@@ -232,8 +305,9 @@ def step_mixture(mixture, j, translation, rows, k, scene, constants, work):
     """Propagate a mixture over the step from time k; its moments go into mean and rows of a
     root."""
     for m in range(mixture.count[j]):
-        carry_points(mixture.points[j, m], j, k, k + 1, scene, constants, work)
-    return moments(mixture, j, translation, rows, k + 1, scene, constants, work)
+        points, noise = mixture.points[j, m], mixture.noise[j, m]
+        carry_points(points, noise, j, k, k + 1, scene, constants, work)
+    return moments(mixture, j, translation, rows, constants, work)
 
 
 @njit_noalloc

@@ -33,13 +33,11 @@ from cislunar.estimation.kalman.translation_filter import (
 )
 from cislunar.estimation.kalman.workspace import (
     Workspace,
-    add_orbit_noise,
     in_field,
     make_workspace,
-    noise_of_gap,
 )
 from cislunar.estimation.unscented import innovation_moments, sigma_points
-from cislunar.observation.sightline import direction_angles, wrap_angle
+from cislunar.observation.sightline import wrap_angle
 
 Array = NDArray[np.float64]
 
@@ -61,6 +59,7 @@ class _SplitWork(NamedTuple):
     mean: Array
     root: Array
     points: Array
+    noise: Array
 
 
 @njit_alloc
@@ -74,6 +73,7 @@ def make_split_work(most):
         np.empty((size, SIZE)),
         np.empty((size, SIZE, SIZE)),
         np.empty((size, SIZE, 2 * SIZE + 1)),
+        np.empty((size, SIZE, SIZE)),
     )
 
 
@@ -112,17 +112,26 @@ def _observe(points, observation, constants, work):
 
 
 @njit_alloc
-def _with_noise(observation, place, n_steps, scene, constants):
-    """An observation whose variances include the effect of the process noise of a gap on the
-    angles."""
+def _with_noise(observation, points, noise):
+    """An observation whose variances include the effect of the process noise (6, 6) of a component
+    on the angles, at the center of its points."""
     right_ascension, declination, variance, observer, axes = observation
-    dx, dy, dz = place[0] - observer[0], place[1] - observer[1], place[2] - observer[2]
-    distance2 = dx * dx + dy * dy + dz * dz
-    across2 = distance2 * np.cos(direction_angles(dx, dy, dz, axes)[1]) ** 2
-    position = noise_of_gap(n_steps, scene.step, constants)[0]
+    seen, slope = np.zeros(3), np.zeros((2, 3))
+    for a in range(3):
+        for b in range(3):
+            seen[a] += axes[a, b] * (points[b, 0] - observer[b])
+    x, y, z = seen
+    across2 = x * x + y * y
+    distance2, across = across2 + z * z, np.sqrt(across2)
+    for b in range(3):
+        slope[0, b] = (x * axes[1, b] - y * axes[0, b]) / across2
+        along = x * axes[0, b] + y * axes[1, b]
+        slope[1, b] = (across2 * axes[2, b] - z * along) / (distance2 * across)
     wider = variance.copy()
-    wider[0] += position / across2
-    wider[1] += position / distance2
+    for angle in range(2):
+        for b in range(3):
+            for c in range(3):
+                wider[angle] += slope[angle, b] * noise[b, c] * slope[angle, c]
     return right_ascension, declination, wider, observer, axes
 
 
@@ -140,13 +149,16 @@ def _steepest(work, variance):
     return axis
 
 
-@njit_noalloc
+@njit_alloc
 def _wait(stack, at, weight, mean, root, observation, constants):
-    """Put a component, whose points are there, onto the stack, with its score by a direction."""
+    """Put a component, whose points and noise are there, onto the stack, with its score by a
+    direction."""
     stack.weight[at] = weight
     copy_into(stack.mean[at], mean)
     copy_into(stack.root[at], root)
-    stack.score[at] = weight + _observe(stack.points[at], observation, constants, stack.filter)
+    points = stack.points[at]
+    noisy = _with_noise(observation, points, stack.noise[at])
+    stack.score[at] = weight + _observe(points, noisy, constants, stack.filter)
 
 
 @njit_noalloc
@@ -156,16 +168,18 @@ def _leave(stack, at, last):
     copy_into(stack.mean[at], stack.mean[last])
     copy_into(stack.root[at], stack.root[last])
     copy_into(stack.points[at], stack.points[last])
+    copy_into(stack.noise[at], stack.noise[last])
 
 
 @njit_noalloc
-def _take(mixture, j, count, points, observation, n_steps, scene, constants, work):
-    """Update the Gaussian of sigma points as component number `count` of target j; whether this was
-    possible. The points are those of a Gaussian `n_steps` steps earlier, whose process noise is
-    added."""
+def _take(mixture, j, count, points, noise, observation, constants, work):
+    """Update the Gaussian of sigma points and process noise as component number `count` of target
+    j; whether this was possible."""
     weights = constants.orbit_weights
     point_moments(points, weights, work)
-    add_orbit_noise(work.covariance, n_steps, scene.step, constants)
+    for c in range(SIZE):
+        for d in range(c + 1):
+            work.covariance[c, d] += noise[c, d]
     if not definite_root(work.covariance):
         return False
     mean, root = mixture.mean[j, count], mixture.root[j, count]
@@ -190,11 +204,10 @@ def update_mixture(
     if not in_field(off_ra, off_dec, dec0, half_field):
         return OUTSIDE_FIELD
     waiting, since = mixture.count[j], mixture.since[j]
-    noisy = _with_noise(observation, translation, k - since, scene, constants)
     for m in range(waiting):
-        stack.points[m] = mixture.points[j, m]
+        stack.points[m], stack.noise[m] = mixture.points[j, m], mixture.noise[j, m]
         log_weight = np.log(mixture.weight[j, m])
-        _wait(stack, m, log_weight, mixture.mean[j, m], mixture.root[j, m], noisy, constants)
+        _wait(stack, m, log_weight, mixture.mean[j, m], mixture.root[j, m], observation, constants)
     best = np.max(stack.score[:waiting])
     least = best + np.log(np.sum(np.exp(stack.score[:waiting] - best))) - _LEAST_SCORE
     count, scores = 0, np.empty(MAX_COMPONENTS)
@@ -208,7 +221,8 @@ def update_mixture(
         score = stack.score[at]
         if not score > least:
             break
-        points = stack.points[at]
+        points, noise = stack.points[at], stack.noise[at]
+        noisy = _with_noise(observation, points, noise)
         _observe(points, noisy, constants, work)
         room = count + waiting + 2 <= MAX_COMPONENTS
         if room and is_curved(work.even, work.cross, noisy[2], 0.0, constants.curvature):
@@ -217,12 +231,14 @@ def update_mixture(
             for i in range(3):
                 new = at if i == 0 else waiting + i - 1
                 sigma_points(means[i], narrow, weights.spread, stack.points[new])
-                carry_points(stack.points[new], j, since, k, scene, constants, work)
+                stack.noise[new] = 0.0
+                carried = stack.points[new], stack.noise[new]
+                carry_points(*carried, j, since, k, scene, constants, work)
                 weight = log_weight + log_weights[i]
-                _wait(stack, new, weight, means[i], narrow, noisy, constants)
+                _wait(stack, new, weight, means[i], narrow, observation, constants)
             waiting += 2
             continue
-        if _take(mixture, j, count, points, observation, k - since, scene, constants, work):
+        if _take(mixture, j, count, points, noise, observation, constants, work):
             scores[count] = score
             count += 1
         waiting -= 1
@@ -231,7 +247,7 @@ def update_mixture(
         return FAILED_UPDATE
     _weigh(mixture, j, scores[:count], weights.spread)
     mixture.since[j], mixture.steps_since_update[j] = k, 0
-    between = merge(mixture, j, k, translation, root, scene, constants, work)
+    between = merge(mixture, j, translation, root, constants, work)
     if between < 0.0:
         return FAILED_UPDATE
     if between < _OVERLAP:
@@ -253,6 +269,7 @@ def _weigh(mixture, j, score, spread):
         sigma_points(
             mixture.mean[j, count], mixture.root[j, count], spread, mixture.points[j, count]
         )
+        mixture.noise[j, count] = 0.0
         count += 1
     total = np.sum(mixture.weight[j, :count])
     for m in range(count):
@@ -266,12 +283,12 @@ def open_if_curved(mixture, j, translation, rows, observation, k, scene, constan
     split."""
     if mixture.since[j] < 0 and not keep_single(mixture, j, translation, rows, k, work):
         return False
-    noisy = _with_noise(observation, translation, k - mixture.since[j], scene, constants)
     open_single(mixture, j, k, scene, constants, work)
-    _observe(mixture.points[j, 0], noisy, constants, work)
+    points = mixture.points[j, 0]
+    noisy = _with_noise(observation, points, mixture.noise[j, 0])
+    _observe(points, noisy, constants, work)
     curved = is_curved(work.even, work.cross, noisy[2], 0.0, constants.curvature)
-    given = k, scene, constants, work
-    if curved and moments(mixture, j, translation, rows, *given) == HEALTHY:
+    if curved and moments(mixture, j, translation, rows, constants, work) == HEALTHY:
         return True
     mixture.count[j] = 0
     return False

@@ -172,7 +172,8 @@ def add_process_noise(covariance, constants):
 @njit_noalloc
 def noise_of_gap(n_steps, dt, constants):
     """Variance of position, covariance with velocity and variance of velocity on each axis. They
-    are the accumulated process noise of `n_steps` steps of free motion."""
+    are the accumulated process noise of `n_steps` steps of free motion, an approximation for times
+    that are short compared with a revolution."""
     position, velocity = constants.process_variance[-6], constants.process_variance[-1]
     both = constants.process_covariance
     once, squared = n_steps * (n_steps - 1) / 2.0, (n_steps - 1) * n_steps * (2 * n_steps - 1) / 6.0
@@ -184,12 +185,19 @@ def noise_of_gap(n_steps, dt, constants):
 
 
 @njit_noalloc
+def has_orbit_noise(constants):
+    """Whether position or velocity has process noise."""
+    return constants.process_variance[-6] > 0.0 or constants.process_variance[-1] > 0.0
+
+
+@njit_noalloc
 def add_orbit_noise(covariance, n_steps, dt, constants):
-    """Add the noise of a gap to a covariance (6, 6) of the orbit, in its lower triangle."""
+    """Add the noise of a few steps to a covariance (6, 6) of the orbit."""
     position, both, velocity = noise_of_gap(n_steps, dt, constants)
     for c in range(3):
         covariance[c, c] += position
         covariance[c + 3, c] += both
+        covariance[c, c + 3] += both
         covariance[c + 3, c + 3] += velocity
 
 
