@@ -18,8 +18,8 @@ from cislunar.estimation.estimator import (
     Prediction,
 )
 from cislunar.estimation.light_curves.model_selection.characterization import UNIQUE
-from cislunar.estimation.navigation.errors import N_PARAMETERS
-from cislunar.estimation.navigation.navigated_estimator import NavigatedEstimator, ObserverEstimate
+from cislunar.estimation.navigation.errors import N_PARAMETERS, ObserverEstimate
+from cislunar.estimation.navigation.navigated_estimator import NavigatedEstimator
 from cislunar.evaluation.cramer_rao import CramerRaoBound
 from cislunar.evaluation.metrics import Evaluation
 from cislunar.observation.body_sampling import true_deviations
