@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.estimation.estimator import Estimates
-from cislunar.estimation.navigation.errors import N_PARAMETERS
-from cislunar.estimation.navigation.navigated_estimator import ObserverEstimate
+from cislunar.estimation.navigation.errors import N_PARAMETERS, ObserverEstimate
 from cislunar.observation.records import Measurements, rows_of
 from cislunar.observation.scene import Scene
 from cislunar.tasking.histories import HISTORIES, ObservationLog

@@ -8,11 +8,15 @@ from scipy.integrate import solve_ivp
 from cislunar.constants import LENGTH_UNIT_KM, MU, TIME_UNIT_S
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.cr3bp import EARTH_MOON, equations_of_motion, variational_matrix
+from cislunar.dynamics.ephemeris import UNITS, forces_between
+from cislunar.dynamics.frames import pulsating_frame, to_inertial
+from cislunar.ephemeris.time_scales import tdb_seconds
 from cislunar.estimation.linearization import carry_estimates, make_scratch
 from cislunar.observation.scene import make_scene
 
 STEP, N_STEPS = 60.0 / TIME_UNIT_S, 120
 HALO = np.array([1.0842, 0.0, -0.2010, 0.0, -0.2128, 0.0])
+FIRST = "2024-10-01T00:00:00"
 SHIFT = np.array([1.0, -2.0, 1.5, 0.1, 0.2, -0.1]) * 1e-8
 
 
@@ -69,3 +73,14 @@ def test_transition_matrices_are_those_of_the_variational_equations(start, share
     both = propagate_bundle(np.stack([start, start + SHIFT]), STEP, N_STEPS)[:, -1]
     difference = both[1] - both[0]
     np.testing.assert_allclose(shift, difference, atol=5.0 * share * np.abs(difference).max())
+
+
+def test_transition_matrices_of_ephemeris_forces_are_differences_of_orbits():
+    forces = forces_between(FIRST, "2024-10-02", area_to_mass=0.01, reflectivity=1.4)
+    start = to_inertial(HALO, pulsating_frame(forces.table, tdb_seconds(FIRST))) / UNITS
+    path, _, _ = carried(forces, start, np.zeros(N_STEPS, dtype=bool))
+    h = 1e-5
+    states = np.concatenate([start + h * np.eye(6), start - h * np.eye(6)])
+    moved = propagate_bundle(states, STEP, N_STEPS, forces=forces)[:, -1]
+    expected = (moved[:6] - moved[6:]).T / (2.0 * h)
+    np.testing.assert_allclose(path, expected, atol=1e-6 * np.abs(expected).max())

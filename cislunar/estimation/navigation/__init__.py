@@ -6,9 +6,9 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "errors": ["N_PARAMETERS", "OBSERVER_PARAMETERS", "ObserverErrorSigma", "ObserverErrors",
-        "TREATMENTS", "UNITS"],
+        "ObserverEstimate", "TREATMENTS", "UNITS"],
     "factory": ["navigated"],
-    "navigated_estimator": ["NavigatedEstimator", "ObserverEstimate"],
+    "navigated_estimator": ["NavigatedEstimator"],
     "rates": ["frame_rotation", "observer_velocities"],
     "table": ["errors_of_observers", "load_observer_errors"],
 })

@@ -8,7 +8,7 @@ minus its time stamp. Position and offsets are the sum of a constant and a rando
 error is constant.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,3 +126,19 @@ class ObserverErrors(ObserverErrorSigma):
                 "prior.pointing_arcsec or prior.clock_s, or set treatment to 'none'"
             )
         return self
+
+
+class ObserverEstimate(NamedTuple):
+    """Estimated errors of the observers.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (observer, 6)
+        In the order of `OBSERVER_PARAMETERS`; m, arcsec and s. Zero for components that are not
+        estimated.
+    covariance : ndarray, shape (observer, 6, 6)
+        For components that are not estimated, the prior covariance.
+    """
+
+    mean: Array
+    covariance: Array

@@ -41,10 +41,9 @@ Assumptions and limitations
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
 
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics.forces import of_targets
@@ -63,6 +62,7 @@ from cislunar.estimation.navigation.errors import (
     N_PARAMETERS,
     UNITS,
     ObserverErrorSigma,
+    ObserverEstimate,
 )
 from cislunar.estimation.navigation.rates import frame_rotation, observer_velocities
 from cislunar.estimation.navigation.schmidt import consider
@@ -81,22 +81,6 @@ _BLOCK_S = 600.0
 _LARGEST_BEND = 0.1
 """Largest second-order displacement of an orbit by the errors of observers, in standard deviations
 of the orbit given the errors, with which their correlation counts as linear."""
-
-
-class ObserverEstimate(NamedTuple):
-    """Estimated errors of the observers.
-
-    Attributes
-    ----------
-    mean : ndarray, shape (observer, 6)
-        In the order of `OBSERVER_PARAMETERS`; m, arcsec and s. Zero for components that are not
-        estimated.
-    covariance : ndarray, shape (observer, 6, 6)
-        For components that are not estimated, the prior covariance.
-    """
-
-    mean: Array
-    covariance: Array
 
 
 class NavigatedEstimator:
@@ -241,6 +225,13 @@ class NavigatedEstimator:
         histories: bool = True,
     ) -> Estimates:
         """See `Estimator.advance`; the orbits at all steps are needed in any case."""
+        # several threads are slower at the size of these matrices, and round otherwise
+        with threadpool_limits(limits=1):
+            found = self._in_blocks(measurements, final)
+        return found if covariance else found._replace(covariance=found.covariance[:, :0])
+
+    def _in_blocks(self, measurements: Measurements, final: bool) -> Estimates:
+        """Process an interval block by block."""
         n_steps, step_s = measurements.offset.shape[1] - 1, self._scene.step_s
         size = max(1, int(_BLOCK_S / step_s))
         _, step = rows_of(measurements)
@@ -257,8 +248,7 @@ class NavigatedEstimator:
             used[rows], done = found.used, stop
             several.append(found[:-1])
         histories = (np.concatenate(each, axis=1) for each in zip(*several, strict=True))
-        found = Estimates(*histories, used)
-        return found if covariance else found._replace(covariance=found.covariance[:, :0])
+        return Estimates(*histories, used)
 
     def _with_nonlinearity(self, measurements: Measurements) -> Measurements:
         """The measurements with the variance of the second-order effect of the errors of observer
