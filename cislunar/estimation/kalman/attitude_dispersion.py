@@ -19,6 +19,9 @@ from cislunar.attitude.quaternion import multiply_components, rotation_vector_co
 from cislunar.compiled import njit_alloc, njit_noalloc
 from cislunar.estimation.expected import attitude_error
 
+_FASTEST_RAD_S = 10.0
+"""Rates beyond which an estimate has diverged, and would take ever more steps, rad/s."""
+
 
 @njit_alloc
 def _perturbed_step(w1, w2, w3, parameters, root, i, scale, kinds, inertia, inverse, step_s):
@@ -33,13 +36,27 @@ def _perturbed_step(w1, w2, w3, parameters, root, i, scale, kinds, inertia, inve
 
 
 @njit_noalloc
+def _is_slow(omega, root, constants):
+    """Whether no sigma point can rotate faster than `_FASTEST_RAD_S`."""
+    mean, deviation = 0.0, 0.0
+    first = len(constants.parameters) + 3
+    for c in range(3):
+        mean += omega[c] * omega[c]
+        for i in range(root.shape[1]):
+            deviation += root[first + c, i] * root[first + c, i]
+    return np.sqrt(mean) + constants.weights.spread * np.sqrt(deviation) < _FASTEST_RAD_S
+
+
+@njit_noalloc
 def rotation_differences(omega, parameters, root, step_s, bodies, j, constants, differences):
     """Parameter, attitude and rate parts of the propagated differences (Paul & Fan, eq. 38), into
     columns 0 .. p + 5 of `differences` (2 n, n). `omega` (3,), the mean rate of target j, rad/s,
     becomes that of the central point after the step. `parameters` (p,) are the mean deviations of
     the body, and `constants` those of the filter. Returns the rotation of the central point as a
-    quaternion."""
+    quaternion, NaN if a point rotates too fast."""
     o1, o2, o3 = omega[0], omega[1], omega[2]
+    if not _is_slow(omega, root, constants):
+        return np.nan, np.nan, np.nan, np.nan
     inertia, inverse, spherical = bodies.inertia[j], bodies.inverse[j], bodies.spherical[j]
     p, spread = len(constants.parameters), constants.weights.spread
     kinds = constants.rotation_kinds
