@@ -31,7 +31,7 @@ _CLASSES = ((0.2, 0.5), (1.0, 10.0), (10.0, 100.0), (100.0, 500.0))
 _COLORS = (style.GREEN, style.SKY, style.BLUE, style.PURPLE)
 _RESPONSES = {"none": (style.DOTTED, "x"), "recovery": (style.SOLID, "o")}
 
-_WIDTH, _HEIGHT, _LEFT, _GAP, _FOOT, _HEAD = 1.75, 1.7, 0.6, 0.65, 1.05, 0.3
+_WIDTH, _HEIGHT, _LEFT, _GAP, _FOOT, _HEAD = 1.75, 1.7, 0.75, 0.72, 1.3, 0.3
 
 
 @style.house_style()
