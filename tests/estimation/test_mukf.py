@@ -12,6 +12,7 @@ from cislunar.estimation.estimator import (
     CHOLESKY_FAILURES,
     FLOOR_HITS,
     INSIDE_PRIMARY,
+    NOT_FINITE,
     OUT_OF_FIELD,
     UPDATES,
 )
@@ -149,6 +150,18 @@ def test_process_noise_grows_with_time_not_with_steps():
         attitude = np.linalg.norm(final[:3])  # the covariance only turns
         assert np.rad2deg(attitude) == pytest.approx(0.1 * np.sqrt(60.0 * 3.0), rel=1e-6)
         assert final[6] * LENGTH_UNIT_KM == pytest.approx(np.sqrt(60.0), rel=0.02)
+
+
+def test_a_rate_that_has_diverged_ends_the_estimate_and_the_others_continue():
+    scene, surfaces, initial, _, measurements, _ = measured_problem(hours=0.2)
+    expected = MultiplicativeUKF(scene, surfaces, SENSOR, initial).advance(measurements)
+    rate = initial.angular_velocity.copy()
+    rate[1] = [0.0, 1e9, 0.0]  # steps of 0.03 rad would take years
+    filt = MultiplicativeUKF(scene, surfaces, SENSOR, initial._replace(angular_velocity=rate))
+    estimates = filt.advance(measurements)
+    np.testing.assert_array_equal(filt.failed, [0, NOT_FINITE, 0, 0, 0])
+    others = [0, 2, 3, 4]
+    np.testing.assert_array_equal(estimates.sigma[others], expected.sigma[others])
 
 
 def test_a_target_that_hits_the_moon_is_marked_and_the_others_continue():
