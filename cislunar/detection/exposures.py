@@ -31,7 +31,7 @@ from cislunar.observation.sensor import (
     noise_variance_at,
     sensor_limits,
 )
-from cislunar.observation.sightline import direction_angles, wrap_angle
+from cislunar.observation.sightline import direction_angles, wrap_angle, wrapped
 from cislunar.observation.target_surfaces import TargetSurfaces
 
 Array = NDArray[np.float64]
@@ -285,4 +285,4 @@ def _direction(x: Array, y: Array, ra0: Array, dec0: Array) -> tuple[Array, Arra
     s, c = np.sin(dec0), np.cos(dec0)
     forward, up = c - y * s, s + y * c
     ra = ra0 + np.arctan2(x, forward)
-    return wrap_angle(ra), np.arctan2(up, np.hypot(x, forward))
+    return wrapped(ra), np.arctan2(up, np.hypot(x, forward))

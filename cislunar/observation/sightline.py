@@ -35,10 +35,13 @@ SUN, MOON, EARTH = range(3)
 CLEAR, BRIGHT, _HIDDEN = range(3)
 
 
-@njit_inline
-def wrap_angle(angle):
-    """An angle in [-pi, pi)."""
+def wrapped(angle):
+    """Angles in [-pi, pi), of angles of any shape."""
     return angle - 2.0 * np.pi * np.floor(0.5 * angle / np.pi + 0.5)
+
+
+wrap_angle = njit_inline(wrapped)
+"""`wrapped` of a single angle, for kernels."""
 
 
 @njit_inline

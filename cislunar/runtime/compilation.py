@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from types import FunctionType, ModuleType
 from typing import Any
 
-from cislunar.compiled import implementations
 from cislunar.runtime.progress import clock, note_compilation, progress_log, say, shown
 
 _KIND = "numba:compile"
@@ -117,6 +116,8 @@ def kernels_within(kernel: Any) -> list[Any]:
     """A kernel and all kernels that it may call, directly or not, except those that are always
     inlined. Of a function with implementations by type, these are the kernels of all of them."""
     from numba.core.dispatcher import Dispatcher
+
+    from cislunar.compiled import implementations
 
     found, todo = {}, [kernel]
     while todo:

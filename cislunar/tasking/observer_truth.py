@@ -24,7 +24,7 @@ from cislunar.errors import ConfigurationError
 from cislunar.estimation.navigation.errors import N_PARAMETERS, UNITS, ObserverErrorSigma
 from cislunar.estimation.navigation.rates import frame_rotation, observer_velocities
 from cislunar.observation.scene import Scene
-from cislunar.observation.sightline import wrap_angle
+from cislunar.observation.sightline import wrapped
 from cislunar.runtime.arguments import array_of
 from cislunar.tasking.initial_conditions import OBSERVER, stream
 
@@ -74,7 +74,7 @@ class ObserverTruth(NamedTuple):
         velocity += np.cross(frame_rotation(scene), way)
         axes = scene.observer_axes[index]
         before, after = _angles(axes, way), _angles(axes, way + clock[:, None] * velocity)
-        return error[:, 3:5] + wrap_angle(after - before)
+        return error[:, 3:5] + wrapped(after - before)
 
     def measured(
         self,
@@ -119,7 +119,7 @@ def _angles(axes: Array, way: Array) -> Array:
 def shifted_angles(value: Array, offset: Array) -> Array:
     """Measurements (row, 3) whose angles are increased by offsets (row, 2)."""
     out = value.copy()
-    out[:, 1] = wrap_angle(out[:, 1] + offset[:, 0])
+    out[:, 1] = wrapped(out[:, 1] + offset[:, 0])
     out[:, 2] += offset[:, 1]
     return out
 

@@ -8,7 +8,7 @@ from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.dynamics.cr3bp import EARTH_MOON
 from cislunar.dynamics.maneuvers import VELOCITY_UNIT_M_S, Impulses, propagate_with_impulses
 from cislunar.estimation.maneuvers import AngleRows, ManeuverBank
-from cislunar.observation.sightline import direction_angles, wrap_angle
+from cislunar.observation.sightline import direction_angles, wrapped
 from cislunar.tasking.demonstration import tracking_problem
 
 SIGMA = np.array([1e-3] * 3 + [1e-3] * 3) * [1.0, 1.0, 1.0, 0.1, 0.1, 0.1]
@@ -65,7 +65,7 @@ def test_orbit_and_maneuver_are_those_of_least_squares(problem, size_m_s, prior_
         states = path(scene, mean + value[:6], value[6], value[7:])
         off = angles(scene, states, rows.time, rows.observer) - rows.value
         prior = x[:6], x[7:] * size_m_s / prior_m_s
-        return np.concatenate([*prior, (wrap_angle(off) / NOISE).ravel()])
+        return np.concatenate([*prior, (wrapped(off) / NOISE).ravel()])
 
     start = np.concatenate([np.zeros(6), [IMPULSE_AT], change / unit[7:]])
     best = least_squares(residuals, start, method="lm", diff_step=1e-5)

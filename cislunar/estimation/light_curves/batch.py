@@ -355,14 +355,7 @@ class BatchEstimator:
         self._tracks = selected_tracks(self._tracks, left)
 
 
-def _batch_constants(
-    settings: BatchSettings,
-    scene: Scene,
-    sensor: Sensors,
-    process_noise: ProcessNoise | None,
-    forces: tuple,
-    splitting: bool,
-) -> BatchConstants:
+def _batch_constants(settings, scene, sensor, process_noise, forces, splitting) -> BatchConstants:
     window, memory = (
         np.inf if hours is None else 3600.0 * hours
         for hours in (settings.window_hours, settings.memory_hours)
@@ -393,18 +386,10 @@ def batch(
             )
         settings = PRESETS[settings]
 
+    given = {"settings": settings, "process_noise": process_noise, "splitting": splitting}
+
     def make(scene, surfaces, sensor, initial, rng, forces):
-        return BatchEstimator(
-            scene,
-            surfaces,
-            sensor,
-            initial,
-            rng,
-            settings=settings,
-            process_noise=process_noise,
-            splitting=splitting,
-            forces=forces,
-        )
+        return BatchEstimator(scene, surfaces, sensor, initial, rng, forces=forces, **given)
 
     make.estimated_parameters = settings.estimated_parameters
     make.chooses_models = settings.model_selection.effort > 0

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cislunar.compiled import njit
+from cislunar.compiled import njit, njit_noalloc
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.meshes import CONVEX_TOLERANCE, Mesh, mesh_size
 from cislunar.photometry.shapes import facets_from_triangles
@@ -74,7 +74,7 @@ class Shadows(NamedTuple):
     settled: NDArray[np.uint64]
 
 
-@njit(cache=True, error_model="numpy")
+@njit_noalloc
 def table_corners(x, y, z, steps):
     """Rows of `Shadows.lookup` for the three table directions around a direction, and their
     weights. The last returned value is the triangle's row of `Shadows.settled`."""
