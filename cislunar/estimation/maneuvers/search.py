@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats.qmc import Sobol
+from scipy.stats import qmc
 
 from cislunar.dynamics.bundle import propagate_bundle
 from cislunar.dynamics.forces import of_targets
@@ -144,7 +144,7 @@ class ReachableSearch:
         alone = of_targets(self._forces, np.array([target]))
         start = first * step
         path = propagate_bundle(mean[None], step, now - first, forces=alone, start=start)[0]
-        u = Sobol(3, scramble=False).random(_PARTICLES) + 0.5 / _PARTICLES
+        u = qmc.Sobol(3, scramble=False).random(_PARTICLES) + 0.5 / _PARTICLES
         low, high = np.log(_SIZES_M_S)
         size = np.exp(low + (high - low) * u[:, 0]) / VELOCITY_UNIT_M_S
         height, longitude = 2.0 * u[:, 1] - 1.0, 2.0 * np.pi * u[:, 2]

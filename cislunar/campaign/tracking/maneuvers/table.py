@@ -188,8 +188,8 @@ def _median(own: tuple[float, float], name: str, values: Array) -> _Value:
 
 def _limit(size: Array, detected: NDArray[np.bool_]) -> _Value:
     """Change of velocity that is detected with a probability of 90 %, by logistic regression of its
-    logarithm (Cox 1958). Larger changes are left out, after which a target may leave the field of
-    view."""
+    logarithm (Cox 1958); NaN beyond the changes that occurred. Larger changes than 10 m/s are left
+    out, after which a target may leave the field of view."""
     name, own = "detectable_m_s", size <= _LARGEST_M_S
     size, detected = size[own], detected[own]
     if size.size == 0 or detected.all() or not detected.any() or size.max() < 2.0 * size.min():
@@ -203,7 +203,8 @@ def _limit(size: Array, detected: NDArray[np.bool_]) -> _Value:
 
     fit = minimize(cost, [np.median(x), 1.0], method="Nelder-Mead").x
     value = np.exp(fit[0] + np.log(_PROBABILITY / (1.0 - _PROBABILITY)) / np.exp(fit[1]))
-    return _ALL, name, float(value), _NONE, size.size
+    inside = size.min() <= value <= size.max()
+    return _ALL, name, float(value) if inside else np.nan, _NONE, size.size
 
 
 def _of_coasting(
