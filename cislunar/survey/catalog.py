@@ -203,7 +203,7 @@ class SurveyCatalog:
         if len(now.state) == 0 or angles.time.size == 0:
             return np.zeros(angles.time.size, dtype=bool)
         since = (angles.time - time)[:, None, None]
-        way = now.state[:, :3] + since * now.state[:, 3:] - angles.place[:, None]
+        way = now.state[:, :3] + since * now.state[:, 3:] - angles.observer_position[:, None]
         distance = np.linalg.norm(way, axis=2)
         apart = np.linalg.norm(way / distance[..., None] - angles.direction[:, None], axis=2)
         spread = np.sqrt(np.trace(now.covariance[:, :3, :3], axis1=1, axis2=2))
