@@ -67,28 +67,32 @@ def njit(*, cache: bool, **options: Any) -> Callable:
     return decorate
 
 
-njit_noalloc = njit(cache=True, error_model="numpy", _nrt=False)
-"""Decorator of kernels that allocate no arrays and return none except their arguments.
+def njit_noalloc(function: Callable) -> Any:
+    """Decorator of kernels that allocate no arrays and return none except their arguments.
 
-Numba counts references to every array that a kernel takes from a tuple or of which it takes a view.
-In a filter step this took longer than the arithmetic. The caller of such a kernel keeps references
-to the arrays, so that counting is unnecessary. Numba refuses to compile a kernel that needs it.
-"""
-
-
-njit_alloc = njit(cache=True, error_model="numpy", _nrt=True)
-"""Decorator of kernels that allocate arrays and are called by `njit_noalloc` kernels.
-
-It has to be explicit, because otherwise a kernel inherits the option of its first caller.
-"""
+    Numba counts references to every array that a kernel takes from a tuple or of which it takes a
+    view. In a filter step this took longer than the arithmetic. The caller of such a kernel keeps
+    references to the arrays, so that counting is unnecessary. Numba refuses to compile a kernel
+    that needs it.
+    """
+    return njit(cache=True, error_model="numpy", _nrt=False)(function)
 
 
-njit_inline = njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-"""Decorator of small kernels that compute scalars from scalars and entries of arrays.
+def njit_alloc(function: Callable) -> Any:
+    """Decorator of kernels that allocate arrays and are called by `njit_noalloc` kernels.
 
-LLVM inlines them, so that they are as fast as with Numba's ``inline="always"``, which compiles a
-kernel anew for each place of a call.
-"""
+    It has to be explicit, because otherwise a kernel inherits the option of its first caller.
+    """
+    return njit(cache=True, error_model="numpy", _nrt=True)(function)
+
+
+def njit_inline(function: Callable) -> Any:
+    """Decorator of small kernels that compute scalars from scalars and entries of arrays.
+
+    LLVM inlines them, so that they are as fast as with Numba's ``inline="always"``, which compiles
+    a kernel anew for each place of a call.
+    """
+    return njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)(function)
 
 
 def copy_into(out: Any, values: Any) -> None:

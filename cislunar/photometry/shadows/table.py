@@ -98,7 +98,7 @@ def table_corners(x, y, z, steps):
     return (first, second, third), weights, triangle
 
 
-@njit(cache=True, error_model="numpy")
+@njit_noalloc
 def _table_row(i, j, x, y, z, steps):
     """Row of the vertex i, j >= 0 steps from the pole, in the octant of (x, y, z)."""
     if z < 0.0:  # the lower half is folded outward
