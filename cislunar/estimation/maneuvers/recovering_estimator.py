@@ -125,9 +125,16 @@ class RecoveringEstimator(MonitoredEstimator):
         self._estimated: list[tuple[int, int, EstimatedManeuver]] = []
 
     def advance(
-        self, measurements: Measurements, *, covariance: bool = False, final: bool = True
+        self,
+        measurements: Measurements,
+        *,
+        covariance: bool = False,
+        final: bool = True,
+        histories: bool = True,
     ) -> Estimates:
-        """See `Estimator.advance`. The last step of an interval reports replaced orbits."""
+        """See `Estimator.advance`. The last step of an interval reports replaced orbits.
+
+        The test needs every step, whatever `histories` says."""
         start = self._inner.orbits()
         target, step = rows_of(measurements)
         found = self._advance(start.index + 1, measurements, final)
