@@ -1,32 +1,8 @@
 """Surveys that start without a catalog: realizations, their table and figure."""
 
-SURVEYS = {name: dict(survey) for name, survey in STUDY["surveys"].items()}
-
 
 wildcard_constraints:
     survey=any_of(SURVEYS),
-
-
-def survey_of(wildcards):
-    """The survey of a job, by its name."""
-    return SURVEYS[wildcards.survey]
-
-
-def survey_cell(wildcards):
-    """Settings of the cells of a survey's scenario."""
-    chosen = settings_in(survey_of(wildcards)["scenario"], "task2")["task2"]
-    return cell_settings(chosen)
-
-
-def survey_ephemeris(wildcards):
-    """Whether a survey is in ephemeris dynamics."""
-    truth = survey_cell(wildcards).get("dynamics", {}).get("truth")
-    return survey_of(wildcards)["ephemeris"] or truth == "ephemeris"
-
-
-def survey_file(pattern):
-    """An input of a survey, by its scenario and architecture."""
-    return lambda wildcards: results(pattern.format(**survey_of(wildcards)))
 
 
 rule survey:
