@@ -41,7 +41,7 @@ def observation_table(
         If `source` is neither a table nor a path, or the file cannot be read.
     """
     if isinstance(source, pd.DataFrame):
-        return source, what, ConfigurationError
+        return source.reset_index(drop=True), what, ConfigurationError
     if not isinstance(source, str | Path):
         raise ConfigurationError(f"{what}: give a table (DataFrame) or the path of a file")
     reader = _READERS.get(Path(source).suffix.lower())

@@ -274,5 +274,5 @@ def concatenate_fits(parts: list[OrbitFits], empty: OrbitFits) -> OrbitFits:
         return empty.take([])
     columns = [np.concatenate(each) for each in zip(*parts, strict=True)]
     sizes = np.concatenate([np.diff(part.begin) for part in parts])
-    columns[6] = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+    columns[7] = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
     return OrbitFits(*columns)

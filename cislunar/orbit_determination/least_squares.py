@@ -52,6 +52,9 @@ class OrbitFits(NamedTuple):
         Nondimensional, propagation frame.
     covariance : ndarray, shape (fit, 6, 6)
         NaN unless the fit has converged.
+    root : ndarray, shape (fit, 6, 6)
+        A factor of the covariance, root^T root, whose small singular values are accurate where
+        those of the covariance are lost to rounding. NaN unless the fit has converged.
     chi_squared : ndarray, shape (fit,)
         Squared residuals in variances; infinite if the start cannot be propagated.
     degrees : ndarray of int, shape (fit,)
@@ -69,6 +72,7 @@ class OrbitFits(NamedTuple):
     epoch: Array
     state: Array
     covariance: Array
+    root: Array
     chi_squared: Array
     degrees: Indices
     status: Indices
@@ -84,7 +88,7 @@ class OrbitFits(NamedTuple):
         members = np.concatenate([np.empty(0, dtype=np.int64), *parts])
         begin = np.concatenate([[0], np.cumsum([part.size for part in parts])]).astype(np.int64)
         return OrbitFits(
-            *(each[chosen] for each in self[:6]), begin, *(each[members] for each in self[7:])
+            *(each[chosen] for each in self[:7]), begin, *(each[members] for each in self[8:])
         )
 
 
@@ -306,8 +310,9 @@ def fit_orbits(
     row = np.concatenate([np.empty(0, dtype=np.int64), *parts])
     n, m = len(starts), row.size
     out = OrbitFits(
-        epochs, starts, np.full((n, 6, 6), np.nan), np.full(n, np.inf), 2 * np.diff(begin) - 6,
-        np.full(n, NOT_PROPAGATED), begin, row, np.full((m, 3), np.nan), np.full(m, np.nan),
+        epochs, starts, np.full((n, 6, 6), np.nan), np.full((n, 6, 6), np.nan),
+        np.full(n, np.inf), 2 * np.diff(begin) - 6, np.full(n, NOT_PROPAGATED), begin, row,
+        np.full((m, 3), np.nan), np.full(m, np.nan),
     )  # fmt: skip
     if n == 0:
         return out
@@ -327,6 +332,6 @@ def fit_orbits(
     )  # fmt: skip
     good = out.status == CONVERGED
     root = np.linalg.inv(factor[good]).reshape(-1, 6, 2, 3) @ axes[good][:, None]
-    root = root.reshape(-1, 6, 6)
+    out.root[good] = root = root.reshape(-1, 6, 6)
     out.covariance[good] = root.swapaxes(1, 2) @ root
     return out

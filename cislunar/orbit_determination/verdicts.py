@@ -183,12 +183,13 @@ def log_evidence(fits: OrbitFits, angles: Angles, region: AdmissibleRegion) -> A
         The density is per steradian for each detection. Minus infinity for a fit that has not
         converged.
     """
-    prior = np.linalg.inv(region_covariance(region))
+    sigma = np.sqrt(np.diag(region_covariance(region)))
     noise = np.log(2.0 * np.pi) + 0.5 * np.linalg.slogdet(angles.covariance[fits.row])[1]
     out = np.full(fits.epoch.size, -np.inf)
     for k in np.flatnonzero(fits.status == CONVERGED).tolist():
         each = noise[fits.begin[k] : fits.begin[k + 1]]
-        information = np.linalg.inv(fits.covariance[k]) + prior
-        volume = 3.0 * np.log(2.0 * np.pi) - 0.5 * np.linalg.slogdet(information)[1]
+        # of P in units of P_0; from the factor, since P may be singular in double precision
+        share = np.linalg.svd(fits.root[k] / sigma, compute_uv=False)
+        volume = 3.0 * np.log(2.0 * np.pi) + np.sum(np.log(sigma) - 0.5 * np.log1p(share**-2.0))
         out[k] = -0.5 * fits.chi_squared[k] - each.sum() + region.log_density + volume
     return out

@@ -1,6 +1,7 @@
 """Tables of exposures and detections against astropy and sampled errors."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from astropy.coordinates import CartesianRepresentation, SphericalRepresentation
 from astropy.time import Time
@@ -230,6 +231,14 @@ def test_an_unreadable_file_is_one_line(tmp_path, content):
     with pytest.raises(CislunarError, match=r"own\.csv") as caught:
         read_detections(path)
     assert "\n" not in str(caught.value)
+
+
+def test_the_index_of_a_table_does_not_matter(table):
+    part = table.iloc[3:9]
+    for given in (part, part.set_axis([7] * len(part))):
+        pd.testing.assert_frame_equal(
+            read_detections(given), read_detections(part.reset_index(drop=True))
+        )
 
 
 def test_names_of_stations_and_detections_stay_text(table, tmp_path):

@@ -257,3 +257,18 @@ def test_bad_input_and_nothing_to_link():
         LinkingSettings(gate_probability=1.5)
     grown = OrbitHypotheses(fit_orbits(angles, [], np.empty((0, 6)), 0.0), ())
     assert grown.fits.take([]).epoch.size == 0
+
+
+def test_the_evidence_of_a_covariance_that_is_singular_in_double_precision():
+    angles, _ = night(OBJECTS[:1], [0.0, 2.0], 0.0, 6)
+    region, rng = AdmissibleRegion(), np.random.default_rng(7)
+    fit = fit_orbits(angles, [np.arange(angles.time.size)], OBJECTS[:1], 0.0)
+    sigma = np.repeat([region.position_sigma, region.velocity_sigma], 3)
+    share = np.array([1e5, 1e2, 1e-1, 1e-3, 1e-5, 1e-7])
+    turned = np.linalg.qr(rng.standard_normal((6, 6)))[0]
+    wide = fit._replace(root=(np.diag(share) @ turned * sigma)[None])
+    # determinants by the singular values that the factors were made with
+    own = np.linalg.slogdet(fit.covariance[0] / np.outer(sigma, sigma))[1]
+    expected = -0.5 * np.sum(np.log1p(share**-2.0)) - 0.5 * own
+    difference = log_evidence(wide, angles, region) - log_evidence(fit, angles, region)
+    assert difference[0] == pytest.approx(expected, abs=1e-6)
