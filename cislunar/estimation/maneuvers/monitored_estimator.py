@@ -36,9 +36,16 @@ class MonitoredEstimator:
         return getattr(self._inner, name)
 
     def advance(
-        self, measurements: Measurements, *, covariance: bool = False, final: bool = True
+        self,
+        measurements: Measurements,
+        *,
+        covariance: bool = False,
+        final: bool = True,
+        histories: bool = True,
     ) -> Estimates:
-        """See `Estimator.advance`."""
+        """See `Estimator.advance`. The test needs the orbits at every step, also without
+        `histories`."""
+        del histories
         start = self._inner.orbits()
         found = self._inner.advance(measurements, covariance=True, final=final)
         now, _ = self._test.advance(start, measurements, found)

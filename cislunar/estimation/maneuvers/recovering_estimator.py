@@ -125,9 +125,15 @@ class RecoveringEstimator(MonitoredEstimator):
         self._estimated: list[tuple[int, int, EstimatedManeuver]] = []
 
     def advance(
-        self, measurements: Measurements, *, covariance: bool = False, final: bool = True
+        self,
+        measurements: Measurements,
+        *,
+        covariance: bool = False,
+        final: bool = True,
+        histories: bool = True,
     ) -> Estimates:
         """See `Estimator.advance`. The last step of an interval reports replaced orbits."""
+        del histories  # see `MonitoredEstimator.advance`
         start = self._inner.orbits()
         target, step = rows_of(measurements)
         found = self._advance(start.index + 1, measurements, final)
