@@ -12,20 +12,22 @@ Assumptions and limitations
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.association.candidates import Expectation, find_candidates
+from cislunar.association.maneuvered import associate_maneuvered
 from cislunar.association.methods import associate
 from cislunar.association.model import KNOWN
 from cislunar.association.tracks import LOST, TrackStatus
-from cislunar.association.window import Association
+from cislunar.association.window import Association, Window
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures, expose, point_at
 from cislunar.dynamics.bundle import propagate_bundle
-from cislunar.estimation.estimator import Estimates, Prediction
+from cislunar.estimation.estimator import Estimates, OrbitEstimates, Prediction
 from cislunar.evaluation.gospa import gospa
 from cislunar.observation.measurement import (
     DETECTED,
@@ -320,24 +322,47 @@ def _associate_window(
     found = Detections(
         detections.exposure[rows] - here.start, *(each[rows] for each in detections[1:])
     )
+
+    def candidates(orbits: OrbitEstimates, some: Indices | slice = slice(None)) -> Window:
+        known = inputs.scene, inputs.forces, telescopes.limits, telescopes.expected
+        return find_candidates(orbits, given, Detections(*(e[some] for e in found)), *known)
+
     orbits = own.estimator.orbits()
-    orbits.covariance[own.tracks.status == LOST] *= model.lost_gate_factor**2
-    window = find_candidates(
-        orbits,
-        given,
-        found,
-        inputs.scene,
-        inputs.forces,
-        telescopes.limits,
-        telescopes.expected,
-    )
+    expected = orbits.covariance.copy()
+    expected[own.tracks.status == LOST] *= model.lost_gate_factor**2
+    window = candidates(orbits._replace(covariance=expected))
     taken = associate(window, model)
+    if inputs.maneuvers_per_day > 0.0:
+        others = _maneuvered(inputs, own, candidates, orbits, window, taken, found)
+        taken = Association(*map(np.concatenate, zip(taken, *others, strict=True)))
     early = given.step[taken.exposure] < end - begin
     taken = Association(*(column[early] for column in taken))
     own.tracks.update(window, taken, start + begin, given.step, end - begin)
     return taken._replace(
         exposure=taken.exposure + here.start, detection=taken.detection + rows.start
     )
+
+
+def _maneuvered(
+    inputs: SimulationInputs,
+    own: Realization,
+    candidates: Callable[[OrbitEstimates, Indices], Window],
+    orbits: OrbitEstimates,
+    window: Window,
+    taken: Association,
+    found: Detections,
+) -> list[Association]:
+    """Detections of tracks that have been detected before, and have none in a window although they
+    might."""
+    last, model = own.tracks.last, inputs.settings.association
+    silent = np.isin(np.arange(last.size), window.seen[:, 1]) & (last >= 0)
+    silent[taken.track] = False
+    scene = inputs.scene
+    waited = np.where(silent, (orbits.index - last + model.window_steps) * scene.step, np.nan)
+    days = model.window_steps * scene.step_s / 86400.0
+    free = np.setdiff1d(np.arange(found.exposure.size), taken.detection)
+    rate = inputs.maneuvers_per_day
+    return associate_maneuvered(candidates, orbits, waited, free, model, rate * days)
 
 
 def _columns(

@@ -186,7 +186,9 @@ class ManeuverBank:
             begin = times[low - 1] if low > 0 else times[0] - beyond
             end = times[high + 1] if high < times.size - 1 else times[-1] + beyond
             grid = np.linspace(max(begin, first), min(end, last), _SEVERAL)
-            times = np.unique(np.rint(grid).astype(np.int64))
+            # large changes are likely within few steps only, which the grid may miss
+            best = times[likely[np.argsort(-each[likely], kind="stable")[:2]]]
+            times = np.unique(np.append(np.rint(grid).astype(np.int64), best))
         return self._combined(times, width, found, weight, none, (means[-1], spreads[-1]))
 
     def _solved(
@@ -220,7 +222,8 @@ class ManeuverBank:
                 start = each.start
             if each is None:
                 continue
-            self._starts[time] = each.start[3:] - mean[3:]
+            if np.linalg.norm(each.change) < _FAR * _SCALES[1]:
+                self._starts[time] = each.start[3:] - mean[3:]
             out[number] = each._replace(evidence=each.evidence + evidence)
             # the wide prior says whether the narrow one matters
             if np.linalg.norm(each.change) > _FAR * _SCALES[0]:
