@@ -244,10 +244,8 @@ class RecoveringEstimator(MonitoredEstimator):
             gap = np.array([seen[seen < alarm].max(initial=begin), alarm - 1])
             around = found + self._steps(_AROUND_HOURS) * np.linspace(-1.0, 1.0, 5)
             between = seen[(seen >= around[0]) & (seen < alarm)]
-            between = between[
-                np.linspace(0, between.size - 1, min(between.size, _BETWEEN), dtype=int)
-            ]
-            times = np.rint(np.concatenate([np.linspace(*gap, 4), around, between]))
+            some = np.linspace(0, between.size - 1, min(between.size, _BETWEEN), dtype=int)
+            times = np.rint(np.concatenate([np.linspace(*gap, 4), around, between[some]]))
             times = np.minimum(times.astype(np.int64), alarm - 1)
             self._begin_recovery(j, found, alarm, times, {})
 
