@@ -23,10 +23,10 @@ def impulse(target, velocity, time_s=TIME_S):
     return Maneuvers(*given, np.zeros(1, dtype=np.int64))
 
 
-def run(factory, given=NO_MANEUVERS, hours=8.0, sensor=BRIGHT, **settings):
+def run(factory, given=NO_MANEUVERS, hours=8.0, sensor=BRIGHT, counts=(4, 5), **settings):
     settings = {"record": ("estimates", "covariance", "truth"), **settings}
     scene, surfaces, epoch, ids, loop = tracking_problem(
-        4, 5, duration_hours=hours, sensor=sensor, **settings
+        *counts, duration_hours=hours, sensor=sensor, **settings
     )
     truth = TruthModel(surfaces, sensor.noise, np.zeros(3), maneuvers=given)
     return run_closed_loop(scene, surfaces, epoch, ids, [3], loop, estimator=factory, truth=truth)
@@ -113,12 +113,16 @@ def test_tracks_of_coasting_targets_take_no_false_alarms():
 
 
 def test_a_target_that_has_left_the_field_is_searched_for():
-    """Without a search there is no later observation in a field of 0.4 deg; with one there is."""
-    narrow = BRIGHT.model_copy(update={"field_of_view_deg": 0.4})
-    change = impulse(3, (240.0, -256.0, 192.0))
-    searching = RECOVERING.model_copy(update={"search_share": 0.1})
-    given = {"hours": 8.0, "sensor": narrow}
-    lost, found = (run(monitored(PLAIN, each), change, **given) for each in (RECOVERING, searching))
-    assert km(lost, 3)[-1] > 1000.0
-    assert found.recovered_maneuvers.target.tolist() == [3]
-    assert km(found, 3)[-1] < 10.0
+    """Three observers of eight targets do not observe target 6 for five hours after its maneuver,
+    and then point beside it. The search finds it."""
+    narrow = BRIGHT.model_copy(update={"field_of_view_deg": 1.0})
+    velocity = np.array([330.0, -352.0, 264.0])
+    given = {"given": impulse(6, velocity, 15120.0), "hours": 14.0, "sensor": narrow}
+    searching = RECOVERING.model_copy(update={"search_share": 0.2})
+    lost, found = (
+        run(monitored(PLAIN, each), **given, counts=(3, 8)) for each in (RECOVERING, searching)
+    )
+    assert lost.recovered_maneuvers.target.size == 0 and km(lost, 6)[-1] > 1000.0
+    assert found.recovered_maneuvers.target.tolist() == [6]
+    np.testing.assert_allclose(found.recovered_maneuvers.velocity_m_s[0], velocity, atol=5.0)
+    assert km(found, 6)[-1] < 3.0
