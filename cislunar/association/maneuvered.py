@@ -31,7 +31,7 @@ from cislunar.estimation.estimator import OrbitEstimates
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-SCALES_M_S = 5.0, 50.0, 500.0
+_SCALES_M_S = 5.0, 50.0, 500.0
 """Standard deviations of a component of the change of velocity, m/s."""
 
 
@@ -68,46 +68,55 @@ def associate_maneuvered(
     candidates: Callable[[OrbitEstimates, Indices], Window],
     orbits: OrbitEstimates,
     waited: Array,
-    detections: Indices,
+    window: Window,
+    taken: Association,
+    count: int,
     model: AssociationModel,
     probability: float,
-) -> list[Association]:
-    """Associate detections that no track has taken with tracks that may have maneuvered.
+) -> Association:
+    """Associate the detections that no track has taken with tracks that may have maneuvered.
 
     Parameters
     ----------
     candidates : callable
         Window of orbits and of detections, given by their indices; the detections of the window are
         positions in these.
-    orbits, waited
-        See `reachable`.
-    detections : ndarray of int
-        Indices of the detections.
+    orbits : OrbitEstimates
+        Orbits without a maneuver.
+    waited : ndarray, shape (track,)
+        Time since the last detection of each track until the end of the window, nondimensional; NaN
+        before its first detection.
+    window, taken : Window, Association
+        Candidates and result of the first association.
+    count : int
+        Number of all detections.
     model : AssociationModel
     probability : float
         Prior probability that a track has maneuvered.
 
     Returns
     -------
-    list of Association
-        By standard deviation; their detections are elements of `detections`.
+    Association
+        With `taken`. Tracks that have a detection there have no further ones.
     """
-    found: list[Association] = []
     waited = waited.copy()
-    certain = model.confirmation_score - np.log(probability / len(SCALES_M_S))
-    for sigma in SCALES_M_S:
-        if detections.size == 0 or np.all(np.isnan(waited)):
+    waited[np.setdiff1d(np.arange(waited.size), window.seen[:, 1])] = np.nan
+    waited[taken.track] = np.nan
+    free = np.setdiff1d(np.arange(count), taken.detection)
+    certain = model.confirmation_score - np.log(probability / len(_SCALES_M_S))
+    for sigma in _SCALES_M_S:
+        if free.size == 0 or np.all(np.isnan(waited)):
             break
-        taken = associate_frames(
-            candidates(reachable(orbits, waited, sigma), detections),
+        found = associate_frames(
+            candidates(reachable(orbits, waited, sigma), free),
             model.gate_probability,
             model.confirmations,
             model.confirmation_exposures,
             model.hypotheses,
             certain,
         )
-        if taken.track.size:
-            found.append(taken._replace(detection=detections[taken.detection]))
-            detections = np.delete(detections, taken.detection)
-            waited[taken.track] = np.nan
-    return found
+        more = found._replace(detection=free[found.detection])
+        taken = Association(*map(np.concatenate, zip(taken, more, strict=True)))
+        free = np.delete(free, found.detection)
+        waited[found.track] = np.nan
+    return taken

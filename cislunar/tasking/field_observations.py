@@ -12,7 +12,6 @@ Assumptions and limitations
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -328,41 +327,22 @@ def _associate_window(
         return find_candidates(orbits, given, Detections(*(e[some] for e in found)), *known)
 
     orbits = own.estimator.orbits()
-    expected = orbits.covariance.copy()
-    expected[own.tracks.status == LOST] *= model.lost_gate_factor**2
-    window = candidates(orbits._replace(covariance=expected))
+    wide = orbits.covariance.copy()
+    wide[own.tracks.status == LOST] *= model.lost_gate_factor**2
+    window = candidates(orbits._replace(covariance=wide))
     taken = associate(window, model)
     if inputs.maneuvers_per_day > 0.0:
-        others = _maneuvered(inputs, own, candidates, orbits, window, taken, found)
-        taken = Association(*map(np.concatenate, zip(taken, *others, strict=True)))
+        last, scene = own.tracks.last, inputs.scene
+        waited = (orbits.index - last + model.window_steps) * np.where(last < 0, np.nan, scene.step)
+        expected = inputs.maneuvers_per_day * model.window_steps * scene.step_s / 86400.0
+        first = window, taken, found.exposure.size
+        taken = associate_maneuvered(candidates, orbits, waited, *first, model, expected)
     early = given.step[taken.exposure] < end - begin
     taken = Association(*(column[early] for column in taken))
     own.tracks.update(window, taken, start + begin, given.step, end - begin)
     return taken._replace(
         exposure=taken.exposure + here.start, detection=taken.detection + rows.start
     )
-
-
-def _maneuvered(
-    inputs: SimulationInputs,
-    own: Realization,
-    candidates: Callable[[OrbitEstimates, Indices], Window],
-    orbits: OrbitEstimates,
-    window: Window,
-    taken: Association,
-    found: Detections,
-) -> list[Association]:
-    """Detections of tracks that have been detected before, and have none in a window although they
-    might."""
-    last, model = own.tracks.last, inputs.settings.association
-    silent = np.isin(np.arange(last.size), window.seen[:, 1]) & (last >= 0)
-    silent[taken.track] = False
-    scene = inputs.scene
-    waited = np.where(silent, (orbits.index - last + model.window_steps) * scene.step, np.nan)
-    days = model.window_steps * scene.step_s / 86400.0
-    free = np.setdiff1d(np.arange(found.exposure.size), taken.detection)
-    rate = inputs.maneuvers_per_day
-    return associate_maneuvered(candidates, orbits, waited, free, model, rate * days)
 
 
 def _columns(
