@@ -2,10 +2,10 @@
 
     python benchmarks/estimation.py [--targets 20 50 100 202] [--observers 20] [--ratios]
 
-With `--ratios` only the cost of ephemeris forces, of late measurements and of Gaussian mixtures is
-measured. Propagation is compared with SciPy's RK45 at the paper's tolerance. The problem needs no
-file: its observers and near-periodic targets replace those of the paper. Everything runs on one
-thread; compilation is not counted.
+With `--ratios` only the cost of ephemeris forces, of late measurements, of Gaussian mixtures and of
+tests for maneuvers is measured. Propagation is compared with SciPy's RK45 at the paper's tolerance.
+The problem needs no file: its observers and near-periodic targets replace those of the paper.
+Everything runs on one thread; compilation is not counted.
 """
 
 import argparse
@@ -41,6 +41,7 @@ from cislunar.estimation.light_curves.row_blocks import (
     VIEW,
     WEIGHT,
 )
+from cislunar.estimation.maneuvers import ManeuverDetection, monitored
 from cislunar.observation.body_parameters import BodyParameterPrior
 from cislunar.observation.measurement import DETECTED, measure
 from cislunar.observation.records import constant_schedule
@@ -355,6 +356,21 @@ def splitting_cost(n_observers: int, n_targets: int, rounds: int = 2) -> None:
         print_ratio(f"cell of one day, {n_targets} targets, two realizations, {name}", times)
 
 
+def monitoring_cost(n_observers: int, n_targets: int, rounds: int = 2) -> None:
+    """Print the processor time of a cell of one day whose targets are tested for maneuvers,
+    relative to one without tests. No target maneuvers."""
+    problem = tracking_problem(n_observers, n_targets, PRINTED, sensor=SENSOR)
+    settings = ManeuverDetection(false_alarms_per_target_day=1e-3, recover=True)
+    for name in ESTIMATORS:
+        plain = estimator_named(name)
+        ways = {
+            way: partial(run_closed_loop, *problem[:4], [0, 1], problem.loop, estimator=each)
+            for way, each in (("plain", plain), ("tested", monitored(plain, settings)))
+        }
+        times = alternated(ways, rounds)
+        print_ratio(f"cell of one day, {n_targets} targets, two realizations, {name}", times)
+
+
 def low_lunar(perilune_km: float, apolune_km: float) -> np.ndarray:
     """State in the CR3BP at the perilune, beyond the Moon, of an orbit with these altitudes."""
     near, far = MOON_RADIUS_KM + np.array([perilune_km, apolune_km])
@@ -376,12 +392,13 @@ def main() -> None:
     parser.add_argument("--targets", type=int, nargs="+", default=[20, 50, 100, 202])
     parser.add_argument("--observers", type=int, default=20)
     parser.add_argument(
-        "--ratios", action="store_true", help="only the cost of forces, delays and mixtures"
+        "--ratios", action="store_true", help="only the cost of forces, delays, mixtures and tests"
     )
     options = parser.parse_args()
     forces_cost(options.observers, 50)
     late_cost(options.observers, 50)
     splitting_cost(options.observers, 100)
+    monitoring_cost(options.observers, 100)
     if options.ratios:
         return
     filter_times()

@@ -7,6 +7,7 @@ import lazy_loader as _lazy
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "candidates": ["Expectation", "find_candidates"],
     "likelihood": ["gate_threshold", "gaussian_log_likelihood", "log_ratio"],
+    "maneuvered": ["associate_maneuvered", "reachable"],
     "methods": ["associate"],
     "model": ["ASSOCIATORS", "AssociationModel", "FRAMES", "KNOWN"],
     "multiple_frames": ["associate_frames", "set_packing"],

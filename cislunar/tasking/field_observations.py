@@ -18,14 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.association.candidates import Expectation, find_candidates
+from cislunar.association.maneuvered import associate_maneuvered
 from cislunar.association.methods import associate
 from cislunar.association.model import KNOWN
 from cislunar.association.tracks import LOST, TrackStatus
-from cislunar.association.window import Association
+from cislunar.association.window import Association, Window
 from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.detection.exposures import FALSE_ALARM, Detections, Exposures, expose, point_at
 from cislunar.dynamics.bundle import propagate_bundle
-from cislunar.estimation.estimator import Estimates, Prediction
+from cislunar.estimation.estimator import Estimates, OrbitEstimates, Prediction
 from cislunar.evaluation.gospa import gospa
 from cislunar.observation.measurement import (
     DETECTED,
@@ -320,18 +321,22 @@ def _associate_window(
     found = Detections(
         detections.exposure[rows] - here.start, *(each[rows] for each in detections[1:])
     )
+
+    def candidates(orbits: OrbitEstimates, some: Indices | slice = slice(None)) -> Window:
+        known = inputs.scene, inputs.forces, telescopes.limits, telescopes.expected
+        return find_candidates(orbits, given, Detections(*(e[some] for e in found)), *known)
+
     orbits = own.estimator.orbits()
-    orbits.covariance[own.tracks.status == LOST] *= model.lost_gate_factor**2
-    window = find_candidates(
-        orbits,
-        given,
-        found,
-        inputs.scene,
-        inputs.forces,
-        telescopes.limits,
-        telescopes.expected,
-    )
+    wide = orbits.covariance.copy()
+    wide[own.tracks.status == LOST] *= model.lost_gate_factor**2
+    window = candidates(orbits._replace(covariance=wide))
     taken = associate(window, model)
+    if inputs.maneuvers_per_day > 0.0:
+        last, scene = own.tracks.last, inputs.scene
+        waited = (orbits.index - last + model.window_steps) * np.where(last < 0, np.nan, scene.step)
+        expected = inputs.maneuvers_per_day * model.window_steps * scene.step_s / 86400.0
+        first = window, taken, found.exposure.size
+        taken = associate_maneuvered(candidates, orbits, waited, *first, model, expected)
     early = given.step[taken.exposure] < end - begin
     taken = Association(*(column[early] for column in taken))
     own.tracks.update(window, taken, start + begin, given.step, end - begin)

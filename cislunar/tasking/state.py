@@ -80,6 +80,12 @@ class SimulationInputs(NamedTuple):
         return getattr(self.factory, "recovers", False)
 
     @property
+    def maneuvers_per_day(self) -> float:
+        """Number of maneuvers of a target in a day that the estimators expect; 0 if they do not
+        estimate maneuvers."""
+        return getattr(self.factory, "maneuvers_per_day", 0.0)
+
+    @property
     def searches(self) -> bool:
         """Whether the estimators search for targets that may have left the field of view."""
         return getattr(self.factory, "searches", False)

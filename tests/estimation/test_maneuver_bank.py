@@ -92,6 +92,52 @@ def test_orbit_and_maneuver_are_those_of_least_squares(problem, size_m_s, prior_
     assert np.linalg.norm(off[:3]) * LENGTH_UNIT_KM < 10.0
 
 
+@pytest.mark.parametrize("size_m_s", [3.0, 30.0])
+def test_errors_of_time_and_vector_are_near_the_cramer_rao_bound(problem, size_m_s):
+    """Root mean square errors of 40 cases, relative to the bound for an unknown orbit and time."""
+    scene, epoch = problem
+    unit = np.concatenate([SIGMA, [1.0], np.full(3, size_m_s / VELOCITY_UNIT_M_S)])
+    change = unit[7:] * [0.6, -0.64, 0.48]
+    states = path(scene, epoch, IMPULSE_AT, change)
+    rows = rows_of(scene, states, np.random.default_rng(0))
+    true = np.concatenate([epoch, [IMPULSE_AT], change])
+
+    def measured(x):
+        return angles(scene, path(scene, x[:6], x[6], x[7:]), rows.time, rows.observer)
+
+    step = unit * [*[1e-3] * 6, 0.3, *[1e-2] * 3]
+    sides = [measured(true + each) - measured(true - each) for each in np.diag(step)]
+    jacobian = np.array([wrapped(each).ravel() for each in sides]).T / NOISE
+    jacobian *= 0.5 * unit / step
+    information = jacobian.T @ jacobian + np.diag([1.0] * 6 + [0.0] * 4)  # that of the prior orbit
+    bound = (np.sqrt(np.diag(np.linalg.inv(information))) * unit)[6:]
+    errors, normalized = [], []
+    for seed in range(40):
+        rng = np.random.default_rng([7, seed])
+        mean = epoch + SIGMA * rng.standard_normal(6)
+        found = bank_of(scene, mean).solve(rows_of(scene, states, rng), LAST).maneuver
+        off = found.velocity_m_s / VELOCITY_UNIT_M_S - change
+        errors.append([found.time_s / scene.step_s - IMPULSE_AT, *off])
+        covariance = found.covariance / VELOCITY_UNIT_M_S**2
+        normalized.append(off @ np.linalg.solve(covariance, off) / 3.0)
+    ratio = np.sqrt(np.mean(np.square(errors), axis=0)) / bound
+    assert np.all((ratio > 0.7) & (ratio < 1.5)), ratio
+    assert np.mean(normalized) < 2.0
+
+
+def test_a_change_during_a_set_of_observations(problem):
+    """The refined times keep the only likely one among times that are far apart."""
+    scene, epoch = problem
+    change = np.array([-120.0, -42.0, -280.0]) / VELOCITY_UNIT_M_S
+    states = path(scene, epoch, 193.5, change)
+    rows = rows_of(scene, states, np.random.default_rng(2))
+    rows = AngleRows(*(column[rows.time <= 207] for column in rows))
+    found = bank_of(scene, epoch, times=(60, 100, 180, 192, 207)).solve(rows, 220)
+    assert abs(found.maneuver.time_s / scene.step_s - 193.5) < 2.0
+    off = found.translation - states[220]
+    assert off @ np.linalg.solve(found.covariance, off) < 22.5
+
+
 def test_a_target_that_coasts_keeps_its_orbit(problem):
     """The mixture is the orbit of the filter, unless it has maneuvered."""
     scene, epoch = problem

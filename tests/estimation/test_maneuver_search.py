@@ -86,6 +86,19 @@ def test_a_target_is_found_within_the_reachable_set(size_m_s):
     assert np.linalg.norm(change) * VELOCITY_UNIT_M_S < 601.0
 
 
+def test_particles_have_all_sizes_at_all_times():
+    _, epoch, search = searching()
+    search.note(trials(3, 0, [0, 1], True), np.ones(2, dtype=bool), 60)
+    search.begin(0, (60, epoch[0]), NOW)
+    found = search.lost[0]
+    size = VELOCITY_UNIT_M_S * np.linalg.norm(found.change, axis=1)[:-1]
+    for time in np.unique(found.time[:-1]):
+        for some in (slice(None), slice(256)):  # all, and those that are centers of fields
+            own = np.log(size[some][found.time[:-1][some] == time] / 5.0) / np.log(120.0)
+            # the mean of a uniform variable, within four standard deviations
+            assert abs(own.mean() - 0.5) < 4.0 / np.sqrt(12.0 * own.size)
+
+
 def test_settings():
     with pytest.raises(ConfigurationError, match="set recover to true"):
         ManeuverDetection(false_alarms_per_target_day=1e-3, search_share=0.01)

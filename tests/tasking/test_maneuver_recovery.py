@@ -23,12 +23,12 @@ def impulse(target, velocity, time_s=TIME_S):
     return Maneuvers(*given, np.zeros(1, dtype=np.int64))
 
 
-def run(factory, given=NO_MANEUVERS, hours=8.0, **settings):
+def run(factory, given=NO_MANEUVERS, hours=8.0, sensor=BRIGHT, counts=(4, 5), **settings):
     settings = {"record": ("estimates", "covariance", "truth"), **settings}
     scene, surfaces, epoch, ids, loop = tracking_problem(
-        4, 5, duration_hours=hours, sensor=BRIGHT, **settings
+        *counts, duration_hours=hours, sensor=sensor, **settings
     )
-    truth = TruthModel(surfaces, BRIGHT.noise, np.zeros(3), maneuvers=given)
+    truth = TruthModel(surfaces, sensor.noise, np.zeros(3), maneuvers=given)
     return run_closed_loop(scene, surfaces, epoch, ids, [3], loop, estimator=factory, truth=truth)
 
 
@@ -78,9 +78,51 @@ def test_late_measurements():
     assert km(found, 3)[-1] < 3.0
 
 
+CLUTTER = AssociationModel(detections="all-in-field", false_alarms_deg2=0.1)
+
+
 def test_detections_without_identity():
     """A small maneuver leaves the detections within the gates."""
-    given = {"association": AssociationModel(detections="all-in-field", false_alarms_deg2=0.1)}
-    found = run(monitored(PLAIN, RECOVERING), impulse(3, (0.6, -0.64, 0.48)), hours=6.0, **given)
+    found = run(
+        monitored(PLAIN, RECOVERING), impulse(3, (0.6, -0.64, 0.48)), hours=6.0, association=CLUTTER
+    )
     assert 3 in found.recovered_maneuvers.target.tolist()
     assert km(found, 3)[-1] < 3.0
+
+
+@pytest.mark.parametrize("size", [10.0, 100.0])
+def test_a_target_that_leaves_its_gates_is_associated_again(size):
+    """Among false alarms, several exposures agree with one orbit after the maneuver."""
+    given = monitored(PLAIN, RECOVERING), impulse(3, size * np.array([0.6, -0.64, 0.48]))
+    found = run(*given, hours=6.0, association=CLUTTER)
+    assert found.recovered_maneuvers.target.tolist() == [3]
+    assert abs(found.recovered_maneuvers.time_s[0] - TIME_S) < 720.0
+    assert km(found, 3)[-1] < 3.0
+    assert found.wrong_associations.sum() == 0
+    lost = run(monitored(PLAIN, DETECTION), given[1], hours=6.0, association=CLUTTER)
+    assert km(lost, 3)[-1] > 50.0
+
+
+def test_tracks_of_coasting_targets_take_no_false_alarms():
+    """Wide gates change nothing without a maneuver, bit for bit, at ten times the false alarms."""
+    given = {"association": CLUTTER.model_copy(update={"false_alarms_deg2": 1.0}), "hours": 4.0}
+    plain, found = run(PLAIN, **given), run(monitored(PLAIN, RECOVERING), **given)
+    for name, values in plain.histories.items():
+        np.testing.assert_array_equal(found.histories[name], values, err_msg=name)
+    assert found.recovered_maneuvers.target.size == 0
+
+
+def test_a_target_that_has_left_the_field_is_searched_for():
+    """Three observers of eight targets do not observe target 6 for five hours after its maneuver,
+    and then point beside it. The search finds it."""
+    narrow = BRIGHT.model_copy(update={"field_of_view_deg": 1.0})
+    velocity = np.array([330.0, -352.0, 264.0])
+    given = {"given": impulse(6, velocity, 15120.0), "hours": 14.0, "sensor": narrow}
+    searching = RECOVERING.model_copy(update={"search_share": 0.2})
+    lost, found = (
+        run(monitored(PLAIN, each), **given, counts=(3, 8)) for each in (RECOVERING, searching)
+    )
+    assert lost.recovered_maneuvers.target.size == 0 and km(lost, 6)[-1] > 1000.0
+    assert found.recovered_maneuvers.target.tolist() == [6]
+    np.testing.assert_allclose(found.recovered_maneuvers.velocity_m_s[0], velocity, atol=5.0)
+    assert km(found, 6)[-1] < 3.0

@@ -38,7 +38,7 @@ _SCALES = np.array([1.0, 500.0]) / VELOCITY_UNIT_M_S
 """Prior standard deviations of a component of the change of velocity, with equal weights."""
 
 _FAR = 10.0
-"""Change of velocity, in units of the narrow prior, from which the narrow prior is negligible."""
+"""Change of velocity, in standard deviations of a prior, from which this prior is negligible."""
 
 _SEVERAL = 7
 """Number of times in a refined grid."""
@@ -186,7 +186,12 @@ class ManeuverBank:
             begin = times[low - 1] if low > 0 else times[0] - beyond
             end = times[high + 1] if high < times.size - 1 else times[-1] + beyond
             grid = np.linspace(max(begin, first), min(end, last), _SEVERAL)
-            times = np.unique(np.rint(grid).astype(np.int64))
+            if each.max() > 0.5:
+                # a large change is likely within few steps only, which the grid must not miss
+                best, spacing = times[np.argmax(each)], max(grid[1] - grid[0], 1.0)
+                edges = (grid[[0, -1]] - best) / spacing
+                grid = best + spacing * np.arange(np.floor(edges[0]), np.ceil(edges[1]) + 1.0)
+            times = np.unique(np.clip(np.rint(grid).astype(np.int64), first, last))
         return self._combined(times, width, found, weight, none, (means[-1], spreads[-1]))
 
     def _solved(
@@ -210,8 +215,11 @@ class ManeuverBank:
         if self._starts:
             near = min(self._starts, key=lambda each: (abs(each - time), each))
             start = np.concatenate([mean[:3], mean[3:] + self._starts[near]])
-        out: list[_Component | None] = [None, None]
-        for number in (1, 0):
+        out: list[_Component | None] = [None] * _SCALES.size
+        for number in reversed(range(_SCALES.size)):
+            # a wider prior says whether this one matters
+            if number < _SCALES.size - 1 and _beyond(out[number + 1], _FAR * _SCALES[number]):
+                break
             for _ in range(2):
                 late = (start[3:] - mean[3:]) * width * self._model[0].step
                 given = time, now, rows, mean, covariance, start, _SCALES[number], late
@@ -220,11 +228,9 @@ class ManeuverBank:
                 start = each.start
             if each is None:
                 continue
-            self._starts[time] = each.start[3:] - mean[3:]
+            if np.linalg.norm(each.change) < _FAR * _SCALES[-1]:
+                self._starts[time] = each.start[3:] - mean[3:]
             out[number] = each._replace(evidence=each.evidence + evidence)
-            # the wide prior says whether the narrow one matters
-            if np.linalg.norm(each.change) > _FAR * _SCALES[0]:
-                break
         return out
 
     def _fitted(
@@ -335,6 +341,14 @@ class ManeuverBank:
             VELOCITY_UNIT_M_S**2 * spread, share,
         )  # fmt: skip
         return BankSolution(translation, covariance, estimate)
+
+
+def _beyond(found: _Component | None, size: float) -> bool:
+    """Whether the change of velocity of a solution is certainly larger than a size."""
+    if found is None:
+        return False
+    least = np.linalg.norm(found.change) - 4.0 * np.sqrt(np.trace(found.spread))
+    return bool(least > size)
 
 
 def _widths(times: Indices) -> Array:

@@ -63,5 +63,6 @@ def monitored(
     make.chooses_models = getattr(factory, "chooses_models", False)
     make.tests_maneuvers = True
     make.recovers = settings.recover
+    make.maneuvers_per_day = settings.maneuvers_per_target_day if settings.recover else 0.0
     make.searches = settings.search_share > 0.0
     return make

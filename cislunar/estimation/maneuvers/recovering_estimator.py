@@ -41,6 +41,8 @@ _BEFORE_HOURS = 6.0
 _AROUND_HOURS = 1.5
 """Half the extent of the first hypothesized times about the maneuver of the test, h."""
 
+_BETWEEN = 8
+"""Largest number of observations after which a maneuver is hypothesized first."""
 
 _GROWTH = 1.1
 """Factor by which the number of observations has grown when a bank is solved again."""
@@ -132,9 +134,8 @@ class RecoveringEstimator(MonitoredEstimator):
         final: bool = True,
         histories: bool = True,
     ) -> Estimates:
-        """See `Estimator.advance`. The last step of an interval reports replaced orbits.
-
-        The test needs every step, whatever `histories` says."""
+        """See `Estimator.advance`. The last step of an interval reports replaced orbits."""
+        del histories  # see `MonitoredEstimator.advance`
         start = self._inner.orbits()
         target, step = rows_of(measurements)
         found = self._advance(start.index + 1, measurements, final)
@@ -151,7 +152,7 @@ class RecoveringEstimator(MonitoredEstimator):
                 ),
             )
         )
-        if final and found.translation.shape[1] > 0:
+        if found.translation.shape[1] > 0:
             self._open_recoveries()
             if self._search is not None:
                 self._begin_searches(start.index, found.translation.shape[1])
@@ -238,11 +239,15 @@ class RecoveringEstimator(MonitoredEstimator):
             found, alarm = int(largest.index[j]), int(largest.tested[j])
             begin = self._orbits_before(found - self._steps(_BEFORE_HOURS)).index
             seen = self._rows(j, begin).time
-            # in the gap before the alarm, where large changes are, and about the test's
+            # in the gap before the alarm and between observations, where large changes are, and
+            # about the test's
             gap = np.array([seen[seen < alarm].max(initial=begin), alarm - 1])
             around = found + self._steps(_AROUND_HOURS) * np.linspace(-1.0, 1.0, 5)
-            times = np.rint(np.concatenate([np.linspace(*gap, 4), around])).astype(np.int64)
-            self._begin_recovery(j, found, alarm, np.minimum(times, alarm - 1), {})
+            between = seen[(seen >= around[0]) & (seen < alarm)]
+            some = np.linspace(0, between.size - 1, min(between.size, _BETWEEN), dtype=int)
+            times = np.rint(np.concatenate([np.linspace(*gap, 4), around, between[some]]))
+            times = np.minimum(times.astype(np.int64), alarm - 1)
+            self._begin_recovery(j, found, alarm, times, {})
 
     def _begin_recovery(
         self, j: int, found: int, alarm: int, times: Indices, starts: dict[int, Array]

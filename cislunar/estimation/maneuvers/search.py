@@ -144,7 +144,7 @@ class ReachableSearch:
         alone = of_targets(self._forces, np.array([target]))
         start = first * step
         path = propagate_bundle(mean[None], step, now - first, forces=alone, start=start)[0]
-        u = qmc.Sobol(3, scramble=False).random(_PARTICLES) + 0.5 / _PARTICLES
+        u = qmc.Sobol(4, scramble=False).random(_PARTICLES) + 0.5 / _PARTICLES
         low, high = np.log(_SIZES_M_S)
         size = np.exp(low + (high - low) * u[:, 0]) / VELOCITY_UNIT_M_S
         height, longitude = 2.0 * u[:, 1] - 1.0, 2.0 * np.pi * u[:, 2]
@@ -152,7 +152,7 @@ class ReachableSearch:
         way = np.column_stack([flat * np.cos(longitude), flat * np.sin(longitude), height])
         change = size[:, None] * way
         several = np.linspace(first, now - 1, _TIMES).astype(np.int64)
-        time = several[np.arange(_PARTICLES) % _TIMES]
+        time = several[(_TIMES * u[:, 3]).astype(np.int64)]
         state = path[time - first].copy()
         state[:, 3:] += change
         for each in np.unique(time):
@@ -197,8 +197,8 @@ class ReachableSearch:
         state = self._moved(target, given.state, given.index, middle)
         weight = np.where(np.isfinite(state).all(axis=1), given.weight, 0.0)
         latest = np.argsort(-self.seen[target], kind="stable")[:SEARCHING]
-        stride = max(1, weight.size // _CENTERS)
-        centers = np.append(np.arange(0, weight.size, stride), weight.size - 1)
+        # the first points of a low-discrepancy sequence have a low discrepancy, every n-th do not
+        centers = np.append(np.arange(_CENTERS), weight.size - 1)
         rows = []
         for step in steps:
             for observer in latest.tolist():
