@@ -28,6 +28,7 @@ from cislunar.observation import Scene, Sensors, sensor_limits
 from cislunar.orbit_determination import (
     AdmissibleRegion,
     Angles,
+    LinkedOrbits,
     LinkingSettings,
     TrackletSettings,
 )
@@ -77,11 +78,14 @@ class SurveyResult(NamedTuple):
         families, and in days, infinite if never:
         ``detected`` at the first detection, and ``cataloged`` at the run of linking from which on a
         confirmed orbit is right.
+    linked : LinkedOrbits
+        The catalog itself after the last run of linking, which knows nothing of the objects.
     """
 
     states: pd.DataFrame
     orbits: pd.DataFrame
     objects: pd.DataFrame
+    linked: LinkedOrbits
 
 
 def run_survey(
@@ -344,5 +348,8 @@ class _Survey:
              "cataloged": self.cataloged, "outside": self.outside}
         )  # fmt: skip
         return SurveyResult(
-            pd.DataFrame(self.states), pd.concat(self.orbits, ignore_index=True), objects
+            pd.DataFrame(self.states),
+            pd.concat(self.orbits, ignore_index=True),
+            objects,
+            self.catalog.orbits,
         )
