@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import chi2
 
+from cislunar.association import gate_threshold
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, require_span
 from cislunar.errors import ConfigurationError
@@ -30,6 +30,7 @@ from cislunar.orbit_determination.attribution import (
     concatenate_fits,
     tracklet_matches,
 )
+from cislunar.orbit_determination.common_time import same_states
 from cislunar.orbit_determination.hypotheses import LinkHypotheses, same_orbit
 from cislunar.orbit_determination.initial_orbits import initial_orbits, is_plausible, refit_at
 from cislunar.orbit_determination.least_squares import OrbitFits, fit_orbits
@@ -245,15 +246,16 @@ def _link_pairs(found: LinkHypotheses, free, shortest: float, longest: float, pr
 
 
 def _merge(found: LinkHypotheses) -> None:
-    """Add joint fits of chosen orbits of which one predicts tracklets of another."""
+    """Add joint fits of chosen orbits that may be of one object."""
     tried: set[tuple[int, int]] = set()
-    while pairs := _predicted_pairs(found, found.selected()) - tried:
+    while pairs := _likely_pairs(found, found.selected()) - tried:
         tried |= pairs
         _add_joint_fits(found, sorted(pairs))
 
 
-def _predicted_pairs(found: LinkHypotheses, chosen: list[int]) -> set[tuple[int, int]]:
-    """Chosen orbits of which one predicts tracklets of the other."""
+def _likely_pairs(found: LinkHypotheses, chosen: list[int]) -> set[tuple[int, int]]:
+    """Chosen orbits of which one predicts tracklets of the other, or whose states agree, as they
+    may although the attributables of long tracklets are biased by curvature."""
     _, tracklets, forces, _, settings = found.data
     if len(chosen) < 2:
         return set()
@@ -265,7 +267,8 @@ def _predicted_pairs(found: LinkHypotheses, chosen: list[int]) -> set[tuple[int,
         fits, tracklets, ends[:, 0] - span, ends[:, 1] + span, settings.gate_probability,
         forces=forces,
     )  # fmt: skip
-    return {
+    agreeing = same_states(fits, settings.gate_probability, forces=forces).tolist()
+    return {(chosen[a], chosen[b]) for a, b in agreeing} | {
         tuple(sorted((chosen[a], owner[t])))
         for a, t in zip(which.tolist(), hit.tolist(), strict=True)
         if owner.get(t, chosen[a]) != chosen[a]
@@ -293,9 +296,9 @@ def _without_duplicates(found: LinkHypotheses, chosen: list[int]) -> list[int]:
     evidence of the angles alone must be clearly larger for one object.
     """
     angles, _, _, region, settings = found.data
-    largest = chi2.isf(1.0 - settings.gate_probability, 6)
+    largest = gate_threshold(settings.gate_probability, 6)
     tried: set[tuple[int, int]] = set()
-    while pairs := _predicted_pairs(found, chosen) - tried:
+    while pairs := _likely_pairs(found, chosen) - tried:
         tried |= pairs
         _add_joint_fits(
             found, sorted(p for p in pairs if found.joint_members(*p) not in found.index)

@@ -6,15 +6,12 @@ squares with all their detections. An orbit that no longer agrees with its detec
 and its detections of the last hours are linked anew, which also re-acquires lost objects.
 """
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.detection import DetectionProcess, Detections, Exposures
-from cislunar.dynamics import propagate_stm
-from cislunar.errors import CislunarError
 from cislunar.observation import Scene
 from cislunar.orbit_determination import (
     AdmissibleRegion,
@@ -28,6 +25,7 @@ from cislunar.orbit_determination import (
     frame_rate,
     link,
     make_angles,
+    orbits_at,
     tangent_basis,
 )
 from cislunar.survey.fields import unit_vectors
@@ -167,7 +165,7 @@ class SurveyCatalog:
             before, last = self._predicted
             starts = zip([before] * len(last.state), last.state, last.covariance, strict=True)
             existence = last.existence
-        states, covariances, kept = propagated(starts, time, self.forces)
+        states, covariances, kept = orbits_at(starts, time, self.forces)
         found = Predictions(states, covariances, existence[kept])
         self._predicted = time, found
         return found
@@ -196,30 +194,6 @@ class SurveyCatalog:
         apart = np.linalg.norm(way / distance[..., None] - angles.direction[:, None], axis=2)
         spread = np.sqrt(np.trace(now.covariance[:, :3, :3], axis1=1, axis2=2))
         return np.any(apart <= _GATE * spread / distance + _CURVATURE, axis=1)
-
-
-def propagated(
-    starts: Iterable[tuple[float, Array, Array]], time: float, forces: tuple
-) -> tuple[Array, Array, Indices]:
-    """States (orbit, 6) and covariances (orbit, 6, 6) at a time, nondimensional, of orbits that are
-    given by epochs, states and covariances; and the indices of these orbits, without those that
-    meet a body."""
-    states, covariances, kept = [], [], []
-    for number, (epoch, state, covariance) in enumerate(starts):
-        try:
-            moved, stm = propagate_stm(
-                state, time - epoch, forces=forces, start=epoch, rtol=1e-9, atol=1e-9
-            )
-        except CislunarError:
-            continue
-        states.append(moved)
-        covariances.append(stm @ covariance @ stm.T)
-        kept.append(number)
-    return (
-        np.array(states).reshape(-1, 6),
-        np.array(covariances).reshape(-1, 6, 6),
-        np.array(kept, dtype=np.int64),
-    )
 
 
 def _nothing() -> Angles:

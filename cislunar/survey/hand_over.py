@@ -20,9 +20,8 @@ from scipy.integrate import quad
 from cislunar.attitude import grp
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
-from cislunar.orbit_determination import LinkedOrbits
+from cislunar.orbit_determination import LinkedOrbits, orbits_at
 from cislunar.runtime.arguments import number_of
-from cislunar.survey.catalog import propagated
 
 
 class HandOver(NamedTuple):
@@ -86,7 +85,7 @@ def hand_over(
     confirmed = np.flatnonzero(orbits.confirmed)
     fits = orbits.fits.take(confirmed)
     starts = zip(fits.epoch.tolist(), fits.state, fits.covariance, strict=True)
-    state, translation, kept = propagated(starts, time, forces)
+    state, translation, kept = orbits_at(starts, time, forces)
     n = len(state)
     if n == 0:
         raise ConfigurationError(

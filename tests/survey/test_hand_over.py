@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cislunar.attitude import grp
-from cislunar.constants import LENGTH_UNIT_KM
 from cislunar.dynamics import EARTH_MOON, propagate
 from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
