@@ -9,37 +9,61 @@ from cislunar.figures import panels, style
 from cislunar.figures.axes import Grid
 from cislunar.figures.panels import PERCENT, Row
 
-_LEFT, _RIGHT, _GAP, _HEAD, _FOOT = 1.5, 0.12, 0.14, 0.32, 0.78
+_LEFT, _RIGHT, _GAP, _HEAD, _FOOT = 1.5, 0.12, 0.14, 0.32, 1.0
+_LEGEND = 0.28
 _WIDTH_IN, _LINE_IN = 1.32, 0.19
 
+_SERIES = (
+    style.SeriesStyle("objects on orbits of the families", style.BLUE, "none", "o"),
+    style.SeriesStyle("objects outside of the families", style.VERMILION, "none", "s"),
+)
+_ALL = style.SeriesStyle("all objects", style.BLACK, "none", "D")
+_ASIDE = 0.16
+"""Of the two groups from the middle of a line."""
+
+
+def _groups(quantity: str) -> tuple[str, str]:
+    """A quantity of the objects of either series."""
+    return f"{quantity}_inside", f"{quantity}_outside"
+
+
 ROWS = (
-    Row("right orbits,\n% of all objects", ("completeness_all",), factor=100.0, within=PERCENT),
-    Row("right orbits,\n% of findable objects", ("completeness",), factor=100.0, within=PERCENT),
+    Row("right orbits,\n% of all objects", _groups("completeness_all"), 100.0, within=PERCENT),
+    Row("right orbits,\n% of findable objects", _groups("completeness"), 100.0, within=PERCENT),
     Row("wrong orbits,\n% of confirmed", ("wrong_share",), factor=100.0, within=PERCENT),
     Row("normalized estimation\nerror squared", ("nees",), reference=6.0, within=(0.0, np.inf)),
 )
-"""The panels: quantities of ``tables/catalog.csv``."""
+"""The panels: quantities of ``tables/catalog.csv``, by series if there are two."""
 
 
 @style.house_style()
 def catalog_figure(table: pd.DataFrame) -> Figure:
-    """Draw the catalogs of all surveys of ``tables/catalog.csv`` at each day of the table."""
+    """Draw the catalogs of all surveys of ``tables/catalog.csv`` at each day of the table: right
+    orbits by groups of objects, and wrong orbits and consistency of all."""
     places = list(table.groupby(["survey", "day"], sort=False).groups)
     grid = Grid(1, len(ROWS), _WIDTH_IN, _LINE_IN * (len(places) + 1), _LEFT, _FOOT, _GAP)
     width, height = grid.size
     figure = style.new_figure(_HEAD + height + _FOOT, _LEFT + width + _RIGHT)
-    series = style.SeriesStyle("", style.BLUE, "none", "o")
     names = [f"{survey.replace('-', ' ')}, {day:g} d" for survey, day in places]
     for number, row in enumerate(ROWS):
         axes = grid.place(figure, 0, number)
-        own = table[table["quantity"] == row.curves[0]].set_index(["survey", "day"])
-        at = [k for k, place in enumerate(places) if place in own.index]
-        if at:
+        several, empty = len(row.curves) > 1, True
+        for which, (quantity, series) in enumerate(zip(row.curves, _SERIES, strict=False)):
+            own = table[table["quantity"] == quantity].set_index(["survey", "day"])
+            at = [k for k, place in enumerate(places) if place in own.index]
+            if not at:
+                continue
+            empty = False
             found = panels.table_estimates(own.loc[[places[k] for k in at]]).scaled(row.factor)
             panels.draw_estimates(
-                axes, np.array(at, dtype=float), found, series, row.within, horizontal=True
+                axes,
+                np.array(at) + several * _ASIDE * (2 * which - 1),
+                found,
+                series if several else _ALL,
+                row.within,
+                horizontal=True,
             )
-        else:
+        if empty:
             layout.note_empty(axes, "no orbit")
         if row.reference is not None:
             axes.axvline(row.reference, color="0.6", linewidth=0.6, zorder=1)
@@ -49,5 +73,7 @@ def catalog_figure(table: pd.DataFrame) -> Figure:
             axes.yaxis, range(len(places)), names if number == 0 else [""] * len(names)
         )
         layout.panel_title(axes, number, "")
+    handles = [each.legend_handle(line=False) for each in (*_SERIES, _ALL)]
+    layout.legend_below(figure, handles, _LEGEND)
     layout.note_below(figure, panels.table_note(table))
     return figure

@@ -95,6 +95,10 @@ class LinkHypotheses:
             found += own[best].tolist()
         return sorted(found)
 
+    def joint_members(self, a: int, b: int) -> tuple[int, ...]:
+        """Tracklets of two hypotheses, as a key of `index`."""
+        return tuple(sorted({*self.members[a], *self.members[b]}))
+
     def sharing(self, k: int) -> list[int]:
         """Other hypotheses that share detections with one."""
         found = {m for row in self.fits[k].row.tolist() for m in self.by_row[row]}

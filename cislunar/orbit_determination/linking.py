@@ -7,7 +7,8 @@ short gaps, then those with longer gaps, are fitted and extended in the same way
 `link` selects the compatible set with the largest sum of scores; HiGHS proves that it is the
 largest (`cislunar.association.set_packing`; Poore 1994, Computational Optimization and Applications
 3, 27). If two selected orbits may belong to one object, their joint fit becomes a hypothesis, and
-the selection is repeated. The rivals of a selected orbit are the best compatible hypotheses for its
+the selection is repeated; orbits that the angles show to be of one object are replaced by their
+joint fit in any case. The rivals of a selected orbit are the best compatible hypotheses for its
 detections without it, if their sum of scores is nearly as large, and further solutions for all its
 detections.
 """
@@ -18,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cislunar.association import gate_threshold
 from cislunar.constants import TIME_UNIT_S
 from cislunar.dynamics import EARTH_MOON, require_span
 from cislunar.errors import ConfigurationError
@@ -28,6 +30,7 @@ from cislunar.orbit_determination.attribution import (
     concatenate_fits,
     tracklet_matches,
 )
+from cislunar.orbit_determination.common_time import same_states
 from cislunar.orbit_determination.hypotheses import LinkHypotheses, same_orbit
 from cislunar.orbit_determination.initial_orbits import initial_orbits, is_plausible, refit_at
 from cislunar.orbit_determination.least_squares import OrbitFits, fit_orbits
@@ -39,6 +42,7 @@ from cislunar.orbit_determination.verdicts import (
     ORBIT,
     SEVERAL_ORBITS,
     agrees,
+    log_evidence,
     separation_probability,
     undetermined_directions,
 )
@@ -150,7 +154,7 @@ def link(
         shortest = gap
     _merge(found)
     _split(found)
-    return _described(found, found.selected())
+    return _described(found, _without_duplicates(found, found.selected()))
 
 
 def _continue(found: LinkHypotheses, known: LinkedOrbits, everything, free) -> None:
@@ -242,46 +246,77 @@ def _link_pairs(found: LinkHypotheses, free, shortest: float, longest: float, pr
 
 
 def _merge(found: LinkHypotheses) -> None:
-    """Add joint fits of chosen orbits of which one predicts tracklets of another."""
-    angles, tracklets, forces, _, settings = found.data
+    """Add joint fits of chosen orbits that may be of one object."""
     tried: set[tuple[int, int]] = set()
-    while True:
-        chosen = found.selected()
-        if len(chosen) < 2:
-            return
-        owner = {t: k for k in chosen for t in found.members[k]}
-        fits = concatenate_fits([found.fits[k] for k in chosen], found.empty)
-        span = settings.spans_h[-1] * 3600.0 / TIME_UNIT_S
-        ends = tracklets.time[
-            np.array([[found.members[k][0], found.members[k][-1]] for k in chosen])
-        ]
-        which, hit, *_ = tracklet_matches(
-            fits, tracklets, ends[:, 0] - span, ends[:, 1] + span, settings.gate_probability,
-            forces=forces,
-        )  # fmt: skip
-        pairs = {
-            tuple(sorted((chosen[a], owner[t])))
-            for a, t in zip(which.tolist(), hit.tolist(), strict=True)
-            if owner.get(t, chosen[a]) != chosen[a]
-        }
-        pairs = sorted(pairs - tried)
-        if not pairs:
-            return
-        tried.update(pairs)
-        trials = [(k, pair) for pair in pairs for k in pair]
-        rows = [np.union1d(found.fits[a].row, found.fits[b].row) for _, (a, b) in trials]
-        joint = fit_orbits(
-            angles, rows, np.array([found.fits[k].state[0] for k, _ in trials]),
-            np.array([found.fits[k].epoch[0] for k, _ in trials]), forces=forces,
-        )  # fmt: skip
-        found.add(
-            OrbitHypotheses(
-                joint,
-                tuple(
-                    tuple(sorted({*found.members[a], *found.members[b]})) for _, (a, b) in trials
-                ),
-            )
+    while pairs := _likely_pairs(found, found.selected()) - tried:
+        tried |= pairs
+        _add_joint_fits(found, sorted(pairs))
+
+
+def _likely_pairs(found: LinkHypotheses, chosen: list[int]) -> set[tuple[int, int]]:
+    """Chosen orbits of which one predicts tracklets of the other, or whose states agree, as they
+    may although the attributables of long tracklets are biased by curvature."""
+    _, tracklets, forces, _, settings = found.data
+    if len(chosen) < 2:
+        return set()
+    owner = {t: k for k in chosen for t in found.members[k]}
+    fits = concatenate_fits([found.fits[k] for k in chosen], found.empty)
+    span = settings.spans_h[-1] * 3600.0 / TIME_UNIT_S
+    ends = tracklets.time[np.array([[found.members[k][0], found.members[k][-1]] for k in chosen])]
+    which, hit, *_ = tracklet_matches(
+        fits, tracklets, ends[:, 0] - span, ends[:, 1] + span, settings.gate_probability,
+        forces=forces,
+    )  # fmt: skip
+    agreeing = same_states(fits, settings.gate_probability, forces=forces).tolist()
+    return {(chosen[a], chosen[b]) for a, b in agreeing} | {
+        tuple(sorted((chosen[a], owner[t])))
+        for a, t in zip(which.tolist(), hit.tolist(), strict=True)
+        if owner.get(t, chosen[a]) != chosen[a]
+    }
+
+
+def _add_joint_fits(found: LinkHypotheses, pairs: list[tuple[int, int]]) -> None:
+    angles, _, forces, *_ = found.data
+    trials = [(k, pair) for pair in pairs for k in pair]
+    joint = fit_orbits(
+        angles, [np.union1d(found.fits[a].row, found.fits[b].row) for _, (a, b) in trials],
+        np.array([found.fits[k].state[0] for k, _ in trials]).reshape(-1, 6),
+        np.array([found.fits[k].epoch[0] for k, _ in trials]), forces=forces,
+    )  # fmt: skip
+    found.add(OrbitHypotheses(joint, tuple(found.joint_members(*pair) for _, pair in trials)))
+
+
+def _without_duplicates(found: LinkHypotheses, chosen: list[int]) -> list[int]:
+    """Chosen orbits, of which two of one object are replaced by their joint fit.
+
+    The scores cannot tell whether two orbits with different magnitudes are of one body that rotates
+    or of two bodies. The angles can: if both orbits are of one object, the joint fit increases chi
+    squared by a chi-squared variable with six degrees of freedom, which to first order is
+    d' (P_1 + P_2)^-1 d of the difference d of the states. It must not be significant, and the
+    evidence of the angles alone must be clearly larger for one object.
+    """
+    angles, _, _, region, settings = found.data
+    largest = gate_threshold(settings.gate_probability, 6)
+    tried: set[tuple[int, int]] = set()
+    while pairs := _likely_pairs(found, chosen) - tried:
+        tried |= pairs
+        _add_joint_fits(
+            found, sorted(p for p in pairs if found.joint_members(*p) not in found.index)
         )
+        gone: set[int] = set()
+        for pair in sorted(pairs):
+            joint = found.index.get(found.joint_members(*pair))
+            if joint is None or gone & set(pair):
+                continue
+            fits = concatenate_fits([found.fits[k] for k in (joint, *pair)], found.empty)
+            increase = fits.chi_squared @ [1.0, -1.0, -1.0]
+            ratio = log_evidence(fits, angles, region) @ [1.0, -1.0, -1.0]
+            ratio -= np.log(settings.expected_objects)
+            if increase <= largest and ratio >= settings.verdict.rival_log_ratio:
+                gone |= set(pair)
+                chosen = [*chosen, joint]
+        chosen = sorted(set(chosen) - gone)
+    return chosen
 
 
 def _split(found: LinkHypotheses) -> None:

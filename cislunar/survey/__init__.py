@@ -7,9 +7,11 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "catalog": ["Predictions", "SurveyCatalog"],
     "density": ["ObjectDensity"],
     "fields": ["FieldGrid", "Views", "detection_probability", "unit_vectors", "views"],
+    "hand_over": ["HandOver", "hand_over", "uniform_attitude_sigma"],
     "planning": ["KnownOrbits", "SearchPlanner", "Visits"],
     "priors": ["PriorSources", "in_propagation_frame", "sample_prior"],
     "quality": ["CatalogState", "ORBIT_COLUMNS", "catalog_state", "orbit_table", "true_tracklets"],
+    "search_worth": ["search_tables"],
     "settings": ["DensityPrior", "QualitySettings", "SOURCES", "SearchSettings", "SurveyModel"],
     "simulation": ["SurveyResult", "SurveySettings", "run_survey"],
 })

@@ -12,8 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.detection import DetectionProcess, Detections, Exposures
-from cislunar.dynamics import propagate_stm
-from cislunar.errors import CislunarError
 from cislunar.observation import Scene
 from cislunar.orbit_determination import (
     AdmissibleRegion,
@@ -27,6 +25,7 @@ from cislunar.orbit_determination import (
     frame_rate,
     link,
     make_angles,
+    orbits_at,
     tangent_basis,
 )
 from cislunar.survey.fields import unit_vectors
@@ -166,21 +165,8 @@ class SurveyCatalog:
             before, last = self._predicted
             starts = zip([before] * len(last.state), last.state, last.covariance, strict=True)
             existence = last.existence
-        states, covariances, kept = [], [], []
-        for number, (epoch, state, covariance) in enumerate(starts):
-            try:
-                moved, stm = propagate_stm(
-                    state, time - epoch, forces=self.forces, start=epoch, rtol=1e-9, atol=1e-9
-                )
-            except CislunarError:
-                continue
-            states.append(moved)
-            covariances.append(stm @ covariance @ stm.T)
-            kept.append(number)
-        found = Predictions(
-            np.array(states).reshape(-1, 6), np.array(covariances).reshape(-1, 6, 6),
-            existence[kept],
-        )  # fmt: skip
+        states, covariances, kept = orbits_at(starts, time, self.forces)
+        found = Predictions(states, covariances, existence[kept])
         self._predicted = time, found
         return found
 

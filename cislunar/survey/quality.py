@@ -16,6 +16,7 @@ from cislunar.survey.settings import QualitySettings
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 ORBIT_COLUMNS = (
     "day", "confirmed", "verdict", "object", "detections", "right_detections", "observers",
@@ -44,6 +45,10 @@ class CatalogState(NamedTuple):
         Right confirmed orbits of findable objects over findable objects.
     completeness_all : float
         Right confirmed orbits over all objects.
+    completeness_inside, completeness_outside : float
+        `completeness` of the objects that are on orbits of the families, and of those outside.
+    completeness_all_inside, completeness_all_outside : float
+        The same for `completeness_all`.
     purity : float
         Share of the detections in confirmed orbits that are of the object that most are of.
     nees : float
@@ -65,6 +70,10 @@ class CatalogState(NamedTuple):
     linked: int
     completeness: float
     completeness_all: float
+    completeness_inside: float
+    completeness_outside: float
+    completeness_all_inside: float
+    completeness_all_outside: float
     purity: float
     nees: float
     median_error_km: float
@@ -136,7 +145,11 @@ def true_tracklets(tracklets: Attributables, origin: ArrayLike, n_objects: int) 
 
 
 def catalog_state(
-    table: pd.DataFrame, origin: ArrayLike, tracklets: Indices, settings: QualitySettings
+    table: pd.DataFrame,
+    origin: ArrayLike,
+    tracklets: Indices,
+    settings: QualitySettings,
+    outside: ArrayLike | None = None,
 ) -> CatalogState:
     """Quality of the orbits of a table.
 
@@ -149,6 +162,8 @@ def catalog_state(
     tracklets : ndarray of int, shape (object,)
         See `true_tracklets`.
     settings : QualitySettings
+    outside : array_like of bool, shape (object,), optional
+        Which objects are on no orbit of the families; none if omitted.
     """
     given, n = np.asarray(origin), tracklets.size
     findable = tracklets >= settings.findable_tracklets
@@ -161,8 +176,16 @@ def catalog_state(
     good = real[small]
     total = int(chosen["detections"].sum())
 
+    beyond = np.zeros(n, dtype=bool) if outside is None else np.asarray(outside, dtype=bool)
+    everything, held = np.ones(n, dtype=bool), np.isin(np.arange(n), right)
+
     def share(part: float, whole: float) -> float:
         return float(part / whole) if whole else float("nan")
+
+    def completeness(group: Flags) -> tuple[float, float]:
+        return tuple(share((held & own).sum(), own.sum()) for own in (group & findable, group))
+
+    shares = [completeness(group) for group in (everything, ~beyond, beyond)]
 
     return CatalogState(
         day=float(table["day"].iloc[0]) if len(table) else float("nan"),
@@ -176,8 +199,12 @@ def catalog_state(
         duplicate=int(np.count_nonzero(small)) - int(right.size),
         candidates=len(table) - len(chosen),
         linked=int(findable[np.unique(linked)].sum()),
-        completeness=share(findable[right].sum(), findable.sum()),
-        completeness_all=share(right.size, n),
+        completeness=shares[0][0],
+        completeness_all=shares[0][1],
+        completeness_inside=shares[1][0],
+        completeness_outside=shares[2][0],
+        completeness_all_inside=shares[1][1],
+        completeness_all_outside=shares[2][1],
         purity=share(real["right_detections"].sum(), total),
         nees=float(good["nees"].mean()) if len(good) else float("nan"),
         median_error_km=float(good["error_km"].median()) if len(good) else float("nan"),

@@ -28,6 +28,7 @@ from cislunar.observation import Scene, Sensors, sensor_limits
 from cislunar.orbit_determination import (
     AdmissibleRegion,
     Angles,
+    LinkedOrbits,
     LinkingSettings,
     TrackletSettings,
 )
@@ -73,14 +74,18 @@ class SurveyResult(NamedTuple):
     orbits : DataFrame
         Orbits after each run of linking (`cislunar.survey.quality.ORBIT_COLUMNS`).
     objects : DataFrame
-        For each object its row ``object``, its ``tracklets``, and in days, infinite if never:
+        For each object its row ``object``, its ``tracklets``, whether it is ``outside`` of the
+        families, and in days, infinite if never:
         ``detected`` at the first detection, and ``cataloged`` at the run of linking from which on a
         confirmed orbit is right.
+    linked : LinkedOrbits
+        The catalog itself after the last run of linking, which knows nothing of the objects.
     """
 
     states: pd.DataFrame
     orbits: pd.DataFrame
     objects: pd.DataFrame
+    linked: LinkedOrbits
 
 
 def run_survey(
@@ -94,6 +99,7 @@ def run_survey(
     *,
     sensor: Sensors,
     forces: tuple,
+    outside: ArrayLike | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> SurveyResult:
     """Simulate a survey that starts without a catalog.
@@ -117,6 +123,9 @@ def run_survey(
         Assumed telescopes.
     forces : NamedTuple
         Assumed force model, CR3BP or ephemeris forces.
+    outside : array_like of bool, shape (object,), optional
+        Which objects are on no orbit of the families; only the quality of the catalog depends on
+        it. None if omitted.
     progress : callable, optional
         Called with (blocks done, all blocks).
 
@@ -130,7 +139,9 @@ def run_survey(
         If the scene is shorter than the survey, or a time is no multiple of another.
     """
     settings = SurveySettings() if settings is None else settings
-    survey = _Survey(scene, truth, state, target_ids, seed, density, settings, sensor, forces)
+    survey = _Survey(
+        scene, truth, state, target_ids, seed, density, settings, sensor, forces, outside
+    )
     for block in range(survey.n_blocks):
         survey.advance(block)
         if progress is not None:
@@ -142,10 +153,16 @@ class _Survey:
     """State of a survey; `run_survey` has the arguments."""
 
     def __init__(
-        self, scene, truth, state, target_ids, seed, density, settings, sensor, forces
+        self, scene, truth, state, target_ids, seed, density, settings, sensor, forces, outside
     ) -> None:
         states = array_of("state", state, ("object", 6))
         ids = np.asarray(target_ids, dtype=np.int64)
+        self.outside = np.zeros(ids.size, dtype=bool) if outside is None else np.asarray(outside)
+        if self.outside.shape != ids.shape or self.outside.dtype != bool:
+            raise ConfigurationError(
+                f"outside has {self.outside.shape} entries of type {self.outside.dtype}; give one "
+                f"bool for each of the {ids.size} objects"
+            )
         self.scene, self.settings, self.seed = scene, settings, seed
         self.sensor, self.density = sensor, density
         n_observers = scene.observer_position.shape[0]
@@ -302,7 +319,9 @@ class _Survey:
         origin = np.concatenate(self.origin)
         table = orbit_table(orbits, angles, origin, self.path[0], scene.step, day)
         self.tracklets = true_tracklets(self.catalog.tracklets, origin, self.cataloged.size)
-        quality: CatalogState = catalog_state(table, origin, self.tracklets, self.settings.quality)
+        quality: CatalogState = catalog_state(
+            table, origin, self.tracklets, self.settings.quality, self.outside
+        )
         self.states.append(
             {**quality._asdict(), "day": day, "undetected": self.density.expected,
              "exposures": self.n_exposures, "detections": origin.size,
@@ -326,8 +345,11 @@ class _Survey:
         np.minimum.at(first, origin[real], angles.time[real] / per_day)
         objects = pd.DataFrame(
             {"object": np.arange(first.size), "tracklets": self.tracklets, "detected": first,
-             "cataloged": self.cataloged}
+             "cataloged": self.cataloged, "outside": self.outside}
         )  # fmt: skip
         return SurveyResult(
-            pd.DataFrame(self.states), pd.concat(self.orbits, ignore_index=True), objects
+            pd.DataFrame(self.states),
+            pd.concat(self.orbits, ignore_index=True),
+            objects,
+            self.catalog.orbits,
         )

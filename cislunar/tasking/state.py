@@ -55,6 +55,7 @@ class SimulationInputs(NamedTuple):
             "epoch_state": initial.translation.shape[0],
             "surfaces": self.surfaces.inertia.shape[0],
             "truth.surfaces": self.truth.surfaces.inertia.shape[0],
+            "truth.start": len((self.truth.start or initial).translation),
             "target_ids": ids.size,
         }
         if len(set(counts.values())) != 1 or ids.size == 0:
@@ -99,7 +100,7 @@ class SimulationInputs(NamedTuple):
         """The true motion of a realization from the epoch on, given its sampled truth."""
         settings, scene = self.settings, self.scene
         return TrueMotion(
-            self.initial,
+            self.initial if truth.start is None else truth.start,
             scene,
             truth.noise if truth.sensor is None else np.ones(3),
             seed,

@@ -77,6 +77,9 @@ class TruthModel(NamedTuple):
         Maneuvers in all realizations.
     drawn_maneuvers : tuple of DrawnManeuvers
         Maneuvers drawn in each realization, in addition.
+    start : InitialEstimate or None
+        Distribution of the true states at the start, if it is not that of the initial estimates;
+        standard deviations of 0 state the truth itself.
     """
 
     surfaces: TargetSurfaces
@@ -91,6 +94,7 @@ class TruthModel(NamedTuple):
     observer_errors: Array | None = None
     maneuvers: Maneuvers = NO_MANEUVERS
     drawn_maneuvers: tuple[DrawnManeuvers, ...] = ()
+    start: InitialEstimate | None = None
 
     def all_maneuvers(
         self, seed: int, target_ids: NDArray[np.int64], duration_hours: float

@@ -12,9 +12,11 @@ from cislunar.campaign.settings.tree import StatedSurvey
 from cislunar.campaign.survey import (
     CATALOG_COLUMNS,
     catalog_rows,
+    realization,
     realization_rows,
     survey_realization,
 )
+from cislunar.dynamics import UNITS, from_inertial, pulsating_frame
 from cislunar.errors import ConfigurationError
 from cislunar.figures.survey import catalog_figure
 from cislunar.survey import SurveyResult
@@ -35,7 +37,10 @@ SMALL = {
 @pytest.fixture(scope="module")
 def found():
     surveys, rows = {}, {}
-    for name, change in (("usual", {}), ("ephemeris", {"ephemeris": True, "realizations": 1})):
+    for name, change in (
+        ("usual", {}),
+        ("ephemeris", {"ephemeris": True, "realizations": 1, "outside_families": 0.67}),
+    ):
         survey = surveys[name] = StatedSurvey(**SMALL | change)
         inputs = cell_inputs(3, bodies=survey.ephemeris)
         rows[name] = [
@@ -60,6 +65,42 @@ def test_realizations_have_their_own_day_and_noise(found):
     assert first != second
 
 
+def test_a_share_of_the_objects_is_outside_of_the_families(monkeypatch):
+    """True states at the start in both dynamics, and that nothing but the truth differs."""
+    given = {}
+
+    def taken(scene, truth, state, ids, seed, density, settings, *, outside, forces, **_):
+        given[len(given)] = state, outside, density.state, forces
+        raise StopIteration
+
+    monkeypatch.setattr(realization, "run_survey", taken)
+    for ephemeris in (False, True):
+        inputs = cell_inputs(3, bodies=ephemeris)
+        for share in (0, 0.34, 1):
+            survey = StatedSurvey(**SMALL | {"outside_families": share, "ephemeris": ephemeris})
+            with pytest.raises(StopIteration):
+                survey_realization(
+                    "mine", survey, 1, inputs, POINTS, settings_of_cell({}), propagator="dop853",
+                    seed=3,
+                )  # fmt: skip
+    for first in (0, 3):
+        (inside, none, particles, forces), half, (others, every, _, _) = (
+            given[first + k] for k in range(3)
+        )
+        assert not none.any() and every.all() and half[1].sum() == 1
+        for state, outside, density, _ in (half, given[first + 2]):
+            np.testing.assert_array_equal(state[~outside], inside[~outside])
+            np.testing.assert_array_equal(density, particles)
+            assert np.linalg.norm((state - inside)[outside, :3], axis=1).min() > 0.01
+        # an object of a smaller share is also there with a larger one
+        assert np.isin(half[0][half[1]], others).all()
+        if first:
+            axes = pulsating_frame(forces.table, forces.epoch)
+            back = np.array([from_inertial(state * UNITS, axes) for state in others])
+            radius = np.linalg.norm(back[:, :3], axis=1)
+            assert np.all(radius < 1.9) and np.all(radius > 0.05)
+
+
 def test_the_table_has_means_over_realizations(found):
     surveys, rows = found
     table = catalog_rows(surveys, rows, 3.0)
@@ -80,7 +121,7 @@ def test_rows_are_those_of_the_days_and_of_the_end():
     days = np.arange(1, 9) * 0.5
     states = pd.DataFrame({"day": days, "right": range(8)})
     objects = pd.DataFrame({"cataloged": [1.0, 3.5, np.inf], "detected": [0.5, 0.25, 0.1]})
-    rows = realization_rows(SurveyResult(states, states, objects))
+    rows = realization_rows(SurveyResult(states, states, objects, None))
     assert rows["day"].tolist() == [1.0, 3.0, 4.0] and rows["right"].tolist() == [1, 5, 7]
     assert rows["hours_to_catalog"].tolist() == [12.0, 12.0, 45.0]
 
@@ -93,6 +134,11 @@ def test_impossible_surveys_are_refused_before_anything_runs():
         ({"duration_days": 20}, "exceed the ephemeris"),
         ({"architecture": "pear"}, "'surveys.mine.architecture' = 'pear'"),
         ({"prior": {"families": 0, "zero_velocity": 0, "uniform": 0}}, "are all zero"),
+        ({"outside_families": 1.5}, "surveys.mine.outside_families"),
+        (
+            {"outside_families": 0.1, "targets": 4},
+            "replaces none of 4 objects; give 0, or at least",
+        ),
         ({"prior": {"table": 1}}, "'surveys.mine.prior_table'"),
         ({"search": {"strategy": "chance"}}, "surveys.mine.search.strategy"),
         ({"kernel_deg": -1}, "surveys.mine.kernel_deg"),

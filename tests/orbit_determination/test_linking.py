@@ -23,11 +23,15 @@ from cislunar.orbit_determination import (
     fit_orbits,
     form_tracklets,
     link,
+    linking,
     log_evidence,
     make_angles,
+    refit_at,
+    same_states,
     separation_probability,
 )
-from cislunar.orbit_determination.attribution import OrbitHypotheses
+from cislunar.orbit_determination.admissible_region import sphere_magnitude_residuals
+from cislunar.orbit_determination.attribution import OrbitHypotheses, concatenate_fits
 from cislunar.orbit_determination.hypotheses import LinkHypotheses
 
 SIGMA = np.pi / 648_000.0
@@ -245,6 +249,68 @@ def test_neighbors_on_one_orbit_are_separated_or_one_and_never_wrong(apart_km):
         assert np.mean(origin[found.detections(k)] == nearest) > 0.9
         right.add(nearest)
     assert len(right) == confirmed.size
+
+
+def two_hypotheses(angles, groups, starts):
+    """Hypotheses of two groups of tracklets (boolean function of detections), and their indices."""
+    tracklets = attributables(angles, form_tracklets(angles))
+    found = LinkHypotheses(
+        angles, tracklets, EARTH_MOON, AdmissibleRegion(), LinkingSettings(), LOG_CLUTTER, None
+    )
+    for group, start in zip(groups, starts, strict=True):
+        own = tuple(t for t, rows in enumerate(tracklets.detections) if group[rows].all())
+        rows = [np.unique(np.concatenate([tracklets.detections[t] for t in own]))]
+        found.add(OrbitHypotheses(fit_orbits(angles, rows, start[None], 0.0), (own,)))
+    assert len(found.members) == 2
+    return found
+
+
+def test_one_object_of_varying_brightness_is_one_orbit():
+    """Magnitudes that differ by 1.4 mag between tracklets suggest two objects, the angles one."""
+    angles, _ = night(OBJECTS[:1], np.arange(0.0, 16.0, 1.0), 0.0, 31)
+    sun = np.tile([389.0, 30.0, 0.0], (angles.time.size, 1))
+    zero = np.zeros(angles.time.size)
+    angles = angles._replace(sun=sun, magnitude=zero, magnitude_variance=zero + 1e-4)
+    place = np.array([propagate(OBJECTS[0], [t], method="dop853")[0, :3] for t in angles.time])
+    expected = -sphere_magnitude_residuals(place - angles.observer_position, angles)
+    bright = np.rint(angles.time / HOUR - 0.15).astype(int) % 2 == 0
+    shift = np.where(bright, -0.7, 0.7)
+    for varying in (True, False):
+        found = two_hypotheses(
+            angles._replace(magnitude=expected + shift * varying),
+            (bright, ~bright),
+            [OBJECTS[0]] * 2,
+        )
+        chosen = found.selected()
+        assert chosen == [0, 1]
+        one = linking._without_duplicates(found, chosen)
+        assert len(one) == 1 and found.members[one[0]] == found.joint_members(0, 1)
+        # the premise: by the scores, magnitudes outweigh the agreement of the states
+        assert (found.scores[one[0]] < sum(found.scores[:2])) == varying
+
+
+@pytest.mark.parametrize("apart_km", [100.0, 10.0, 0.0])
+def test_duplicates_are_orbits_whose_states_agree(apart_km, monkeypatch):
+    # without predictions of tracklets, which a curved path may spoil
+    nothing = (np.empty(0, dtype=np.int64),) * 3
+    monkeypatch.setattr(linking, "tracklet_matches", lambda *_, **__: nothing)
+    speed = np.linalg.norm(OBJECTS[0, 3:])
+    later = propagate(OBJECTS[0], [apart_km / LENGTH_UNIT_KM / speed], method="dop853")[0]
+    twins = np.array([OBJECTS[0], later])
+    angles, origin = night(twins, [0.0, 2.0, 5.0], 0.0, 12)
+    found = two_hypotheses(angles, (origin == 0, origin == 1), twins)
+    chosen = linking._without_duplicates(found, [0, 1])
+    a, b = found.fits[:2]
+    covariance = a.covariance[0] + b.covariance[0]
+    apart = a.state[0] - b.state[0]  # both at the epoch of the fits
+    squared = apart @ np.linalg.solve(covariance, apart)
+    # the independent test of the difference of the states; the gate is at 27.9
+    assert a.epoch[0] == b.epoch[0] and (squared < 20.0 or squared > 100.0)
+    assert (len(chosen) == 1) == (squared < 20.0) == (apart_km == 0.0)
+    later = refit_at(b, angles, angles.time[-1], forces=EARTH_MOON)
+    for one, other in ((a, b), (a, later), (later, a)):
+        pairs = same_states(concatenate_fits([one, other], a), 0.9999, forces=EARTH_MOON)
+        assert pairs.tolist() == ([[0, 1]] if apart_km == 0.0 else [])
 
 
 def test_bad_input_and_nothing_to_link():

@@ -103,6 +103,26 @@ def test_plans_do_not_depend_on_the_truth(monkeypatch):
     assert Detections._fields == ("exposure", "value", "variance")
 
 
+def test_the_catalog_does_not_depend_on_which_objects_are_outside(result):
+    mask = np.arange(N_OBJECTS) % 2 == 0
+    other = surveyed(outside=mask)
+    assert other.orbits.equals(result.orbits)
+    changed = {"completeness_inside", "completeness_outside"}
+    changed |= {name.replace("completeness", "completeness_all") for name in changed}
+    same = [name for name in result.states if name not in changed]
+    assert other.states[same].equals(result.states[same])
+    # brute force over the objects
+    end, held = other.states.iloc[-1], np.isfinite(other.objects["cataloged"].to_numpy())
+    findable = other.objects["tracklets"].to_numpy() >= 3
+    assert other.objects["outside"].tolist() == mask.tolist()
+    for group, name in ((~mask, "inside"), (mask, "outside")):
+        assert end[f"completeness_{name}"] == held[group & findable].mean()
+        assert end[f"completeness_all_{name}"] == held[group].mean()
+    assert result.states["completeness_outside"].isna().all()
+    with pytest.raises(ConfigurationError, match="one bool for each of the 6 objects"):
+        surveyed(outside=[0.5] * N_OBJECTS)
+
+
 def test_false_alarms_alone_give_no_confirmed_orbit():
     """Objects that are too faint for the telescopes, among false alarms."""
     faint = PROBLEM.surfaces._replace(areas=1e-8 * PROBLEM.surfaces.areas)

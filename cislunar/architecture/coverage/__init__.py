@@ -9,6 +9,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "kernels": ["weighted_sums"],
     "measures": ["Coverage", "coverage", "gaps"],
     "objective": ["CoverageObjective"],
-    "tables": ["coverage_tables"],
+    "tables": ["CoverageTables", "coverage_tables"],
 })
 # fmt: on

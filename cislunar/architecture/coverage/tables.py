@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,6 +72,23 @@ def _by_day(bits: NDArray[np.uint8], shape: tuple[int, int], starts: NDArray) ->
     return days
 
 
+def _marked(given: tuple, shade: Any) -> NDArray[np.uint8]:
+    """Bits of the observations of targets at rest, without those lost in a shadow; for `given` see
+    `cislunar.visibility.kernel.mark_observations`."""
+    bits = mark_observations(*given)
+    if shade is not None:
+        at = shade.time * len(given[1]) + shade.target
+        lost = lost_observations(*given, shade).astype(np.uint8) << (at & 7).astype(np.uint8)
+        np.bitwise_and.at(bits, (slice(None), slice(None), at >> 3), ~lost)
+    return bits
+
+
+def _joined(bits: list[NDArray[np.uint8]], n_targets: int) -> NDArray[np.uint8]:
+    """Bits of all times from those of single times."""
+    seen = [np.unpackbits(own, axis=-1, count=n_targets, bitorder="little") for own in bits]
+    return np.packbits(np.concatenate(seen, axis=-1), axis=-1, bitorder="little")
+
+
 def coverage_tables(
     orbits: OrbitSet,
     target: ArrayLike,
@@ -97,8 +115,9 @@ def coverage_tables(
     ----------
     orbits : OrbitSet
         Candidate orbits.
-    target : array_like, shape (target, 3)
-        Static targets, nondimensional, rotating frame.
+    target : array_like, shape (target, 3) or (target, time, 3)
+        Static targets, or the positions of moving targets at the times; nondimensional, rotating
+        frame.
     times : array_like, shape (time,)
         Nondimensional times since the epoch, at equal steps.
     sun_position : array_like, shape (time, 3)
@@ -138,26 +157,35 @@ def coverage_tables(
         per_orbit, counts, layer = phases, 1, 1
     times = np.asarray(times, dtype=float)
     target = np.ascontiguousarray(target, dtype=float)
+    if target.ndim == 3 and target.shape[1] != len(times):
+        raise ConfigurationError(
+            f"target has positions at {target.shape[1]} times; give them at all {len(times)} times"
+        )
     sun = np.ascontiguousarray(sun_position, dtype=float)
     shape = (len(times), len(target))
     starts = day_starts(times)
     n_windows = len(starts) if window == "day" else len(times)
     n_words = -(-n_windows * len(target) // _WORD)
     layers = np.zeros((len(allowed) * per_orbit, counts, layer, n_words), dtype=np.uint64)
+    # moving targets are at rest at each of the times
+    parts = [(slice(None), target)]
+    if target.ndim == 3:
+        places = np.ascontiguousarray(target.swapaxes(0, 1))
+        parts = [(slice(t, t + 1), place) for t, place in enumerate(places)]
     faintness = settings.faintness_at(len(times))
-    shade = shade_of(target, sun, mu) if settings.eclipse else None
+    shades = [shade_of(place, sun[at], mu) if settings.eclipse else None for at, place in parts]
     for first in range(0, len(allowed), _ORBITS_PER_BATCH):
         batch = allowed[first : first + _ORBITS_PER_BATCH]
         track = satellite_tracks(
             orbits.state[batch], orbits.period[batch], phase, times,
             propagator=propagator, mu=mu,
         )  # fmt: skip
-        given = track, target, sun, settings.exclusion_deg.cosines, faintness, mu
-        bits = mark_observations(*given)
-        if shade is not None:
-            at = shade.time * len(target) + shade.target
-            lost = lost_observations(*given, shade).astype(np.uint8) << (at & 7).astype(np.uint8)
-            np.bitwise_and.at(bits, (slice(None), slice(None), at >> 3), ~lost)
+        found = []
+        for (at, place), shade in zip(parts, shades, strict=True):
+            own = np.ascontiguousarray(track[:, :, at])
+            given = own, place, sun[at], settings.exclusion_deg.cosines, faintness[at], mu
+            found.append(_marked(given, shade))
+        bits = found[0] if target.ndim == 2 else _joined(found, len(target))
         rows = as_words(_by_day(bits, shape, starts) if window == "day" else bits)
         for orbit in range(len(batch)):
             slot = (first + orbit) * per_orbit

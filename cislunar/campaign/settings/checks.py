@@ -261,6 +261,12 @@ def _check_surveys(config: Mapping[str, Any]) -> None:
                 f"{key}.targets' = {survey['targets']} exceeds the {available} moving targets of "
                 f"scenario {scenario}"
             )
+        share, objects = survey["outside_families"], survey["targets"]
+        if share > 0.0 and round(share * objects) == 0:
+            raise ConfigurationError(
+                f"{key}.outside_families' = {share} replaces none of {objects} objects; give 0, or "
+                f"at least {1.0 / objects:.2g}"
+            )
         days = scenario_settings(config, scenario)["visibility"]["duration_days"]
         if survey["last_start_day"] + survey["duration_days"] > days:
             raise ConfigurationError(

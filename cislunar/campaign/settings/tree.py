@@ -207,6 +207,9 @@ class StatedSurvey(SurveyModel):
     scenario: str = setting("scenario whose moving targets are the objects", default="A")
     architecture: Architecture = setting("architecture whose observers search")
     targets: Count = setting("number of objects", "1", default=202)
+    outside_families: number(ge=0, le=1) = setting(
+        "share of the objects that is replaced by objects on no orbit of the moving targets and of "
+        "the observers (`cislunar.targets.objects_outside_families`)", "1", default=0)
     realizations: Count = setting(
         "number of realizations, each with its own day, phases of the objects and noise", "1",
         default=10)

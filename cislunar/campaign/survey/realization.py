@@ -5,14 +5,21 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell
 from cislunar.campaign.settings.library import loop_settings
 from cislunar.campaign.settings.reading import merged, typed
 from cislunar.campaign.settings.tree import StatedSurvey
-from cislunar.campaign.tracking.cell import CellInputs, realization_seeds, tracking_problem
+from cislunar.campaign.tracking.cell import (
+    CellInputs,
+    Problem,
+    realization_seeds,
+    target_labels,
+    tracking_problem,
+)
+from cislunar.dynamics import EphemerisForces
 from cislunar.runtime.seeds import generator
 from cislunar.survey import (
     ObjectDensity,
@@ -24,7 +31,12 @@ from cislunar.survey import (
     run_survey,
     sample_prior,
 )
-from cislunar.targets import load_target_states
+from cislunar.targets import (
+    TargetStates,
+    load_target_states,
+    objects_outside_families,
+    replace_targets,
+)
 
 _DAYS = (1.0, 3.0, 7.0)
 """Days whose quality the table has, besides the last."""
@@ -98,18 +110,53 @@ def survey_realization(
         forces=problem.forces,
         region=chosen.region,
     )
+    objects, outside = _objects(survey, problem, inputs, own_seed)
     return run_survey(
         problem.scene,
         problem.truth,
-        problem.epoch_state,
+        objects,
         problem.target_ids,
         own_seed,
         density,
         chosen,
         sensor=problem.sensor,
         forces=problem.forces,
+        outside=outside,
         progress=progress,
     )
+
+
+def _objects(
+    survey: StatedSurvey, problem: Problem, inputs: CellInputs, seed: int
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """True states (object, 6) at the start, propagation frame, and which objects are on no orbit of
+    the moving targets and of the observers."""
+    placed, share = problem.epoch_state, survey.outside_families
+    if share == 0.0:
+        return placed, np.zeros(len(placed), dtype=bool)
+    parts = [inputs.orbits, inputs.tracked]
+    states, periods = (np.concatenate([each[key].values for each in parts])
+                       for key in ("state", "period"))  # fmt: skip
+    # orbits about the Moon alone close in neither frame, and have no stability index
+    closed = periods > 0.0
+    if "stability_index" in inputs.tracked:
+        closed[inputs.orbits.sizes["orbit"] :] &= np.isfinite(inputs.tracked["stability_index"])
+    forces = problem.truth.forces
+    others = objects_outside_families(
+        states[closed],
+        periods[closed],
+        generator(seed, "outside families"),
+        count=round(share * len(placed)),
+        days=survey.duration_days,
+        forces=forces if isinstance(forces, EphemerisForces) else None,
+    )
+    others = TargetStates(
+        others.name, others.family, in_propagation_frame(others.state, forces), others.period
+    )
+    names = target_labels(inputs.tracked, problem.target_ids)
+    inside = TargetStates(names, names, placed, np.zeros(len(placed)))
+    mixed = replace_targets(inside, others, share, generator(seed, "replaced objects"))
+    return mixed.state, np.isin(mixed.name, others.name)
 
 
 def realization_rows(result: SurveyResult) -> pd.DataFrame:

@@ -11,16 +11,17 @@ from cislunar.survey import SOURCES
 
 QUANTITIES = (
     "detected", "findable", "right", "wrong", "false", "duplicate", "candidates", "linked_share",
-    "completeness", "completeness_all", "purity", "wrong_share", "nees", "median_error_km",
-    "hours_to_catalog", "undetected",
+    "completeness", "completeness_all", "completeness_inside", "completeness_outside",
+    "completeness_all_inside", "completeness_all_outside", "purity", "wrong_share", "nees",
+    "median_error_km", "hours_to_catalog", "undetected",
 )  # fmt: skip
 """Quantities of the table; see `cislunar.survey.CatalogState`. `linked_share`: share of the
 findable objects with an orbit, confirmed or not. `wrong_share`: wrong and false orbits among the
 confirmed ones."""
 
 _PLACE = (
-    "survey", "scenario", "architecture", "targets", "dynamics", "prior", "strategy", "follow_up",
-    "clutter",
+    "survey", "scenario", "architecture", "targets", "outside_families", "dynamics", "prior",
+    "strategy", "follow_up", "clutter",
 )  # fmt: skip
 
 CATALOG_COLUMNS = (
@@ -92,6 +93,7 @@ def _described(name: str, survey: StatedSurvey, field_of_view_deg: float) -> dic
         "scenario": survey.scenario,
         "architecture": survey.architecture,
         "targets": survey.targets,
+        "outside_families": survey.outside_families,
         "dynamics": "ephemeris" if survey.ephemeris else "cr3bp",
         "prior": ", ".join(shares),
         "strategy": survey.search.strategy,

@@ -4,8 +4,8 @@ import lazy_loader as _lazy
 
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
-    "cell": ["CellInputs", "Placement", "cell_ephemeris", "cell_loop", "read_inputs",
-        "realization_seeds", "scene_times", "tracking_problem"],
+    "cell": ["CellInputs", "Placement", "Problem", "cell_ephemeris", "cell_loop", "read_inputs",
+        "realization_seeds", "scene_times", "target_labels", "tracking_problem"],
     "checkpoint": ["Checkpoint"],
     "comparisons": ["certain", "non_inferiority", "paired", "pairs_interval", "slopes"],
     "dataset": ["cell_dataset", "tracked_dataset", "write_cell"],

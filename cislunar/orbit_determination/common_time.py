@@ -1,0 +1,90 @@
+"""Orbits at a common time, and which of them have the same state."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cislunar.association import gate_threshold
+from cislunar.dynamics import propagate_stm
+from cislunar.errors import CislunarError
+from cislunar.orbit_determination.least_squares import OrbitFits
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_TOLERANCE = 1e-9
+"""Of the propagation, relative to one unit of length."""
+
+
+def orbits_at(
+    starts: Iterable[tuple[float, Array, Array]], time: float, forces: tuple
+) -> tuple[Array, Array, Indices]:
+    """States and covariances of orbits at a time.
+
+    Parameters
+    ----------
+    starts : iterable of (float, ndarray, ndarray)
+        Epoch, state (6,) and covariance (6, 6) of each orbit, nondimensional, propagation frame.
+    time : float
+        Nondimensional.
+    forces : NamedTuple
+        CR3BP or ephemeris forces.
+
+    Returns
+    -------
+    state : ndarray, shape (orbit, 6)
+    covariance : ndarray, shape (orbit, 6, 6)
+    kept : ndarray of int, shape (orbit,)
+        Which of the given orbits these are: those that meet a body until then are left out.
+    """
+    states, covariances, kept = [], [], []
+    for number, (epoch, state, covariance) in enumerate(starts):
+        try:
+            moved, stm = propagate_stm(
+                state, time - epoch, forces=forces, start=epoch, rtol=_TOLERANCE, atol=_TOLERANCE
+            )
+        except CislunarError:
+            continue
+        states.append(moved)
+        covariances.append(stm @ covariance @ stm.T)
+        kept.append(number)
+    return (
+        np.array(states).reshape(-1, 6),
+        np.array(covariances).reshape(-1, 6, 6),
+        np.array(kept, dtype=np.int64),
+    )
+
+
+def same_states(fits: OrbitFits, probability: float, *, forces: tuple) -> Indices:
+    """Pairs of orbits whose states may be equal.
+
+    The difference d of two states with independent errors satisfies d' (P_1 + P_2)^-1 d < gate at
+    the last epoch of all orbits, with the gate of six degrees of freedom.
+
+    Parameters
+    ----------
+    fits : OrbitFits
+        Converged fits.
+    probability : float
+        Probability that the gate keeps two orbits of one object.
+    forces : NamedTuple
+        Force model.
+
+    Returns
+    -------
+    ndarray of int, shape (pair, 2)
+        In increasing order.
+    """
+    if fits.epoch.size < 2:
+        return np.empty((0, 2), dtype=np.int64)
+    starts = zip(fits.epoch.tolist(), fits.state, fits.covariance, strict=True)
+    state, covariance, kept = orbits_at(starts, float(fits.epoch.max()), forces)
+    gate, found = gate_threshold(probability, 6), []
+    for k in range(len(state) - 1):
+        apart = state[k + 1 :] - state[k]
+        spread = covariance[k + 1 :] + covariance[k]
+        squared = np.einsum("ni,ni->n", apart, np.linalg.solve(spread, apart[..., None])[..., 0])
+        near = k + 1 + np.flatnonzero((squared >= 0.0) & (squared <= gate))
+        found.append(np.stack([np.full(near.size, kept[k]), kept[near]], axis=1))
+    return np.concatenate([np.empty((0, 2), dtype=np.int64), *found])
