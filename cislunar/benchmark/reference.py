@@ -160,7 +160,7 @@ class _Replay:
         """Write the submission."""
         if not self.states:
             raise ConvergenceError(
-                f"method {method}: no orbit is determined at any scoring epoch, so that there is no "
+                f"method {method}: no orbit is determined at any scoring epoch, and there is no "
                 "catalog to write; make a larger benchmark"
             )
         segments: list[Segment] = []

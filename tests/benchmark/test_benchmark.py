@@ -25,8 +25,17 @@ from cislunar.benchmark import (
 from cislunar.benchmark.score import CUTOFF_KM
 from cislunar.command.main import cislunar
 from cislunar.detection import read_detections
+from cislunar.dynamics import propagate_utc
 from cislunar.errors import CislunarError, ConfigurationError
-from cislunar.exchange import Segment, objects_of, oem_text, read_oem, segments_csv, state_at
+from cislunar.exchange import (
+    Segment,
+    objects_of,
+    observation_dates,
+    oem_text,
+    read_oem,
+    segments_csv,
+    state_at,
+)
 
 SIZE = BenchmarkSize(
     8, (("Halo_L1_S", 1), ("Halo_L2_N", 1), ("Halo_L3_N", 1), ("Halo_L3_S", 1)), 0.25, 3.0
@@ -133,6 +142,33 @@ def test_directions_are_those_from_the_observers_to_the_objects(made, truth):
     assert n > 50
     # chi squared with 2 n degrees of freedom
     assert abs(np.sum(squared) - 2.0 * n) < 5.0 * np.sqrt(4.0 * n)
+
+
+def test_the_truth_obeys_the_stated_dynamics_with_its_maneuvers(truth):
+    """States of the file, propagated from the begin and from before each maneuver to after it."""
+    time, state = truth["time"].values, truth["state"].values
+    date = observation_dates(time)
+
+    def moved(start, begin, end):
+        return propagate_utc(start, begin, end, center="earth")
+
+    still = np.flatnonzero(truth["maneuvers"].values == 0)
+    assert 0 < still.size < len(state)
+    for j in still:
+        np.testing.assert_allclose(
+            moved(state[j, 0], date[0], date[-1])[:3], state[j, -1, :3], rtol=0.0, atol=0.05
+        )
+    for j, at, change in zip(
+        truth["maneuver_object"].values, truth["maneuver_time"].values,
+        1e-3 * truth["velocity_change"].values, strict=True,
+    ):  # fmt: skip
+        k = int(np.searchsorted(time, at))
+        (when,) = observation_dates([at])
+        before = moved(state[j, k - 1], date[k - 1], when)
+        after = moved(before + np.array([0.0, 0.0, 0.0, *change]), when, date[k])
+        np.testing.assert_allclose(after[:3], state[j, k, :3], rtol=0.0, atol=1e-3)
+        np.testing.assert_allclose(after[3:], state[j, k, 3:], rtol=0.0, atol=1e-6)
+        assert np.linalg.norm(change) > 1e-4
 
 
 def test_the_same_detections_and_observers_are_in_other_formats(made):
