@@ -48,7 +48,7 @@ SCORE_COLUMNS = (
     "completeness_outside", "completeness_maneuvering", "custody", "gospa_km",
     "gospa_localization_km2", "gospa_missed_km2", "gospa_false_km2", "missed", "false",
     "position_median_km", "position_95_km", "velocity_median_m_s", "velocity_95_m_s", "anees",
-    "purity", "wrong_assignments", "false_objects", "latency_median_h",
+    "anees_ballistic", "purity", "wrong_assignments", "false_objects", "latency_median_h",
 )  # fmt: skip
 """Columns of a score; see docs/benchmark.md. The last four are of the whole time and are in the
 last row only."""
@@ -148,6 +148,7 @@ def _at_epoch(
     kept = np.zeros(len(true), dtype=bool)
     kept[found.target[away <= Custody().position_km]] = True
     outside, moved = truth["outside"].values == 1, truth["maneuvers"].values > 0
+    covariance, ballistic = states.covariance[found.track], ~moved[found.target]
     row = {
         "epoch_utc": dates([epoch])[0],
         "objects": len(true),
@@ -161,7 +162,8 @@ def _at_epoch(
         **_parts(found),
         **_quantiles("position", "km", away),
         **_quantiles("velocity", "m_s", 1e3 * np.linalg.norm(error[:, 3:], axis=1)),
-        "anees": _anees(error, states.covariance[found.track]),
+        "anees": _anees(error, covariance),
+        "anees_ballistic": _anees(error[ballistic], covariance[ballistic]),
     }
     names = [states.names[k] for k in found.track.tolist()]
     return row, dict(zip(names, found.target.tolist(), strict=True))

@@ -25,12 +25,13 @@ from cislunar.benchmark import (
 from cislunar.benchmark.score import CUTOFF_KM
 from cislunar.command.main import cislunar
 from cislunar.detection import read_detections
-from cislunar.dynamics import propagate_utc
+from cislunar.dynamics import propagate_utc, recenter
 from cislunar.errors import CislunarError, ConfigurationError
 from cislunar.exchange import (
     Segment,
     objects_of,
     observation_dates,
+    ocm_text,
     oem_text,
     read_oem,
     segments_csv,
@@ -226,8 +227,9 @@ def test_scores_are_those_of_a_closed_form(made, truth, tmp_path):
     assert last["gospa_km"] == pytest.approx(np.sqrt(150.0 + 4 * half))
     assert last["position_median_km"] == pytest.approx(5.0)
     assert last["velocity_95_m_s"] == pytest.approx(2.0, rel=1e-6)
-    # 9/4 + 16 + 4, over six components
-    assert last["anees"] == pytest.approx((9.0 / 4.0 + 16.0 + 4.0) / 6.0, rel=1e-6)
+    # 9/4 + 16 + 4, over six components, the same for all
+    for name in ("anees", "anees_ballistic"):
+        assert last[name] == pytest.approx((9.0 / 4.0 + 16.0 + 4.0) / 6.0, rel=1e-6)
     assert np.isnan(last["purity"]) and np.isnan(last["latency_median_h"])
     origin, public = truth["origin"].values, read_public_data(made, scenario)
     passes = brute_passes(origin, public.angles.observer, public.tdb, 8)
@@ -290,6 +292,30 @@ def test_purity_and_latency_are_those_of_the_assignments(made, truth, tmp_path):
     first = read_public_data(made, scenario).tdb[own[0]]
     hours = 5.5 - (first - scenario.epoch_tdb) / 3600.0
     assert last["latency_median_h"] == pytest.approx(hours, abs=1e-6)
+
+
+def test_formats_and_centers_of_states_do_not_change_the_score(made, truth, tmp_path):
+    scenario = read_scenario(made)
+    shift = np.array([3.0, 4.0, 0.0, 0.0, 0.0, 2e-3])
+    given = arcs(scenario, truth, [0, 1, 2], shift, np.diag([4.0, 1, 1, 1e-6, 1e-6, 1e-6]))
+    times, bodies = scenario.scoring_tdb, scenario.forces().table
+    moved = [
+        each._replace(center=center, state=recenter(each.state, bodies, times, old="earth", new=to))
+        for each, center, to in zip(
+            given, ("MOON", "EARTH BARYCENTER", "EARTH"), ("moon", "barycenter", "earth"),
+            strict=True,
+        )
+    ]  # fmt: skip
+    created = {"created": scenario.epoch}
+    (tmp_path / "ocm").mkdir()
+    for each in moved:
+        (tmp_path / "ocm" / f"{each.name}.ocm").write_text(ocm_text(each, **created))
+    (tmp_path / "mine.csv").write_text(segments_csv(moved, time_system="TDB"))
+    (tmp_path / "mine.oem").write_text(oem_text(given, time_system="TT", **created))
+    scores = [score_submission(tmp_path / name, made) for name in ("ocm", "mine.csv", "mine.oem")]
+    assert scores[0]["assigned"].tolist() == [3, 3]
+    for score in scores[1:]:
+        pd.testing.assert_frame_equal(score, scores[0], rtol=1e-5)
 
 
 def edited(text, old, new):
