@@ -4,6 +4,7 @@ import click
 
 import cislunar as package
 from cislunar.command.base import Group
+from cislunar.command.benchmark import benchmark
 from cislunar.command.campaign import docs, report, resume, run, verify
 from cislunar.command.export import export
 from cislunar.command.orbits import orbits
@@ -26,5 +27,6 @@ def cislunar() -> None:
     """
 
 
-for each in (orbits, propagate, see, study, run, resume, verify, report, export, docs):
+_COMMANDS = orbits, propagate, see, study, benchmark, run, resume, verify, report, export, docs
+for each in _COMMANDS:
     cislunar.add_command(each)

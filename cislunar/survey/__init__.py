@@ -13,6 +13,6 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "quality": ["CatalogState", "ORBIT_COLUMNS", "catalog_state", "orbit_table", "true_tracklets"],
     "search_worth": ["search_tables"],
     "settings": ["DensityPrior", "QualitySettings", "SOURCES", "SearchSettings", "SurveyModel"],
-    "simulation": ["SurveyResult", "SurveySettings", "run_survey"],
+    "simulation": ["BlockRecord", "SurveyResult", "SurveySettings", "run_survey"],
 })
 # fmt: on

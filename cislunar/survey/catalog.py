@@ -9,7 +9,7 @@ and its detections of the last hours are linked anew, which also re-acquires los
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cislunar.detection import DetectionProcess, Detections, Exposures
 from cislunar.observation import Scene
@@ -54,7 +54,8 @@ class SurveyCatalog:
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or None
+        Observers of the exposures for `add`; `add_angles` needs none.
     forces : NamedTuple
         Assumed force model, CR3BP or ephemeris forces.
     process : DetectionProcess
@@ -73,7 +74,7 @@ class SurveyCatalog:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | None,
         forces: tuple,
         process: DetectionProcess,
         region: AdmissibleRegion,
@@ -93,9 +94,9 @@ class SurveyCatalog:
         """Take up what the exposures of a block have returned, and return it as angles; `first` is
         the index of their first step among the scene's times."""
         scene, of = self.scene, detections.exposure
-        self._area_deg2 += float(np.sum(np.rad2deg(2.0 * np.tan(exposures.half_field)) ** 2))
+        area = float(np.sum(np.rad2deg(2.0 * np.tan(exposures.half_field)) ** 2))
         if of.size == 0:
-            return _nothing()
+            return self.add_angles(_nothing(), np.empty(0), area)
         # exposures are sorted by step
         k, observer = first + exposures.step[of], exposures.observer[of]
         magnitude, ra, dec = detections.value.T
@@ -118,9 +119,18 @@ class SurveyCatalog:
         covariance[:, 0, 0] = variance[:, 1] * cosine**2
         covariance[:, 1, 1] = variance[:, 2]
         basis = np.einsum("nij,naj->nai", turn, tangent_basis(body))
-        self._angles.append(angles._replace(basis=basis, covariance=covariance))
-        self._limits.append(exposures.limiting_magnitude[of])
-        return self._angles[-1]
+        angles = angles._replace(basis=basis, covariance=covariance)
+        return self.add_angles(angles, exposures.limiting_magnitude[of], area)
+
+    def add_angles(self, angles: Angles, limiting_magnitude: ArrayLike, area_deg2: float) -> Angles:
+        """Take up detections that are angles already, in order of time, with the limiting magnitude
+        (row,) of the exposure of each, and return them; `area_deg2` is the area of all exposures,
+        those without a detection included."""
+        self._area_deg2 += area_deg2
+        if angles.time.size:
+            self._angles.append(angles)
+            self._limits.append(np.asarray(limiting_magnitude, dtype=float))
+        return angles
 
     @property
     def angles(self) -> Angles:

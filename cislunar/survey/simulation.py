@@ -46,6 +46,7 @@ from cislunar.survey.quality import (
     true_tracklets,
 )
 from cislunar.survey.settings import SurveyModel
+from cislunar.targets import Maneuvers
 from cislunar.tasking import TrueMotion, TruthModel
 
 Array = NDArray[np.float64]
@@ -61,6 +62,34 @@ class SurveySettings(SurveyModel):
     region: AdmissibleRegion = setting("", default=AdmissibleRegion())
     tracklets: TrackletSettings = setting("", default=TrackletSettings())
     linking: LinkingSettings = setting("", default=LinkingSettings())
+
+
+class BlockRecord(NamedTuple):
+    """What happens in a block of a survey, with the truth.
+
+    Attributes
+    ----------
+    first : int
+        Index of the first step among the scene's times.
+    exposures : Exposures
+    detections : Detections
+    origin : ndarray of int, shape (row,)
+        Object of each detection, or `FALSE_ALARM`.
+    state : ndarray, shape (object, step + 1, 6)
+        True states from the time before the first step on, nondimensional, propagation frame.
+    maneuvers : Maneuvers
+        Of all objects in the whole survey.
+    velocity_changes_m_s : ndarray, shape (maneuver, 3)
+        Changes of velocity so far, propagation frame, m/s.
+    """
+
+    first: int
+    exposures: Exposures
+    detections: Detections
+    origin: Indices
+    state: Array
+    maneuvers: Maneuvers
+    velocity_changes_m_s: Array
 
 
 class SurveyResult(NamedTuple):
@@ -101,6 +130,7 @@ def run_survey(
     forces: tuple,
     outside: ArrayLike | None = None,
     progress: Callable[[int, int], None] | None = None,
+    record: Callable[[BlockRecord], None] | None = None,
 ) -> SurveyResult:
     """Simulate a survey that starts without a catalog.
 
@@ -128,6 +158,8 @@ def run_survey(
         it. None if omitted.
     progress : callable, optional
         Called with (blocks done, all blocks).
+    record : callable, optional
+        Called with the exposures of each block, their detections, and the truth.
 
     Returns
     -------
@@ -140,7 +172,7 @@ def run_survey(
     """
     settings = SurveySettings() if settings is None else settings
     survey = _Survey(
-        scene, truth, state, target_ids, seed, density, settings, sensor, forces, outside
+        scene, truth, state, target_ids, seed, density, settings, sensor, forces, outside, record
     )
     for block in range(survey.n_blocks):
         survey.advance(block)
@@ -153,7 +185,18 @@ class _Survey:
     """State of a survey; `run_survey` has the arguments."""
 
     def __init__(
-        self, scene, truth, state, target_ids, seed, density, settings, sensor, forces, outside
+        self,
+        scene,
+        truth,
+        state,
+        target_ids,
+        seed,
+        density,
+        settings,
+        sensor,
+        forces,
+        outside,
+        record,
     ) -> None:
         states = array_of("state", state, ("object", 6))
         ids = np.asarray(target_ids, dtype=np.int64)
@@ -164,7 +207,7 @@ class _Survey:
                 f"bool for each of the {ids.size} objects"
             )
         self.scene, self.settings, self.seed = scene, settings, seed
-        self.sensor, self.density = sensor, density
+        self.sensor, self.density, self.record = sensor, density, record
         n_observers = scene.observer_position.shape[0]
         limits = sensor_limits(sensor, n_observers)
         self.planner = SearchPlanner(settings.search, scene, limits)
@@ -204,6 +247,7 @@ class _Survey:
             torque=self.truth.torque,
             surfaces=self.truth.surfaces,
             observations=n_observers,
+            maneuvers=truth.all_maneuvers(seed, ids, 24.0 * settings.duration_days),
         )
         self.path: list[Array] = []
         self.origin: list[Indices] = []
@@ -284,6 +328,14 @@ class _Survey:
             true=self.truth.sensor,
         )
         self.origin.append(origin)
+        if self.record is not None:
+            velocity_changes = self.motion.velocity_changes_m_s
+            self.record(
+                BlockRecord(
+                    start + 1, exposures, detections, origin, moved.translation,
+                    self.motion.maneuvers, velocity_changes,
+                )
+            )  # fmt: skip
         return detections
 
     def _update(

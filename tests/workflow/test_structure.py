@@ -41,7 +41,7 @@ LAYERS = (
     "campaign.survey",
     "campaign.kernels campaign.verify",
     "figures",
-    "study",
+    "study benchmark",
     "command",
     "__main__",
 )
