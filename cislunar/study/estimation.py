@@ -103,15 +103,24 @@ def estimate(
         observation_observer=("observation", observed.observer, "1", "index of the observer"),
         observation_elapsed=("observation", observed.elapsed_s, "s", "time since the epoch"),
         observation_magnitude=("observation", observed.value[:, 0], "mag", "measured magnitude"),
+        observation_right_ascension=("observation", observed.value[:, 1], "rad",
+                                     "measured right ascension, ICRF"),
+        observation_declination=("observation", observed.value[:, 2], "rad",
+                                 "measured declination, ICRF"),
         observation_used=("observation", used.astype(np.int8), "1", "1 if it was used"),
         residual_magnitude=("observation", residual[:, 0], "mag", "measured less estimated"),
         residual_right_ascension=("observation", residual[:, 1] / ARCSECOND, "arcsec",
                                   "measured less estimated, times cos(declination)"),
         residual_declination=("observation", residual[:, 2] / ARCSECOND, "arcsec",
                               "measured less estimated"),
+        observer_position=(("observer", "step", "axis"), scene.observer_position[:, 1:], "1",
+                           f"position of the observer, nondimensional, {frame}"),
     )  # fmt: skip
     elapsed = settings.step_s * (settings.recorded + 1.0)
-    coords = variables(time=("time", elapsed, "s", "time since the epoch"))
+    since = "time since the epoch"
+    coords = variables(
+        time=("time", elapsed, "s", since), step=("step", settings.elapsed_s[1:], "s", since)
+    )
     dims = {dim for each in data.values() for dim in each.dims}
     coords |= variables(**{k: v for k, v in RECORD_COORDINATES.items() if k in dims})
     return xr.Dataset(data, coords)

@@ -320,6 +320,30 @@ class StudyResult:
         (`cislunar.exchange.state_tables`); see `to_oem` for arguments and result."""
         return _save(segments_csv(self._arcs(which, seed)), path)
 
+    def to_replay(self, path: str | Path | None = None, *, seed: int = 0) -> str:
+        """Write an interactive page that replays a realization: observers with their fields of
+        view, detections, tracks with their covariance and, on request, the truth.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            File to write; none if omitted.
+        seed : int
+            Index of the realization.
+
+        Returns
+        -------
+        str
+            HTML; see `cislunar.figures.replay`.
+        """
+        from cislunar.figures.replay import cell_replay, replay_page
+
+        self._check_seed(seed)
+        names = self.study.observer_names
+        return _save(
+            replay_page(cell_replay(self.cell, self.sun, seed=seed, observers=names)), path
+        )
+
 
 def labeled(dims: Any, values: Any, unit: str, words: str) -> tuple:
     """A variable with its unit and meaning."""

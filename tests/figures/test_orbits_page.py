@@ -102,7 +102,7 @@ def test_same_data_give_the_same_page(page, orbits, tracked, targets, architectu
 
 
 def test_page_without_architectures_still_has_the_library(orbits, tracked):
-    packed = re.search(r'atob\("(.*?)"\)', orbits_page(orbits, tracked, {}, {}))[1]
+    packed = re.findall(r'unpack\("(.*?)"\)', orbits_page(orbits, tracked, {}, {}))[1]
     assert "Orbit library" in gzip.decompress(base64.b64decode(packed)).decode()
 
 

@@ -7,12 +7,14 @@ import yaml
 import cislunar as cs
 from cislunar.campaign.tracking.cell import realization_seeds
 from cislunar.constants import LENGTH_UNIT_KM, TIME_UNIT_S
+from cislunar.errors import ConfigurationError
 from cislunar.estimation.estimator import InitialEstimate
 from cislunar.exchange.arcs import rotating_arc
 from cislunar.exchange.inertial import epoch_at
 from cislunar.exchange.oem import read_oem
 from cislunar.exchange.state_tables import read_segments
 from cislunar.exchange.tdm import read_tdm
+from cislunar.figures.replay import cell_replay
 from cislunar.photometry.materials import Material
 from cislunar.study.objects import StudyObject, read_objects
 from cislunar.study.study_file import read_study, run_study_file
@@ -104,6 +106,18 @@ def test_names_and_their_order_stay(result, tmp_path):
     assert [each.name for each in read_segments(tmp_path / "all.csv")] == names
     drawn = result.plot("schedule").axes[0]
     assert [text.get_text() for text in drawn.get_yticklabels()] == names
+
+
+def test_replay_has_the_names_and_the_realization(result, tmp_path):
+    page = result.to_replay(tmp_path / "replay.html", seed=1)
+    assert (tmp_path / "replay.html").read_text("utf-8") == page != result.to_replay()
+    found = cell_replay(result.cell, result.sun, observers=result.study.observer_names, seed=1)
+    assert found.objects == list(TARGETS) and list(found.observers) == list(OBSERVERS)
+    # over a month of steps of a minute, times are left out
+    many = cell_replay(result.cell, result.sun, most_states=20)
+    assert len(many.time_s) == 6 and many.time_s[-1] == found.time_s[-1]
+    with pytest.raises(ConfigurationError, match=r"seed = 2: the realizations are 0 .. 1"):
+        result.to_replay(seed=2)
 
 
 def test_labels_units_and_dates(result, tmp_path):
@@ -282,6 +296,14 @@ def test_observations_give_the_estimates_of_the_simulation(result):
         residuals = data["residual_declination"].values
         assert 0.7 * 3.0 < np.sqrt(np.mean(residuals**2)) < 1.3 * 3.0
         assert not {"position_error", "true_position"} & {*data}
+        replayed = cell_replay(estimated.cell, estimated.sun)
+        simulated = cell_replay(result.cell, result.sun, seed=1)
+        assert replayed.error_km is None and np.isnan(replayed.aim_km).all()
+        assert replayed.detections.time_s == pytest.approx(simulated.detections.time_s, abs=1e-4)
+        away = replayed.detections.direction - simulated.detections.direction
+        assert np.abs(away).max() < 1e-8
+        if step == 60:
+            assert np.abs(replayed.observer_km - simulated.observer_km).max() < 1e-6
         found.append(data["estimated_position"].values[0, -1])
     spread = np.linalg.norm(found[1] - found[0], axis=1)
     assert np.all(spread < 0.5 * np.linalg.norm(sigma.reshape(-1, 3), axis=1))

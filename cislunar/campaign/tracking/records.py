@@ -12,7 +12,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from cislunar.attitude.quaternion import compose, normalize
-from cislunar.constants import SECONDS_PER_DAY, TIME_UNIT_S
+from cislunar.constants import LENGTH_UNIT_KM, SECONDS_PER_DAY, TIME_UNIT_S
 from cislunar.detection import direction_errors, icrf_directions
 from cislunar.ephemeris.bodies import COLUMNS, read_table, tabulate_bodies
 from cislunar.ephemeris.kernel import DEFAULT_KERNEL
@@ -23,7 +23,7 @@ from cislunar.estimation.navigation.errors import OBSERVER_PARAMETERS
 from cislunar.evaluation.characterization import INTERVAL_PARTS
 from cislunar.exchange.aem import AttitudeSegment
 from cislunar.exchange.arcs import arc, inertial_arc
-from cislunar.exchange.inertial import Epoch, icrf_axes
+from cislunar.exchange.inertial import CENTERS, Epoch, icrf_axes
 from cislunar.exchange.observations import POSITION_COLUMNS, observation_dates
 from cislunar.exchange.oem import Segment
 from cislunar.observation.scene import Scene
@@ -96,7 +96,7 @@ def start_day(attributes: Mapping[str, Any]) -> float:
     return float(json.loads(attributes["settings"]).get("start_day", 0.0))
 
 
-class _Frame(NamedTuple):
+class FrameOfCell(NamedTuple):
     """Frames and dates of a cell: `epoch` and its axes, `start_s` seconds from the epoch to the
     start of the run, and whether the dynamics are those of an ephemeris (`kernel`)."""
 
@@ -117,15 +117,34 @@ class _Frame(NamedTuple):
             return np.broadcast_to(np.eye(3), (np.size(time_s), 3, 3))
         return icrf_axes(self.start_s + np.asarray(time_s, dtype=float), self.epoch)
 
+    def instantaneous(self, time_s: ArrayLike) -> tuple[Array, Array, Array]:
+        """Rotations (time, 3, 3) from the propagation frame to the rotating frame at each time, and
+        the positions (time, 3) of Earth and Moon in it relative to their barycenter, km."""
+        if not self.ephemeris:
+            turn = np.broadcast_to(np.eye(3), (np.size(time_s), 3, 3))
+            earth, moon = (LENGTH_UNIT_KM * CENTERS[name] for name in ("EARTH", "MOON"))
+        else:
+            tdb = self.tdb_s(time_s)
+            table = tabulate_bodies(float(tdb.min()), float(tdb.max()), self.kernel)
+            position, velocity, _ = read_table(table, tdb)
+            of_earth, of_moon = COLUMNS["earth"], COLUMNS["moon"]
+            turn = rotating_frame(
+                position[:, of_moon] - position[:, of_earth],
+                velocity[:, of_moon] - velocity[:, of_earth],
+            )
+            earth, moon = (
+                np.einsum("ti,ti->t", turn[:, 0], position[:, each]) for each in (of_earth, of_moon)
+            )
+        places = np.zeros((2, np.size(time_s), 3))
+        places[0, :, 0], places[1, :, 0] = earth, moon
+        return turn, *places
+
     def inertial_axes(self) -> Array:
         """Rotation (3, 3) from the ICRF to the inertial frame of attitudes: the rotating frame at
         the start of the run."""
-        if not self.ephemeris:
-            return icrf_axes([self.start_s], self.epoch)[0].T
-        start = self.epoch.tdb_s + self.start_s
-        position, velocity, _ = read_table(tabulate_bodies(start, start, self.kernel), start)
-        earth, moon = COLUMNS["earth"], COLUMNS["moon"]
-        return rotating_frame(position[moon] - position[earth], velocity[moon] - velocity[earth])
+        if self.ephemeris:
+            return self.instantaneous([0.0])[0][0]
+        return icrf_axes([self.start_s], self.epoch)[0].T
 
     def arc(
         self,
@@ -142,12 +161,12 @@ class _Frame(NamedTuple):
         return arc(name, state, self.start_s + time_s, self.epoch, **given)
 
 
-def frame_of(cell: xr.Dataset, sun: xr.Dataset) -> _Frame:
+def frame_of(cell: xr.Dataset, sun: xr.Dataset) -> FrameOfCell:
     """Frames and dates of a cell, from its ``ephemeris/sun.nc``."""
     settings = json.loads(sun.attrs.get("settings", "{}"))
     kernel = settings.get("ephemeris", {}).get("kernel", DEFAULT_KERNEL)
     start = SECONDS_PER_DAY * start_day(cell.attrs)
-    return _Frame(frame_epoch(sun), start, is_ephemeris(cell), kernel)
+    return FrameOfCell(frame_epoch(sun), start, is_ephemeris(cell), kernel)
 
 
 def is_ephemeris(cell: xr.Dataset) -> bool:
@@ -155,22 +174,29 @@ def is_ephemeris(cell: xr.Dataset) -> bool:
     return json.loads(cell.attrs["settings"]).get("dynamics", {}).get("truth") == "ephemeris"
 
 
+_RECORDED = {
+    "truth": ("true_translation",),
+    "estimates": ("estimated_translation",),
+    "covariance": ("covariance",),
+    "measurements": ("observation_observer", "observer_position"),
+}
+"""Variables that a record makes."""
+
+
+def require_records(cell: xr.Dataset, records: Sequence[str]) -> None:
+    """Raise a `ConfigurationError` if a cell lacks a record of `task2.record`."""
+    for record in records:
+        if not {*_RECORDED[record]} <= {*cell.variables}:
+            what = {"measurements": "observations"}.get(record, _RECORDED[record][0])
+            raise ConfigurationError(
+                f"the cell contains no {what}: add {record} to 'task2.record' and make it again"
+            )
+
+
 def _recorded(cell: xr.Dataset, name: str, which: str) -> Array:
     """The variable `name` of the truth or of the estimates."""
-    if f"{which}_{name}" not in cell:
-        key = "truth" if which == "true" else "estimates"
-        raise ConfigurationError(
-            f"the cell contains no {which}_{name}: add {key} to 'task2.record' and make it again"
-        )
+    require_records(cell, ["truth" if which == "true" else "estimates"])
     return cell[f"{which}_{name}"].values
-
-
-def _require_measurements(cell: xr.Dataset) -> None:
-    if "observation_step" not in cell or "observer_position" not in cell:
-        raise ConfigurationError(
-            "the cell contains no observations: add measurements to 'task2.record' and make it "
-            "again"
-        )
 
 
 def cell_arcs(
@@ -243,7 +269,7 @@ def cell_observer_arcs(
     ConfigurationError
         If the cell lacks the record, or has fewer than eight measurement times.
     """
-    _require_measurements(cell)
+    require_records(cell, ["measurements"])
     times, places = cell["step"].values, cell["observer_position"].values
     if times.size < _SPLINE_DEGREE + 1:
         raise ConfigurationError(
@@ -306,7 +332,7 @@ def cell_observations(cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0) -> pd
     ConfigurationError
         If the cell lacks the record.
     """
-    _require_measurements(cell)
+    require_records(cell, ["measurements"])
     column = {
         name: cell[f"observation_{name}"].values
         for name in (

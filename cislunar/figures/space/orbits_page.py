@@ -1,28 +1,23 @@
 """Interactive page in three dimensions: orbit library, architectures, static and moving targets.
 
-The page needs only a browser with WebGL, since it contains plotly.js, compressed. Its axes are
-those of the rotating frame in kilometers, at equal scales; Earth and Moon have their true size. The
-time slider moves targets and satellites through one day from the epoch.
+The axes of the page (`cislunar.figures.space.page`) are those of the rotating frame. The time
+slider moves targets and satellites through one day from the epoch.
 """
 
-import base64
-import gzip
-import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
 import xarray as xr
-from plotly.io import to_html
-from plotly.offline import get_plotlyjs
 
 from cislunar.campaign.architectures.variables import phases_of
-from cislunar.constants import EARTH_RADIUS_KM, MOON_RADIUS_KM, SECONDS_PER_DAY
+from cislunar.constants import SECONDS_PER_DAY
 from cislunar.figures.axes import Array
 from cislunar.figures.space import orbit_tracks
 from cislunar.figures.space.earth_moon import bodies, thousands
 from cislunar.figures.space.orbits_page_layout import PageParts, page_layout
+from cislunar.figures.space.page import body_traces, bounds, coordinates, joined, page_html
 from cislunar.figures.style import BLUE, FAMILY_STYLE, YELLOW, optimizer_style, style_or_gray
 
 DIV_ID = "orbits"
@@ -33,18 +28,6 @@ CHOSEN_SAMPLES = 241
 FRAME_HOURS = np.arange(0.0, 24.01, 0.5)
 """Times of the slider, h since the epoch."""
 PATH_HOURS = np.arange(0.0, 24.01, 1.0 / 6.0)
-
-_SCRIPT = re.compile(r"<script[^>]*>(.*?)</script>", re.DOTALL)
-_UNPACK = """
-<script>
-const unpacked = (async () => {
-  const packed = Uint8Array.from(atob("%s"), letter => letter.charCodeAt(0));
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-  const script = document.createElement("script");
-  script.textContent = await new Response(stream).text();
-  document.body.append(script);
-})();
-</script>"""
 
 _HOVER_ORBIT = (
     "<b>%{text}</b>, orbit %{customdata[0]:.0f}<br>stability index %{customdata[1]:.4~g}"
@@ -75,8 +58,9 @@ def orbits_page(
     scenario and ``architecture/{scenario}/{optimizer}.nc`` by both. The same data give the same
     text.
     """
+    unit, placed = float(orbits.attrs["length_unit_km"]), bodies(float(orbits.attrs["mu"]))
     layers = {
-        "bodies": _Layer(_body_traces(orbits), {}),
+        "bodies": _Layer(body_traces(*(each * unit for each, _ in placed.values())), {}),
         "library": _Layer(_library_traces(orbits), {}),
         "moving": _moving_layer(tracked),
     }
@@ -98,54 +82,12 @@ def orbits_page(
         name: (indices[name], indices[f"targets {scenario}"])
         for name, scenario in scenario_of.items()
     }
-    moon_km = (1.0 - float(orbits.attrs["mu"])) * float(orbits.attrs["length_unit_km"])
-    parts = PageParts(choices, indices["library"], FRAME_HOURS, moon_km, _bounds(traces))
+    moon_km = unit * float(placed["Moon"][0][0])
+    parts = PageParts(choices, indices["library"], FRAME_HOURS, moon_km, bounds(traces))
     figure.update_layout(page_layout(parts))
     for number in [each for both in list(choices.values())[:1] for part in both for each in part]:
         figure.data[number].visible = True
-    return _page(figure)
-
-
-def _bounds(traces: Sequence[go.Scatter3d | go.Surface]) -> Array:
-    """Least and greatest coordinates of all traces, shape (3, 2), km."""
-    points = [np.asarray(trace[axis], dtype=float).ravel() for trace in traces for axis in "xyz"]
-    every = [np.concatenate(points[k::3]) for k in range(3)]
-    return np.array([(np.nanmin(along), np.nanmax(along)) for along in every])
-
-
-def _xyz(points: Array) -> dict[str, np.ndarray]:
-    """Coordinates of points, rounded to 8 km: a power of two, so that they compress well."""
-    coarse = (8.0 * np.round(points / 8.0)).astype(np.float32)
-    return {axis: coarse[..., k] for k, axis in enumerate("xyz")}
-
-
-def _joined(tracks: Sequence[Array]) -> Array:
-    """Tracks in one array, with a gap after each."""
-    gap = np.full((1, 3), np.nan)
-    return np.concatenate([part for track in tracks for part in (track, gap)])
-
-
-def _body_traces(orbits: xr.Dataset) -> list[go.Surface | go.Scatter3d]:
-    """Earth and Moon in true size, and their names."""
-    unit, placed = float(orbits.attrs["length_unit_km"]), bodies(float(orbits.attrs["mu"]))
-    across, down = np.linspace(0.0, 2.0 * np.pi, 41), np.linspace(0.0, np.pi, 21)
-    planes = np.outer(np.cos(across), np.sin(down)), np.outer(np.sin(across), np.sin(down))
-    sphere = np.stack((*planes, np.outer(np.ones_like(across), np.cos(down))), axis=-1)
-    radii = (EARTH_RADIUS_KM, MOON_RADIUS_KM)
-    traces = [
-        go.Surface(
-            **_xyz(place * unit + radius * sphere), name=name, showscale=False,
-            colorscale=[(0.0, color), (1.0, color)],
-            hovertemplate=f"{name}, radius {thousands(radius)} km<extra></extra>",
-        )
-        for (name, (place, color)), radius in zip(placed.items(), radii, strict=True)
-    ]  # fmt: skip
-    names = go.Scatter3d(
-        **_xyz(np.array([place * unit for place, _ in placed.values()])), mode="text",
-        text=list(placed), textposition="bottom center", textfont={"size": 13}, hoverinfo="skip",
-        showlegend=False,
-    )  # fmt: skip
-    return [*traces, names]
+    return page_html(figure, "Cislunar orbits, architectures and targets", DIV_ID)
 
 
 def _orbit_data(orbits: xr.Dataset, index: int) -> list[float]:
@@ -176,7 +118,7 @@ def _library_traces(orbits: xr.Dataset) -> list[go.Scatter3d]:
         tracks = [orbit_tracks.orbit_track_km(orbits, index, LIBRARY_SAMPLES) for index in members]
         color = style_or_gray(FAMILY_STYLE, name, label).color
         traces.append(go.Scatter3d(
-            **_xyz(_joined(tracks)), mode="lines", name=f"{label} ({len(members)})",
+            **coordinates(joined(tracks)), mode="lines", name=f"{label} ({len(members)})",
             legendgroup=name, legendgrouptitle=None if traces else {"text": "Orbit library"},
             line={"color": color, "width": 1.5}, opacity=0.8,
             customdata=_hover_data(orbits, members, LIBRARY_SAMPLES),
@@ -195,12 +137,12 @@ def _moving_layer(tracked: xr.Dataset) -> _Layer:
     track = orbit_tracks.target_tracks_km(tracked, FRAME_HOURS)
     paths = orbit_tracks.target_tracks_km(tracked, PATH_HOURS)
     path = go.Scatter3d(
-        **_xyz(_joined(list(np.swapaxes(paths, 0, 1)))), mode="lines",
+        **coordinates(joined(list(np.swapaxes(paths, 0, 1)))), mode="lines",
         name="paths of moving targets", line={"color": "#444444", "width": 1}, opacity=0.6,
         hoverinfo="skip", legendgroup="paths", visible="legendonly",
     )  # fmt: skip
     points = go.Scatter3d(
-        **_xyz(track[0]), mode="markers", name=f"moving targets ({len(names)})",
+        **coordinates(track[0]), mode="markers", name=f"moving targets ({len(names)})",
         legendgrouptitle={"text": "Targets"}, legendgroup="moving targets",
         marker={"color": "#111111", "size": 3, "symbol": "diamond"},
         text=_target_texts(tracked),
@@ -220,11 +162,11 @@ def _target_texts(tracked: xr.Dataset) -> list[str]:
 
 def _static_layer(scenario: str, targets: xr.Dataset, orbits: xr.Dataset) -> _Layer:
     """Static targets of one scenario."""
-    points = targets["position"].values * float(orbits.attrs["length_unit_km"])
+    where = targets["position"].values * float(orbits.attrs["length_unit_km"])
     trace = go.Scatter3d(
-        **_xyz(points), mode="markers", legendgroup=f"static targets {scenario}", opacity=0.6,
-        name=f"static targets of {scenario} ({thousands(len(points))})", visible=False,
-        marker={"color": "#5B7C99", "size": 2 if len(points) < 1000 else 1.2},
+        **coordinates(where), mode="markers", legendgroup=f"static targets {scenario}", opacity=0.6,
+        name=f"static targets of {scenario} ({thousands(len(where))})", visible=False,
+        marker={"color": "#5B7C99", "size": 2 if len(where) < 1000 else 1.2},
         hovertemplate=f"static target of scenario {scenario}{_HOVER_POSITION}",
     )  # fmt: skip
     return _Layer([trace], {})
@@ -239,7 +181,7 @@ def _architecture_layer(name: str, orbits: xr.Dataset, architecture: xr.Dataset)
     curves = [orbit_tracks.orbit_track_km(orbits, index, CHOSEN_SAMPLES) for index in members]
     given = {"legendgroup": f"architecture {name}", "visible": False}
     lines = go.Scatter3d(
-        **_xyz(_joined(curves)), mode="lines", name="orbits of the architecture",
+        **coordinates(joined(curves)), mode="lines", name="orbits of the architecture",
         line={"color": BLUE, "width": 6},
         legendgrouptitle={"text": f"Scenario {name}"}, hovertemplate=_HOVER_ORBIT,
         customdata=_hover_data(orbits, members, CHOSEN_SAMPLES),
@@ -256,7 +198,7 @@ def _architecture_layer(name: str, orbits: xr.Dataset, architecture: xr.Dataset)
         for k in range(count)
     ]
     satellites = go.Scatter3d(
-        **_xyz(track[0]), mode="markers", name=f"satellites ({len(texts)})", text=texts,
+        **coordinates(track[0]), mode="markers", name=f"satellites ({len(texts)})", text=texts,
         marker={"color": YELLOW, "size": 6, "line": {"color": "black", "width": 2}},
         hovertemplate="%{text}<extra></extra>", **given,
     )  # fmt: skip
@@ -268,29 +210,8 @@ def _frames(moving: Mapping[int, Array]) -> list[go.Frame]:
     return [
         go.Frame(
             name=f"{hour:.1f}",
-            data=[go.Scatter3d(**_xyz(track[k])) for track in moving.values()],
+            data=[go.Scatter3d(**coordinates(track[k])) for track in moving.values()],
             traces=list(moving),
         )
         for k, hour in enumerate(FRAME_HOURS)
     ]
-
-
-def _page(figure: go.Figure) -> str:
-    plot = to_html(
-        figure, config={"responsive": True, "displaylogo": False, "scrollZoom": True},
-        auto_play=False, include_plotlyjs=False, full_html=False, default_height="100vh",
-        div_id=DIV_ID,
-    )  # fmt: skip
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        "<title>Cislunar orbits, architectures and targets</title>\n"
-        "<style>html, body { margin: 0; font-family: sans-serif; }</style>\n</head>\n<body>\n"
-        f"{_packed(plot)}\n</body>\n</html>\n"
-    )
-
-
-def _packed(plot: str) -> str:
-    """The plot, with its scripts and plotly.js compressed to a third of their size."""
-    text = "\n".join([get_plotlyjs(), *_SCRIPT.findall(plot)])
-    packed = base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
-    return _SCRIPT.sub("", plot) + _UNPACK % packed

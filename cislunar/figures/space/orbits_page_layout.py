@@ -14,6 +14,15 @@ _BUTTONS_PX = 150
 """Width of the buttons beside the time slider, which begins behind them."""
 _WHITE = "rgba(255, 255, 255, 0.85)"
 
+VIEWS = {
+    "Earth to Moon": (0.5, 300_000.0),
+    "orbits about the Moon": (1.0, 90_000.0),
+    "low lunar orbits": (1.0, 15_000.0),
+    "Earth": (0.0, 50_000.0),
+}
+"""Views by name: the center of a cube, on the line from the Earth (0) to the Moon (1), and half of
+the length of its edges, km."""
+
 
 class PageParts(NamedTuple):
     """The parts of the page on which its controls act.
@@ -39,15 +48,21 @@ def page_layout(parts: PageParts) -> dict[str, Any]:
     for menu, left in zip(menus[:-1], _MENUS_PX, strict=False):
         menu.update(x=0.0, xanchor="left", y=1.0, yanchor="top", bgcolor=_WHITE, pad={"l": left})
     return {
-        "scene": _scene(parts.bounds_km),
+        **scene_layout(parts.bounds_km), "updatemenus": menus, "sliders": [_slider(parts.hours)],
+    }  # fmt: skip
+
+
+def scene_layout(bounds_km: NDArray[np.float64]) -> dict[str, Any]:
+    """Layout of axes in the rotating frame, at equal scales, and of the legend, for coordinates
+    between bounds (3, 2), km."""
+    return {
+        "scene": _scene(bounds_km),
         "legend": {
             "x": 0.995, "xanchor": "right", "y": 0.98, "yanchor": "top", "bgcolor": _WHITE,
             "tracegroupgap": 2, "itemsizing": "constant", "font": {"size": 11},
         },
         "margin": {"l": 10, "r": 10, "t": 10, "b": 10},
         "separators": ".\N{THIN SPACE}",
-        "updatemenus": menus,
-        "sliders": [_slider(parts.hours)],
         "uirevision": "fixed",
         "hoverlabel": {"align": "left"},
     }  # fmt: skip
@@ -99,17 +114,12 @@ def _box(bounds_km: NDArray[np.float64]) -> dict[str, Any]:
 def _view_menu(parts: PageParts) -> dict[str, Any]:
     """Menu of views: everything, or a cube around a place."""
 
-    def cube(x_km: float, half_km: float) -> dict[str, Any]:
-        center = np.array([x_km, 0.0, 0.0])
+    def cube(along: float, half_km: float) -> dict[str, Any]:
+        center = np.array([parts.moon_km + (along - 1.0) * LENGTH_UNIT_KM, 0.0, 0.0])
         return _box(np.column_stack((center - half_km, center + half_km)))
 
-    views = {
-        "everything": _box(parts.bounds_km),
-        "Earth to Moon": cube(parts.moon_km - 0.5 * LENGTH_UNIT_KM, 300_000.0),
-        "orbits about the Moon": cube(parts.moon_km, 90_000.0),
-        "low lunar orbits": cube(parts.moon_km, 15_000.0),
-        "Earth": cube(parts.moon_km - LENGTH_UNIT_KM, 50_000.0),
-    }
+    views = {"everything": _box(parts.bounds_km)}
+    views |= {name: cube(*view) for name, view in VIEWS.items()}
     buttons = [
         {"label": f"View: {name}", "method": "relayout", "args": [change]}
         for name, change in views.items()
