@@ -278,7 +278,8 @@ def apparent_magnitude(
     material : Material, optional
         Surface; the default material if omitted.
     model : PhotometryModel, optional
-        Reading of the equations; 1/r^2 and Fresnel with the root if omitted.
+        Laws of irradiance and reflection; by default light spreads as 1/r^2 and is reflected by the
+        law of Cook & Torrance.
     sun_magnitude : float
         Magnitude of the Sun in the sensor's band.
 
