@@ -5,7 +5,7 @@ import lazy_loader as _lazy
 # fmt: off
 __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "certified": ["Choice", "ObjectiveCertificate"],
-    "coordinate_search": ["random_start", "satellite_front"],
+    "coordinate_search": ["MultiStartResult", "random_start", "satellite_front"],
     "cost": ["CostFunction"],
     "cost_kernels": ["cost_factors"],
     "hyperopt_search": ["stopping_evaluation"],

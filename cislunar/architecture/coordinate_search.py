@@ -19,11 +19,21 @@ from cislunar.runtime.arguments import count_of, require_kind
 
 
 @dataclass(frozen=True)
-class _MultiStartResult:
-    """Best architecture of a multi-start search, `orbit` and `satellites` (slot,), ordered by orbit
-    index, with its `value`; the value that each restart reached (restart,); and for each restart
-    its `history` (improvement, 3): exact evaluations so far, value and total number of satellites,
-    from the start on."""
+class MultiStartResult:
+    """Best architecture of several searches.
+
+    Attributes
+    ----------
+    orbit, satellites : ndarray of int, shape (slot,)
+        The architecture, ordered by orbit.
+    value : float
+        Its value.
+    restart_value : ndarray, shape (restart,)
+        Value that each restart reached.
+    history : tuple of ndarray, shape (improvement, 3)
+        Of each restart from the start on: number of exact evaluations, value and total number of
+        satellites.
+    """
 
     orbit: NDArray[np.int64]
     satellites: NDArray[np.int64]
@@ -185,7 +195,7 @@ def coordinate_search(
     total: int | None = None,
     starts: Iterable[tuple[NDArray, NDArray]] = (),
     progress: Callable[[int, int], None] | None = None,
-) -> _MultiStartResult:
+) -> MultiStartResult:
     """Best architecture over several coordinate local searches.
 
     Parameters
@@ -204,6 +214,10 @@ def coordinate_search(
         Further starts, tried before the random ones.
     progress : callable, optional
         Called with (restarts done, restarts).
+
+    Returns
+    -------
+    MultiStartResult
     """
     require_kind("rng", rng, np.random.Generator, "give numpy.random.default_rng(seed)")
     n_slots, restarts = count_of("n_slots", n_slots), count_of("restarts", restarts, least=0)
@@ -229,7 +243,7 @@ def coordinate_search(
     order = np.argsort(best.orbit, kind="stable")
     orbit, satellites = best.orbit[order], best.satellites[order]
     value = objective.value(orbit, satellites)
-    return _MultiStartResult(orbit, satellites, value, np.array(values), tuple(histories))
+    return MultiStartResult(orbit, satellites, value, np.array(values), tuple(histories))
 
 
 def satellite_front(
@@ -240,7 +254,7 @@ def satellite_front(
     n_slots: int = 10,
     restarts: int = 4,
     progress: Callable[[int, int], None] | None = None,
-) -> list[_MultiStartResult]:
+) -> list[MultiStartResult]:
     """Best value for each prescribed number of satellites.
 
     Each total is searched from random starts and from the best architecture of the previous total,
@@ -261,7 +275,7 @@ def satellite_front(
         One per total, in order.
     """
     totals = list(totals)
-    results: list[_MultiStartResult] = []
+    results: list[MultiStartResult] = []
     for done, total in enumerate(totals):
         starts = [_resized(objective, results[-1], total)] if results else []
         results.append(
@@ -274,7 +288,7 @@ def satellite_front(
     return results
 
 
-def _resized(objective, result: _MultiStartResult, total: int) -> tuple[NDArray, NDArray]:
+def _resized(objective, result: MultiStartResult, total: int) -> tuple[NDArray, NDArray]:
     """Add or remove satellites greedily until there are ``total``."""
     satellites = result.satellites.copy()
     while satellites.sum() != total:

@@ -250,7 +250,7 @@ def propagate_periodic(
     propagation.
 
     Times are wrapped to half a period on either side of the epoch, so that the error of an unstable
-    orbit grows over at most half a period, however long the campaign.
+    orbit grows over at most half a period, however distant the times.
 
     Parameters
     ----------

@@ -41,10 +41,18 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class _SunMoonEphemeris:
-    """Sun and rotating frame on a uniform grid of times: Julian dates, UTC (time,); TDB seconds
-    past J2000 (time,); Sun relative to the Earth-Moon barycenter (time, 3), nondimensional,
-    rotating frame; and ``r_rotating = moon_rotation @ r_j2000`` (time, 3, 3)."""
+class SunMoonEphemeris:
+    """Sun and rotating frame on a uniform grid of times.
+
+    Attributes
+    ----------
+    time_utc_jd, et : ndarray, shape (time,)
+        Julian dates, UTC, and TDB seconds past J2000.
+    sun_position : ndarray, shape (time, 3)
+        Sun relative to the Earth-Moon barycenter, nondimensional, rotating frame.
+    moon_rotation : ndarray, shape (time, 3, 3)
+        Rotation from J2000 axes to the rotating frame.
+    """
 
     time_utc_jd: Array
     et: Array
@@ -62,7 +70,7 @@ def sample_ephemeris(
     duration_days: float = 30.0,
     step_minutes: float = 60.0,
     kernel: str | Path = DEFAULT_KERNEL,
-) -> _SunMoonEphemeris:
+) -> SunMoonEphemeris:
     """Sun and rotating frame from SPICE, on a uniform grid.
 
     Parameters
@@ -76,6 +84,10 @@ def sample_ephemeris(
         Spacing, minutes.
     kernel : str or Path
         ``"de421"``, ``"de440"``, or the path of an SPK file.
+
+    Returns
+    -------
+    SunMoonEphemeris
 
     Raises
     ------
@@ -102,7 +114,7 @@ def sample_ephemeris(
     # A leap second within the span shifts UTC; the physical grid stays uniform.
     naive = epoch_jd + elapsed / SECONDS_PER_DAY
     leaps = tai_minus_utc(naive) - tai_minus_utc(epoch_jd)
-    return _SunMoonEphemeris(
+    return SunMoonEphemeris(
         time_utc_jd=naive - leaps / SECONDS_PER_DAY,
         et=et,
         sun_position=np.einsum("tij,tj->ti", rotation, sun) / LENGTH_UNIT_KM,

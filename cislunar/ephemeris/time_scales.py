@@ -45,7 +45,7 @@ def tai_minus_utc(time_utc_jd: ArrayLike) -> Array:
     jd = np.asarray(time_utc_jd, dtype=float)
     if not np.all(np.isfinite(jd)) or np.any(jd < _LEAP_JD[0]):
         raise ConfigurationError(
-            f"epoch_jd: Julian dates must be finite and not before 1972-01-01 ({_LEAP_JD[0]}), "
+            f"Julian dates must be finite and not before 1972-01-01 ({_LEAP_JD[0]}), "
             f"where UTC with leap seconds begins; got {np.min(jd)}"
         )
     return _FIRST_TAI_MINUS_UTC_S - 1.0 + np.searchsorted(_LEAP_JD, jd, side="right")

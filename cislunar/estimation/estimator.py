@@ -17,7 +17,7 @@ from cislunar.observation.records import Measurements
 from cislunar.observation.scene import Scene
 from cislunar.observation.sensor import Sensors
 from cislunar.observation.target_surfaces import TargetSurfaces
-from cislunar.runtime.arguments import array_of
+from cislunar.runtime.arguments import array_of, require_unit
 
 Array = NDArray[np.float64]
 
@@ -27,9 +27,6 @@ HEALTHY, NOT_FINITE, INSIDE_PRIMARY, LOST_DEFINITENESS = range(4)
 # Counters kept per target.
 UPDATES, OUT_OF_FIELD, FLOOR_HITS, CHOLESKY_FAILURES = range(4)
 N_COUNTERS = 4
-
-_LARGEST_NORM_ERROR = 1e-6
-"""Largest deviation of the norm of an initial quaternion from 1."""
 
 
 class InitialEstimate(NamedTuple):
@@ -73,13 +70,9 @@ class InitialEstimate(NamedTuple):
             if found.shape != shape:
                 raise ConfigurationError(f"initial {name} has shape {found.shape}; give {shape}")
             array_of(f"initial {name}", found, axes if found.size else None)
-        norm = np.linalg.norm(self.quaternion, axis=1)
-        if np.any(wrong := np.abs(norm - 1.0) > _LARGEST_NORM_ERROR):
-            j = int(np.argmax(wrong))
-            raise ConfigurationError(
-                f"initial quaternion of target {j} has norm {norm[j]:.9g}; divide it by its norm"
-            )
+        require_unit("initial quaternion", self.quaternion, "target")
         # unit quaternions are left as they are, to the last bit
+        norm = np.linalg.norm(self.quaternion, axis=1)
         norm = np.where(np.abs(norm - 1.0) > 1e-15, norm, 1.0)
         return self._replace(quaternion=np.asarray(self.quaternion, dtype=float) / norm[:, None])
 

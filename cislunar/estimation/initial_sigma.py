@@ -67,8 +67,8 @@ class ProcessNoise(_StateSigma):
     omitted = ("acceleration_m2_s3",)
 
     attitude_deg: NotNegative = setting(
-        "standard deviation of the attitude noise that accumulates in 60 s; the variant "
-        "`process-noise` sets 0.03", "deg", "not given", default=0)
+        "standard deviation of the attitude noise that accumulates in 60 s, for "
+        "instance 0.03", "deg", "not given", default=0)
     angular_velocity_deg_h: NotNegative = setting(
         "standard deviation of the angular-velocity noise that accumulates in 60 s", "deg/h",
         "not given", default=0)

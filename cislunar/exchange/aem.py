@@ -14,16 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cislunar.constants import DATE_SYSTEM
-from cislunar.errors import ConfigurationError, InputFileError
+from cislunar.errors import InputFileError
 from cislunar.exchange import key_values as kvn
+from cislunar.runtime.arguments import UNIT_NORM, array_of, require_unit
 
 Array = NDArray[np.float64]
 
 BODY = "SC_BODY_1"
 """Name of the body frame of the only body."""
-
-_UNIT_NORM = 1e-6
-"""Norms of quaternions may depart from 1 by this much, such as by rounding to 7 digits."""
 
 _TYPES = {"QUATERNION": 4, "QUATERNION/ANGVEL": 7}
 """Attitude types that are read, and the count of their numbers."""
@@ -89,16 +87,12 @@ def aem_text(
     )
     lines = kvn.header("AEM", "2.0", created, stated, originator)
     for segment in segments:
-        rows, kind = segment.quaternion, "QUATERNION"
-        norm = np.linalg.norm(rows, axis=-1)
-        if not norm.size or not np.all(np.abs(norm - 1.0) < _UNIT_NORM):
-            raise ConfigurationError(
-                f"attitude of {segment.name}: give at least one, and unit quaternions only"
-            )
+        of, kind = f"of {segment.name}", "QUATERNION"
+        rows = array_of(f"quaternion {of}", segment.quaternion, ("time", 4))
+        require_unit(f"quaternion {of}", rows, "time")
         if len(segment.angular_velocity_deg_s):
-            rows, kind = np.hstack([rows, segment.angular_velocity_deg_s]), "QUATERNION/ANGVEL"
-        if not np.all(np.isfinite(rows)):
-            raise ConfigurationError(f"attitude of {segment.name}: numbers must be finite")
+            rates = array_of(f"angular velocity {of}", segment.angular_velocity_deg_s, ("time", 3))
+            rows, kind = np.hstack([rows, rates]), "QUATERNION/ANGVEL"
         dated = kvn.dates(segment.tdb_s, time_system)
         values = segment.name, segment.object_id, kvn.FRAMES[0], segment.body, time_system
         meta = dict(zip(_REQUIRED, (*values, dated[0], dated[-1], kind), strict=True))
@@ -147,7 +141,7 @@ def _segment(path: str | Path, lines: kvn.Lines) -> AttitudeSegment:
     quaternion, rates = values[:, :4], values[:, 4:]
     if meta.get("QUATERNION_TYPE") == "FIRST":
         quaternion = np.roll(quaternion, -1, axis=1)
-    wrong = np.flatnonzero(np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) > _UNIT_NORM)
+    wrong = np.flatnonzero(np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) > UNIT_NORM)
     if wrong.size:
         raise InputFileError(
             f"{path}, line {inside[wrong[0]][0]}: the quaternion is not of unit norm; correct it"

@@ -174,24 +174,18 @@ def _check(arc: Segment, maneuvers: Sequence[Maneuver], user: Mapping[str, objec
     for each in maneuvers:
         sigmas = np.array([each.magnitude_sigma_percent, each.direction_sigma_deg])
         values = each.tdb_s, each.duration_s, *each.delta_v_km_s
-        finite = len(values) == 5 and bool(np.all(np.isfinite(values)))
-        for right, rule in (
-            (
-                names.count(each.name) == 1 and each.basis in ("", *_BASES),
-                f"give it a name of its own, and no basis or one of {', '.join(_BASES)}",
-            ),
-            (
-                finite and each.duration_s >= 0.0,
+        rule = ""
+        if names.count(each.name) > 1 or each.basis not in ("", *_BASES):
+            rule = f"give it a name of its own, and no basis or one of {', '.join(_BASES)}"
+        elif len(values) != 5 or not np.all(np.isfinite(values)) or each.duration_s < 0.0:
+            rule = (
                 "time, duration and the three components of the velocity increment must be "
-                "finite, and the duration not negative",
-            ),
-            (
-                np.isnan(sigmas).sum() != 1 and not np.any(sigmas < 0.0),
-                "give both standard deviations, not negative, or neither",
-            ),
-        ):
-            if not right:
-                raise ConfigurationError(f"maneuver {each.name!r} of {arc.name}: {rule}")
+                "finite, and the duration not negative"
+            )
+        elif np.isnan(sigmas).sum() == 1 or np.any(sigmas < 0.0):
+            rule = "give both standard deviations, not negative, or neither"
+        if rule:
+            raise ConfigurationError(f"maneuver {each.name!r} of {arc.name}: {rule}")
     for name in user:
         if not re.fullmatch(r"[A-Z][A-Z0-9_]*", name):
             raise ConfigurationError(

@@ -95,6 +95,10 @@ def make_scene(
     primaries : array_like, shape (time, 2, 3), optional
         Centers of Earth and Moon, if they move in the propagation frame.
 
+    Returns
+    -------
+    Scene
+
     Raises
     ------
     ConfigurationError

@@ -79,6 +79,10 @@ def sightings(
     mu : float
         Mass ratio.
 
+    Returns
+    -------
+    Sightings
+
     Raises
     ------
     ConfigurationError

@@ -42,7 +42,7 @@ class TargetSurfaces(NamedTuple):
         Materials of all targets one after the other, see
         `cislunar.photometry.materials.Material.as_array`.
     irradiance_4pi, fresnel_sqrt : bool
-        Readings of the reflection model, see `PhotometryModel`.
+        Law of irradiance and form of the Fresnel term, see `PhotometryModel`.
     inertia : ndarray, shape (target, 3, 3)
         Inertia matrices, body frame, in any unit: only ratios matter to torque-free motion.
     rows : ndarray of int, shape (facet,)
@@ -119,11 +119,15 @@ def target_surfaces(
     n_targets : int
         Number of targets.
     model : PhotometryModel, optional
-        Reading of the reflection model. If omitted, light spreads as 1/r^2. The law as printed in
+        Laws of irradiance and reflection. If omitted, light spreads as 1/r^2. The law as printed in
         the paper, `cislunar.photometry.materials.PRINTED`, makes targets 2.75 mag fainter.
     inertia : array_like, shape (), (3,), (3, 3) or (target, 3, 3)
         One for all targets (see `cislunar.attitude.inertia.inertia_matrix`), or a matrix for each;
         spherical if omitted.
+
+    Returns
+    -------
+    TargetSurfaces
     """
     n_targets = count_of("n_targets", n_targets)
     model = PhotometryModel() if model is None else model

@@ -22,7 +22,7 @@ from cislunar.constants import SUN_APPARENT_MAGNITUDE
 from cislunar.errors import ConfigurationError
 from cislunar.photometry.materials import Material, PhotometryModel
 from cislunar.photometry.shapes import Facets
-from cislunar.runtime.arguments import array_of, require_kind
+from cislunar.runtime.arguments import array_of, number_of, require_kind, require_unit
 
 Array = NDArray[np.float64]
 
@@ -237,6 +237,10 @@ def broadcast_geometries(
     for name, a in zip(given, vectors, strict=True):
         if a.shape[-1:] != (given[name][1],):
             raise ConfigurationError(f"{name} has shape {a.shape}; give (..., {given[name][1]})")
+        if name != "range_m":
+            require_unit(name, a)
+        elif np.any(a <= 0.0):
+            raise ConfigurationError(f"range_m = {a.min():g} must be positive")
     try:
         shape = np.broadcast_shapes(*(a.shape[:-1] for a in vectors))
     except ValueError:
@@ -278,7 +282,8 @@ def apparent_magnitude(
     material : Material, optional
         Surface; the default material if omitted.
     model : PhotometryModel, optional
-        Reading of the equations; 1/r^2 and Fresnel with the root if omitted.
+        Laws of irradiance and reflection; by default light spreads as 1/r^2 and is reflected by the
+        law of Cook & Torrance.
     sun_magnitude : float
         Magnitude of the Sun in the sensor's band.
 
@@ -289,6 +294,7 @@ def apparent_magnitude(
     """
     material = Material() if material is None else material
     model = PhotometryModel() if model is None else model
+    sun_magnitude = number_of("sun_magnitude", sun_magnitude)
     require_kind("facets", facets, Facets, "give Facets, such as icosahedron()")
     require_kind("material", material, Material, "give a Material of cislunar.photometry")
     require_kind("model", model, PhotometryModel, "give a PhotometryModel of cislunar.photometry")

@@ -190,7 +190,7 @@ class PhotometryReading(Section):
 
 
 class PhotometryModel(PhotometryReading):
-    """Reading of two ambiguous equations of the paper, and the reflection law."""
+    """Law of irradiance, Fresnel term and reflection law of targets."""
 
     reflection: Reflection = setting(
         "law by which targets reflect: the paper's `cook-torrance`; `lambert-phong`, "

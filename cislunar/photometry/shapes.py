@@ -141,6 +141,15 @@ def icosphere(subdivisions: int = 0, radius_m: float = 1.0) -> Facets:
 
 
 def icosahedron(radius_m: float = 1.0) -> Facets:
-    """Regular icosahedron with the surface area of a sphere, the targets' shape in the paper. Each
-    of its 20 facets has 0.6283 m^2 for `radius_m` = 1, the radius of that sphere in m."""
+    """Regular icosahedron with the surface area of a sphere, the targets' shape in the paper.
+
+    Parameters
+    ----------
+    radius_m : float
+        Radius of that sphere, m; each of the 20 facets has 0.6283 m^2 for a radius of 1 m.
+
+    Returns
+    -------
+    Facets
+    """
     return icosphere(0, radius_m)

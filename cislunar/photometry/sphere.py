@@ -149,7 +149,7 @@ def returned_light(
     incidence : float
         Angle between the normal and the Sun, rad, in [0, pi / 2).
     model : PhotometryModel, optional
-        Reading of the Fresnel term; with the root if omitted. The law of irradiance has no effect,
+        Form of the Fresnel term; with the root if omitted. The law of irradiance has no effect,
         because the light is counted per steradian at the facet.
 
     Returns
@@ -202,7 +202,7 @@ def equal_sphere_coefficient(material: Material, model: PhotometryModel | None =
     material : Material
         Surface.
     model : PhotometryModel, optional
-        Reading of the equations; under ``4pi`` the sphere is darker by the same factor as the
+        Law of irradiance; under ``4pi`` the sphere is darker by the same factor as the
         facets.
 
     Returns

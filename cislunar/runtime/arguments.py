@@ -12,6 +12,9 @@ from cislunar.runtime.settings_words import shown
 
 Array = NDArray[np.float64]
 
+UNIT_NORM = 1e-6
+"""Largest deviation from 1 of the norm of a unit vector, such as by rounding to 7 digits."""
+
 
 def array_of(
     name: str, given: ArrayLike, axes: Sequence[str | int] | None = None, *, finite: bool = True
@@ -92,6 +95,16 @@ def number_or_range(name: str, given: Any) -> float | tuple[float, ...] | None:
             f"{name}: a range has two ends, (lowest, highest), not {len(given)}"
         )
     return tuple(number_of(name, each) for each in given)
+
+
+def require_unit(name: str, vectors: Array, of: str = "") -> None:
+    """Raise a `ConfigurationError` if the norm of a vector, shape (..., component), differs from 1
+    by more than `UNIT_NORM`; `of` is what the first axis counts. NaN is not refused."""
+    norm = np.linalg.norm(vectors, axis=-1)
+    for index in np.argwhere(np.abs(norm - 1.0) > UNIT_NORM)[:1]:
+        place = f" of {of} {index[0]}" if of else ""
+        found = f"has norm {norm[tuple(index)]:.9g}; divide it by its norm"
+        raise ConfigurationError(f"{name}{place} {found}")
 
 
 def count_of(name: str, given: Any, least: int = 1) -> int:

@@ -5,10 +5,11 @@ them. A number stays as it was written, 60 or 60.0, since settings are kept with
 """
 
 import math
+import textwrap
 from collections.abc import Mapping
 from functools import cache
-from inspect import Parameter, Signature
-from typing import Annotated, Any, ClassVar
+from inspect import Parameter, Signature, cleandoc
+from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -48,13 +49,16 @@ class Section(BaseModel):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Show the arguments in help by their names and defaults alone."""
+        """Show the arguments in help by their names and defaults, and their meanings and units."""
         cls.__signature__ = Signature(
             [
                 Parameter(key, Parameter.KEYWORD_ONLY, default=_shown_default(field))
                 for key, field in cls.model_fields.items()
             ]
         )
+        if cls.__doc__ and "__doc__" in vars(cls):  # None under python -OO
+            meant = [_meaning(key, field) for key, field in cls.model_fields.items()]
+            cls.__doc__ = "\n".join([cleandoc(cls.__doc__), "\nParameters\n----------", *meant])
 
     def __init__(self, *values: Any, **given: Any) -> None:
         keys = list(type(self).model_fields)[: len(values)]
@@ -113,6 +117,16 @@ class _OfPaper:
 
     def __repr__(self) -> str:
         return f"{self.kind.__name__}()"
+
+
+def _meaning(key: str, field: FieldInfo) -> str:
+    """Name, unit and meaning of an argument, for help; the class of a section without a meaning."""
+    extra, kinds = field.json_schema_extra, (field.annotation, *get_args(field.annotation))
+    unit = extra.get("unit", "") if isinstance(extra, dict) else ""
+    named = (each.__name__ for each in kinds if isinstance(each, type))
+    words = field.description or f"see `{next(named)}`"
+    lines = textwrap.wrap(f"{words[0].upper()}{words[1:]}.", 92, break_on_hyphens=False)
+    return "\n    ".join([f"{key} : {unit}" if unit not in ("", "1") else key, *lines])
 
 
 def _shown_default(field: FieldInfo) -> Any:

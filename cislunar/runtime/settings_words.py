@@ -158,7 +158,7 @@ def _reason(
     if kind == "missing":
         return path, "is missing", schema
     if kind in ("model_type", "dict_type"):
-        return path, f"{shown(fault['input'])} is not of type 'object'", schema
+        return path, f"must be {_KINDS['object']}", schema
     if kind == "value_error":
         return path, str(fault["ctx"]["error"]), schema
     if kind == "extra_forbidden":

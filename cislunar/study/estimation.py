@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from cislunar.campaign.data.inputs import variables
-from cislunar.campaign.tracking.records import RECORD_COORDINATES
+from cislunar.campaign.tracking.records import EPHEMERIS_FRAME, RECORD_COORDINATES, ROTATING
 from cislunar.observation.measurement import measure
 from cislunar.observation.records import Schedule
 from cislunar.observation.scene import Scene
@@ -18,11 +18,17 @@ from cislunar.observation.sensor import ARCSECOND, sensors_of
 from cislunar.runtime.progress import Progress
 from cislunar.study.observed import Observed, Reduced, reduce_interval
 from cislunar.study.results import StudyResult, sigma_columns
+from cislunar.tasking.histories import HISTORIES
 from cislunar.tasking.initial_conditions import ESTIMATOR, stream
 from cislunar.tasking.state import SimulationInputs
 
 Array = NDArray[np.float64]
 
+_ESTIMATED = (
+    *("estimated_translation", "estimated_quaternion", "estimated_angular_velocity", "sigma"),
+    "covariance",
+)
+"""Histories of the estimates."""
 RESIDUALS = ("residual_magnitude", "residual_right_ascension", "residual_declination")
 """Variables of the residuals."""
 
@@ -81,32 +87,28 @@ def estimate(
         residual[reduced.rows] = _residuals(inputs, scene, reduced, found, start)
         used[reduced.rows] = found.used
         some = settings.recorded_within(start, n_steps)
-        for name in ("translation", "quaternion", "angular_velocity", "sigma", "covariance"):
-            kept.setdefault(name, []).append(getattr(found, name)[:, some].swapaxes(0, 1))
+        for name in _ESTIMATED:
+            values = getattr(found, name.removeprefix("estimated_"))
+            kept.setdefault(name, []).append(values[:, some].swapaxes(0, 1))
         progress(number + 1, settings.epochs.size)
-    values = {name: np.concatenate(parts)[None] for name, parts in kept.items()}
-    rows = ("seed", "time", "target")
-    frame = "rotating frame" if turning else "barycentric frame with J2000 axes"
+    frame = ROTATING if turning else EPHEMERIS_FRAME
+    described: dict[str, tuple] = {}
+    for name, parts in kept.items():
+        each = HISTORIES[name]
+        words = each.long_name.format(frame=frame)
+        dims = "seed", each.along, *each.dims
+        described[name] = dims, np.concatenate(parts)[None], each.unit, words
     data = variables(
-        estimated_translation=((*rows, "translation"), values["translation"], "1",
-                               f"estimated position and velocity, nondimensional, {frame}"),
-        estimated_quaternion=((*rows, "quaternion"), values["quaternion"], "1",
-                              "estimated attitude, inertial frame to body frame"),
-        estimated_angular_velocity=((*rows, "body_axis"), values["angular_velocity"], "rad s-1",
-                                    "estimated angular velocity, body frame"),
-        sigma=((*rows, "component"), values["sigma"], "see component_unit",
-               "standard deviation of the estimate"),
-        covariance=((*rows, "translation", "translation_2"), values["covariance"], "1",
-                    f"covariance of the estimated position and velocity, {frame}"),
+        **described,
         failed=("target", estimator.failed.copy(), "1", "0, or the reason for a failed estimate"),
         observation_target=("observation", observed.target, "1", "index of the target"),
         observation_observer=("observation", observed.observer, "1", "index of the observer"),
-        observation_elapsed=("observation", observed.elapsed_s, "s", "time since the epoch"),
         observation_magnitude=("observation", observed.value[:, 0], "mag", "measured magnitude"),
         observation_right_ascension=("observation", observed.value[:, 1], "rad",
                                      "measured right ascension, ICRF"),
         observation_declination=("observation", observed.value[:, 2], "rad",
                                  "measured declination, ICRF"),
+        observation_elapsed=("observation", observed.elapsed_s, "s", "time since the epoch"),
         observation_used=("observation", used.astype(np.int8), "1", "1 if it was used"),
         residual_magnitude=("observation", residual[:, 0], "mag", "measured less estimated"),
         residual_right_ascension=("observation", residual[:, 1] / ARCSECOND, "arcsec",

@@ -26,7 +26,7 @@ from cislunar.exchange.table_rows import OWN_FAMILY
 from cislunar.orbits.families import OrbitSet
 from cislunar.orbits.observers import load_observers, observer_orbits
 from cislunar.quantities import in_kilometers, in_unit, nondimensional
-from cislunar.runtime.arguments import array_of, number_of
+from cislunar.runtime.arguments import array_of, number_of, require_unit
 from cislunar.runtime.settings_words import shown
 from cislunar.study.orbit_text import member_of, members_of, read_orbit, state_of
 from cislunar.targets.tables import check_closed_targets, load_target_states
@@ -278,10 +278,8 @@ def _estimate(place: str, key: str, given: Any) -> Any:
     """A key of the initial estimate."""
     axes = {"covariance_km": (6, 6), "quaternion": (4,), "angular_velocity_deg_h": (3,)}[key]
     values = array_of(f"{place}: {key}", given, axes)
-    if key == "quaternion" and abs(np.linalg.norm(values) - 1.0) > 1e-6:
-        raise ConfigurationError(
-            f"{place}: quaternion has norm {np.linalg.norm(values):.9g}; divide it by its norm"
-        )
+    if key == "quaternion":
+        require_unit(f"{place}: quaternion", values)
     if key == "covariance_km" and (
         not np.allclose(values, values.T, rtol=1e-9, atol=0.0)
         or np.linalg.eigvalsh(values).min() <= 0.0

@@ -14,14 +14,17 @@ from cislunar.campaign.tracking.records import (
     cell_arcs,
     cell_observations,
     cell_observer_arcs,
+    frame_epoch,
+    measured_directions,
     observer_names,
 )
 from cislunar.constants import DATE_SYSTEM, LENGTH_UNIT_KM, TIME_UNIT_S
-from cislunar.ephemeris.time_scales import clock_text, tdb_after, tdb_to_clock
+from cislunar.ephemeris.time_scales import tdb_after
 from cislunar.errors import ConfigurationError
 from cislunar.evaluation.custody import attitude_angle_deg
 from cislunar.evaluation.metrics import STATUS_NAMES
 from cislunar.exchange.arcs import COMMENTS, EPHEMERIS_COMMENTS, GEOMETRIC
+from cislunar.exchange.key_values import dates
 from cislunar.exchange.oem import oem_text
 from cislunar.exchange.state_tables import segments_csv
 from cislunar.exchange.tdm import tdm_text
@@ -78,11 +81,8 @@ class StudyResult:
 
     def utc(self, elapsed_s: Any) -> NDArray[np.datetime64]:
         """Dates in UTC at times since the epoch, s."""
-        return np.array([clock_text(each) for each in self._clock(elapsed_s)], "datetime64[us]")
-
-    def _clock(self, elapsed_s: Any) -> Array:
-        epoch = float(self.sun["et"].values[0])
-        return tdb_to_clock(tdb_after(epoch, elapsed_s), DATE_SYSTEM)
+        tdb_s = tdb_after(frame_epoch(self.sun).tdb_s, elapsed_s)
+        return np.array(dates(tdb_s, DATE_SYSTEM), "datetime64[us]")
 
     def summary(self) -> pd.DataFrame:
         """One row for each target, over all realizations.
@@ -120,7 +120,7 @@ class StudyResult:
             Times are dates in UTC, targets and observers have their names. Positions are in km and
             velocities in km/s in the frame that the attribute `frame` states, attitude errors in
             degrees as rotation vectors, angular velocities in deg/h. A covariance is in km^2,
-            km^2/s and km^2/s^2.
+            km^2/s and km^2/s^2. Directions are right ascension and declination, ICRF, deg.
         """
         cell, scale = self.cell, np.repeat([LENGTH_UNIT_KM, _SPEED_KM_S], 3)
         rows, found = ("seed", "time", "target"), {}
@@ -152,8 +152,7 @@ class StudyResult:
             described = names[given.values], "1", "target of the observer; empty if it is idle"
             found["assigned_target"] = labeled(tuple(given.dims), *described)
         elapsed, more = self._observed()
-        dates = self.utc(elapsed)
-        found["observation_time"] = "observation", dates, {"long_name": "date, UTC"}
+        found["observation_time"] = "observation", self.utc(elapsed), {"long_name": "date, UTC"}
         for key, own in (("target", self.targets), ("observer", self.study.observer_names)):
             values = np.array(own)[cell[f"observation_{key}"].values]
             found[f"observation_{key}"] = labeled("observation", values, "1", f"name of the {key}")
@@ -184,12 +183,15 @@ class StudyResult:
             "observation_outcome": labeled("observation", outcome, "1", "detection outcome"),
             "observation_seed": ("observation", cell["observation_seed"].values, {}),
         }
-        for key in ("magnitude", "right_ascension", "declination"):
-            given = cell[f"observation_{key}"]
-            factor, unit = (1.0, "mag") if key == "magnitude" else (np.rad2deg(1.0), "deg")
-            described = given.values * factor, unit, given.attrs["long_name"]
-            found[f"observation_{key}"] = labeled("observation", *described)
-        return cell["step"].values[cell["observation_step"].values], found
+        steps, given = cell["observation_step"].values, cell["observation_magnitude"]
+        ra, dec, _ = measured_directions(cell, self.sun, np.arange(steps.size))
+        for key, values, unit, words in (
+            ("magnitude", given.values, "mag", given.attrs["long_name"]),
+            ("right_ascension", ra, "deg", "measured right ascension, ICRF, without light time"),
+            ("declination", dec, "deg", "measured declination, ICRF, without light time"),
+        ):
+            found[f"observation_{key}"] = labeled("observation", values, unit, words)
+        return cell["step"].values[steps], found
 
     def observations(self, seed: int = 0) -> pd.DataFrame:
         """Measurements of a realization, with the names of ADES.

@@ -92,10 +92,10 @@ class Study:
         Whether the directions of `observations` are astrometric, that is, those of targets at the
         time at which the light left them; False if they are geometric.
     **settings
-        Those of a cell of a campaign (``sensor``, ``body``, ``dynamics``, ``duration_hours``,
-        ``step_s``, ``seeds`` and so on), and ``estimator``, ``interval_minutes``, ``kernel`` and
-        ``seed``; see `cislunar.study.settings.StudySettings`. Sections are mappings, or objects of
-        their classes such as `cislunar.Sensor`. Quantities of `astropy.units` are converted.
+        ``duration_hours``, ``interval_minutes``, ``step_s``, ``sensor``, ``body``, ``dynamics``,
+        ``estimator``, ``seeds`` and others; see `cislunar.study.settings.StudySettings`. Sections
+        are mappings, or objects of their classes such as `cislunar.Sensor`. Quantities of
+        `astropy.units` are converted.
 
     Attributes
     ----------
@@ -207,6 +207,9 @@ class Study:
             self._loop(self._inputs())
         except ConfigurationError as error:
             raise ConfigurationError(_own_words(str(error))) from None
+        if shortened := shortened_interval(own.duration_hours, own.interval_minutes):
+            with shown():
+                logger.warning("warning: %s", shortened)
 
     @property
     def _days(self) -> float:
@@ -317,8 +320,6 @@ class Study:
         inputs, kept = self._inputs(), {**self._kept, "seeds": count}
         own = self.settings
         with _shown(kept, self.settings.estimator):
-            if shortened := shortened_interval(own.duration_hours, own.interval_minutes):
-                logger.warning("warning: %s", shortened)
             found = cell_dataset(
                 self._cell,
                 inputs,

@@ -62,7 +62,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LoopResult:
-    """Result of all realizations of a cell. Targets are numbered within the monitored set.
+    """Result of all realizations. Targets have the order of the arguments of `run_closed_loop`.
 
     Each history of `cislunar.tasking.histories.HISTORIES` is an attribute as well, an array or None
     where the settings leave it out. The components of the state are attitude error (GRP), angular
@@ -321,7 +321,7 @@ def run_closed_loop(
     forces: tuple = EARTH_MOON,
     progress: Callable[[int, int], None] | None = None,
 ) -> LoopResult:
-    """Run all realizations of one cell.
+    """Run tasking and tracking in a closed loop, in one or several realizations.
 
     The shares of the detection outcomes are logged to ``cislunar``, with a warning if more than 30
     % of the observations found their target too faint or excluded.
@@ -331,7 +331,7 @@ def run_closed_loop(
     scene : Scene
         Observers and Sun on the grid ``settings.elapsed_s``.
     surfaces : TargetSurfaces
-        Assumed shapes, materials and inertia of the monitored targets.
+        Assumed shapes, materials and inertia of the targets.
     epoch_state : array_like, shape (target, 6)
         Mean states at the start of the run, nondimensional, propagation frame.
     target_ids : array_like of int, shape (target,)
@@ -353,12 +353,17 @@ def run_closed_loop(
     progress : callable, optional
         Called with (epochs done, epochs in all realizations).
 
+    Returns
+    -------
+    LoopResult
+
     Raises
     ------
     ConfigurationError
         If scene, targets and settings disagree, there are no seeds, a position or state is not
         finite, or a state is evidently in km. The message names the first such target or observer.
     """
+    require_kind("progress", progress, Callable | None, "give a function, or omit it")
     loop = ClosedLoop(
         scene,
         surfaces,

@@ -93,6 +93,10 @@ def tracking_problem(
         See `cislunar.observation.target_surfaces.target_surfaces`.
     **settings
         Fields of `LoopSettings`.
+
+    Returns
+    -------
+    TrackingProblem
     """
     n_observers, n_targets = count_of("n_observers", n_observers), count_of("n_targets", n_targets)
     for key in settings:

@@ -156,6 +156,10 @@ def count_visibility(
     progress : callable, optional
         Called with (orbits done, orbits).
 
+    Returns
+    -------
+    VisibilityCounts
+
     Raises
     ------
     ConfigurationError

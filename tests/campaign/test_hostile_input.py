@@ -290,7 +290,7 @@ def test_hostile_shape(tmp_path, content, ending):
     [
         ("task2: [1", "Config file is not valid JSON or YAML"),
         ("- 1", "Config file must be given as JSON or YAML with keys"),
-        ("task2: 3", "configuration key 'task2' = 3: 3 is not of type 'object'"),
+        ("task2: 3", "configuration key 'task2' = 3: must be a mapping"),
         ("scenarios: {1: {targets: 5}}", "unknown configuration key 1 in 'scenarios'"),
         ("visibility: {limiting_magnitude: .nan}", "'visibility.limiting_magnitude' = nan"),
         ("results: a{b}", "'results' = 'a{b}': choose a path without"),

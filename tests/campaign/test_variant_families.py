@@ -182,7 +182,7 @@ def test_a_change_holds_what_is_given_and_nothing_else():
         ({"photometry": {"fresnel": "root"}}, "= 'root': must be one of sqrt, printed"),
         ({"body": {"radius_m": -1}}, "'body.radius_m' = -1: must be a number above 0, or null"),
         ({"body": {"axis_scale": [1, 1]}}, "must be a list of 3 of: a number above 0"),
-        ({"batch": 3}, "'batch' = 3: 3 is not of type 'object'"),
+        ({"batch": 3}, "'batch' = 3: must be a mapping"),
     ],
 )
 def test_a_message_says_what_was_given_and_what_is_allowed(change, message):

@@ -418,8 +418,12 @@ def test_a_faulty_attitude_message_is_refused_in_a_line(attitudes, tmp_path, old
 
 
 def test_attitudes_that_are_none_are_not_written(attitudes):
-    for wrong in (2.0 * attitudes[0].quaternion, np.full((ELAPSED.size, 4), np.nan)):
-        with pytest.raises(ConfigurationError, match="HALO 1: give at least one, and unit quat"):
+    for wrong, message in (
+        (2.0 * attitudes[0].quaternion, "quaternion of HALO 1 of time 0 has norm 2"),
+        (np.full((ELAPSED.size, 4), np.nan), "quaternion of HALO 1 of time 0 is not finite"),
+        (np.empty((0, 4)), r"quaternion of HALO 1 has shape \(0, 4\)"),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
             aem_text([attitudes[0]._replace(quaternion=wrong)], created=CREATED)
 
 

@@ -388,6 +388,21 @@ def test_impossible_material_is_refused(name, value):
         Material(**{name: value})
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"quaternion": [0, 0, 0, 2]}, "quaternion has norm 2; divide it by its norm"),
+        ({"sun_direction": [[1, 0, 0], [3, 0, 0]]}, "sun_direction has norm 3"),
+        ({"range_m": 0.0}, "range_m = 0 must be positive"),
+        ({"sun_magnitude": "-27"}, "sun_magnitude = '-27' must be a finite number"),
+    ],
+)
+def test_an_impossible_geometry_is_refused(change, message):
+    given = {"quaternion": [0, 0, 0, 1], "sun_direction": [1, 0, 0], "view_direction": [1, 0, 0]}
+    with pytest.raises(ConfigurationError, match=message):
+        apparent_magnitude(**given | {"range_m": 1e8, "facets": icosahedron()} | change)
+
+
 def test_unknown_reading_is_refused():
     with pytest.raises(ConfigurationError, match="irradiance = '2pi' must be one of 4pi, 1/r"):
         PhotometryModel(irradiance="2pi")

@@ -133,8 +133,11 @@ def test_labels_units_and_dates(result, tmp_path):
     elapsed, state = rotating_arc(read_oem(tmp_path / "true.oem")[2], epoch)
     assert elapsed[0] == pytest.approx(300.0, abs=1e-5)
     assert state[0, :3] * LENGTH_UNIT_KM == pytest.approx(first, abs=1e-5)
-    used = data["observation_outcome"].values == "used"
-    assert 0.0 <= data["observation_right_ascension"].values[used].max() < 360.0
+    table = result.observations()
+    mine = np.isfinite(data["observation_magnitude"].values) & (data["observation_seed"] == 0)
+    for name, column in (("right_ascension", "ra"), ("declination", "dec"), ("magnitude", "mag")):
+        given = np.sort(data[f"observation_{name}"].values[mine])
+        np.testing.assert_array_equal(given, np.sort(table[column]))
     assert {*data["observation_target"].values.tolist()} <= {*TARGETS}
 
 

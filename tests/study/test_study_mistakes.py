@@ -55,6 +55,11 @@ MISTAKES = {
     "a missing table": (lambda: studied("missing.csv"), "missing.csv: no such file"),
     "no path": (target(oem=None), "oem = None must be a path"),
     "sensor of a target": (target(**OBSERVER, sensor={}), "unknown key 'sensor'"),
+    "text of a sensor": (
+        lambda: cs.Sensor(angle_noise_arcsec="5"),
+        "= '5' must be a number",
+    ),
+    "number of a section": (lambda: cs.Sensor(exclusion_deg=3), "= 3 must be a mapping"),
     "misspelled sensor key": (
         lambda: studied({"e": OBSERVER | {"sensor": {"limit": 3}}}),
         "sensor.limit': known keys",
@@ -168,6 +173,11 @@ def test_a_mistake_in_the_command_is_one_line(option):
     done = CliRunner().invoke(cislunar, ["study", *option])
     assert done.exit_code == 2
     assert done.output.strip().splitlines()[-1].startswith("error: ")
+
+
+def test_a_shortened_interval_is_announced(caplog):
+    studied(duration_hours=6.3)
+    assert "duration_hours = 6.3 is no multiple of interval_minutes = 60" in caplog.text
 
 
 def test_a_file_is_checked_without_a_run(tmp_path):

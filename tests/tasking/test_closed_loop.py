@@ -241,6 +241,7 @@ WRONG = {
     "settings by key": (lambda p: {"settings": {}}, "settings = {}: give LoopSettings"),
     "a problem": (lambda p: {"scene": p}, "give the Scene that make_scene returns"),
     "a word": (lambda p: {"forces": "cr3bp"}, "forces = 'cr3bp': give a force model"),
+    "no function": (lambda p: {"progress": 3}, "progress = 3: give a function"),
     "half an identity": (lambda p: {"target_ids": [0, 0.5, 1]}, "must be whole numbers from 0 on"),
     "no estimator": (lambda p: {"estimator": 3}, "estimator = 3: give a name"),
     "an initial estimate that is not finite": (

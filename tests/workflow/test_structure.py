@@ -5,10 +5,13 @@ import re
 from functools import cache
 from graphlib import TopologicalSorter
 from importlib import import_module
+from inspect import getdoc, signature
 from types import FunctionType
 
 from campaign_folder import ROOT
 from numba.core.dispatcher import Dispatcher
+
+import cislunar
 
 LIBRARY = ROOT / "cislunar"
 PATHS = {
@@ -160,6 +163,18 @@ def test_what_is_public_is_documented():
             if not text.strip():
                 wrong.append(f"{name}.{each} has no docstring")
     assert not wrong
+
+
+def test_help_of_top_level_names_is_complete():
+    """It describes every argument, and has no term of campaigns and no private name."""
+    terms = re.compile(r"\b(_[A-Za-z]\w+|[Rr]eadings? of|monitored|cells?|campaigns?|variants?)\b")
+    for name in cislunar.__all__:
+        found = getattr(cislunar, name)
+        text = f"{signature(found)}\n{getdoc(found)}"
+        assert not terms.findall(text), name
+        arguments = [each for each in signature(found).parameters if each not in ("self", "values")]
+        assert not [each for each in arguments if not re.search(rf"\b{each}\b.*\n +\S", text)], name
+        assert "Returns\n---" in text or isinstance(found, type), name
 
 
 def test_states_of_either_dynamics_do_not_claim_the_rotating_frame():

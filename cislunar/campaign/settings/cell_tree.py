@@ -81,7 +81,7 @@ class Tasking(ScheduleModel):
         "gives no information", paper="not in the paper", default=True)
     diffuse_reflection_coefficient: Positive | None = setting(
         "C_d of the sphere by which tasking judges whether a target is visible; the sphere has the "
-        "surface area of the target. null: as `scenarios.NAME.photometry` states", "1",
+        "surface area of the target. null: as the photometry of the scenario states", "1",
         "not given", default=None)
     detection: Literal["sphere", "learned"] = setting(
         "model by which tasking judges who can detect a target: the `sphere` alone, or detection "
@@ -115,7 +115,7 @@ class Dynamics(Section):
         "finds a natural path next to it", default="reference")
     unrefined: Literal["reference", "refused"] = setting(
         "observers for which no natural path is found: `reference` keeps them on their CR3BP "
-        "orbits, `refused` refuses the cell", default="reference")
+        "orbits, `refused` refuses the run", default="reference")
     srp: Radiation = Radiation()
     lunar_harmonics: Flag = setting(
         "true: `ephemeris` dynamics include J2 and C22 of the Moon", default=True)

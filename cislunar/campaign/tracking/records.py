@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 
 _SPLINE_DEGREE = 7
 _TRANSLATION = ["x", "y", "z", "vx", "vy", "vz"]
+_ANGLES = ("right_ascension", "declination")
 
 _OBSERVER = (
     "component of an observer's error: position along the axes of the propagation frame (m), "
@@ -45,7 +46,7 @@ RECORD_COORDINATES = {
     "axis_2": ("axis_2", ["x", "y", "z"], "1", "axis"),
     "body_axis": ("body_axis", ["x", "y", "z"], "1", "axis of a body frame"),
     "quaternion": ("quaternion", ["q1", "q2", "q3", "q4"], "1", "component, q4 the scalar"),
-    "angle": ("angle", ["right_ascension", "declination"], "1", "angle in the observer's body"),
+    "angle": ("angle", [*_ANGLES], "1", "angle in the observer's body"),
     "gospa_part": (
         "gospa_part",
         ["distance", "localization", "missed", "false"],
@@ -333,22 +334,14 @@ def cell_observations(cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0) -> pd
         If the cell lacks the record.
     """
     require_records(cell, ["measurements"])
-    column = {
-        name: cell[f"observation_{name}"].values
-        for name in (
-            *("seed", "step", "target", "observer", "magnitude", "right_ascension", "declination"),
-            *("magnitude_variance", "angle_variance"),
-        )
-    }
+    names = ("seed", "step", "target", "observer", "magnitude", "magnitude_variance")
+    column = {name: cell[f"observation_{name}"].values for name in names}
     rows = np.flatnonzero((column["seed"] == seed) & np.isfinite(column["magnitude"]))
     rows = rows[np.argsort(column["step"][rows], kind="stable")]
     column = {name: values[rows] for name, values in column.items()}
     step, observer, target = column["step"], column["observer"], column["target"]
+    ra, dec, covariance = measured_directions(cell, sun, rows)
     frame, times = frame_of(cell, sun), cell["step"].values
-    turn = frame.to_icrf(times)[step] @ cell["observer_axes"].values[step].swapaxes(1, 2)
-    direction = np.column_stack([column["right_ascension"], column["declination"]])
-    variance = np.repeat(column["angle_variance"][:, None], 2, axis=1)
-    ra, dec, covariance = icrf_directions(direction, variance, turn)
     at_rest = [np.pad(each, ((0, 0), (0, 3))) for each in cell["observer_position"].values]
     tracks = np.array([frame.arc("", each, times, "EARTH").state[:, :3] for each in at_rest])
     where = tracks[observer, step]
@@ -370,6 +363,19 @@ def cell_observations(cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0) -> pd
             "rmsMag": np.sqrt(column["magnitude_variance"]),
         }
     )
+
+
+def measured_directions(
+    cell: xr.Dataset, sun: xr.Dataset, rows: ArrayLike
+) -> tuple[Array, Array, Array]:
+    """Right ascension and declination, deg, ICRF, of observations by their indices (n,), and their
+    covariance, see `cislunar.detection.tables.icrf_directions`; NaN where nothing was detected."""
+    given = cell[[f"observation_{name}" for name in ("step", *_ANGLES, "angle_variance")]]
+    step, ra, dec, variance = (given[name].values[rows] for name in given)
+    frame, axes = frame_of(cell, sun), cell["observer_axes"].values
+    turn = frame.to_icrf(cell["step"].values)[step] @ axes[step].swapaxes(1, 2)
+    both = np.repeat(variance[:, None], 2, axis=1)
+    return icrf_directions(np.column_stack([ra, dec]), both, turn)
 
 
 def observer_names(count: int) -> list[str]:
