@@ -113,7 +113,7 @@ def test_a_target_that_leaves_its_gates_is_associated_again(factory, method, siz
 
 
 def test_tracks_of_coasting_targets_take_no_false_alarms():
-    """Wide gates change nothing without a maneuver, bit for bit, at nine false alarms in each exposure."""
+    """Wide gates change nothing without a maneuver, bit for bit, at nine false alarms a frame."""
     given = {"association": CLUTTER.model_copy(update={"false_alarms_deg2": 1.0}), "hours": 4.0}
     plain, found = run(PLAIN, **given), run(monitored(PLAIN, RECOVERING), **given)
     for name, values in plain.histories.items():
