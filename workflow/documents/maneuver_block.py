@@ -93,8 +93,8 @@ def _sizes(mode: str, clutter: float = 0.0) -> Callable[[Tables], dict[str, str]
     number of false alarms in each exposure."""
 
     def values(tables: Tables) -> dict[str, str]:
-        same = {"mode": mode, "targets": 100, "observers": 20, "estimator": "mukf", "clutter": clutter,
-                "dynamics": "cr3bp", "delay_minutes": 0.0}  # fmt: skip
+        same = {"mode": mode, "targets": 100, "observers": 20, "estimator": "mukf",
+                "dynamics": "cr3bp", "clutter": clutter, "delay_minutes": 0.0}  # fmt: skip
         table = tables[STUDY]
         for key, value in same.items():
             table = table[table[key] == value]
