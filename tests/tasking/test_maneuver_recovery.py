@@ -90,21 +90,30 @@ def test_detections_without_identity():
     assert km(found, 3)[-1] < 3.0
 
 
-@pytest.mark.parametrize("size", [10.0, 100.0])
-def test_a_target_that_leaves_its_gates_is_associated_again(size):
+@pytest.mark.parametrize(
+    ("factory", "method", "size"),
+    [
+        (PLAIN, "multiple-frames", 10.0),
+        (PLAIN, "multiple-frames", 100.0),
+        (PLAIN, "joint-probabilities", 100.0),
+        (batch(), "nearest-neighbor", 100.0),
+    ],
+)
+def test_a_target_that_leaves_its_gates_is_associated_again(factory, method, size):
     """Among false alarms, several exposures agree with one orbit after the maneuver."""
-    given = monitored(PLAIN, RECOVERING), impulse(3, size * np.array([0.6, -0.64, 0.48]))
-    found = run(*given, hours=6.0, association=CLUTTER)
+    velocity = size * np.array([0.6, -0.64, 0.48])
+    clutter = CLUTTER.model_copy(update={"method": method})
+    given = {"given": impulse(3, velocity), "hours": 6.0, "association": clutter}
+    lost, found = (run(monitored(factory, each), **given) for each in (DETECTION, RECOVERING))
     assert found.recovered_maneuvers.target.tolist() == [3]
     assert abs(found.recovered_maneuvers.time_s[0] - TIME_S) < 720.0
-    assert km(found, 3)[-1] < 3.0
+    np.testing.assert_allclose(found.recovered_maneuvers.velocity_m_s[0], velocity, atol=1.0)
+    assert km(found, 3)[-1] < 3.0 and km(lost, 3)[-1] > 50.0
     assert found.wrong_associations.sum() == 0
-    lost = run(monitored(PLAIN, DETECTION), given[1], hours=6.0, association=CLUTTER)
-    assert km(lost, 3)[-1] > 50.0
 
 
 def test_tracks_of_coasting_targets_take_no_false_alarms():
-    """Wide gates change nothing without a maneuver, bit for bit, at ten times the false alarms."""
+    """Wide gates change nothing without a maneuver, bit for bit, at nine false alarms a frame."""
     given = {"association": CLUTTER.model_copy(update={"false_alarms_deg2": 1.0}), "hours": 4.0}
     plain, found = run(PLAIN, **given), run(monitored(PLAIN, RECOVERING), **given)
     for name, values in plain.histories.items():

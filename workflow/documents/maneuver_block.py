@@ -88,12 +88,13 @@ def _cells(tables: Tables) -> dict[str, str]:
     return {"table": markdown_table([*_HEADS, *_OF_CELLS], rows)}
 
 
-def _sizes(mode: str) -> Callable[[Tables], dict[str, str]]:
-    """One row for each class of changes of velocity, of 100 targets and the usual cell."""
+def _sizes(mode: str, clutter: float = 0.0) -> Callable[[Tables], dict[str, str]]:
+    """One row for each class of changes of velocity, of 100 targets and the usual cell with a
+    number of false alarms in each exposure."""
 
     def values(tables: Tables) -> dict[str, str]:
-        same = {"mode": mode, "targets": 100, "observers": 20, "estimator": "mukf", "clutter": 0.0,
-                "dynamics": "cr3bp", "delay_minutes": 0.0}  # fmt: skip
+        same = {"mode": mode, "targets": 100, "observers": 20, "estimator": "mukf",
+                "dynamics": "cr3bp", "clutter": clutter, "delay_minutes": 0.0}  # fmt: skip
         table = tables[STUDY]
         for key, value in same.items():
             table = table[table[key] == value]
@@ -115,6 +116,7 @@ def _sizes(mode: str) -> Callable[[Tables], dict[str, str]]:
 MANEUVER_BLOCKS = {
     STUDY: _sizes("recommended"),
     f"{STUDY}-hours": _sizes("paper"),
+    f"{STUDY}-clutter": _sizes("paper", 1.0),
     f"{STUDY}-cells": _cells,
 }
 """What makes each block of the study, by name."""
