@@ -41,6 +41,7 @@ OBJECTIVES = {
     "J": "J",
     "coverage": "coverage",
     "target-days": "target-days",
+    "search": "search",
     "longest-gap": "longest gap",
     "mean-gap": "mean gap",
     "mean-wait": "mean wait",

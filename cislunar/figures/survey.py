@@ -9,7 +9,7 @@ from cislunar.figures import panels, style
 from cislunar.figures.axes import Grid
 from cislunar.figures.panels import PERCENT, Row
 
-_LEFT, _RIGHT, _GAP, _HEAD, _FOOT = 1.5, 0.12, 0.14, 0.32, 1.0
+_LEFT, _RIGHT, _GAP, _HEAD, _FOOT = 1.65, 0.12, 0.14, 0.32, 1.0
 _LEGEND = 0.28
 _WIDTH_IN, _LINE_IN = 1.32, 0.19
 

@@ -5,7 +5,8 @@ number of satellites that can detect a particle on a day, e, the worth of an arc
 
     f = mean over particles and days of min(c(e), k) / k,                                       (1)
 
-the expected share of objects that at least j observers can detect in a day, averaged over j = 1 to
+where the particles begin anew each day, because a prior does not change with time. It is the
+expected share of objects that at least j observers can detect in a day, averaged over j = 1 to
 k. A linked orbit is confirmed if three observers have detected it
 (`cislunar.orbit_determination.ConfirmationRule`), hence k = 3. The worth is the k-fold coverage of
 moving targets, so that searches, bounds and proofs of
@@ -14,6 +15,7 @@ moving targets, so that searches, bounds and proofs of
 Assumptions and limitations
 ---------------------------
 - Telescopes point everywhere at once: the worth bounds what a search with fields can reach.
+- Objects that have been found are not removed from the prior.
 - Particles move in the CR3BP, as spheres of the size that the settings of visibility state.
 """
 
@@ -22,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cislunar.architecture.coverage import CoverageTables, coverage_tables
+from cislunar.architecture.coverage import CoverageTables, coverage_tables, day_starts
 from cislunar.constants import MU
 from cislunar.dynamics import CR3BP
 from cislunar.errors import ConfigurationError
@@ -55,7 +57,7 @@ def search_tables(
     orbits : OrbitSet
         Candidate orbits.
     state : array_like, shape (particle, 6)
-        States at the first time, nondimensional, rotating frame, for instance from
+        States at the first time of each day, nondimensional, rotating frame, for instance from
         `cislunar.survey.sample_prior`.
     times : array_like, shape (time,)
         Nondimensional times since the epoch, at equal steps.
@@ -64,7 +66,7 @@ def search_tables(
     settings : VisibilitySettings
         Size of the spheres and exclusion.
     region : AdmissibleRegion, optional
-        Particles that leave it, or meet a body, before the last time are left out.
+        Particles that leave it, or meet a body, within a day are left out.
     fold : int
         k of equation (1).
     mu : float
@@ -80,22 +82,29 @@ def search_tables(
     Raises
     ------
     ConfigurationError
-        If no particle stays in the region.
+        If no particle stays in the region, or the times of the days differ.
     """
     states = array_of("state", state, ("particle", 6))
     when = array_of("times", times, ("time",))
     density = ObjectDensity(states, np.ones(len(states)), 1.0, forces=CR3BP(mu), region=region)
-    path = np.empty((len(states), when.size, 3))
-    for k, elapsed in enumerate((when - when[0]).tolist()):
-        density.advance(elapsed)
+    starts = day_starts(when)
+    day = np.repeat(np.arange(starts.size), np.diff(starts, append=when.size))
+    step = np.arange(when.size) - starts[day]
+    since, longest = when - when[starts[day]], int(step.max(initial=0)) + 1
+    elapsed = since[day == day[np.argmax(step)]]
+    if np.any(np.abs(since - elapsed[step]) > 1e-9):
+        raise ConfigurationError("times must have equal steps")
+    path = np.empty((len(states), longest, 3))
+    for k in range(longest):
+        density.advance(float(elapsed[k]))
         path[:, k] = density.state[:, :3]
     stays = density.weight > 0.0
     if not stays.any():
         raise ConfigurationError(
-            f"none of {len(states)} particles stays in the admissible region until the last time; "
-            "give a shorter time or a wider region"
+            f"none of {len(states)} particles stays in the admissible region for a day; "
+            "give other states or a wider region"
         )
     return coverage_tables(
-        orbits, path[stays], when, sun_position, settings, fold=fold, window="day", mu=mu,
+        orbits, path[stays][:, step], when, sun_position, settings, fold=fold, window="day", mu=mu,
         **more,
     )  # fmt: skip

@@ -39,8 +39,8 @@ from cislunar.runtime.netcdf import read_dataset, write_dataset
 WANTED = {"phases": 3, "fold": 1, "max_stability_index": None, "satellites": 3}
 WANTED |= {"method": "certified", "evaluations": None}
 HORIZON = {"duration_days": 2, "step_hours": 6, "limiting_magnitude": 15}
-OBJECTIVES = ("coverage", "target-days", "longest-gap", "mean-gap", "mean-wait", "information",
-              "attitude")  # fmt: skip
+OBJECTIVES = ("coverage", "target-days", "longest-gap", "mean-gap", "mean-wait", "search",
+              "information", "attitude")  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -43,7 +43,8 @@ def test_the_worth_is_that_of_each_object_at_each_time(tables):
     days = np.floor(TIMES * TIME_UNIT_S / SECONDS_PER_DAY + 1e-9).astype(int)
     seen = np.zeros((12, days.max() + 1, len(OBJECTS)), dtype=bool)
     for j, state in enumerate(OBJECTS):
-        path = propagate(state, TIMES, method="dop853")[:, :3]
+        since = TIMES - np.where(days == 0, 0.0, TIMES[days.argmax()])  # begins anew each day
+        path = np.array([propagate(state, [t], method="dop853")[0, :3] for t in since])
         static = coverage_tables(ORBITS, path, TIMES, SUN, SETTINGS, phases=3)
         for slot in range(12):
             own = CoverageObjective(static).seen([slot], [1])
@@ -65,11 +66,14 @@ def test_the_bound_holds_for_all_architectures(tables):
 
 
 def test_particles_that_leave_are_left_out():
-    fast = [[1.5, 0.0, 0.0, 1.5, 0.0, 0.0]]
+    fast = [[1.5, 0.0, 0.0, 2.0, 0.0, 0.0]]
     whole = search_tables(ORBITS, np.concatenate([OBJECTS, fast]), TIMES, SUN, SETTINGS, phases=2)
     assert whole.shape[1] == len(OBJECTS)
     with pytest.raises(ConfigurationError, match="none of 1 particles stays") as caught:
         search_tables(ORBITS, fast, TIMES, SUN, SETTINGS, phases=2, region=AdmissibleRegion())
     assert "\n" not in str(caught.value)
+    with pytest.raises(ConfigurationError, match="must have equal steps"):
+        uneven = TIMES + 0.01 * (np.arange(TIMES.size) == 3)
+        search_tables(ORBITS, OBJECTS, uneven, sun_at(uneven), SETTINGS, phases=2)
     with pytest.raises(ConfigurationError, match="target has positions at 2 times"):
         coverage_tables(ORBITS, np.zeros((1, 2, 3)), TIMES, SUN, SETTINGS, phases=2)

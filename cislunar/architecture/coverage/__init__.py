@@ -7,7 +7,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "certificate": ["certify_coverage", "greedy_coverage"],
     "gap_objective": ["GapObjective", "certify_gaps"],
     "kernels": ["weighted_sums"],
-    "measures": ["Coverage", "coverage", "gaps"],
+    "measures": ["Coverage", "coverage", "day_starts", "gaps"],
     "objective": ["CoverageObjective"],
     "tables": ["CoverageTables", "coverage_tables"],
 })

@@ -26,9 +26,15 @@ from cislunar.campaign.settings.tree import Visibility
 from cislunar.errors import ConfigurationError
 from cislunar.orbits.station_keeping import station_keeping_m_s
 from cislunar.runtime.progress import Progress
+from cislunar.runtime.seeds import generator
+from cislunar.survey import DensityPrior, PriorSources, sample_prior, search_tables
 
 UNITS = {"information": "nat", "attitude": "nat"}
 """Units of the objectives that have one."""
+
+_UNDETECTED = DensityPrior(particles=500)
+"""Prior of the undetected objects for `search`. One of its particles on a day is an element of the
+coverage, of which there are as many as with 500 static targets."""
 
 _GAPS = {"longest-gap": "longest", "mean-gap": "mean", "mean-wait": "wait"}
 
@@ -144,14 +150,19 @@ def objective_of(
             allowed, inputs.targets, inputs.sun, settings, candidates.most, progress
         )
         return cost_function(seen, allowed)
-    times = horizon(settings)
-    tables = coverage_tables(
-        orbit_set(allowed), inputs.targets["position"].values, times, sun_at(inputs.sun, times),
-        typed(settings["visibility"], Visibility), phases=design["phases"],
-        max_satellites=candidates.most, fold=design["fold"],
-        window="day" if kind == "target-days" else "sample", propagator=settings["propagator"],
-        progress=progress,
-    )  # fmt: skip
+    times, points = horizon(settings), inputs.targets["position"].values
+    seen = times, sun_at(inputs.sun, times), typed(settings["visibility"], Visibility)
+    given = {
+        "phases": design["phases"], "max_satellites": candidates.most, "fold": design["fold"],
+        "propagator": settings["propagator"], "progress": progress,
+    }  # fmt: skip
+    if kind == "search":
+        library = inputs.orbits["state"].values, inputs.orbits["period"].values
+        rng = generator(seed, scenario, kind)
+        state, _ = sample_prior(_UNDETECTED, PriorSources(*library, points), rng)
+        return CoverageObjective(search_tables(orbit_set(allowed), state, *seen, **given))
+    window = "day" if kind == "target-days" else "sample"
+    tables = coverage_tables(orbit_set(allowed), points, *seen, window=window, **given)
     return GapObjective(tables, _GAPS[kind]) if kind in _GAPS else CoverageObjective(tables)
 
 

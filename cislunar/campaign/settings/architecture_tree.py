@@ -26,7 +26,7 @@ ARCHITECTURE_NAME = pattern(
 Architecture = Annotated[str, Field(pattern=ARCHITECTURE_NAME)]
 Sampler = Literal["hyperopt", "compiled"]
 Objective = Literal["coverage", "target-days", "longest-gap", "mean-gap", "mean-wait",
-                    "information", "attitude", "J"]
+                    "search", "information", "attitude", "J"]
 Labels = Literal["family_position", "index", "stability_rank", "categorical"]
 
 
@@ -120,14 +120,16 @@ class _ObjectiveSection(Section):
 
     objective: Objective = setting(
         "objective of the selection, see `docs/objectives.md`: `coverage` of target-hours or of "
-        "`target-days`; `longest-gap`, `mean-gap` or `mean-wait`; `information` about the orbits "
-        "of moving targets or about their `attitude`; `J`, in slots alone")
+        "`target-days`; `longest-gap`, `mean-gap` or `mean-wait`; `search` for undetected objects; "
+        "`information` about the orbits of moving targets or about their `attitude`; `J`, in slots "
+        "alone")
     phases: whole(ge=1, le=1000) | None = setting(
         "number of phases of each orbit, at most one satellite per phase; null: the paper's slots, "
         "`slots` orbits of up to `max_satellites` (not for `information` and `attitude`)",
         default=10)
     fold: whole(ge=1, le=8) = setting(
-        "number of satellites that have to observe a target for `coverage` and `target-days`",
+        "number of satellites that have to observe a target for `coverage`, `target-days` and "
+        "`search`; three confirm an orbit of a survey",
         default=1)
     max_stability_index: number(ge=1) | None = setting(
         "maximum stability index of the candidate orbits; null: no limit", "1", default=2)

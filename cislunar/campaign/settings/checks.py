@@ -210,7 +210,7 @@ def _check_objectives(config: Mapping[str, Any]) -> None:
              f"{kind} is defined for satellites at phases of their own; give their number"),
             (method in ("tpe", "random") and phases is None, "phases' = null:",
              f"{method} does not keep to a number of satellites in slots; give a number of phases"),
-            (fold > 1 and kind not in ("coverage", "target-days"), f"fold' = {fold}:",
+            (fold > 1 and kind not in ("coverage", "target-days", "search"), f"fold' = {fold}:",
              f"{kind} has none; leave it out"),
         ):  # fmt: skip
             if wrong:

@@ -25,6 +25,7 @@ _CRITERIA = {
     "information": (style.VERMILION, style.DASH_DOT, "v"),
     "attitude": (style.PURPLE, style.DOTTED, "P"),
     "target-days": (style.BLACK, style.DASHED, "<"),
+    "search": (style.ORANGE, style.SOLID, "D"),
     "longest-gap": (style.BLACK, style.DASH_DOT, ">"),
     "mean-gap": (style.BLACK, style.DOTTED, "8"),
     "mean-wait": (style.BLACK, style.SOLID, "H"),
