@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "files": ["BenchmarkScenario", "PublicData", "read_public_data", "read_scenario",
         "read_truth"],
     "make": ["BenchmarkSize", "SIZES", "make_benchmark"],
-    "reference": ["METHODS", "write_reference"],
+    "reference": ["REFERENCE_METHODS", "write_reference"],
     "score": ["SCORE_COLUMNS", "count_passes", "score_submission"],
     "submission": ["Submission", "read_submission"],
 })

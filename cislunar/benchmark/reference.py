@@ -37,7 +37,7 @@ from cislunar.survey import SurveyCatalog
 
 Array = NDArray[np.float64]
 
-METHODS = ("ours", "nearest-neighbor")
+REFERENCE_METHODS = ("ours", "nearest-neighbor")
 """`ours`: `cislunar.survey.SurveyCatalog`; `nearest-neighbor`: `NearestNeighborCatalog`."""
 
 STATES = "states.oem"
@@ -74,7 +74,7 @@ def write_reference(
     output : str or Path
         New or empty folder of the submission.
     method : str
-        One of `METHODS`.
+        One of `REFERENCE_METHODS`.
     progress : callable, optional
         Called with (scoring epochs done, all scoring epochs).
 
@@ -85,8 +85,10 @@ def write_reference(
     ConvergenceError
         If the catalog stays empty.
     """
-    if method not in METHODS:
-        raise ConfigurationError(f"method = {method!r} must be one of {', '.join(METHODS)}")
+    if method not in REFERENCE_METHODS:
+        raise ConfigurationError(
+            f"method = {method!r} must be one of {', '.join(REFERENCE_METHODS)}"
+        )
     target = Path(output)
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise InputFileError(f"{target}: is not an empty folder; give a new one")

@@ -48,9 +48,10 @@ SCORE_COLUMNS = (
     "completeness_outside", "completeness_maneuvering", "custody", "gospa_km",
     "gospa_localization_km2", "gospa_missed_km2", "gospa_false_km2", "missed", "false",
     "position_median_km", "position_95_km", "velocity_median_m_s", "velocity_95_m_s", "anees",
-    "anees_ballistic", "purity", "wrong_assignments", "false_objects", "latency_median_h",
+    "anees_ballistic", "purity", "wrong_assignments", "false_objects", "fragments",
+    "latency_median_h",
 )  # fmt: skip
-"""Columns of a score; see docs/benchmark.md. The last four are of the whole time and are in the
+"""Columns of a score; see docs/benchmark.md. The last five are of the whole time and are in the
 last row only."""
 
 
@@ -231,6 +232,7 @@ def _of_assignments(
         "purity": found.purity,
         "wrong_assignments": found.wrong_associations,
         "false_objects": found.false_tracks,
+        "fragments": found.fragments,
     }
 
 

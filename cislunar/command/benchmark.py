@@ -7,7 +7,7 @@ from cislunar.command.base import Group, progress
 
 @click.group(cls=Group)
 def benchmark() -> None:
-    """Catalogs from detections without identity, scored against a sealed truth.
+    """Catalogs from detections, scored against a sealed truth.
 
     \b
     Examples:

@@ -289,6 +289,7 @@ def test_purity_and_latency_are_those_of_the_assignments(made, truth, tmp_path):
     last = score_submission(tmp_path, made).iloc[-1]
     assert last["purity"] == pytest.approx(own.size / (own.size + 2))
     assert last["wrong_assignments"] == 2 and last["false_objects"] == 0
+    assert last["fragments"] == 1.0
     first = read_public_data(made, scenario).tdb[own[0]]
     hours = 5.5 - (first - scenario.epoch_tdb) / 3600.0
     assert last["latency_median_h"] == pytest.approx(hours, abs=1e-6)
