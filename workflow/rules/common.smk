@@ -26,7 +26,7 @@ from cislunar.campaign.settings.scenarios import (
     tracked_count,
     tracked_epoch,
 )
-from cislunar.campaign.settings.cell_settings import cell_files, cell_settings
+from cislunar.campaign.settings.cell_settings import cell_files, cell_settings, replay_settings
 from cislunar.campaign.settings.cell_tree import CellSettings
 from cislunar.campaign.settings.cells import Cell, check_cell, estimator_names
 from cislunar.campaign.settings.tracking_checks import shortened_intervals

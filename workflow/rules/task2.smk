@@ -6,6 +6,7 @@ from cislunar.campaign.settings.cells import (
     campaign_cells,
     most_alike,
     paper_cells,
+    replayed_cell,
 )
 
 # Statistics and claims are computed twice: from the cells that the paper has, and from all.
@@ -13,6 +14,7 @@ EXTENTS = {"paper/": paper_cells(TASK2), "": campaign_cells(TASK2)}
 CELLS = [results(cell.path) for cell in EXTENTS[""]]
 SUMMARY = results("task2/summary.nc")
 COMPARED = TASK2["tasking_comparison"]
+REPLAYED = replayed_cell(TASK2)
 CELL = "{scenario}/{architecture}/{estimator}/nt{n}_dt{minutes}"
 WITH_ERRORS = [
     error for error in model_errors(TASK2) if TASK2["variants"]["cells"][error.variant]["targets"]
@@ -102,6 +104,28 @@ use rule tracking_cell_variant as tracking_realization with:
     message:
         "Tracking {wildcards.n} targets, tasking every {wildcards.minutes} min, realization "
         "{wildcards.realization}{wildcards.changed} ({wildcards.architecture}, scenario "
+        "{wildcards.scenario})"
+
+
+# The cell of figures/replay.html again, with its first realization alone and more records.
+use rule tracking_cell_variant as replay_cell with:
+    input:
+        **TRACKED,
+    output:
+        results(f"replay/{CELL}{{changed}}.nc"),
+    log:
+        log_of(f"replay/{CELL}{{changed}}"),
+        times=benchmark_of(f"replay_cell/{CELL}{{changed}}"),
+    priority: 1
+    params:
+        cell=lambda wildcards: list(cell_of(wildcards)),
+        path=lambda wildcards, output: output[0],
+        settings=lambda wildcards: replay_settings(tracking_settings(wildcards)),
+        propagator=config["propagator"],
+        seed=config["seed"],
+    message:
+        "Recording a realization for the replay: {wildcards.n} targets, tasking every "
+        "{wildcards.minutes} min{wildcards.changed} ({wildcards.architecture}, scenario "
         "{wildcards.scenario})"
 
 

@@ -362,6 +362,28 @@ rule learned_figure:
         "../scripts/figure_learned.py"
 
 
+rule replay_page:
+    input:
+        cell=[results(f"replay/{REPLAYED.name}.nc")] if REPLAYED else [],
+        orbits=orbits_file(REPLAYED.architecture) if REPLAYED else [],
+        sun=shared("ephemeris/sun", REPLAYED.scenario) if REPLAYED else [],
+    output:
+        report(
+            results("figures/replay.html"),
+            caption="../report/figure_replay.rst",
+            category="Figures",
+        ),
+    log:
+        log_of("figures/replay_page"),
+        times=benchmark_of("replay_page"),
+    conda:
+        "../envs/cislunar.yaml"
+    message:
+        "Writing the replay of a cell"
+    script:
+        "../scripts/figure_replay.py"
+
+
 rule paper_tracking_figures:
     input:
         expand(rules.target_counts_figure.output, of=[of for of in SHOWN if COUNT_COLUMNS[of]]),
@@ -387,5 +409,6 @@ rule tracking_figures:
         rules.tasking_figure.output if COMPARED["scenario"] else [],
         rules.model_error_figure.output if plotted_errors(TASK2) else [],
         rules.learned_figure.output if LEARNED else [],
+        rules.replay_page.output if REPLAYED else [],
         expand(rules.characterization_figure.output, characterized=CHARACTERIZED),
         rules.pooled_figure.output if config["task2"]["variants"]["pooled"] else [],

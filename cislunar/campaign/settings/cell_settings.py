@@ -10,6 +10,9 @@ from cislunar.observation.body_spec import ICOSAHEDRON, load_body_table
 from cislunar.photometry.materials import REFLECTION_LAWS
 from cislunar.photometry.spacecraft import MODELS
 
+REPLAY_MINUTES = 5.0
+"""Time between the recorded states of a replay, at least a step."""
+
 RECOMMENDED = {"detection": "learned", "slot_minutes": 20, "expected_measurements": 20}
 """Settings of the recommended mode of `task2.tasking`."""
 
@@ -39,6 +42,20 @@ def in_mode(tasking: Mapping[str, Any]) -> dict[str, Any]:
         key: value
         for key, value in RECOMMENDED.items()
         if stated.get(key, usual[key]) == usual[key]
+    }
+
+
+def replay_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of a cell with the first realization alone and the records of a replay, which
+    change no result."""
+    step_s = settings["step_s"]
+    steps = max(1, round(60.0 * REPLAY_MINUTES / step_s))
+    return {
+        **settings,
+        "seeds": 1,
+        "record": ["truth", "estimates", "covariance", "measurements", "pointing"],
+        "histories": ["errors"],
+        "record_minutes": min(settings["record_minutes"], steps * step_s / 60.0),
     }
 
 

@@ -22,6 +22,9 @@ PAPER_ARCHITECTURES = ("published", "tpe")
 PAPER_FILTER = "mukf"
 """The paper's estimator."""
 
+FIRST = "first"
+"""Value of `task2.replay`: the first cell of the campaign."""
+
 FEWEST_RANKED = 10
 """Smallest number of architectures whose objectives are compared with tracking."""
 
@@ -40,13 +43,18 @@ class Cell(NamedTuple):
     variant: str = ""
 
     @property
-    def path(self) -> str:
-        """Its data set, relative to the results folder."""
+    def name(self) -> str:
+        """Its name, such as ``A/published/mukf/nt20_dt60``."""
         suffix = f"_{self.variant}" if self.variant else ""
         return (
-            f"task2/{self.scenario}/{self.architecture}/{self.estimator}/"
-            f"nt{self.targets}_dt{self.interval_minutes}{suffix}.nc"
+            f"{self.scenario}/{self.architecture}/{self.estimator}/"
+            f"nt{self.targets}_dt{self.interval_minutes}{suffix}"
         )
+
+    @property
+    def path(self) -> str:
+        """Its data set, relative to the results folder."""
+        return f"task2/{self.name}.nc"
 
 
 def has_architecture(scenario: str, architecture: str) -> bool:
@@ -132,6 +140,22 @@ def campaign_cells(task2: Mapping[str, Any]) -> list[Cell]:
     plain = dict.fromkeys([*grid_cells(task2), *(cell._replace(variant="") for cell in changed)])
     repeated = [cell._replace(variant=name) for cell in plain for name in _pooled(task2)]
     return list(dict.fromkeys([*plain, *changed, *repeated]))
+
+
+def replayed_cell(task2: Mapping[str, Any]) -> Cell | None:
+    """The cell of `task2.replay`, None for none; a `ConfigurationError` if the campaign lacks
+    it."""
+    wanted, every = task2["replay"], campaign_cells(task2)
+    if wanted is None or (wanted == FIRST and not every):
+        return None
+    for cell in every:
+        if wanted in (FIRST, cell.name):
+            return cell
+    such_as = f", such as {every[0].name}" if every else ""
+    raise ConfigurationError(
+        f"configuration key 'task2.replay' = {wanted!r} is no cell of the campaign{such_as}: give "
+        f"the name of a cell, {FIRST} or null"
+    )
 
 
 def _pooled(task2: Mapping[str, Any]) -> list[str]:

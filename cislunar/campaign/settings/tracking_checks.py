@@ -54,6 +54,7 @@ def check_tracking(study: Mapping[str, Any], config: Mapping[str, Any]) -> None:
                 f"'task2.step_s' = {task2['step_s']} s"
             )
     _check_counts(config, stated)
+    cells.replayed_cell(task2)
     if task2["tasking_comparison"]["scenario"] is not None:
         _check_comparison(task2, settings[task2["tasking_comparison"]["scenario"]]["task2"])
 

@@ -14,6 +14,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, cre
 
 from cislunar.campaign.settings.architecture_tree import Architecture, Sampler, Search
 from cislunar.campaign.settings.cell_tree import CellChange, CellSettings
+from cislunar.campaign.settings.cells import FIRST
 from cislunar.ephemeris.time_scales import julian_date
 from cislunar.orbits.extent import KeepOut
 from cislunar.runtime.settings_fields import (
@@ -292,6 +293,10 @@ class Task2(CellSettings):
         "number of cores of the job of a cell, among which its targets are divided, for cells of "
         "thousands of targets with more cores than jobs", "1", default=1)
     tasking_comparison: TaskingComparison = setting("")
+    replay: Text | None = setting(
+        "cell whose first realization is replayed in `figures/replay.html`, by its name such as "
+        "`A/published/mukf/nt20_dt60`; `first`: the first cell of the campaign; null: none. It is "
+        "run again with the records of a replay, every five minutes", default=FIRST)
 
 
 class Surroundings(Section):

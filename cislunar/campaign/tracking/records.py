@@ -185,19 +185,32 @@ _RECORDED = {
 
 
 def require_records(cell: xr.Dataset, records: Sequence[str]) -> None:
-    """Raise a `ConfigurationError` if a cell lacks a record of `task2.record`."""
+    """Raise a `ConfigurationError` if a cell lacks a record of `task2.record`.
+
+    Parameters
+    ----------
+    cell : xarray.Dataset
+    records : sequence of str
+        Some of truth, estimates, covariance and measurements.
+    """
     for record in records:
-        if not {*_RECORDED[record]} <= {*cell.variables}:
-            what = {"measurements": "observations"}.get(record, _RECORDED[record][0])
-            raise ConfigurationError(
-                f"the cell contains no {what}: add {record} to 'task2.record' and make it again"
-            )
+        for name in _RECORDED[record]:
+            what = "observations" if record == "measurements" else name
+            _require(name in cell, what, record)
+
+
+def _require(present: bool, what: str, record: str) -> None:
+    if not present:
+        raise ConfigurationError(
+            f"the cell contains no {what}: add {record} to 'task2.record' and make it again"
+        )
 
 
 def _recorded(cell: xr.Dataset, name: str, which: str) -> Array:
     """The variable `name` of the truth or of the estimates."""
-    require_records(cell, ["truth" if which == "true" else "estimates"])
-    return cell[f"{which}_{name}"].values
+    name = f"{which}_{name}"
+    _require(name in cell, name, "truth" if which == "true" else "estimates")
+    return cell[name].values
 
 
 def cell_arcs(

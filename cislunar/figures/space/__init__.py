@@ -8,5 +8,7 @@ __getattr__, __dir__, __all__ = _lazy.attach(__name__, submod_attrs={
     "facet": ["facet_geometry_figure"],
     "geometry": ["geometry_figure"],
     "library": ["family_map_figure", "orbit_library_figure"],
+    "orbits_page_layout": ["VIEWS", "scene_layout"],
+    "page": ["body_traces", "page_html"],
 })
 # fmt: on

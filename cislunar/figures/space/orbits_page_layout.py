@@ -53,8 +53,14 @@ def page_layout(parts: PageParts) -> dict[str, Any]:
 
 
 def scene_layout(bounds_km: NDArray[np.float64]) -> dict[str, Any]:
-    """Layout of axes in the rotating frame, at equal scales, and of the legend, for coordinates
-    between bounds (3, 2), km."""
+    """Layout of axes at equal scales and of the legend, as arguments of
+    ``plotly.graph_objects.Layout``.
+
+    Parameters
+    ----------
+    bounds_km : ndarray, shape (3, 2)
+        Least and greatest coordinates, rotating frame, km.
+    """
     return {
         "scene": _scene(bounds_km),
         "legend": {

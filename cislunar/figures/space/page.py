@@ -58,7 +58,13 @@ def bounds(traces: Sequence[go.Scatter3d | go.Surface]) -> Array:
 
 
 def body_traces(earth_km: Array, moon_km: Array) -> list[go.Surface | go.Scatter3d]:
-    """Earth and Moon in true size at their positions (3,), and their names."""
+    """Earth and Moon in true size, and their names.
+
+    Parameters
+    ----------
+    earth_km, moon_km : ndarray, shape (3,)
+        Positions of their centers, km.
+    """
     across, down = np.linspace(0.0, 2.0 * np.pi, 41), np.linspace(0.0, np.pi, 21)
     planes = np.outer(np.cos(across), np.sin(down)), np.outer(np.sin(across), np.sin(down))
     sphere = np.stack((*planes, np.outer(np.ones_like(across), np.cos(down))), axis=-1)
