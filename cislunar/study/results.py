@@ -16,7 +16,6 @@ from cislunar.campaign.tracking.records import (
     cell_observer_arcs,
     frame_epoch,
     measured_directions,
-    observer_names,
 )
 from cislunar.constants import DATE_SYSTEM, LENGTH_UNIT_KM, TIME_UNIT_S
 from cislunar.ephemeris.time_scales import tdb_after
@@ -209,10 +208,7 @@ class StudyResult:
             `cislunar.exchange.observations`. Directions are geometric, without light time.
         """
         self._check_seed(seed)
-        table = cell_observations(self.cell, self.sun, seed=seed)
-        names = self.study.observer_names
-        own = dict(zip(observer_names(len(names)), names, strict=True))
-        return table.assign(stn=table["stn"].map(own))
+        return cell_observations(self.cell, self.sun, seed=seed)
 
     @property
     def _inertial(self) -> bool:
@@ -266,12 +262,7 @@ class StudyResult:
     def _arcs(self, which: str, seed: int) -> list:
         self._check_seed(seed)
         if which == "observers":
-            found = cell_observer_arcs(self.cell, self.sun)
-            names = self.study.observer_names
-            return [
-                each._replace(name=name, object_id=name)
-                for each, name in zip(found, names, strict=True)
-            ]
+            return cell_observer_arcs(self.cell, self.sun)
         if which not in ("estimated", "true"):
             raise ConfigurationError(
                 f"which = {shown(which)} must be 'estimated', 'true' or 'observers'"

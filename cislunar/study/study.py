@@ -331,8 +331,8 @@ class Study:
                 names=_NAMES,
             )
         title = f"Study of {len(self.targets)} targets by {self.n_observers} observers"
-        found = found.assign_attrs(title=title)
-        return StudyResult(self, found, inputs.sun)
+        named = variables(observer_name=("observer", self.observer_names, "1", "name"))
+        return StudyResult(self, found.assign_coords(named).assign_attrs(title=title), inputs.sun)
 
     def _estimated(self) -> ObservedResult:
         """Estimates from the observations."""

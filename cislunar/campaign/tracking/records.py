@@ -293,8 +293,8 @@ def cell_observer_arcs(
     frame = frame_of(cell, sun)
     rate = make_interp_spline(times / TIME_UNIT_S, places, _SPLINE_DEGREE, axis=1).derivative()
     states = np.concatenate([places, rate(times / TIME_UNIT_S)], axis=-1)
-    names = observer_names(len(states))
-    return [frame.arc(*each, times, center) for each in zip(names, states, strict=True)]
+    named = zip(observer_names(cell), states, strict=True)
+    return [frame.arc(*each, times, center) for each in named]
 
 
 def cell_attitudes(
@@ -359,11 +359,10 @@ def cell_observations(cell: xr.Dataset, sun: xr.Dataset, *, seed: int = 0) -> pd
     tracks = np.array([frame.arc("", each, times, "EARTH").state[:, :3] for each in at_rest])
     where = tracks[observer, step]
     dates = np.array(observation_dates(frame.tdb_s(times)))
-    names = np.array(observer_names(cell.sizes["observer"]))
     return pd.DataFrame(
         {
             "obsID": [f"{s}-{o}-{t}" for s, o, t in zip(step, observer, target, strict=True)],
-            "stn": names[observer],
+            "stn": np.array(observer_names(cell))[observer],
             "artSat": np.array(recorded_names(cell))[target],
             "sys": "ICRF_KM",
             "ctr": "399",
@@ -391,10 +390,12 @@ def measured_directions(
     return icrf_directions(np.column_stack([ra, dec]), both, turn)
 
 
-def observer_names(count: int) -> list[str]:
-    """Names of observers in messages. Codes of observatories have three characters, so that these
-    are of none."""
-    return [f"O{number:03d}" for number in range(1, count + 1)]
+def observer_names(cell: xr.Dataset) -> list[str]:
+    """Names of observers in messages: those of a study, or numbers with four characters, which no
+    code of an observatory has."""
+    if "observer_name" in cell:
+        return cell["observer_name"].values.astype(str).tolist()
+    return [f"O{number:03d}" for number in range(1, cell.sizes["observer"] + 1)]
 
 
 def recorded_names(cell: xr.Dataset) -> list[str]:
