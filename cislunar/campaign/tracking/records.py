@@ -38,6 +38,8 @@ _OBSERVER = (
     "component of an observer's error: position along the axes of the propagation frame (m), "
     "right ascension and declination (arcsec), clock (s)"
 )
+_GOSPA = "GOSPA distance (km), and the parts of its square (km2)"
+_INTERVAL = "estimate, and ends of its 95 % interval"
 
 RECORD_COORDINATES = {
     "translation": ("translation", _TRANSLATION, "1", "position and velocity"),
@@ -47,18 +49,8 @@ RECORD_COORDINATES = {
     "body_axis": ("body_axis", ["x", "y", "z"], "1", "axis of a body frame"),
     "quaternion": ("quaternion", ["q1", "q2", "q3", "q4"], "1", "component, q4 the scalar"),
     "angle": ("angle", [*_ANGLES], "1", "angle in the observer's body"),
-    "gospa_part": (
-        "gospa_part",
-        ["distance", "localization", "missed", "false"],
-        "1",
-        "GOSPA distance (km), and the parts of its square (km2)",
-    ),
-    "interval_part": (
-        "interval_part",
-        [*INTERVAL_PARTS],
-        "1",
-        "estimate, and ends of its 95 % interval",
-    ),
+    "gospa_part": ("gospa_part", ["distance", "localization", "missed", "false"], "1", _GOSPA),
+    "interval_part": ("interval_part", [*INTERVAL_PARTS], "1", _INTERVAL),
     "inertial_axis": ("inertial_axis", ["x", "y", "z"], "1", "axis of the inertial frame"),
     "observer_parameter": ("observer_parameter", [*OBSERVER_PARAMETERS], "1", _OBSERVER),
     "observer_parameter_2": ("observer_parameter_2", [*OBSERVER_PARAMETERS], "1", _OBSERVER),
@@ -195,22 +187,17 @@ def require_records(cell: xr.Dataset, records: Sequence[str]) -> None:
     """
     for record in records:
         for name in _RECORDED[record]:
-            what = "observations" if record == "measurements" else name
-            _require(name in cell, what, record)
-
-
-def _require(present: bool, what: str, record: str) -> None:
-    if not present:
-        raise ConfigurationError(
-            f"the cell contains no {what}: add {record} to 'task2.record' and make it again"
-        )
+            if name not in cell:
+                what = "observations" if record == "measurements" else name
+                raise ConfigurationError(
+                    f"the cell contains no {what}: add {record} to 'task2.record' and make it again"
+                )
 
 
 def _recorded(cell: xr.Dataset, name: str, which: str) -> Array:
     """The variable `name` of the truth or of the estimates."""
-    name = f"{which}_{name}"
-    _require(name in cell, name, "truth" if which == "true" else "estimates")
-    return cell[name].values
+    require_records(cell, ["truth" if which == "true" else "estimates"])
+    return cell[f"{which}_{name}"].values
 
 
 def cell_arcs(

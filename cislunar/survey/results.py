@@ -1,0 +1,67 @@
+"""What a survey returns, and the record of its blocks."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from cislunar.detection import Detections, Exposures
+from cislunar.orbit_determination import LinkedOrbits
+from cislunar.targets import Maneuvers
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class BlockRecord(NamedTuple):
+    """What happens in a block of a survey, with the truth.
+
+    Attributes
+    ----------
+    first : int
+        Index of the first step among the scene's times.
+    exposures : Exposures
+    detections : Detections
+    origin : ndarray of int, shape (row,)
+        Object of each detection, or `FALSE_ALARM`.
+    state : ndarray, shape (object, step + 1, 6)
+        True states from the time before the first step on, nondimensional, propagation frame.
+    maneuvers : Maneuvers
+        Of all objects in the whole survey.
+    velocity_changes_m_s : ndarray, shape (maneuver, 3)
+        Changes of velocity so far, propagation frame, m/s.
+    """
+
+    first: int
+    exposures: Exposures
+    detections: Detections
+    origin: Indices
+    state: Array
+    maneuvers: Maneuvers
+    velocity_changes_m_s: Array
+
+
+class SurveyResult(NamedTuple):
+    """Result of a survey.
+
+    Attributes
+    ----------
+    states : DataFrame
+        Quality after each run of linking; columns are the fields of `CatalogState`, the expected
+        number of undetected objects, exposures and detections.
+    orbits : DataFrame
+        Orbits after each run of linking (`cislunar.survey.quality.ORBIT_COLUMNS`).
+    objects : DataFrame
+        For each object its row ``object``, its ``tracklets``, whether it is ``outside`` of the
+        families, and in days, infinite if never:
+        ``detected`` at the first detection, and ``cataloged`` at the run of linking from which on a
+        confirmed orbit is right.
+    linked : LinkedOrbits
+        The catalog itself after the last run of linking, which knows nothing of the objects.
+    """
+
+    states: pd.DataFrame
+    orbits: pd.DataFrame
+    objects: pd.DataFrame
+    linked: LinkedOrbits
