@@ -2,11 +2,10 @@
 
 After a maneuver a target leaves the gate of its track, and the first association gives it nothing.
 The detections that no track has taken are then compared with the orbits that a maneuver can lead to
-(Li & Jilkov 2002, Proceedings of SPIE 4728, 511, section 2: detection of a maneuver by a change of
-the model). Between the last detection of the track and the present, at a uniform time, each
-component of its velocity has changed by a normal variable. The changes are small against the
-velocity, and without the difference in gravity between both orbits the covariance of the state is
-larger by
+(decision-based methods; Li & Jilkov 2002, Proceedings of SPIE 4728, 511). Between the last
+detection of the track and the present, at a uniform time, each component of its velocity has
+changed by a normal variable. Without the difference in gravity between the orbits with and without
+the change, the covariance of the state is larger by
 
     s^2 [[T^2/3 I, T/2 I], [T/2 I, I]]
 
